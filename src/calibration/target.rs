@@ -1,0 +1,193 @@
+//! The printed board round the sample.
+
+use glam::DVec2;
+
+/// Kind of board.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TargetKind {
+    /// A checkerboard with a rectangular hole for the sample.
+    CheckerboardRing,
+    /// The same with an ArUco marker in every printed white square.
+    CharucoRing {
+        /// OpenCV's dictionary name, e.g. `DICT_4X4_250`.
+        dictionary: String,
+        /// Side of a marker, mm.
+        marker_mm: f64,
+    },
+}
+
+/// Colour of the printed top-left square.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TopLeft {
+    /// Black.
+    Black,
+    /// White.
+    White,
+}
+
+/// Squares left out for the sample: half-open ranges of rows and columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hole {
+    /// First missing row; row 0 is the printed top.
+    pub row_start: u32,
+    /// First missing column; column 0 is the left.
+    pub col_start: u32,
+    /// Row after the last missing one.
+    pub row_end: u32,
+    /// Column after the last missing one.
+    pub col_end: u32,
+}
+
+/// The printed board round the sample. Its centre is the origin of the board frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// Plain or with markers.
+    pub kind: TargetKind,
+    /// Rows of squares, the hole's included. `rows + cols` is odd, so colours tell a half-turn.
+    pub rows: u32,
+    /// Columns of squares, the hole's included.
+    pub cols: u32,
+    /// Side of a square, mm.
+    pub square_mm: f64,
+    /// The hole.
+    pub hole: Hole,
+    /// Diffuse albedo of white squares.
+    pub white_albedo: f64,
+    /// Diffuse albedo of black squares.
+    pub black_albedo: f64,
+    /// Colour of the top-left square.
+    pub top_left: TopLeft,
+}
+
+impl Default for Target {
+    /// The board that `svbrdf board` prints: A4, 17 x 16 squares of 11.5 mm, ring three squares
+    /// wide, hole 115 x 126.5 mm.
+    fn default() -> Self {
+        Self {
+            kind: TargetKind::CheckerboardRing,
+            rows: 17,
+            cols: 16,
+            square_mm: 11.5,
+            hole: Hole { row_start: 3, col_start: 3, row_end: 14, col_end: 13 },
+            white_albedo: 0.8,
+            black_albedo: 0.05,
+            top_left: TopLeft::Black,
+        }
+    }
+}
+
+impl Target {
+    /// Whether a square is printed (inside the grid, not in the hole).
+    pub fn has_square(&self, row: i64, col: i64) -> bool {
+        let inside = row >= 0 && col >= 0 && row < self.rows.into() && col < self.cols.into();
+        let hole = &self.hole;
+        inside
+            && !((i64::from(hole.row_start)..hole.row_end.into()).contains(&row)
+                && (i64::from(hole.col_start)..hole.col_end.into()).contains(&col))
+    }
+
+    /// Whether a square is white.
+    pub fn is_white(&self, row: i64, col: i64) -> bool {
+        ((row + col).rem_euclid(2) == 0) == (self.top_left == TopLeft::White)
+    }
+
+    /// Whether grid point (`row`, `col`), the upper left corner of that square, is an X-corner:
+    /// all four squares round it are printed.
+    pub fn has_corner(&self, row: i64, col: i64) -> bool {
+        self.has_square(row - 1, col - 1)
+            && self.has_square(row - 1, col)
+            && self.has_square(row, col - 1)
+            && self.has_square(row, col)
+    }
+
+    /// All X-corners, row by row, as (row, col) of [`Target::has_corner`].
+    pub fn corners(&self) -> Vec<(u32, u32)> {
+        (1..self.rows)
+            .flat_map(|r| (1..self.cols).map(move |c| (r, c)))
+            .filter(|&(r, c)| self.has_corner(r.into(), c.into()))
+            .collect()
+    }
+
+    /// Board position of a grid point, mm; fractions give positions inside squares.
+    pub fn grid_mm(&self, row: f64, col: f64) -> DVec2 {
+        DVec2::new(
+            (col - 0.5 * f64::from(self.cols)) * self.square_mm,
+            (0.5 * f64::from(self.rows) - row) * self.square_mm,
+        )
+    }
+
+    /// What is wrong with the layout, if anything: the field and what was expected.
+    pub fn fault(&self) -> Option<(&'static str, String)> {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let h = &self.hole;
+        if !(3..=200).contains(&self.rows) {
+            return Some(("rows", "3 to 200 rows of squares".into()));
+        }
+        if !(3..=200).contains(&self.cols) {
+            return Some(("cols", "3 to 200 columns of squares".into()));
+        }
+        if (self.rows + self.cols) % 2 == 0 {
+            return Some(("cols", "rows + cols odd, so that colours tell a half-turn".into()));
+        }
+        if !positive(self.square_mm) {
+            return Some(("square_mm", "a positive length in mm".into()));
+        }
+        if h.row_start >= h.row_end
+            || h.col_start >= h.col_end
+            || h.row_end > self.rows
+            || h.col_end > self.cols
+        {
+            return Some((
+                "hole_squares",
+                format!(
+                    "[first row, first column, end row, end column], half open, inside {} x {}",
+                    self.rows, self.cols
+                ),
+            ));
+        }
+        let albedo = |v: f64| v.is_finite() && v > 0.0 && v <= 1.0;
+        if !albedo(self.white_albedo) {
+            return Some(("white_albedo", "an albedo in (0, 1]".into()));
+        }
+        if !(self.black_albedo.is_finite() && (0.0..self.white_albedo).contains(&self.black_albedo))
+        {
+            return Some(("black_albedo", "an albedo of at least 0, below white_albedo".into()));
+        }
+        if let TargetKind::CharucoRing { marker_mm, .. } = &self.kind {
+            if !positive(*marker_mm) || *marker_mm >= self.square_mm {
+                return Some(("marker_mm", "a positive length below square_mm".into()));
+            }
+        }
+        if self.corners().len() < 20 {
+            return Some(("hole_squares", "a ring with at least 20 inner corners".into()));
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_of_a_two_wide_ring_form_one_row_all_round() {
+        let target = Target {
+            rows: 17,
+            cols: 16,
+            square_mm: 10.0,
+            hole: Hole { row_start: 2, col_start: 2, row_end: 15, col_end: 14 },
+            ..Target::default()
+        };
+        assert_eq!(target.fault(), None);
+        assert_eq!(target.corners().len(), 2 * 15 + 2 * 14);
+        assert_eq!(target.grid_mm(1.0, 1.0), DVec2::new(-70.0, 75.0));
+        assert!(!target.is_white(0, 0) && target.is_white(0, 1));
+    }
+
+    #[test]
+    fn the_default_is_valid_and_an_even_board_is_not() {
+        assert_eq!(Target::default().fault(), None);
+        let even = Target { rows: 16, ..Target::default() };
+        assert_eq!(even.fault().unwrap().0, "cols");
+    }
+}

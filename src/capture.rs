@@ -1,0 +1,1 @@
+//! A capture folder: `capture.json` and its photographs.

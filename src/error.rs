@@ -1,0 +1,180 @@
+//! Faults ([`Error`]) apart from photographs that cannot be used ([`Rejection`]).
+
+use std::path::{Path, PathBuf};
+
+/// Result of everything that can fail in this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A fault: the caller, a file or the machine is to blame, not the photograph's content.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A file that should be a picture could not be decoded.
+    #[error("{}: not a readable image: {message}", path.display())]
+    Image {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder said.
+        message: String,
+    },
+    /// A field of a file (or of a struct handed over) has no usable value.
+    #[error("{}: field `{field}`: {message}; expected {expected}", path.display())]
+    Field {
+        /// The file the field stands in.
+        path: PathBuf,
+        /// The field, in dotted notation.
+        field: String,
+        /// What is wrong with it.
+        message: String,
+        /// What would have been right.
+        expected: String,
+    },
+    /// An argument of a call is out of range.
+    #[error("{argument}: {message}")]
+    Argument {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What is wrong and what is expected.
+        message: String,
+    },
+    /// A network file is damaged or does not fit this version.
+    #[error("model {model}: {message}")]
+    Model {
+        /// Which network.
+        model: String,
+        /// What is wrong.
+        message: String,
+    },
+    /// No photograph has been accepted yet, so there are no maps.
+    #[error("no photograph has been accepted yet")]
+    NoMaps,
+    /// The work was cancelled by the caller.
+    #[error("cancelled")]
+    Cancelled,
+    /// A fault inside the library; the session it happened in answers this from then on.
+    #[error("internal fault: {0}")]
+    Internal(String),
+}
+
+impl Error {
+    /// An [`Error::Io`] about `path`.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::Io { path: path.as_ref().to_owned(), source }
+    }
+
+    /// An [`Error::Argument`].
+    pub fn argument(argument: &'static str, message: impl Into<String>) -> Self {
+        Self::Argument { argument, message: message.into() }
+    }
+
+    /// An [`Error::Model`].
+    pub fn model(model: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Model { model: model.into(), message: message.into() }
+    }
+}
+
+/// Why a photograph was not used. Nothing of the session changed.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Rejection {
+    /// The photograph's size is not the camera's.
+    #[error("the photo is {found_width}x{found_height} px, the camera {width}x{height}")]
+    WrongSize {
+        /// Width of the photograph, px.
+        found_width: u32,
+        /// Height of the photograph, px.
+        found_height: u32,
+        /// Width expected, px.
+        width: u32,
+        /// Height expected, px.
+        height: u32,
+    },
+    /// Nothing like the target was found.
+    #[error("no board found: show the whole checkerboard ring")]
+    BoardNotFound,
+    /// A part of the target was found, too little for a safe pose.
+    #[error(
+        "only {found} of {expected} board corners found, {needed} needed: show more of the board"
+    )]
+    TooFewCorners {
+        /// Corners found.
+        found: u32,
+        /// Corners the target has.
+        expected: u32,
+        /// Corners needed.
+        needed: u32,
+    },
+    /// The corners do not fit one flat board of the given layout seen by the given camera.
+    #[error(
+        "the corners do not fit the board (RMS {rms_px:.2} px): is the layout right, is the board flat?"
+    )]
+    PoseUncertain {
+        /// Reprojection error of the best pose, px.
+        rms_px: f32,
+    },
+    /// Edges of the board are too soft.
+    #[error("blurred by {blur_px:.1} px: hold still, focus on the sample")]
+    Blurred {
+        /// Width of the edge spread (one sigma), px.
+        blur_px: f32,
+    },
+    /// The white squares are too dark.
+    #[error("too dark: white squares reach {level:.4} of full scale")]
+    TooDark {
+        /// Median level of the white squares, 1 = full scale.
+        level: f32,
+    },
+    /// Too much of the photograph is saturated.
+    #[error("{:.0} % of the board or sample is over-exposed: expose less", share * 100.0)]
+    Clipped {
+        /// Share of saturated pixels, 0 to 1.
+        share: f32,
+    },
+    /// The camera looks too flat across the sample.
+    #[error("the view is {degrees:.0} degrees off the top, at most {limit:.0} are useful")]
+    TooGrazing {
+        /// Angle between the sample's normal and the viewing direction, degrees.
+        degrees: f32,
+        /// Largest angle accepted, degrees.
+        limit: f32,
+    },
+    /// Too little of the sample is inside the photograph.
+    #[error("only {:.0} % of the sample is inside the photo", share * 100.0)]
+    SampleOutside {
+        /// Share of the sample seen, 0 to 1.
+        share: f32,
+    },
+    /// The flash is missing: white squares do not show its fall-off, or it is behind the sample.
+    #[error("the flash does not light the board: switch it on")]
+    LightNotVisible,
+    /// Values that are not numbers.
+    #[error("the photo holds values that are not finite")]
+    NotFinite,
+}
+
+impl Rejection {
+    /// Stable name for programs, e.g. `board_not_found`.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::WrongSize { .. } => "wrong_size",
+            Self::BoardNotFound => "board_not_found",
+            Self::TooFewCorners { .. } => "too_few_corners",
+            Self::PoseUncertain { .. } => "pose_uncertain",
+            Self::Blurred { .. } => "blurred",
+            Self::TooDark { .. } => "too_dark",
+            Self::Clipped { .. } => "clipped",
+            Self::TooGrazing { .. } => "too_grazing",
+            Self::SampleOutside { .. } => "sample_outside",
+            Self::LightNotVisible => "light_not_visible",
+            Self::NotFinite => "not_finite",
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! Normal, diffuse albedo, specular albedo and roughness maps of a flat material from a few flash
+//! photographs, after *Deep Inverse Rendering for High-resolution SVBRDF Estimation from an
+//! Arbitrary Number of Images* (Gao et al., ACM TOG 38(4) 134, 2019).
+//!
+//! # Conventions
+//! * Lengths are millimetres, image positions pixels, angles radians unless a name says otherwise;
+//!   colours are linear RGB with Rec. 709 primaries. Pixel (0, 0) is the *centre* of the top-left
+//!   pixel.
+//! * Board frame: origin at the sample's centre, X right, Y up, Z out of the surface towards the
+//!   camera, right-handed. Camera frame: x right, y down, z forward (OpenCV). A pose maps
+//!   `x_cam = R x_board + t`.
+//! * Maps are the top view: row 0 is the sample's +Y edge, column 0 its -X edge; texels share the
+//!   rectangle equally. Normals point to +Z, their green channel up (OpenGL, glTF, Blender).
+//! * BRDF: `kd/pi + D F G / (4 NoL NoV)`, GGX with `alpha = roughness²`, see [`reflectance`].
+//! * Radiance is in units in which a white Lambertian surface seen at the reference distance comes
+//!   out at its albedo, see [`observation::View`].
+//!
+//! # Faults and bad photographs
+//! Misuse, unreadable files and broken models are [`Error`]s. A photograph that cannot be used is
+//! not an error but a [`Rejection`] with its reason; it leaves the session untouched.
+#![deny(missing_docs)]
+#![warn(clippy::all)]
+
+mod error;
+
+pub mod calibration;
+pub mod capture;
+pub mod export;
+pub mod frame;
+pub mod geometry;
+pub mod initial_estimate;
+pub mod latent_fit;
+pub mod loss;
+pub mod network;
+pub mod observation;
+pub mod rectification;
+pub mod refinement;
+pub mod reflectance;
+pub mod render;
+pub mod session;
+pub mod svbrdf;
+
+pub use error::{Error, Rejection, Result};
+pub use svbrdf::Svbrdf;

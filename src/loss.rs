@@ -1,0 +1,1 @@
+//! The log-L1 loss: value and gradient.

@@ -1,0 +1,1 @@
+//! The SVBRDF decoder: forward pass and vector-Jacobian product.

@@ -1,0 +1,104 @@
+//! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
+//! camera and light that produced it.
+
+/// How the light's strength depends on distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Falloff {
+    /// The same irradiance at every texel (before the cosine): the reference renderer's light.
+    None {
+        /// Irradiance per channel; pi makes a white Lambertian texel facing the light come out
+        /// at its albedo.
+        power: [f32; 3],
+    },
+    /// `power / distance²`.
+    InverseSquare {
+        /// Intensity per channel times mm², i.e. irradiance at 1 mm.
+        power_mm2: [f32; 3],
+    },
+}
+
+/// Camera and light of one photograph in the board frame.
+///
+/// Radiance of a texel: `BRDF * NoL * E(texel) + ambient * (kd + ks)` with `E` from
+/// [`Falloff`]. With `power_mm2 = pi * d²` a white Lambertian texel facing a light at distance `d`
+/// comes out at its albedo: all of a capture's photographs share one such `d`, so that albedos are
+/// absolute and radiances lie near [0, 1].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Width and height of the sample, mm.
+    pub sample_mm: [f32; 2],
+    /// Camera centre, mm, board frame.
+    pub camera_mm: [f32; 3],
+    /// Light position, mm, board frame.
+    pub light_mm: [f32; 3],
+    /// Strength of the light over distance.
+    pub falloff: Falloff,
+    /// Radiance of a uniform surround per channel, in the same units.
+    pub ambient: [f32; 3],
+}
+
+impl View {
+    /// Position of a texel's centre on the sample, mm: `[x, y]`, for maps of `width * height`.
+    pub fn texel_mm(&self, width: usize, height: usize, x: usize, y: usize) -> [f32; 2] {
+        [
+            self.sample_mm[0] * ((x as f32 + 0.5) / width as f32 - 0.5),
+            self.sample_mm[1] * (0.5 - (y as f32 + 0.5) / height as f32),
+        ]
+    }
+}
+
+/// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// Texels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Camera and light.
+    pub view: View,
+    /// Three planes (R, G, B) of `width * height` radiances in the units of [`View`]. A
+    /// *negative* value `-v` marks a saturated measurement: the true radiance is at least `v`.
+    pub radiance: Vec<f32>,
+    /// Weight of each texel, 0 (not seen) to 1: validity times foreshortening.
+    pub weight: Vec<f32>,
+}
+
+impl Observation {
+    /// Texels in a plane.
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
+    /// one of the four is. Sizes must be even.
+    ///
+    /// # Panics
+    /// When width or height is odd.
+    pub fn downsampled(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
+        let (w2, h2) = (w / 2, h / 2);
+        let mut weight = vec![0.0; w2 * h2];
+        let mut radiance = vec![0.0; 3 * w2 * h2];
+        for y in 0..h2 {
+            for x in 0..w2 {
+                let corner = 2 * y * w + 2 * x;
+                let four = [corner, corner + 1, corner + w, corner + w + 1];
+                let sum: f32 = four.iter().map(|&i| self.weight[i]).sum();
+                let out = y * w2 + x;
+                weight[out] = 0.25 * sum;
+                if sum <= 0.0 {
+                    continue;
+                }
+                for c in 0..3 {
+                    let plane = &self.radiance[c * w * h..(c + 1) * w * h];
+                    let mean =
+                        four.iter().map(|&i| self.weight[i] * plane[i].abs()).sum::<f32>() / sum;
+                    let saturated = four.iter().any(|&i| self.weight[i] > 0.0 && plane[i] < 0.0);
+                    radiance[c * w2 * h2 + out] = if saturated { -mean } else { mean };
+                }
+            }
+        }
+        Self { width: w2, height: h2, view: self.view, radiance, weight }
+    }
+}

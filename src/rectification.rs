@@ -1,0 +1,1 @@
+//! The top view of a photograph as an [`Observation`](crate::observation::Observation).

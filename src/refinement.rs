@@ -1,0 +1,1 @@
+//! Per-texel refinement: maximum a posteriori, Levenberg-Marquardt.

@@ -1,0 +1,1 @@
+//! Value and partial derivatives of the BRDF of one texel.

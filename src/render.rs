@@ -1,0 +1,1 @@
+//! Forward rendering of maps and its adjoint.

@@ -1,0 +1,262 @@
+//! The four maps, their encodings and resampling.
+
+use crate::{Error, Result};
+
+/// Number of parameters of a texel.
+pub const CHANNELS: usize = 9;
+
+/// Index of each parameter plane in [`Svbrdf`].
+pub mod channel {
+    /// `n.x / n.z`.
+    pub const SLOPE_X: usize = 0;
+    /// `n.y / n.z`.
+    pub const SLOPE_Y: usize = 1;
+    /// Diffuse albedo, red; green and blue follow.
+    pub const DIFFUSE: usize = 2;
+    /// Specular albedo (F0), red; green and blue follow.
+    pub const SPECULAR: usize = 5;
+    /// Roughness, `alpha = roughness²`.
+    pub const ROUGHNESS: usize = 8;
+}
+
+/// Smallest roughness that is rendered: below it the highlight of a point light is thinner than
+/// any pixel and `f32` loses the GGX denominator.
+pub const MIN_ROUGHNESS: f32 = 0.02;
+
+/// Spatially varying BRDF: normal, diffuse albedo, specular albedo and roughness of every texel.
+///
+/// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal
+/// (`n.x / n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear,
+/// 0 to 1), roughness (0 to 1).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Svbrdf {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+impl Svbrdf {
+    /// A flat, gray, half-rough material.
+    pub fn new(width: usize, height: usize) -> Self {
+        let n = width * height;
+        let mut data = vec![0.0; CHANNELS * n];
+        data[channel::DIFFUSE * n..channel::SPECULAR * n].fill(0.5);
+        data[channel::SPECULAR * n..channel::ROUGHNESS * n].fill(0.04);
+        data[channel::ROUGHNESS * n..].fill(0.5);
+        Self { width, height, data }
+    }
+
+    /// Takes nine planes in the order of [`channel`].
+    ///
+    /// # Errors
+    /// When `data` does not hold `9 * width * height` values.
+    pub fn from_planes(width: usize, height: usize, data: Vec<f32>) -> Result<Self> {
+        if width == 0 || height == 0 || data.len() != CHANNELS * width * height {
+            return Err(Error::argument(
+                "planes",
+                format!("{} values given, {CHANNELS} * {width} * {height} expected", data.len()),
+            ));
+        }
+        Ok(Self { width, height, data })
+    }
+
+    /// Texels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Texels in a plane.
+    pub fn texels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// All planes, one after the other.
+    pub fn planes(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// All planes, one after the other.
+    pub fn planes_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    /// One plane, see [`channel`].
+    pub fn plane(&self, channel: usize) -> &[f32] {
+        let n = self.texels();
+        &self.data[channel * n..(channel + 1) * n]
+    }
+
+    /// One plane, see [`channel`].
+    pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
+        let n = self.texels();
+        &mut self.data[channel * n..(channel + 1) * n]
+    }
+
+    /// Unit normal of a texel.
+    pub fn normal(&self, x: usize, y: usize) -> [f32; 3] {
+        let i = y * self.width + x;
+        let (p, q) = (self.plane(channel::SLOPE_X)[i], self.plane(channel::SLOPE_Y)[i]);
+        let s = (1.0 + p * p + q * q).sqrt().recip();
+        [p * s, q * s, s]
+    }
+
+    /// Clamps every parameter into its physical range: albedos 0 to 1, roughness
+    /// [`MIN_ROUGHNESS`] to 1, slopes to `±MAX_SLOPE`. Values that are not numbers become those of
+    /// [`Svbrdf::new`].
+    pub fn clamp(&mut self) {
+        let n = self.texels();
+        let defaults = [0.0, 0.0, 0.5, 0.5, 0.5, 0.04, 0.04, 0.04, 0.5];
+        for (c, plane) in self.data.chunks_exact_mut(n).enumerate() {
+            let (low, high) = RANGE[c];
+            for v in plane {
+                *v = if v.is_finite() { v.clamp(low, high) } else { defaults[c] };
+            }
+        }
+    }
+}
+
+/// Steepest slope that is fitted (71.6 degrees).
+pub const MAX_SLOPE: f32 = 3.0;
+
+/// Physical range of each parameter.
+pub const RANGE: [(f32, f32); CHANNELS] = [
+    (-MAX_SLOPE, MAX_SLOPE),
+    (-MAX_SLOPE, MAX_SLOPE),
+    (0.0, 1.0),
+    (0.0, 1.0),
+    (0.0, 1.0),
+    (0.0, 1.0),
+    (0.0, 1.0),
+    (0.0, 1.0),
+    (MIN_ROUGHNESS, 1.0),
+];
+
+/// The encoding in which networks see maps: every channel in [-1, 1].
+///
+/// Slopes are halved; albedos are stored as square roots (close to display gamma, so that dark
+/// materials keep their precision), then all of [0, 1] is stretched to [-1, 1].
+pub mod encoding {
+    use super::channel;
+
+    /// Slope that encodes as 1.
+    pub const SLOPE_SCALE: f32 = 2.0;
+
+    /// Encoded value of a natural parameter.
+    pub fn encode(c: usize, value: f32) -> f32 {
+        match c {
+            channel::SLOPE_X | channel::SLOPE_Y => (value / SLOPE_SCALE).clamp(-1.0, 1.0),
+            channel::ROUGHNESS => 2.0 * value.clamp(0.0, 1.0) - 1.0,
+            _ => 2.0 * value.clamp(0.0, 1.0).sqrt() - 1.0,
+        }
+    }
+
+    /// Natural parameter of an encoded value.
+    pub fn decode(c: usize, encoded: f32) -> f32 {
+        match c {
+            channel::SLOPE_X | channel::SLOPE_Y => encoded * SLOPE_SCALE,
+            channel::ROUGHNESS => 0.5 * (encoded + 1.0),
+            _ => {
+                let root = 0.5 * (encoded + 1.0);
+                root * root
+            }
+        }
+    }
+
+    /// Derivative of [`decode`] with respect to the encoded value.
+    pub fn decode_derivative(c: usize, encoded: f32) -> f32 {
+        match c {
+            channel::SLOPE_X | channel::SLOPE_Y => SLOPE_SCALE,
+            channel::ROUGHNESS => 0.5,
+            _ => 0.5 * (encoded + 1.0),
+        }
+    }
+}
+
+impl Svbrdf {
+    /// Twice the resolution by bilinear interpolation with texel centres aligned; borders repeat.
+    pub fn upsampled(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        let (w2, h2) = (2 * w, 2 * h);
+        let mut data = Vec::with_capacity(CHANNELS * w2 * h2);
+        for plane in self.data.chunks_exact(w * h) {
+            for y2 in 0..h2 {
+                let (y0, y1, fy) = neighbours(y2, h);
+                let (r0, r1) = (&plane[y0 * w..][..w], &plane[y1 * w..][..w]);
+                for x2 in 0..w2 {
+                    let (x0, x1, fx) = neighbours(x2, w);
+                    let top = r0[x0] + fx * (r0[x1] - r0[x0]);
+                    let bottom = r1[x0] + fx * (r1[x1] - r1[x0]);
+                    data.push(top + fy * (bottom - top));
+                }
+            }
+        }
+        Self { width: w2, height: h2, data }
+    }
+
+    /// Half the resolution by averaging 2x2 texels. Sizes must be even.
+    ///
+    /// # Panics
+    /// When width or height is odd.
+    pub fn downsampled(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
+        let mut data = Vec::with_capacity(CHANNELS * w * h / 4);
+        for plane in self.data.chunks_exact(w * h) {
+            for pair in plane.chunks_exact(2 * w) {
+                let (r0, r1) = pair.split_at(w);
+                for x in (0..w).step_by(2) {
+                    data.push(0.25 * (r0[x] + r0[x + 1] + r1[x] + r1[x + 1]));
+                }
+            }
+        }
+        Self { width: w / 2, height: h / 2, data }
+    }
+}
+
+/// Source indices and weight of the second one for texel `i` of an axis of `n` texels doubled.
+fn neighbours(i: usize, n: usize) -> (usize, usize, f32) {
+    let low = if i % 2 == 0 { (i / 2).saturating_sub(1) } else { i / 2 };
+    let high = if i % 2 == 0 { i / 2 } else { (i / 2 + 1).min(n - 1) };
+    (low, high, if i % 2 == 0 { 0.75 } else { 0.25 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encoding_round_trips_and_its_derivative_is_right() {
+        for c in 0..CHANNELS {
+            for i in 1..20 {
+                let e = -1.0 + 0.1 * i as f32;
+                assert!((encoding::encode(c, encoding::decode(c, e)) - e).abs() < 1e-6);
+                let h = 1e-2; // decode is at most quadratic: central differences are exact
+                let numeric = (encoding::decode(c, e + h) - encoding::decode(c, e - h)) / (2.0 * h);
+                assert!((numeric - encoding::decode_derivative(c, e)).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn upsampling_then_averaging_keeps_a_linear_ramp() {
+        let mut maps = Svbrdf::new(8, 6);
+        for y in 0..6 {
+            for x in 0..8 {
+                maps.plane_mut(channel::DIFFUSE)[y * 8 + x] = 0.1 * x as f32 - 0.03 * y as f32;
+            }
+        }
+        let back = maps.upsampled().downsampled();
+        for y in 1..5 {
+            for x in 1..7 {
+                let i = y * 8 + x;
+                let d = back.plane(channel::DIFFUSE)[i] - maps.plane(channel::DIFFUSE)[i];
+                assert!(d.abs() < 1e-6);
+            }
+        }
+    }
+}
