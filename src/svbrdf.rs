@@ -220,9 +220,9 @@ impl Svbrdf {
 
 /// Source indices and weight of the second one for texel `i` of an axis of `n` texels doubled.
 fn neighbours(i: usize, n: usize) -> (usize, usize, f32) {
-    let low = if i % 2 == 0 { (i / 2).saturating_sub(1) } else { i / 2 };
-    let high = if i % 2 == 0 { i / 2 } else { (i / 2 + 1).min(n - 1) };
-    (low, high, if i % 2 == 0 { 0.75 } else { 0.25 })
+    let low = if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 };
+    let high = if i.is_multiple_of(2) { i / 2 } else { (i / 2 + 1).min(n - 1) };
+    (low, high, if i.is_multiple_of(2) { 0.75 } else { 0.25 })
 }
 
 #[cfg(test)]

@@ -126,7 +126,7 @@ impl Target {
         if !(3..=200).contains(&self.cols) {
             return Some(("cols", "3 to 200 columns of squares".into()));
         }
-        if (self.rows + self.cols) % 2 == 0 {
+        if (self.rows + self.cols).is_multiple_of(2) {
             return Some(("cols", "rows + cols odd, so that colours tell a half-turn".into()));
         }
         if !positive(self.square_mm) {
@@ -153,10 +153,10 @@ impl Target {
         {
             return Some(("black_albedo", "an albedo of at least 0, below white_albedo".into()));
         }
-        if let TargetKind::CharucoRing { marker_mm, .. } = &self.kind {
-            if !positive(*marker_mm) || *marker_mm >= self.square_mm {
-                return Some(("marker_mm", "a positive length below square_mm".into()));
-            }
+        if let TargetKind::CharucoRing { marker_mm, .. } = &self.kind
+            && (!positive(*marker_mm) || *marker_mm >= self.square_mm)
+        {
+            return Some(("marker_mm", "a positive length below square_mm".into()));
         }
         if self.corners().len() < 20 {
             return Some(("hole_squares", "a ring with at least 20 inner corners".into()));
