@@ -1,0 +1,71 @@
+"""Train the SVBRDF auto-encoder.
+
+Loss: L1 of the encoded maps + log-L1 of random renderings (a part of them in
+mirror configuration, a part as a hand-held flash photo) + smoothness of the
+latent space lambda |D(z) - D(z + xi)|.
+"""
+
+import torch
+from torch import nn
+
+from data import MaterialPool, augment
+from networks import Decoder, Encoder
+from renderer import log_l1, random_configurations, render
+from schedule import Run, arguments
+
+# slopes are stored at half scale and vary less than the colours
+CHANNEL_WEIGHT = [2.0, 2.0] + [1.0] * 6 + [1.0]
+
+
+class AutoEncoder(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.encoder = Encoder()
+        self.decoder = Decoder()
+
+    def forward(self, x, noise=0.0):
+        """x [B, 9, S, S] -> (reconstruction, decode of the perturbed code)."""
+        z = self.encoder(x)
+        sigma = noise * torch.rand(z.shape[0], 1, 1, 1, device=z.device)
+        y = self.decoder(torch.cat([z, z + sigma * torch.randn_like(z)]))
+        return y.chunk(2)
+
+
+def main():
+    parser = arguments(__doc__, batch=16, lr=1.2e-3)
+    parser.add_argument("--smoothness", type=float, default=1.0, help="lambda")
+    parser.add_argument("--noise", type=float, default=0.6, help="largest standard deviation of xi")
+    parser.add_argument("--render-weight", type=float, default=0.5)
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    pool = MaterialPool(args.packs, args.device)
+    model = AutoEncoder().to(args.device).to(memory_format=torch.channels_last).train()
+    run = Run("autoencoder", model, args)
+    draw, change = render, augment
+    if not args.no_compile:
+        draw, change = torch.compile(render, dynamic=False), torch.compile(augment, dynamic=False)
+    weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
+    kind = torch.device(args.device).type
+    while run.progress < 1:
+        fine = run.progress >= args.fine_from
+        size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
+        with torch.no_grad():
+            x = pool.batch(batch, size, run.rng, change)
+        with torch.autocast(kind, torch.bfloat16):
+            y, yn = model(x.to(memory_format=torch.channels_last), args.noise)
+        y, yn = y.float(), yn.float()
+        camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)
+        with torch.no_grad():
+            reference = draw(x, camera, light)
+        rendering = log_l1(draw(y.contiguous(), camera, light), reference)
+        maps = ((y - x).abs() * weight).mean()
+        smooth = ((y - yn).abs() * weight).mean()
+        loss = maps + args.render_weight * rendering + args.smoothness * smooth
+        run.update(
+            loss, batch, {"maps": maps.detach(), "render": rendering.detach(), "smooth": smooth.detach()}
+        )
+    run.save()
+
+
+if __name__ == "__main__":
+    main()
