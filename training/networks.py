@@ -13,57 +13,108 @@ def _act():
     return nn.LeakyReLU(SLOPE)
 
 
-class Residual(nn.Module):
-    """x + conv(lrelu(x)) or x + conv(lrelu(conv(lrelu(x)))), 3x3."""
+def initialise(module, gain=1.0):
+    """He initialisation for leaky ReLU, zero biases. A transposed 4x4 stride-2
+    convolution sums 4 taps of every input channel."""
+    with torch.no_grad():
+        for m in module.modules():
+            if isinstance(m, nn.Conv2d):
+                fan = m.in_channels * m.kernel_size[0] * m.kernel_size[1]
+            elif isinstance(m, nn.ConvTranspose2d):
+                fan = m.in_channels * m.kernel_size[0] * m.kernel_size[1] // m.stride[0] ** 2
+            else:
+                continue
+            m.weight.normal_(0, gain * (2 / (1 + SLOPE**2) / fan) ** 0.5)
+            m.bias.zero_()
 
-    def __init__(self, channels, depth=2):
+
+class Residual(nn.Module):
+    """x + conv(lrelu(conv(lrelu(x)))), 3x3, ``inner`` channels between; or a
+    single x + conv(lrelu(x)) if ``inner`` is 0. ``damp`` scales the branch."""
+
+    def __init__(self, channels, inner=None, damp=0.2):
         super().__init__()
-        layers = []
-        for _ in range(depth):
-            layers += [_act(), nn.Conv2d(channels, channels, 3, 1, 1)]
+        inner = channels if inner is None else inner
+        layers = [_act(), nn.Conv2d(channels, inner or channels, 3, 1, 1)]
+        if inner:
+            layers += [_act(), nn.Conv2d(inner, channels, 3, 1, 1)]
         self.body = nn.Sequential(*layers)
+        self.damp = damp
+
+    def start(self):
+        """To be called after :func:`initialise`."""
         with torch.no_grad():
-            self.body[-1].weight.mul_(0.3)
+            self.body[-1].weight.mul_(self.damp)
 
     def forward(self, x):
         return x + self.body(x)
 
 
-class Encoder(nn.Module):
-    """Encoded maps [B, 9, H, W] -> code [B, C, H/16, W/16], unit variance."""
+def start(module):
+    initialise(module)
+    for m in module.modules():
+        if isinstance(m, Residual):
+            m.start()
 
-    def __init__(self, code=128, widths=(48, 96, 160)):
+
+# Channels at 1/4, 1/8 and 1/16 of the resolution: auto-encoder
+WIDTHS = (40, 64, 192)
+
+
+class Encoder(nn.Module):
+    """Encoded maps [B, 9, H, W] -> code [B, C, H/16, W/16], unit variance.
+
+    A linear trunk of strided convolutions (started as a hierarchical principal
+    component analysis, :func:`principal_start`) with nonlinear residuals.
+    """
+
+    def __init__(self):
         super().__init__()
-        a, b, c = widths
+        a, b, c = WIDTHS
         self.body = nn.Sequential(
             nn.Conv2d(9, a, 4, 4),
-            Residual(a, 1),
-            _act(),
+            Residual(a, 56, 0.0),
             nn.Conv2d(a, b, 4, 2, 1),
-            Residual(b, 2),
-            _act(),
+            Residual(b, 96, 0.0),
             nn.Conv2d(b, c, 4, 2, 1),
-            Residual(c, 2),
-            _act(),
-            nn.Conv2d(c, code, 3, 1, 1),
+            Residual(c, 128, 0.0),
         )
-        self.norm = nn.BatchNorm2d(code, affine=False, momentum=0.02)
+        self.norm = nn.BatchNorm2d(c, affine=False, momentum=0.02)
+        start(self)
 
     def forward(self, x):
         z = self.body(x)
         return self.norm(z.float())
 
     def folded(self):
-        """Copy of the layers with the normalisation folded into the last one."""
+        """The layers with the normalisation folded into the last trunk and
+        residual convolutions; equal to forward in evaluation mode."""
+        return FoldedEncoder(self)
+
+
+class FoldedEncoder(nn.Module):
+    """Encoder for export: code = scale * (trunk + branch) - shift, with the
+    scale moved into the convolutions that produce trunk and branch."""
+
+    def __init__(self, encoder):
+        super().__init__()
         import copy
 
-        body = copy.deepcopy(self.body)
-        last = body[-1]
-        scale = torch.rsqrt(self.norm.running_var + self.norm.eps)
+        self.body = copy.deepcopy(encoder.body)[:-1]
+        self.branch = copy.deepcopy(encoder.body[-1].body)
+        scale = torch.rsqrt(encoder.norm.running_var + encoder.norm.eps)
         with torch.no_grad():
+            # the branch reads the unscaled trunk: scale its input back
+            trunk, first, last = self.body[-1], self.branch[1], self.branch[-1]
+            trunk.weight.mul_(scale[:, None, None, None])
+            trunk.bias.mul_(scale)
+            first.weight.div_(scale[None, :, None, None])  # lrelu commutes with a positive scale
             last.weight.mul_(scale[:, None, None, None])
-            last.bias.sub_(self.norm.running_mean).mul_(scale)
-        return body
+            last.bias.sub_(encoder.norm.running_mean).mul_(scale)
+
+    def forward(self, x):
+        x = self.body(x)
+        return x + self.branch(x)
 
 
 class Decoder(nn.Module):
@@ -72,29 +123,29 @@ class Decoder(nn.Module):
     Kept as a plain list of operations so that export is a walk over it.
     """
 
-    def __init__(self, code=128, widths=(128, 80, 48)):
+    def __init__(self):
         super().__init__()
-        a, b, c = widths
-        self.code = code
-        spec = [
-            ("conv", code, a),
-            ("save",),
-            ("leaky_relu",),
-            ("conv", a, a),
-            ("add",),
-            ("leaky_relu",),
-            ("conv_transpose", a, b),
-            ("save",),
-            ("leaky_relu",),
-            ("conv", b, b),
-            ("add",),
-            ("leaky_relu",),
-            ("conv_transpose", b, c),
-            ("leaky_relu",),
-            ("conv_transpose", c, 36),
-            ("depth_to_space", 2),
-            ("tanh",),
-        ]
+        a, b, c = WIDTHS
+
+        def residual(channels, inner):
+            return [
+                ("save",),
+                ("leaky_relu",),
+                ("conv", channels, inner),
+                ("leaky_relu",),
+                ("conv", inner, channels),
+                ("add",),
+            ]
+
+        spec = (
+            residual(c, 96)
+            + [("conv_transpose", c, b)]
+            + residual(b, 48)
+            + [("conv_transpose", b, a)]
+            + [("save",), ("leaky_relu",), ("conv", a, a), ("add",)]
+            + [("conv_transpose", a, 36), ("depth_to_space", 2), ("tanh",)]
+        )
+        self.code = c
         self.spec = spec
         self.layers = nn.ModuleList()
         for s in spec:
@@ -104,6 +155,11 @@ class Decoder(nn.Module):
                 self.layers.append(nn.ConvTranspose2d(s[1], s[2], 4, 2, 1))
             else:
                 self.layers.append(nn.Identity())
+        initialise(self)
+        with torch.no_grad():  # residual branches start at zero
+            for i in range(1, len(spec)):
+                if spec[i][0] == "add":
+                    self.layers[i - 1].weight.zero_()
 
     def forward(self, z):
         stack = []
@@ -123,6 +179,59 @@ class Decoder(nn.Module):
             elif op == "tanh":
                 x = torch.tanh(x.float())
         return x
+
+
+def principal_start(encoder, decoder, maps, weight):
+    """Start both trunks as a hierarchical, whitened principal component
+    analysis of training maps [N, 9, S, S]; weight [9] is the importance of the
+    channels. Patches of 4x4, then 2x2 of those, then 2x2 again."""
+    a, b, c = WIDTHS
+    device = maps.device
+
+    def basis(x, patch, count):
+        p = F.unfold(x, patch, stride=patch).permute(0, 2, 1).reshape(-1, x.shape[1] * patch * patch)
+        mean = p.mean(0)
+        p = p - mean
+        values, vectors = torch.linalg.eigh((p.T @ p / len(p)).double())
+        values, vectors = values.flip(0)[:count].float(), vectors.flip(1)[:, :count].float()
+        return mean, values.clamp_min(1e-6), vectors
+
+    def project(x, mean, vectors, patch):
+        shape = x.shape
+        p = F.unfold(x, patch, stride=patch) - mean[None, :, None]
+        return (vectors.T @ p).view(shape[0], -1, shape[2] // patch, shape[3] // patch)
+
+    with torch.no_grad():
+        w = weight.to(device).view(1, 9, 1, 1)
+        mean_a, _, va = basis(maps * w, 4, a)
+        xa = project(maps * w, mean_a, va, 4)
+        mean_b, _, vb = basis(xa, 2, b)
+        xb = project(xa, mean_b, vb, 2)
+        mean_c, values, vc = basis(xb, 2, c)
+        sigma = values.sqrt()
+
+        trunk = [m for m in encoder.body if isinstance(m, nn.Conv2d)]
+        trunk[0].weight.copy_(va.T.reshape(a, 9, 4, 4) * w)
+        trunk[0].bias.copy_(-(va.T @ mean_a))
+        for layer, mean, v in ((trunk[1], mean_b, vb), (trunk[2], mean_c, vc / sigma)):
+            layer.weight.zero_()
+            layer.weight[:, :, 1:3, 1:3] = v.T.reshape(v.shape[1], -1, 2, 2)
+            layer.bias.copy_(-(v.T @ mean))
+
+        up = [m for m in decoder.layers if isinstance(m, nn.ConvTranspose2d)]
+        for layer, mean, v in ((up[0], mean_c, vc * sigma), (up[1], mean_b, vb)):
+            layer.weight.zero_()
+            layer.weight[:, :, 1:3, 1:3] = v.T.reshape(v.shape[1], -1, 2, 2)
+            layer.bias.copy_(mean.view(-1, 4).mean(1))
+        # 4x4 patches through a stride-2 layer and depth_to_space(2); the gain
+        # makes up for the tanh
+        gain = 1.15
+        v = (va.T.reshape(a, 9, 4, 4) / w).view(a, 9, 2, 2, 2, 2)  # (c, Y, dy, X, dx)
+        v = v.permute(0, 1, 3, 5, 2, 4).reshape(a, 36, 2, 2)  # (c dy dx, Y, X)
+        up[2].weight.zero_()
+        up[2].weight[:, :, 1:3, 1:3] = gain * v
+        mean = (mean_a.view(1, 9, 4, 4) / w).mean((2, 3)).view(9, 1).expand(9, 4).reshape(36)
+        up[2].bias.copy_(gain * mean)
 
 
 class PhotoNetwork(nn.Module):
@@ -149,14 +258,17 @@ class PhotoNetwork(nn.Module):
         self.global3 = nn.Conv2d(e, c, 1)
         self.mix5 = nn.Conv2d(e, e, 3, 1, 1)
         self.up4 = nn.ConvTranspose2d(e, d, 4, 2, 1)
-        self.mix4 = Residual(d, 1)
+        self.mix4 = Residual(d, 0)
         self.up3 = nn.ConvTranspose2d(d, c, 4, 2, 1)
-        self.mix3 = Residual(c, 1)
+        self.mix3 = Residual(c, 0)
         self.up2 = nn.ConvTranspose2d(c, b, 4, 2, 1)
-        self.mix2 = Residual(b, 1)
+        self.mix2 = Residual(b, 0)
         self.up1 = nn.ConvTranspose2d(b, a, 4, 2, 1)
         self.mix1 = nn.Conv2d(2 * a, a, 3, 1, 1)
         self.out = nn.ConvTranspose2d(a, 9, 4, 2, 1)
+        start(self)
+        with torch.no_grad():
+            self.out.weight.mul_(0.3)
 
     def forward(self, photo):
         act = lambda x: F.leaky_relu(x, SLOPE)

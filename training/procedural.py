@@ -509,7 +509,7 @@ def generate(name, size, seed):
     return e
 
 
-def contact_sheet(path, columns=2, tile=96, seed=7):
+def contact_sheet(path, columns=2, tile=64, seed=7):
     """A sheet of lit samples, ``columns`` of every family."""
     from PIL import Image
 
@@ -526,7 +526,8 @@ def contact_sheet(path, columns=2, tile=96, seed=7):
         rows.append(torch.ones(3, tile, tile))
     # one column per family
     sheet = torch.cat([torch.cat(rows[c :: columns], 2) for c in range(columns)], 1)
-    Image.fromarray((sheet.permute(1, 2, 0).numpy() * 255).astype(np.uint8)).save(path, optimize=True)
+    image = Image.fromarray((sheet.permute(1, 2, 0).numpy() * 255).astype(np.uint8))
+    image.quantize(192).save(path, optimize=True)
 
 
 def main():

@@ -6,6 +6,8 @@ import json
 import math
 import os
 import random
+import signal
+import sys
 import time
 
 import numpy as np
@@ -54,6 +56,11 @@ class Run:
         torch.manual_seed(args.seed + self.step)
         self.rng = np.random.default_rng(args.seed + self.step)
         self.mark = time.time()
+        self.stop = False
+        signal.signal(signal.SIGTERM, self._terminate)
+
+    def _terminate(self, *_):
+        self.stop = True
 
     @property
     def progress(self):
@@ -85,6 +92,9 @@ class Run:
         for k, v in values.items():
             self.sums[k] = self.sums.get(k, 0.0) + float(v)
         self.count += 1
+        if self.stop:  # SIGTERM: save and leave
+            self.save()
+            sys.exit(0)
         if self.step % 50 == 0:
             now = time.time()
             row = {k: round(v / self.count, 5) for k, v in self.sums.items()}

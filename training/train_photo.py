@@ -16,13 +16,12 @@ from renderer import (
     decode_maps,
     directions,
     log_encode,
-    log_l1,
     photo_configurations,
     random_configurations,
     render,
 )
 from schedule import Run, arguments
-from train_autoencoder import CHANNEL_WEIGHT
+from train_autoencoder import CHANNEL_WEIGHT, losses
 
 
 def photo_input(radiance, weight, camera, light):
@@ -86,9 +85,9 @@ def main():
     pool = MaterialPool(args.packs, args.device)
     model = PhotoNetwork().to(args.device).to(memory_format=torch.channels_last).train()
     run = Run("photo", model, args)
-    draw, change = render, augment
+    draw, compute, change = render, losses, augment
     if not args.no_compile:
-        draw, change = torch.compile(render, dynamic=False), torch.compile(augment, dynamic=False)
+        draw, compute, change = (torch.compile(f, dynamic=False) for f in (render, losses, augment))
     weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
     kind = torch.device(args.device).type
     while run.progress < 1:
@@ -99,12 +98,9 @@ def main():
             photo = make_example(x, draw)
         with torch.autocast(kind, torch.bfloat16):
             y = model(photo.to(memory_format=torch.channels_last))
-        y = y.float()
+        y = y.float().contiguous()
         camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)
-        with torch.no_grad():
-            reference = draw(x, camera, light)
-        rendering = log_l1(draw(y.contiguous(), camera, light), reference)
-        maps = ((y - x).abs() * weight).mean()
+        maps, rendering = compute(y, x, camera, light, weight)
         loss = maps + args.render_weight * rendering
         run.update(loss, batch, {"maps": maps.detach(), "render": rendering.detach()})
     run.save()
