@@ -115,7 +115,24 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
 fn search(layout: &Layout, level: &LumaImage) -> Result<Labelling, Rejection> {
     let saddles = corners::find(level);
     let pieces = lattice::grow(level, &saddles);
-    layout.place(level, &pieces)
+    if std::env::var("DBG").is_ok() {
+        eprintln!(
+            "level {}x{} saddles {} pieces {:?}",
+            level.width,
+            level.height,
+            saddles.len(),
+            pieces.iter().take(8).map(|p| p.len()).collect::<Vec<_>>()
+        );
+        for n in pieces.iter().take(1).flatten() {
+            eprint!("{:?}@({:.0},{:.0}){} ", (n.at.x, n.at.y), n.px.x, n.px.y, n.bright as u8);
+        }
+        eprintln!();
+    }
+    let r = layout.place(level, &pieces);
+    if std::env::var("DBG").is_ok() {
+        eprintln!("{:?}", r.as_ref().map(|l| l.count()));
+    }
+    r
 }
 
 /// Carries a labelling to the version of twice the size.

@@ -7,7 +7,8 @@
 use super::corners::Saddle;
 use super::luma::LumaImage;
 use glam::{DVec2, IVec2};
-use std::collections::{HashMap, VecDeque};
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashSet};
 
 /// Sine of the angle a link may be off the edge's direction at its start.
 const LINK_SINE_MAX: f64 = 0.25;
@@ -17,6 +18,11 @@ const BUCKET_PX: f64 = 16.0;
 const LOOKED_AT_MAX: usize = 250;
 /// Contrast across a link relative to the corners' own.
 const EDGE_CONTRAST_MIN: f32 = 0.3;
+
+/// Links of one corner differ in length by foreshortening only.
+const ASPECT_MAX: f64 = 4.5;
+/// A link is at most this many times the longest one of its direction in the piece so far.
+const STRETCH_MAX: f64 = 2.0;
 
 /// Lattice directions of ports in ascending angle: right, down, left, up as displayed.
 const DIRECTIONS: [IVec2; 4] = [IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y];
@@ -33,43 +39,99 @@ pub(super) struct Node {
 }
 
 /// Connected pieces of lattice, largest first; single corners are left out.
+///
+/// Pieces grow by the link that is shortest for its place, so that a false link across the hole
+/// (the sample's own outline may lie on the lattice) finds its ends already placed.
 pub(super) fn grow(level: &LumaImage, saddles: &[Saddle]) -> Vec<Vec<Node>> {
     let links = mutual_links(level, saddles);
-    let mut placed: Vec<Option<(IVec2, usize)>> = vec![None; saddles.len()];
+    let length = |a: usize, b: usize| saddles[a].px.distance(saddles[b].px);
+    let shortest: Vec<f64> = (0..saddles.len())
+        .map(|a| links[a].iter().flatten().map(|l| length(a, l.0)).fold(f64::INFINITY, f64::min))
+        .collect();
+    let mut placed = vec![false; saddles.len()];
     let mut pieces = Vec::new();
     for seed in 0..saddles.len() {
-        if placed[seed].is_some() || links[seed].iter().all(Option::is_none) {
+        if placed[seed] || links[seed].iter().all(Option::is_none) {
             continue;
         }
-        placed[seed] = Some((IVec2::ZERO, 0));
         let mut piece = Vec::new();
-        let mut taken = HashMap::from([(IVec2::ZERO, seed)]);
-        let mut queue = VecDeque::from([seed]);
-        while let Some(a) = queue.pop_front() {
-            let Some((at, turn)) = placed[a] else { continue };
-            piece.push(Node {
-                at,
-                px: saddles[a].px,
-                bright: saddles[a].is_bright((4 - turn) % 4),
-            });
+        let mut taken = HashSet::new();
+        // Longest link so far and count, along x and along y.
+        let mut extent = [(0.0f64, 0); 2];
+        let mut queue = BinaryHeap::new();
+        queue.push(Reverse(Step { rank: 0, to: seed, at: IVec2::ZERO, turn: 0, link: None }));
+        while let Some(Reverse(step)) = queue.pop() {
+            if placed[step.to] || taken.contains(&step.at.to_array()) {
+                continue;
+            }
+            if let Some((length, axis)) = step.link {
+                let (longest, count) = &mut extent[axis];
+                if *count >= 3 && length > STRETCH_MAX * *longest {
+                    continue;
+                }
+                *longest = longest.max(length);
+                *count += 1;
+            }
+            let a = step.to;
+            placed[a] = true;
+            taken.insert(step.at.to_array());
+            let bright = saddles[a].is_bright((4 - step.turn) % 4);
+            piece.push(Node { at: step.at, px: saddles[a].px, bright });
             for (port, link) in links[a].iter().enumerate() {
                 let Some((b, back)) = *link else { continue };
-                let direction = (port + turn) % 4;
-                let next = at + DIRECTIONS[direction];
-                if placed[b].is_none() && !taken.contains_key(&next) {
-                    placed[b] = Some((next, (direction + 6 - back) % 4));
-                    taken.insert(next, b);
-                    queue.push_back(b);
+                let relative = length(a, b) / shortest[a].min(shortest[b]);
+                if placed[b] || relative > ASPECT_MAX {
+                    continue;
                 }
+                let direction = (port + step.turn) % 4;
+                queue.push(Reverse(Step {
+                    // Positive floats sort as their bits.
+                    rank: relative.to_bits(),
+                    to: b,
+                    at: step.at + DIRECTIONS[direction],
+                    turn: (direction + 6 - back) % 4,
+                    link: Some((length(a, b), direction % 2)),
+                }));
             }
         }
         if piece.len() > 1 {
             pieces.push(piece);
         }
     }
-    pieces.sort_by_key(|p| std::cmp::Reverse(p.len()));
+    pieces.sort_by_key(|p| Reverse(p.len()));
     pieces
 }
+
+/// A corner that a link offers to a piece; the lowest rank is placed first.
+struct Step {
+    rank: u64,
+    to: usize,
+    at: IVec2,
+    /// Lattice direction of the corner's port 0.
+    turn: usize,
+    /// Length and axis of the link.
+    link: Option<(f64, usize)>,
+}
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.rank, self.to, self.turn).cmp(&(other.rank, other.to, other.turn))
+    }
+}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Step {}
 
 /// For each port of each corner: the neighbour and its port that looks back, where both agree.
 fn mutual_links(level: &LumaImage, saddles: &[Saddle]) -> Vec<[Option<(usize, usize)>; 4]> {
