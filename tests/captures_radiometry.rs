@@ -122,11 +122,13 @@ impl Capture {
         self.pose(0).to_board(self.offset).length()
     }
 
-    /// True response at `cos`: the lens alone and with the flash's lobe.
-    fn response(&self, cos: f64) -> (f64, f64) {
-        let a = number(&self.truth["vignetting"]["a"]);
-        let lens = 1.0 - a * (1.0 - cos.powi(4));
-        (lens, lens * cos.powf(number(&self.truth["flash"]["cos_exponent"])))
+    /// True vignetting at `cos`.
+    fn vignetting(&self, cos: f64) -> f64 {
+        1.0 - number(&self.truth["vignetting"]["a"]) * (1.0 - cos.powi(4))
+    }
+
+    fn lobe_exponent(&self) -> f64 {
+        number(&self.truth["flash"]["cos_exponent"])
     }
 
     /// Value of a white surface of albedo 1 that faces the flash on the axis at the reference.
@@ -145,9 +147,9 @@ impl Capture {
         }
     }
 
-    fn true_radiometry(&self) -> Radiometry {
+    fn true_radiometry(&self, frame: usize) -> Radiometry {
         // The best two-parameter form of the true response, to 0.1 % over the photo.
-        let fit = |cos: f64| (-self.response(cos).1.ln(), -cos.ln());
+        let fit = |cos: f64| (-self.vignetting(cos).ln(), -cos.ln());
         let (mut aa, mut ab, mut bb, mut ay, mut by) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for i in 1..100 {
             let (y, u) = fit(1.0 - 0.002 * f64::from(i));
@@ -157,15 +159,18 @@ impl Capture {
         }
         let det = aa * bb - ab * ab;
         let power = std::f64::consts::PI * self.reference_mm().powi(2);
+        let centre = (self.pose(frame).translation - self.offset).normalize();
+        let lobe = centre.z.powf(self.lobe_exponent());
         Radiometry {
             gain: [1.0 / self.true_scale(); 3],
             vignetting: Vignetting {
                 exponent: (ay * bb - by * ab) / det,
                 curvature: (by * aa - ay * ab) / det,
             },
+            lobe_exponent: self.lobe_exponent(),
             flash_offset_mm: self.offset,
             power_mm2: [power as f32; 3],
-            ambient: self.true_ambient().map(|v| v as f32),
+            ambient: self.true_ambient().map(|v| (v / lobe) as f32),
         }
     }
 
@@ -173,7 +178,8 @@ impl Capture {
         let mut calibrator =
             PhotometricCalibrator::new(self.target.clone(), FlashOffset::Known(self.offset));
         for i in 0..frames {
-            calibrator.push(&self.photo(i), &self.camera, &self.pose(i)).unwrap();
+            let pushed = calibrator.push(&self.photo(i), &self.camera, &self.pose(i));
+            assert!(pushed.is_ok(), "frame {i}: {pushed:?}");
         }
         calibrator
     }
@@ -202,20 +208,24 @@ fn white_squares_give_the_true_light() {
             }
             let mut worst_response = 0.0_f64;
             for cos in [0.995, 0.98, 0.95, 0.9, 0.85] {
-                let v = p.vignetting.at(1.0 / (cos * cos) - 1.0);
-                worst_response = worst_response.max((v / capture.response(cos).1 - 1.0).abs());
+                let v = p.vignetting.at(1.0 / (cos * cos) - 1.0) * cos.powf(p.lobe_exponent);
+                let truth = capture.vignetting(cos) * cos.powf(capture.lobe_exponent());
+                worst_response = worst_response.max((v / truth - 1.0).abs());
             }
             let truth = capture.true_ambient()[1];
             let (raw, sigma) = p.ambient_raw[1];
             println!(
                 "{name}, {frames} frames: gain error (green, %){text}; worst {:.2}; response \
-                 m {:.2} k {:.2}, error to 32 degrees {:.2} %; ambient {:.4} (raw {raw:.4} +- \
-                 {sigma:.4}), true {truth:.4}; residual {:.4}",
+                 m {:.2} k {:.2} n {:.2} (true {:.2}), error to 32 degrees {:.2} %; ambient {:.4} (raw {raw:.4} +- \
+                 {sigma:.4}), true {truth:.4}; black ratio {:.3}; residual {:.4}",
                 100.0 * worst_scale,
                 p.vignetting.exponent,
                 p.vignetting.curvature,
+                p.lobe_exponent,
+                capture.lobe_exponent(),
                 100.0 * worst_response,
                 p.ambient[1],
+                p.black_ratio[1],
                 p.sigma,
             );
         }
@@ -334,7 +344,7 @@ fn true_maps_reproduce_the_rectified_photos() {
             let with = |r: &Radiometry| {
                 rectify(&photo, &capture.camera, &pose, r, capture.sample_mm, SIZE, SIZE).unwrap()
             };
-            truth.push(with(&capture.true_radiometry()));
+            truth.push(with(&capture.true_radiometry(i)));
             estimated.push(with(&calibrator.radiometry(i).unwrap()));
             let clipped = truth[i].radiance.iter().filter(|v| **v < 0.0).count();
             shares.push((100.0 * clipped as f64 / (3 * SIZE * SIZE) as f64).round());

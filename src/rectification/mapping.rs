@@ -17,6 +17,8 @@ pub(super) struct Mapping {
     right: DVec3,
     /// Camera coordinates of a step of one texel down.
     down: DVec3,
+    /// Light in camera coordinates.
+    light: DVec3,
     sample_mm: DVec2,
     size: DVec2,
 }
@@ -25,13 +27,15 @@ pub(super) struct Mapping {
 pub(super) struct Positions {
     pub x: [f32; LANES],
     pub y: [f32; LANES],
-    /// Squared tangent of the angle to the optical axis.
+    /// Squared tangent of the angle to the optical axis at the camera.
     pub tan2: [f32; LANES],
+    /// The same at the light.
+    pub tan2_light: [f32; LANES],
 }
 
 impl Default for Positions {
     fn default() -> Self {
-        Self { x: [0.0; LANES], y: [0.0; LANES], tan2: [0.0; LANES] }
+        Self { x: [0.0; LANES], y: [0.0; LANES], tan2: [0.0; LANES], tan2_light: [0.0; LANES] }
     }
 }
 
@@ -79,6 +83,7 @@ impl Mapping {
     pub fn new(
         camera: &Camera,
         pose: &Pose,
+        light: DVec3,
         sample_mm: [f32; 2],
         height_mm: f32,
         width: usize,
@@ -92,6 +97,7 @@ impl Mapping {
             camera: *camera,
             origin: pose.transform(corner),
             right: pose.rotation.x_axis * texel.x,
+            light,
             down: -pose.rotation.y_axis * texel.y,
             sample_mm,
             size,
@@ -119,20 +125,24 @@ impl Mapping {
         // A projective scale: keeps all f32 quantities near 1.
         let scale = start.z.recip();
         let (start, step) = ((start * scale).as_vec3(), (self.right * scale).as_vec3());
+        let light = (self.light * scale).as_vec3();
         let [k1, k2, p1, p2, k3] = self.camera.distortion.map(|v| v as f32);
         let (fx, fy) = (self.camera.fx as f32, self.camera.fy as f32);
         let (cx, cy) = (self.camera.cx as f32, self.camera.cy as f32);
         for lane in 0..LANES {
             let i = lane as f32;
-            let inverse = 1.0 / (start.z + i * step.z);
-            let x = (start.x + i * step.x) * inverse;
-            let y = (start.y + i * step.y) * inverse;
+            let point = [start.x + i * step.x, start.y + i * step.y, start.z + i * step.z];
+            let inverse = 1.0 / point[2];
+            let (x, y) = (point[0] * inverse, point[1] * inverse);
             let r2 = x * x + y * y;
             let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
             let xy = x * y;
             out.x[lane] = fx * (x * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * x * x)) + cx;
             out.y[lane] = fy * (y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * xy) + cy;
             out.tan2[lane] = r2;
+            let from_light = [point[0] - light.x, point[1] - light.y, point[2] - light.z];
+            out.tan2_light[lane] = (from_light[0] * from_light[0] + from_light[1] * from_light[1])
+                / (from_light[2] * from_light[2]);
         }
     }
 
@@ -191,7 +201,7 @@ mod tests {
                     * DMat3::from_rotation_x(std::f64::consts::PI - tilt),
                 translation: DVec3::new(3.0, -5.0, 180.0),
             };
-            let mapping = Mapping::new(&camera, &pose, [100.0, 70.0], 1.5, w, h);
+            let mapping = Mapping::new(&camera, &pose, DVec3::ZERO, [100.0, 70.0], 1.5, w, h);
             let mut positions = Positions::default();
             let mut worst = 0.0_f64;
             for y in (0..h).step_by(37) {

@@ -28,7 +28,7 @@ const FADE_VIEW_DEGREES: f64 = 75.0;
 /// Least share of the sample that must be seen.
 const MIN_SEEN: f32 = 0.25;
 /// Share of texels saturated in all channels above which a photo says too little.
-const MAX_CLIPPED: f32 = 0.6;
+const MAX_CLIPPED: f32 = 0.9;
 
 /// Rectifies a photo of a sample that lies in the board's plane.
 ///
@@ -122,7 +122,8 @@ fn rectify_filtered(
         falloff: Falloff::InverseSquare { power_mm2: radiometry.power_mm2 },
         ambient: radiometry.ambient,
     };
-    let mapping = Mapping::new(camera, pose, top.sample_mm, top.height_mm, width, height);
+    let offset = radiometry.flash_offset_mm;
+    let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);
     let response = Response::new(radiometry, camera);
     let texels = width * height;
     let mut radiance = vec![0.0; 3 * texels];
@@ -177,7 +178,11 @@ pub fn update_radiometry(
     if texels == 0 {
         return;
     }
-    let mapping = Mapping::new(camera, pose, observation.view.sample_mm, height_mm, width, height);
+    let mapping = |r: &Radiometry| {
+        let sample_mm = observation.view.sample_mm;
+        Mapping::new(camera, pose, r.flash_offset_mm, sample_mm, height_mm, width, height)
+    };
+    let mappings = [mapping(old), mapping(new)];
     let (from, to) = (Response::new(old, camera), Response::new(new, camera));
     let (red, rest) = observation.radiance.split_at_mut(texels);
     let (green, blue) = rest.split_at_mut(texels);
@@ -187,12 +192,14 @@ pub fn update_radiometry(
         .enumerate()
         .for_each(|(y, ((red, green), blue))| {
             let planes = [red, green, blue];
-            let mut positions = Positions::default();
+            let mut positions = [Positions::default(), Positions::default()];
             for x0 in (0..width).step_by(LANES) {
-                mapping.project(x0, 0.5, y as f64 + 0.5, &mut positions);
+                for (mapping, positions) in mappings.iter().zip(&mut positions) {
+                    mapping.project(x0, 0.5, y as f64 + 0.5, positions);
+                }
                 for lane in 0..LANES.min(width - x0) {
-                    let tan2 = positions.tan2[lane];
-                    let ratio = to.relative(tan2) / from.relative(tan2);
+                    let ratio =
+                        to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
                     for c in 0..3 {
                         planes[c][x0 + lane] *= ratio * (to.gain[c] / from.gain[c]);
                     }
@@ -209,8 +216,9 @@ pub fn update_radiometry(
 /// Radiance per pixel value, tabulated over the squared tangent to the optical axis.
 struct Response {
     gain: [f32; 3],
-    /// `1 / V`, at equal steps of tan².
-    table: Vec<f32>,
+    /// `1 / V` of the lens and `1 / cos^n` of the flash's lobe, at equal steps of tan².
+    lens: Vec<f32>,
+    lobe: Vec<f32>,
     per_tan2: f32,
 }
 
@@ -220,22 +228,29 @@ impl Response {
 
     fn new(radiometry: &Radiometry, camera: &Camera) -> Self {
         let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-        // Corner of the photo, with room for distortion.
+        // Corner of the photo, with room for distortion and the distance of the flash.
         let x = camera.cx.max(w - camera.cx) / camera.fx;
         let y = camera.cy.max(h - camera.cy) / camera.fy;
-        let reach = 1.5 * (x * x + y * y);
-        let step = reach / Self::STEPS as f64;
-        let table = (0..=Self::STEPS + 1)
-            .map(|i| (1.0 / radiometry.vignetting.at(i as f64 * step)) as f32)
-            .collect();
-        Self { gain: radiometry.gain.map(|g| g as f32), table, per_tan2: (1.0 / step) as f32 }
+        let step = 2.0 * (x * x + y * y) / Self::STEPS as f64;
+        let table = |f: &dyn Fn(f64) -> f64| -> Vec<f32> {
+            (0..=Self::STEPS + 1).map(|i| (1.0 / f(i as f64 * step)) as f32).collect()
+        };
+        Self {
+            gain: radiometry.gain.map(|g| g as f32),
+            lens: table(&|tan2| radiometry.vignetting.at(tan2)),
+            lobe: table(&|tan2| (1.0 + tan2).powf(-0.5 * radiometry.lobe_exponent)),
+            per_tan2: (1.0 / step) as f32,
+        }
     }
 
-    /// `1 / V`.
-    fn relative(&self, tan2: f32) -> f32 {
-        let at = (tan2 * self.per_tan2).clamp(0.0, Self::STEPS as f32);
-        let (low, fraction) = (at as usize, at.fract());
-        self.table[low] + fraction * (self.table[low + 1] - self.table[low])
+    /// Reciprocal of vignetting times lobe.
+    fn relative(&self, positions: &Positions, lane: usize) -> f32 {
+        let read = |table: &[f32], tan2: f32| {
+            let at = (tan2 * self.per_tan2).clamp(0.0, Self::STEPS as f32);
+            let (low, fraction) = (at as usize, at.fract());
+            table[low] + fraction * (table[low + 1] - table[low])
+        };
+        read(&self.lens, positions.tan2[lane]) * read(&self.lobe, positions.tan2_light[lane])
     }
 }
 
@@ -347,7 +362,7 @@ impl Band<'_> {
                 continue;
             }
             self.weight[start + lane] = weight;
-            let scale = per_sample * response.relative(centre.tan2[lane]);
+            let scale = per_sample * response.relative(&centre, lane);
             for c in 0..3 {
                 // Catmull-Rom undershoots at edges; a sign means saturation.
                 let value = sums[lane][c].max(0.0) * scale * response.gain[c];

@@ -8,6 +8,7 @@ fn unit_radiometry() -> Radiometry {
     Radiometry {
         gain: [1.0; 3],
         vignetting: Vignetting::default(),
+        lobe_exponent: 0.0,
         flash_offset_mm: DVec3::ZERO,
         power_mm2: [1.0; 3],
         ambient: [0.0; 3],
@@ -337,6 +338,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
     let new = Radiometry {
         gain: [1.5, 0.8, 1.1],
         vignetting: Vignetting { exponent: 4.0, curvature: 1.0 },
+        lobe_exponent: 3.0,
         flash_offset_mm: DVec3::new(5.0, 9.0, 0.0),
         power_mm2: [2.0; 3],
         ambient: [0.1, 0.0, 0.0],

@@ -1,15 +1,17 @@
-//! Robust least squares for light, vignetting and ambient from the white squares of all photos.
+//! Robust least squares for light, vignetting and ambient from the squares of all photos.
 
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::Pose;
 
-/// Spread of effective cosine exponents: 0 (corrected in the camera) to 8 (natural fall-off of the
-/// lens times a narrow flash).
-const EXPONENT_MEAN: f64 = 2.5;
-const EXPONENT_SIGMA: f64 = 2.5;
+/// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
+/// a flash's lobe: 1 (a bare diode) to 4.
+const EXPONENT_MEAN: f64 = 2.0;
+const EXPONENT_SIGMA: f64 = 2.0;
 const CURVATURE_SIGMA: f64 = 3.0;
+/// Log of the true over the nominal albedo of black squares: toner is rarely measured.
+const BLACK_SIGMA: f64 = 0.3;
 /// Exposure metadata is rounded and flashes repeat to about this.
 const SCALE_SIGMA: f64 = 0.02;
 /// Least standard deviation of a square's log value that is believed: paper is not Lambertian and
@@ -28,18 +30,19 @@ mod parameter {
     pub const AMBIENT: usize = 2;
     pub const LOG_SCALE: usize = 5;
     pub const OFFSET: usize = 8;
-    pub const FRAMES: usize = 11;
+    pub const BLACK: usize = 11;
+    pub const LOBE: usize = 14;
+    pub const FRAMES: usize = 15;
 }
 
-/// One channel of one white square.
+/// One channel of one square.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
     pub frame: usize,
     pub channel: usize,
-    /// Logarithm of value / (exposure * white albedo).
+    pub white: bool,
+    /// Logarithm of value / (exposure * nominal albedo).
     pub log_value: f64,
-    /// `-ln cos` of the angle to the optical axis.
-    pub log_secant: f64,
     pub board_mm: DVec3,
     /// Standard deviation relative to an ordinary square's.
     pub sigma: f64,
@@ -64,6 +67,8 @@ pub(super) struct Solution {
     /// `ln V = -(exponent u + curvature u²)`, `u = -ln cos`.
     pub exponent: f64,
     pub curvature: f64,
+    /// Exponent of the flash's lobe.
+    pub lobe: f64,
     /// Share of the ambient in the irradiance at the reference distance, per channel.
     pub ambient_share: [f64; 3],
     pub ambient_share_sigma: [f64; 3],
@@ -71,14 +76,16 @@ pub(super) struct Solution {
     pub log_scale: Vec<[f64; 3]>,
     pub offset_mm: DVec3,
     pub offset_sigma_mm: DVec3,
+    /// True over nominal albedo of black squares.
+    pub black_ratio: [f64; 3],
     /// Robust standard deviation of the residuals of log values.
     pub sigma: f64,
     /// The same for each photo; NaN for a photo without samples.
     pub frame_sigma: Vec<f64>,
 }
 
-/// Irradiance of the flash relative to that at the reference distance, facing it, and its gradient
-/// with respect to the light's position. `None` behind the board.
+/// Irradiance of a flash without lobe relative to that at the reference distance, facing it, and
+/// the gradient with respect to the light's position. `None` behind the board.
 fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVec3)> {
     let v = light - point;
     if v.z <= 0.0 {
@@ -89,35 +96,51 @@ fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVe
     Some((k * v.z, k * (DVec3::Z - v * (3.0 * v.z / d2))))
 }
 
+/// `-ln cos` of the angle at `from` between the optical axis and the direction to a point, both in
+/// the camera frame, and its gradient with respect to `from`.
+fn log_secant(from: DVec3, point: DVec3) -> (f64, DVec3) {
+    let w = point - from;
+    let d2 = w.length_squared();
+    (0.5 * (d2 / (w.z * w.z)).ln(), DVec3::Z / w.z - w / d2)
+}
+
 /// Residual of a sample and its non-zero derivatives.
 fn residual(
     sample: &Sample,
     pose: &Pose,
     theta: &DVector<f64>,
     problem: &Problem,
-) -> Option<(f64, [(usize, f64); 8])> {
-    use parameter::{AMBIENT, CURVATURE, EXPONENT, FRAMES, LOG_SCALE, OFFSET};
+) -> Option<(f64, [(usize, f64); 10])> {
+    use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
     let c = sample.channel;
     let offset = DVec3::new(theta[OFFSET], theta[OFFSET + 1], theta[OFFSET + 2]);
-    let (g, gradient) = irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
-    let gradient = pose.rotation * gradient; // of the light position in the camera frame
+    let (g, by_light) = irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
+    let by_light = pose.rotation * by_light; // of the light's position in the camera frame
+    let point = pose.transform(sample.board_mm);
+    let u = log_secant(DVec3::ZERO, point).0;
+    let (u_light, u_by_light) = log_secant(offset, point);
+    let lobe = (-theta[LOBE] * u_light).exp();
+    let flash = g * lobe;
     let q = theta[AMBIENT + c];
-    let total = (1.0 - q) * g + q;
-    let u = sample.log_secant;
+    let total = (1.0 - q) * flash + q;
+    let share = (1.0 - q) * flash / total;
     let frame = FRAMES + 3 * sample.frame + c;
-    let model = theta[LOG_SCALE + c] + theta[frame] + total.ln()
+    let black = if sample.white { 0.0 } else { 1.0 };
+    let model = theta[LOG_SCALE + c] + theta[frame] + black * theta[BLACK + c] + total.ln()
         - u * (theta[EXPONENT] + u * theta[CURVATURE]);
-    let by_offset = gradient * ((1.0 - q) / total);
+    let by_offset = share * (by_light / g - theta[LOBE] * u_by_light);
     Some((
         model - sample.log_value,
         [
             (EXPONENT, -u),
             (CURVATURE, -u * u),
-            (AMBIENT + c, (1.0 - g) / total),
+            (AMBIENT + c, (1.0 - flash) / total),
+            (LOBE, -share * u_light),
             (LOG_SCALE + c, 1.0),
             (OFFSET, by_offset.x),
             (OFFSET + 1, by_offset.y),
             (OFFSET + 2, by_offset.z),
+            (BLACK + c, black),
             (frame, 1.0),
         ],
     ))
@@ -134,25 +157,29 @@ fn median(values: &mut [f64]) -> f64 {
 /// Gauss-Newton with Huber weights on the squares, Cauchy weights on the photos' scales (a wrong
 /// exposure in the metadata must not pull the others) and Gaussian priors elsewhere.
 pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Solution {
-    use parameter::{AMBIENT, CURVATURE, EXPONENT, FRAMES, LOG_SCALE, OFFSET};
+    use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
     let n = FRAMES + 3 * poses.len();
     let mut theta = DVector::zeros(n);
     theta[EXPONENT] = EXPONENT_MEAN;
+    theta[LOBE] = EXPONENT_MEAN;
     for (k, v) in problem.offset_mm.to_array().into_iter().enumerate() {
         theta[OFFSET + k] = v;
     }
     // Prior mean and standard deviation; infinite: free, zero: fixed.
     let mut prior = vec![(0.0, SCALE_SIGMA); n];
     prior[EXPONENT] = (EXPONENT_MEAN, EXPONENT_SIGMA);
+    prior[LOBE] = (EXPONENT_MEAN, EXPONENT_SIGMA);
     prior[CURVATURE] = (0.0, CURVATURE_SIGMA);
     for c in 0..3 {
         prior[AMBIENT + c] = (0.0, problem.ambient_sigma);
         prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
+        prior[BLACK + c] = (0.0, BLACK_SIGMA);
         prior[OFFSET + c] = (problem.offset_mm[c], problem.offset_sigma_mm[c]);
         // Start at the median, so that outliers do not enter the first weights.
+        let any_white = samples.iter().any(|s| s.channel == c && s.white);
         let mut list: Vec<f64> = samples
             .iter()
-            .filter(|s| s.channel == c)
+            .filter(|s| s.channel == c && (s.white || !any_white))
             .filter_map(|s| residual(s, &poses[s.frame], &theta, problem).map(|r| -r.0))
             .collect();
         if list.is_empty() {
@@ -216,7 +243,7 @@ pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> So
     }
 
     let spread = |i: usize| if prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
-    let three = |i: usize| std::array::from_fn(|c| theta[i + c]);
+    let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
     let frame_sigma = (0..poses.len())
         .map(|frame| {
             let mut list: Vec<f64> = samples
@@ -231,11 +258,13 @@ pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> So
     Solution {
         exponent: theta[EXPONENT],
         curvature: theta[CURVATURE],
+        lobe: theta[LOBE],
         ambient_share: three(AMBIENT),
         ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
         log_scale: (0..poses.len())
             .map(|f| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]))
             .collect(),
+        black_ratio: three(BLACK).map(f64::exp),
         offset_mm: DVec3::from_array(three(OFFSET)),
         offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
         sigma,
@@ -264,16 +293,17 @@ mod tests {
         let sample = Sample {
             frame: 0,
             channel: 1,
+            white: false,
             log_value: 0.3,
-            log_secant: 0.12,
             board_mm: DVec3::new(-60.0, 45.0, 0.0),
             sigma: 1.0,
         };
         let mut theta = DVector::zeros(parameter::FRAMES + 3);
-        for (i, v) in [3.0, -1.0, 0.1, 0.05, 0.2, 0.4, 0.2, 0.1, 8.0, -5.0, 1.0, 0.0, 0.02, 0.0]
-            .into_iter()
-            .enumerate()
-        {
+        let values = [
+            3.0, -1.0, 0.1, 0.05, 0.2, 0.4, 0.2, 0.1, 8.0, -5.0, 1.0, 0.0, 0.1, 0.0, 1.7, 0.0,
+            0.02, 0.0,
+        ];
+        for (i, v) in values.into_iter().enumerate() {
             theta[i] = v;
         }
         let (_, jacobian) = residual(&sample, &pose, &theta, &problem).unwrap();

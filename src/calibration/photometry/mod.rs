@@ -1,17 +1,22 @@
-//! From the white squares of the photographs so far to absolute radiance.
+//! From the board's squares in the photographs so far to absolute radiance.
 //!
 //! # Model
-//! `value = exposure * scale * V(angle) * albedo * ((1 - q) g + q)`, with `g = d_ref² NoL / d²` the
-//! flash's irradiance relative to that at the reference distance and `q` the ambient's share there.
-//! Scale and `q` are per channel, a small correction of the scale per photo and channel; `V` is
+//! `value = exposure * scale * V * albedo * ((1 - q) g L + q)`, with `g = d_ref² NoL / d²` the
+//! flash's irradiance relative to that at the reference distance, `L = cos^n` its lobe about an axis
+//! parallel to the camera's, and `q` the ambient's share at the reference. Scale and `q` are per
+//! channel, with a small correction of the scale per photo and channel; the lens' vignetting `V` is
 //! shared by all photos and channels: `ln V = -(m u + k u²)`, `u = -ln cos` of the angle to the
-//! optical axis. With `k = 0` this is `cos^m`, the natural fall-off of lenses and the lobe of a
-//! flash, so that it extrapolates well into the sample, round which the squares lie.
+//! optical axis. With `k = 0` this is `cos^m`, the natural fall-off, so that it extrapolates well
+//! into the sample, round which the squares lie.
+//!
+//! White squares carry the scale. Black ones, whose albedo is known less well and whose toner may
+//! glare, count little beside them, but they are what is left where whites clip, as in an exposure
+//! for a dark sample: their true albedo is one more unknown per channel.
 //!
 //! # What the squares can and cannot tell
-//! * A lobe `cos^n` of a flash that points along the camera's axis is the same as vignetting; both
-//!   are in `V`. The ambient, which the lobe does not dim, is then over-estimated towards the
-//!   photo's corners by `1 / lobe`, a small part of a small part.
+//! * The lobe of a flash at the camera's centre is the same as vignetting. The further off the flash,
+//!   the better they part; their product, which is all that a rectified photo needs, is known in
+//!   either case.
 //! * Scale and white albedo: albedos are relative to the target's `white_albedo`.
 //! * Ambient light and `V` look alike in one frontal photo. Tilt and distance tell them apart; until
 //!   they do (two standard deviations) the ambient is taken as 0.
@@ -26,7 +31,7 @@ use crate::calibration::Target;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
-pub use squares::{WhiteSquare, WhiteSquares};
+pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
 const AMBIENT_SIGMA: f64 = 0.1;
@@ -39,6 +44,8 @@ const MAX_SIGMA: f64 = 0.25;
 /// Squares this close to the mirror direction (half vector to normal) may glare.
 const GLARE_DEGREES: f64 = 8.0;
 const GLARE_SIGMA: f64 = 4.0;
+/// Standard deviation of a black square relative to a white one's.
+const BLACK_SIGMA: f64 = 5.0;
 
 /// Flash position in the camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +61,7 @@ pub enum FlashOffset {
     },
 }
 
-/// Relative response over the photo: lens vignetting times the flash's lobe.
+/// Relative response of the lens over the photo.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Vignetting {
     /// `m` of `ln V = -(m u + k u²)`, `u = -ln cos(angle to the optical axis)`.
@@ -75,16 +82,21 @@ impl Vignetting {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radiometry {
     /// Radiance in the units of [`View`](crate::observation::View) of a pixel value of 1 on the
-    /// optical axis, per channel; includes the photo's exposure. Divide by [`Vignetting::at`].
+    /// optical axis, per channel; includes the photo's exposure. Divide by the vignetting and the
+    /// lobe.
     pub gain: [f64; 3],
     /// Response over the photo.
     pub vignetting: Vignetting,
+    /// Exponent `n` of the flash's lobe: its intensity is `cos^n` of the angle between the direction
+    /// from flash to surface and the camera's axis.
+    pub lobe_exponent: f64,
     /// Flash in the camera frame, mm.
     pub flash_offset_mm: DVec3,
     /// Intensity per channel such that irradiance is `power_mm2 / d²`: pi * reference distance²
     /// for all photos of a capture.
     pub power_mm2: [f32; 3],
-    /// Radiance of the uniform surround, units as above.
+    /// Radiance of the uniform surround, units as above, raised by the lobe at the sample's centre:
+    /// a [`View`](crate::observation::View) knows no lobe, so that values are divided by it.
     pub ambient: [f32; 3],
 }
 
@@ -93,6 +105,8 @@ pub struct Radiometry {
 pub struct Photometry {
     /// Response over the photo, all photos.
     pub vignetting: Vignetting,
+    /// Exponent of the flash's lobe.
+    pub lobe_exponent: f64,
     /// Radiance of the surround per channel; as irradiance relative to the flash's, facing it at
     /// the reference distance, it is the same number. 0 where the photos cannot tell.
     pub ambient: [f64; 3],
@@ -107,6 +121,8 @@ pub struct Photometry {
     /// Log of the value per exposure of a white surface of albedo 1 facing the flash on the axis
     /// at the reference distance: one for each photo and channel.
     pub log_scale: Vec<[f64; 3]>,
+    /// True over nominal albedo of the black squares, per channel.
+    pub black_ratio: [f64; 3],
     /// Robust standard deviation of the squares' log values from the model.
     pub sigma: f64,
 }
@@ -125,7 +141,7 @@ pub struct PhotometricCalibrator {
 #[derive(Debug, Clone)]
 struct Frame {
     pose: Pose,
-    squares: WhiteSquares,
+    squares: Squares,
 }
 
 impl PhotometricCalibrator {
@@ -146,7 +162,7 @@ impl PhotometricCalibrator {
         camera: &Camera,
         pose: &Pose,
     ) -> Result<Radiometry, Rejection> {
-        let squares = WhiteSquares::measure(photo, &self.target, camera, pose)?;
+        let squares = Squares::measure(photo, &self.target, camera, pose)?;
         self.push_squares(squares, pose)
     }
 
@@ -154,11 +170,7 @@ impl PhotometricCalibrator {
     ///
     /// # Errors
     /// [`Rejection::LightNotVisible`]; the calibrator is then as before.
-    pub fn push_squares(
-        &mut self,
-        squares: WhiteSquares,
-        pose: &Pose,
-    ) -> Result<Radiometry, Rejection> {
+    pub fn push_squares(&mut self, squares: Squares, pose: &Pose) -> Result<Radiometry, Rejection> {
         let frame = Frame { pose: *pose, squares };
         if !self.shows_flash(&frame) {
             return Err(Rejection::LightNotVisible);
@@ -196,12 +208,16 @@ impl PhotometricCalibrator {
     pub fn radiometry(&self, index: usize) -> Option<Radiometry> {
         let (p, frame) = (self.photometry.as_ref()?, self.frames.get(index)?);
         let power = std::f64::consts::PI * p.reference_mm * p.reference_mm;
+        // Direction of the sample's centre from the flash, camera frame.
+        let centre = (frame.pose.translation - p.flash_offset_mm).normalize();
+        let lobe = centre.z.max(0.1).powf(p.lobe_exponent);
         Some(Radiometry {
             gain: p.log_scale[index].map(|s| (-s).exp() / f64::from(frame.squares.exposure)),
             vignetting: p.vignetting,
+            lobe_exponent: p.lobe_exponent,
             flash_offset_mm: p.flash_offset_mm,
             power_mm2: [power as f32; 3],
-            ambient: p.ambient.map(|v| v as f32),
+            ambient: p.ambient.map(|v| (v / lobe) as f32),
         })
     }
 
@@ -223,21 +239,25 @@ impl PhotometricCalibrator {
     fn samples(&self, index: usize, frame: &Frame) -> impl Iterator<Item = fit::Sample> {
         let light = frame.pose.to_board(self.expected_offset());
         let camera = frame.pose.camera_centre();
-        let (pose, white) = (frame.pose, self.target.white_albedo);
-        frame.squares.squares.iter().flat_map(move |square| {
+        let (white_albedo, black_albedo) = (self.target.white_albedo, self.target.black_albedo);
+        // An albedo of 0 says nothing about the light.
+        let usable = move |s: &&Square| s.white || black_albedo > 0.0;
+        frame.squares.squares.iter().filter(usable).flat_map(move |square| {
             let board_mm = square.board_mm.extend(0.0);
             let half = (light - board_mm).normalize() + (camera - board_mm).normalize();
             let glares = half.normalize().z > GLARE_DEGREES.to_radians().cos();
-            let log_secant = squares::log_secant(&pose, board_mm);
+            let albedo = if square.white { white_albedo } else { black_albedo };
+            let sigma = if glares { GLARE_SIGMA } else { 1.0 }
+                * if square.white { 1.0 } else { BLACK_SIGMA };
             (0..3).filter_map(move |channel| {
                 let value = f64::from(square.value[channel]?);
                 Some(fit::Sample {
                     frame: index,
                     channel,
-                    log_value: (value / white).ln(),
-                    log_secant,
+                    white: square.white,
+                    log_value: (value / albedo).ln(),
                     board_mm,
-                    sigma: if glares { GLARE_SIGMA } else { 1.0 },
+                    sigma,
                 })
             })
         })
@@ -280,6 +300,7 @@ impl PhotometricCalibrator {
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
         let photometry = Photometry {
             vignetting: Vignetting { exponent: solution.exponent, curvature: solution.curvature },
+            lobe_exponent: solution.lobe,
             ambient: share.map(|q| q / (1.0 - q)),
             ambient_raw,
             flash_offset_mm: solution.offset_mm,
@@ -290,6 +311,7 @@ impl PhotometricCalibrator {
                 .iter()
                 .map(|s| std::array::from_fn(|c| s[c] + (1.0 - share[c]).ln()))
                 .collect(),
+            black_ratio: solution.black_ratio,
             sigma: solution.sigma,
         };
         (photometry, frame_sigma)

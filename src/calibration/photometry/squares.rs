@@ -1,6 +1,6 @@
-//! Radiance of the board's white squares in one photograph.
+//! Radiance of the board's squares in one photograph.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use crate::Rejection;
 use crate::calibration::{Target, TargetKind};
@@ -11,6 +11,8 @@ use crate::geometry::{Camera, Pose};
 const MIN_SQUARE_PX: f64 = 6.0;
 /// Distance kept from printed edges: optics, demosaicking and JPEG ringing reach about this far.
 const EDGE_PX: f64 = 2.0;
+/// The same inside black squares, where a little light of the neighbours weighs sixteen times.
+const BLACK_EDGE_PX: f64 = 3.0;
 /// The same as a share of a square: print tolerance and error of the pose.
 const EDGE_SHARE: f64 = 0.08;
 /// A rim round a marker narrower than this is nowhere free of blur; its brightest part is used.
@@ -24,28 +26,30 @@ const MIN_SQUARES: usize = 4;
 /// White level (share of full scale) below which 8-bit codes are too coarse.
 const MIN_LEVEL: f32 = 0.01;
 
-/// Mean value of one white square.
+/// Mean value of one printed square.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WhiteSquare {
+pub struct Square {
+    /// Whether it is white.
+    pub white: bool,
     /// Centre of the square, mm, board frame (z = 0).
     pub board_mm: DVec2,
     /// Linear value divided by the photo's exposure, per channel; `None` where clipped.
     pub value: [Option<f32>; 3],
 }
 
-/// The white squares of one photograph.
+/// The squares of one photograph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct WhiteSquares {
+pub struct Squares {
     /// Squares with at least one usable channel.
-    pub squares: Vec<WhiteSquare>,
+    pub squares: Vec<Square>,
     /// Relative exposure of the photograph.
     pub exposure: f32,
-    /// Share of the visible squares that are clipped in all channels.
+    /// Share of the visible white squares that are clipped in some channel.
     pub clipped_share: f32,
 }
 
-impl WhiteSquares {
-    /// Measures every white square that lies wholly inside the photo.
+impl Squares {
+    /// Measures every square that lies wholly inside the photo.
     ///
     /// # Errors
     /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] when too
@@ -61,9 +65,10 @@ impl WhiteSquares {
         let (mut visible, mut clipped) = (0_usize, 0_usize);
         for row in 0..i64::from(target.rows) {
             for col in 0..i64::from(target.cols) {
-                if !target.has_square(row, col) || !target.is_white(row, col) {
+                if !target.has_square(row, col) {
                     continue;
                 }
+                let white = target.is_white(row, col);
                 let Some(place) = Placed::new(photo, target, camera, pose, row, col) else {
                     continue;
                 };
@@ -71,16 +76,17 @@ impl WhiteSquares {
                 if scratch.values[0].len() < 12 {
                     continue;
                 }
-                visible += 1;
-                let value = scratch.channels(photo.saturation(), place.quantile);
-                match value {
-                    Measured::Paper(value) => {
-                        levels.push(value.iter().flatten().fold(0.0, |a: f32, b| a.max(*b)));
-                        let value = value.map(|v| v.map(|v| v / photo.exposure()));
-                        squares.push(WhiteSquare { board_mm: place.centre, value });
-                    }
-                    Measured::Clipped => clipped += 1,
-                    Measured::NotPaper => {}
+                visible += usize::from(white);
+                let Some(measured) = scratch.channels(photo.saturation(), place.quantile) else {
+                    continue;
+                };
+                clipped += usize::from(white && measured.clipped);
+                if white {
+                    levels.push(measured.level);
+                }
+                if measured.value.iter().any(Option::is_some) {
+                    let value = measured.value.map(|v| v.map(|v| v / photo.exposure()));
+                    squares.push(Square { white, board_mm: place.centre, value });
                 }
             }
         }
@@ -93,15 +99,16 @@ impl WhiteSquares {
             });
         }
         levels.sort_by(f32::total_cmp);
-        let level = levels[levels.len() / 2];
-        if clipped == 0 && level < MIN_LEVEL {
+        if let Some(&level) = levels.get(levels.len() / 2)
+            && level < MIN_LEVEL
+        {
             return Err(Rejection::TooDark { level });
         }
         Ok(Self { squares, exposure: photo.exposure(), clipped_share })
     }
 }
 
-/// A white square on the photo: where its paper may be read.
+/// A square on the photo: where its plain part may be read.
 struct Placed {
     row: f64,
     col: f64,
@@ -143,9 +150,13 @@ impl Placed {
         if !(width.min_element() >= MIN_SQUARE_PX) {
             return None;
         }
+        let white = target.is_white(row as i64, col as i64);
+        let edge = if white { EDGE_PX } else { BLACK_EDGE_PX };
         let (mut margin, mut marker, mut quantile) =
-            ((DVec2::splat(EDGE_PX) / width).max(DVec2::splat(EDGE_SHARE)), DVec2::ZERO, 0.5);
-        if let TargetKind::CharucoRing { marker_mm, .. } = &target.kind {
+            ((DVec2::splat(edge) / width).max(DVec2::splat(EDGE_SHARE)), DVec2::ZERO, 0.5);
+        if let TargetKind::CharucoRing { marker_mm, .. } = &target.kind
+            && white
+        {
             let rim = 0.5 * (1.0 - marker_mm / target.square_mm);
             let rim_px = rim * width.min_element();
             margin = (DVec2::splat(EDGE_PX) / width).min(DVec2::splat(0.35 * rim));
@@ -175,10 +186,13 @@ impl Placed {
     }
 }
 
-enum Measured {
-    Paper([Option<f32>; 3]),
-    Clipped,
-    NotPaper,
+struct Measured {
+    /// Robust mean of each channel that can be used.
+    value: [Option<f32>; 3],
+    /// Whether a channel is clipped.
+    clipped: bool,
+    /// Largest channel, share of full scale.
+    level: f32,
 }
 
 /// Pixel values of a square, reused between squares.
@@ -227,19 +241,20 @@ impl Scratch {
         }
     }
 
-    /// Robust mean of each channel: values within 2.5 robust sigma of the quantile.
-    fn channels(&mut self, saturation: f32, quantile: f32) -> Measured {
-        let mut out = [None; 3];
-        let mut clipped_channels = 0;
-        for (list, out) in self.values.iter_mut().zip(&mut out) {
-            let clipped = list.iter().filter(|v| **v >= saturation).count();
-            if clipped as f32 > MAX_CLIPPED * list.len() as f32 {
-                clipped_channels += 1;
-                continue;
-            }
+    /// Robust mean of each channel: values within 2.5 robust sigma of the quantile. `None` when
+    /// the square is neither clipped nor evenly lit.
+    fn channels(&mut self, saturation: f32, quantile: f32) -> Option<Measured> {
+        let mut out = Measured { value: [None; 3], clipped: false, level: 0.0 };
+        for (list, value) in self.values.iter_mut().zip(&mut out.value) {
             list.sort_by(f32::total_cmp);
             let at = |q: f32| list[((list.len() - 1) as f32 * q).round() as usize];
             let centre = at(quantile);
+            out.level = out.level.max(centre);
+            let clipped = list.iter().filter(|v| **v >= saturation).count();
+            if clipped as f32 > MAX_CLIPPED * list.len() as f32 {
+                out.clipped = true;
+                continue;
+            }
             if !(centre > 0.0) {
                 continue;
             }
@@ -256,20 +271,8 @@ impl Scratch {
                 sum += v;
                 count += 1.0;
             }
-            *out = Some(sum / count);
+            *value = Some(sum / count);
         }
-        if out.iter().any(Option::is_some) {
-            Measured::Paper(out)
-        } else if clipped_channels > 0 {
-            Measured::Clipped
-        } else {
-            Measured::NotPaper
-        }
+        (out.clipped || out.value.iter().any(Option::is_some)).then_some(out)
     }
-}
-
-/// `-ln cos` of the angle between the optical axis and the direction to a board point.
-pub(super) fn log_secant(pose: &Pose, board: DVec3) -> f64 {
-    let p = pose.transform(board);
-    0.5 * (1.0 + p.truncate().length_squared() / (p.z * p.z)).ln()
 }
