@@ -8,6 +8,7 @@ mod detector;
 mod lattice;
 mod layout;
 mod luma;
+pub mod photometry;
 mod pose;
 mod projection;
 mod subpixel;

@@ -1,0 +1,322 @@
+//! Robust least squares for light, vignetting and ambient from the squares of all photos.
+
+use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
+
+use crate::geometry::Pose;
+
+/// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
+/// a flash's lobe: 1 (a bare diode) to 4.
+const EXPONENT_MEAN: f64 = 2.0;
+const EXPONENT_SIGMA: f64 = 2.0;
+const CURVATURE_SIGMA: f64 = 3.0;
+/// Log of the true over the nominal albedo of black squares: toner is rarely measured.
+const BLACK_SIGMA: f64 = 0.3;
+/// Exposure metadata is rounded and flashes repeat to about this.
+const SCALE_SIGMA: f64 = 0.02;
+/// Least standard deviation of a square's log value that is believed: paper is not Lambertian and
+/// lies not quite flat.
+const MIN_SIGMA: f64 = 0.004;
+/// Errors of the three channels of a square are the same error.
+const CHANNEL_CORRELATION: f64 = 3.0;
+/// Huber's threshold in sigma: 95 % efficiency for Gaussian errors.
+const HUBER: f64 = 1.345;
+const ITERATIONS: usize = 30;
+
+/// Index of parameters; the scales of the photos follow, three each.
+mod parameter {
+    pub const EXPONENT: usize = 0;
+    pub const CURVATURE: usize = 1;
+    pub const AMBIENT: usize = 2;
+    pub const LOG_SCALE: usize = 5;
+    pub const OFFSET: usize = 8;
+    pub const BLACK: usize = 11;
+    pub const LOBE: usize = 14;
+    pub const FRAMES: usize = 15;
+}
+
+/// One channel of one square.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    pub frame: usize,
+    pub channel: usize,
+    pub white: bool,
+    /// Logarithm of value / (exposure * nominal albedo).
+    pub log_value: f64,
+    pub board_mm: DVec3,
+    /// Standard deviation relative to an ordinary square's.
+    pub sigma: f64,
+}
+
+/// What is estimated and how firmly.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Problem {
+    /// Distance at which the flash's irradiance is the unit, mm.
+    pub reference_mm: f64,
+    /// Start, or fixed value, of the flash offset in the camera frame, mm.
+    pub offset_mm: DVec3,
+    /// Standard deviation of the offset's prior per axis, mm; zero keeps an axis fixed.
+    pub offset_sigma_mm: DVec3,
+    /// Standard deviation of the prior of the ambient share, towards 0; zero fixes it at 0.
+    pub ambient_sigma: f64,
+}
+
+/// Estimate.
+#[derive(Debug, Clone)]
+pub(super) struct Solution {
+    /// `ln V = -(exponent u + curvature u²)`, `u = -ln cos`.
+    pub exponent: f64,
+    pub curvature: f64,
+    /// Exponent of the flash's lobe.
+    pub lobe: f64,
+    /// Share of the ambient in the irradiance at the reference distance, per channel.
+    pub ambient_share: [f64; 3],
+    pub ambient_share_sigma: [f64; 3],
+    /// Per photo and channel: log of value / (exposure * albedo) on the axis at the reference.
+    pub log_scale: Vec<[f64; 3]>,
+    pub offset_mm: DVec3,
+    pub offset_sigma_mm: DVec3,
+    /// True over nominal albedo of black squares.
+    pub black_ratio: [f64; 3],
+    /// Robust standard deviation of the residuals of log values.
+    pub sigma: f64,
+    /// The same for each photo; NaN for a photo without samples.
+    pub frame_sigma: Vec<f64>,
+}
+
+/// Irradiance of a flash without lobe relative to that at the reference distance, facing it, and
+/// the gradient with respect to the light's position. `None` behind the board.
+fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVec3)> {
+    let v = light - point;
+    if v.z <= 0.0 {
+        return None;
+    }
+    let d2 = v.length_squared();
+    let k = reference_mm * reference_mm / (d2 * d2.sqrt());
+    Some((k * v.z, k * (DVec3::Z - v * (3.0 * v.z / d2))))
+}
+
+/// `-ln cos` of the angle at `from` between the optical axis and the direction to a point, both in
+/// the camera frame, and its gradient with respect to `from`.
+fn log_secant(from: DVec3, point: DVec3) -> (f64, DVec3) {
+    let w = point - from;
+    let d2 = w.length_squared();
+    (0.5 * (d2 / (w.z * w.z)).ln(), DVec3::Z / w.z - w / d2)
+}
+
+/// Residual of a sample and its non-zero derivatives.
+fn residual(
+    sample: &Sample,
+    pose: &Pose,
+    theta: &DVector<f64>,
+    problem: &Problem,
+) -> Option<(f64, [(usize, f64); 10])> {
+    use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
+    let c = sample.channel;
+    let offset = DVec3::new(theta[OFFSET], theta[OFFSET + 1], theta[OFFSET + 2]);
+    let (g, by_light) = irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
+    let by_light = pose.rotation * by_light; // of the light's position in the camera frame
+    let point = pose.transform(sample.board_mm);
+    let u = log_secant(DVec3::ZERO, point).0;
+    let (u_light, u_by_light) = log_secant(offset, point);
+    let lobe = (-theta[LOBE] * u_light).exp();
+    let flash = g * lobe;
+    let q = theta[AMBIENT + c];
+    let total = (1.0 - q) * flash + q;
+    let share = (1.0 - q) * flash / total;
+    let frame = FRAMES + 3 * sample.frame + c;
+    let black = if sample.white { 0.0 } else { 1.0 };
+    let model = theta[LOG_SCALE + c] + theta[frame] + black * theta[BLACK + c] + total.ln()
+        - u * (theta[EXPONENT] + u * theta[CURVATURE]);
+    let by_offset = share * (by_light / g - theta[LOBE] * u_by_light);
+    Some((
+        model - sample.log_value,
+        [
+            (EXPONENT, -u),
+            (CURVATURE, -u * u),
+            (AMBIENT + c, (1.0 - flash) / total),
+            (LOBE, -share * u_light),
+            (LOG_SCALE + c, 1.0),
+            (OFFSET, by_offset.x),
+            (OFFSET + 1, by_offset.y),
+            (OFFSET + 2, by_offset.z),
+            (BLACK + c, black),
+            (frame, 1.0),
+        ],
+    ))
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Gauss-Newton with Huber weights on the squares, Cauchy weights on the photos' scales (a wrong
+/// exposure in the metadata must not pull the others) and Gaussian priors elsewhere.
+pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Solution {
+    use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
+    let n = FRAMES + 3 * poses.len();
+    let mut theta = DVector::zeros(n);
+    theta[EXPONENT] = EXPONENT_MEAN;
+    theta[LOBE] = EXPONENT_MEAN;
+    for (k, v) in problem.offset_mm.to_array().into_iter().enumerate() {
+        theta[OFFSET + k] = v;
+    }
+    // Prior mean and standard deviation; infinite: free, zero: fixed.
+    let mut prior = vec![(0.0, SCALE_SIGMA); n];
+    prior[EXPONENT] = (EXPONENT_MEAN, EXPONENT_SIGMA);
+    prior[LOBE] = (EXPONENT_MEAN, EXPONENT_SIGMA);
+    prior[CURVATURE] = (0.0, CURVATURE_SIGMA);
+    for c in 0..3 {
+        prior[AMBIENT + c] = (0.0, problem.ambient_sigma);
+        prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
+        prior[BLACK + c] = (0.0, BLACK_SIGMA);
+        prior[OFFSET + c] = (problem.offset_mm[c], problem.offset_sigma_mm[c]);
+        // Start at the median, so that outliers do not enter the first weights.
+        let any_white = samples.iter().any(|s| s.channel == c && s.white);
+        let mut list: Vec<f64> = samples
+            .iter()
+            .filter(|s| s.channel == c && (s.white || !any_white))
+            .filter_map(|s| residual(s, &poses[s.frame], &theta, problem).map(|r| -r.0))
+            .collect();
+        if list.is_empty() {
+            prior[LOG_SCALE + c] = (0.0, 1.0); // all clipped: undetermined, yet solvable
+        } else {
+            theta[LOG_SCALE + c] = median(&mut list);
+        }
+    }
+
+    let mut sigma = 0.05;
+    let mut covariance = DMatrix::zeros(n, n);
+    let mut list = Vec::with_capacity(samples.len());
+    for _ in 0..ITERATIONS {
+        list.clear();
+        list.extend(samples.iter().filter_map(|s| {
+            residual(s, &poses[s.frame], &theta, problem).map(|r| r.0.abs() / s.sigma)
+        }));
+        sigma = (1.4826 * median(&mut list)).max(MIN_SIGMA);
+        let mut normal = DMatrix::<f64>::zeros(n, n);
+        let mut right = DVector::<f64>::zeros(n);
+        for sample in samples {
+            let Some((r, jacobian)) = residual(sample, &poses[sample.frame], &theta, problem)
+            else {
+                continue;
+            };
+            let s = sigma * sample.sigma;
+            let weight = (HUBER * s / r.abs()).min(1.0) / (CHANNEL_CORRELATION * s * s);
+            for &(i, ji) in &jacobian {
+                right[i] -= weight * ji * r;
+                for &(j, jj) in &jacobian {
+                    normal[(i, j)] += weight * ji * jj;
+                }
+            }
+        }
+        for (i, &(mean, prior_sigma)) in prior.iter().enumerate() {
+            if prior_sigma == 0.0 {
+                normal.row_mut(i).fill(0.0);
+                normal.column_mut(i).fill(0.0);
+                normal[(i, i)] = 1.0;
+                right[i] = 0.0;
+                continue;
+            }
+            let off = theta[i] - mean;
+            let mut precision = prior_sigma.powi(-2);
+            if i >= FRAMES {
+                precision /= 1.0 + off * off * precision;
+            }
+            normal[(i, i)] += precision;
+            right[i] -= precision * off;
+        }
+        let Some(cholesky) = normal.cholesky() else { break };
+        let step = cholesky.solve(&right);
+        covariance = cholesky.inverse();
+        theta += &step;
+        for c in 0..3 {
+            theta[AMBIENT + c] = theta[AMBIENT + c].clamp(0.0, 0.98);
+        }
+        if step.amax() < 1e-7 {
+            break;
+        }
+    }
+
+    let spread = |i: usize| if prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
+    let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
+    let frame_sigma = (0..poses.len())
+        .map(|frame| {
+            let mut list: Vec<f64> = samples
+                .iter()
+                .filter(|s| s.frame == frame)
+                .filter_map(|s| residual(s, &poses[frame], &theta, problem))
+                .map(|r| r.0.abs())
+                .collect();
+            1.4826 * median(&mut list)
+        })
+        .collect();
+    Solution {
+        exponent: theta[EXPONENT],
+        curvature: theta[CURVATURE],
+        lobe: theta[LOBE],
+        ambient_share: three(AMBIENT),
+        ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
+        log_scale: (0..poses.len())
+            .map(|f| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]))
+            .collect(),
+        black_ratio: three(BLACK).map(f64::exp),
+        offset_mm: DVec3::from_array(three(OFFSET)),
+        offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
+        sigma,
+        frame_sigma,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    /// The derivatives by which the fit steps, against central differences.
+    #[test]
+    fn derivatives_match_finite_differences() {
+        let pose = Pose {
+            rotation: DMat3::from_rotation_x(std::f64::consts::PI - 0.4),
+            translation: DVec3::new(4.0, -3.0, 250.0),
+        };
+        let problem = Problem {
+            reference_mm: 240.0,
+            offset_mm: DVec3::ZERO,
+            offset_sigma_mm: DVec3::ONE,
+            ambient_sigma: 0.1,
+        };
+        let sample = Sample {
+            frame: 0,
+            channel: 1,
+            white: false,
+            log_value: 0.3,
+            board_mm: DVec3::new(-60.0, 45.0, 0.0),
+            sigma: 1.0,
+        };
+        let mut theta = DVector::zeros(parameter::FRAMES + 3);
+        let values = [
+            3.0, -1.0, 0.1, 0.05, 0.2, 0.4, 0.2, 0.1, 8.0, -5.0, 1.0, 0.0, 0.1, 0.0, 1.7, 0.0,
+            0.02, 0.0,
+        ];
+        for (i, v) in values.into_iter().enumerate() {
+            theta[i] = v;
+        }
+        let (_, jacobian) = residual(&sample, &pose, &theta, &problem).unwrap();
+        for (i, analytic) in jacobian {
+            let h = 1e-5;
+            let at = |d: f64| {
+                let mut shifted = theta.clone();
+                shifted[i] += d;
+                residual(&sample, &pose, &shifted, &problem).unwrap().0
+            };
+            let numeric = (at(h) - at(-h)) / (2.0 * h);
+            // Central differences in f64: rounding 1e-16 / h, truncation h².
+            assert!((numeric - analytic).abs() < 1e-8, "{i}: {numeric} {analytic}");
+        }
+    }
+}

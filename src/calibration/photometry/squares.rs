@@ -1,0 +1,278 @@
+//! Radiance of the board's squares in one photograph.
+
+use glam::DVec2;
+
+use crate::Rejection;
+use crate::calibration::{Target, TargetKind};
+use crate::frame::Photo;
+use crate::geometry::{Camera, Pose};
+
+/// Squares narrower than this on the photo hold no pixel free of their neighbours.
+const MIN_SQUARE_PX: f64 = 6.0;
+/// Distance kept from printed edges: optics, demosaicking and JPEG ringing reach about this far.
+const EDGE_PX: f64 = 2.0;
+/// The same inside black squares, where a little light of the neighbours weighs sixteen times.
+const BLACK_EDGE_PX: f64 = 3.0;
+/// The same as a share of a square: print tolerance and error of the pose.
+const EDGE_SHARE: f64 = 0.08;
+/// A rim round a marker narrower than this is nowhere free of blur; its brightest part is used.
+const MIN_RIM_PX: f64 = 3.5;
+/// Relative spread above which a square is not plain paper (shadow edge, dirt, a finger).
+const MAX_SPREAD: f32 = 0.12;
+/// Share of saturated pixels above which a channel of a square is not used.
+const MAX_CLIPPED: f32 = 0.01;
+/// Squares needed for a scale that one odd square cannot upset.
+const MIN_SQUARES: usize = 4;
+/// White level (share of full scale) below which 8-bit codes are too coarse.
+const MIN_LEVEL: f32 = 0.01;
+
+/// Mean value of one printed square.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Square {
+    /// Whether it is white.
+    pub white: bool,
+    /// Centre of the square, mm, board frame (z = 0).
+    pub board_mm: DVec2,
+    /// Linear value divided by the photo's exposure, per channel; `None` where clipped.
+    pub value: [Option<f32>; 3],
+}
+
+/// The squares of one photograph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Squares {
+    /// Squares with at least one usable channel.
+    pub squares: Vec<Square>,
+    /// Relative exposure of the photograph.
+    pub exposure: f32,
+    /// Share of the visible white squares that are clipped in some channel.
+    pub clipped_share: f32,
+}
+
+impl Squares {
+    /// Measures every square that lies wholly inside the photo.
+    ///
+    /// # Errors
+    /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] when too
+    /// few squares look like evenly lit paper.
+    pub fn measure(
+        photo: &Photo,
+        target: &Target,
+        camera: &Camera,
+        pose: &Pose,
+    ) -> Result<Self, Rejection> {
+        let mut scratch = Scratch::default();
+        let (mut squares, mut levels) = (Vec::new(), Vec::new());
+        let (mut visible, mut clipped) = (0_usize, 0_usize);
+        for row in 0..i64::from(target.rows) {
+            for col in 0..i64::from(target.cols) {
+                if !target.has_square(row, col) {
+                    continue;
+                }
+                let white = target.is_white(row, col);
+                let Some(place) = Placed::new(photo, target, camera, pose, row, col) else {
+                    continue;
+                };
+                scratch.collect(photo, target, camera, pose, &place);
+                if scratch.values[0].len() < 12 {
+                    continue;
+                }
+                visible += usize::from(white);
+                let Some(measured) = scratch.channels(photo.saturation(), place.quantile) else {
+                    continue;
+                };
+                clipped += usize::from(white && measured.clipped);
+                if white {
+                    levels.push(measured.level);
+                }
+                if measured.value.iter().any(Option::is_some) {
+                    let value = measured.value.map(|v| v.map(|v| v / photo.exposure()));
+                    squares.push(Square { white, board_mm: place.centre, value });
+                }
+            }
+        }
+        let clipped_share = clipped as f32 / visible.max(1) as f32;
+        if squares.len() < MIN_SQUARES {
+            return Err(if clipped > 0 {
+                Rejection::Clipped { share: clipped_share }
+            } else {
+                Rejection::LightNotVisible
+            });
+        }
+        levels.sort_by(f32::total_cmp);
+        if let Some(&level) = levels.get(levels.len() / 2)
+            && level < MIN_LEVEL
+        {
+            return Err(Rejection::TooDark { level });
+        }
+        Ok(Self { squares, exposure: photo.exposure(), clipped_share })
+    }
+}
+
+/// A square on the photo: where its plain part may be read.
+struct Placed {
+    row: f64,
+    col: f64,
+    centre: DVec2,
+    /// Samples along each side, about one per pixel.
+    samples: (u32, u32),
+    /// Margin to the square's edges, in squares, along columns and rows.
+    margin: DVec2,
+    /// Half a marker with its margin, in squares; zero without marker.
+    marker: DVec2,
+    /// Quantile that stands for the paper.
+    quantile: f32,
+}
+
+impl Placed {
+    fn new(
+        photo: &Photo,
+        target: &Target,
+        camera: &Camera,
+        pose: &Pose,
+        row: i64,
+        col: i64,
+    ) -> Option<Self> {
+        let (row, col) = (row as f64, col as f64);
+        let at = |dr: f64, dc: f64| {
+            camera.project(pose.transform(target.grid_mm(row + dr, col + dc).extend(0.0)))
+        };
+        let corners = [at(0.0, 0.0)?, at(0.0, 1.0)?, at(1.0, 1.0)?, at(1.0, 0.0)?];
+        let (right, bottom) = (f64::from(photo.width()) - 1.0, f64::from(photo.height()) - 1.0);
+        let inside = |p: &DVec2| p.x >= 0.0 && p.y >= 0.0 && p.x <= right && p.y <= bottom;
+        if !corners.iter().all(inside) {
+            return None;
+        }
+        let across = 0.5 * (corners[1] - corners[0] + corners[2] - corners[3]);
+        let down = 0.5 * (corners[3] - corners[0] + corners[2] - corners[1]);
+        let area = across.perp_dot(down).abs();
+        // Width perpendicular to the other pair of sides: what blur eats into.
+        let width = DVec2::new(area / down.length(), area / across.length());
+        if !(width.min_element() >= MIN_SQUARE_PX) {
+            return None;
+        }
+        let white = target.is_white(row as i64, col as i64);
+        let edge = if white { EDGE_PX } else { BLACK_EDGE_PX };
+        let (mut margin, mut marker, mut quantile) =
+            ((DVec2::splat(edge) / width).max(DVec2::splat(EDGE_SHARE)), DVec2::ZERO, 0.5);
+        if let TargetKind::CharucoRing { marker_mm, .. } = &target.kind
+            && white
+        {
+            let rim = 0.5 * (1.0 - marker_mm / target.square_mm);
+            let rim_px = rim * width.min_element();
+            margin = (DVec2::splat(EDGE_PX) / width).min(DVec2::splat(0.35 * rim));
+            marker = DVec2::splat(0.5 - rim) + margin;
+            if rim_px < MIN_RIM_PX {
+                quantile = 0.75;
+            }
+        }
+        let count = |length: f64| (length.ceil() as u32).clamp(8, 40);
+        Some(Self {
+            row,
+            col,
+            centre: target.grid_mm(row + 0.5, col + 0.5),
+            samples: (count(across.length()), count(down.length())),
+            margin,
+            marker,
+            quantile,
+        })
+    }
+
+    /// Whether a position, in squares from the upper left corner, is plain paper.
+    fn is_paper(&self, p: DVec2) -> bool {
+        let from_centre = (p - 0.5).abs();
+        from_centre.x <= 0.5 - self.margin.x
+            && from_centre.y <= 0.5 - self.margin.y
+            && !(from_centre.x < self.marker.x && from_centre.y < self.marker.y)
+    }
+}
+
+struct Measured {
+    /// Robust mean of each channel that can be used.
+    value: [Option<f32>; 3],
+    /// Whether a channel is clipped.
+    clipped: bool,
+    /// Largest channel, share of full scale.
+    level: f32,
+}
+
+/// Pixel values of a square, reused between squares.
+#[derive(Default)]
+struct Scratch {
+    values: [Vec<f32>; 3],
+}
+
+impl Scratch {
+    fn collect(
+        &mut self,
+        photo: &Photo,
+        target: &Target,
+        camera: &Camera,
+        pose: &Pose,
+        place: &Placed,
+    ) {
+        self.values.iter_mut().for_each(Vec::clear);
+        let (nx, ny) = place.samples;
+        for iy in 0..ny {
+            for ix in 0..nx {
+                let p = DVec2::new(
+                    (f64::from(ix) + 0.5) / f64::from(nx),
+                    (f64::from(iy) + 0.5) / f64::from(ny),
+                );
+                if !place.is_paper(p) {
+                    continue;
+                }
+                let board = target.grid_mm(place.row + p.y, place.col + p.x).extend(0.0);
+                let Some(pixel) = camera.project(pose.transform(board)) else { continue };
+                let (x, y) = (pixel.x.round(), pixel.y.round());
+                if x < 0.0 || y < 0.0 {
+                    continue;
+                }
+                let (x, y) = (x as u32, y as u32);
+                if x >= photo.width() || y >= photo.height() {
+                    continue;
+                }
+                let rgb = photo.pixel(x, y);
+                if rgb.iter().all(|v| v.is_finite()) {
+                    for (list, v) in self.values.iter_mut().zip(rgb) {
+                        list.push(v);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Robust mean of each channel: values within 2.5 robust sigma of the quantile. `None` when
+    /// the square is neither clipped nor evenly lit.
+    fn channels(&mut self, saturation: f32, quantile: f32) -> Option<Measured> {
+        let mut out = Measured { value: [None; 3], clipped: false, level: 0.0 };
+        for (list, value) in self.values.iter_mut().zip(&mut out.value) {
+            list.sort_by(f32::total_cmp);
+            let at = |q: f32| list[((list.len() - 1) as f32 * q).round() as usize];
+            let centre = at(quantile);
+            out.level = out.level.max(centre);
+            let clipped = list.iter().filter(|v| **v >= saturation).count();
+            if clipped as f32 > MAX_CLIPPED * list.len() as f32 {
+                out.clipped = true;
+                continue;
+            }
+            if !(centre > 0.0) {
+                continue;
+            }
+            // Half the distance between the 16 % and 84 % quantiles is one sigma; with a narrow
+            // rim only the upper half is paper.
+            let sigma =
+                if quantile > 0.5 { at(0.95) - centre } else { 0.5 * (at(0.84) - at(0.16)) };
+            if sigma > MAX_SPREAD * centre {
+                continue;
+            }
+            let reach = 2.5 * sigma.max(0.005 * centre);
+            let (mut sum, mut count) = (0.0, 0.0);
+            for v in list.iter().filter(|v| (**v - centre).abs() <= reach) {
+                sum += v;
+                count += 1.0;
+            }
+            *value = Some(sum / count);
+        }
+        (out.clipped || out.value.iter().any(Option::is_some)).then_some(out)
+    }
+}

@@ -1,1 +1,0 @@
-//! The top view of a photograph as an [`Observation`](crate::observation::Observation).

@@ -1,0 +1,409 @@
+//! The top view of a photograph as an [`Observation`](crate::observation::Observation).
+//!
+//! Every texel is mapped board -> camera -> distorted pixel. Where a texel covers less than about
+//! a pixel the photo is interpolated (Catmull-Rom); where it covers more, sub-samples about a pixel
+//! apart along each axis are averaged. Values stay linear throughout; the photo's response
+//! ([`Radiometry`]) turns them into radiance.
+
+mod mapping;
+mod resample;
+mod sampler;
+
+use rayon::prelude::*;
+
+use crate::Rejection;
+use crate::calibration::photometry::Radiometry;
+use crate::frame::Photo;
+use crate::geometry::{Camera, Pose};
+use crate::observation::{Falloff, Observation, View};
+
+use mapping::{LANES, Mapping, Positions};
+pub use resample::from_rectified;
+use sampler::{Filter, Tile};
+
+/// Views flatter than this see no material, only its roughest relief.
+const MAX_VIEW_DEGREES: f64 = 80.0;
+/// From here on the weight fades to reach 0 at [`MAX_VIEW_DEGREES`].
+const FADE_VIEW_DEGREES: f64 = 75.0;
+/// Least share of the sample that must be seen.
+const MIN_SEEN: f32 = 0.25;
+/// Share of texels saturated in all channels above which a photo says too little.
+const MAX_CLIPPED: f32 = 0.9;
+
+/// Rectifies a photo of a sample that lies in the board's plane.
+///
+/// The sample is the rectangle `sample_mm` (width, height) round the board's origin. See
+/// [`rectify_raised`].
+///
+/// # Errors
+/// As [`rectify_raised`].
+pub fn rectify(
+    photo: &Photo,
+    camera: &Camera,
+    pose: &Pose,
+    radiometry: &Radiometry,
+    sample_mm: [f32; 2],
+    width: usize,
+    height: usize,
+) -> Result<Observation, Rejection> {
+    rectify_raised(photo, camera, pose, radiometry, sample_mm, 0.0, width, height)
+}
+
+/// Rectifies a photo of a sample whose surface lies `height_mm` above the board's plane (negative:
+/// below).
+///
+/// The result's frame has its origin on the sample's surface: camera and light are given relative
+/// to that. Weight is the cosine between the surface's normal and the direction to the camera,
+/// faded to 0 at 80 degrees; it is 0 where a texel's footprint leaves the photo, holds values that
+/// are not finite, or where the light is below the surface.
+///
+/// # Errors
+/// [`Rejection::WrongSize`], [`Rejection::TooGrazing`], [`Rejection::LightNotVisible`] (below the
+/// surface), [`Rejection::SampleOutside`], [`Rejection::Clipped`].
+pub fn rectify_raised(
+    photo: &Photo,
+    camera: &Camera,
+    pose: &Pose,
+    radiometry: &Radiometry,
+    sample_mm: [f32; 2],
+    height_mm: f32,
+    width: usize,
+    height: usize,
+) -> Result<Observation, Rejection> {
+    let top = TopView { sample_mm, height_mm, width, height };
+    rectify_filtered(photo, camera, pose, radiometry, top, Filter::Adaptive)
+}
+
+/// The rectangle to be seen from the top.
+#[derive(Debug, Clone, Copy)]
+struct TopView {
+    sample_mm: [f32; 2],
+    height_mm: f32,
+    width: usize,
+    height: usize,
+}
+
+fn rectify_filtered(
+    photo: &Photo,
+    camera: &Camera,
+    pose: &Pose,
+    radiometry: &Radiometry,
+    top: TopView,
+    filter: Filter,
+) -> Result<Observation, Rejection> {
+    let (width, height) = (top.width, top.height);
+    if (photo.width(), photo.height()) != (camera.width, camera.height) {
+        return Err(Rejection::WrongSize {
+            found_width: photo.width(),
+            found_height: photo.height(),
+            width: camera.width,
+            height: camera.height,
+        });
+    }
+    let mut eye = pose.camera_centre();
+    let mut light = pose.to_board(radiometry.flash_offset_mm);
+    eye.z -= f64::from(top.height_mm);
+    light.z -= f64::from(top.height_mm);
+    let view_degrees = (eye.z / eye.length()).clamp(-1.0, 1.0).acos().to_degrees();
+    if !(view_degrees <= MAX_VIEW_DEGREES) {
+        return Err(Rejection::TooGrazing {
+            degrees: view_degrees as f32,
+            limit: MAX_VIEW_DEGREES as f32,
+        });
+    }
+    if !(light.z > 0.0) {
+        return Err(Rejection::LightNotVisible);
+    }
+
+    let view = View {
+        sample_mm: top.sample_mm,
+        camera_mm: eye.as_vec3().to_array(),
+        light_mm: light.as_vec3().to_array(),
+        falloff: Falloff::InverseSquare { power_mm2: radiometry.power_mm2 },
+        ambient: radiometry.ambient,
+    };
+    let offset = radiometry.flash_offset_mm;
+    let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);
+    let response = Response::new(radiometry, camera);
+    let texels = width * height;
+    let mut radiance = vec![0.0; 3 * texels];
+    let mut weight = vec![0.0; texels];
+    if texels > 0 {
+        let (red, rest) = radiance.split_at_mut(texels);
+        let (green, blue) = rest.split_at_mut(texels);
+        let band = LANES * width;
+        red.par_chunks_mut(band)
+            .zip(green.par_chunks_mut(band))
+            .zip(blue.par_chunks_mut(band))
+            .zip(weight.par_chunks_mut(band))
+            .enumerate()
+            .for_each(|(i, (((red, green), blue), weight))| {
+                let mut band = Band { planes: [red, green, blue], weight, row: i * LANES, width };
+                band.fill(photo, &mapping, &response, &view, filter);
+            });
+    }
+
+    let (mut seen, mut clipped) = (0_usize, 0_usize);
+    for i in 0..texels {
+        let here = weight[i] > 0.0;
+        seen += usize::from(here);
+        clipped += usize::from(here && (0..3).all(|c| radiance[c * texels + i] < 0.0));
+    }
+    let share = seen as f32 / texels.max(1) as f32;
+    if texels > 0 && share < MIN_SEEN {
+        return Err(Rejection::SampleOutside { share });
+    }
+    let share = clipped as f32 / seen.max(1) as f32;
+    if share > MAX_CLIPPED {
+        return Err(Rejection::Clipped { share });
+    }
+    Ok(Observation { width, height, view, radiance, weight })
+}
+
+/// Brings an observation made with one radiometry to another of the same photo, as when later
+/// photos have improved the estimate: values, light and ambient; the pose stays.
+///
+/// # Panics
+/// When the observation's planes do not have its size.
+pub fn update_radiometry(
+    observation: &mut Observation,
+    camera: &Camera,
+    pose: &Pose,
+    height_mm: f32,
+    old: &Radiometry,
+    new: &Radiometry,
+) {
+    let (width, height) = (observation.width, observation.height);
+    let texels = width * height;
+    if texels == 0 {
+        return;
+    }
+    let mapping = |r: &Radiometry| {
+        let sample_mm = observation.view.sample_mm;
+        Mapping::new(camera, pose, r.flash_offset_mm, sample_mm, height_mm, width, height)
+    };
+    let mappings = [mapping(old), mapping(new)];
+    let (from, to) = (Response::new(old, camera), Response::new(new, camera));
+    let (red, rest) = observation.radiance.split_at_mut(texels);
+    let (green, blue) = rest.split_at_mut(texels);
+    red.par_chunks_mut(width)
+        .zip(green.par_chunks_mut(width))
+        .zip(blue.par_chunks_mut(width))
+        .enumerate()
+        .for_each(|(y, ((red, green), blue))| {
+            let planes = [red, green, blue];
+            let mut positions = [Positions::default(), Positions::default()];
+            for x0 in (0..width).step_by(LANES) {
+                for (mapping, positions) in mappings.iter().zip(&mut positions) {
+                    mapping.project(x0, 0.5, y as f64 + 0.5, positions);
+                }
+                for lane in 0..LANES.min(width - x0) {
+                    let ratio =
+                        to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
+                    for c in 0..3 {
+                        planes[c][x0 + lane] *= ratio * (to.gain[c] / from.gain[c]);
+                    }
+                }
+            }
+        });
+    let mut light = pose.to_board(new.flash_offset_mm);
+    light.z -= f64::from(height_mm);
+    observation.view.light_mm = light.as_vec3().to_array();
+    observation.view.falloff = Falloff::InverseSquare { power_mm2: new.power_mm2 };
+    observation.view.ambient = new.ambient;
+}
+
+/// Radiance per pixel value, tabulated over the squared tangent to the optical axis.
+struct Response {
+    gain: [f32; 3],
+    /// `1 / V` of the lens and `1 / cos^n` of the flash's lobe, at equal steps of tan².
+    lens: Vec<f32>,
+    lobe: Vec<f32>,
+    per_tan2: f32,
+}
+
+impl Response {
+    /// Linear interpolation over this many steps errs by less than 1e-5 for any plausible lens.
+    const STEPS: usize = 1024;
+
+    fn new(radiometry: &Radiometry, camera: &Camera) -> Self {
+        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+        // Corner of the photo, with room for distortion and the distance of the flash.
+        let x = camera.cx.max(w - camera.cx) / camera.fx;
+        let y = camera.cy.max(h - camera.cy) / camera.fy;
+        let step = 2.0 * (x * x + y * y) / Self::STEPS as f64;
+        let table = |f: &dyn Fn(f64) -> f64| -> Vec<f32> {
+            (0..=Self::STEPS + 1).map(|i| (1.0 / f(i as f64 * step)) as f32).collect()
+        };
+        Self {
+            gain: radiometry.gain.map(|g| g as f32),
+            lens: table(&|tan2| radiometry.vignetting.at(tan2)),
+            lobe: table(&|tan2| (1.0 + tan2).powf(-0.5 * radiometry.lobe_exponent)),
+            per_tan2: (1.0 / step) as f32,
+        }
+    }
+
+    /// Reciprocal of vignetting times lobe.
+    fn relative(&self, positions: &Positions, lane: usize) -> f32 {
+        let read = |table: &[f32], tan2: f32| {
+            let at = (tan2 * self.per_tan2).clamp(0.0, Self::STEPS as f32);
+            let (low, fraction) = (at as usize, at.fract());
+            table[low] + fraction * (table[low + 1] - table[low])
+        };
+        read(&self.lens, positions.tan2[lane]) * read(&self.lobe, positions.tan2_light[lane])
+    }
+}
+
+/// [`LANES`] rows of the result.
+struct Band<'a> {
+    planes: [&'a mut [f32]; 3],
+    weight: &'a mut [f32],
+    /// First row.
+    row: usize,
+    width: usize,
+}
+
+impl Band<'_> {
+    fn fill(
+        &mut self,
+        photo: &Photo,
+        mapping: &Mapping,
+        response: &Response,
+        view: &View,
+        filter: Filter,
+    ) {
+        let mut tile = Tile::default();
+        let rows = self.weight.len() / self.width;
+        for x0 in (0..self.width).step_by(LANES) {
+            let columns = LANES.min(self.width - x0);
+            self.fill_tile(
+                photo,
+                mapping,
+                response,
+                view,
+                filter,
+                &mut tile,
+                (x0, 0),
+                (columns, rows),
+            );
+        }
+    }
+
+    /// Fills a rectangle of at most `LANES * LANES` texels; halves it while the part of the photo
+    /// that it shows is large.
+    fn fill_tile(
+        &mut self,
+        photo: &Photo,
+        mapping: &Mapping,
+        response: &Response,
+        view: &View,
+        filter: Filter,
+        tile: &mut Tile,
+        (x0, y0): (usize, usize),
+        (columns, rows): (usize, usize),
+    ) {
+        let Some(bounds) = mapping.bounds(x0, self.row + y0, columns, rows) else { return };
+        let Some(area) = bounds.pixels_in(photo) else { return };
+        if area.len() > Tile::MAX_PIXELS && columns.max(rows) > 1 {
+            let (half_x, half_y) = (columns.div_ceil(2), rows.div_ceil(2));
+            for (dy, rows) in [(0, half_y), (half_y, rows - half_y)] {
+                for (dx, columns) in [(0, half_x), (half_x, columns - half_x)] {
+                    if columns > 0 && rows > 0 {
+                        let (corner, size) = ((x0 + dx, y0 + dy), (columns, rows));
+                        self.fill_tile(photo, mapping, response, view, filter, tile, corner, size);
+                    }
+                }
+            }
+            return;
+        }
+        tile.load(photo, area);
+        for y in y0..y0 + rows {
+            self.fill_row(mapping, response, view, filter, tile, x0, columns, y);
+        }
+    }
+
+    fn fill_row(
+        &mut self,
+        mapping: &Mapping,
+        response: &Response,
+        view: &View,
+        filter: Filter,
+        tile: &Tile,
+        x0: usize,
+        columns: usize,
+        y: usize,
+    ) {
+        let row = (self.row + y) as f64;
+        let mut centre = Positions::default();
+        mapping.project(x0, 0.5, row + 0.5, &mut centre);
+        let footprint = mapping.footprint(x0, columns, row + 0.5);
+        let (nx, ny) = filter.sub_samples(footprint);
+        let mut sums = [[0.0_f32; 4]; LANES];
+        let mut flags = [0_u32; LANES];
+        if nx * ny == 1 {
+            tile.interpolate(&centre, columns, filter, &mut sums, &mut flags);
+        } else {
+            let mut positions = Positions::default();
+            for j in 0..ny {
+                let sub_y = row + (j as f64 + 0.5) / ny as f64;
+                for i in 0..nx {
+                    mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
+                    tile.add_bilinear(&positions, columns, &mut sums, &mut flags);
+                }
+            }
+        }
+
+        let per_sample = 1.0 / (nx * ny) as f32;
+        let start = y * self.width + x0;
+        let weights = Weights::new(view, mapping, row + 0.5);
+        for lane in 0..columns {
+            let weight = weights.at(x0 + lane);
+            if flags[lane] & sampler::OUTSIDE != 0 || weight <= 0.0 {
+                continue;
+            }
+            self.weight[start + lane] = weight;
+            let scale = per_sample * response.relative(&centre, lane);
+            for c in 0..3 {
+                // Catmull-Rom undershoots at edges; a sign means saturation.
+                let value = sums[lane][c].max(0.0) * scale * response.gain[c];
+                let saturated = flags[lane] & (1 << c) != 0;
+                self.planes[c][start + lane] = if saturated { -value } else { value };
+            }
+        }
+    }
+}
+
+/// Foreshortening weights of a row of texels.
+struct Weights {
+    eye: [f32; 3],
+    /// y² + z² of the vector to the eye, the same along a row.
+    rest2: f32,
+    first_x: f32,
+    step_x: f32,
+    zero: f32,
+    full: f32,
+}
+
+impl Weights {
+    fn new(view: &View, mapping: &Mapping, row: f64) -> Self {
+        let eye = view.camera_mm;
+        let y = eye[1] - mapping.y_mm(row) as f32;
+        Self {
+            eye,
+            rest2: y * y + eye[2] * eye[2],
+            first_x: mapping.x_mm(0.5) as f32,
+            step_x: (mapping.x_mm(1.5) - mapping.x_mm(0.5)) as f32,
+            zero: MAX_VIEW_DEGREES.to_radians().cos() as f32,
+            full: FADE_VIEW_DEGREES.to_radians().cos() as f32,
+        }
+    }
+
+    fn at(&self, x: usize) -> f32 {
+        let dx = self.eye[0] - (self.first_x + x as f32 * self.step_x);
+        let cos = self.eye[2] / (dx * dx + self.rest2).sqrt();
+        cos * ((cos - self.zero) / (self.full - self.zero)).clamp(0.0, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests;

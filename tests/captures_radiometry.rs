@@ -1,0 +1,377 @@
+//! Photometry and rectification against captures rendered by an independent path tracer: with the
+//! true poses, the white squares must give the true light back, and the true maps, rendered texel by
+//! texel with the contract's BRDF, must reproduce the rectified photos.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use serde_json::Value;
+use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator, Radiometry, Vignetting};
+use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
+use svbrdf::frame::Photo;
+use svbrdf::geometry::{Camera, Pose};
+use svbrdf::observation::Observation;
+use svbrdf::rectification::rectify;
+
+const CAPTURES: [&str; 5] =
+    ["bricks-charuco", "leather", "metal-charuco-ambient5", "tile", "tile-linear16"];
+const SIZE: usize = 512;
+
+fn data() -> Option<PathBuf> {
+    let root = std::env::var_os("SVBRDF_TEST_DATA").map(PathBuf::from);
+    if root.is_none() {
+        eprintln!("SKIPPED: set SVBRDF_TEST_DATA to compare with rendered captures");
+    }
+    root
+}
+
+fn number(v: &Value) -> f64 {
+    v.as_f64().unwrap_or_else(|| panic!("a number expected, found {v}"))
+}
+
+fn numbers<const N: usize>(v: &Value) -> [f64; N] {
+    std::array::from_fn(|i| number(&v[i]))
+}
+
+fn srgb_to_linear(v: f64) -> f64 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+struct Capture {
+    folder: PathBuf,
+    capture: Value,
+    truth: Value,
+    target: Target,
+    camera: Camera,
+    offset: DVec3,
+    sample_mm: [f32; 2],
+}
+
+impl Capture {
+    fn open(root: &Path, name: &str) -> Self {
+        let folder = root.join("captures/dev").join(name);
+        let read = |file: &str| -> Value {
+            let text = std::fs::read_to_string(folder.join(file)).unwrap();
+            serde_json::from_str(&text).unwrap()
+        };
+        let (capture, truth) = (read("capture.json"), read("truth/truth.json"));
+        let board = &capture["board"];
+        let hole: [f64; 4] = numbers(&board["hole_squares"]);
+        let kind = match board["kind"].as_str() {
+            Some("charuco-ring") => TargetKind::CharucoRing {
+                dictionary: board["dictionary"].as_str().unwrap().into(),
+                marker_mm: number(&board["marker_mm"]),
+            },
+            _ => TargetKind::CheckerboardRing,
+        };
+        let target = Target {
+            kind,
+            rows: number(&board["rows"]) as u32,
+            cols: number(&board["cols"]) as u32,
+            square_mm: number(&board["square_mm"]),
+            hole: Hole {
+                row_start: hole[0] as u32,
+                col_start: hole[1] as u32,
+                row_end: hole[2] as u32,
+                col_end: hole[3] as u32,
+            },
+            white_albedo: number(&board["white_albedo"]),
+            black_albedo: number(&board["black_albedo"]),
+            top_left: if board["top_left"] == "black" { TopLeft::Black } else { TopLeft::White },
+        };
+        let camera: Camera = serde_json::from_value(capture["camera"].clone()).unwrap();
+        let offset = DVec3::from_array(numbers(&truth["flash"]["offset_camera_mm"]));
+        let sample = &capture["sample"];
+        let sample_mm = [number(&sample["width_mm"]) as f32, number(&sample["height_mm"]) as f32];
+        Self { folder, capture, truth, target, camera, offset, sample_mm }
+    }
+
+    fn frames(&self) -> usize {
+        self.capture["frames"].as_array().unwrap().len()
+    }
+
+    fn pose(&self, frame: usize) -> Pose {
+        let f = &self.truth["frames"][frame];
+        let rows: [[f64; 3]; 3] = std::array::from_fn(|i| numbers(&f["R"][i]));
+        Pose {
+            rotation: DMat3::from_cols_array_2d(&rows).transpose(),
+            translation: DVec3::from_array(numbers(&f["t"])),
+        }
+    }
+
+    fn photo(&self, frame: usize) -> Photo {
+        let f = &self.capture["frames"][frame];
+        let image = image::open(self.folder.join(f["image"].as_str().unwrap())).unwrap();
+        let (w, h) = (image.width(), image.height());
+        let rgb: Vec<f32> = if f["encoding"] == "linear" {
+            image.to_rgb16().into_raw().iter().map(|v| f32::from(*v) / 65535.0).collect()
+        } else {
+            let table: Vec<f32> =
+                (0..256).map(|v| srgb_to_linear(f64::from(v) / 255.0) as f32).collect();
+            image.to_rgb8().into_raw().iter().map(|v| table[usize::from(*v)]).collect()
+        };
+        let exposure = f.get("exposure").map_or(1.0, number) as f32;
+        // JPEG rings round clipped areas: 250 of 255 counts as clipped.
+        let saturation =
+            if f["encoding"] == "linear" { 0.999 } else { srgb_to_linear(250.0 / 255.0) as f32 };
+        Photo::from_linear(w, h, rgb, exposure, saturation).unwrap()
+    }
+
+    /// Distance of the first photo's light from the sample's centre, mm.
+    fn reference_mm(&self) -> f64 {
+        self.pose(0).to_board(self.offset).length()
+    }
+
+    /// True vignetting at `cos`.
+    fn vignetting(&self, cos: f64) -> f64 {
+        1.0 - number(&self.truth["vignetting"]["a"]) * (1.0 - cos.powi(4))
+    }
+
+    fn lobe_exponent(&self) -> f64 {
+        number(&self.truth["flash"]["cos_exponent"])
+    }
+
+    /// Value of a white surface of albedo 1 that faces the flash on the axis at the reference.
+    fn true_scale(&self) -> f64 {
+        let intensity = number(&self.truth["flash"]["radiant_intensity"]);
+        let exposure = number(&self.truth["sensor"]["exposure"]);
+        exposure * intensity / std::f64::consts::PI / self.reference_mm().powi(2)
+    }
+
+    /// Ambient irradiance over the flash's at the reference distance.
+    fn true_ambient(&self) -> [f64; 3] {
+        let flash = number(&self.truth["flash"]["radiant_intensity"]) / self.reference_mm().powi(2);
+        match self.truth["ambient"].get("irradiance_rgb") {
+            Some(rgb) => numbers::<3>(rgb).map(|v| v / flash),
+            None => [0.0; 3],
+        }
+    }
+
+    fn true_radiometry(&self, frame: usize) -> Radiometry {
+        // The best two-parameter form of the true response, to 0.1 % over the photo.
+        let fit = |cos: f64| (-self.vignetting(cos).ln(), -cos.ln());
+        let (mut aa, mut ab, mut bb, mut ay, mut by) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for i in 1..100 {
+            let (y, u) = fit(1.0 - 0.002 * f64::from(i));
+            let (a, b) = (u, u * u);
+            (aa, ab, bb) = (aa + a * a, ab + a * b, bb + b * b);
+            (ay, by) = (ay + a * y, by + b * y);
+        }
+        let det = aa * bb - ab * ab;
+        let power = std::f64::consts::PI * self.reference_mm().powi(2);
+        let centre = (self.pose(frame).translation - self.offset).normalize();
+        let lobe = centre.z.powf(self.lobe_exponent());
+        Radiometry {
+            gain: [1.0 / self.true_scale(); 3],
+            vignetting: Vignetting {
+                exponent: (ay * bb - by * ab) / det,
+                curvature: (by * aa - ay * ab) / det,
+            },
+            lobe_exponent: self.lobe_exponent(),
+            flash_offset_mm: self.offset,
+            power_mm2: [power as f32; 3],
+            ambient: self.true_ambient().map(|v| (v / lobe) as f32),
+        }
+    }
+
+    fn calibrate(&self, frames: usize) -> PhotometricCalibrator {
+        let mut calibrator =
+            PhotometricCalibrator::new(self.target.clone(), FlashOffset::Known(self.offset));
+        for i in 0..frames {
+            let pushed = calibrator.push(&self.photo(i), &self.camera, &self.pose(i));
+            assert!(pushed.is_ok(), "frame {i}: {pushed:?}");
+        }
+        calibrator
+    }
+}
+
+/// Scale, response and ambient from the white squares against the truth.
+#[test]
+fn white_squares_give_the_true_light() {
+    let Some(root) = data() else { return };
+    for name in CAPTURES {
+        let capture = Capture::open(&root, name);
+        for frames in [1, 3, capture.frames()] {
+            let calibrator = capture.calibrate(frames);
+            let p = calibrator.photometry().unwrap();
+            let mut worst_scale = 0.0_f64;
+            let mut text = String::new();
+            for i in 0..frames {
+                let r = calibrator.radiometry(i).unwrap();
+                for c in 0..3 {
+                    let error = r.gain[c] * capture.true_scale() - 1.0;
+                    worst_scale = worst_scale.max(error.abs());
+                    if c == 1 {
+                        text += &format!(" {:+.2}", 100.0 * error);
+                    }
+                }
+            }
+            let mut worst_response = 0.0_f64;
+            for cos in [0.995, 0.98, 0.95, 0.9, 0.85] {
+                let v = p.vignetting.at(1.0 / (cos * cos) - 1.0) * cos.powf(p.lobe_exponent);
+                let truth = capture.vignetting(cos) * cos.powf(capture.lobe_exponent());
+                worst_response = worst_response.max((v / truth - 1.0).abs());
+            }
+            let truth = capture.true_ambient()[1];
+            let (raw, sigma) = p.ambient_raw[1];
+            println!(
+                "{name}, {frames} frames: gain error (green, %){text}; worst {:.2}; response \
+                 m {:.2} k {:.2} n {:.2} (true {:.2}), error to 32 degrees {:.2} %; ambient {:.4} (raw {raw:.4} +- \
+                 {sigma:.4}), true {truth:.4}; black ratio {:.3}; residual {:.4}",
+                100.0 * worst_scale,
+                p.vignetting.exponent,
+                p.vignetting.curvature,
+                p.lobe_exponent,
+                capture.lobe_exponent(),
+                100.0 * worst_response,
+                p.ambient[1],
+                p.black_ratio[1],
+                p.sigma,
+            );
+        }
+    }
+}
+
+struct Maps {
+    normal: Vec<DVec3>,
+    diffuse: Vec<DVec3>,
+    specular: [Vec<DVec3>; 2],
+    roughness: Vec<f64>,
+}
+
+/// Which of the candidate forms the renderings follow.
+#[derive(Debug, Clone, Copy)]
+struct Form {
+    exact_smith: bool,
+    specular_srgb: bool,
+}
+
+impl Maps {
+    fn open(folder: &Path) -> Self {
+        let read = |name: &str| -> Vec<DVec3> {
+            let image = image::open(folder.join("truth").join(name)).unwrap();
+            assert_eq!((image.width() as usize, image.height() as usize), (SIZE, SIZE));
+            let raw = image.to_rgb16().into_raw();
+            raw.chunks_exact(3)
+                .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()) / 65535.0)
+                .collect()
+        };
+        let linear = |v: &DVec3| DVec3::from_array(v.to_array().map(srgb_to_linear));
+        let specular = read("specular.png");
+        Self {
+            normal: read("normal.png").iter().map(|v| (*v * 2.0 - 1.0).normalize()).collect(),
+            diffuse: read("diffuse.png").iter().map(linear).collect(),
+            specular: [specular.clone(), specular.iter().map(linear).collect()],
+            roughness: read("roughness.png").iter().map(|v| v.x).collect(),
+        }
+    }
+
+    /// Radiance of a texel, straight from the formulae.
+    fn radiance(&self, o: &Observation, x: usize, y: usize, form: Form) -> DVec3 {
+        let i = y * SIZE + x;
+        let [px, py] = o.view.texel_mm(SIZE, SIZE, x, y);
+        let p = DVec3::new(px.into(), py.into(), 0.0);
+        let to_light = DVec3::from_array(o.view.light_mm.map(f64::from)) - p;
+        let to_eye = DVec3::from_array(o.view.camera_mm.map(f64::from)) - p;
+        let (n, l, v) = (self.normal[i], to_light.normalize(), to_eye.normalize());
+        let h = (l + v).normalize();
+        let (nol, nov) = (n.dot(l).max(1e-6), n.dot(v).max(1e-6));
+        let (noh, voh) = (n.dot(h).max(1e-6), v.dot(h).max(1e-6));
+        let (kd, ks) = (self.diffuse[i], self.specular[usize::from(form.specular_srgb)][i]);
+        let r = self.roughness[i];
+        let alpha2 = r.powi(4);
+        let d = alpha2 / (std::f64::consts::PI * (noh * noh * (alpha2 - 1.0) + 1.0).powi(2));
+        let g1 = |c: f64| {
+            if form.exact_smith {
+                2.0 / (1.0 + (1.0 + alpha2 * (1.0 - c * c) / (c * c)).sqrt())
+            } else {
+                let k = r * r / 2.0;
+                c / (c * (1.0 - k) + k)
+            }
+        };
+        let f = ks + (DVec3::ONE - ks) * ((-5.55473 * voh - 6.98316) * voh).exp2();
+        let brdf = kd / std::f64::consts::PI + f * (d * g1(nol) * g1(nov) / (4.0 * nol * nov));
+        let svbrdf::observation::Falloff::InverseSquare { power_mm2 } = o.view.falloff else {
+            panic!("photos of a board have inverse-square light")
+        };
+        brdf * (nol * f64::from(power_mm2[0]) / to_light.length_squared())
+            + DVec3::from_array(o.view.ambient.map(f64::from)) * (kd + ks)
+    }
+}
+
+/// Median relative difference and median ratio (photo over rendering).
+fn compare(capture: &Capture, maps: &Maps, observations: &[Observation], form: Form) -> (f64, f64) {
+    let (mut differences, mut ratios) = (Vec::new(), Vec::new());
+    for o in observations {
+        for y in (3..SIZE - 3).step_by(3) {
+            for x in (3..SIZE - 3).step_by(3) {
+                let i = y * SIZE + x;
+                if o.weight[i] <= 0.0 {
+                    continue;
+                }
+                let rendered = maps.radiance(o, x, y, form);
+                for c in 0..3 {
+                    let v = f64::from(o.radiance[c * SIZE * SIZE + i]);
+                    if v > 0.0 {
+                        differences.push((v - rendered[c]).abs() / rendered[c].max(1e-3));
+                        ratios.push(v / rendered[c].max(1e-3));
+                    }
+                }
+            }
+        }
+    }
+    assert!(differences.len() > 10_000, "{}", capture.folder.display());
+    let median = |v: &mut Vec<f64>| {
+        let middle = v.len() / 2;
+        *v.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    (median(&mut differences), median(&mut ratios))
+}
+
+#[test]
+fn true_maps_reproduce_the_rectified_photos() {
+    let Some(root) = data() else { return };
+    for name in CAPTURES {
+        let capture = Capture::open(&root, name);
+        let maps = Maps::open(&capture.folder);
+        let frames = capture.frames();
+        let calibrator = capture.calibrate(frames);
+        let mut truth = Vec::new();
+        let mut estimated = Vec::new();
+        let mut shares = Vec::new();
+        for i in 0..frames {
+            let (photo, pose) = (capture.photo(i), capture.pose(i));
+            let with = |r: &Radiometry| {
+                rectify(&photo, &capture.camera, &pose, r, capture.sample_mm, SIZE, SIZE).unwrap()
+            };
+            truth.push(with(&capture.true_radiometry(i)));
+            estimated.push(with(&calibrator.radiometry(i).unwrap()));
+            let clipped = truth[i].radiance.iter().filter(|v| **v < 0.0).count();
+            shares.push((100.0 * clipped as f64 / (3 * SIZE * SIZE) as f64).round());
+        }
+        println!("{name}: saturated share of the sample per frame (%): {shares:?}");
+        for exact_smith in [true, false] {
+            for specular_srgb in [true, false] {
+                let form = Form { exact_smith, specular_srgb };
+                let (difference, ratio) = compare(&capture, &maps, &truth, form);
+                println!(
+                    "  true light, {form:?}: median difference {:.2} %, median ratio {ratio:.4}",
+                    100.0 * difference
+                );
+            }
+        }
+        let dark: Vec<_> = truth
+            .iter()
+            .map(|o| {
+                let mut o = o.clone();
+                o.view.ambient = [0.0; 3];
+                o
+            })
+            .collect();
+        let form = Form { exact_smith: true, specular_srgb: true };
+        let (difference, ratio) = compare(&capture, &maps, &dark, form);
+        println!("  without ambient: {:.2} %, ratio {ratio:.4}", 100.0 * difference);
+        let (difference, ratio) = compare(&capture, &maps, &estimated, form);
+        println!("  estimated light: {:.2} %, ratio {ratio:.4}", 100.0 * difference);
+    }
+}
