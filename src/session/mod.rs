@@ -1,14 +1,27 @@
 //! A capture in progress: push photographs, take maps at any time.
 
-use std::sync::Arc;
+mod fit;
+mod intake;
+mod worker;
 
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use crossbeam_channel::Sender;
 use glam::DVec3;
+use rayon::ThreadPool;
 
+use self::fit::Fit;
+use self::intake::{Intake, Taken};
+use self::worker::{Command, Shared};
 use crate::calibration::Target;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::initial_estimate::Networks;
 use crate::observation::Falloff;
-use crate::{Rejection, Result, Svbrdf};
+use crate::{Error, Rejection, Result, Svbrdf};
 
 /// How maps are found from photographs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -118,16 +131,67 @@ pub struct Progress {
     pub settled: bool,
 }
 
+/// Resolutions a session may have.
+pub const RESOLUTIONS: [usize; 4] = [256, 512, 1024, 2048];
+
 /// A capture in progress. All methods may be called from any thread.
-pub struct Session {}
+pub struct Session {
+    settings: Settings,
+    pool: Arc<ThreadPool>,
+    networks: Arc<Networks>,
+    intake: Mutex<Intake>,
+    shared: Arc<Shared>,
+    commands: Sender<Command>,
+    worker: Option<JoinHandle<()>>,
+}
 
 impl Session {
     /// Starts a session with its worker thread and the embedded models.
     ///
     /// # Errors
     /// When a setting is out of range or a model is damaged.
-    pub fn new(_scene: Scene, _settings: Settings) -> Result<Self> {
-        todo!()
+    #[cfg(feature = "embedded-models")]
+    pub fn new(scene: Scene, settings: Settings) -> Result<Self> {
+        Self::with_networks(scene, settings, Arc::new(Networks::embedded()?))
+    }
+
+    /// Starts a session with given networks, which several sessions may share.
+    ///
+    /// # Errors
+    /// When a setting is out of range.
+    pub fn with_networks(
+        scene: Scene,
+        settings: Settings,
+        networks: Arc<Networks>,
+    ) -> Result<Self> {
+        if !RESOLUTIONS.contains(&settings.resolution) {
+            let message = format!("{} given; 256, 512, 1024 or 2048 expected", settings.resolution);
+            return Err(Error::argument("resolution", message));
+        }
+        if !settings.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
+        }
+        let intake = Mutex::new(Intake::new(scene)?);
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = if settings.threads == 0 { cores.min(4) } else { settings.threads };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("svbrdf-{i}"))
+            .build()
+            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
+        let pool = Arc::new(pool);
+        let shared = Arc::new(Shared::new());
+        let (commands, received) = crossbeam_channel::unbounded();
+        let fit = Fit::new(networks.clone(), &settings);
+        let worker = {
+            let (shared, pool) = (shared.clone(), pool.clone());
+            std::thread::Builder::new()
+                .name("svbrdf-fit".into())
+                .spawn(move || worker::run(&shared, &received, &pool, fit))
+                .map_err(|e| Error::Internal(format!("no thread: {e}")))?
+        };
+        let worker = Some(worker);
+        Ok(Self { settings, pool, networks, intake, shared, commands, worker })
     }
 
     /// Calibrates, rectifies and adds a photograph of a board. When this returns, maps that know
@@ -135,8 +199,9 @@ impl Session {
     ///
     /// # Errors
     /// On misuse only: a photograph that cannot be used is `Ok(Pushed::Rejected)`.
-    pub fn push(&self, _photo: &Photo) -> Result<Pushed> {
-        todo!()
+    pub fn push(&self, photo: &Photo) -> Result<Pushed> {
+        let Settings { sample_mm, resolution, .. } = self.settings;
+        self.accept(|intake| intake.take(photo, sample_mm, resolution))
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
@@ -145,11 +210,68 @@ impl Session {
     /// As [`Session::push`].
     pub fn push_rectified(
         &self,
-        _photo: &Photo,
-        _camera_mm: [f32; 3],
-        _light_mm: [f32; 3],
+        photo: &Photo,
+        camera_mm: [f32; 3],
+        light_mm: [f32; 3],
     ) -> Result<Pushed> {
-        todo!()
+        let Settings { sample_mm, resolution, .. } = self.settings;
+        self.accept(|intake| {
+            intake.take_rectified(photo, camera_mm, light_mm, sample_mm, resolution)
+        })
+    }
+
+    fn accept(
+        &self,
+        take: impl FnOnce(&mut Intake) -> Result<std::result::Result<Taken, Rejection>> + Send,
+    ) -> Result<Pushed> {
+        let begun = Instant::now();
+        self.usable()?;
+        // Photographs are taken in one after the other; a fit in progress is not disturbed.
+        let mut intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
+        let taken = match self.pool.install(|| take(&mut intake))? {
+            Ok(taken) => taken,
+            Err(rejection) => return Ok(Pushed::Rejected(rejection)),
+        };
+        let first = self.shared.lock().maps.is_none();
+        let start = if first {
+            let maps = self.pool.install(|| fit::first_maps(&self.networks, &taken.observation))?;
+            Some(Arc::new(maps))
+        } else {
+            None
+        };
+        let index = {
+            let mut state = self.shared.lock();
+            if let Some(maps) = &start {
+                state.maps = Some(maps.clone());
+            }
+            let index = state.progress.frames;
+            state.progress.frames += 1;
+            state.progress.settled = false;
+            index
+        };
+        let frame =
+            Command::Frame { observation: taken.observation, start, updates: taken.updates };
+        if self.commands.send(frame).is_err() {
+            self.usable()?;
+            return Err(Error::Cancelled);
+        }
+        Ok(Pushed::Accepted(Accepted {
+            index,
+            pose: taken.pose,
+            reprojection_rms_px: taken.rms_px,
+            maps_seconds: begun.elapsed().as_secs_f64(),
+        }))
+    }
+
+    /// Refuses calls on a session that failed or was cancelled.
+    fn usable(&self) -> Result<()> {
+        if let Some(message) = &self.shared.lock().failed {
+            return Err(Error::Internal(message.clone()));
+        }
+        if self.shared.cancelled.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
+        Ok(())
     }
 
     /// The maps as they are now.
@@ -157,44 +279,64 @@ impl Session {
     /// # Errors
     /// Before the first photograph was accepted.
     pub fn snapshot(&self) -> Result<Arc<Svbrdf>> {
-        todo!()
+        self.shared.lock().maps.clone().ok_or(Error::NoMaps)
     }
 
     /// State of the fit.
     pub fn progress(&self) -> Progress {
-        todo!()
+        self.shared.lock().progress
     }
 
-    /// Blocks until the fit has settled on all photographs so far, or is cancelled.
+    /// Blocks until the fit has settled on all photographs so far. Never returns while paused
+    /// with work left.
     ///
     /// # Errors
     /// When the fit failed or was cancelled.
     pub fn wait(&self) -> Result<()> {
-        todo!()
+        self.shared.wait()
     }
 
     /// Light position in the camera frame as used, mm.
     pub fn flash_offset_mm(&self) -> DVec3 {
-        todo!()
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).flash_offset_mm()
     }
 
-    /// Ambient light as a share of the flash's at the sample's centre.
+    /// Ambient irradiance as a share of the flash's at the sample's centre, facing the flash at the
+    /// first photograph's distance.
     pub fn ambient_fraction(&self) -> f32 {
-        todo!()
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).ambient_fraction()
     }
 
     /// Holds the fit after the step in progress.
     pub fn pause(&self) {
-        todo!()
+        self.shared.paused.store(true, Ordering::Relaxed);
     }
 
     /// Goes on after [`Session::pause`].
     pub fn resume(&self) {
-        todo!()
+        self.shared.paused.store(false, Ordering::Relaxed);
+        self.wake();
     }
 
     /// Ends the fit after the step in progress; maps stay available, pushes are refused.
     pub fn cancel(&self) {
-        todo!()
+        self.shared.cancelled.store(true, Ordering::Relaxed);
+        self.wake();
+        self.shared.notify();
+    }
+
+    fn wake(&self) {
+        // A worker that has ended needs no waking.
+        let _ = self.commands.send(Command::Wake);
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.cancel();
+        if let Some(worker) = self.worker.take() {
+            // Faults of the worker were recorded in the state.
+            let _ = worker.join();
+        }
     }
 }

@@ -6,9 +6,11 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, TryRecvError};
+use rayon::ThreadPool;
 
 use super::Progress;
 use super::fit::Fit;
+use super::intake::Update;
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
@@ -53,7 +55,10 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Wakes those who wait. Taking the lock once makes sure that none of them is between looking
+    /// at a flag and going to sleep.
     pub(super) fn notify(&self) {
+        drop(self.lock());
         self.changed.notify_all();
     }
 
@@ -83,7 +88,7 @@ impl Shared {
 /// Messages to the worker.
 pub(super) enum Command {
     /// A new photograph; the first one brings the maps to start from.
-    Frame { observation: Observation, start: Option<Arc<Svbrdf>> },
+    Frame { observation: Observation, start: Option<Arc<Svbrdf>>, updates: Vec<Update> },
     /// Look at the flags again.
     Wake,
 }
@@ -92,8 +97,13 @@ pub(super) enum Command {
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Runs until the session is dropped; faults end up in [`State::failed`].
-pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, fit: Fit) {
-    match catch_unwind(AssertUnwindSafe(|| work(shared, commands, fit))) {
+pub(super) fn run(
+    shared: &Shared,
+    commands: &Receiver<Command>,
+    pool: &ThreadPool,
+    fit: Fit,
+) {
+    match catch_unwind(AssertUnwindSafe(|| work(shared, commands, pool, fit))) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => shared.fail(error.to_string()),
         Err(panic) => {
@@ -107,7 +117,12 @@ pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, fit: Fit) {
     }
 }
 
-fn work(shared: &Shared, commands: &Receiver<Command>, mut fit: Fit) -> Result<()> {
+fn work(
+    shared: &Shared,
+    commands: &Receiver<Command>,
+    pool: &ThreadPool,
+    mut fit: Fit,
+) -> Result<()> {
     let mut busy = false;
     let mut started = Instant::now();
     let mut published = Instant::now();
@@ -123,8 +138,8 @@ fn work(shared: &Shared, commands: &Receiver<Command>, mut fit: Fit) -> Result<(
                 commands.try_recv()
             };
             match command {
-                Ok(Command::Frame { observation, start }) => {
-                    fit.add(observation, start)?;
+                Ok(Command::Frame { observation, start, updates }) => {
+                    pool.install(|| fit.add(observation, start, &updates))?;
                     let mut state = shared.lock();
                     state.fitted += 1;
                     state.progress.fraction = 0.0;
@@ -138,9 +153,9 @@ fn work(shared: &Shared, commands: &Receiver<Command>, mut fit: Fit) -> Result<(
                 Err(TryRecvError::Disconnected) => return Ok(()),
             }
         }
-        let step = fit.step()?;
+        let step = pool.install(|| fit.step())?;
         let publish = step.done || published.elapsed() >= PUBLISH_INTERVAL;
-        let maps = if publish { Some(Arc::new(fit.maps()?)) } else { None };
+        let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
         let mut state = shared.lock();
         state.progress.fraction = step.fraction;
         state.progress.loss = step.loss;
