@@ -13,14 +13,14 @@ use glam::{DMat3, DVec2, DVec3, IVec2};
 pub(super) const CORNERS_MIN: usize = 20;
 /// Pieces of lattice smaller than this start no placement.
 const PIECE_MIN: usize = 6;
-const PIECES_TRIED: usize = 3;
+const PIECES_TRIED: usize = 12;
 const PLACEMENTS_GROWN: usize = 4;
 /// Share of a piece's corners that may lie where the board has none.
 const PHANTOM_SHARE_MAX: f64 = 0.12;
 /// A predicted corner is looked for, and a found one kept, within this part of a cell.
 const SEARCH_CELLS: f64 = 0.25;
-/// Corners are predicted at most this many cells beyond labelled ones.
-const REACH: i64 = 2;
+/// Corners are predicted this many cells beyond labelled ones, further when none is found there.
+const REACHES: [i64; 3] = [2, 5, i64::MAX];
 /// Part of the distance to a marker that is sampled and gathered for edges.
 const PLAIN_PART: f64 = 0.8;
 /// Length of edge gathered on each side of a corner, in cells.
@@ -222,12 +222,13 @@ impl<'a> Layout<'a> {
 
     /// Looks for predicted corners, outward from labelled ones, until none is added.
     pub fn extend(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
-        for _ in 0..12 {
+        let mut reach = 0;
+        for _ in 0..20 {
             if !self.refit(image, labelling) {
                 return;
             }
             let visible = self.visible(image, &labelling.model);
-            let near = self.within_reach(labelling);
+            let near = self.within_reach(labelling, REACHES[reach]);
             let mut added = false;
             for i in 0..self.corners.len() {
                 if labelling.px[i].is_some() || !visible[i] || !near[i] {
@@ -237,7 +238,11 @@ impl<'a> Layout<'a> {
                 labelling.px[i] = self.locate(refiner, image, &labelling.model, i, start);
                 added |= labelling.px[i].is_some();
             }
-            if !added {
+            if added {
+                reach = 0;
+            } else if reach + 1 < REACHES.len() {
+                reach += 1;
+            } else {
                 return;
             }
         }
@@ -296,7 +301,7 @@ impl<'a> Layout<'a> {
             let mut dropped = false;
             for ((i, _), (g, r)) in labelled.iter().zip(grid.iter().zip(residuals)) {
                 let cell = smallest_side(&model, *g);
-                let limit = usual.max(0.06 * cell).max(0.5).min((SEARCH_CELLS * cell).max(1.5));
+                let limit = usual.max(0.1 * cell).max(0.5).min((SEARCH_CELLS * cell).max(1.5));
                 if r > limit {
                     labelling.px[*i] = None;
                     dropped = true;
@@ -309,22 +314,16 @@ impl<'a> Layout<'a> {
         true
     }
 
-    /// Which corners have a labelled one within [`REACH`] cells.
-    fn within_reach(&self, labelling: &Labelling) -> Vec<bool> {
-        let labelled = |row: i64, col: i64| {
-            (row > 0 && col > 0)
-                && self
-                    .corners
-                    .binary_search(&(row as u32, col as u32))
-                    .is_ok_and(|i| labelling.px[i].is_some())
-        };
+    /// Which corners have a labelled one within `reach` cells.
+    fn within_reach(&self, labelling: &Labelling, reach: i64) -> Vec<bool> {
+        let labelled: Vec<(u32, u32)> = (0..self.corners.len())
+            .filter(|&i| labelling.px[i].is_some())
+            .map(|i| self.corners[i])
+            .collect();
+        let near = |a: u32, b: u32| i64::from(a.abs_diff(b)) <= reach;
         self.corners
             .iter()
-            .map(|&(row, col)| {
-                let (row, col) = (i64::from(row), i64::from(col));
-                (row - REACH..=row + REACH)
-                    .any(|r| (col - REACH..=col + REACH).any(|c| labelled(r, c)))
-            })
+            .map(|c| labelled.iter().any(|l| near(c.0, l.0) && near(c.1, l.1)))
             .collect()
     }
 }

@@ -134,18 +134,21 @@ impl Scene {
         };
         let d0 = self.pose.translation.length();
         let mut data = vec![0.0f32; w * h];
+        // Undistorted rays of a row and the next one.
+        let rays = |y: usize| -> Vec<DVec2> {
+            (0..=w).map(|x| self.camera.undistort(DVec2::new(x as f64, y as f64))).collect()
+        };
+        let mut next = rays(0);
         for y in 0..h {
-            // Undistorted rays of a row and the next one at pixels' corners.
+            let row = std::mem::replace(&mut next, rays(y + 1));
             for x in 0..w {
-                let p = DVec2::new(x as f64, y as f64);
-                let ray = self.camera.undistort(p);
-                let dx = self.camera.undistort(p + DVec2::X) - ray;
-                let dy = self.camera.undistort(p + DVec2::Y) - ray;
+                let ray = row[x];
+                let (dx, dy) = (row[x + 1] - ray, next[x] - ray);
                 let at = |u: f64, v: f64| seen(ray + dx * u + dy * v).map(|b| self.albedo(b));
                 let corners = [at(-0.5, -0.5), at(0.5, -0.5), at(-0.5, 0.5), at(0.5, 0.5)];
                 let smooth = corners
                     .iter()
-                    .all(|c| matches!((c, corners[0]), (Some(a), Some(b)) if (a - b).abs() < 1e-3));
+                    .all(|c| matches!((c, corners[0]), (Some(a), Some(b)) if (a - b).abs() < 0.03));
                 let albedo = if smooth {
                     corners[0].unwrap_or(0.1)
                 } else {
