@@ -1,22 +1,24 @@
-//! Where grid points of the board appear, without knowing the camera: a homography followed by one
-//! radial term about the picture's centre. Good for a few per cent of a cell over the whole board,
+//! Where grid points of the board appear, without knowing the camera: a homography followed by two
+//! radial terms about the picture's centre. Good for a few per cent of a cell over the whole board,
 //! enough to predict corners and to find false ones.
 
 use crate::geometry::Homography;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
-/// Standard deviation of the radial term expected, at the picture's corner.
+/// Standard deviation expected of the radial terms, at the picture's corner.
 const RADIAL_PRIOR: f64 = 0.15;
 /// Noise that weighs the prior against the corners, px.
 const NOISE_PX: f64 = 0.5;
+/// Eight numbers of the homography, two radial terms.
+const N: usize = 10;
 
-/// Grid positions `(column, row)` to pixels: `c + p (1 + k |p|² / R²)` with
-/// `p = H (column, row) - c`, `c` the picture's centre and `R` half its diagonal.
+/// Grid positions `(column, row)` to pixels: `c + p (1 + k r² + l r⁴)` with
+/// `p = H (column, row) - c`, `r = |p| / R`, `c` the picture's centre and `R` half its diagonal.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoardModel {
     homography: DMat3,
-    radial: f64,
+    radial: [f64; 2],
     centre: DVec2,
     radius: f64,
 }
@@ -36,7 +38,7 @@ impl BoardModel {
             return None;
         }
         let mut model =
-            Self { homography: local * local.z_axis.z.recip(), radial: 0.0, centre, radius };
+            Self { homography: local * local.z_axis.z.recip(), radial: [0.0; 2], centre, radius };
         let grid: Vec<DVec2> = grid.iter().map(|g| *g - middle).collect();
         let mut residuals: Vec<f64> = vec![0.0; grid.len()];
         let mut damping = 1e-3;
@@ -53,7 +55,7 @@ impl BoardModel {
             let mut improved = false;
             for _ in 0..6 {
                 let mut damped = normal;
-                for i in 0..9 {
+                for i in 0..N {
                     damped[(i, i)] *= 1.0 + damping;
                 }
                 let Some(factor) = damped.cholesky() else {
@@ -86,11 +88,12 @@ impl BoardModel {
         }
         let p = q.truncate() / q.z - self.centre;
         let r2 = p.length_squared() / (self.radius * self.radius);
-        // Past its turning point a negative radial term means nothing.
-        if 1.0 + 3.0 * self.radial * r2 <= 0.0 {
+        let [k, l] = self.radial;
+        // Past its turning point the radial polynomial means nothing.
+        if 1.0 + r2 * (3.0 * k + 5.0 * l * r2) <= 0.0 {
             return DVec2::splat(-1e9);
         }
-        self.centre + p * (1.0 + self.radial * r2)
+        self.centre + p * (1.0 + r2 * (k + l * r2))
     }
 
     /// Pixels per column (first column of the matrix) and per row (second).
@@ -121,14 +124,14 @@ impl BoardModel {
         Self { homography: self.homography * m, ..*self }
     }
 
-    fn moved(&self, step: &SVector<f64, 9>) -> Self {
+    fn moved(&self, step: &SVector<f64, N>) -> Self {
         let h = &self.homography;
         let homography = DMat3::from_cols(
             h.x_axis + DVec3::new(step[0], step[1], step[2]),
             h.y_axis + DVec3::new(step[3], step[4], step[5]),
             h.z_axis + DVec3::new(step[6], step[7], 0.0),
         );
-        Self { homography, radial: self.radial + step[8], ..*self }
+        Self { homography, radial: [self.radial[0] + step[8], self.radial[1] + step[9]], ..*self }
     }
 
     fn normal_equations(
@@ -136,9 +139,9 @@ impl BoardModel {
         grid: &[DVec2],
         px: &[DVec2],
         weights: &[f64],
-    ) -> (SMatrix<f64, 9, 9>, SVector<f64, 9>, f64) {
-        let mut normal = SMatrix::<f64, 9, 9>::zeros();
-        let mut gradient = SVector::<f64, 9>::zeros();
+    ) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
+        let mut normal = SMatrix::<f64, N, N>::zeros();
+        let mut gradient = SVector::<f64, N>::zeros();
         let mut cost = 0.0;
         let scale2 = self.radius * self.radius;
         for ((g, target), &weight) in grid.iter().zip(px).zip(weights) {
@@ -146,19 +149,19 @@ impl BoardModel {
             let inverse = q.z.recip();
             let p = q.truncate() * inverse - self.centre;
             let r2 = p.length_squared() / scale2;
-            let stretch = 1.0 + self.radial * r2;
+            let [k, l] = self.radial;
+            let stretch = 1.0 + r2 * (k + l * r2);
             let error = self.centre + p * stretch - *target;
             cost += weight * error.length_squared();
             // d(pixel)/d(p), then d(p)/d(homography).
-            let bend = 2.0 * self.radial / scale2;
+            let bend = 2.0 * (k + 2.0 * l * r2) / scale2;
             let (dxx, dxy, dyy) =
                 (stretch + bend * p.x * p.x, bend * p.x * p.y, stretch + bend * p.y * p.y);
             let u = p + self.centre;
-            for (dx, dy, extra, e) in [(dxx, dxy, p.x * r2, error.x), (dxy, dyy, p.y * r2, error.y)]
-            {
+            for (dx, dy, along, e) in [(dxx, dxy, p.x, error.x), (dxy, dyy, p.y, error.y)] {
                 let dz = -(dx * u.x + dy * u.y);
                 let a = [dx * inverse, dy * inverse, dz * inverse];
-                let row = SVector::<f64, 9>::from([
+                let row = SVector::<f64, N>::from([
                     a[0] * g.x,
                     a[1] * g.x,
                     a[2] * g.x,
@@ -167,16 +170,19 @@ impl BoardModel {
                     a[2] * g.y,
                     a[0],
                     a[1],
-                    extra,
+                    along * r2,
+                    along * r2 * r2,
                 ]);
                 normal += row * row.transpose() * weight;
                 gradient += row * (weight * e);
             }
         }
         let prior = (NOISE_PX / RADIAL_PRIOR).powi(2);
-        normal[(8, 8)] += prior;
-        gradient[8] += prior * self.radial;
-        cost += prior * self.radial * self.radial;
+        for (i, term) in self.radial.iter().enumerate() {
+            normal[(8 + i, 8 + i)] += prior;
+            gradient[8 + i] += prior * term;
+            cost += prior * term * term;
+        }
         (normal, gradient, cost)
     }
 }
@@ -194,7 +200,7 @@ mod tests {
                 DVec3::new(-6.0, 35.0, -8e-3),
                 DVec3::new(180.0, 90.0, 1.0),
             ),
-            radial: -0.17,
+            radial: [-0.17, 0.03],
             centre: DVec2::new(499.5, 349.5),
             radius: DVec2::new(499.5, 349.5).length(),
         };

@@ -9,6 +9,7 @@ use super::corners;
 use super::lattice;
 use super::layout::{CORNERS_MIN, Labelling, Layout};
 use super::luma::LumaImage;
+use super::subpixel::Refiner;
 use super::target::Target;
 use crate::Rejection;
 use glam::DVec2;
@@ -60,6 +61,7 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
     }
     let level = |k: usize| if k == 0 { luma } else { &smaller[k - 1] };
 
+    let mut refiner = Refiner::default();
     let mut best: Option<(f64, Labelling)> = None;
     let mut rejection = Rejection::BoardNotFound;
     for k in (0..=smaller.len()).rev() {
@@ -69,10 +71,18 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
                     if finer < k {
                         follow(&mut labelling, level(finer));
                     }
-                    layout.refine(level(finer), &mut labelling);
-                    layout.extend(level(finer), &mut labelling);
+                    layout.refine(&mut refiner, level(finer), &mut labelling);
+                    layout.extend(&mut refiner, level(finer), &mut labelling);
                 }
-                layout.refine(luma, &mut labelling);
+                layout.refine(&mut refiner, luma, &mut labelling);
+                if std::env::var("DBG").is_ok() {
+                    eprintln!("after {}", labelling.count());
+                    for (i, p) in labelling.px.iter().enumerate() {
+                        if p.is_none() {
+                            eprint!("{:?} ", layout.corners[i]);
+                        }
+                    }
+                }
                 let visible = layout.visible(luma, &labelling.model);
                 let seen = visible.iter().filter(|v| **v).count();
                 let share = labelling.count() as f64 / seen.max(1) as f64;
@@ -115,22 +125,16 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
 fn search(layout: &Layout, level: &LumaImage) -> Result<Labelling, Rejection> {
     let saddles = corners::find(level);
     let pieces = lattice::grow(level, &saddles);
+    let r = layout.place(level, &pieces);
     if std::env::var("DBG").is_ok() {
         eprintln!(
-            "level {}x{} saddles {} pieces {:?}",
+            "level {}x{} saddles {} pieces {:?} {:?}",
             level.width,
             level.height,
             saddles.len(),
-            pieces.iter().take(8).map(|p| p.len()).collect::<Vec<_>>()
+            pieces.iter().take(8).map(|p| p.len()).collect::<Vec<_>>(),
+            r.as_ref().map(|l| l.count())
         );
-        for n in pieces.iter().take(1).flatten() {
-            eprint!("{:?}@({:.0},{:.0}){} ", (n.at.x, n.at.y), n.px.x, n.px.y, n.bright as u8);
-        }
-        eprintln!();
-    }
-    let r = layout.place(level, &pieces);
-    if std::env::var("DBG").is_ok() {
-        eprintln!("{:?}", r.as_ref().map(|l| l.count()));
     }
     r
 }

@@ -4,7 +4,7 @@
 use super::board_model::BoardModel;
 use super::lattice::Node;
 use super::luma::LumaImage;
-use super::subpixel;
+use super::subpixel::{Refiner, Window};
 use super::target::{Target, TargetKind};
 use crate::Rejection;
 use glam::{DMat3, DVec2, DVec3, IVec2};
@@ -13,14 +13,18 @@ use glam::{DMat3, DVec2, DVec3, IVec2};
 pub(super) const CORNERS_MIN: usize = 20;
 /// Pieces of lattice smaller than this start no placement.
 const PIECE_MIN: usize = 6;
-const PIECES_TRIED: usize = 3;
+const PIECES_TRIED: usize = 12;
 const PLACEMENTS_GROWN: usize = 4;
 /// Share of a piece's corners that may lie where the board has none.
 const PHANTOM_SHARE_MAX: f64 = 0.12;
 /// A predicted corner is looked for, and a found one kept, within this part of a cell.
 const SEARCH_CELLS: f64 = 0.25;
-/// Corners are predicted at most this many cells beyond labelled ones.
-const REACH: i64 = 2;
+/// Corners are predicted this many cells beyond labelled ones, further when none is found there.
+const REACHES: [i64; 3] = [2, 5, i64::MAX];
+/// Part of the distance to a marker that is sampled and gathered for edges.
+const PLAIN_PART: f64 = 0.8;
+/// Length of edge gathered on each side of a corner, in cells.
+const ARM_CELLS: f64 = 0.45;
 /// Bright minus dark relative to bright (square-root scale).
 const CONTRAST_MIN: f32 = 0.1;
 
@@ -52,7 +56,7 @@ impl<'a> Layout<'a> {
             TargetKind::CheckerboardRing => 0.5,
             TargetKind::CharucoRing { marker_mm, .. } => 0.5 * (1.0 - marker_mm / target.square_mm),
         };
-        Self { target, corners: target.corners(), plain: (0.8 * gap).clamp(0.06, 0.22) }
+        Self { target, corners: target.corners(), plain: PLAIN_PART * gap.clamp(0.08, 0.27) }
     }
 
     /// Distance from an edge, in squares, within which its two sides are plain.
@@ -117,9 +121,10 @@ impl<'a> Layout<'a> {
         }
         placements.sort_by(|a, b| b.0.total_cmp(&a.0));
         placements.truncate(PLACEMENTS_GROWN);
+        let mut refiner = Refiner::default();
         let mut grown: Vec<(f64, Labelling)> = Vec::new();
         for (_, mut labelling) in placements {
-            self.extend(image, &mut labelling);
+            self.extend(&mut refiner, image, &mut labelling);
             let visible = self.visible(image, &labelling.model);
             let seen = visible.iter().filter(|v| **v).count();
             let found = labelling.count();
@@ -216,33 +221,38 @@ impl<'a> Layout<'a> {
     }
 
     /// Looks for predicted corners, outward from labelled ones, until none is added.
-    pub fn extend(&self, image: &LumaImage, labelling: &mut Labelling) {
-        for _ in 0..12 {
+    pub fn extend(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
+        let mut reach = 0;
+        for _ in 0..20 {
             if !self.refit(image, labelling) {
                 return;
             }
             let visible = self.visible(image, &labelling.model);
-            let near = self.within_reach(labelling);
+            let near = self.within_reach(labelling, REACHES[reach]);
             let mut added = false;
             for i in 0..self.corners.len() {
                 if labelling.px[i].is_some() || !visible[i] || !near[i] {
                     continue;
                 }
                 let start = labelling.model.project(self.grid(i));
-                labelling.px[i] = self.locate(image, &labelling.model, i, start);
+                labelling.px[i] = self.locate(refiner, image, &labelling.model, i, start);
                 added |= labelling.px[i].is_some();
             }
-            if !added {
+            if added {
+                reach = 0;
+            } else if reach + 1 < REACHES.len() {
+                reach += 1;
+            } else {
                 return;
             }
         }
     }
 
     /// Refines every labelled corner on this image and drops those that do not stay.
-    pub fn refine(&self, image: &LumaImage, labelling: &mut Labelling) {
+    pub fn refine(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
         for i in 0..self.corners.len() {
             if let Some(px) = labelling.px[i] {
-                labelling.px[i] = self.locate(image, &labelling.model, i, px);
+                labelling.px[i] = self.locate(refiner, image, &labelling.model, i, px);
             }
         }
         self.refit(image, labelling);
@@ -251,16 +261,23 @@ impl<'a> Layout<'a> {
     /// The corner near `start`, if there is one with the right colours.
     fn locate(
         &self,
+        refiner: &mut Refiner,
         image: &LumaImage,
         model: &BoardModel,
         corner: usize,
         start: DVec2,
     ) -> Option<DVec2> {
-        let cell = smallest_side(model, self.grid(corner));
-        let reach = SEARCH_CELLS * cell;
-        let px = subpixel::refine(image, start, subpixel::half_window(cell), reach.max(1.5))?;
+        let cell = model.cell(self.grid(corner));
+        let side = cell.x_axis.length().min(cell.y_axis.length());
+        let reach = (SEARCH_CELLS * side).max(1.5);
+        // A square window draws the start in, the cross is the more precise.
+        let across = self.plain / PLAIN_PART;
+        let square = Window { along: across, across };
+        let cross = Window { along: ARM_CELLS, across: across.min(ARM_CELLS) };
+        let px = refiner.refine(image, start, cell, square, reach)?;
+        let px = refiner.refine(image, px, cell, cross, 0.5 * reach)?;
         let predicted = model.project(self.grid(corner));
-        ((px - predicted).length() < reach.max(1.5) && self.looks_right(image, model, corner, px))
+        ((px - predicted).length() < reach && self.looks_right(image, model, corner, px))
             .then_some(px)
     }
 
@@ -284,7 +301,7 @@ impl<'a> Layout<'a> {
             let mut dropped = false;
             for ((i, _), (g, r)) in labelled.iter().zip(grid.iter().zip(residuals)) {
                 let cell = smallest_side(&model, *g);
-                let limit = usual.max(0.06 * cell).max(0.5).min((SEARCH_CELLS * cell).max(1.5));
+                let limit = usual.max(0.1 * cell).max(0.5).min((SEARCH_CELLS * cell).max(1.5));
                 if r > limit {
                     labelling.px[*i] = None;
                     dropped = true;
@@ -297,22 +314,16 @@ impl<'a> Layout<'a> {
         true
     }
 
-    /// Which corners have a labelled one within [`REACH`] cells.
-    fn within_reach(&self, labelling: &Labelling) -> Vec<bool> {
-        let labelled = |row: i64, col: i64| {
-            (row > 0 && col > 0)
-                && self
-                    .corners
-                    .binary_search(&(row as u32, col as u32))
-                    .is_ok_and(|i| labelling.px[i].is_some())
-        };
+    /// Which corners have a labelled one within `reach` cells.
+    fn within_reach(&self, labelling: &Labelling, reach: i64) -> Vec<bool> {
+        let labelled: Vec<(u32, u32)> = (0..self.corners.len())
+            .filter(|&i| labelling.px[i].is_some())
+            .map(|i| self.corners[i])
+            .collect();
+        let near = |a: u32, b: u32| i64::from(a.abs_diff(b)) <= reach;
         self.corners
             .iter()
-            .map(|&(row, col)| {
-                let (row, col) = (i64::from(row), i64::from(col));
-                (row - REACH..=row + REACH)
-                    .any(|r| (col - REACH..=col + REACH).any(|c| labelled(r, c)))
-            })
+            .map(|c| labelled.iter().any(|l| near(c.0, l.0) && near(c.1, l.1)))
             .collect()
     }
 }

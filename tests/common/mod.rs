@@ -1,0 +1,251 @@
+//! A small renderer of photographs of the target, independent of the code under test except for
+//! the camera's and the target's definitions.
+
+use glam::{DMat3, DVec2, DVec3};
+use svbrdf::calibration::{LumaImage, Target, TargetKind};
+use svbrdf::frame::Photo;
+use svbrdf::geometry::{Camera, Pose};
+
+/// What lies in the hole.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Sample {
+    /// Dark, with spots and lines.
+    Textured,
+    /// Bare paper.
+    Paper,
+    /// The checkerboard goes on.
+    Checkerboard,
+}
+
+/// A photograph to be made.
+pub struct Scene {
+    pub target: Target,
+    pub camera: Camera,
+    pub pose: Pose,
+    pub sample: Sample,
+    /// Gaussian blur (sigma), px.
+    pub blur_px: f64,
+    /// Motion during exposure, px.
+    pub motion_px: DVec2,
+    /// Noise of a white pixel relative to it.
+    pub noise: f64,
+    /// Centre and radius (px) of round saturated reflections.
+    pub glare: Vec<(DVec2, f64)>,
+    /// Level of white.
+    pub exposure: f64,
+    pub seed: u64,
+}
+
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03)
+    }
+
+    /// Uniform in [0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Mean 0, variance 1 (sum of four uniform numbers).
+    pub fn noise(&mut self) -> f64 {
+        (0..4).map(|_| self.uniform() - 0.5).sum::<f64>() * 3f64.sqrt()
+    }
+}
+
+/// A pose that looks at the board's centre from `tilt` off its normal.
+pub fn looking_at(tilt_deg: f64, azimuth_deg: f64, roll_deg: f64, distance: f64) -> Pose {
+    let (tilt, azimuth) = (tilt_deg.to_radians(), azimuth_deg.to_radians());
+    let axis = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
+    let facing = DMat3::from_rotation_x(std::f64::consts::PI);
+    Pose {
+        rotation: DMat3::from_axis_angle(axis, tilt)
+            * DMat3::from_rotation_z(roll_deg.to_radians())
+            * facing,
+        translation: DVec3::new(0.0, 0.0, distance),
+    }
+}
+
+impl Scene {
+    /// Albedo at a point of the board's plane, mm.
+    fn albedo(&self, p: DVec2) -> f64 {
+        let t = &self.target;
+        let grid = DVec2::new(
+            p.x / t.square_mm + 0.5 * f64::from(t.cols),
+            0.5 * f64::from(t.rows) - p.y / t.square_mm,
+        );
+        let (row, col) = (grid.y.floor() as i64, grid.x.floor() as i64);
+        let hole = row >= t.hole.row_start.into()
+            && row < t.hole.row_end.into()
+            && col >= t.hole.col_start.into()
+            && col < t.hole.col_end.into();
+        let inside = row >= 0 && col >= 0 && row < t.rows.into() && col < t.cols.into();
+        if !inside {
+            // A margin of paper, then the table.
+            let margin = (grid - grid.clamp(DVec2::ZERO, DVec2::new(t.cols.into(), t.rows.into())))
+                .abs()
+                .max_element();
+            let table = 0.2 + 0.1 * (p.x * 0.21 + (p.y * 0.13).sin()).sin();
+            return if margin < 1.5 { t.white_albedo } else { table };
+        }
+        if hole && self.sample != Sample::Checkerboard {
+            let low = DVec2::new(t.hole.col_start.into(), t.hole.row_start.into());
+            let high = DVec2::new(t.hole.col_end.into(), t.hole.row_end.into());
+            let edge = (grid - low).min(high - grid).min_element();
+            if self.sample == Sample::Paper || edge < 0.4 {
+                return t.white_albedo;
+            }
+            // Bricks with joints along lattice lines: edges where a detector might expect some.
+            let brick = (grid.x + 0.5 * (grid.y.floor() % 2.0)).fract();
+            let joint = brick < 0.12 || grid.y.fract() < 0.12;
+            let shade = 0.25 + 0.2 * (3.7 * grid.x + (2.9 * grid.y).cos() * 2.0).sin();
+            return if joint { 0.6 } else { shade };
+        }
+        if !t.is_white(row, col) {
+            return t.black_albedo;
+        }
+        if let TargetKind::CharucoRing { marker_mm, .. } = &t.kind {
+            let m = marker_mm / t.square_mm;
+            let q = (grid.fract() - 0.5) / m + 0.5;
+            if q.cmpge(DVec2::ZERO).all() && q.cmplt(DVec2::ONE).all() {
+                let cell = (q * 6.0).floor();
+                let border = cell.min_element() < 1.0 || cell.max_element() > 4.0;
+                let bit = (row * 31 + col * 17) as u64 * 64 + (cell.x + 6.0 * cell.y) as u64;
+                let dark = border || Random::new(bit + 1).uniform() < 0.5;
+                return if dark { t.black_albedo } else { t.white_albedo };
+            }
+        }
+        t.white_albedo
+    }
+
+    /// Linear radiance, 1 is saturation.
+    pub fn linear(&self) -> Vec<f32> {
+        let (w, h) = (self.camera.width as usize, self.camera.height as usize);
+        let centre = self.pose.camera_centre();
+        let to_board = self.pose.rotation.transpose();
+        // Point of the board's plane that a pixel sees.
+        let seen = |ray: DVec2| {
+            let d = to_board * ray.extend(1.0);
+            (d.z < -1e-6).then(|| (centre - d * (centre.z / d.z)).truncate())
+        };
+        let d0 = self.pose.translation.length();
+        let mut data = vec![0.0f32; w * h];
+        // Undistorted rays of a row and the next one.
+        let rays = |y: usize| -> Vec<DVec2> {
+            (0..=w).map(|x| self.camera.undistort(DVec2::new(x as f64, y as f64))).collect()
+        };
+        let mut next = rays(0);
+        for y in 0..h {
+            let row = std::mem::replace(&mut next, rays(y + 1));
+            for x in 0..w {
+                let ray = row[x];
+                let (dx, dy) = (row[x + 1] - ray, next[x] - ray);
+                let at = |u: f64, v: f64| seen(ray + dx * u + dy * v).map(|b| self.albedo(b));
+                let corners = [at(-0.5, -0.5), at(0.5, -0.5), at(-0.5, 0.5), at(0.5, 0.5)];
+                let smooth = corners
+                    .iter()
+                    .all(|c| matches!((c, corners[0]), (Some(a), Some(b)) if (a - b).abs() < 0.03));
+                let albedo = if smooth {
+                    corners[0].unwrap_or(0.1)
+                } else {
+                    let sum = (0..64).map(|k| {
+                        let (u, v) = (f64::from(k % 8), f64::from(k / 8));
+                        at((u + 0.5) / 8.0 - 0.5, (v + 0.5) / 8.0 - 0.5).unwrap_or(0.1)
+                    });
+                    sum.sum::<f64>() / 64.0
+                };
+                // The flash sits at the camera: inverse square and cosine.
+                let light = seen(ray).map_or(0.0, |b| {
+                    let to_light = centre - b.extend(0.0);
+                    d0 * d0 / to_light.length_squared() * to_light.normalize().z
+                });
+                data[y * w + x] =
+                    (self.exposure / self.target.white_albedo * albedo * light) as f32;
+            }
+        }
+        self.blurred(&mut data, w, h);
+        let mut random = Random::new(self.seed);
+        for (i, v) in data.iter_mut().enumerate() {
+            let p = DVec2::new((i % w) as f64, (i / w) as f64);
+            let mut level = f64::from(*v);
+            for (centre, radius) in &self.glare {
+                level += 3.0 * (-(p.distance_squared(*centre)) / (radius * radius)).exp();
+            }
+            let sigma = self.noise * (level.min(1.0) + 0.01).sqrt();
+            *v = (level + sigma * random.noise()).clamp(0.0, 1.0) as f32;
+        }
+        data
+    }
+
+    fn blurred(&self, data: &mut Vec<f32>, w: usize, h: usize) {
+        let mut taps: Vec<Vec<(isize, isize, f32)>> = Vec::new();
+        if self.blur_px > 0.0 {
+            let reach = (3.5 * self.blur_px).ceil() as isize;
+            let weight = |k: isize| (-0.5 * (k as f64 / self.blur_px).powi(2)).exp() as f32;
+            let sum: f32 = (-reach..=reach).map(weight).sum();
+            taps.push((-reach..=reach).map(|k| (k, 0, weight(k) / sum)).collect());
+            taps.push((-reach..=reach).map(|k| (0, k, weight(k) / sum)).collect());
+        }
+        let length = self.motion_px.length().ceil() as isize;
+        if length > 0 {
+            let n = 2 * length + 1;
+            let at = |k: isize| self.motion_px * (k as f64 / n as f64);
+            taps.push(
+                (-length..=length)
+                    .map(|k| {
+                        let d = at(k).round();
+                        (d.x as isize, d.y as isize, 1.0 / n as f32)
+                    })
+                    .collect(),
+            );
+        }
+        for taps in taps {
+            let source = data.clone();
+            for y in 0..h {
+                for x in 0..w {
+                    let sum = taps.iter().map(|&(dx, dy, weight)| {
+                        let sx = (x as isize + dx).clamp(0, w as isize - 1) as usize;
+                        let sy = (y as isize + dy).clamp(0, h as isize - 1) as usize;
+                        weight * source[sy * w + sx]
+                    });
+                    data[y * w + x] = sum.sum();
+                }
+            }
+        }
+    }
+
+    /// The photograph as the detector takes it, through an 8-bit sRGB file.
+    pub fn luma(&self) -> LumaImage {
+        let rgb = self.linear().into_iter().flat_map(|v| [eight_bit(v); 3]).collect();
+        let photo =
+            Photo::from_linear(self.camera.width, self.camera.height, rgb, 1.0, 1.0).unwrap();
+        LumaImage::from_photo(&photo)
+    }
+
+    /// True pixel of a grid point.
+    pub fn corner_px(&self, row: u32, col: u32) -> DVec2 {
+        let p = self.target.grid_mm(row.into(), col.into()).extend(0.0);
+        self.camera.project(self.pose.transform(p)).unwrap_or(DVec2::splat(-1e6))
+    }
+
+    /// Corners of the target at least `margin` px inside the picture.
+    pub fn corners_in_view(&self, margin: f64) -> usize {
+        let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
+        let inside = self.target.corners().into_iter().filter(|&(row, col)| {
+            let p = self.corner_px(row, col);
+            p.min_element() >= margin && (size - 1.0 - p).min_element() >= margin
+        });
+        inside.count()
+    }
+}
+
+/// Rounds a linear value as an 8-bit sRGB file does.
+fn eight_bit(v: f32) -> f32 {
+    let coded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    let coded = (coded * 255.0).round() / 255.0;
+    if coded <= 0.040_45 { coded / 12.92 } else { ((coded + 0.055) / 1.055).powf(2.4) }
+}
