@@ -1,9 +1,9 @@
 //! The top view of a photograph as an [`Observation`](crate::observation::Observation).
 //!
-//! Every texel is mapped board -> camera -> distorted pixel. Where a texel covers less than about
-//! a pixel the photo is interpolated (Catmull-Rom); where it covers more, sub-samples about a pixel
-//! apart along each axis are averaged. Values stay linear throughout; the photo's response
-//! ([`Radiometry`]) turns them into radiance.
+//! Every texel is mapped board -> camera -> distorted pixel and the photo interpolated there
+//! (Catmull-Rom); where a texel covers more than about a pixel, sub-samples along each axis are
+//! averaged. Values stay linear throughout; the photo's response ([`Radiometry`]) turns them into
+//! radiance.
 
 mod mapping;
 mod resample;
@@ -340,16 +340,12 @@ impl Band<'_> {
         let (nx, ny) = filter.sub_samples(footprint);
         let mut sums = [[0.0_f32; 4]; LANES];
         let mut flags = [0_u32; LANES];
-        if nx * ny == 1 {
-            tile.interpolate(&centre, columns, filter, &mut sums, &mut flags);
-        } else {
-            let mut positions = Positions::default();
-            for j in 0..ny {
-                let sub_y = row + (j as f64 + 0.5) / ny as f64;
-                for i in 0..nx {
-                    mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
-                    tile.add_bilinear(&positions, columns, &mut sums, &mut flags);
-                }
+        let mut positions = Positions::default();
+        for j in 0..ny {
+            let sub_y = row + (j as f64 + 0.5) / ny as f64;
+            for i in 0..nx {
+                mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
+                tile.add_samples(&positions, columns, filter, &mut sums, &mut flags);
             }
         }
 
