@@ -260,6 +260,8 @@ fn white_squares_give_the_flash_offset() {
                 "{name}, {frames} frames: {:.2} +- {:.2}, true {:.2}: {error:.2} mm",
                 p.flash_offset_mm, p.flash_offset_sigma_mm, capture.offset
             );
+            // Its length trades with the lobe's exponent; 2 mm are 0.4 degrees.
+            assert!(error < 2.0, "{name}, {frames}");
         }
     }
 }
@@ -382,9 +384,9 @@ fn compare(capture: &Capture, maps: &Maps, observations: &[Observation], form: F
     (median(&mut differences), median(&mut ratios))
 }
 
-/// Share of saturated measurements whose true radiance is at least what they say.
-fn lower_bound_holds(maps: &Maps, observations: &[Observation], form: Form) -> f64 {
-    let (mut holds, mut count) = (0.0, 0.0);
+/// Rendering over photo at bright texels, sorted: saturated ones and others.
+fn bright_ratios(maps: &Maps, observations: &[Observation], form: Form) -> [Vec<f64>; 2] {
+    let mut ratios = [Vec::new(), Vec::new()];
     for o in observations {
         // Not at the outline, where the paper beyond clips.
         for y in (6..SIZE - 6).step_by(3) {
@@ -392,16 +394,18 @@ fn lower_bound_holds(maps: &Maps, observations: &[Observation], form: Form) -> f
                 let i = y * SIZE + x;
                 for c in 0..3 {
                     let v = f64::from(o.radiance[c * SIZE * SIZE + i]);
-                    if v < 0.0 && o.weight[i] > 0.0 {
-                        // Noise and the 2 % of the other texels.
-                        holds += f64::from(maps.radiance(o, x, y, form)[c] > -0.95 * v);
-                        count += 1.0;
+                    if v.abs() > 0.5 && o.weight[i] > 0.0 {
+                        let rendered = maps.radiance(o, x, y, form)[c];
+                        ratios[usize::from(v > 0.0)].push(rendered / v.abs());
                     }
                 }
             }
         }
     }
-    if count > 0.0 { holds / count } else { 1.0 }
+    for list in &mut ratios {
+        list.sort_by(f64::total_cmp);
+    }
+    ratios
 }
 
 #[test]
@@ -443,9 +447,19 @@ fn true_maps_reproduce_the_rectified_photos() {
             let limit = if name.starts_with("metal") { 0.2 } else { 0.03 };
             assert!(form != best || difference < limit, "{name}: {difference}");
         }
-        let bound = lower_bound_holds(&maps, &truth, best);
-        println!("  saturated texels that are at least as bright: {:.2} %", 100.0 * bound);
-        assert!(bound > 0.95, "{name}: {bound}");
+        let [saturated, bright] = bright_ratios(&maps, &truth, best);
+        let at = |list: &[f64], q: f64| list.get((q * list.len() as f64) as usize).copied();
+        if let (Some(low), Some(middle), Some(noise)) =
+            (at(&saturated, 0.05), at(&saturated, 0.5), at(&bright, 0.05))
+        {
+            println!(
+                "  rendering over photo: saturated 5 % {low:.3}, median {middle:.3}; others as \
+                 bright 5 % {noise:.3}"
+            );
+            // A saturated value is a lower bound, to the noise that bright texels have anyway:
+            // highlights amplify the 8-bit steps of the normal map.
+            assert!(low > noise.min(1.0) - 0.02 && middle > 1.2, "{name}");
+        }
         let (difference, ratio) = compare(&capture, &maps, &estimated, best);
         println!("  estimated light: {:.2} %, ratio {ratio:.4}", 100.0 * difference);
         let (_, true_ratio) = compare(&capture, &maps, &truth, best);
