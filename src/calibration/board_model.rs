@@ -1,0 +1,226 @@
+//! Where grid points of the board appear, without knowing the camera: a homography followed by one
+//! radial term about the picture's centre. Good for a few per cent of a cell over the whole board,
+//! enough to predict corners and to find false ones.
+
+use crate::geometry::Homography;
+use glam::{DMat2, DMat3, DVec2, DVec3};
+use nalgebra::{SMatrix, SVector};
+
+/// Standard deviation of the radial term expected, at the picture's corner.
+const RADIAL_PRIOR: f64 = 0.15;
+/// Noise that weighs the prior against the corners, px.
+const NOISE_PX: f64 = 0.5;
+
+/// Grid positions `(column, row)` to pixels: `c + p (1 + k |p|² / R²)` with
+/// `p = H (column, row) - c`, `c` the picture's centre and `R` half its diagonal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BoardModel {
+    homography: DMat3,
+    radial: f64,
+    centre: DVec2,
+    radius: f64,
+}
+
+impl BoardModel {
+    /// Fits the model to corners: robust (Cauchy weights scaled by the median residual). `None`
+    /// where corners are fewer than four or on one line.
+    pub fn fit(size: (usize, usize), grid: &[DVec2], px: &[DVec2]) -> Option<Self> {
+        let centre = 0.5 * DVec2::new(size.0 as f64 - 1.0, size.1 as f64 - 1.0);
+        let radius = centre.length().max(1.0);
+        let homography = Homography::fit(grid, px)?.0;
+        // Grid coordinates with the origin inside the board keep the last element away from 0.
+        let middle = grid.iter().sum::<DVec2>() / grid.len() as f64;
+        let to_middle = DMat3::from_translation(middle);
+        let local = homography * to_middle;
+        if local.z_axis.z.abs() < 1e-12 {
+            return None;
+        }
+        let mut model =
+            Self { homography: local * local.z_axis.z.recip(), radial: 0.0, centre, radius };
+        let grid: Vec<DVec2> = grid.iter().map(|g| *g - middle).collect();
+        let mut residuals: Vec<f64> = vec![0.0; grid.len()];
+        let mut damping = 1e-3;
+        for _ in 0..20 {
+            for (r, (g, p)) in residuals.iter_mut().zip(grid.iter().zip(px)) {
+                *r = (model.project(*g) - *p).length();
+            }
+            let mut sorted = residuals.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let scale = (2.0 * sorted[sorted.len() / 2]).max(0.3);
+            let weights: Vec<f64> =
+                residuals.iter().map(|r| (1.0 + (r / scale).powi(2)).recip()).collect();
+            let (normal, gradient, cost) = model.normal_equations(&grid, px, &weights);
+            let mut improved = false;
+            for _ in 0..6 {
+                let mut damped = normal;
+                for i in 0..9 {
+                    damped[(i, i)] *= 1.0 + damping;
+                }
+                let Some(factor) = damped.cholesky() else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let next = model.moved(&factor.solve(&-gradient));
+                let (_, _, next_cost) = next.normal_equations(&grid, px, &weights);
+                if next_cost < cost {
+                    improved = cost - next_cost > 1e-6 * cost;
+                    model = next;
+                    damping *= 0.1;
+                    break;
+                }
+                damping *= 10.0;
+            }
+            if !improved {
+                break;
+            }
+        }
+        model.homography *= DMat3::from_translation(-middle);
+        model.homography.is_finite().then_some(model)
+    }
+
+    /// Pixel of a grid position; far outside the picture for positions behind the camera.
+    pub fn project(&self, grid: DVec2) -> DVec2 {
+        let q = self.homography * grid.extend(1.0);
+        if q.z <= 0.0 {
+            return DVec2::splat(-1e9);
+        }
+        let p = q.truncate() / q.z - self.centre;
+        let r2 = p.length_squared() / (self.radius * self.radius);
+        // Past its turning point a negative radial term means nothing.
+        if 1.0 + 3.0 * self.radial * r2 <= 0.0 {
+            return DVec2::splat(-1e9);
+        }
+        self.centre + p * (1.0 + self.radial * r2)
+    }
+
+    /// Pixels per column (first column of the matrix) and per row (second).
+    pub fn cell(&self, grid: DVec2) -> DMat2 {
+        const STEP: f64 = 0.25;
+        let slope = |d: DVec2| (self.project(grid + d) - self.project(grid - d)) / (2.0 * STEP);
+        DMat2::from_cols(slope(DVec2::new(STEP, 0.0)), slope(DVec2::new(0.0, STEP)))
+    }
+
+    /// The model for the picture at twice the size in both directions.
+    pub fn doubled(&self, size: (usize, usize)) -> Self {
+        let enlarge = DMat3::from_cols(
+            DVec3::new(2.0, 0.0, 0.0),
+            DVec3::new(0.0, 2.0, 0.0),
+            DVec3::new(0.5, 0.5, 1.0),
+        );
+        let centre = 0.5 * DVec2::new(size.0 as f64 - 1.0, size.1 as f64 - 1.0);
+        Self {
+            homography: enlarge * self.homography,
+            radial: self.radial,
+            centre,
+            radius: centre.length().max(1.0),
+        }
+    }
+
+    /// The model of the same picture in grid coordinates `m` times homogeneous new ones.
+    pub fn in_grid(&self, m: DMat3) -> Self {
+        Self { homography: self.homography * m, ..*self }
+    }
+
+    fn moved(&self, step: &SVector<f64, 9>) -> Self {
+        let h = &self.homography;
+        let homography = DMat3::from_cols(
+            h.x_axis + DVec3::new(step[0], step[1], step[2]),
+            h.y_axis + DVec3::new(step[3], step[4], step[5]),
+            h.z_axis + DVec3::new(step[6], step[7], 0.0),
+        );
+        Self { homography, radial: self.radial + step[8], ..*self }
+    }
+
+    fn normal_equations(
+        &self,
+        grid: &[DVec2],
+        px: &[DVec2],
+        weights: &[f64],
+    ) -> (SMatrix<f64, 9, 9>, SVector<f64, 9>, f64) {
+        let mut normal = SMatrix::<f64, 9, 9>::zeros();
+        let mut gradient = SVector::<f64, 9>::zeros();
+        let mut cost = 0.0;
+        let scale2 = self.radius * self.radius;
+        for ((g, target), &weight) in grid.iter().zip(px).zip(weights) {
+            let q = self.homography * g.extend(1.0);
+            let inverse = q.z.recip();
+            let p = q.truncate() * inverse - self.centre;
+            let r2 = p.length_squared() / scale2;
+            let stretch = 1.0 + self.radial * r2;
+            let error = self.centre + p * stretch - *target;
+            cost += weight * error.length_squared();
+            // d(pixel)/d(p), then d(p)/d(homography).
+            let bend = 2.0 * self.radial / scale2;
+            let (dxx, dxy, dyy) =
+                (stretch + bend * p.x * p.x, bend * p.x * p.y, stretch + bend * p.y * p.y);
+            let u = p + self.centre;
+            for (dx, dy, extra, e) in [(dxx, dxy, p.x * r2, error.x), (dxy, dyy, p.y * r2, error.y)]
+            {
+                let dz = -(dx * u.x + dy * u.y);
+                let a = [dx * inverse, dy * inverse, dz * inverse];
+                let row = SVector::<f64, 9>::from([
+                    a[0] * g.x,
+                    a[1] * g.x,
+                    a[2] * g.x,
+                    a[0] * g.y,
+                    a[1] * g.y,
+                    a[2] * g.y,
+                    a[0],
+                    a[1],
+                    extra,
+                ]);
+                normal += row * row.transpose() * weight;
+                gradient += row * (weight * e);
+            }
+        }
+        let prior = (NOISE_PX / RADIAL_PRIOR).powi(2);
+        normal[(8, 8)] += prior;
+        gradient[8] += prior * self.radial;
+        cost += prior * self.radial * self.radial;
+        (normal, gradient, cost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distorted_ring_with_false_corners_is_fitted() {
+        let size = (1000, 700);
+        let truth = BoardModel {
+            homography: DMat3::from_cols(
+                DVec3::new(42.0, 5.0, 2e-3),
+                DVec3::new(-6.0, 35.0, -8e-3),
+                DVec3::new(180.0, 90.0, 1.0),
+            ),
+            radial: -0.17,
+            centre: DVec2::new(499.5, 349.5),
+            radius: DVec2::new(499.5, 349.5).length(),
+        };
+        let grid: Vec<DVec2> = (0..15)
+            .flat_map(|c| (0..12).map(move |r| DVec2::new(f64::from(c), f64::from(r))))
+            .filter(|g| g.x < 1.5 || g.y < 1.5 || g.x > 12.5 || g.y > 9.5)
+            .collect();
+        let mut px: Vec<DVec2> = grid.iter().map(|g| truth.project(*g)).collect();
+        for i in (0..px.len()).step_by(15) {
+            px[i] += DVec2::new(9.0, -7.0);
+        }
+        let model = BoardModel::fit(size, &grid, &px).unwrap();
+        for (i, (g, p)) in grid.iter().zip(&px).enumerate().filter(|(i, _)| i % 15 != 0) {
+            // A twentieth of a cell: the false corners keep some Cauchy weight.
+            assert!((model.project(*g) - *p).length() < 1.5, "{i}");
+        }
+        let twice = model.doubled((2000, 1400));
+        let g = DVec2::new(3.0, 7.5);
+        assert!((twice.project(g) - (2.0 * model.project(g) + 0.5)).length() < 0.05);
+        let cell = model.cell(g);
+        assert!((cell.x_axis - (model.project(g + DVec2::X) - model.project(g))).length() < 2.0);
+    }
+
+    #[test]
+    fn corners_on_a_line_are_refused() {
+        let grid: Vec<DVec2> = (0..9).map(|i| DVec2::new(f64::from(i), 3.0)).collect();
+        assert!(BoardModel::fit((100, 100), &grid, &grid).is_none());
+    }
+}

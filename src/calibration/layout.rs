@@ -1,0 +1,369 @@
+//! Tells which corner is which: places grown pieces of lattice on the known board, then labels all
+//! corners that the placement predicts.
+
+use super::board_model::BoardModel;
+use super::lattice::Node;
+use super::luma::LumaImage;
+use super::subpixel;
+use super::target::{Target, TargetKind};
+use crate::Rejection;
+use glam::{DMat3, DVec2, DVec3, IVec2};
+
+/// Corners without which no placement is trusted.
+pub(super) const CORNERS_MIN: usize = 20;
+/// Pieces of lattice smaller than this start no placement.
+const PIECE_MIN: usize = 6;
+const PIECES_TRIED: usize = 3;
+const PLACEMENTS_GROWN: usize = 4;
+/// Share of a piece's corners that may lie where the board has none.
+const PHANTOM_SHARE_MAX: f64 = 0.12;
+/// A predicted corner is looked for, and a found one kept, within this part of a cell.
+const SEARCH_CELLS: f64 = 0.25;
+/// Corners are predicted at most this many cells beyond labelled ones.
+const REACH: i64 = 2;
+/// Bright minus dark relative to bright (square-root scale).
+const CONTRAST_MIN: f32 = 0.1;
+
+/// A board with the lists that labelling needs.
+pub(super) struct Layout<'a> {
+    pub target: &'a Target,
+    /// (row, col) of every X-corner.
+    pub corners: Vec<(u32, u32)>,
+    /// How far from a corner, in squares, the four squares round it are plain.
+    plain: f64,
+}
+
+/// Corners found, in the order of [`Layout::corners`], and the model that predicts them.
+#[derive(Debug, Clone)]
+pub(super) struct Labelling {
+    pub px: Vec<Option<DVec2>>,
+    pub model: BoardModel,
+}
+
+impl Labelling {
+    pub fn count(&self) -> usize {
+        self.px.iter().flatten().count()
+    }
+}
+
+impl<'a> Layout<'a> {
+    pub fn new(target: &'a Target) -> Self {
+        let gap = match target.kind {
+            TargetKind::CheckerboardRing => 0.5,
+            TargetKind::CharucoRing { marker_mm, .. } => 0.5 * (1.0 - marker_mm / target.square_mm),
+        };
+        Self { target, corners: target.corners(), plain: (0.8 * gap).clamp(0.06, 0.22) }
+    }
+
+    /// Distance from an edge, in squares, within which its two sides are plain.
+    pub fn plain(&self) -> f64 {
+        self.plain
+    }
+
+    /// Median of the labelled corners' smaller cell sides, px.
+    pub fn usual_cell(&self, labelling: &Labelling) -> f64 {
+        let labelled = labelling.px.iter().enumerate().filter(|(_, p)| p.is_some());
+        let mut cells: Vec<f64> =
+            labelled.map(|(i, _)| smallest_side(&labelling.model, self.grid(i))).collect();
+        cells.sort_unstable_by(f64::total_cmp);
+        cells.get(cells.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Printed squares round a grid point: 4 at X-corners, 3 at the hole's corners, which look
+    /// like X-corners when the paper in the hole has the missing square's colour.
+    fn squares_round(&self, row: i64, col: i64) -> usize {
+        let round = [(row - 1, col - 1), (row - 1, col), (row, col - 1), (row, col)];
+        round.iter().filter(|(r, c)| self.target.has_square(*r, *c)).count()
+    }
+
+    fn grid(&self, corner: usize) -> DVec2 {
+        let (row, col) = self.corners[corner];
+        DVec2::new(col.into(), row.into())
+    }
+
+    /// Which corners the model puts inside the picture.
+    pub fn visible(&self, image: &LumaImage, model: &BoardModel) -> Vec<bool> {
+        (0..self.corners.len())
+            .map(|i| {
+                let cell = smallest_side(model, self.grid(i));
+                image.contains(model.project(self.grid(i)), (0.3 * cell).max(4.0))
+            })
+            .collect()
+    }
+
+    /// Whether the four squares round `px` look as the board has them.
+    fn looks_right(&self, image: &LumaImage, model: &BoardModel, corner: usize, px: DVec2) -> bool {
+        let (row, col) = self.corners[corner];
+        let cell = model.cell(self.grid(corner));
+        let (u, v) = (self.plain * cell.x_axis, self.plain * cell.y_axis);
+        let same = [image.sample(px + u + v), image.sample(px - u - v)];
+        let other = [image.sample(px + u - v), image.sample(px - u + v)];
+        let lower_right_white = self.target.is_white(row.into(), col.into());
+        let (bright, dark) = if lower_right_white { (same, other) } else { (other, same) };
+        let contrast = 0.5 * ((bright[0] + bright[1]) - (dark[0] + dark[1]));
+        contrast > CONTRAST_MIN * 0.5 * (bright[0] + bright[1])
+            && bright[0].min(bright[1]) - dark[0].max(dark[1]) > 0.3 * contrast
+    }
+
+    /// Finds the one placement of the pieces on the board that the picture supports.
+    ///
+    /// # Errors
+    /// [`Rejection::BoardNotFound`] when no placement fits, [`Rejection::TooFewCorners`] when one
+    /// fits but too little is seen, or several fit equally.
+    pub fn place(&self, image: &LumaImage, pieces: &[Vec<Node>]) -> Result<Labelling, Rejection> {
+        let mut placements: Vec<(f64, Labelling)> = Vec::new();
+        for piece in pieces.iter().filter(|p| p.len() >= PIECE_MIN).take(PIECES_TRIED) {
+            self.placements_of(image, piece, &mut placements);
+        }
+        placements.sort_by(|a, b| b.0.total_cmp(&a.0));
+        placements.truncate(PLACEMENTS_GROWN);
+        let mut grown: Vec<(f64, Labelling)> = Vec::new();
+        for (_, mut labelling) in placements {
+            self.extend(image, &mut labelling);
+            let visible = self.visible(image, &labelling.model);
+            let seen = visible.iter().filter(|v| **v).count();
+            let found = labelling.count();
+            let score = 1.5 * found as f64 - 0.5 * seen as f64;
+            // Placements that grow into the same labelling are one.
+            if !grown.iter().any(|(_, other)| same_labels(other, &labelling)) {
+                grown.push((score, labelling));
+            }
+        }
+        grown.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let expected = self.corners.len();
+        let Some((score, best)) = grown.first() else { return Err(Rejection::BoardNotFound) };
+        let found = best.count();
+        let too_few = |needed: usize| {
+            Err(Rejection::TooFewCorners {
+                found: found as u32,
+                expected: expected as u32,
+                needed: needed.min(expected) as u32,
+            })
+        };
+        if found < CORNERS_MIN {
+            return if found >= 2 * PIECE_MIN {
+                too_few(CORNERS_MIN)
+            } else {
+                Err(Rejection::BoardNotFound)
+            };
+        }
+        if let Some((second, _)) = grown.get(1)
+            && score - second < (0.08 * found as f64).max(3.0)
+        {
+            return too_few(found + 4);
+        }
+        Ok(best.clone())
+    }
+
+    /// Scores every placement of a piece by rotation and shift.
+    fn placements_of(
+        &self,
+        image: &LumaImage,
+        piece: &[Node],
+        placements: &mut Vec<(f64, Labelling)>,
+    ) {
+        let lattice: Vec<DVec2> = piece.iter().map(|n| n.at.as_dvec2()).collect();
+        let px: Vec<DVec2> = piece.iter().map(|n| n.px).collect();
+        let Some(model) = BoardModel::fit((image.width, image.height), &lattice, &px) else {
+            return;
+        };
+        let size = IVec2::new(self.target.cols as i32, self.target.rows as i32);
+        let phantoms_max = PHANTOM_SHARE_MAX * piece.len() as f64;
+        for turn in 0..4 {
+            let turned: Vec<IVec2> = piece.iter().map(|n| rotate(n.at, turn)).collect();
+            let low = turned.iter().fold(IVec2::MAX, |a, b| a.min(*b));
+            let high = turned.iter().fold(IVec2::MIN, |a, b| a.max(*b));
+            // One phantom row or column on each side is allowed for.
+            for dy in -low.y..=size.y - high.y {
+                for dx in -low.x..=size.x - high.x {
+                    let shift = IVec2::new(dx, dy);
+                    let phantoms = turned.iter().zip(piece).filter(|(at, node)| {
+                        let p = **at + shift;
+                        let (row, col) = (i64::from(p.y), i64::from(p.x));
+                        let white = self.target.is_white(row, col) ^ (turn % 2 == 1);
+                        node.bright != white || self.squares_round(row, col) < 3
+                    });
+                    let phantoms = phantoms.count();
+                    if phantoms as f64 > phantoms_max {
+                        continue;
+                    }
+                    // Board grid to lattice: shift back, turn back.
+                    let board = model.in_grid(lattice_of_board(turn, shift));
+                    let visible = self.visible(image, &board);
+                    let (mut matched, mut missed) = (0.0, 0.0);
+                    for i in (0..self.corners.len()).filter(|&i| visible[i]) {
+                        if self.looks_right(image, &board, i, board.project(self.grid(i))) {
+                            matched += 1.0;
+                        } else {
+                            missed += 1.0;
+                        }
+                    }
+                    let mut found = vec![None; self.corners.len()];
+                    for (at, node) in turned.iter().zip(piece) {
+                        let p = *at + shift;
+                        let at = (p.y.max(0) as u32, p.x.max(0) as u32);
+                        if let Ok(i) = self.corners.binary_search(&at)
+                            && self.looks_right(image, &board, i, node.px)
+                        {
+                            found[i] = Some(node.px);
+                        }
+                    }
+                    let score = matched - 0.5 * missed - 2.0 * phantoms as f64;
+                    placements.push((score, Labelling { px: found, model: board }));
+                }
+            }
+        }
+    }
+
+    /// Looks for predicted corners, outward from labelled ones, until none is added.
+    pub fn extend(&self, image: &LumaImage, labelling: &mut Labelling) {
+        for _ in 0..12 {
+            if !self.refit(image, labelling) {
+                return;
+            }
+            let visible = self.visible(image, &labelling.model);
+            let near = self.within_reach(labelling);
+            let mut added = false;
+            for i in 0..self.corners.len() {
+                if labelling.px[i].is_some() || !visible[i] || !near[i] {
+                    continue;
+                }
+                let start = labelling.model.project(self.grid(i));
+                labelling.px[i] = self.locate(image, &labelling.model, i, start);
+                added |= labelling.px[i].is_some();
+            }
+            if !added {
+                return;
+            }
+        }
+    }
+
+    /// Refines every labelled corner on this image and drops those that do not stay.
+    pub fn refine(&self, image: &LumaImage, labelling: &mut Labelling) {
+        for i in 0..self.corners.len() {
+            if let Some(px) = labelling.px[i] {
+                labelling.px[i] = self.locate(image, &labelling.model, i, px);
+            }
+        }
+        self.refit(image, labelling);
+    }
+
+    /// The corner near `start`, if there is one with the right colours.
+    fn locate(
+        &self,
+        image: &LumaImage,
+        model: &BoardModel,
+        corner: usize,
+        start: DVec2,
+    ) -> Option<DVec2> {
+        let cell = smallest_side(model, self.grid(corner));
+        let reach = SEARCH_CELLS * cell;
+        let px = subpixel::refine(image, start, subpixel::half_window(cell), reach.max(1.5))?;
+        let predicted = model.project(self.grid(corner));
+        ((px - predicted).length() < reach.max(1.5) && self.looks_right(image, model, corner, px))
+            .then_some(px)
+    }
+
+    /// Fits the model to the labelled corners and drops those that do not fit; false when too few
+    /// are left for a model.
+    fn refit(&self, image: &LumaImage, labelling: &mut Labelling) -> bool {
+        for _ in 0..3 {
+            let labelled: Vec<(usize, DVec2)> =
+                labelling.px.iter().enumerate().filter_map(|(i, p)| Some((i, (*p)?))).collect();
+            let grid: Vec<DVec2> = labelled.iter().map(|(i, _)| self.grid(*i)).collect();
+            let px: Vec<DVec2> = labelled.iter().map(|(_, p)| *p).collect();
+            let Some(model) = BoardModel::fit((image.width, image.height), &grid, &px) else {
+                return false;
+            };
+            labelling.model = model;
+            let residuals: Vec<f64> =
+                grid.iter().zip(&px).map(|(g, p)| (model.project(*g) - *p).length()).collect();
+            let mut sorted = residuals.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let usual = 5.0 * sorted[sorted.len() / 2];
+            let mut dropped = false;
+            for ((i, _), (g, r)) in labelled.iter().zip(grid.iter().zip(residuals)) {
+                let cell = smallest_side(&model, *g);
+                let limit = usual.max(0.06 * cell).max(0.5).min((SEARCH_CELLS * cell).max(1.5));
+                if r > limit {
+                    labelling.px[*i] = None;
+                    dropped = true;
+                }
+            }
+            if !dropped {
+                return true;
+            }
+        }
+        true
+    }
+
+    /// Which corners have a labelled one within [`REACH`] cells.
+    fn within_reach(&self, labelling: &Labelling) -> Vec<bool> {
+        let labelled = |row: i64, col: i64| {
+            (row > 0 && col > 0)
+                && self
+                    .corners
+                    .binary_search(&(row as u32, col as u32))
+                    .is_ok_and(|i| labelling.px[i].is_some())
+        };
+        self.corners
+            .iter()
+            .map(|&(row, col)| {
+                let (row, col) = (i64::from(row), i64::from(col));
+                (row - REACH..=row + REACH)
+                    .any(|r| (col - REACH..=col + REACH).any(|c| labelled(r, c)))
+            })
+            .collect()
+    }
+}
+
+/// Shorter side of the cell at a grid point, px.
+fn smallest_side(model: &BoardModel, grid: DVec2) -> f64 {
+    let cell = model.cell(grid);
+    cell.x_axis.length().min(cell.y_axis.length())
+}
+
+/// Quarter turns clockwise as displayed.
+fn rotate(p: IVec2, turn: usize) -> IVec2 {
+    match turn {
+        0 => p,
+        1 => IVec2::new(-p.y, p.x),
+        2 => -p,
+        _ => IVec2::new(p.y, -p.x),
+    }
+}
+
+/// Homogeneous map from board grid to lattice positions; undoes `rotate` by `turn`, then `shift`.
+fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
+    let back = (4 - turn) % 4;
+    let (x, y) = (rotate(IVec2::X, back).as_dvec2(), rotate(IVec2::Y, back).as_dvec2());
+    let origin = rotate(-shift, back).as_dvec2();
+    DMat3::from_cols(x.extend(0.0), y.extend(0.0), DVec3::new(origin.x, origin.y, 1.0))
+}
+
+fn same_labels(a: &Labelling, b: &Labelling) -> bool {
+    let both = a.px.iter().zip(&b.px).filter_map(|(a, b)| Some(((*a)?, (*b)?)));
+    let (mut same, mut all) = (0, 0);
+    for (p, q) in both {
+        all += 1;
+        same += usize::from((p - q).length() < 1.0);
+    }
+    all > 0 && 2 * same > all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarter_turns_and_shifts_are_undone() {
+        for turn in 0..4 {
+            let shift = IVec2::new(3, -7);
+            let back = lattice_of_board(turn, shift);
+            for p in [IVec2::new(0, 0), IVec2::new(5, 2), IVec2::new(-1, 4)] {
+                let board = (rotate(p, turn) + shift).as_dvec2();
+                assert_eq!((back * board.extend(1.0)).truncate(), p.as_dvec2());
+            }
+        }
+    }
+}

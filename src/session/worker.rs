@@ -1,0 +1,162 @@
+//! The thread that fits.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, TryRecvError};
+
+use super::Progress;
+use super::fit::Fit;
+use crate::observation::Observation;
+use crate::{Error, Result, Svbrdf};
+
+/// What callers and the worker share.
+pub(super) struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+    pub(super) paused: AtomicBool,
+    pub(super) cancelled: AtomicBool,
+}
+
+/// Results so far.
+pub(super) struct State {
+    pub(super) maps: Option<Arc<Svbrdf>>,
+    pub(super) progress: Progress,
+    /// Accepted photographs the worker has taken over.
+    pub(super) fitted: usize,
+    /// Set for ever by a fault of the worker.
+    pub(super) failed: Option<String>,
+}
+
+impl Shared {
+    pub(super) fn new() -> Self {
+        let progress = Progress {
+            frames: 0,
+            fraction: 0.0,
+            loss_before: 0.0,
+            loss: 0.0,
+            seconds_left: None,
+            settled: true,
+        };
+        Self {
+            state: Mutex::new(State { maps: None, progress, fitted: 0, failed: None }),
+            changed: Condvar::new(),
+            paused: AtomicBool::new(false),
+            cancelled: AtomicBool::new(false),
+        }
+    }
+
+    /// The state. A panic elsewhere never locks callers out: faults are kept in `failed`.
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn notify(&self) {
+        self.changed.notify_all();
+    }
+
+    /// Blocks until the fit has settled.
+    pub(super) fn wait(&self) -> Result<()> {
+        let mut state = self.lock();
+        loop {
+            if let Some(message) = &state.failed {
+                return Err(Error::Internal(message.clone()));
+            }
+            if state.progress.settled {
+                return Ok(());
+            }
+            if self.cancelled.load(Ordering::Relaxed) {
+                return Err(Error::Cancelled);
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn fail(&self, message: String) {
+        self.lock().failed = Some(message);
+        self.notify();
+    }
+}
+
+/// Messages to the worker.
+pub(super) enum Command {
+    /// A new photograph; the first one brings the maps to start from.
+    Frame { observation: Observation, start: Option<Arc<Svbrdf>> },
+    /// Look at the flags again.
+    Wake,
+}
+
+/// Shortest time between two published sets of maps.
+const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
+
+/// Runs until the session is dropped; faults end up in [`State::failed`].
+pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, fit: Fit) {
+    match catch_unwind(AssertUnwindSafe(|| work(shared, commands, fit))) {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => shared.fail(error.to_string()),
+        Err(panic) => {
+            let message = panic
+                .downcast_ref::<String>()
+                .map(String::as_str)
+                .or_else(|| panic.downcast_ref::<&str>().copied())
+                .unwrap_or("unknown panic");
+            shared.fail(message.to_owned());
+        }
+    }
+}
+
+fn work(shared: &Shared, commands: &Receiver<Command>, mut fit: Fit) -> Result<()> {
+    let mut busy = false;
+    let mut started = Instant::now();
+    let mut published = Instant::now();
+    loop {
+        loop {
+            if shared.cancelled.load(Ordering::Relaxed) {
+                return Ok(());
+            }
+            let idle = !busy || shared.paused.load(Ordering::Relaxed);
+            let command = if idle {
+                commands.recv().map_err(|_| TryRecvError::Disconnected)
+            } else {
+                commands.try_recv()
+            };
+            match command {
+                Ok(Command::Frame { observation, start }) => {
+                    fit.add(observation, start)?;
+                    let mut state = shared.lock();
+                    state.fitted += 1;
+                    state.progress.fraction = 0.0;
+                    state.progress.loss_before = fit.loss();
+                    state.progress.loss = fit.loss();
+                    busy = true;
+                    started = Instant::now();
+                }
+                Ok(Command::Wake) => {}
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return Ok(()),
+            }
+        }
+        let step = fit.step()?;
+        let publish = step.done || published.elapsed() >= PUBLISH_INTERVAL;
+        let maps = if publish { Some(Arc::new(fit.maps()?)) } else { None };
+        let mut state = shared.lock();
+        state.progress.fraction = step.fraction;
+        state.progress.loss = step.loss;
+        state.progress.seconds_left = (step.fraction > 0.02)
+            .then(|| started.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
+        if let Some(maps) = maps {
+            state.maps = Some(maps);
+            published = Instant::now();
+        }
+        if step.done {
+            busy = false;
+            // A photograph pushed meanwhile is still in the channel.
+            state.progress.settled = state.fitted == state.progress.frames;
+            state.progress.seconds_left = None;
+        }
+        drop(state);
+        shared.notify();
+    }
+}

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Runs every check of the repository; installs the system packages they need when missing
+# (Debian, Ubuntu). SVBRDF_TEST_DATA may name a folder with further captures; tests that need it
+# say what they skip without it.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+packages=()
+pkg-config --exists opencv4 2>/dev/null || packages+=(pkg-config libopencv-dev)
+ls /usr/lib/llvm-*/lib/libclang.so* >/dev/null 2>&1 || packages+=(clang libclang-dev)
+command -v cc >/dev/null || packages+=(build-essential)
+if [ ${#packages[@]} -gt 0 ]; then
+  sudo=$([ "$(id -u)" = 0 ] || echo sudo)
+  $sudo apt-get update -q
+  DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"
+fi
+
+cargo fmt --all --check
+cargo clippy --release --workspace --all-targets -- -D warnings
+cargo test --release --workspace "$@"
+RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace --quiet

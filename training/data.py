@@ -1,0 +1,286 @@
+"""Training data: packing of material folders, random crops, augmentation.
+
+A *pack* is a folder with ``level512.npy`` and ``level256.npy`` (float16
+[M, 9, S, S] encoded maps, see renderer.py) and ``meta.json`` (one entry per
+material: id, tier, held_out). Tier ``A``: physical roughness and F0; ``B``:
+spatial detail real, absolute roughness and F0 not; ``P``: procedural.
+"""
+
+import argparse
+import csv
+import hashlib
+import json
+import os
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from renderer import MAX_SLOPE, decode_maps, encode_maps
+
+SIZE = 512
+
+
+# ---------------------------------------------------------------- packing
+
+
+def srgb_to_linear(v):
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def _image(folder, stem):
+    from PIL import Image
+
+    for ext in ("png", "jpg", "jpeg"):
+        path = os.path.join(folder, f"{stem}.{ext}")
+        if os.path.exists(path):
+            image = np.asarray(Image.open(path))
+            scale = 65535.0 if image.dtype == np.uint16 or image.dtype == np.int32 else 255.0
+            return image.astype(np.float32) / scale
+    raise FileNotFoundError(os.path.join(folder, stem + ".{png,jpg,jpeg}"))
+
+
+def load_material(folder):
+    """Folder with normal, diffuse, specular (sRGB) and roughness (linear)
+    images -> encoded maps [9, H, W] float32."""
+    normal = _image(folder, "normal")[..., :3] * 2 - 1
+    # 8-bit normals: 128 stands for zero
+    normal = np.where(np.abs(normal) < 0.5 / 127.5, 0, normal)
+    z = np.maximum(normal[..., 2:3], 0.2)
+    slope = normal[..., :2] / z
+    kd = srgb_to_linear(_image(folder, "diffuse"))
+    ks = srgb_to_linear(_image(folder, "specular"))
+    roughness = _image(folder, "roughness")
+    if kd.ndim == 2:
+        kd = np.repeat(kd[..., None], 3, -1)
+    if ks.ndim == 2:
+        ks = np.repeat(ks[..., None], 3, -1)
+    if roughness.ndim == 3:
+        roughness = roughness[..., :1]
+    else:
+        roughness = roughness[..., None]
+    to = lambda a: torch.from_numpy(np.ascontiguousarray(a[..., :3].transpose(2, 0, 1), dtype=np.float32))
+    return encode_maps(to(slope), to(kd), to(ks), to(roughness))
+
+
+def to_square(e, size=SIZE):
+    """Tile small or oblong (tileable) maps, then resample to size x size."""
+    _, h, w = e.shape
+    if h != w:
+        side = max(h, w)
+        e = e.repeat(1, max(1, side // h), max(1, side // w))
+        side = min(e.shape[1:])
+        e = e[:, :side, :side]
+    if e.shape[1] * 2 <= size:
+        e = e.repeat(1, size // e.shape[1], size // e.shape[2])
+    return F.interpolate(e[None], (size, size), mode="bilinear", antialias=True, align_corners=False)[0].clamp(-1, 1)
+
+
+def held_out(identifier, percent=6):
+    """Stable choice of the held-out training materials (never trained on)."""
+    return int(hashlib.sha256(identifier.encode()).hexdigest(), 16) % 100 < percent
+
+
+class PackWriter:
+    """Writes a pack of ``count`` materials."""
+
+    def __init__(self, folder, count):
+        os.makedirs(folder, exist_ok=True)
+        self.folder = folder
+        self.levels = {
+            s: np.lib.format.open_memmap(
+                os.path.join(folder, f"level{s}.npy"), "w+", np.float16, (count, 9, s, s)
+            )
+            for s in (SIZE, SIZE // 2)
+        }
+        self.meta = []
+
+    def add(self, identifier, tier, e):
+        i = len(self.meta)
+        self.levels[SIZE][i] = e.numpy()
+        half = F.avg_pool2d(e[None], 2)[0]
+        self.levels[SIZE // 2][i] = half.numpy()
+        self.meta.append({"id": identifier, "tier": tier, "held_out": held_out(identifier)})
+
+    def close(self):
+        for level in self.levels.values():
+            level.flush()
+        with open(os.path.join(self.folder, "meta.json"), "w") as f:
+            json.dump(self.meta, f, indent=0)
+
+
+def pack_folder(materials, out):
+    """Pack a folder of materials with its manifest.csv (columns id, licence,
+    tier, ...). Rows without a licence are skipped; without a manifest every
+    sub-folder is taken as tier A."""
+    manifest = os.path.join(materials, "manifest.csv")
+    if os.path.exists(manifest):
+        with open(manifest, newline="") as f:
+            rows = [(r["id"], r.get("tier") or "A") for r in csv.DictReader(f) if (r.get("licence") or "").strip()]
+    else:
+        rows = [(d, "A") for d in sorted(os.listdir(materials)) if os.path.isdir(os.path.join(materials, d))]
+    writer = PackWriter(out, len(rows))
+    for identifier, tier in rows:
+        writer.add(identifier, tier, to_square(load_material(os.path.join(materials, identifier))))
+    writer.close()
+    return len(rows)
+
+
+# ---------------------------------------------------------------- sampling
+
+
+def rotate_flip(e, turns, flip):
+    """Rotate maps [..., 9, S, S] by ``turns`` quarter turns counter-clockwise
+    and mirror them in X if ``flip``; slopes follow."""
+    e = torch.rot90(e, turns, (-2, -1))
+    sx, sy = e[..., 0:1, :, :], e[..., 1:2, :, :]
+    for _ in range(turns % 4):
+        sx, sy = -sy, sx
+    if flip:
+        sx = -sx
+    e = torch.cat([sx, sy, e[..., 2:, :, :]], -3)
+    return torch.flip(e, (-1,)) if flip else e
+
+
+def smooth_noise(batch, size, device, cells):
+    """Smooth random field [B, 1, S, S], roughly standard normal."""
+    n = torch.randn(batch, 1, cells, cells, device=device)
+    return F.interpolate(n, (size, size), mode="bicubic", align_corners=True)
+
+
+class MaterialPool:
+    """Materials of several packs in memory (or memory-mapped on the CPU)."""
+
+    def __init__(self, folders, device="cpu", subset="train"):
+        self.device = torch.device(device)
+        self.entries = []  # (level512, level256, index, tier, id)
+        for folder in folders:
+            with open(os.path.join(folder, "meta.json")) as f:
+                meta = json.load(f)
+            mode = "c" if self.device.type == "cpu" else None
+            levels = [
+                torch.from_numpy(np.load(os.path.join(folder, f"level{s}.npy"), mmap_mode=mode)).to(self.device)
+                for s in (SIZE, SIZE // 2)
+            ]
+            for i, m in enumerate(meta):
+                if subset == "all" or (subset == "held_out") == m["held_out"]:
+                    self.entries.append((levels[0], levels[1], i, m["tier"], m["id"]))
+        weight = {"A": 2.0, "B": 1.0, "P": 1.3}
+        w = np.array([weight[t[3]] for t in self.entries])
+        self.probability = w / w.sum()
+
+    def __len__(self):
+        return len(self.entries)
+
+    def whole(self, index, size=256):
+        """Maps of one material, unaugmented [9, size, size]."""
+        level, half, i, _, _ = self.entries[index]
+        if size == SIZE // 2:
+            return half[i].float()
+        return F.interpolate(level[i : i + 1].float(), (size, size), mode="bilinear", antialias=True)[0]
+
+    def crop(self, index, size, rng):
+        """Random crop at a random scale, rotated and flipped: [9, size, size]."""
+        level, half, i, tier, _ = self.entries[index]
+        side = int(round(min(SIZE, size * 2 ** rng.uniform(0, np.log2(SIZE / size)))))
+        if side >= 2 * size:
+            source, side = half[i], side // 2
+        else:
+            source = level[i]
+        full = source.shape[-1]
+        y, x = (int(rng.integers(0, full - side + 1)) for _ in range(2))
+        e = source[:, y : y + side, x : x + side].float()
+        if side != size:
+            e = F.interpolate(e[None], (size, size), mode="bilinear", align_corners=False)[0]
+        return rotate_flip(e, int(rng.integers(4)), bool(rng.integers(2)))
+
+    def batch(self, batch, size, rng, change=None, blended=0.4):
+        """Augmented training batch [B, 9, size, size]; the first ``blended``
+        part of it are blends of two materials. ``change``: the augmentation
+        (a compiled :func:`augment`)."""
+        second = int(round(blended * batch))
+        picks = rng.choice(len(self.entries), batch + second, p=self.probability)
+        maps = torch.stack([self.crop(i, size, rng) for i in picks])
+        b_like = torch.tensor([self.entries[i][3] == "B" for i in picks], device=self.device)
+        maps = (change or augment)(maps, b_like)
+        if second == 0:
+            return maps
+        return torch.cat([blend_maps(maps[:second], maps[batch:]), maps[second:batch]])
+
+
+def blend_maps(first, second):
+    """Blend pairs by a constant weight or along a random smooth mask."""
+    batch, _, size, _ = first.shape
+    device = first.device
+    constant = torch.rand(batch, 1, 1, 1, device=device).expand(-1, 1, size, size)
+    noise = smooth_noise(batch, size, device, 5) + 0.35 * smooth_noise(batch, size, device, 17)
+    sharp = torch.exp(torch.rand(batch, 1, 1, 1, device=device) * 4.0)
+    mask = torch.sigmoid(sharp * (noise + 0.6 * torch.randn(batch, 1, 1, 1, device=device)))
+    pick = torch.rand(batch, 1, 1, 1, device=device) < 0.4
+    alpha = torch.where(pick, constant, mask)
+    return torch.lerp(first, second, alpha)
+
+
+def augment(e, b_like):
+    """Random changes of appearance. e [B, 9, S, S]; b_like [B] marks
+    materials whose absolute roughness and F0 mean nothing."""
+    batch, device = e.shape[0], e.device
+    slope, kd, ks, roughness = decode_maps(e)
+
+    def u(low, high, channels=1):
+        return torch.rand(batch, channels, 1, 1, device=device) * (high - low) + low
+
+    def g(sigma, channels=1):
+        return torch.exp(sigma * torch.randn(batch, channels, 1, 1, device=device))
+
+    def chance(p):
+        return torch.rand(batch, 1, 1, 1, device=device) < p
+
+    b_like = b_like.view(-1, 1, 1, 1)
+
+    # normals
+    slope = slope * torch.where(chance(0.7), g(0.45).clamp(0.25, 2.5), torch.ones(1, device=device))
+    # diffuse: saturation, hue, brightness
+    lum = kd.mean(1, keepdim=True)
+    recolour = chance(0.6)
+    coloured = (lum + (kd - lum) * u(0.1, 1.7)).clamp_min(0) * g(0.35) * g(0.18, 3)
+    kd = torch.where(recolour, coloured, kd).clamp(0.0, 0.95)
+    # specular and roughness
+    mean_s = ks.mean((1, 2, 3), keepdim=True).clamp_min(1e-3)
+    contrast = u(0.3, 1.8)
+    relative = (ks.mean(1, keepdim=True) / mean_s).clamp(0.05, 8) ** contrast
+    dielectric = 0.04 * g(0.35)
+    wide = torch.exp(u(float(np.log(0.03)), float(np.log(0.45))))
+    target = torch.where(chance(0.65), dielectric, wide)
+    tint = torch.where(chance(0.75), torch.ones(1, 3, 1, 1, device=device), g(0.2, 3))
+    remapped = relative * target * tint
+    ks = torch.where(b_like & chance(0.85), remapped, ks * torch.where(chance(0.5), g(0.2), torch.ones(1, device=device)))
+    # turn some into metals: the diffuse colour (or a tint) becomes F0
+    metal = torch.where(b_like, chance(0.13), chance(0.05))
+    lum2 = kd.mean(1, keepdim=True).clamp_min(0.02)
+    level = lum2.mean((2, 3), keepdim=True)
+    metal_f0 = u(0.35, 0.95) * (1 + 0.6 * u(0, 1) * (lum2 / level - 1)) * (1 + u(0.0, 0.9) * (kd / lum2 - 1))
+    ks = torch.where(metal, metal_f0, ks)
+    kd = torch.where(metal, kd * u(0.0, 0.12), kd)
+    ks = ks.clamp(0.01, 0.98)
+    # the two albedos share one unit of energy
+    kd = torch.minimum(kd, (1.0 - ks).clamp_min(0.0))
+    mean_r = roughness.mean((1, 2, 3), keepdim=True)
+    flip = torch.where(chance(0.15), -torch.ones(1, device=device), torch.ones(1, device=device))
+    new_mean = torch.where(metal, u(0.12, 0.7), u(0.1, 0.95))
+    remapped = new_mean + flip * g(0.4) * (roughness - mean_r)
+    shifted = roughness + 0.08 * torch.randn(batch, 1, 1, 1, device=device)
+    roughness = torch.where((b_like & chance(0.85)) | metal | chance(0.25), remapped, shifted).clamp(0.05, 1.0)
+    return encode_maps(slope.clamp(-MAX_SLOPE, MAX_SLOPE), kd, ks, roughness)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--materials", default=os.environ.get("SVBRDF_MATERIALS"), required="SVBRDF_MATERIALS" not in os.environ)
+    parser.add_argument("--out", required=True, help="pack folder to write")
+    args = parser.parse_args()
+    print(pack_folder(args.materials, args.out), "materials packed")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,234 @@
+"""Export trained weights to what the library embeds.
+
+    encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
+    photo.onnx     photo [1, 10, H, W] -> maps [1, 9, H, W]
+    decoder.bin    own container, see write_decoder
+    *_test.bin     inputs and outputs computed here, to test other
+                   implementations against
+    manifest.json  names, checksums, prior statistics
+
+Weights are stored in 16 bits; the ONNX graphs cast them to float32 and compute
+in float32. All test vectors are computed with the rounded weights.
+"""
+
+import argparse
+import datetime
+import hashlib
+import io
+import json
+import os
+import struct
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+
+from networks import SLOPE, STRIDE, PhotoNetwork, multiply_accumulates
+from schedule import load_ema
+from train_autoencoder import AutoEncoder
+
+ALLOWED_OPS = {
+    "Add", "Cast", "Concat", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Mul", "Tanh",
+}
+
+
+def round_to_half(module):
+    """Round all weights to what float16 holds, in place."""
+    with torch.no_grad():
+        for p in module.parameters():
+            p.copy_(p.half().float())
+    return module
+
+
+def contiguous(module):
+    return module.to(memory_format=torch.contiguous_format)
+
+
+def write_container(path, magic, header, data):
+    """magic (8 bytes), u32 length of the JSON header, header, raw data."""
+    text = json.dumps(header, separators=(",", ":")).encode()
+    with open(path, "wb") as f:
+        f.write(magic + struct.pack("<I", len(text)) + text + data)
+
+
+def write_decoder(path, decoder):
+    """Decoder as a list of layers and float16 tensors (offsets in elements)."""
+    layers, tensors, offset = [], [], 0
+
+    def store(t):
+        nonlocal offset
+        a = t.detach().contiguous().numpy().astype("<f2").ravel()
+        tensors.append(a)
+        offset += a.size
+        return offset - a.size
+
+    for s, layer in zip(decoder.spec, decoder.layers):
+        entry = {"op": s[0]}
+        if s[0] in ("conv", "conv_transpose"):
+            if s[0] == "conv":
+                entry["kernel"] = layer.kernel_size[0]
+            entry.update({"in": s[1], "out": s[2], "weight": store(layer.weight), "bias": store(layer.bias)})
+        elif s[0] == "depth_to_space":
+            entry["block"] = s[1]
+        layers.append(entry)
+    header = {
+        "format": "svbrdf-decoder/1",
+        "code_channels": decoder.code,
+        "stride": STRIDE,
+        "leaky_slope": SLOPE,
+        "layers": layers,
+    }
+    write_container(path, b"SVBRDFM1", header, np.concatenate(tensors).tobytes())
+
+
+def write_vectors(path, arrays):
+    """Named float32 arrays."""
+    header, offset = {"tensors": []}, 0
+    for name, a in arrays.items():
+        header["tensors"].append({"name": name, "shape": list(a.shape), "offset": offset})
+        offset += a.size
+    data = b"".join(np.ascontiguousarray(a, dtype="<f4").tobytes() for a in arrays.values())
+    write_container(path, b"SVBRDFT1", header, data)
+
+
+def to_onnx(path, module, example, input_name, output_name, out_stride):
+    """Plain ONNX graph with dynamic height and width, float16 initialisers."""
+    buffer = io.BytesIO()
+    torch.onnx.export(
+        module,
+        (example,),
+        buffer,
+        input_names=[input_name],
+        output_names=[output_name],
+        dynamic_axes={input_name: {2: "H", 3: "W"}, output_name: {2: "Ho", 3: "Wo"}},
+        opset_version=13,
+        dynamo=False,
+        do_constant_folding=True,
+    )
+    model = onnx.load_from_string(buffer.getvalue())
+    graph = model.graph
+    casts = []
+    for tensor in graph.initializer:
+        a = numpy_helper.to_array(tensor)
+        if a.dtype != np.float32:
+            continue
+        name = tensor.name
+        tensor.CopyFrom(numpy_helper.from_array(a.astype(np.float16), name + "_half"))
+        casts.append(helper.make_node("Cast", [name + "_half"], [name], name="cast_" + name, to=TensorProto.FLOAT))
+    nodes = casts + list(graph.node)
+    del graph.node[:]
+    graph.node.extend(nodes)
+    for n in graph.node:
+        n.doc_string = ""
+    ops = {n.op_type for n in graph.node}
+    if ops - ALLOWED_OPS:
+        raise SystemExit(f"{path}: unexpected operators {sorted(ops - ALLOWED_OPS)}")
+    del model.metadata_props[:]
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+    return sorted(ops)
+
+
+def verify(path, module, channels, name):
+    """Compare with onnxruntime at several sizes; returns the largest error."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    worst = 0.0
+    for h, w in ((64, 64), (256, 256), (128, 192)):
+        x = torch.rand(1, channels, h, w) * 2 - 1
+        with torch.no_grad():
+            expected = module(x).numpy()
+        got = session.run(None, {name: x.numpy()})[0]
+        assert got.shape == expected.shape, (got.shape, expected.shape)
+        worst = max(worst, float(np.abs(got - expected).max()))
+    assert worst < 2e-3, worst
+    return worst
+
+
+def checksum(path):
+    with open(path, "rb") as f:
+        return hashlib.sha256(f.read()).hexdigest()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--autoencoder", required=True, help="checkpoint autoencoder.pt")
+    parser.add_argument("--photo", required=True, help="checkpoint photo.pt")
+    parser.add_argument("--out", required=True, help="models folder")
+    parser.add_argument("--version", default=datetime.date.today().isoformat())
+    parser.add_argument("--packs", nargs="*", default=[], help="packs whose held-out materials give the statistics")
+    args = parser.parse_args()
+    torch.manual_seed(0)
+    torch.set_num_threads(2)
+    os.makedirs(args.out, exist_ok=True)
+    path = lambda name: os.path.join(args.out, name)
+
+    autoencoder, ae_steps, ae_samples = load_ema(AutoEncoder(), args.autoencoder)
+    photo, photo_steps, photo_samples = load_ema(PhotoNetwork(), args.photo)
+    encoder = round_to_half(contiguous(autoencoder.encoder.folded()))
+    decoder = round_to_half(contiguous(autoencoder.decoder))
+    photo = round_to_half(contiguous(photo))
+
+    print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code", STRIDE))
+    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
+    write_decoder(path("decoder.bin"), decoder)
+    print("encoder error", verify(path("encoder.onnx"), encoder, 9, "maps"))
+    print("photo error", verify(path("photo.onnx"), photo, 10, "photo"))
+
+    # test vectors: smooth inputs in a plausible range
+    maps = torch.tanh(nn.functional.interpolate(torch.randn(1, 9, 9, 9), (64, 64), mode="bicubic"))
+    with torch.no_grad():
+        write_vectors(path("encoder_test.bin"), {"maps": maps.numpy(), "code": encoder(maps).numpy()})
+    x = torch.tanh(nn.functional.interpolate(torch.randn(1, 10, 5, 9), (32, 64), mode="bicubic"))
+    with torch.no_grad():
+        write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
+    code = torch.randn(1, decoder.code, 3, 4, requires_grad=True)
+    out = decoder(code)
+    gradient = torch.randn_like(out)
+    out.backward(gradient)
+    write_vectors(
+        path("decoder_test.bin"),
+        {
+            "code": code.detach().numpy(),
+            "maps": out.detach().numpy(),
+            "maps_gradient": gradient.numpy(),
+            "code_gradient": code.grad.numpy(),
+        },
+    )
+
+    files = ["decoder.bin", "encoder.onnx", "photo.onnx", "decoder_test.bin", "encoder_test.bin", "photo_test.bin"]
+    manifest = {
+        "format": "svbrdf-models/1",
+        "profile": "phone",
+        "version": args.version,
+        "code_channels": decoder.code,
+        "stride": STRIDE,
+        "files": {n: {"sha256": checksum(path(n)), "bytes": os.path.getsize(path(n))} for n in files},
+        "mac_at_256": {
+            "encoder": multiply_accumulates(encoder, torch.rand(1, 9, 256, 256)),
+            "decoder": multiply_accumulates(decoder, torch.rand(1, decoder.code, 16, 16)),
+            "photo": multiply_accumulates(photo, torch.rand(1, 10, 256, 256)),
+        },
+        "training": {
+            "autoencoder": {"steps": ae_steps, "samples": ae_samples},
+            "photo": {"steps": photo_steps, "samples": photo_samples},
+        },
+    }
+    if args.packs:
+        from evaluate import prior_statistics
+
+        manifest["statistics"] = prior_statistics(args.packs, encoder, decoder, photo)
+    with open(path("manifest.json"), "w") as f:
+        json.dump(manifest, f, indent=2)
+        f.write("\n")
+    total = sum(manifest["files"][n]["bytes"] for n in files[:3])
+    print(f"networks: {total / 1e6:.2f} MB; MAC at 256x256: {manifest['mac_at_256']}")
+
+
+if __name__ == "__main__":
+    main()

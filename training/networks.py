@@ -1,0 +1,354 @@
+"""The networks: SVBRDF encoder and decoder, photo network, and the paper's
+own (large) auto-encoder. All tensors are NCHW; see renderer.py for the maps."""
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+SLOPE = 0.2
+STRIDE = 16
+
+
+def _act():
+    return nn.LeakyReLU(SLOPE)
+
+
+def initialise(module, gain=1.0):
+    """He initialisation for leaky ReLU, zero biases. A transposed 4x4 stride-2
+    convolution sums 4 taps of every input channel."""
+    with torch.no_grad():
+        for m in module.modules():
+            if isinstance(m, nn.Conv2d):
+                fan = m.in_channels * m.kernel_size[0] * m.kernel_size[1]
+            elif isinstance(m, nn.ConvTranspose2d):
+                fan = m.in_channels * m.kernel_size[0] * m.kernel_size[1] // m.stride[0] ** 2
+            else:
+                continue
+            m.weight.normal_(0, gain * (2 / (1 + SLOPE**2) / fan) ** 0.5)
+            m.bias.zero_()
+
+
+class Residual(nn.Module):
+    """x + conv(lrelu(conv(lrelu(x)))), 3x3, ``inner`` channels between; or a
+    single x + conv(lrelu(x)) if ``inner`` is 0. ``damp`` scales the branch."""
+
+    def __init__(self, channels, inner=None, damp=0.2):
+        super().__init__()
+        inner = channels if inner is None else inner
+        layers = [_act(), nn.Conv2d(channels, inner or channels, 3, 1, 1)]
+        if inner:
+            layers += [_act(), nn.Conv2d(inner, channels, 3, 1, 1)]
+        self.body = nn.Sequential(*layers)
+        self.damp = damp
+
+    def start(self):
+        """To be called after :func:`initialise`."""
+        with torch.no_grad():
+            self.body[-1].weight.mul_(self.damp)
+
+    def forward(self, x):
+        return x + self.body(x)
+
+
+def start(module):
+    initialise(module)
+    for m in module.modules():
+        if isinstance(m, Residual):
+            m.start()
+
+
+# Channels at 1/4, 1/8 and 1/16 of the resolution: auto-encoder
+WIDTHS = (40, 64, 192)
+
+
+class Encoder(nn.Module):
+    """Encoded maps [B, 9, H, W] -> code [B, C, H/16, W/16], unit variance.
+
+    A linear trunk of strided convolutions (started as a hierarchical principal
+    component analysis, :func:`principal_start`) with nonlinear residuals.
+    """
+
+    def __init__(self):
+        super().__init__()
+        a, b, c = WIDTHS
+        self.body = nn.Sequential(
+            nn.Conv2d(9, a, 4, 4),
+            Residual(a, 56, 0.0),
+            nn.Conv2d(a, b, 4, 2, 1),
+            Residual(b, 96, 0.0),
+            nn.Conv2d(b, c, 4, 2, 1),
+            Residual(c, 128, 0.0),
+        )
+        self.norm = nn.BatchNorm2d(c, affine=False, momentum=0.02)
+        start(self)
+
+    def forward(self, x):
+        z = self.body(x)
+        return self.norm(z.float())
+
+    def folded(self):
+        """The layers with the normalisation folded into the last trunk and
+        residual convolutions; equal to forward in evaluation mode."""
+        return FoldedEncoder(self)
+
+
+class FoldedEncoder(nn.Module):
+    """Encoder for export: code = scale * (trunk + branch) - shift, with the
+    scale moved into the convolutions that produce trunk and branch."""
+
+    def __init__(self, encoder):
+        super().__init__()
+        import copy
+
+        self.body = copy.deepcopy(encoder.body)[:-1]
+        self.branch = copy.deepcopy(encoder.body[-1].body)
+        scale = torch.rsqrt(encoder.norm.running_var + encoder.norm.eps)
+        with torch.no_grad():
+            # the branch reads the unscaled trunk: scale its input back
+            trunk, first, last = self.body[-1], self.branch[1], self.branch[-1]
+            trunk.weight.mul_(scale[:, None, None, None])
+            trunk.bias.mul_(scale)
+            first.weight.div_(scale[None, :, None, None])  # lrelu commutes with a positive scale
+            last.weight.mul_(scale[:, None, None, None])
+            last.bias.sub_(encoder.norm.running_mean).mul_(scale)
+
+    def forward(self, x):
+        x = self.body(x)
+        return x + self.branch(x)
+
+
+class Decoder(nn.Module):
+    """Code [B, C, h, w] -> encoded maps [B, 9, 16 h, 16 w].
+
+    Kept as a plain list of operations so that export is a walk over it.
+    """
+
+    def __init__(self):
+        super().__init__()
+        a, b, c = WIDTHS
+
+        def residual(channels, inner):
+            return [
+                ("save",),
+                ("leaky_relu",),
+                ("conv", channels, inner),
+                ("leaky_relu",),
+                ("conv", inner, channels),
+                ("add",),
+            ]
+
+        spec = (
+            residual(c, 96)
+            + [("conv_transpose", c, b)]
+            + residual(b, 48)
+            + [("conv_transpose", b, a)]
+            + [("save",), ("leaky_relu",), ("conv", a, a), ("add",)]
+            + [("conv_transpose", a, 36), ("depth_to_space", 2), ("tanh",)]
+        )
+        self.code = c
+        self.spec = spec
+        self.layers = nn.ModuleList()
+        for s in spec:
+            if s[0] == "conv":
+                self.layers.append(nn.Conv2d(s[1], s[2], 3, 1, 1))
+            elif s[0] == "conv_transpose":
+                self.layers.append(nn.ConvTranspose2d(s[1], s[2], 4, 2, 1))
+            else:
+                self.layers.append(nn.Identity())
+        initialise(self)
+        with torch.no_grad():  # residual branches start at zero
+            for i in range(1, len(spec)):
+                if spec[i][0] == "add":
+                    self.layers[i - 1].weight.zero_()
+
+    def forward(self, z):
+        stack = []
+        x = z
+        for s, layer in zip(self.spec, self.layers):
+            op = s[0]
+            if op in ("conv", "conv_transpose"):
+                x = layer(x)
+            elif op == "leaky_relu":
+                x = F.leaky_relu(x, SLOPE)
+            elif op == "save":
+                stack.append(x)
+            elif op == "add":
+                x = x + stack.pop()
+            elif op == "depth_to_space":
+                x = F.pixel_shuffle(x, s[1])
+            elif op == "tanh":
+                x = torch.tanh(x.float())
+        return x
+
+
+def principal_start(encoder, decoder, maps, weight):
+    """Start both trunks as a hierarchical, whitened principal component
+    analysis of training maps [N, 9, S, S]; weight [9] is the importance of the
+    channels. Patches of 4x4, then 2x2 of those, then 2x2 again."""
+    a, b, c = WIDTHS
+    device = maps.device
+
+    def basis(x, patch, count):
+        p = F.unfold(x, patch, stride=patch).permute(0, 2, 1).reshape(-1, x.shape[1] * patch * patch)
+        mean = p.mean(0)
+        p = p - mean
+        values, vectors = torch.linalg.eigh((p.T @ p / len(p)).double())
+        values, vectors = values.flip(0)[:count].float(), vectors.flip(1)[:, :count].float()
+        return mean, values.clamp_min(1e-6), vectors
+
+    def project(x, mean, vectors, patch):
+        shape = x.shape
+        p = F.unfold(x, patch, stride=patch) - mean[None, :, None]
+        return (vectors.T @ p).view(shape[0], -1, shape[2] // patch, shape[3] // patch)
+
+    with torch.no_grad():
+        w = weight.to(device).view(1, 9, 1, 1)
+        mean_a, _, va = basis(maps * w, 4, a)
+        xa = project(maps * w, mean_a, va, 4)
+        mean_b, _, vb = basis(xa, 2, b)
+        xb = project(xa, mean_b, vb, 2)
+        mean_c, values, vc = basis(xb, 2, c)
+        sigma = values.sqrt()
+
+        trunk = [m for m in encoder.body if isinstance(m, nn.Conv2d)]
+        trunk[0].weight.copy_(va.T.reshape(a, 9, 4, 4) * w)
+        trunk[0].bias.copy_(-(va.T @ mean_a))
+        for layer, mean, v in ((trunk[1], mean_b, vb), (trunk[2], mean_c, vc / sigma)):
+            layer.weight.zero_()
+            layer.weight[:, :, 1:3, 1:3] = v.T.reshape(v.shape[1], -1, 2, 2)
+            layer.bias.copy_(-(v.T @ mean))
+
+        up = [m for m in decoder.layers if isinstance(m, nn.ConvTranspose2d)]
+        for layer, mean, v in ((up[0], mean_c, vc * sigma), (up[1], mean_b, vb)):
+            layer.weight.zero_()
+            layer.weight[:, :, 1:3, 1:3] = v.T.reshape(v.shape[1], -1, 2, 2)
+            layer.bias.copy_(mean.view(-1, 4).mean(1))
+        # 4x4 patches through a stride-2 layer and depth_to_space(2); the gain
+        # makes up for the tanh
+        gain = 1.15
+        v = (va.T.reshape(a, 9, 4, 4) / w).view(a, 9, 2, 2, 2, 2)  # (c, Y, dy, X, dx)
+        v = v.permute(0, 1, 3, 5, 2, 4).reshape(a, 36, 2, 2)  # (c dy dx, Y, X)
+        up[2].weight.zero_()
+        up[2].weight[:, :, 1:3, 1:3] = gain * v
+        mean = (mean_a.view(1, 9, 4, 4) / w).mean((2, 3)).view(9, 1).expand(9, 4).reshape(36)
+        up[2].bias.copy_(gain * mean)
+
+
+class PhotoNetwork(nn.Module):
+    """Photo with geometry [B, 10, H, W] -> encoded maps [B, 9, H, W].
+
+    U-Net from 1/2 to 1/32 resolution; the globally pooled bottleneck is fed
+    back at three levels. H, W: multiples of 32.
+    """
+
+    def __init__(self, widths=(24, 48, 72, 128, 160)):
+        super().__init__()
+        a, b, c, d, e = widths
+        self.down1 = nn.Conv2d(10, a, 4, 2, 1)  # 1/2
+        self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
+        self.down3 = nn.Conv2d(b, c, 4, 2, 1)  # 1/8
+        self.res3 = Residual(c)
+        self.down4 = nn.Conv2d(c, d, 4, 2, 1)  # 1/16
+        self.res4 = Residual(d)
+        self.down5 = nn.Conv2d(d, e, 4, 2, 1)  # 1/32
+        self.res5 = Residual(e)
+        self.global1 = nn.Conv2d(e, e, 1)
+        self.global5 = nn.Conv2d(e, e, 1)
+        self.global4 = nn.Conv2d(e, d, 1)
+        self.global3 = nn.Conv2d(e, c, 1)
+        self.mix5 = nn.Conv2d(e, e, 3, 1, 1)
+        self.up4 = nn.ConvTranspose2d(e, d, 4, 2, 1)
+        self.mix4 = Residual(d, 0)
+        self.up3 = nn.ConvTranspose2d(d, c, 4, 2, 1)
+        self.mix3 = Residual(c, 0)
+        self.up2 = nn.ConvTranspose2d(c, b, 4, 2, 1)
+        self.mix2 = Residual(b, 0)
+        self.up1 = nn.ConvTranspose2d(b, a, 4, 2, 1)
+        self.mix1 = nn.Conv2d(2 * a, a, 3, 1, 1)
+        self.out = nn.ConvTranspose2d(a, 9, 4, 2, 1)
+        start(self)
+        with torch.no_grad():
+            self.out.weight.mul_(0.3)
+
+    def forward(self, photo):
+        act = lambda x: F.leaky_relu(x, SLOPE)
+        x1 = act(self.down1(photo))
+        x2 = self.down2(x1)
+        x3 = self.res3(self.down3(act(x2)))
+        x4 = self.res4(self.down4(act(x3)))
+        x5 = self.res5(self.down5(act(x4)))
+        g = act(self.global1(F.adaptive_avg_pool2d(act(x5), 1)))
+        y = act(x5 + self.global5(g))
+        y = act(self.mix5(y) + x5)
+        y = self.mix4(self.up4(y) + x4 + self.global4(g))
+        y = self.mix3(self.up3(act(y)) + x3 + self.global3(g))
+        y = self.mix2(self.up2(act(y)) + x2)
+        y = act(self.up1(act(y)))
+        y = act(self.mix1(torch.cat([y, x1], 1)))
+        return torch.tanh(self.out(y).float())
+
+
+class PaperEncoder(nn.Module):
+    """The encoder of Gao et al. 2019 (paper profile): 12 channels in (normal,
+    kd, roughness x3, ks) -> [B, 512, H/32, W/32]."""
+
+    def __init__(self):
+        super().__init__()
+        widths = [12, 64, 128, 256, 512, 512]
+        layers = []
+        for i in range(5):
+            layers.append(nn.Conv2d(widths[i], widths[i + 1], 4, 2, 1))
+            if i < 4:
+                layers.append(_act())
+        self.body = nn.Sequential(*layers)
+        self.norm = nn.BatchNorm2d(512, affine=False)
+
+    def forward(self, x):
+        return self.norm(self.body(x).float())
+
+
+class PaperDecoder(nn.Module):
+    """The decoder of Gao et al. 2019 (paper profile): [B, 512, h, w] -> 9
+    channels [B, 9, 32 h, 32 w] through tanh."""
+
+    def __init__(self):
+        super().__init__()
+        widths = [512, 512, 256, 128, 64, 9]
+        layers = []
+        for i in range(5):
+            layers += [_act(), nn.ConvTranspose2d(widths[i], widths[i + 1], 4, 2, 1)]
+        self.body = nn.Sequential(*layers)
+
+    def forward(self, z):
+        return torch.tanh(self.body(z).float())
+
+
+def paper_encoder_input(e):
+    """Encoded maps [B, 9, H, W] -> the paper encoder's 12 channels: unit
+    normal, kd, roughness x3, ks, all in [-1, 1]."""
+    slope = 2 * e[:, 0:2]
+    inv = torch.rsqrt((slope**2).sum(1, keepdim=True) + 1)
+    return torch.cat([slope * inv, inv, e[:, 2:5], e[:, 8:9].expand(-1, 3, -1, -1), e[:, 5:8]], 1)
+
+
+def multiply_accumulates(module, *inputs):
+    """MACs of the convolutions for the given inputs."""
+    total = 0
+
+    def hook(m, i, o):
+        nonlocal total
+        if isinstance(m, nn.Conv2d):
+            total += o.numel() // o.shape[0] * m.in_channels * m.kernel_size[0] * m.kernel_size[1]
+        else:
+            total += i[0].numel() // i[0].shape[0] * m.out_channels * m.kernel_size[0] * m.kernel_size[1]
+
+    handles = [
+        m.register_forward_hook(hook)
+        for m in module.modules()
+        if isinstance(m, (nn.Conv2d, nn.ConvTranspose2d))
+    ]
+    with torch.no_grad():
+        module(*inputs)
+    for h in handles:
+        h.remove()
+    return total

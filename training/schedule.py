@@ -1,0 +1,136 @@
+"""What both trainings share: learning-rate schedule, weight averaging,
+checkpoints, logging."""
+
+import argparse
+import json
+import math
+import os
+import random
+import signal
+import sys
+import time
+
+import numpy as np
+import torch
+
+
+def arguments(description, batch, lr):
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--packs", nargs="+", required=True, help="pack folders (see data.py, procedural.py)")
+    parser.add_argument("--work", default=os.environ.get("SVBRDF_WORK", "."), help="folder of checkpoints and logs")
+    parser.add_argument("--minutes", type=float, default=None, help="length of the whole run in training time")
+    parser.add_argument("--steps", type=int, default=None, help="length of the whole run in steps (reproducible)")
+    parser.add_argument("--batch", type=int, default=batch)
+    parser.add_argument("--size", type=int, default=128, help="texels a side")
+    parser.add_argument("--fine-from", type=float, default=1.0, help="progress in [0,1] from which 256x256 is used")
+    parser.add_argument("--lr", type=float, default=lr)
+    parser.add_argument("--views", type=int, default=3, help="renderings in the loss")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    parser.add_argument("--no-compile", action="store_true")
+    parser.add_argument("--ema", type=float, default=0.998)
+    return parser
+
+
+class Run:
+    """State of a training run: step, spent time, EMA, checkpoint, log."""
+
+    def __init__(self, name, model, args, betas=(0.9, 0.99)):
+        self.name, self.model, self.args = name, model, args
+        self.path = os.path.join(args.work, f"{name}.pt")
+        self.log_path = os.path.join(args.work, f"{name}.jsonl")
+        os.makedirs(args.work, exist_ok=True)
+        self.optimizer = torch.optim.AdamW(model.parameters(), lr=args.lr, betas=betas, weight_decay=1e-4)
+        self.ema = {k: v.detach().clone().float() for k, v in model.state_dict().items()}
+        self.step, self.samples, self.seconds = 0, 0, 0.0
+        self.started = self.last_save = time.time()
+        self.sums, self.count = {}, 0
+        if os.path.exists(self.path):
+            state = torch.load(self.path, map_location=args.device)
+            model.load_state_dict(state["model"])
+            self.optimizer.load_state_dict(state["optimizer"])
+            self.ema = state["ema"]
+            self.step, self.samples, self.seconds = state["step"], state["samples"], state["seconds"]
+        random.seed(args.seed + self.step)
+        torch.manual_seed(args.seed + self.step)
+        self.rng = np.random.default_rng(args.seed + self.step)
+        self.mark = time.time()
+        self.stop = False
+        signal.signal(signal.SIGTERM, self._terminate)
+
+    def _terminate(self, *_):
+        self.stop = True
+
+    @property
+    def progress(self):
+        if self.args.steps:
+            return self.step / self.args.steps
+        return (self.seconds + time.time() - self.mark) / 60 / (self.args.minutes or 60)
+
+    def learning_rate(self):
+        """Linear warm-up of 300 steps, then cosine to 2 % of the peak."""
+        p = min(1.0, self.progress)
+        return self.args.lr * min(1.0, (self.step + 1) / 300) * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * p)))
+
+    def update(self, loss, batch, values):
+        """One optimiser step; ``values``: name -> detached tensor to log."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.learning_rate()
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
+        if torch.isfinite(norm):
+            self.optimizer.step()
+        self.step += 1
+        self.samples += batch
+        decay = min(self.args.ema, (1 + self.step) / (20 + self.step))
+        with torch.no_grad():
+            for k, v in self.model.state_dict().items():
+                if v.dtype.is_floating_point:
+                    self.ema[k].lerp_(v.float(), 1 - decay)
+        for k, v in values.items():
+            self.sums[k] = self.sums.get(k, 0.0) + float(v)
+        self.count += 1
+        if self.stop:  # SIGTERM: save and leave
+            self.save()
+            sys.exit(0)
+        if self.step % 50 == 0:
+            now = time.time()
+            row = {k: round(v / self.count, 5) for k, v in self.sums.items()}
+            row.update(
+                step=self.step,
+                samples=self.samples,
+                minutes=round((self.seconds + now - self.mark) / 60, 2),
+                lr=round(self.learning_rate(), 6),
+                rate=round(batch * self.count / (now - self.started), 1),
+            )
+            self.started = now
+            with open(self.log_path, "a") as f:
+                f.write(json.dumps(row) + "\n")
+            self.sums, self.count = {}, 0
+            if now - self.last_save > 150:
+                self.save()
+
+    def save(self):
+        self.seconds += time.time() - self.mark
+        self.mark = self.last_save = time.time()
+        state = dict(
+            model=self.model.state_dict(),
+            optimizer=self.optimizer.state_dict(),
+            ema=self.ema,
+            step=self.step,
+            samples=self.samples,
+            seconds=self.seconds,
+        )
+        torch.save(state, self.path + ".tmp")
+        os.replace(self.path + ".tmp", self.path)
+
+
+def load_ema(model, path):
+    """Load the averaged weights of a checkpoint into a model; returns
+    (model, steps, samples)."""
+    state = torch.load(path, map_location="cpu")
+    reference = model.state_dict()
+    model.load_state_dict({k: v.to(reference[k].dtype) for k, v in state["ema"].items()})
+    return model.eval(), state["step"], state["samples"]

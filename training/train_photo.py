@@ -1,0 +1,110 @@
+"""Train the photo network: one flash photo with its geometry -> maps.
+
+Photos are rendered from random materials with random (known) camera and flash
+positions, then degraded: exposure error, ambient light, noise, blur,
+saturation, holes without data.
+"""
+
+import math
+
+import torch
+from torch.nn import functional as F
+
+from data import MaterialPool, augment, smooth_noise
+from networks import PhotoNetwork
+from renderer import (
+    decode_maps,
+    directions,
+    log_encode,
+    photo_configurations,
+    random_configurations,
+    render,
+)
+from schedule import Run, arguments
+from train_autoencoder import CHANNEL_WEIGHT, losses
+
+
+def photo_input(radiance, weight, camera, light):
+    """radiance [B, 3, H, W] (irradiance-normalised), weight [B, 1, H, W],
+    camera, light [B, 3] -> network input [B, 10, H, W]."""
+    height, width = radiance.shape[-2:]
+    view = torch.stack(directions(camera, height, width), 1)
+    incident = torch.stack(directions(light, height, width), 1)
+    x = torch.where(weight > 0, log_encode(radiance), -torch.ones(1, device=radiance.device))
+    return torch.cat([x, view, incident, weight], 1)
+
+
+def degrade(radiance, e):
+    """Clean renderings [B, 3, H, W] of maps e -> (radiance, weight) as a
+    capture delivers them."""
+    batch, _, height, width = radiance.shape
+    device = radiance.device
+
+    def rand(channels=1):
+        return torch.rand(batch, channels, 1, 1, device=device)
+
+    def randn(channels=1):
+        return torch.randn(batch, channels, 1, 1, device=device)
+
+    # errors of exposure and white balance
+    radiance = radiance * torch.exp(0.05 * randn() + 0.015 * randn(3))
+    # ambient light: what a uniform dome adds, up to 5 %
+    _, kd, ks, _ = decode_maps(e)
+    amount = torch.where(rand() < 0.35, 0.05 * rand(), torch.zeros(1, device=device))
+    radiance = radiance + amount * (kd + ks) * (1 + 0.15 * randn(3)).clamp_min(0.3)
+    # residual vignetting or fall-off
+    radiance = radiance * torch.exp(0.04 * smooth_noise(batch, max(height, width), device, 3)[..., :height, :width])
+    blur = (rand() < 0.3).float() * rand()
+    radiance = torch.lerp(radiance, F.avg_pool2d(radiance, 3, 1, 1, count_include_pad=False), blur)
+    # saturation: the sensor clips before the radiance of 1 in some photos
+    limit = torch.where(rand() < 0.4, 0.5 + 0.5 * rand(), torch.ones(1, device=device))
+    shot = 0.02 * rand() * radiance.clamp(0, 1).sqrt() + 0.004 * rand()
+    radiance = radiance + shot * torch.randn_like(radiance)
+    radiance = torch.minimum(radiance.clamp_min(0), limit)
+    # holes, sometimes a whole band outside of the photo
+    noise = smooth_noise(batch, max(height, width), device, 9)[..., :height, :width]
+    level = torch.where(rand() < 0.2, 1.0 + 1.2 * rand(), 9 * torch.ones(1, device=device))
+    weight = (noise < level).float()
+    soft = torch.where(rand() < 0.2, 0.3 + 0.7 * rand(), torch.ones(1, device=device))
+    return radiance, weight * soft
+
+
+def make_example(x, draw=render):
+    """Maps [B, 9, H, W] -> network input [B, 10, H, W] of a random photo."""
+    camera, light = photo_configurations(x.shape[0], x.device)
+    radiance = draw(x, camera[:, None], light[:, None])[:, 0]
+    radiance, weight = degrade(radiance, x)
+    return photo_input(radiance, weight, camera, light)
+
+
+def main():
+    parser = arguments(__doc__, batch=16, lr=1.2e-3)
+    parser.add_argument("--render-weight", type=float, default=0.5)
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    pool = MaterialPool(args.packs, args.device)
+    model = PhotoNetwork().to(args.device).to(memory_format=torch.channels_last).train()
+    run = Run("photo", model, args)
+    draw, compute, change = render, losses, augment
+    if not args.no_compile:
+        draw, compute, change = (torch.compile(f, dynamic=False) for f in (render, losses, augment))
+    weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
+    kind = torch.device(args.device).type
+    while run.progress < 1:
+        fine = run.progress >= args.fine_from
+        size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
+        with torch.no_grad():
+            x = pool.batch(batch, size, run.rng, change)
+            photo = make_example(x, draw)
+        with torch.autocast(kind, torch.bfloat16):
+            y = model(photo.to(memory_format=torch.channels_last))
+        y = y.float().contiguous()
+        camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)
+        maps, rendering = compute(y, x, camera, light, weight)
+        loss = maps + args.render_weight * rendering
+        run.update(loss, batch, {"maps": maps.detach(), "render": rendering.detach()})
+    run.save()
+
+
+if __name__ == "__main__":
+    main()
