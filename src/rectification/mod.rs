@@ -1,9 +1,9 @@
 //! The top view of a photograph as an [`Observation`](crate::observation::Observation).
 //!
-//! Every texel is mapped board -> camera -> distorted pixel. Where a texel covers less than about
-//! a pixel the photo is interpolated (Catmull-Rom); where it covers more, sub-samples about a pixel
-//! apart along each axis are averaged. Values stay linear throughout; the photo's response
-//! ([`Radiometry`]) turns them into radiance.
+//! Every texel is mapped board -> camera -> distorted pixel and the photo interpolated there
+//! (Catmull-Rom); where a texel covers more than about a pixel, sub-samples along each axis are
+//! averaged. Values stay linear throughout; the photo's response ([`Radiometry`]) turns them into
+//! radiance.
 
 mod mapping;
 mod resample;
@@ -105,13 +105,13 @@ fn rectify_filtered(
     eye.z -= f64::from(top.height_mm);
     light.z -= f64::from(top.height_mm);
     let view_degrees = (eye.z / eye.length()).clamp(-1.0, 1.0).acos().to_degrees();
-    if !(view_degrees <= MAX_VIEW_DEGREES) {
+    if view_degrees.is_nan() || view_degrees > MAX_VIEW_DEGREES {
         return Err(Rejection::TooGrazing {
             degrees: view_degrees as f32,
             limit: MAX_VIEW_DEGREES as f32,
         });
     }
-    if !(light.z > 0.0) {
+    if light.z.is_nan() || light.z <= 0.0 {
         return Err(Rejection::LightNotVisible);
     }
 
@@ -128,27 +128,25 @@ fn rectify_filtered(
     let texels = width * height;
     let mut radiance = vec![0.0; 3 * texels];
     let mut weight = vec![0.0; texels];
+    let (mut seen, mut clipped) = (0, 0);
     if texels > 0 {
         let (red, rest) = radiance.split_at_mut(texels);
         let (green, blue) = rest.split_at_mut(texels);
         let band = LANES * width;
-        red.par_chunks_mut(band)
+        (seen, clipped) = red
+            .par_chunks_mut(band)
             .zip(green.par_chunks_mut(band))
             .zip(blue.par_chunks_mut(band))
             .zip(weight.par_chunks_mut(band))
             .enumerate()
-            .for_each(|(i, (((red, green), blue), weight))| {
+            .map(|(i, (((red, green), blue), weight))| {
                 let mut band = Band { planes: [red, green, blue], weight, row: i * LANES, width };
                 band.fill(photo, &mapping, &response, &view, filter);
-            });
+                band.seen_and_clipped()
+            })
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     }
 
-    let (mut seen, mut clipped) = (0_usize, 0_usize);
-    for i in 0..texels {
-        let here = weight[i] > 0.0;
-        seen += usize::from(here);
-        clipped += usize::from(here && (0..3).all(|c| radiance[c * texels + i] < 0.0));
-    }
     let share = seen as f32 / texels.max(1) as f32;
     if texels > 0 && share < MIN_SEEN {
         return Err(Rejection::SampleOutside { share });
@@ -322,6 +320,17 @@ impl Band<'_> {
         }
     }
 
+    /// Texels with weight, and of these the ones saturated in all channels.
+    fn seen_and_clipped(&self) -> (usize, usize) {
+        let (mut seen, mut clipped) = (0, 0);
+        for (i, &weight) in self.weight.iter().enumerate() {
+            let here = weight > 0.0;
+            seen += usize::from(here);
+            clipped += usize::from(here && self.planes.iter().all(|plane| plane[i] < 0.0));
+        }
+        (seen, clipped)
+    }
+
     fn fill_row(
         &mut self,
         mapping: &Mapping,
@@ -340,16 +349,12 @@ impl Band<'_> {
         let (nx, ny) = filter.sub_samples(footprint);
         let mut sums = [[0.0_f32; 4]; LANES];
         let mut flags = [0_u32; LANES];
-        if nx * ny == 1 {
-            tile.interpolate(&centre, columns, filter, &mut sums, &mut flags);
-        } else {
-            let mut positions = Positions::default();
-            for j in 0..ny {
-                let sub_y = row + (j as f64 + 0.5) / ny as f64;
-                for i in 0..nx {
-                    mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
-                    tile.add_bilinear(&positions, columns, &mut sums, &mut flags);
-                }
+        let mut positions = Positions::default();
+        for j in 0..ny {
+            let sub_y = row + (j as f64 + 0.5) / ny as f64;
+            for i in 0..nx {
+                mapping.project(x0, (i as f64 + 0.5) / nx as f64, sub_y, &mut positions);
+                tile.add_samples(&positions, columns, filter, &mut sums, &mut flags);
             }
         }
 

@@ -10,7 +10,7 @@ pub(super) const OUTSIDE: u32 = 8;
 /// How a texel's value is found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Filter {
-    /// Catmull-Rom below about a pixel per texel, averaged sub-samples above.
+    /// Catmull-Rom, averaged over sub-samples where a texel covers several pixels.
     Adaptive,
     /// Bilinear at the texel's centre: the baseline of the tests.
     #[cfg(test)]
@@ -20,25 +20,21 @@ pub(super) enum Filter {
 impl Filter {
     /// Most sub-samples along an axis.
     const MAX_SUB: usize = 24;
-    /// Pixels per texel above which one interpolated value does not stand for the texel.
-    const SINGLE_PX: f64 = 1.4;
+    /// Pixels per texel up to which one value stands for the texel: the pixel's own area and the
+    /// interpolation average over about as much.
+    const SINGLE_PX: f64 = 1.5;
+    /// Beyond, sub-samples per pixel. Denser ones only blur, for the same reason.
+    const PER_PX: f64 = 0.75;
 
     /// Sub-samples along both axes for a texel of the given size in pixels.
     pub fn sub_samples(self, (right, down): (f64, f64)) -> (usize, usize) {
-        match self {
-            Self::Adaptive => {
-                let count = |px: f64| (px.ceil() as usize).clamp(1, Self::MAX_SUB);
-                if right.max(down) <= Self::SINGLE_PX {
-                    (1, 1)
-                } else {
-                    // At least two along the longer axis.
-                    let (nx, ny) = (count(right), count(down));
-                    if right >= down { (nx.max(2), ny) } else { (nx, ny.max(2)) }
-                }
+        let count = |px: f64| match self {
+            Self::Adaptive if px > Self::SINGLE_PX => {
+                ((Self::PER_PX * px).ceil() as usize).min(Self::MAX_SUB)
             }
-            #[cfg(test)]
-            Self::Bilinear => (1, 1),
-        }
+            _ => 1,
+        };
+        (count(right), count(down))
     }
 }
 
@@ -157,13 +153,9 @@ impl Tile {
 
     fn catmull_rom(&self, ix: usize, iy: usize, fx: f32, fy: f32) -> [f32; 4] {
         let (wx, wy) = (catmull_rom_weights(fx), catmull_rom_weights(fy));
-        let column = |k: usize| (ix + k).saturating_sub(1).min(self.width - 1);
-        let columns = [column(0), column(1), column(2), column(3)];
+        let inner = ix >= 1 && iy >= 1 && ix + 2 < self.width && iy + 2 < self.height;
         let mut sum = [0.0; 4];
-        for (j, wy) in wy.iter().enumerate() {
-            let row = (iy + j).saturating_sub(1).min(self.height - 1) * self.width;
-            let row = &self.pixels[row..row + self.width];
-            let taps = columns.map(|x| row[x]);
+        let mut add = |wy: f32, taps: &[[f32; 4]; 4]| {
             for k in 0..4 {
                 sum[k] += wy
                     * (wx[0] * taps[0][k]
@@ -171,12 +163,27 @@ impl Tile {
                         + wx[2] * taps[2][k]
                         + wx[3] * taps[3][k]);
             }
+        };
+        if inner {
+            for (j, wy) in wy.into_iter().enumerate() {
+                let start = (iy + j - 1) * self.width + ix - 1;
+                if let Some(taps) = self.pixels[start..].first_chunk() {
+                    add(wy, taps);
+                }
+            }
+        } else {
+            // At the photo's border the outermost pixels repeat.
+            let column = |k: usize| (ix + k).saturating_sub(1).min(self.width - 1);
+            for (j, wy) in wy.into_iter().enumerate() {
+                let row = (iy + j).saturating_sub(1).min(self.height - 1) * self.width;
+                add(wy, &std::array::from_fn(|k| self.pixels[row + column(k)]));
+            }
         }
         sum
     }
 
-    /// One value per texel.
-    pub fn interpolate(
+    /// Adds one sample to every texel.
+    pub fn add_samples(
         &self,
         at: &Positions,
         columns: usize,
@@ -187,37 +194,18 @@ impl Tile {
         for lane in 0..columns {
             let (x, y) = (at.x[lane], at.y[lane]);
             if !self.inside(x, y) {
-                flags[lane] = OUTSIDE;
-                continue;
-            }
-            let (ix, iy, fx, fy) = self.corner(x, y);
-            flags[lane] = self.flags_round(ix, iy);
-            // Near clipped pixels no sharpening: the value is to be a lower bound.
-            sums[lane] = if filter == Filter::Adaptive && flags[lane] == 0 {
-                self.catmull_rom(ix, iy, fx, fy)
-            } else {
-                self.bilinear(ix, iy, fx, fy)
-            };
-        }
-    }
-
-    /// Adds one bilinear sub-sample to every texel.
-    pub fn add_bilinear(
-        &self,
-        at: &Positions,
-        columns: usize,
-        sums: &mut [[f32; 4]; LANES],
-        flags: &mut [u32; LANES],
-    ) {
-        for lane in 0..columns {
-            let (x, y) = (at.x[lane], at.y[lane]);
-            if !self.inside(x, y) {
                 flags[lane] |= OUTSIDE;
                 continue;
             }
             let (ix, iy, fx, fy) = self.corner(x, y);
-            flags[lane] |= self.flags_round(ix, iy);
-            let value = self.bilinear(ix, iy, fx, fy);
+            let here = self.flags_round(ix, iy);
+            flags[lane] |= here;
+            // Near clipped pixels no sharpening: the value is to be a lower bound.
+            let value = if filter == Filter::Adaptive && here == 0 {
+                self.catmull_rom(ix, iy, fx, fy)
+            } else {
+                self.bilinear(ix, iy, fx, fy)
+            };
             for k in 0..4 {
                 sums[lane][k] += value[k];
             }

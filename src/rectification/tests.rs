@@ -88,9 +88,11 @@ fn fine_pattern(p: DVec2) -> f64 {
 /// Root mean square error against the pattern averaged over each texel.
 fn rmse(o: &Observation) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    let n = 12;
-    for y in 0..o.height {
-        for x in 0..o.width {
+    let n = 10;
+    // A few thousand texels are enough.
+    let step = (o.width / 48).max(1);
+    for y in (0..o.height).step_by(step) {
+        for x in (0..o.width).step_by(step) {
             if o.weight[y * o.width + x] <= 0.0 {
                 continue;
             }
@@ -117,14 +119,14 @@ fn fine_texture_is_averaged_not_aliased() {
     let mut failed = false;
     // (size, tilt, distance, largest error, least gain over bilinear)
     for (size, tilt, distance, limit, gain) in [
-        (32, 0.2, 240.0, 0.006, 8.0),
-        (48, 1.05, 200.0, 0.025, 3.0),
-        (64, 0.7, 200.0, 0.018, 3.0),
-        (128, 0.3, 200.0, 0.035, 1.0),
-        (512, 0.2, 170.0, 0.05, 1.1),
+        (32, 0.2, 240.0, 0.008, 10.0),
+        (48, 1.05, 200.0, 0.013, 4.5),
+        (64, 0.7, 200.0, 0.010, 5.0),
+        (128, 0.3, 200.0, 0.016, 1.2),
+        (512, 0.2, 170.0, 0.035, 1.3),
     ] {
         let pose = pose(tilt, 0.05, 0.3, distance);
-        let rgb = photograph(&camera(), &pose, 6, |p, _| [fine_pattern(p); 3]);
+        let rgb = photograph(&camera(), &pose, 4, |p, _| [fine_pattern(p); 3]);
         let photo = photo(rgb, f32::INFINITY);
         let error = |filter| {
             let o =

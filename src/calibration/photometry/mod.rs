@@ -177,7 +177,7 @@ impl PhotometricCalibrator {
         }
         self.frames.push(frame);
         let (photometry, frame_sigma) = self.estimate();
-        if !(frame_sigma <= MAX_SIGMA) {
+        if frame_sigma.is_nan() || frame_sigma > MAX_SIGMA {
             self.frames.pop();
             return Err(Rejection::LightNotVisible);
         }
@@ -266,7 +266,7 @@ impl PhotometricCalibrator {
     /// Whether one photo's squares, taken alone, leave room for the flash.
     fn shows_flash(&self, frame: &Frame) -> bool {
         let light = frame.pose.to_board(self.expected_offset());
-        if !(light.z > 0.0 && light.is_finite()) {
+        if !light.is_finite() || light.z <= 0.0 {
             return false;
         }
         let samples: Vec<_> = self.samples(0, frame).collect();

@@ -147,7 +147,7 @@ impl Placed {
         let area = across.perp_dot(down).abs();
         // Width perpendicular to the other pair of sides: what blur eats into.
         let width = DVec2::new(area / down.length(), area / across.length());
-        if !(width.min_element() >= MIN_SQUARE_PX) {
+        if !width.is_finite() || width.min_element() < MIN_SQUARE_PX {
             return None;
         }
         let white = target.is_white(row as i64, col as i64);
@@ -255,7 +255,7 @@ impl Scratch {
                 out.clipped = true;
                 continue;
             }
-            if !(centre > 0.0) {
+            if centre <= 0.0 {
                 continue;
             }
             // Half the distance between the 16 % and 84 % quantiles is one sigma; with a narrow
