@@ -25,6 +25,8 @@ mod kernels;
 mod workspace;
 
 #[cfg(test)]
+pub(crate) mod test_vectors;
+#[cfg(test)]
 mod tests;
 
 use rayon::prelude::*;
