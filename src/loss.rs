@@ -80,10 +80,11 @@ impl<V: Lanes> OffsetPair<V> {
     /// from the limits of `f32` for radiances up to 1e10.
     #[inline(always)]
     pub fn log_l1_of_three(pairs: [Self; 3]) -> V {
-        let larger = |p: Self| p.rendered.max(p.observed);
-        let smaller = |p: Self| p.rendered.min(p.observed);
-        let numerator = larger(pairs[0]) * larger(pairs[1]) * larger(pairs[2]);
-        let denominator = smaller(pairs[0]) * smaller(pairs[1]) * smaller(pairs[2]);
+        let (mut numerator, mut denominator) = (V::splat(1.0), V::splat(1.0));
+        for p in pairs {
+            numerator = numerator * p.rendered.max(p.observed);
+            denominator = denominator * p.rendered.min(p.observed);
+        }
         (numerator / denominator).ln()
     }
 }

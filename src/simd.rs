@@ -124,6 +124,16 @@ pub(crate) trait Lanes:
         }
     }
 
+    /// Sum of the lanes in double precision.
+    #[inline(always)]
+    fn sum(self) -> f64 {
+        let mut total = 0.0;
+        for x in self.to_array() {
+            total += x as f64;
+        }
+        total
+    }
+
     /// 0, 1, ... 7.
     #[inline(always)]
     fn iota() -> Self {
@@ -168,11 +178,15 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 #[repr(align(32))]
 pub(crate) struct Portable([f32; LANES]);
 
-impl Portable {
-    #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
-    }
+/// One expression of `i` for every lane. Loops, not closures: those may stay calls.
+macro_rules! lane_by_lane {
+    ($i:ident => $value:expr) => {{
+        let mut out = [Default::default(); LANES];
+        for $i in 0..LANES {
+            out[$i] = $value;
+        }
+        out
+    }};
 }
 
 impl Lanes for Portable {
@@ -191,42 +205,42 @@ impl Lanes for Portable {
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
         if cfg!(target_arch = "aarch64") {
-            Self(std::array::from_fn(|i| self.0[i].mul_add(b.0[i], c.0[i])))
+            Self(lane_by_lane!(i => self.0[i].mul_add(b.0[i], c.0[i])))
         } else {
             self * b + c
         }
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
+        Self(lane_by_lane!(i => if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
+        Self(lane_by_lane!(i => if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] }))
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        Self(self.0.map(f32::abs))
+        Self(lane_by_lane!(i => self.0[i].abs()))
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        Self(self.0.map(f32::sqrt))
+        Self(lane_by_lane!(i => self.0[i].sqrt()))
     }
     #[inline(always)]
     fn if_greater(self, other: Self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|i| if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] }))
+        Self(lane_by_lane!(i => if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] }))
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {
-        let exponent = self.0.map(|x| (x.to_bits() as i32).wrapping_sub(SQRT_HALF_BITS) >> 23);
-        let mantissa = std::array::from_fn(|i| {
-            f32::from_bits((self.0[i].to_bits() as i32).wrapping_sub(exponent[i] << 23) as u32)
-        });
-        (Self(exponent.map(|e| e as f32)), Self(mantissa))
+        let bits: [i32; LANES] = lane_by_lane!(i => self.0[i].to_bits() as i32);
+        let exponent: [i32; LANES] = lane_by_lane!(i => bits[i].wrapping_sub(SQRT_HALF_BITS) >> 23);
+        let mantissa =
+            lane_by_lane!(i => f32::from_bits(bits[i].wrapping_sub(exponent[i] << 23) as u32));
+        (Self(lane_by_lane!(i => exponent[i] as f32)), Self(mantissa))
     }
     #[inline(always)]
     fn scale_by_power_of_two(self, n: Self) -> Self {
-        self * Self(n.0.map(|n| f32::from_bits(((n as i32 + 127) << 23) as u32)))
+        self * Self(lane_by_lane!(i => f32::from_bits(((n.0[i] as i32 + 127) << 23) as u32)))
     }
 }
 
@@ -239,7 +253,7 @@ macro_rules! portable_operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                self.zip(other, |a, b| a $op b)
+                Self(lane_by_lane!(i => self.0[i] $op other.0[i]))
             }
         }
     };
@@ -253,7 +267,7 @@ impl Neg for Portable {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
+        Self(lane_by_lane!(i => -self.0[i]))
     }
 }
 

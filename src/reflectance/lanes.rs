@@ -71,12 +71,12 @@ impl<V: Lanes> Material<V> {
         let alpha = roughness * roughness;
         let alpha2 = alpha * alpha;
         let k = alpha * V::splat(0.5);
-        let at = |first: usize| [parameters[first], parameters[first + 1], parameters[first + 2]];
+        let [_, _, dr, dg, db, sr, sg, sb, _] = *parameters;
         Self {
             normal: [p * inverse_length, q * inverse_length, inverse_length],
             inverse_length,
-            diffuse: at(channel::DIFFUSE),
-            specular: at(channel::SPECULAR),
+            diffuse: [dr, dg, db],
+            specular: [sr, sg, sb],
             alpha2,
             inverse_alpha2: alpha2.reciprocal(),
             alpha2_minus_1: alpha2 - one,
@@ -91,7 +91,10 @@ impl<V: Lanes> Material<V> {
     #[inline(always)]
     pub fn by_slopes(&self, by_normal: [V; 3]) -> [V; 2] {
         let along = dot(by_normal, self.normal);
-        [0, 1].map(|i| (by_normal[i] - along * self.normal[i]) * self.inverse_length)
+        [
+            (by_normal[0] - along * self.normal[0]) * self.inverse_length,
+            (by_normal[1] - along * self.normal[1]) * self.inverse_length,
+        ]
     }
 }
 
@@ -114,13 +117,8 @@ impl<V: Lanes> Directions<V> {
         let x = V::iota() + V::splat(column as f32);
         let x = x.mul_add(V::splat(view.step[0]), V::splat(view.origin[0]));
         let y = view.origin[1] + row as f32 * view.step[1];
-        let towards = |target: [f32; 3]| {
-            let (dx, dy, dz) = (V::splat(target[0]) - x, target[1] - y, target[2]);
-            let inverse = dx.mul_add(dx, V::splat(dy * dy + dz * dz)).reciprocal_sqrt();
-            ([dx * inverse, inverse * V::splat(dy), inverse * V::splat(dz)], inverse)
-        };
-        let (l, inverse_distance) = towards(view.light);
-        let (v, _) = towards(view.camera);
+        let (l, inverse_distance) = towards(view.light, x, y);
+        let (v, _) = towards(view.camera, x, y);
         let sum = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
         let length2 = dot(sum, sum).max(V::splat(4.0 * MIN_COSINE * MIN_COSINE));
         let inverse_length = length2.reciprocal_sqrt();
@@ -130,7 +128,7 @@ impl<V: Lanes> Directions<V> {
         Self {
             light: l,
             view: v,
-            half: sum.map(|s| s * inverse_length),
+            half: [sum[0] * inverse_length, sum[1] * inverse_length, sum[2] * inverse_length],
             fresnel,
             attenuation: (inverse_distance * inverse_distance)
                 .mul_add(V::splat(view.inverse_square), V::splat(view.constant)),
@@ -163,7 +161,7 @@ impl<V: Lanes> Lobes<V> {
         let (n, h) = (material.normal, directions.half);
         let least = V::splat(MIN_COSINE);
         let raw = [dot(n, directions.light), dot(n, directions.view), dot(n, h)];
-        let [nl, nv, nh] = raw.map(|c| c.max(least));
+        let [nl, nv, nh] = [raw[0].max(least), raw[1].max(least), raw[2].max(least)];
         // den = NoH² (a² - 1) + 1 = sin² + NoH² a²: for narrow lobes `f32` would lose the sum, so
         // sin² comes from the cross product.
         let cross = [
@@ -231,7 +229,6 @@ impl<V: Lanes> Lobes<V> {
         irradiance_weight: V,
     ) -> [V; 3] {
         let (zero, least) = (V::splat(0.0), V::splat(MIN_COSINE));
-        let live = |i: usize, x: V| self.raw[i].if_greater(least, x, zero);
         let shadow = specular_weight * material.one_minus_k;
         let by_nl = irradiance_weight * directions.attenuation - shadow * self.inverse_light;
         let by_nv = -(shadow * self.inverse_view);
@@ -239,12 +236,24 @@ impl<V: Lanes> Lobes<V> {
             * self.inverse_den
             * self.nh
             * (material.alpha2_minus_1 * V::splat(-4.0));
-        let (by_nl, by_nv, by_nh) = (live(0, by_nl), live(1, by_nv), live(2, by_nh));
-        [0, 1, 2].map(|i| {
+        let by_nl = self.raw[0].if_greater(least, by_nl, zero);
+        let by_nv = self.raw[1].if_greater(least, by_nv, zero);
+        let by_nh = self.raw[2].if_greater(least, by_nh, zero);
+        let mut out = [zero; 3];
+        for i in 0..3 {
             let lv = by_nl.mul_add(directions.light[i], by_nv * directions.view[i]);
-            by_nh.mul_add(directions.half[i], lv)
-        })
+            out[i] = by_nh.mul_add(directions.half[i], lv);
+        }
+        out
     }
+}
+
+/// Unit vector and inverse distance to a point from (x, y, 0).
+#[inline(always)]
+fn towards<V: Lanes>(target: [f32; 3], x: V, y: f32) -> ([V; 3], V) {
+    let (dx, dy, dz) = (V::splat(target[0]) - x, target[1] - y, target[2]);
+    let inverse = dx.mul_add(dx, V::splat(dy * dy + dz * dz)).reciprocal_sqrt();
+    ([dx * inverse, inverse * V::splat(dy), inverse * V::splat(dz)], inverse)
 }
 
 #[inline(always)]

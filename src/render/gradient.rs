@@ -144,7 +144,7 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
                 }
             }
             for (sum, row_sum) in sums.iter_mut().zip(row_sums) {
-                *sum += row_sum.to_array().iter().map(|&x| x as f64).sum::<f64>();
+                *sum += row_sum.sum();
             }
         }
         sums
@@ -202,7 +202,7 @@ impl<V: Lanes> Gradient<V> {
         if S::WANTED {
             // One division for three: 1/a = bc / abc. Offset renderings are at least 0.01. Where
             // a saturated measurement is explained the sign is zero.
-            let [a, b, c] = pairs.map(|p| p.rendered);
+            let [a, b, c] = [pairs[0].rendered, pairs[1].rendered, pairs[2].rendered];
             let all = (a * b * c).reciprocal() * weight;
             let inverse = [all * b * c, all * a * c, all * a * b];
             let (mut by_irradiance, mut by_lobe) = (zero, zero);
