@@ -25,6 +25,7 @@ mod error;
 
 pub mod calibration;
 pub mod capture;
+pub mod classic;
 pub mod export;
 pub mod frame;
 pub mod geometry;
@@ -38,6 +39,7 @@ pub mod refinement;
 pub mod reflectance;
 pub mod render;
 pub mod session;
+mod simd;
 pub mod svbrdf;
 
 pub use error::{Error, Rejection, Result};
