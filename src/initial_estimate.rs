@@ -1,1 +1,373 @@
-//! First maps of a photograph, by networks run in tract: the only module that knows tract.
+//! The networks that run once per photograph: maps from one photograph, and the code of given maps.
+//!
+//! Both are ONNX graphs executed by tract; the decoder, which runs in every step of the fit, has its
+//! own code in [`crate::network`]. A plan is built once per size and kept.
+
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use tract_onnx::prelude::*;
+
+use crate::network::Decoder;
+use crate::observation::{Falloff, Observation, View};
+use crate::svbrdf::{CHANNELS, encoding};
+use crate::{Error, Result, Svbrdf};
+
+/// Sides of the photo network's input are multiples of this.
+const PHOTO_MULTIPLE: usize = 32;
+/// Longest side at which the photo network runs: what it was trained on.
+const PHOTO_TEXELS: usize = 256;
+const PHOTO_CHANNELS: usize = 10;
+/// Largest side for which a plan is built, texels.
+const MAX_TEXELS: usize = 4096;
+/// Offset of the logarithm in which the photo network sees radiance.
+const LOG_OFFSET: f32 = 0.01;
+
+/// The three networks: photograph to maps, maps to code, code to maps.
+pub struct Networks {
+    decoder: Decoder,
+    encoder: Network,
+    photo: Network,
+}
+
+impl Networks {
+    /// The networks that are compiled into the library.
+    ///
+    /// # Errors
+    /// [`Error::Model`] when they do not fit this version.
+    #[cfg(feature = "embedded-models")]
+    pub fn embedded() -> Result<Self> {
+        Self::from_bytes(
+            include_bytes!("../models/decoder.bin"),
+            include_bytes!("../models/encoder.onnx"),
+            include_bytes!("../models/photo.onnx"),
+        )
+    }
+
+    /// The networks of a folder with `decoder.bin`, `encoder.onnx` and `photo.onnx`.
+    ///
+    /// # Errors
+    /// When a file cannot be read or is damaged.
+    pub fn from_folder(folder: &Path) -> Result<Self> {
+        let read = |name: &str| {
+            let path = folder.join(name);
+            std::fs::read(&path).map_err(|e| Error::io(&path, e))
+        };
+        Self::from_bytes(&read("decoder.bin")?, &read("encoder.onnx")?, &read("photo.onnx")?)
+    }
+
+    /// The networks from the contents of their files.
+    ///
+    /// # Errors
+    /// [`Error::Model`] when one is damaged.
+    pub fn from_bytes(decoder: &[u8], encoder: &[u8], photo: &[u8]) -> Result<Self> {
+        Ok(Self {
+            decoder: Decoder::from_bytes(decoder)?,
+            encoder: Network::parse("encoder", encoder, CHANNELS)?,
+            photo: Network::parse("photo", photo, PHOTO_CHANNELS)?,
+        })
+    }
+
+    /// The decoder.
+    pub fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// Builds the plans for maps of `height * width` ahead of the first photograph.
+    ///
+    /// # Errors
+    /// When the sizes do not suit the networks.
+    pub fn prepare(&self, height: usize, width: usize) -> Result<()> {
+        let halvings = photo_halvings(height, width)?;
+        self.photo.plan(height >> halvings, width >> halvings)?;
+        self.check_code_size(height, width)?;
+        self.encoder.plan(height, width).map(|_| ())
+    }
+
+    /// First maps from one photograph.
+    ///
+    /// Observations of more than 256 texels a side are halved until they fit; the result has that
+    /// size. Where nothing was seen the network fills in from what lies around.
+    ///
+    /// # Errors
+    /// When the sides are not multiples of 32 (after halving), or the network is broken.
+    pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
+        let mut small = None;
+        for _ in 0..photo_halvings(observation.height, observation.width)? {
+            small = Some(small.as_ref().unwrap_or(observation).downsampled());
+        }
+        let observation = small.as_ref().unwrap_or(observation);
+        let (h, w) = (observation.height, observation.width);
+        let encoded = self.photo.run(h, w, photo_input(observation))?;
+        if encoded.len() != CHANNELS * h * w {
+            return Err(self.photo.fault("the result has an unexpected size"));
+        }
+        decoded_maps(w, h, encoded)
+    }
+
+    /// The code of maps: `channels * height / 16 * width / 16` values.
+    ///
+    /// # Errors
+    /// When the sides are not multiples of the stride, or the network is broken.
+    pub fn encode(&self, maps: &Svbrdf) -> Result<Vec<f32>> {
+        let (h, w) = (maps.height(), maps.width());
+        self.check_code_size(h, w)?;
+        let code = self.encoder.run(h, w, encoded_maps(maps))?;
+        let stride = self.decoder.stride();
+        if code.len() != self.decoder.code_channels() * (h / stride) * (w / stride) {
+            return Err(self.encoder.fault("its code is not the decoder's"));
+        }
+        Ok(code)
+    }
+
+    fn check_code_size(&self, height: usize, width: usize) -> Result<()> {
+        let stride = self.decoder.stride();
+        let fits = |n: usize| n > 0 && n.is_multiple_of(stride) && n <= MAX_TEXELS;
+        if fits(height) && fits(width) {
+            return Ok(());
+        }
+        Err(Error::argument(
+            "maps",
+            format!("{width}x{height} texels, multiples of {stride} up to {MAX_TEXELS} expected"),
+        ))
+    }
+}
+
+/// How often an observation is halved for the photo network.
+fn photo_halvings(height: usize, width: usize) -> Result<u32> {
+    let mut halvings = 0;
+    while height.max(width) >> halvings > PHOTO_TEXELS {
+        halvings += 1;
+    }
+    let multiple = PHOTO_MULTIPLE << halvings;
+    let fits = |n: usize| n > 0 && n.is_multiple_of(multiple) && n <= MAX_TEXELS;
+    if fits(height) && fits(width) {
+        return Ok(halvings);
+    }
+    Err(Error::argument(
+        "observation",
+        format!("{width}x{height} texels, multiples of {multiple} up to {MAX_TEXELS} expected"),
+    ))
+}
+
+/// Nine planes in [-1, 1], see [`encoding`].
+pub(crate) fn encoded_maps(maps: &Svbrdf) -> Vec<f32> {
+    let n = maps.texels();
+    let encode = |(i, &v): (usize, &f32)| encoding::encode(i / n, v);
+    maps.planes().iter().enumerate().map(encode).collect()
+}
+
+/// Maps of nine encoded planes, within their physical range.
+pub(crate) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -> Result<Svbrdf> {
+    for (c, plane) in encoded.chunks_exact_mut(width * height).enumerate() {
+        for v in plane {
+            *v = encoding::decode(c, *v);
+        }
+    }
+    let mut maps = Svbrdf::from_planes(width, height, encoded)?;
+    maps.clamp();
+    Ok(maps)
+}
+
+/// The photo network's ten planes: logarithm of `pi * BRDF * NoL` (RGB), unit directions to the
+/// camera and to the light, weight.
+fn photo_input(observation: &Observation) -> Vec<f32> {
+    let (h, w) = (observation.height, observation.width);
+    let n = h * w;
+    let view = &observation.view;
+    let mut planes = vec![-1.0; PHOTO_CHANNELS * n];
+    for y in 0..h {
+        for x in 0..w {
+            let i = y * w + x;
+            let at = view.texel_mm(w, h, x, y);
+            let irradiance = irradiance(view, at);
+            let weight = observation.weight[i].clamp(0.0, 1.0);
+            if weight > 0.0 {
+                for c in 0..3 {
+                    let radiance = observation.radiance[c * n + i].abs();
+                    planes[c * n + i] = log_encode(std::f32::consts::PI * radiance / irradiance[c]);
+                }
+            }
+            for (first, point) in [(3, view.camera_mm), (6, view.light_mm)] {
+                let direction = direction(point, at);
+                for (c, d) in direction.into_iter().enumerate() {
+                    planes[(first + c) * n + i] = d;
+                }
+            }
+            planes[9 * n + i] = weight;
+        }
+    }
+    planes
+}
+
+fn direction(point: [f32; 3], at: [f32; 2]) -> [f32; 3] {
+    glam::Vec3::new(point[0] - at[0], point[1] - at[1], point[2]).normalize_or(glam::Vec3::Z).into()
+}
+
+/// Irradiance of a texel that faces the light.
+fn irradiance(view: &View, at: [f32; 2]) -> [f32; 3] {
+    match view.falloff {
+        Falloff::None { power } => power,
+        Falloff::InverseSquare { power_mm2 } => {
+            let [x, y, z] = view.light_mm;
+            let d2 = (x - at[0]).powi(2) + (y - at[1]).powi(2) + z * z;
+            power_mm2.map(|p| p / d2)
+        }
+    }
+}
+
+/// Values that are not numbers (no light in a channel) become those of black.
+fn log_encode(x: f32) -> f32 {
+    let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
+    let (low, high) = (LOG_OFFSET.ln(), (1.0 + LOG_OFFSET).ln());
+    2.0 * ((x + LOG_OFFSET).ln() - low) / (high - low) - 1.0
+}
+
+/// One ONNX graph with an input `[1, channels, height, width]`.
+struct Network {
+    name: &'static str,
+    channels: usize,
+    model: InferenceModel,
+    plans: Mutex<HashMap<(usize, usize), Arc<TypedRunnableModel>>>,
+}
+
+impl Network {
+    fn parse(name: &'static str, bytes: &[u8], channels: usize) -> Result<Self> {
+        let model = guarded(name, || tract_onnx::onnx().model_for_read(&mut Cursor::new(bytes)))?;
+        Ok(Self { name, channels, model, plans: Mutex::default() })
+    }
+
+    fn fault(&self, message: &str) -> Error {
+        Error::model(self.name, message)
+    }
+
+    fn plan(&self, height: usize, width: usize) -> Result<Arc<TypedRunnableModel>> {
+        // Held while building: two threads that want the same plan build it once.
+        let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(plan) = plans.get(&(height, width)) {
+            return Ok(plan.clone());
+        }
+        let fact = f32::fact([1, self.channels, height, width]);
+        let plan = guarded(self.name, || {
+            self.model.clone().with_input_fact(0, fact.into())?.into_optimized()?.into_runnable()
+        })?;
+        plans.insert((height, width), plan.clone());
+        Ok(plan)
+    }
+
+    fn run(&self, height: usize, width: usize, input: Vec<f32>) -> Result<Vec<f32>> {
+        let plan = self.plan(height, width)?;
+        let output = guarded(self.name, || {
+            let input = Tensor::from_shape(&[1, self.channels, height, width], &input)?;
+            let output = plan.run(tvec!(input.into()))?;
+            Ok(output[0].to_plain_array_view::<f32>()?.iter().copied().collect::<Vec<f32>>())
+        })?;
+        if output.iter().all(|v| v.is_finite()) {
+            Ok(output)
+        } else {
+            Err(self.fault("the result is not finite"))
+        }
+    }
+}
+
+/// Calls into tract; its errors, and its panics on damaged graphs, become [`Error::Model`].
+fn guarded<T>(name: &str, call: impl FnOnce() -> TractResult<T>) -> Result<T> {
+    match catch_unwind(AssertUnwindSafe(call)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) => Err(Error::model(name, format!("{error:#}"))),
+        Err(_) => Err(Error::model(name, "the graph cannot be run")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::test_vectors::{difference, test_vectors};
+
+    fn networks() -> Networks {
+        Networks::embedded().unwrap()
+    }
+
+    #[test]
+    fn graphs_give_what_the_training_framework_gives() {
+        let networks = networks();
+        // f32 sums in another order through about 20 layers
+        let tolerance = 2e-4;
+        let vectors = test_vectors(include_bytes!("../models/encoder_test.bin"));
+        let (shape, maps) = &vectors["maps"];
+        let code = networks.encoder.run(shape[2], shape[3], maps.clone()).unwrap();
+        assert!(difference(&code, &vectors["code"].1) < tolerance);
+        let vectors = test_vectors(include_bytes!("../models/photo_test.bin"));
+        let (shape, photo) = &vectors["photo"];
+        let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
+        assert!(difference(&maps, &vectors["maps"].1) < tolerance);
+    }
+
+    #[test]
+    fn photo_planes_hold_what_the_network_was_trained_on() {
+        let view = View {
+            sample_mm: [20.0, 10.0],
+            camera_mm: [5.0, -2.5, 30.0],
+            light_mm: [-5.0, 2.5, 20.0],
+            falloff: Falloff::InverseSquare { power_mm2: [1000.0, 2000.0, 0.0] },
+            ambient: [0.0; 3],
+        };
+        // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one was not seen.
+        let observation = Observation {
+            width: 2,
+            height: 2,
+            view,
+            radiance: vec![0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2],
+            weight: vec![0.5, 1.0, 1.0, 0.0],
+        };
+        let planes = photo_input(&observation);
+        let close = |c: usize, i: usize, expected: f32| {
+            let found = planes[4 * c + i];
+            assert!((found - expected).abs() < 1e-5, "plane {c}, texel {i}: {found} {expected}");
+        };
+        let log = |x: f32| 2.0 * ((x + 0.01) / 0.01).ln() / 101.0f32.ln() - 1.0;
+        // texel 0 lies under the light: distance 20 mm, irradiance 1000 / 400
+        close(0, 0, log(std::f32::consts::PI * 0.5 / 2.5));
+        // saturated: at least this much; distance² = 100 + 0 + 400
+        close(0, 1, log(std::f32::consts::PI * 0.5 / 2.0));
+        close(1, 1, -1.0);
+        close(1, 2, 1.0);
+        close(2, 0, 1.0); // no light in a channel: infinitely bright
+        close(0, 3, -1.0);
+        close(9, 0, 0.5);
+        close(9, 3, 0.0);
+        // texel 3 (x = 5, y = -2.5) looks straight up to the camera, texel 0 to the light
+        close(5, 3, 1.0);
+        close(8, 0, 1.0);
+        let length = (10.0f32 * 10.0 + 5.0 * 5.0 + 900.0).sqrt();
+        close(3, 0, 10.0 / length);
+        close(4, 0, -5.0 / length);
+        close(5, 0, 30.0 / length);
+    }
+
+    #[test]
+    fn sizes_are_checked_and_large_observations_halved() {
+        assert_eq!(photo_halvings(256, 128).unwrap(), 0);
+        assert_eq!(photo_halvings(1024, 512).unwrap(), 2);
+        assert!(photo_halvings(100, 128).is_err());
+        assert!(photo_halvings(0, 128).is_err());
+        assert!(photo_halvings(1 << 20, 1 << 20).is_err());
+        let networks = networks();
+        assert!(networks.encode(&Svbrdf::new(40, 32)).is_err());
+        let code = networks.encode(&Svbrdf::new(64, 32)).unwrap();
+        assert_eq!(code.len(), networks.decoder().code_channels() * 4 * 2);
+    }
+
+    #[test]
+    fn damaged_graphs_are_errors() {
+        let good = include_bytes!("../models/encoder.onnx");
+        for end in [0, 10, 1000, good.len() / 2] {
+            let broken = Network::parse("encoder", &good[..end], CHANNELS)
+                .and_then(|n| n.run(16, 16, vec![0.0; CHANNELS * 256]));
+            assert!(matches!(broken, Err(Error::Model { .. })), "{end}");
+        }
+    }
+}

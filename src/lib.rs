@@ -24,6 +24,7 @@ mod error;
 
 pub mod calibration;
 pub mod capture;
+pub mod classic;
 pub mod export;
 pub mod frame;
 pub mod geometry;
@@ -37,6 +38,7 @@ pub mod refinement;
 pub mod reflectance;
 pub mod render;
 pub mod session;
+mod simd;
 pub mod svbrdf;
 
 pub use error::{Error, Rejection, Result};

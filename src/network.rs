@@ -1,1 +1,0 @@
-//! The SVBRDF decoder: forward pass and vector-Jacobian product.

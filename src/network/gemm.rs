@@ -1,0 +1,94 @@
+//! Matrix product on slices: the one place of this module that leaves safe Rust.
+
+/// Sizes and strides of `c = a b` or `c += a b`, all row-major.
+///
+/// Row `i` of `a` starts at element `i * a_stride` and has `k` elements: rows may overlap, which is
+/// how a convolution's shifted windows are multiplied without copying them. `b` is `k x n` without
+/// gaps; row `i` of `c` starts at `i * c_stride`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    pub m: usize,
+    pub n: usize,
+    pub k: usize,
+    pub a_stride: usize,
+    pub c_stride: usize,
+}
+
+/// Overwrites `c` with `a b`, or adds to it, on the calling thread.
+///
+/// # Panics
+/// When a slice is too short for `shape`, or rows of `c` would overlap.
+#[allow(unsafe_code)]
+pub(super) fn multiply(shape: Shape, a: &[f32], b: &[f32], c: &mut [f32], accumulate: bool) {
+    let Shape { m, n, k, a_stride, c_stride } = shape;
+    if m == 0 || n == 0 {
+        return;
+    }
+    // Sizes of real networks lie far below these bounds; with them no product overflows.
+    assert!(m.max(n).max(k).max(a_stride).max(c_stride) < 1 << 31, "matrix too large");
+    assert!(k > 0 && c_stride >= n, "rows of the result overlap");
+    assert!((m - 1) * a_stride + k <= a.len(), "left matrix too short");
+    assert!(k * n <= b.len(), "right matrix too short");
+    assert!((m - 1) * c_stride + n <= c.len(), "result too short");
+    // SAFETY: the asserts above keep every element that `gemm` reads or writes inside its slice:
+    // a[i * a_stride + l], b[l * n + j], c[i * c_stride + j] for i < m, l < k, j < n. Rows of `c`
+    // do not overlap, and `c` is borrowed exclusively, so it aliases neither `a` nor `b`.
+    unsafe {
+        gemm::gemm(
+            m,
+            n,
+            k,
+            c.as_mut_ptr(),
+            1,
+            c_stride as isize,
+            accumulate,
+            a.as_ptr(),
+            1,
+            a_stride as isize,
+            b.as_ptr(),
+            1,
+            n as isize,
+            1.0f32,
+            1.0f32,
+            false,
+            false,
+            false,
+            gemm::Parallelism::None,
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overlapping_rows_multiply_as_by_hand() {
+        // Small integers: every product and sum is exact in f32, so equality holds for any order.
+        for (m, n, k, a_stride, c_stride) in
+            [(1, 1, 1, 1, 1), (5, 3, 7, 2, 4), (33, 36, 24, 8, 48), (70, 17, 9, 3, 17)]
+        {
+            let a: Vec<f32> = (0..(m - 1) * a_stride + k).map(|i| (i % 7) as f32 - 3.0).collect();
+            let b: Vec<f32> = (0..k * n).map(|i| (i % 5) as f32 - 2.0).collect();
+            let mut c = vec![9.0; (m - 1) * c_stride + n];
+            let shape = Shape { m, n, k, a_stride, c_stride };
+            multiply(shape, &a, &b, &mut c, false);
+            multiply(shape, &a, &b, &mut c, true);
+            for i in 0..m {
+                for j in 0..c_stride.min(c.len() - i * c_stride) {
+                    let twice: f32 =
+                        (0..k).map(|l| 2.0 * a[i * a_stride + l] * b[l * n + j % n]).sum();
+                    // what lies between the rows stays as it was
+                    assert_eq!(c[i * c_stride + j], if j < n { twice } else { 9.0 });
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "left matrix too short")]
+    fn a_short_slice_is_refused() {
+        let shape = Shape { m: 4, n: 2, k: 3, a_stride: 2, c_stride: 2 };
+        multiply(shape, &[0.0; 8], &[0.0; 6], &mut [0.0; 8], false);
+    }
+}

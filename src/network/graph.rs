@@ -1,0 +1,256 @@
+//! From the file's list of layers to nodes: a convolution each, with what is fused into it.
+
+use super::container::{Container, Layer, channels, fault};
+use crate::Result;
+use crate::svbrdf::CHANNELS;
+
+/// What a node computes before its bias.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// The code itself (first node only).
+    Input,
+    /// Stride 1, zero padding.
+    Conv { kernel: usize },
+    /// 4x4, stride 2, padding 1.
+    ConvTranspose,
+}
+
+/// A tensor that a later node adds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Saved {
+    pub node: usize,
+    /// Before or after the node's leaky ReLU.
+    pub activated: bool,
+}
+
+/// `value = act(kind(previous value) + bias + saved)`.
+#[derive(Debug, Clone)]
+pub(super) struct Node {
+    pub kind: Kind,
+    pub inputs: usize,
+    pub outputs: usize,
+    /// Resolution of the result in multiples of the code's.
+    pub scale: usize,
+    pub bias: Vec<f32>,
+    /// Matrices of the forward pass, one per group of taps that is contiguous in memory.
+    pub forward: Vec<Vec<f32>>,
+    /// The same for the vector-Jacobian product.
+    pub backward: Vec<Vec<f32>>,
+    pub add: Option<Saved>,
+    pub leaky: bool,
+    /// Nodes that add this one's result before its activation.
+    pub used_before: Vec<usize>,
+    /// Nodes that add this one's result after its activation.
+    pub used_after: Vec<usize>,
+}
+
+/// The whole decoder.
+#[derive(Debug, Clone)]
+pub(super) struct Graph {
+    pub nodes: Vec<Node>,
+    pub stride: usize,
+    pub slope: f32,
+    /// Side of the final rearrangement of channels into texels.
+    pub block: usize,
+}
+
+impl Graph {
+    pub fn build(file: &Container) -> Result<Self> {
+        let mut nodes = vec![Node {
+            kind: Kind::Input,
+            inputs: file.code_channels,
+            outputs: file.code_channels,
+            scale: 1,
+            bias: Vec::new(),
+            forward: Vec::new(),
+            backward: Vec::new(),
+            add: None,
+            leaky: false,
+            used_before: Vec::new(),
+            used_after: Vec::new(),
+        }];
+        let mut saved: Vec<Saved> = Vec::new();
+        let mut block = None;
+        let mut ended = false;
+        for (index, layer) in file.layers.iter().enumerate() {
+            let here = nodes.len() - 1;
+            let unsupported = |what: &str| Err(fault(format!("layer {index}: {what}")));
+            if ended || (block.is_some() && !matches!(layer, Layer::Tanh {})) {
+                return unsupported("nothing may follow the output");
+            }
+            match *layer {
+                Layer::Conv { kernel, inputs, outputs, weight, bias } => {
+                    if kernel != 1 && kernel != 3 {
+                        return unsupported("kernels are 1x1 or 3x3");
+                    }
+                    let kind = Kind::Conv { kernel: kernel as usize };
+                    nodes.push(convolution(
+                        file,
+                        &nodes[here],
+                        kind,
+                        inputs,
+                        outputs,
+                        weight,
+                        bias,
+                    )?);
+                }
+                Layer::ConvTranspose { inputs, outputs, weight, bias } => {
+                    let kind = Kind::ConvTranspose;
+                    nodes.push(convolution(
+                        file,
+                        &nodes[here],
+                        kind,
+                        inputs,
+                        outputs,
+                        weight,
+                        bias,
+                    )?);
+                }
+                Layer::LeakyRelu {} => {
+                    if nodes[here].leaky {
+                        return unsupported("two activations in a row");
+                    }
+                    nodes[here].leaky = true;
+                }
+                Layer::Save {} => saved.push(Saved { node: here, activated: nodes[here].leaky }),
+                Layer::Add {} => {
+                    let Some(source) = saved.pop() else {
+                        return unsupported("nothing was saved");
+                    };
+                    let from = &nodes[source.node];
+                    let node = &nodes[here];
+                    if source.node == here || node.leaky || node.add.is_some() {
+                        return unsupported("an addition must follow a convolution");
+                    }
+                    if saved.iter().any(|s| s.node == here) {
+                        return unsupported("a tensor saved before an addition to it");
+                    }
+                    if from.outputs != node.outputs || from.scale != node.scale {
+                        return unsupported("the tensors to add differ in size");
+                    }
+                    nodes[here].add = Some(source);
+                    let users = &mut nodes[source.node];
+                    if source.activated { &mut users.used_after } else { &mut users.used_before }
+                        .push(here);
+                }
+                Layer::DepthToSpace { block: side } => {
+                    if !(1..=16).contains(&side) {
+                        return unsupported("blocks are 1 to 16 texels wide");
+                    }
+                    block = Some(side as usize);
+                }
+                Layer::Tanh {} => ended = true,
+            }
+        }
+        let block = block.unwrap_or(1);
+        let last = &nodes[nodes.len() - 1];
+        if !ended || last.leaky || nodes.len() < 2 {
+            return Err(fault("the last layers must be a convolution and tanh"));
+        }
+        if !saved.is_empty() {
+            return Err(fault("a saved tensor is never added"));
+        }
+        if last.outputs != CHANNELS * block * block || last.scale * block != file.stride {
+            return Err(fault(format!(
+                "the result has {} channels in blocks of {block} at {} times the code's \
+                 resolution; expected {CHANNELS} maps at {} times",
+                last.outputs, last.scale, file.stride
+            )));
+        }
+        Ok(Self { nodes, stride: file.stride, slope: file.leaky_slope, block })
+    }
+}
+
+fn convolution(
+    file: &Container,
+    before: &Node,
+    kind: Kind,
+    inputs: u32,
+    outputs: u32,
+    weight: u64,
+    bias: u64,
+) -> Result<Node> {
+    let (inputs, outputs) = (channels(inputs)?, channels(outputs)?);
+    if inputs != before.outputs {
+        return Err(fault(format!(
+            "a layer takes {inputs} channels, the one before gives {}",
+            before.outputs
+        )));
+    }
+    let (taps, scale) = match kind {
+        Kind::Input => (0, before.scale),
+        Kind::Conv { kernel } => (kernel * kernel, before.scale),
+        Kind::ConvTranspose => (16, 2 * before.scale),
+    };
+    if scale > file.stride {
+        return Err(fault("the layers enlarge by more than the stride"));
+    }
+    let weights = file.tensor(weight, taps * inputs * outputs)?;
+    let (forward, backward) = match kind {
+        Kind::Input => (Vec::new(), Vec::new()),
+        Kind::Conv { kernel } => pack_conv(weights, inputs, outputs, kernel),
+        Kind::ConvTranspose => pack_conv_transpose(weights, inputs, outputs),
+    };
+    Ok(Node {
+        kind,
+        inputs,
+        outputs,
+        scale,
+        bias: file.tensor(bias, outputs)?.to_vec(),
+        forward,
+        backward,
+        add: None,
+        leaky: false,
+        used_before: Vec::new(),
+        used_after: Vec::new(),
+    })
+}
+
+/// `[out][in][ky][kx]` to one matrix per kernel row: rows (kx, in), columns out; and the
+/// convolution of the gradient: flipped, rows (kx, out), columns in.
+fn pack_conv(w: &[f32], ci: usize, co: usize, k: usize) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
+    let at = |o: usize, i: usize, ky: usize, kx: usize| w[((o * ci + i) * k + ky) * k + kx];
+    let mut forward = vec![Vec::with_capacity(k * ci * co); k];
+    let mut backward = forward.clone();
+    for ky in 0..k {
+        for kx in 0..k {
+            for i in 0..ci {
+                forward[ky].extend((0..co).map(|o| at(o, i, ky, kx)));
+            }
+            for o in 0..co {
+                backward[ky].extend((0..ci).map(|i| at(o, i, k - 1 - ky, k - 1 - kx)));
+            }
+        }
+    }
+    (forward, backward)
+}
+
+/// `[in][out][ky][kx]` to the forward matrices of the four output phases, two rows of taps each
+/// (index `(py * 2 + px) * 2 + ty`; rows (tx, in), columns out), and the four rows of taps of the
+/// gradient (rows (kx, out), columns in).
+///
+/// Output row `2 y + py` receives input row `y + py + t - 1` through kernel row `3 - py - 2 t`.
+fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
+    let at = |i: usize, o: usize, ky: usize, kx: usize| w[((i * co + o) * 4 + ky) * 4 + kx];
+    let mut forward = Vec::with_capacity(8);
+    for (py, px) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        for ty in 0..2 {
+            let mut matrix = Vec::with_capacity(2 * ci * co);
+            for tx in 0..2 {
+                for i in 0..ci {
+                    matrix.extend((0..co).map(|o| at(i, o, 3 - py - 2 * ty, 3 - px - 2 * tx)));
+                }
+            }
+            forward.push(matrix);
+        }
+    }
+    let mut backward = vec![Vec::with_capacity(4 * ci * co); 4];
+    for ky in 0..4 {
+        for kx in 0..4 {
+            for o in 0..co {
+                backward[ky].extend((0..ci).map(|i| at(i, o, ky, kx)));
+            }
+        }
+    }
+    (forward, backward)
+}

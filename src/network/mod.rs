@@ -1,0 +1,296 @@
+//! The SVBRDF decoder: forward pass and vector-Jacobian product.
+//!
+//! The decoder turns a latent code of `channels x height x width` into the nine encoded maps
+//! ([`crate::svbrdf::encoding`]) at `stride` times its resolution. Fitting the code to photographs
+//! runs it forward and backward hundreds of times, so it has its own path here: channels-last
+//! tensors, convolutions as matrix products over shifted windows, biases and activations fused,
+//! weights packed once. The backward pass gives the gradient with respect to the code only; weights
+//! are fixed.
+//!
+//! Rows are shared out over the rayon pool in which a call is made. The partition depends on the
+//! code's size alone, so results are the same bits for any number of threads on one machine.
+//!
+//! # File
+//! `SVBRDFM1`, the length of the header (`u32`, little endian), the header (JSON: `format`
+//! `svbrdf-decoder/1`, `code_channels`, `stride`, `leaky_slope`, `layers`), then the weights as
+//! little-endian `f16`. Layers in order: `conv` (1x1 or 3x3), `conv_transpose` (4x4, stride 2),
+//! `leaky_relu`, `save` and `add` (a residual round a convolution), and at the end
+//! `depth_to_space`, `tanh`.
+
+mod activation;
+mod container;
+mod gemm;
+mod graph;
+mod kernels;
+mod workspace;
+
+#[cfg(test)]
+pub(crate) mod test_vectors;
+#[cfg(test)]
+mod tests;
+
+use rayon::prelude::*;
+
+use crate::svbrdf::CHANNELS;
+use crate::{Error, Result};
+use container::Container;
+use graph::{Graph, Node};
+use kernels::{Finish, Size, Target, backward_block, forward_block};
+pub use workspace::Workspace;
+use workspace::{ScratchPool, Tensors};
+
+/// The decoder network.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    graph: Graph,
+}
+
+impl Decoder {
+    /// Reads the decoder's file.
+    ///
+    /// # Errors
+    /// [`Error::Model`] when the file is damaged or describes something that this version does not
+    /// run.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        Ok(Self { graph: Graph::build(&Container::parse(bytes)?)? })
+    }
+
+    /// Channels of the code.
+    pub fn code_channels(&self) -> usize {
+        self.graph.nodes[0].outputs
+    }
+
+    /// Texels per code element along each side.
+    pub fn stride(&self) -> usize {
+        self.graph.stride
+    }
+
+    /// Multiplications and additions of one forward pass for a code of `height * width`; a
+    /// vector-Jacobian product takes as many again.
+    pub fn operations(&self, height: usize, width: usize) -> usize {
+        let pair = |nodes: &[Node]| {
+            let n = &nodes[1];
+            let pixels = height * width * nodes[0].scale * nodes[0].scale;
+            2 * pixels * n.forward.iter().map(Vec::len).sum::<usize>()
+        };
+        self.graph.nodes.windows(2).map(pair).sum()
+    }
+
+    /// Decodes `code` (`channels * height * width`, channel planes as in PyTorch) and returns the
+    /// nine encoded planes of `stride * height` rows; they stay in `workspace`.
+    ///
+    /// # Errors
+    /// When `code` is not of the workspace's size.
+    pub fn forward<'w>(&self, code: &[f32], workspace: &'w mut Workspace) -> Result<&'w [f32]> {
+        self.check("code", code.len(), workspace, self.code_channels(), 1)?;
+        let graph = &self.graph;
+        let (nodes, encoded, scratch) = workspace.parts();
+        self.input(code, &mut nodes[0]);
+        for i in 1..graph.nodes.len() {
+            let (done, rest) = nodes.split_at_mut(i);
+            self.forward_node(i, done, &mut rest[0], scratch);
+        }
+        write_maps(&nodes[nodes.len() - 1], graph.block, encoded);
+        Ok(&workspace.encoded)
+    }
+
+    /// Gradient with respect to the code of the last [`Decoder::forward`], given the gradient with
+    /// respect to its result (nine planes). Both are overwritten, not added to.
+    ///
+    /// # Errors
+    /// When a slice is not of the workspace's size.
+    pub fn vjp(
+        &self,
+        workspace: &mut Workspace,
+        gradient: &[f32],
+        code_gradient: &mut [f32],
+    ) -> Result<()> {
+        self.check("gradient", gradient.len(), workspace, CHANNELS, self.stride())?;
+        self.check("code gradient", code_gradient.len(), workspace, self.code_channels(), 1)?;
+        let graph = &self.graph;
+        let (nodes, encoded, scratch) = workspace.parts();
+        let last = nodes.len() - 1;
+        read_gradient(&mut nodes[last], graph.block, encoded, gradient);
+        for i in (1..=last).rev() {
+            self.backward_node(i, nodes, scratch);
+        }
+        let input = &nodes[0];
+        let texels = input.size.height * input.size.width;
+        let channels = self.code_channels();
+        for (c, plane) in code_gradient.chunks_exact_mut(texels).enumerate() {
+            for (i, v) in plane.iter_mut().enumerate() {
+                *v = input.gradient[i * channels + c];
+            }
+        }
+        Ok(())
+    }
+
+    fn check(
+        &self,
+        argument: &'static str,
+        length: usize,
+        workspace: &Workspace,
+        channels: usize,
+        scale: usize,
+    ) -> Result<()> {
+        let (height, width) = workspace.code_size();
+        let expected = channels * height * width * scale * scale;
+        let fits = workspace.nodes.len() == self.graph.nodes.len()
+            && workspace.encoded.len() == CHANNELS * height * width * self.stride().pow(2)
+            && workspace
+                .nodes
+                .iter()
+                .zip(&self.graph.nodes)
+                .all(|(t, n)| t.value.len() == height * width * n.scale * n.scale * n.outputs);
+        if !fits {
+            return Err(Error::argument("workspace", "it was made for another decoder"));
+        }
+        if length != expected {
+            return Err(Error::argument(
+                argument,
+                format!("{length} values given, {expected} expected"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Planes to channels last, with what is fused into the input.
+    fn input(&self, code: &[f32], tensors: &mut Tensors) {
+        let node = &self.graph.nodes[0];
+        let texels = tensors.size.height * tensors.size.width;
+        let keep = tensors.before.len() == tensors.value.len();
+        for (c, plane) in code.chunks_exact(texels).enumerate() {
+            for (i, &v) in plane.iter().enumerate() {
+                let at = i * node.outputs + c;
+                if keep {
+                    tensors.before[at] = v;
+                }
+                tensors.value[at] = if node.leaky { v.max(self.graph.slope * v) } else { v };
+            }
+        }
+    }
+
+    fn forward_node(&self, i: usize, done: &[Tensors], here: &mut Tensors, scratch: &ScratchPool) {
+        let node = &self.graph.nodes[i];
+        let input = &done[i - 1];
+        let slope = if node.leaky { self.graph.slope } else { 1.0 };
+        let finish = Finish { bias: &node.bias, slope };
+        let add = node.add.map(|saved| {
+            let from = &done[saved.node];
+            let stored = !saved.activated && self.graph.nodes[saved.node].leaky;
+            if stored { from.before.as_slice() } else { from.value.as_slice() }
+        });
+        let coarse = input.size;
+        let rows = here.rows;
+        let scale = here.size.height / coarse.height;
+        let chunk = rows * scale * here.size.width * node.outputs;
+        let keep = here.before.len() == here.value.len();
+        here.value
+            .par_chunks_mut(chunk)
+            .zip(here.before.par_chunks_mut(if keep { chunk } else { 1 }))
+            .enumerate()
+            .for_each(|(block, (out, before))| {
+                let first = block * rows;
+                let range = block * chunk..block * chunk + out.len();
+                let mut target =
+                    Target { out, before: keep.then_some(before), add: add.map(|a| &a[range]) };
+                let rows = rows.min(coarse.height - first);
+                let scratch = &mut *scratch.get();
+                forward_block(
+                    node,
+                    &input.value,
+                    coarse,
+                    first,
+                    rows,
+                    &finish,
+                    &mut target,
+                    scratch,
+                );
+            });
+    }
+
+    /// From the gradient of node `i`'s sums to that of the sums of the node before.
+    fn backward_node(&self, i: usize, nodes: &mut [Tensors], scratch: &ScratchPool) {
+        let node = &self.graph.nodes[i];
+        let before = &self.graph.nodes[i - 1];
+        let (early, late) = nodes.split_at_mut(i);
+        let late = &*late;
+        let Tensors { size: coarse, value, gradient, .. } = &mut early[i - 1];
+        let (coarse, value) = (*coarse, &*value);
+        let rows = late[0].rows;
+        let chunk = rows * coarse.width * node.inputs;
+        let slope = if before.leaky { self.graph.slope } else { 1.0 };
+        gradient.par_chunks_mut(chunk).enumerate().for_each(|(block, out)| {
+            let first = block * rows;
+            let range = block * chunk..block * chunk + out.len();
+            let scratch = &mut *scratch.get();
+            let rows = rows.min(coarse.height - first);
+            backward_block(node, &late[0].gradient, coarse, first, rows, out, scratch);
+            let add = |out: &mut [f32], users: &[usize]| {
+                for &user in users {
+                    for (o, &g) in out.iter_mut().zip(&late[user - i].gradient[range.clone()]) {
+                        *o += g;
+                    }
+                }
+            };
+            add(out, &before.used_after);
+            if before.leaky {
+                // the sign of a leaky ReLU's result is that of its argument
+                for (o, &v) in out.iter_mut().zip(&value[range.clone()]) {
+                    *o *= if v > 0.0 { 1.0 } else { slope };
+                }
+            }
+            add(out, &before.used_before);
+        });
+    }
+}
+
+/// Rows of maps per task.
+const MAP_ROWS: usize = 32;
+
+/// Channels in blocks to texels, tanh, planes.
+fn write_maps(last: &Tensors, block: usize, encoded: &mut [f32]) {
+    let Size { height, width } = last.size;
+    let channels = CHANNELS * block * block;
+    let (rows, length) = (height * block, width * block);
+    encoded.par_chunks_mut(rows * length).enumerate().for_each(|(c, plane)| {
+        plane.par_chunks_mut(MAP_ROWS * length).enumerate().for_each(|(b, part)| {
+            for (r, row) in part.chunks_exact_mut(length).enumerate() {
+                let y = b * MAP_ROWS + r;
+                let source = &last.value[(y / block) * width * channels..][..width * channels];
+                for dx in 0..block {
+                    let channel = c * block * block + (y % block) * block + dx;
+                    for x in 0..width {
+                        row[x * block + dx] = source[x * channels + channel];
+                    }
+                }
+                for v in row {
+                    *v = activation::tanh(*v);
+                }
+            }
+        });
+    });
+}
+
+/// The transpose of [`write_maps`] at its last result.
+fn read_gradient(last: &mut Tensors, block: usize, encoded: &[f32], gradient: &[f32]) {
+    let Size { height, width } = last.size;
+    let channels = CHANNELS * block * block;
+    let length = width * block;
+    let texels = height * block * length;
+    last.gradient.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
+        for c in 0..CHANNELS {
+            for dy in 0..block {
+                let start = c * texels + (y * block + dy) * length;
+                let (value, slope) = (&encoded[start..][..length], &gradient[start..][..length]);
+                for dx in 0..block {
+                    let channel = c * block * block + dy * block + dx;
+                    for x in 0..width {
+                        let (e, g) = (value[x * block + dx], slope[x * block + dx]);
+                        row[x * channels + channel] = g * (1.0 - e * e);
+                    }
+                }
+            }
+        }
+    });
+}

@@ -1,1 +1,0 @@
-//! Per-texel refinement: maximum a posteriori, Levenberg-Marquardt.

@@ -1,1 +1,0 @@
-//! Value and partial derivatives of the BRDF of one texel.

@@ -1,1 +1,0 @@
-//! Forward rendering of maps and its adjoint.

@@ -1,0 +1,249 @@
+//! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
+//! Jacobians are stored.
+
+use super::{BAND_ROWS, Prepared, bands, load_texels};
+use crate::loss::{EPSILON, OffsetPair};
+use crate::observation::Observation;
+use crate::reflectance::{Directions, Lobes, Material};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, Svbrdf, channel};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Log-L1 loss: mean over photographs, texels and channels of
+/// `|ln(rendered + 0.01) - ln(observed + 0.01)|`, weighted by each observation's `weight`;
+/// 0 when all weights are.
+///
+/// Parameters must lie in their physical ranges. Measurements that are not numbers must have
+/// weight 0.
+///
+/// # Panics
+/// When an observation has not the maps' size.
+pub fn loss(maps: &Svbrdf, observations: &[Observation]) -> f64 {
+    let prepared = Prepared::new(maps, observations);
+    let rows: Vec<[f64; 2]> = (0..maps.height().div_ceil(BAND_ROWS))
+        .into_par_iter()
+        .map(|band| {
+            let first_row = band * BAND_ROWS;
+            dispatch(LossBand {
+                maps,
+                observations: &prepared,
+                first_row,
+                scale: 1.0,
+                sink: NoSink,
+            })
+        })
+        .collect();
+    let [sum, weight] = total(&rows);
+    if weight > 0.0 { sum / (3.0 * weight) } else { 0.0 }
+}
+
+/// [`loss`] and its gradient by the maps' nine planes, which overwrites `gradient`. The gradient is
+/// zero where rendering and measurement agree, or a saturated measurement is explained.
+///
+/// # Panics
+/// When an observation has not the maps' size, or `gradient` does not hold `9 * maps.texels()`
+/// values.
+pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: &mut [f32]) -> f64 {
+    assert_eq!(gradient.len(), maps.planes().len(), "nine planes of {} texels", maps.texels());
+    let prepared = Prepared::new(maps, observations);
+    let weight: f64 =
+        observations.par_iter().map(|o| sum(&o.weight)).collect::<Vec<_>>().iter().sum();
+    if weight <= 0.0 {
+        gradient.fill(0.0);
+        return 0.0;
+    }
+    let scale = 1.0 / (3.0 * weight);
+    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps)
+        .into_par_iter()
+        .enumerate()
+        .map(|(band, sink)| {
+            let first_row = band * BAND_ROWS;
+            let scale = scale as f32;
+            dispatch(LossBand { maps, observations: &prepared, first_row, scale, sink })
+        })
+        .collect();
+    scale * total(&rows)[0]
+}
+
+/// Sum in double precision, in eight interleaved parts so that it is not bound by latency.
+fn sum(values: &[f32]) -> f64 {
+    let mut parts = [0.0_f64; LANES];
+    for chunk in values.chunks(LANES) {
+        for (part, &v) in parts.iter_mut().zip(chunk) {
+            *part += v as f64;
+        }
+    }
+    parts.iter().sum()
+}
+
+fn total(rows: &[[f64; 2]]) -> [f64; 2] {
+    rows.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+}
+
+/// Where the gradient goes.
+trait Sink {
+    const WANTED: bool;
+    /// Texels `from..to` of the band.
+    fn put<V: Lanes>(&mut self, from: usize, to: usize, gradient: [V; CHANNELS]);
+}
+
+struct NoSink;
+
+impl Sink for NoSink {
+    const WANTED: bool = false;
+    #[inline(always)]
+    fn put<V: Lanes>(&mut self, _: usize, _: usize, _: [V; CHANNELS]) {}
+}
+
+impl Sink for [&mut [f32]; CHANNELS] {
+    const WANTED: bool = true;
+    #[inline(always)]
+    fn put<V: Lanes>(&mut self, from: usize, to: usize, gradient: [V; CHANNELS]) {
+        for (plane, g) in self.iter_mut().zip(gradient) {
+            g.store(&mut plane[from..to]);
+        }
+    }
+}
+
+struct LossBand<'a, S> {
+    maps: &'a Svbrdf,
+    observations: &'a [Prepared<'a>],
+    first_row: usize,
+    scale: f32,
+    sink: S,
+}
+
+impl<S: Sink> Kernel for LossBand<'_, S> {
+    /// Sums of weighted losses and of weights.
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn run<V: Lanes>(mut self) -> [f64; 2] {
+        let (width, height) = (self.maps.width(), self.maps.height());
+        let rows = BAND_ROWS.min(height - self.first_row);
+        let mut sums = [0.0; 2];
+        for r in 0..rows {
+            let row = self.first_row + r;
+            // A row's sum in single precision: at most a few thousand values a lane.
+            let mut row_sums = [V::splat(0.0); 2];
+            for column in (0..width).step_by(LANES) {
+                let end = (column + LANES).min(width);
+                let texels = row * width + column..row * width + end;
+                let parameters = load_texels(self.maps, texels.start, texels.end);
+                let mut gradient = Gradient::new(&parameters);
+                for observation in self.observations {
+                    let directions = Directions::new(&observation.view, column, row);
+                    let [l, w] = gradient.add::<S>(observation, &directions, texels.clone());
+                    row_sums[0] += l;
+                    row_sums[1] += w;
+                }
+                if S::WANTED {
+                    let at = r * width;
+                    self.sink.put(at + column, at + end, gradient.finish(self.scale));
+                }
+            }
+            for (sum, row_sum) in sums.iter_mut().zip(row_sums) {
+                *sum += row_sum.sum();
+            }
+        }
+        sums
+    }
+}
+
+/// Sum over photographs for eight texels.
+struct Gradient<V> {
+    material: Material<V>,
+    by_normal: [V; 3],
+    by_diffuse: [V; 3],
+    by_specular: [V; 3],
+    by_roughness: V,
+}
+
+impl<V: Lanes> Gradient<V> {
+    #[inline(always)]
+    fn new(parameters: &[V; CHANNELS]) -> Self {
+        let zero = V::splat(0.0);
+        Self {
+            material: Material::new(parameters),
+            by_normal: [zero; 3],
+            by_diffuse: [zero; 3],
+            by_specular: [zero; 3],
+            by_roughness: zero,
+        }
+    }
+
+    /// Adds a photograph; answers its weighted loss (three channels) and its weight.
+    #[inline(always)]
+    fn add<S: Sink>(
+        &mut self,
+        observation: &Prepared,
+        directions: &Directions<V>,
+        texels: std::ops::Range<usize>,
+    ) -> [V; 2] {
+        let (zero, n) = (V::splat(0.0), observation.weight.len());
+        let material = &self.material;
+        let view = &observation.view;
+        let lobes = Lobes::new(material, directions);
+        let weight = V::load(&observation.weight[texels.clone()], 0.0);
+
+        let mut pairs = [OffsetPair { rendered: zero, observed: zero }; 3];
+        let mut brdfs = [(zero, zero); 3];
+        for c in 0..3 {
+            let plane = &observation.radiance[c * n..(c + 1) * n];
+            let observed = V::load(&plane[texels.clone()], 0.0);
+            brdfs[c] = lobes.brdf(material, c);
+            let irradiance = lobes.irradiance * V::splat(view.power[c]);
+            let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);
+            let rendered = brdfs[c].0.mul_add(irradiance, ambient + V::splat(EPSILON));
+            pairs[c] = OffsetPair::new(rendered, observed);
+        }
+
+        if S::WANTED {
+            // One division for three: 1/a = bc / abc. Offset renderings are at least 0.01. Where
+            // a saturated measurement is explained the sign is zero.
+            let [a, b, c] = [pairs[0].rendered, pairs[1].rendered, pairs[2].rendered];
+            let all = (a * b * c).reciprocal() * weight;
+            let inverse = [all * b * c, all * a * c, all * a * b];
+            let (mut by_irradiance, mut by_lobe) = (zero, zero);
+            for c in 0..3 {
+                let by_radiance = pairs[c].sign() * inverse[c];
+                let (brdf, fresnel) = brdfs[c];
+                let by_power = by_radiance * V::splat(view.power[c]);
+                let by_brdf = by_power * lobes.irradiance;
+                let by_ambient = by_radiance * V::splat(view.ambient[c]);
+                by_irradiance = by_power.mul_add(brdf, by_irradiance);
+                by_lobe = by_brdf.mul_add(fresnel, by_lobe);
+                self.by_diffuse[c] += by_brdf.mul_add(V::splat(FRAC_1_PI), by_ambient);
+                self.by_specular[c] +=
+                    by_brdf.mul_add(lobes.specular * lobes.one_minus_fresnel, by_ambient);
+            }
+            let by_log_lobe = by_lobe * lobes.specular;
+            let by_normal = lobes.by_normal(material, directions, by_log_lobe, by_irradiance);
+            for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
+                *sum += g;
+            }
+            self.by_roughness =
+                by_log_lobe.mul_add(lobes.log_specular_by_roughness(material), self.by_roughness);
+        }
+
+        // Unseen texels may hold anything, so a product with weight 0 is not enough.
+        let loss = OffsetPair::log_l1_of_three(pairs) * weight;
+        [weight.if_greater(zero, loss, zero), weight]
+    }
+
+    #[inline(always)]
+    fn finish(&self, scale: f32) -> [V; CHANNELS] {
+        let scale = V::splat(scale);
+        let mut out = [V::splat(0.0); CHANNELS];
+        let [p, q] = self.material.by_slopes(self.by_normal);
+        out[channel::SLOPE_X] = p * scale;
+        out[channel::SLOPE_Y] = q * scale;
+        for c in 0..3 {
+            out[channel::DIFFUSE + c] = self.by_diffuse[c] * scale;
+            out[channel::SPECULAR + c] = self.by_specular[c] * scale;
+        }
+        out[channel::ROUGHNESS] = self.by_roughness * scale;
+        out
+    }
+}

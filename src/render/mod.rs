@@ -1,0 +1,120 @@
+//! Renderings of maps, their distance to photographs, and the gradient of that distance.
+//!
+//! Radiance of a texel: `BRDF * NoL * E + ambient * (kd + ks)`, with `E` from
+//! [`Falloff`](crate::observation::Falloff), not clamped at 1: a photograph's saturation is a mark on
+//! its values, see [`loss`](crate::loss). Rows are shared among rayon's threads; sums are formed in
+//! the same order for any number of them, so results do not depend on it.
+
+mod gradient;
+
+pub use gradient::{loss, loss_and_gradient};
+
+use crate::observation::{Observation, View};
+use crate::reflectance::{Directions, Lobes, Material, TexelView};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, Svbrdf};
+use rayon::prelude::*;
+
+/// Rows that one task works on.
+pub(crate) const BAND_ROWS: usize = 4;
+
+/// Renders maps into three planes (R, G, B) of `width * height` radiances.
+///
+/// # Panics
+/// When `out` does not hold `3 * maps.texels()` values.
+pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
+    assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
+    let view = TexelView::new(view, maps.width(), maps.height());
+    bands::<3>(out, maps).into_par_iter().enumerate().for_each(|(band, out)| {
+        dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
+    });
+}
+
+/// Cuts planes of the maps' size into bands of [`BAND_ROWS`] rows.
+pub(crate) fn bands<'a, const PLANES: usize>(
+    data: &'a mut [f32],
+    maps: &Svbrdf,
+) -> Vec<[&'a mut [f32]; PLANES]> {
+    let band = BAND_ROWS * maps.width();
+    let mut planes: Vec<_> =
+        data.chunks_mut(maps.texels()).map(|plane| plane.chunks_mut(band)).collect();
+    (0..maps.height().div_ceil(BAND_ROWS))
+        .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
+        .collect()
+}
+
+/// Observations with their views prepared for one size of maps.
+pub(crate) struct Prepared<'a> {
+    pub view: TexelView,
+    pub radiance: &'a [f32],
+    pub weight: &'a [f32],
+}
+
+impl<'a> Prepared<'a> {
+    /// # Panics
+    /// When an observation has not the maps' size.
+    pub fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Vec<Self> {
+        observations
+            .iter()
+            .map(|o| {
+                assert_eq!(
+                    (o.width, o.height, o.radiance.len(), o.weight.len()),
+                    (maps.width(), maps.height(), 3 * maps.texels(), maps.texels()),
+                    "an observation must have the maps' size"
+                );
+                Self {
+                    view: TexelView::new(&o.view, o.width, o.height),
+                    radiance: &o.radiance,
+                    weight: &o.weight,
+                }
+            })
+            .collect()
+    }
+}
+
+/// Loads the parameters of eight texels from `first` on; `end` is the end of their row.
+#[inline(always)]
+pub(crate) fn load_texels<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> [V; CHANNELS] {
+    let (n, planes) = (maps.texels(), maps.planes());
+    let mut parameters = [V::splat(0.0); CHANNELS];
+    for (c, p) in parameters.iter_mut().enumerate() {
+        *p = V::load(&planes[c * n + first..c * n + end], 0.0);
+    }
+    parameters
+}
+
+struct RenderBand<'a> {
+    maps: &'a Svbrdf,
+    view: &'a TexelView,
+    first_row: usize,
+    out: [&'a mut [f32]; 3],
+}
+
+impl Kernel for RenderBand<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let width = self.maps.width();
+        for r in 0..self.out[0].len() / width {
+            let row = self.first_row + r;
+            for column in (0..width).step_by(LANES) {
+                let end = (column + LANES).min(width);
+                let at = row * width;
+                let material = Material::new(&load_texels(self.maps, at + column, at + end));
+                let directions = Directions::<V>::new(self.view, column, row);
+                let lobes = Lobes::new(&material, &directions);
+                for c in 0..3 {
+                    let (brdf, _) = lobes.brdf(&material, c);
+                    let ambient = V::splat(self.view.ambient[c])
+                        * (material.diffuse[c] + material.specular[c]);
+                    let radiance =
+                        brdf.mul_add(lobes.irradiance * V::splat(self.view.power[c]), ambient);
+                    radiance.store(&mut self.out[c][r * width + column..r * width + end]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
