@@ -1,0 +1,283 @@
+//! Reading photographs from files.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use super::{Encoding, MAX_PIXELS, Photo};
+use crate::{Error, Result};
+
+/// Largest file read, bytes.
+const MAX_FILE_BYTES: u64 = 2 << 30;
+/// Largest sum of a decoder's buffers, bytes: four floats for each of [`MAX_PIXELS`] and slack.
+const MAX_DECODER_BYTES: u64 = 2 << 30;
+
+impl Photo {
+    /// Reads a PNG, JPEG, TIFF (8 or 16 bits, or float) or OpenEXR file, upright as its
+    /// orientation tag says. Gray pictures become RGB, alpha is dropped. Float files are linear by
+    /// nature and never count as saturated.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be opened, [`Error::Image`] when it is empty, damaged,
+    /// cut short, too large ([`MAX_PIXELS`]) or of another format, [`Error::Field`] about
+    /// `encoding` when a curve is stated for float data.
+    pub fn read(path: impl AsRef<Path>, encoding: Encoding, exposure: f32) -> Result<Self> {
+        let path = path.as_ref();
+        let picture = read_picture(path)?;
+        let (width, height) = (picture.width(), picture.height());
+        match picture.color() {
+            ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
+                let data = picture.into_rgb8().into_raw();
+                Self::from_u8(width, height, data, encoding, exposure)
+            }
+            ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
+                let data = picture.into_rgb16().into_raw();
+                Self::from_u16(width, height, data, encoding, exposure)
+            }
+            _ if encoding != Encoding::Linear => Err(Error::Field {
+                path: path.to_owned(),
+                field: "encoding".into(),
+                message: format!("`{}` stated for a file of floats", encoding.name()),
+                expected: "`linear`: float files hold linear values".into(),
+            }),
+            _ => {
+                let data = picture.into_rgb32f().into_raw();
+                Self::from_linear(width, height, data, exposure, f32::INFINITY)
+            }
+        }
+    }
+}
+
+/// Decodes a picture of at most [`MAX_PIXELS`], turned upright.
+pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
+    let fault = |message: String| Error::Image { path: path.to_owned(), message };
+    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+    if size > MAX_FILE_BYTES {
+        return Err(fault(format!("{size} bytes, at most {MAX_FILE_BYTES} are read")));
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    if bytes.is_empty() {
+        return Err(fault("the file is empty".into()));
+    }
+    let mut reader = ImageReader::new(Cursor::new(&bytes));
+    reader = reader.with_guessed_format().map_err(|e| Error::io(path, e))?;
+    let format = reader
+        .format()
+        .ok_or_else(|| fault("no PNG, JPEG, TIFF or OpenEXR file by its first bytes".into()))?;
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(MAX_DECODER_BYTES);
+    reader.limits(limits);
+    let decode = |e: image::ImageError| fault(e.to_string());
+    let mut decoder = reader.into_decoder().map_err(decode)?;
+    let (width, height) = decoder.dimensions();
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(fault(format!("{width} x {height} px; at most {MAX_PIXELS} pixels are read")));
+    }
+    // The decoder fills what is missing with gray instead of complaining.
+    if format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
+        return Err(fault("the file is cut short: its end marker is missing".into()));
+    }
+    let orientation = decoder.orientation().map_err(decode)?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(decode)?;
+    picture.apply_orientation(orientation);
+    Ok(picture)
+}
+
+/// Whether the markers of a JPEG file lead to its end-of-image marker. Segments are skipped by
+/// their lengths, so that the end of an embedded thumbnail is not taken for the file's.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    let mut at = 2;
+    loop {
+        // Entropy-coded data and fill bytes run up to the next marker; FF00 is a stuffed FF.
+        while bytes
+            .get(at)
+            .zip(bytes.get(at + 1))
+            .is_some_and(|(&a, &b)| a != 0xFF || b == 0x00 || b == 0xFF)
+        {
+            at += 1;
+        }
+        match bytes.get(at + 1) {
+            None => return false,
+            Some(0xD9) => return true,
+            Some(0x01 | 0xD0..=0xD8) => at += 2,
+            Some(_) => match (bytes.get(at + 2), bytes.get(at + 3)) {
+                (Some(&high), Some(&low)) => {
+                    at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2);
+                }
+                _ => return false,
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::metadata::Orientation;
+    use image::{ExtendedColorType, ImageEncoder};
+    use std::path::PathBuf;
+
+    const W: u32 = 6;
+    const H: u32 = 4;
+
+    fn gradient8() -> Vec<u8> {
+        (0..3 * W * H).map(|i| (i * 255 / (3 * W * H - 1)) as u8).collect()
+    }
+
+    fn write(dir: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = dir.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+
+    fn encode(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn lossless_formats_come_back_exactly() {
+        let dir = tempfile::tempdir().unwrap();
+        let data8 = gradient8();
+        let data16: Vec<u16> = data8.iter().map(|&v| u16::from(v) * 256 + 3).collect();
+        let float: Vec<f32> = data8.iter().map(|&v| f32::from(v) * 0.1).collect();
+        let p8: DynamicImage = image::RgbImage::from_raw(W, H, data8.clone()).unwrap().into();
+        let p16 =
+            DynamicImage::ImageRgb16(image::ImageBuffer::from_raw(W, H, data16.clone()).unwrap());
+        let pf =
+            DynamicImage::ImageRgb32F(image::ImageBuffer::from_raw(W, H, float.clone()).unwrap());
+        for format in [ImageFormat::Png, ImageFormat::Tiff] {
+            let path = write(dir.path(), "p8", &encode(&p8, format));
+            let photo = Photo::read(&path, Encoding::Srgb, 1.0).unwrap();
+            let exact: Vec<f32> =
+                data8.iter().map(|&v| Encoding::Srgb.decode(f64::from(v) / 255.0) as f32).collect();
+            assert_eq!(photo.to_linear(), exact);
+            assert_eq!((photo.width(), photo.height()), (W, H));
+            let path = write(dir.path(), "p16", &encode(&p16, format));
+            let photo = Photo::read(&path, Encoding::Linear, 1.0).unwrap();
+            let exact: Vec<f32> = data16.iter().map(|&v| (f64::from(v) / 65535.0) as f32).collect();
+            assert_eq!(photo.to_linear(), exact);
+        }
+        for format in [ImageFormat::OpenExr, ImageFormat::Tiff] {
+            let path = write(dir.path(), "float", &encode(&pf, format));
+            let photo = Photo::read(&path, Encoding::Linear, 1.0).unwrap();
+            assert_eq!(photo.to_linear(), float);
+            assert_eq!(photo.saturation(), f32::INFINITY);
+            let fault = Photo::read(&path, Encoding::Srgb, 1.0).unwrap_err().to_string();
+            assert!(fault.contains("encoding") && fault.contains("linear"), "{fault}");
+        }
+    }
+
+    #[test]
+    fn gray_and_alpha_become_rgb() {
+        let dir = tempfile::tempdir().unwrap();
+        let gray =
+            DynamicImage::ImageLuma8(image::GrayImage::from_raw(2, 1, vec![51, 255]).unwrap());
+        let path = write(dir.path(), "gray.png", &encode(&gray, ImageFormat::Png));
+        let photo = Photo::read(&path, Encoding::Linear, 1.0).unwrap();
+        assert_eq!(photo.to_linear(), [0.2, 0.2, 0.2, 1.0, 1.0, 1.0]);
+        assert_eq!(photo.clip_mask(), [false, true]);
+        let rgba = image::RgbaImage::from_raw(1, 1, vec![51, 102, 153, 0]).unwrap().into();
+        let path = write(dir.path(), "rgba.png", &encode(&rgba, ImageFormat::Png));
+        let photo = Photo::read(&path, Encoding::Linear, 1.0).unwrap();
+        assert_eq!(photo.to_linear(), [0.2, 0.4, 0.6]);
+    }
+
+    /// Minimal EXIF block (little-endian TIFF header, one tag).
+    fn exif(orientation: u8) -> Vec<u8> {
+        let mut block = b"II\x2a\0\x08\0\0\0\x01\0".to_vec();
+        block.extend([0x12, 0x01, 0x03, 0, 1, 0, 0, 0, orientation, 0, 0, 0, 0, 0, 0, 0]);
+        block
+    }
+
+    #[test]
+    fn orientation_tags_are_honoured() {
+        let dir = tempfile::tempdir().unwrap();
+        // Left half black, right half white; 16 px blocks so that JPEG keeps the halves apart.
+        let data: Vec<u8> =
+            (0..32 * 16).flat_map(|i| [if i % 32 < 16 { 0 } else { 255 }; 3]).collect();
+        for tag in 1..=8 {
+            let mut jpeg = Vec::new();
+            let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95);
+            encoder.set_exif_metadata(exif(tag)).unwrap();
+            encoder.write_image(&data, 32, 16, ExtendedColorType::Rgb8).unwrap();
+            let mut png = Vec::new();
+            let mut encoder = image::codecs::png::PngEncoder::new(&mut png);
+            encoder.set_exif_metadata(exif(tag)).unwrap();
+            encoder.write_image(&data, 32, 16, ExtendedColorType::Rgb8).unwrap();
+            let turned = tag >= 5;
+            for bytes in [jpeg, png] {
+                let path = write(dir.path(), "turned", &bytes);
+                let photo = Photo::read(&path, Encoding::Srgb, 1.0).unwrap();
+                let size = if turned { (16, 32) } else { (32, 16) };
+                assert_eq!((photo.width(), photo.height()), size, "tag {tag}");
+                // EXIF: which side of the upright picture the stored left column becomes.
+                let dark = match tag {
+                    1 | 4 => (2, 8),
+                    2 | 3 => (29, 8),
+                    5 | 6 => (8, 2),
+                    _ => (8, 29),
+                };
+                let bright = (size.0 - 1 - dark.0, size.1 - 1 - dark.1);
+                assert!(photo.pixel(dark.0, dark.1)[1] < 0.1, "tag {tag}");
+                assert!(photo.pixel(bright.0, bright.1)[1] > 0.9, "tag {tag}");
+            }
+            assert_eq!(Orientation::from_exif(tag).unwrap().to_exif(), tag);
+        }
+    }
+
+    #[test]
+    fn broken_files_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let picture: DynamicImage = image::RgbImage::from_fn(64, 64, |x, y| {
+            image::Rgb([(x * 3) as u8, (y * 3) as u8, ((x * y) % 251) as u8])
+        })
+        .into();
+        let mut cases = vec![("empty.png", Vec::new()), ("text.jpg", b"hello".to_vec())];
+        for (name, format) in [
+            ("cut.jpg", ImageFormat::Jpeg),
+            ("cut.png", ImageFormat::Png),
+            ("cut.tif", ImageFormat::Tiff),
+        ] {
+            let bytes = encode(&picture, format);
+            cases.push((name, bytes[..bytes.len() * 3 / 5].to_vec()));
+            // Whole files pass.
+            let path = write(dir.path(), name, &bytes);
+            Photo::read(path, Encoding::Srgb, 1.0).unwrap();
+        }
+        let float = DynamicImage::ImageRgb32F(picture.to_rgb32f());
+        let bytes = encode(&float, ImageFormat::OpenExr);
+        cases.push(("cut.exr", bytes[..bytes.len() / 2].to_vec()));
+        for (name, bytes) in cases {
+            let path = write(dir.path(), name, &bytes);
+            let fault = Photo::read(&path, Encoding::Linear, 1.0).unwrap_err();
+            assert!(matches!(fault, Error::Image { .. }), "{name}: {fault:?}");
+            assert!(fault.to_string().contains(name), "{fault}");
+        }
+        let missing = Photo::read(dir.path().join("no.png"), Encoding::Linear, 1.0).unwrap_err();
+        assert!(matches!(missing, Error::Io { .. }) && missing.to_string().contains("no.png"));
+    }
+
+    #[test]
+    fn a_huge_picture_is_refused_before_it_is_allocated() {
+        let dir = tempfile::tempdir().unwrap();
+        let small = image::RgbImage::new(1, 1).into();
+        let mut bytes = encode(&small, ImageFormat::Png);
+        // IHDR: width and height at offset 16, its checksum at 29.
+        bytes[16..20].copy_from_slice(&16384u32.to_be_bytes());
+        bytes[20..24].copy_from_slice(&16384u32.to_be_bytes());
+        let checksum = crc32(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
+        let path = write(dir.path(), "huge.png", &bytes);
+        let fault = Photo::read(&path, Encoding::Srgb, 1.0).unwrap_err().to_string();
+        assert!(fault.contains("huge.png") && fault.contains("16384 x 16384"), "{fault}");
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |c, _| (c >> 1) ^ (0xEDB8_8320 * (c & 1)))
+        })
+    }
+}
