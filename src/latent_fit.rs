@@ -1,1 +1,0 @@
-//! Optimisation of the latent code against all photographs, and the multi-resolution schedule.

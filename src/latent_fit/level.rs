@@ -1,0 +1,157 @@
+//! The fit at one resolution: code, detail kept aside, and everything one step needs.
+
+use rayon::prelude::*;
+
+use super::FitOptions;
+use super::adam::Adam;
+use crate::initial_estimate::{Networks, encoded_maps};
+use crate::network::Workspace;
+use crate::observation::Observation;
+use crate::render;
+use crate::svbrdf::{CHANNELS, RANGE, encoding};
+use crate::{Error, Result, Svbrdf};
+
+/// Texels per task of the conversions between encoded and natural parameters.
+const CHUNK: usize = 4096;
+
+#[derive(Debug)]
+pub(super) struct Level {
+    code: Vec<f32>,
+    /// Code that the prior holds on to.
+    anchor: Vec<f32>,
+    adam: Adam,
+    /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
+    detail: Vec<f32>,
+    maps: Svbrdf,
+    gradient: Vec<f32>,
+    code_gradient: Vec<f32>,
+    workspace: Workspace,
+}
+
+impl Level {
+    pub fn new(networks: &Networks, start: &Svbrdf, options: &FitOptions) -> Result<Self> {
+        let code = networks.encode(start)?;
+        let decoder = networks.decoder();
+        let stride = decoder.stride();
+        let workspace = Workspace::new(decoder, start.height() / stride, start.width() / stride)?;
+        let mut level = Self {
+            anchor: code.clone(),
+            adam: Adam::new(code.len()),
+            detail: vec![0.0; CHANNELS * start.texels()],
+            maps: start.clone(),
+            gradient: vec![0.0; CHANNELS * start.texels()],
+            code_gradient: vec![0.0; code.len()],
+            workspace,
+            code,
+        };
+        level.restart(networks, start, options)?;
+        Ok(level)
+    }
+
+    /// Goes on from other maps of the same size with the code and moments found so far: the
+    /// difference is detail.
+    pub fn restart(
+        &mut self,
+        networks: &Networks,
+        start: &Svbrdf,
+        options: &FitOptions,
+    ) -> Result<()> {
+        let decoded = networks.decoder().forward(&self.code, &mut self.workspace)?;
+        if options.keep_detail {
+            let start = encoded_maps(start);
+            for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
+                *detail = start - decoded;
+            }
+        }
+        self.write_maps();
+        Ok(())
+    }
+
+    pub fn maps(&self) -> &Svbrdf {
+        &self.maps
+    }
+
+    /// Decodes the code as it is now.
+    pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
+        networks.decoder().forward(&self.code, &mut self.workspace)?;
+        self.write_maps();
+        Ok(())
+    }
+
+    /// One step of the optimiser; returns the loss before it.
+    pub fn step(
+        &mut self,
+        networks: &Networks,
+        observations: &[Observation],
+        rate: f32,
+        options: &FitOptions,
+    ) -> Result<f64> {
+        self.refresh(networks)?;
+        let loss = render::loss_and_gradient(&self.maps, observations, &mut self.gradient);
+        if !loss.is_finite() {
+            return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
+        }
+        self.encode_gradient();
+        networks.decoder().vjp(&mut self.workspace, &self.gradient, &mut self.code_gradient)?;
+        // gradient of prior_weight * mean((z - anchor)²) / 2
+        let pull = options.prior_weight / self.code.len() as f32;
+        let pairs = self.code.iter().zip(&self.anchor);
+        for (g, (z, a)) in self.code_gradient.iter_mut().zip(pairs) {
+            *g += pull * (z - a);
+        }
+        self.adam.step(&mut self.code, &self.code_gradient, rate, options.betas);
+        Ok(loss)
+    }
+
+    /// Natural parameters of `decoded + detail`, within their ranges.
+    fn write_maps(&mut self) {
+        let n = self.maps.texels();
+        let (decoded, detail) = (self.workspace.encoded(), &self.detail);
+        self.maps.planes_mut().par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+            let (low, high) = encoded_range(c);
+            plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, out)| {
+                let at = c * n + i * CHUNK;
+                let sums = decoded[at..].iter().zip(&detail[at..]);
+                for (o, (d, r)) in out.iter_mut().zip(sums) {
+                    *o = encoding::decode(c, (d + r).clamp(low, high));
+                }
+            });
+        });
+    }
+
+    /// Turns the gradient with respect to natural parameters into that with respect to the
+    /// decoder's result. At a bound of the range only what leads back inside counts.
+    fn encode_gradient(&mut self) {
+        let n = self.maps.texels();
+        let (decoded, detail) = (self.workspace.encoded(), &self.detail);
+        self.gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+            let (low, high) = encoded_range(c);
+            plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, gradient)| {
+                let at = c * n + i * CHUNK;
+                let sums = decoded[at..].iter().zip(&detail[at..]);
+                for (g, (d, r)) in gradient.iter_mut().zip(sums) {
+                    let e = d + r;
+                    let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
+                    // At the lower bound of an albedo the derivative vanishes: a dead end.
+                    let slope = encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
+                    *g = if outward { 0.0 } else { *g * slope };
+                }
+            });
+        });
+    }
+}
+
+/// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
+/// otherwise stay black for ever.
+const MIN_SLOPE: f32 = 0.02;
+
+fn encoded_range(c: usize) -> (f32, f32) {
+    let (low, high) = RANGE[c];
+    match c {
+        // not through `encode`, which stops at the slopes the networks can express
+        crate::svbrdf::channel::SLOPE_X | crate::svbrdf::channel::SLOPE_Y => {
+            (low / encoding::SLOPE_SCALE, high / encoding::SLOPE_SCALE)
+        }
+        _ => (encoding::encode(c, low), encoding::encode(c, high)),
+    }
+}
