@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator, Radiometry, Vignetting};
-use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
+use svbrdf::calibration::{Hole, LumaImage, Target, TargetKind, TopLeft, detect, estimate_pose};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::observation::Observation;
@@ -406,6 +406,46 @@ fn bright_ratios(maps: &Maps, observations: &[Observation], form: Form) -> [Vec<
         list.sort_by(f64::total_cmp);
     }
     ratios
+}
+
+/// The whole chain as a session runs it: poses from the photos themselves.
+#[test]
+fn found_poses_do_as_well_as_true_ones() {
+    let Some(root) = data() else { return };
+    for name in CAPTURES {
+        let capture = Capture::open(&root, name);
+        let maps = Maps::open(&capture.folder);
+        let frames = capture.frames();
+        let mut calibrator = PhotometricCalibrator::new(capture.target.clone(), capture.flash());
+        let mut poses = Vec::new();
+        let mut seconds = 0.0;
+        for i in 0..frames {
+            let photo = capture.photo(i);
+            let found = detect(&LumaImage::from_photo(&photo), &capture.target).unwrap();
+            let estimate = estimate_pose(&capture.camera, &capture.target, &found.corners).unwrap();
+            let start = std::time::Instant::now();
+            calibrator.push(&photo, &capture.camera, &estimate.pose).unwrap();
+            seconds += start.elapsed().as_secs_f64();
+            poses.push(estimate.pose);
+        }
+        let observations: Vec<_> = (0..frames)
+            .map(|i| {
+                let (photo, r) = (capture.photo(i), calibrator.radiometry(i).unwrap());
+                let mm = capture.sample_mm;
+                rectify(&photo, &capture.camera, &poses[i], &r, mm, SIZE, SIZE).unwrap()
+            })
+            .collect();
+        let form = Form { exact_smith: true, specular_srgb: true, ambient: Ambient::Plain };
+        let (difference, ratio) = compare(&capture, &maps, &observations, form);
+        println!(
+            "{name}: found poses, estimated light: median difference {:.2} %, ratio {ratio:.4}; \
+             photometry {:.0} ms a photo",
+            100.0 * difference,
+            1e3 * seconds / frames as f64
+        );
+        let limit = if name.starts_with("metal") { 0.2 } else { 0.03 };
+        assert!(difference < limit, "{name}: {difference}");
+    }
 }
 
 #[test]
