@@ -320,4 +320,6 @@ fn limits(c: usize) -> (f32, f32) {
 }
 
 #[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
 pub(crate) mod tests;
