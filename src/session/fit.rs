@@ -1,12 +1,15 @@
 //! The plan of a fit: first maps, latent code, per-texel refinement.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::intake::Update;
 use super::{Method, Settings};
+use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
 use crate::observation::Observation;
+use crate::refinement::{self, Prior};
 use crate::render;
 use crate::{Error, Result, Svbrdf};
 
@@ -132,24 +135,50 @@ impl Fit {
 impl Fit {
     /// One step. `go_on` is asked inside long steps and ends them early.
     pub(super) fn step(&mut self, go_on: &dyn Fn() -> bool) -> Result<Step> {
-        let _ = go_on;
-        let fraction = match self.stage {
+        let mut after = |_: usize, _: f64| {
+            if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let mut fraction = 1.0;
+        match self.stage {
             Stage::Latent => {
                 let latent = self.latent.as_mut().ok_or(Error::NoMaps)?;
                 let report = latent.step()?;
                 self.loss = report.loss as f32;
+                fraction = report.fraction;
                 if report.settled {
-                    self.maps = Some(latent.maps());
+                    let maps = latent.maps();
+                    self.loss = render::loss(&maps, &self.observations) as f32;
+                    self.maps = Some(maps);
                     self.stage = if self.refine { Stage::Refine } else { Stage::Done };
                 }
-                report.fraction * if self.refine { LATENT_SHARE } else { 1.0 }
+                if self.refine {
+                    fraction *= LATENT_SHARE;
+                }
             }
-            _ => 1.0,
-        };
-        let done = self.stage == Stage::Done;
-        if let (true, Some(maps)) = (done, &self.maps) {
-            self.loss = render::loss(maps, &self.observations) as f32;
+            Stage::Refine => {
+                let maps = self.maps.as_mut().ok_or(Error::NoMaps)?;
+                let deep = maps.clone();
+                let options = refinement::Options::default();
+                let report = refinement::refine(
+                    maps,
+                    &deep,
+                    &Prior::default(),
+                    &self.observations,
+                    &options,
+                    &mut after,
+                )?;
+                self.loss = report.loss_after as f32;
+                self.stage = Stage::Done;
+            }
+            Stage::Classic => {
+                let maps = self.maps.as_mut().ok_or(Error::NoMaps)?;
+                let options = classic::Options::default();
+                let report = classic::fit(maps, &self.observations, &options, &mut after)?;
+                self.loss = report.loss_after as f32;
+                self.stage = Stage::Done;
+            }
+            Stage::Done => {}
         }
-        Ok(Step { loss: self.loss, fraction: if done { 1.0 } else { fraction }, done })
+        Ok(Step { loss: self.loss, fraction, done: self.stage == Stage::Done })
     }
 }
