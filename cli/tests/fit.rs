@@ -23,7 +23,7 @@ fn faults_of_the_description_exit_with_2_and_write_nothing() {
     let good = std::fs::read_to_string(&file).unwrap();
     for (from, to, field, expected) in [
         ("\"fx\": 1480.0", "\"fx\": NaN", "fx", "finite"),
-        ("\"width\": 2016,", "", "camera.width", "whole number"),
+        ("\"height\": 1512,", "", "camera.height", "whole number"),
         ("\"srgb\"", "\"rec2020\"", "frames[0].encoding", "linear"),
         ("frames/01.png", "frames/99.png", "frames[1].image", "picture file"),
         ("svbrdf-capture/1", "svbrdf-capture/9", "format", "svbrdf-capture/1"),
