@@ -24,7 +24,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
-    ("export", &["render", "svbrdf", "observation"]),
+    ("export", &["frame", "render", "svbrdf", "observation"]),
     (
         "session",
         &[

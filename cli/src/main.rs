@@ -1,2 +1,46 @@
-//! Command line of svbrdf.
-fn main() {}
+//! Command line of svbrdf. Exit status: 0 done, 2 the input is at fault, 1 anything else.
+
+mod board;
+mod compare;
+mod failure;
+mod fit;
+mod random;
+mod render;
+mod simulate;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(name = "svbrdf", version, about = "Material maps from a few flash photographs")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Fit(fit::Arguments),
+    Render(render::Arguments),
+    Board(board::Arguments),
+    Simulate(simulate::Arguments),
+    Compare(compare::Arguments),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Fit(arguments) => fit::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Board(arguments) => board::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {}", failure.message());
+            ExitCode::from(failure.status())
+        }
+    }
+}

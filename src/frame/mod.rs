@@ -6,6 +6,8 @@
 mod encoding;
 mod file;
 
+pub(crate) use file::read_picture;
+
 pub use encoding::Encoding;
 
 use crate::{Error, Result};

@@ -1,0 +1,212 @@
+//! `svbrdf fit`
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use svbrdf::Error;
+use svbrdf::capture::{Capture, Frame, read_camera};
+use svbrdf::export::{check_writable, write_atomic, write_maps, write_preview};
+use svbrdf::session::{Accepted, Method, Pushed, Scene, Session, Settings};
+
+use crate::failure::{Failure, Result};
+
+/// Find the maps of a capture
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  svbrdf fit examples/captures/tile --out maps\n  svbrdf fit capture --out maps --resolution 1024 --frames 5"
+)]
+pub struct Arguments {
+    /// Folder with capture.json
+    capture: PathBuf,
+    /// Folder to write maps, preview and report into; made if missing
+    #[arg(long)]
+    out: PathBuf,
+    /// Texels along each side: 256, 512, 1024 or 2048
+    #[arg(long, default_value = "256", value_parser = ["256", "512", "1024", "2048"])]
+    resolution: String,
+    /// Use the first N photos only
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// Latent code of the network and refinement, or inverse rendering without it
+    #[arg(long, default_value = "deep", value_parser = ["deep", "classic"])]
+    method: String,
+    /// Leave out the per-texel refinement
+    #[arg(long)]
+    no_refine: bool,
+    /// Threads; 0: one per core, at most 4
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Camera to use instead of the capture's (JSON, as `camera` in capture.json)
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let begun = Instant::now();
+    let camera = arguments.camera.as_ref().map(read_camera).transpose().map_err(Failure::input)?;
+    let capture = Capture::load_with_camera(&arguments.capture, camera).map_err(Failure::input)?;
+    check_writable(&arguments.out)?;
+    let settings = Settings {
+        sample_mm: capture.sample_mm,
+        resolution: arguments.resolution.parse().expect("one of four numbers"),
+        method: if arguments.method == "classic" { Method::Classic } else { Method::Deep },
+        refine: !arguments.no_refine,
+        threads: arguments.threads,
+        seed: arguments.seed,
+    };
+    let session = Session::new(capture.scene.clone(), settings)?;
+    let used = arguments.frames.map_or(capture.frames.len(), |n| n as usize);
+    let frames = &capture.frames[..used.min(capture.frames.len())];
+    let bar = progress_bar(arguments.quiet);
+    let mut rows = Vec::new();
+    for (index, frame) in frames.iter().enumerate() {
+        let row = take(&session, frame, index, &bar)?;
+        if !arguments.quiet {
+            bar.suspend(|| eprintln!("{}", line(&row, frame, frames.len())));
+        }
+        rows.push(row);
+    }
+    bar.finish_and_clear();
+    if rows.iter().all(|row| row["status"] == "rejected") {
+        let reasons: Vec<String> =
+            rows.iter().zip(frames).map(|(r, f)| line(r, f, frames.len())).collect();
+        let file = arguments.capture.join(svbrdf::capture::FILE_NAME);
+        return Err(Failure::Input(format!(
+            "{}: field `frames`: every photo was rejected; expected at least one that can be used\n{}",
+            file.display(),
+            reasons.join("\n")
+        )));
+    }
+    let maps = session.snapshot()?;
+    write_maps(&arguments.out, &maps)?;
+    write_preview(arguments.out.join("preview.png"), &maps, capture.sample_mm)?;
+    let (camera, flash) = match &capture.scene {
+        Scene::Board { camera, .. } => {
+            let offset = session.flash_offset_mm().to_array();
+            (json!(camera), json!({ "offset_mm": offset }))
+        }
+        Scene::Rectified { .. } => (Value::Null, Value::Null),
+    };
+    let report = json!({
+        "frames": rows,
+        "camera": camera,
+        "flash": flash,
+        "ambient_fraction": session.ambient_fraction(),
+        "resolution": maps.width(),
+        "method": arguments.method,
+        "seconds_total": begun.elapsed().as_secs_f64(),
+        "peak_memory_mib": peak_memory_mib(),
+    });
+    let text = serde_json::to_string_pretty(&report).map_err(|e| Failure::Other(e.to_string()))?;
+    write_atomic(arguments.out.join("report.json"), format!("{text}\n").as_bytes())?;
+    if !arguments.quiet {
+        let out = arguments.out.display();
+        eprintln!(
+            "Look at {out}/preview.png; the maps are {out}/normal.png, diffuse.png, specular.png and roughness.png (floats: maps.exr)."
+        );
+    }
+    Ok(())
+}
+
+/// Pushes a photo and waits for the fit; the row of the report.
+fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Result<Value> {
+    let begun = Instant::now();
+    let rejected = |reason: &str, hint: String| {
+        json!({ "index": index, "status": "rejected", "reason": reason, "hint": hint,
+                "seconds": begun.elapsed().as_secs_f64() })
+    };
+    let photo = match frame.read() {
+        Ok(photo) => photo,
+        // A damaged file is a bad photo; what is stated wrongly in the capture is not.
+        Err(fault @ Error::Image { .. }) => return Ok(rejected("unreadable", fault.to_string())),
+        Err(fault) => return Err(Failure::input(fault)),
+    };
+    let pushed = match frame.rectified {
+        Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
+        None => session.push(&photo)?,
+    };
+    drop(photo);
+    let accepted = match pushed {
+        Pushed::Accepted(accepted) => accepted,
+        Pushed::Rejected(reason) => return Ok(rejected(reason.code(), reason.to_string())),
+    };
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| session.wait());
+        while !waiting.is_finished() {
+            show(session, index, bar);
+            std::thread::sleep(Duration::from_millis(40));
+        }
+        waiting.join().unwrap_or_else(|_| Err(Error::Internal("waiting failed".into())))
+    })?;
+    let progress = session.progress();
+    let Accepted { pose, reprojection_rms_px, maps_seconds, .. } = accepted;
+    let rotation = pose.map(|p| p.rotation.transpose().to_cols_array_2d());
+    Ok(json!({
+        "index": index,
+        "status": "accepted",
+        "rotation": rotation,
+        "translation_mm": pose.map(|p| p.translation.to_array()),
+        "reprojection_rms_px": reprojection_rms_px,
+        "loss_before": progress.loss_before,
+        "loss_after": progress.loss,
+        "seconds": begun.elapsed().as_secs_f64(),
+        "first_maps_seconds": maps_seconds,
+    }))
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress_bar(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:40}] {percent}%") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn show(session: &Session, index: usize, bar: &ProgressBar) {
+    let progress = session.progress();
+    let left = progress.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
+    bar.set_message(format!("photo {index}, loss {:.4}{left}", progress.loss));
+    bar.set_position((1000.0 * progress.fraction) as u64);
+}
+
+/// One line about a photo.
+fn line(row: &Value, frame: &Frame, count: usize) -> String {
+    let place = format!(
+        "photo {}/{count} {}",
+        row["index"].as_u64().unwrap_or(0) + 1,
+        frame.path.display()
+    );
+    let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
+    if row["status"] == "accepted" {
+        format!(
+            "{place}: accepted, loss {:.4} -> {:.4}, {:.1} s",
+            number("loss_before"),
+            number("loss_after"),
+            number("seconds")
+        )
+    } else {
+        let text = |key: &str| row[key].as_str().unwrap_or_default();
+        format!("{place}: rejected ({}): {}", text("reason"), text("hint"))
+    }
+}
+
+/// Largest resident memory so far, where the system tells.
+fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib / 1024.0)
+}

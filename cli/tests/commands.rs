@@ -1,0 +1,203 @@
+//! The commands that need no fit.
+
+mod common;
+
+use common::{failure, maps, names, succeed, text};
+use glam::{DMat3, DVec2, DVec3};
+use svbrdf::capture::Capture;
+use svbrdf::export::write_maps;
+use svbrdf::geometry::Pose;
+use svbrdf::observation::{Falloff, View};
+use svbrdf::session::Scene;
+use svbrdf::svbrdf::channel;
+
+#[test]
+fn help_gives_an_example_for_every_command() {
+    for command in ["fit", "render", "board", "simulate", "compare"] {
+        let help = succeed(&[command, "--help"]);
+        assert!(help.contains(&format!("svbrdf {command} ")), "{help}");
+        assert!(help.contains("Example"), "{help}");
+    }
+}
+
+#[test]
+fn render_writes_what_the_library_renders() {
+    let dir = tempfile::tempdir().unwrap();
+    let maps = maps(16);
+    write_maps(dir.path(), &maps).unwrap();
+    let view = View {
+        sample_mm: [100.0, 100.0],
+        camera_mm: [0.0, 0.0, 300.0],
+        light_mm: [-60.0, 20.0, 200.0],
+        falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+        ambient: [0.0; 3],
+    };
+    let mut rgb = vec![0.0; 3 * 256];
+    svbrdf::render::render(&maps, &view, &mut rgb);
+    for (name, tolerance) in [("a.exr", 1e-5), ("a.png", 1.0 / 65535.0)] {
+        let out = dir.path().join(name);
+        let light = "--light-mm=-60,20,200";
+        succeed(&[
+            "render",
+            text(dir.path()),
+            "--camera-mm",
+            "0,0,300",
+            light,
+            "--out",
+            text(&out),
+        ]);
+        let image = image::open(&out).unwrap().into_rgb32f();
+        for (i, pixel) in image.pixels().enumerate() {
+            for c in 0..3 {
+                let expected = rgb[c * 256 + i];
+                let expected = if name == "a.png" { expected.clamp(0.0, 1.0) } else { expected };
+                assert!((pixel[c] - expected).abs() <= tolerance, "{name} {i} {c}");
+            }
+        }
+    }
+}
+
+#[test]
+fn render_refuses_bad_input() {
+    let dir = tempfile::tempdir().unwrap();
+    let empty = text(dir.path());
+    let out = dir.path().join("a.png");
+    let render = |camera: &str, out: &str| {
+        failure(&["render", empty, "--camera-mm", camera, "--light-mm", "0,0,9", "--out", out])
+    };
+    for (camera, out, status, says) in [
+        ("0,0,NaN", text(&out), 2, "finite numbers"),
+        ("0,0", text(&out), 2, "three"),
+        ("0,0,-5", text(&out), 2, "z > 0"),
+        ("0,0,5", "picture.bmp", 2, ".exr"),
+        ("0,0,5", text(&out), 2, "normal"),
+    ] {
+        let (found, message) = render(camera, out);
+        assert_eq!(found, status, "{message}");
+        assert!(message.contains(says), "{message}");
+    }
+    write_maps(dir.path(), &maps(4)).unwrap();
+    // Below a regular file nothing can be written.
+    let below = dir.path().join("normal.png/a.png");
+    let (status, message) = render("0,0,5", text(&below));
+    assert_eq!(status, 1, "{message}");
+    assert!(message.contains("normal.png"), "{message}");
+    assert!(!names(dir.path()).iter().any(|name| name.contains("tmp")));
+}
+
+#[test]
+fn compare_measures_differences() {
+    let (a, b) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let mut changed = maps(16);
+    write_maps(a.path(), &changed).unwrap();
+    for first in [channel::DIFFUSE, channel::ROUGHNESS] {
+        changed.plane_mut(first).iter_mut().for_each(|v| *v += 0.1);
+    }
+    write_maps(b.path(), &changed).unwrap();
+    let compare = |a: &std::path::Path, b: &std::path::Path| -> serde_json::Value {
+        serde_json::from_str(&succeed(&["compare", text(a), text(b), "--json"])).unwrap()
+    };
+    let same = compare(a.path(), a.path());
+    for key in ["normal", "diffuse", "specular", "roughness", "render"] {
+        assert_eq!(same[key].as_f64(), Some(0.0), "{key}");
+    }
+    let other = compare(a.path(), b.path());
+    let is = |key: &str, expected: f64| (other[key].as_f64().unwrap() - expected).abs() < 1e-6;
+    // One of three channels of the diffuse albedo is off by 0.1.
+    assert!(is("diffuse", 0.1 / 3.0f64.sqrt()) && is("roughness", 0.1), "{other}");
+    assert!(is("normal", 0.0) && is("specular", 0.0), "{other}");
+    let render = other["render"].as_f64().unwrap();
+    assert!(render > 0.005 && render < 0.1, "{other}");
+    assert_eq!(compare(a.path(), b.path()), other);
+    // Another size is resampled.
+    write_maps(b.path(), &maps(16).upsampled()).unwrap();
+    assert!(compare(b.path(), a.path())["diffuse"].as_f64().unwrap() < 0.06);
+}
+
+#[test]
+fn boards_are_to_scale() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    for name in ["b.svg", "b.pdf", "b.png"] {
+        succeed(&["board", "--out", text(&path(name))]);
+    }
+    let svg = std::fs::read_to_string(path("b.svg")).unwrap();
+    assert!(svg.contains("width=\"210mm\" height=\"297mm\""));
+    let squares = svg.matches("width=\"11.500\" height=\"11.500\"").count();
+    // 17 x 16 squares less the hole's 11 x 10, half of them black.
+    assert_eq!(squares, (17 * 16 - 11 * 10) / 2);
+    let pdf = std::fs::read_to_string(path("b.pdf")).unwrap();
+    assert_eq!(pdf.matches(" 32.5984 32.5984 re f").count(), squares);
+    assert!(pdf.starts_with("%PDF-") && pdf.contains("/MediaBox [0 0 595.2756 841.8898]"));
+    // The cross-reference table points at the objects.
+    let table: Vec<&str> = pdf.split("xref\n").nth(1).unwrap().lines().collect();
+    for (i, entry) in table[2..6].iter().enumerate() {
+        let at: usize = entry[..10].parse().unwrap();
+        assert!(pdf[at..].starts_with(&format!("{} 0 obj", i + 1)));
+    }
+    let bytes = std::fs::read(path("b.png")).unwrap();
+    // 23622 px/m; the checksum as zlib gives it.
+    assert_eq!(&bytes[33..54], b"\0\0\0\x09pHYs\0\0\x5c\x46\0\0\x5c\x46\x01\x14\x94\x43\x41");
+    let png = image::open(path("b.png")).unwrap().into_luma8();
+    assert_eq!(png.dimensions(), (4961, 7016));
+    // Along the second row of squares the colour changes at every square of the ring's corner.
+    let at =
+        |x: f64, y: f64| png.get_pixel((x * 600.0 / 25.4) as u32, (y * 600.0 / 25.4) as u32)[0];
+    for col in 0..16 {
+        let x = 13.0 + 11.5 * (f64::from(col) + 0.5);
+        assert_eq!(at(x, 20.0 + 11.5 * 0.5), if col % 2 == 0 { 0 } else { 255 });
+        assert_eq!(at(x, 20.0 + 11.5 * 1.5), if col % 2 == 0 { 255 } else { 0 });
+    }
+    let (status, message) = failure(&["board", "--out", "board.doc"]);
+    assert!(status == 2 && message.contains(".svg"), "{message}");
+}
+
+#[test]
+fn simulated_captures_show_board_and_sample_where_the_truth_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let known = maps(32);
+    write_maps(dir.path().join("maps"), &known).unwrap();
+    let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
+    let simulate = |out: &std::path::Path| {
+        succeed(&["simulate", text(&source), "--out", text(out), "--frames", "2", "--seed", "3"]);
+    };
+    simulate(&out);
+    let capture = Capture::load(&out).unwrap();
+    let Scene::Board { target, camera, .. } = &capture.scene else { panic!() };
+    let kept = svbrdf::export::read_maps(out.join("truth")).unwrap();
+    // Slopes pass through unit normals: a few roundings.
+    assert!(kept.planes().iter().zip(known.planes()).all(|(a, b)| (a - b).abs() < 1e-6));
+    let truth = std::fs::read_to_string(out.join("truth/truth.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+    for (i, frame) in capture.frames.iter().enumerate() {
+        let number = |v: &serde_json::Value| v.as_f64().unwrap();
+        let pose = &truth["frames"][i];
+        let rows: Vec<f64> = (0..9).map(|k| number(&pose["rotation"][k / 3][k % 3])).collect();
+        let rotation = DMat3::from_cols_slice(&rows).transpose();
+        assert!((rotation.determinant() - 1.0).abs() < 1e-9);
+        let translation = DVec3::from_array([0, 1, 2].map(|k| number(&pose["translation_mm"][k])));
+        let pose = Pose { rotation, translation };
+        let photo = frame.read().unwrap();
+        let see = |p: DVec2| {
+            let px = camera.project(pose.transform(p.extend(0.0))).unwrap();
+            photo.pixel(px.x.round() as u32, px.y.round() as u32)[1]
+        };
+        for (row, col) in [(0, 0), (0, 14), (16, 0), (16, 14), (8, 1)] {
+            let centre = |c: i32| {
+                let half = |v: i32| f64::from(v) + 0.5;
+                see(target.grid_mm(half(row), half(c)))
+            };
+            let (here, beside) = (centre(col), centre(col + 1));
+            let white = target.is_white(row.into(), col.into());
+            let (bright, dark) = if white { (here, beside) } else { (beside, here) };
+            // 0.8 against 0.05; neighbours see the light almost alike.
+            assert!((12.0..20.0).contains(&(bright / dark)), "frame {i}: {bright} {dark}");
+        }
+    }
+    let again = dir.path().join("again");
+    simulate(&again);
+    for name in ["capture.json", "frames/01.png", "truth/maps.exr"] {
+        let read = |dir: &std::path::Path| std::fs::read(dir.join(name)).unwrap();
+        assert!(read(&out) == read(&again), "{name}");
+    }
+}

@@ -1,0 +1,109 @@
+//! Faults of captures and what `fit` says of them.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{failure, maps, names, run, succeed, text};
+use serde_json::Value;
+
+/// A capture of two photos made by `simulate`.
+fn capture(dir: &Path) -> PathBuf {
+    let (source, out) = (dir.join("maps"), dir.join("capture"));
+    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "2"]);
+    out
+}
+
+#[test]
+fn faults_of_the_description_exit_with_2_and_write_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    let file = capture.join("capture.json");
+    let good = std::fs::read_to_string(&file).unwrap();
+    for (from, to, field, expected) in [
+        ("\"fx\": 1480.0", "\"fx\": NaN", "fx", "finite"),
+        ("\"height\": 1512,", "", "camera.height", "whole number"),
+        ("\"srgb\"", "\"rec2020\"", "frames[0].encoding", "linear"),
+        ("frames/01.png", "frames/99.png", "frames[1].image", "picture file"),
+        ("svbrdf-capture/1", "svbrdf-capture/9", "format", "svbrdf-capture/1"),
+    ] {
+        assert!(good.contains(from), "{from} in {good}");
+        std::fs::write(&file, good.replacen(from, to, 1)).unwrap();
+        let out = dir.path().join("out");
+        let (status, message) = failure(&["fit", text(&capture), "--out", text(&out)]);
+        assert_eq!(status, 2, "{message}");
+        for part in ["capture.json", field, expected] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+        assert!(!out.exists());
+    }
+    std::fs::write(&file, good).unwrap();
+    let below = file.join("below");
+    let (status, message) = failure(&["fit", text(&capture), "--out", text(&below)]);
+    assert!(status == 1 && message.contains("below"), "{message}");
+    let (status, message) = failure(&["fit", text(&capture), "--out", "x", "--resolution", "300"]);
+    assert!(status == 2 && message.contains("512"), "{message}");
+}
+
+/// Photos that no fit can use, with their reasons.
+fn bad_photos(capture: &Path) -> Vec<(&'static str, Vec<u8>, Vec<&'static str>)> {
+    let encode = |image: &image::RgbImage, format| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    };
+    let photo = image::open(capture.join("frames/00.png")).unwrap().into_rgb8();
+    let (w, h) = photo.dimensions();
+    let png = |level| {
+        encode(&image::RgbImage::from_pixel(w, h, image::Rgb([level; 3])), image::ImageFormat::Png)
+    };
+    let jpeg = encode(&photo, image::ImageFormat::Jpeg);
+    let none = vec!["board_not_found", "too_dark", "clipped"];
+    vec![
+        ("cut short", jpeg[..jpeg.len() / 2].to_vec(), vec!["unreadable"]),
+        ("empty", Vec::new(), vec!["unreadable"]),
+        ("black", png(0), none.clone()),
+        ("white", png(255), none.clone()),
+        ("gray", png(128), none),
+        (
+            "small",
+            encode(&image::RgbImage::new(64, 48), image::ImageFormat::Png),
+            vec!["wrong_size"],
+        ),
+    ]
+}
+
+#[test]
+fn a_bad_photo_is_rejected_with_its_reason_and_the_others_count() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    for (what, bytes, reasons) in bad_photos(&capture) {
+        std::fs::write(capture.join("frames/01.png"), &bytes).unwrap();
+        let out = dir.path().join("out");
+        succeed(&["fit", text(&capture), "--out", text(&out), "--method", "classic", "--quiet"]);
+        let report = std::fs::read_to_string(out.join("report.json")).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["frames"][0]["status"], "accepted", "{what}");
+        assert_eq!(report["frames"][1]["status"], "rejected", "{what}");
+        let reason = report["frames"][1]["reason"].as_str().unwrap();
+        assert!(reasons.contains(&reason), "{what}: {reason}");
+        assert!(!report["frames"][1]["hint"].as_str().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn a_capture_of_bad_photos_only_exits_with_2_and_leaves_no_maps() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    let bad = bad_photos(&capture);
+    for (index, name) in ["frames/00.png", "frames/01.png"].into_iter().enumerate() {
+        std::fs::write(capture.join(name), &bad[index + 1].1).unwrap();
+    }
+    let out = dir.path().join("out");
+    let output = run(&["fit", text(&capture), "--out", text(&out), "--quiet"]);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("00.png") && message.contains("unreadable"), "{message}");
+    assert_eq!(names(&out), [""; 0]);
+}

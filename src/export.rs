@@ -1,1 +1,0 @@
-//! Maps to files: PNG, EXR, previews.

@@ -1,0 +1,62 @@
+//! Maps of another size.
+
+use crate::Svbrdf;
+use crate::svbrdf::CHANNELS;
+
+/// Maps resampled to `width * height` texels that share the same rectangle: area means where texels
+/// merge, linear interpolation between texel centres where they split; borders repeat.
+///
+/// # Panics
+/// When a size is 0.
+pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
+    let (w, h) = (maps.width(), maps.height());
+    if (w, h) == (width, height) {
+        return maps.clone();
+    }
+    let (columns, rows) = (taps(w, width), taps(h, height));
+    let mut data = Vec::with_capacity(CHANNELS * width * height);
+    let mut narrow = vec![0.0f32; width * h];
+    for c in 0..CHANNELS {
+        let plane = maps.plane(c);
+        for (row, out) in plane.chunks_exact(w).zip(narrow.chunks_exact_mut(width)) {
+            for (v, tap) in out.iter_mut().zip(&columns) {
+                *v = tap.iter().map(|&(i, k)| k * row[i]).sum();
+            }
+        }
+        for tap in &rows {
+            let start = data.len();
+            data.resize(start + width, 0.0);
+            for &(y, k) in tap {
+                for (v, s) in data[start..].iter_mut().zip(&narrow[y * width..][..width]) {
+                    *v += k * s;
+                }
+            }
+        }
+    }
+    Svbrdf::from_planes(width, height, data).expect("nine planes")
+}
+
+/// Source texels of an axis and their weights (which sum to 1) for each texel of the result: a
+/// triangle between centres, or a box where texels merge.
+fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
+    let step = from as f64 / to as f64;
+    let last = from as i64 - 1;
+    (0..to)
+        .map(|i| {
+            if step <= 1.0 {
+                let centre = (i as f64 + 0.5) * step - 0.5;
+                let low = centre.floor();
+                let k = (centre - low) as f32;
+                let at = |j: i64| j.clamp(0, last) as usize;
+                return vec![(at(low as i64), 1.0 - k), (at(low as i64 + 1), k)];
+            }
+            let (start, end) = (i as f64 * step, (i + 1) as f64 * step);
+            (start.floor() as usize..(end.ceil() as usize).min(from))
+                .map(|j| {
+                    let overlap = end.min((j + 1) as f64) - start.max(j as f64);
+                    (j, (overlap / step) as f32)
+                })
+                .collect()
+        })
+        .collect()
+}
