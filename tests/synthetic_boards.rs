@@ -285,6 +285,17 @@ fn pictures_without_a_board_are_refused() {
 }
 
 #[test]
+fn pictures_that_are_none_are_refused() {
+    let target = ring(17, 16, 3);
+    let short = LumaImage { width: 300, height: 300, data: vec![0.5; 17] };
+    assert_eq!(detect(&short, &target), Err(Rejection::NotFinite));
+    let mut data = vec![0.5; 90_000];
+    data[777] = f32::INFINITY;
+    let infinite = LumaImage { width: 300, height: 300, data };
+    assert_eq!(detect(&infinite, &target), Err(Rejection::NotFinite));
+}
+
+#[test]
 #[ignore = "prints how long detection takes at 3 and 12 megapixels"]
 fn time_of_detection() {
     for scale in [1.4, 2.8] {
