@@ -285,8 +285,25 @@ fn pictures_without_a_board_are_refused() {
 }
 
 #[test]
+fn pictures_that_are_none_are_refused() {
+    let target = ring(17, 16, 3);
+    let short = LumaImage { width: 300, height: 300, data: vec![0.5; 17] };
+    assert_eq!(detect(&short, &target), Err(Rejection::NotFinite));
+    let mut data = vec![0.5; 90_000];
+    data[777] = f32::INFINITY;
+    let infinite = LumaImage { width: 300, height: 300, data };
+    assert_eq!(detect(&infinite, &target), Err(Rejection::NotFinite));
+}
+
+#[test]
 #[ignore = "prints how long detection takes at 3 and 12 megapixels"]
 fn time_of_detection() {
+    let mut random = Random::new(3);
+    let data = (0..2016 * 1512).map(|_| 0.3 + 0.4 * random.uniform() as f32).collect();
+    let noise = LumaImage { width: 2016, height: 1512, data };
+    let start = std::time::Instant::now();
+    assert!(detect(&noise, &ring(17, 16, 3)).is_err());
+    println!("noise, 2016x1512: {:.1} ms", 1e3 * start.elapsed().as_secs_f64());
     for scale in [1.4, 2.8] {
         let mut scene = scene(ring(17, 16, 3), 30.0, 2);
         let camera = &mut scene.camera;

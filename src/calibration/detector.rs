@@ -44,12 +44,20 @@ pub struct Detection {
     pub blur_px: f64,
 }
 
-/// Finds the corners of a valid `target`. Works for a part of the board too, as long as what is
-/// seen fits in one place only.
+/// Finds the corners of `target`. Works for a part of the board too, as long as what is seen fits
+/// in one place only.
+///
+/// A full checkerboard (an empty hole, `row_start == row_end`) is found as well, for calibrating a
+/// camera; when it looks the same after a turn (rows + columns even), one of the labellings comes
+/// out.
 ///
 /// # Errors
-/// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`] or [`Rejection::Blurred`].
+/// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`] or [`Rejection::Blurred`];
+/// [`Rejection::NotFinite`] when the picture holds such values or its sizes do not fit.
 pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection> {
+    if luma.data.len() != luma.width * luma.height || !luma.data.iter().all(|v| v.is_finite()) {
+        return Err(Rejection::NotFinite);
+    }
     let layout = Layout::new(target);
     let mut smaller: Vec<LumaImage> = Vec::new();
     loop {

@@ -33,6 +33,9 @@ pub(super) struct Layout<'a> {
     pub target: &'a Target,
     /// (row, col) of every X-corner.
     pub corners: Vec<(u32, u32)>,
+    /// Corner that each corner goes to, for every turn that maps the board to itself. None for
+    /// boards whose colours tell half-turns apart.
+    symmetries: Vec<Vec<usize>>,
     /// How far from a corner, in squares, the four squares round it are plain.
     plain: f64,
 }
@@ -56,7 +59,9 @@ impl<'a> Layout<'a> {
             TargetKind::CheckerboardRing => 0.5,
             TargetKind::CharucoRing { marker_mm, .. } => 0.5 * (1.0 - marker_mm / target.square_mm),
         };
-        Self { target, corners: target.corners(), plain: PLAIN_PART * gap.clamp(0.08, 0.27) }
+        let corners = target.corners();
+        let symmetries = (1..4).filter_map(|turn| symmetry(target, &corners, turn)).collect();
+        Self { target, corners, symmetries, plain: PLAIN_PART * gap.clamp(0.08, 0.27) }
     }
 
     /// Distance from an edge, in squares, within which its two sides are plain.
@@ -129,8 +134,9 @@ impl<'a> Layout<'a> {
             let seen = visible.iter().filter(|v| **v).count();
             let found = labelling.count();
             let score = 1.5 * found as f64 - 0.5 * seen as f64;
-            // Placements that grow into the same labelling are one.
-            if !grown.iter().any(|(_, other)| same_labels(other, &labelling)) {
+            // Placements that grow into the same labelling are one, and so are those that a
+            // symmetry of the board exchanges.
+            if !grown.iter().any(|(_, other)| self.same_labels(other, &labelling)) {
                 grown.push((score, labelling));
             }
         }
@@ -158,6 +164,20 @@ impl<'a> Layout<'a> {
             return too_few(found + 4);
         }
         Ok(best.clone())
+    }
+
+    /// Whether two labellings name most corners alike, up to a symmetry of the board.
+    fn same_labels(&self, a: &Labelling, b: &Labelling) -> bool {
+        let alike = |target: &dyn Fn(usize) -> usize| {
+            let both = a.px.iter().enumerate().filter_map(|(i, p)| Some(((*p)?, b.px[target(i)]?)));
+            let (mut same, mut all) = (0, 0);
+            for (p, q) in both {
+                all += 1;
+                same += usize::from(p.distance(q) < 1.0);
+            }
+            2 * same > all
+        };
+        alike(&|i| i) || self.symmetries.iter().any(|s| alike(&|i| s[i]))
     }
 
     /// Scores every placement of a piece by rotation and shift.
@@ -352,19 +372,63 @@ fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
     DMat3::from_cols(x.extend(0.0), y.extend(0.0), DVec3::new(origin.x, origin.y, 1.0))
 }
 
-fn same_labels(a: &Labelling, b: &Labelling) -> bool {
-    let both = a.px.iter().zip(&b.px).filter_map(|(a, b)| Some(((*a)?, (*b)?)));
-    let (mut same, mut all) = (0, 0);
-    for (p, q) in both {
-        all += 1;
-        same += usize::from((p - q).length() < 1.0);
+/// Where corners go when the board is turned by quarter turns about its centre, if that leaves it
+/// unchanged.
+fn symmetry(target: &Target, corners: &[(u32, u32)], turn: usize) -> Option<Vec<usize>> {
+    if turn % 2 == 1 && target.rows != target.cols {
+        return None;
     }
-    all > 0 && 2 * same > all
+    // Twice the offset from the centre stays whole for corners and squares alike.
+    let (rows, cols) = (target.rows as i32, target.cols as i32);
+    let turned = |row2: i32, col2: i32| {
+        let p = rotate(IVec2::new(col2 - cols, row2 - rows), turn) + IVec2::new(cols, rows);
+        (p.y, p.x)
+    };
+    for row in 0..rows {
+        for col in 0..cols {
+            let (row2, col2) = turned(2 * row + 1, 2 * col + 1);
+            let (r, c) = (i64::from(row2 / 2), i64::from(col2 / 2));
+            let (row, col) = (i64::from(row), i64::from(col));
+            let printed = target.has_square(row, col);
+            if printed != target.has_square(r, c)
+                || (printed && target.is_white(row, col) != target.is_white(r, c))
+            {
+                return None;
+            }
+        }
+    }
+    corners
+        .iter()
+        .map(|&(row, col)| {
+            let (row2, col2) = turned(2 * row as i32, 2 * col as i32);
+            corners.binary_search(&((row2 / 2) as u32, (col2 / 2) as u32)).ok()
+        })
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::target::Hole;
     use super::*;
+
+    #[test]
+    fn boards_that_look_alike_after_a_turn_are_known() {
+        let ring = Target::default();
+        assert!(Layout::new(&ring).symmetries.is_empty());
+        let none = Hole { row_start: 0, col_start: 0, row_end: 0, col_end: 0 };
+        let full = |rows, cols| Target { rows, cols, hole: none, ..Target::default() };
+        assert_eq!(Layout::new(&full(7, 10)).symmetries.len(), 0);
+        assert_eq!(Layout::new(&full(7, 9)).symmetries.len(), 1);
+        assert_eq!(Layout::new(&full(6, 6)).symmetries.len(), 1);
+        let square = full(7, 7);
+        let layout = Layout::new(&square);
+        assert_eq!(layout.symmetries.len(), 3);
+        for symmetry in &layout.symmetries {
+            let mut sorted = symmetry.clone();
+            sorted.sort_unstable();
+            assert!(sorted.into_iter().eq(0..layout.corners.len()));
+        }
+    }
 
     #[test]
     fn quarter_turns_and_shifts_are_undone() {

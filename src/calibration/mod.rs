@@ -1,5 +1,18 @@
 //! From a photograph to pose, light and radiometric scale: the target, its detector, pose,
 //! photometry.
+//!
+//! # Corners
+//! [`detect`] needs no camera. On the smallest version of the picture that shows the board it
+//! finds X-corners, joins them to pieces of a square lattice and places these on the known layout:
+//! colours of squares, corners missing along the hole and the outline leave one placement, or the
+//! photograph is refused. The placement is followed to full size, completed by prediction, and
+//! each corner refined to a few hundredths of a pixel. Markers in white squares are not decoded;
+//! refinement keeps clear of them.
+//!
+//! # Pose
+//! [`estimate_pose`] refines both poses that nearly explain a plane's picture, leaves out corners
+//! that do not fit, and accepts on observables only: the number and share of fitting corners,
+//! their reprojection error, the lead over the second pose.
 
 mod blur;
 mod board_model;

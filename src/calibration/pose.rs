@@ -67,8 +67,12 @@ pub fn estimate_pose(
     let board: Vec<DVec2> =
         corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
     let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
-    let problem = Problem { camera, board: &board, px: &px };
+    let finite = |p: &DVec2| p.is_finite() && camera.undistort(*p).is_finite();
     let unknown = Rejection::PoseUncertain { rms_px: f32::INFINITY };
+    if camera.fault().is_some() || !px.iter().all(finite) {
+        return Err(unknown);
+    }
+    let problem = Problem { camera, board: &board, px: &px };
     let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();
     minima.sort_by(|a, b| a.median.total_cmp(&b.median));
     let best = minima.first().filter(|f| f.median.is_finite()).ok_or(unknown)?;
@@ -414,6 +418,10 @@ mod tests {
         let flat = pose(1.29, 1.0, 0.0, 420.0);
         let flat = estimate_pose(&camera(), &target, &corners(&flat, 0.05));
         assert!(matches!(flat, Err(Rejection::TooGrazing { .. })), "{flat:?}");
+        let mut nonsense = all.clone();
+        nonsense[5].px.x = f64::NAN;
+        let nonsense = estimate_pose(&camera(), &target, &nonsense);
+        assert!(matches!(nonsense, Err(Rejection::PoseUncertain { .. })));
         // On one line there is no plane.
         let line: Vec<Corner> =
             (0..25).map(|k| Corner { row: 1, col: 1 + k % 14, px: all[k as usize].px }).collect();
