@@ -1,4 +1,4 @@
-//! The top view of a photograph as an [`Observation`](crate::observation::Observation).
+//! The top view of a photograph as an [`Observation`].
 //!
 //! Every texel is mapped board -> camera -> distorted pixel and the photo interpolated there
 //! (Catmull-Rom); where a texel covers more than about a pixel, sub-samples along each axis are

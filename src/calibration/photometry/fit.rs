@@ -21,6 +21,8 @@ const MIN_SIGMA: f64 = 0.004;
 const CHANNEL_CORRELATION: f64 = 3.0;
 /// Huber's threshold in sigma: 95 % efficiency for Gaussian errors.
 const HUBER: f64 = 1.345;
+/// Ordinary samples from which their spread is taken; fewer leave it to all.
+const PLAIN_MIN: usize = 24;
 const ITERATIONS: usize = 30;
 
 /// Index of parameters; the scales of the photos follow, three each.
@@ -194,7 +196,10 @@ pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> So
     let mut list = Vec::with_capacity(samples.len());
     for _ in 0..ITERATIONS {
         list.clear();
-        list.extend(samples.iter().filter_map(|s| {
+        // The weights of black and of glaring squares are cautious, not noise: their residuals
+        // say little about paper.
+        let plain = samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
+        list.extend(samples.iter().filter(|s| !plain || s.sigma <= 1.0).filter_map(|s| {
             residual(s, &poses[s.frame], &theta, problem).map(|r| r.0.abs() / s.sigma)
         }));
         sigma = (1.4826 * median(&mut list)).max(MIN_SIGMA);

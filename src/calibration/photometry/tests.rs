@@ -338,3 +338,52 @@ fn glare_and_dirt_on_some_squares_do_no_harm() {
         assert!((ratio - 1.0).abs() < 0.03, "channel {c}: {ratio}");
     }
 }
+
+/// Printed paper: squares vary by 1 % each, and the board's halves differ by 2 % (a bow; one sigma
+/// each).
+#[test]
+fn priors_hold_single_photos_of_uneven_paper_together() {
+    let truth = Truth::new();
+    let mut state = 1_u64;
+    let mut noise = || {
+        // Sum of twelve uniform numbers: variance 1.
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888);
+            sum += (state >> 40) as f64 / f64::from(1 << 24);
+        }
+        sum
+    };
+    let (mut worst, mut squared, mut count) = (0.0_f64, 0.0, 0.0);
+    for pose in poses() {
+        let photo = truth.photo(&pose, 0.6);
+        let clean = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+        for _ in 0..15 {
+            let mut squares = clean.clone();
+            let bow = 0.01 * noise();
+            for s in &mut squares.squares {
+                let factor = 1.0 + 0.01 * noise() + bow * s.board_mm.x.signum();
+                s.value = s.value.map(|v| v.map(|v| v * factor as f32));
+            }
+            let mut calibrator =
+                PhotometricCalibrator::new(truth.target.clone(), FlashOffset::Known(truth.offset));
+            let r = calibrator.push_squares(squares, &pose).unwrap();
+            let p = calibrator.photometry().unwrap();
+            // Response at the sample's centre: what its albedo depends on.
+            let t = pose.translation - truth.offset;
+            let lobe = |n: f64| (t.z / t.length()).powf(n);
+            let centre = (pose.translation.truncate() / pose.translation.z).length_squared();
+            let found = p.vignetting.at(centre) * lobe(p.lobe_exponent) / r.gain[1];
+            let exact = truth.vignetting.at(centre) * lobe(truth.lobe)
+                / true_gain(&truth, 0.6, p.reference_mm, 1);
+            let error = found / exact - 1.0;
+            worst = worst.max(error.abs());
+            squared += error * error;
+            count += 1.0;
+        }
+    }
+    let rms = f64::sqrt(squared / count);
+    println!("albedo scale of single photos: RMS {rms:.4}, worst {worst:.4}");
+    // Halves 2 % to 5 % apart pass for ambient light now and then, which one photo cannot refute.
+    assert!(rms < 0.025 && worst < 0.11, "{rms} {worst}");
+}
