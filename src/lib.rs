@@ -19,7 +19,6 @@
 //! Misuse, unreadable files and broken models are [`Error`]s. A photograph that cannot be used is
 //! not an error but a [`Rejection`] with its reason; it leaves the session untouched.
 #![deny(missing_docs)]
-#![warn(clippy::all)]
 
 mod error;
 

@@ -22,7 +22,7 @@
 mod normal_equations;
 
 use crate::observation::Observation;
-use crate::render::{self, BAND_ROWS, Prepared, bands};
+use crate::render::{self, BAND_ROWS, Prepared, bands, check_observations};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, channel};
 use crate::{Error, Result};
@@ -182,24 +182,13 @@ pub fn refine(
     Ok(report)
 }
 
-pub(crate) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
+fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
     if (a.width(), a.height()) == (b.width(), b.height()) {
         return Ok(());
     }
     let message =
         format!("{}x{} texels, expected {}x{}", b.width(), b.height(), a.width(), a.height());
     Err(Error::argument(argument, message))
-}
-
-pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
-    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
-    for o in observations {
-        if (o.width, o.height, o.radiance.len(), o.weight.len()) != (width, height, 3 * n, n) {
-            let message = format!("{}x{} texels, expected {width}x{height}", o.width, o.height);
-            return Err(Error::argument("observations", message));
-        }
-    }
-    Ok(())
 }
 
 /// Scale of the residuals once the parameters' own freedom is taken off: of nine parameters the

@@ -118,7 +118,7 @@ fn the_reference_example_ends_closer_than_the_baseline() {
     for prior in [Prior::default(), Prior::from_estimates([(&start, &truth)]).unwrap()] {
         let mut refined = start.clone();
         refine(&mut refined, &start, &prior, given, &options, go_on).unwrap();
-        show("other prior", &refined);
+        show("narrower", &refined);
     }
     assert!(by_map.0 < by_adam.0 && by_map.1 < by_adam.1, "{by_map:?} {by_adam:?}");
 }
