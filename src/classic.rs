@@ -5,8 +5,7 @@
 //! decays along a half cosine, so that the L1 loss settles instead of jumping about its corners.
 
 use crate::observation::Observation;
-use crate::refinement::check_observations;
-use crate::render;
+use crate::render::{self, check_observations};
 use crate::svbrdf::{CHANNELS, Svbrdf, encoding};
 use crate::{Error, Result};
 use rayon::prelude::*;

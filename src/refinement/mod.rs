@@ -13,7 +13,8 @@
 //! squares). The colours of a texel meet only in normal and roughness, so each channel's 2x2 block
 //! (diffuse, specular) is eliminated first (Schur complement), and 3x3 is left. What the
 //! photographs cannot see stays at the prior mean: without it, noise would drift along such
-//! directions while the loss falls.
+//! directions while the loss falls. The scale `noise` is estimated along with the maps, one for all
+//! texels: the better the photographs agree, the less the prior counts.
 //!
 //! Coordinates are slopes, *square roots* of albedos, and roughness, so that a sigma means about
 //! the same for dark and bright materials.
@@ -21,7 +22,7 @@
 mod normal_equations;
 
 use crate::observation::Observation;
-use crate::render::{self, BAND_ROWS, Prepared, bands};
+use crate::render::{self, BAND_ROWS, Prepared, bands, check_observations};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, channel};
 use crate::{Error, Result};
@@ -84,7 +85,9 @@ impl Prior {
 pub struct Options {
     /// Levenberg-Marquardt steps.
     pub steps: usize,
-    /// Scale of the log residuals that noise and model leave: mean of their absolute values.
+    /// Expected scale of the log residuals that noise and model leave (mean of absolute values):
+    /// where the estimate of the scale begins. It counts as much as two photographs, and at most
+    /// twice of it is ever assumed.
     pub noise: f32,
     /// Log residual below which the loss is quadratic.
     pub huber: f32,
@@ -92,7 +95,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { steps: 6, noise: 0.05, huber: 0.02 }
+        Self { steps: 8, noise: 0.05, huber: 0.02 }
     }
 }
 
@@ -147,7 +150,7 @@ pub fn refine(
     let weights: f64 = observations.iter().flat_map(|o| &o.weight).map(|&w| w as f64).sum();
     let loss_before = render::loss(maps, observations);
     let mut report = Report { steps: 0, loss_before, loss_after: loss_before, stopped: false };
-    let model = Model {
+    let mut model = Model {
         observations: &prepared,
         inverse_noise: options.noise.recip(),
         huber: options.huber,
@@ -169,6 +172,8 @@ pub fn refine(
             .collect();
         report.steps = step;
         report.loss_after = sums.iter().sum::<f64>() / (3.0 * weights);
+        let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
+        model.inverse_noise = noise.recip();
         if after(step, report.loss_after).is_break() {
             report.stopped = true;
             break;
@@ -177,7 +182,7 @@ pub fn refine(
     Ok(report)
 }
 
-pub(crate) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
+fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
     if (a.width(), a.height()) == (b.width(), b.height()) {
         return Ok(());
     }
@@ -186,15 +191,14 @@ pub(crate) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Resul
     Err(Error::argument(argument, message))
 }
 
-pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
-    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
-    for o in observations {
-        if (o.width, o.height, o.radiance.len(), o.weight.len()) != (width, height, 3 * n, n) {
-            let message = format!("{}x{} texels, expected {width}x{height}", o.width, o.height);
-            return Err(Error::argument("observations", message));
-        }
-    }
-    Ok(())
+/// Scale of the residuals once the parameters' own freedom is taken off: of nine parameters the
+/// prior leaves about six to the photographs. `photographs` is their mean number per texel.
+fn noise_scale(expected: f32, loss: f64, photographs: f64) -> f32 {
+    let (free, belief) = (6.0, 6.0);
+    let residuals = 3.0 * photographs;
+    let estimate =
+        (belief * expected as f64 + residuals * loss) / (belief + (residuals - free).max(0.0));
+    (estimate as f32).min(2.0 * expected)
 }
 
 /// Coordinate in which steps are taken, of a natural parameter.

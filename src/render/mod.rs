@@ -13,6 +13,7 @@ use crate::observation::{Observation, View};
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf};
+use crate::{Error, Result};
 use rayon::prelude::*;
 
 /// Rows that one task works on.
@@ -43,6 +44,18 @@ pub(crate) fn bands<const PLANES: usize>(
     (0..height.div_ceil(BAND_ROWS))
         .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
         .collect()
+}
+
+/// An error where an observation has not the maps' size.
+pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
+    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+    for o in observations {
+        if (o.width, o.height, o.radiance.len(), o.weight.len()) != (width, height, 3 * n, n) {
+            let message = format!("{}x{} texels, expected {width}x{height}", o.width, o.height);
+            return Err(Error::argument("observations", message));
+        }
+    }
+    Ok(())
 }
 
 /// Observations with their views prepared for one size of maps.

@@ -263,7 +263,11 @@ fn explained_saturation_and_unseen_texels_have_no_gradient() {
     assert!(gradient.iter().all(|&g| g == 0.0));
     // The same measurements above the rendering do pull.
     for (i, o) in observation.radiance.iter_mut().enumerate() {
-        *o = if i % maps.texels() % 3 == 0 { f32::NAN } else { -1.2 * rendered[i] - 0.01 };
+        *o = if (i % maps.texels()).is_multiple_of(3) {
+            f32::NAN
+        } else {
+            -1.2 * rendered[i] - 0.01
+        };
     }
     let value = loss_and_gradient(&maps, &[observation], &mut gradient);
     assert!(value > 0.05 && gradient.iter().all(|g| g.is_finite()));
