@@ -1,10 +1,11 @@
 //! Nanoseconds per texel and photograph of the texel kernels, on one thread:
 //! `cargo bench --bench texel_kernels`.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 use svbrdf::Svbrdf;
 use svbrdf::observation::{Falloff, Observation, View};
-use svbrdf::render;
+use svbrdf::{refinement, render};
 
 const SIZE: usize = 256;
 const FRAMES: usize = 5;
@@ -30,6 +31,20 @@ fn run() {
     let mut gradient = vec![0.0; start.planes().len()];
     report("loss and gradient", FRAMES, || {
         render::loss_and_gradient(&start, &observations, &mut gradient);
+    });
+    let options = refinement::Options { steps: 1, ..Default::default() };
+    let mut refined = start.clone();
+    report("refinement step", FRAMES, || {
+        refined.clone_from(&start);
+        refinement::refine(
+            &mut refined,
+            &start,
+            &refinement::Prior::default(),
+            &observations,
+            &options,
+            &mut |_, _| ControlFlow::Continue(()),
+        )
+        .expect("sizes agree");
     });
 }
 

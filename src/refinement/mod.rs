@@ -1,1 +1,340 @@
-//! Placeholder
+//! Per-texel refinement of maps: the most probable texel given all photographs and an estimate
+//! from elsewhere (the latent fit).
+//!
+//! Once poses and lights are known, texels do not depend on each other: nine unknowns against
+//! three log residuals a photograph. Maximised is
+//!
+//! ```text
+//! -sum over photographs, channels of weight * huber(log residual) / noise
+//! -sum over parameters of (x - prior mean)² / (2 sigma²)
+//! ```
+//!
+//! by Levenberg-Marquardt steps, the L1 re-weighted in each (iteratively re-weighted least
+//! squares). The colours of a texel meet only in normal and roughness, so each channel's 2x2 block
+//! (diffuse, specular) is eliminated first (Schur complement), and 3x3 is left. What the
+//! photographs cannot see stays at the prior mean: without it, noise would drift along such
+//! directions while the loss falls. The scale `noise` is estimated along with the maps, one for all
+//! texels: the better the photographs agree, the less the prior counts.
+//!
+//! Coordinates are slopes, *square roots* of albedos, and roughness, so that a sigma means about
+//! the same for dark and bright materials.
+
+mod normal_equations;
+
+use crate::observation::Observation;
+use crate::render::{self, BAND_ROWS, Prepared, bands};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, channel};
+use crate::{Error, Result};
+use normal_equations::{NormalEquations, cost};
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+
+/// How far an estimate is expected to be off, per parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// Standard deviations in the order of [`channel`]: slopes, square roots of albedos, roughness.
+    pub sigma: [f32; CHANNELS],
+}
+
+impl Default for Prior {
+    /// Errors of a fair estimate from a few photographs.
+    fn default() -> Self {
+        Self { sigma: [0.1, 0.1, 0.08, 0.08, 0.08, 0.1, 0.1, 0.1, 0.12] }
+    }
+}
+
+impl Prior {
+    /// The errors of estimates of known materials: root mean squares, at least 0.001, pooled over
+    /// the three colours.
+    ///
+    /// # Errors
+    /// When sizes differ or there is no pair.
+    pub fn from_estimates<'a>(
+        pairs: impl IntoIterator<Item = (&'a Svbrdf, &'a Svbrdf)>,
+    ) -> Result<Self> {
+        let (mut sums, mut count) = ([0.0_f64; CHANNELS], 0);
+        for (estimate, truth) in pairs {
+            same_size("truth", estimate, truth)?;
+            count += estimate.texels();
+            for (c, sum) in sums.iter_mut().enumerate() {
+                for (&a, &b) in estimate.plane(c).iter().zip(truth.plane(c)) {
+                    *sum += (to_coordinate(c, a) - to_coordinate(c, b)).powi(2) as f64;
+                }
+            }
+        }
+        if count == 0 {
+            return Err(Error::argument("pairs", "none given, at least one expected"));
+        }
+        let rms = |channels: std::ops::Range<usize>| {
+            let (length, sum) = (channels.len(), sums[channels].iter().sum::<f64>());
+            ((sum / (length * count) as f64).sqrt() as f32).max(1e-3)
+        };
+        let slope = rms(0..2);
+        let (diffuse, specular) = (rms(2..5), rms(5..8));
+        let mut sigma = [slope; CHANNELS];
+        sigma[2..5].fill(diffuse);
+        sigma[5..8].fill(specular);
+        sigma[channel::ROUGHNESS] = rms(8..9);
+        Ok(Self { sigma })
+    }
+}
+
+/// Options of [`refine`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Levenberg-Marquardt steps.
+    pub steps: usize,
+    /// Expected scale of the log residuals that noise and model leave (mean of absolute values):
+    /// where the estimate of the scale begins. It counts as much as two photographs, and at most
+    /// twice of it is ever assumed.
+    pub noise: f32,
+    /// Log residual below which the loss is quadratic.
+    pub huber: f32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { steps: 8, noise: 0.05, huber: 0.02 }
+    }
+}
+
+/// What [`refine`] did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// Steps taken.
+    pub steps: usize,
+    /// [`render::loss`] of the start.
+    pub loss_before: f64,
+    /// [`render::loss`] of the result.
+    pub loss_after: f64,
+    /// Whether the caller ended the refinement early.
+    pub stopped: bool,
+}
+
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f32 = 0.01;
+
+/// Longest step of a parameter.
+const MAX_STEP: f32 = 0.3;
+
+/// Least square root of an albedo: at zero its derivative would vanish for good.
+const MIN_ROOT: f32 = 0.005;
+
+/// Refines maps in place, from their present values, around `prior_mean`. After each step `after`
+/// gets its number (from 1) and the mean log-L1 loss so far, and may end the work; maps are valid
+/// after every step.
+///
+/// # Errors
+/// When sizes differ, or a sigma, the noise or the Huber threshold is not positive.
+pub fn refine(
+    maps: &mut Svbrdf,
+    prior_mean: &Svbrdf,
+    prior: &Prior,
+    observations: &[Observation],
+    options: &Options,
+    after: &mut dyn FnMut(usize, f64) -> ControlFlow<()>,
+) -> Result<Report> {
+    same_size("prior_mean", maps, prior_mean)?;
+    check_observations(maps, observations)?;
+    let positive = |x: f32| x.is_finite() && x > 0.0;
+    if !prior.sigma.iter().all(|&s| positive(s)) {
+        return Err(Error::argument("prior.sigma", "all must be positive numbers"));
+    }
+    if !(positive(options.noise) && positive(options.huber)) {
+        return Err(Error::argument("options", "noise and huber must be positive numbers"));
+    }
+    maps.clamp();
+    let (width, height) = (maps.width(), maps.height());
+    let prepared = Prepared::new(maps, observations);
+    let weights: f64 = observations.iter().flat_map(|o| &o.weight).map(|&w| w as f64).sum();
+    let loss_before = render::loss(maps, observations);
+    let mut report = Report { steps: 0, loss_before, loss_after: loss_before, stopped: false };
+    let mut model = Model {
+        observations: &prepared,
+        inverse_noise: options.noise.recip(),
+        huber: options.huber,
+        precision: prior.sigma.map(|s| (s * s).recip()),
+    };
+    let mut damping = vec![FIRST_DAMPING; maps.texels()];
+    for step in 1..=options.steps {
+        if weights <= 0.0 {
+            break;
+        }
+        let sums: Vec<f64> = bands::<CHANNELS>(maps.planes_mut(), width, height)
+            .into_par_iter()
+            .zip(bands::<1>(&mut damping, width, height))
+            .enumerate()
+            .map(|(band, (planes, [damping]))| {
+                let first_row = band * BAND_ROWS;
+                dispatch(StepBand { model: &model, prior_mean, first_row, planes, damping })
+            })
+            .collect();
+        report.steps = step;
+        report.loss_after = sums.iter().sum::<f64>() / (3.0 * weights);
+        let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
+        model.inverse_noise = noise.recip();
+        if after(step, report.loss_after).is_break() {
+            report.stopped = true;
+            break;
+        }
+    }
+    Ok(report)
+}
+
+pub(crate) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
+    if (a.width(), a.height()) == (b.width(), b.height()) {
+        return Ok(());
+    }
+    let message =
+        format!("{}x{} texels, expected {}x{}", b.width(), b.height(), a.width(), a.height());
+    Err(Error::argument(argument, message))
+}
+
+pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
+    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+    for o in observations {
+        if (o.width, o.height, o.radiance.len(), o.weight.len()) != (width, height, 3 * n, n) {
+            let message = format!("{}x{} texels, expected {width}x{height}", o.width, o.height);
+            return Err(Error::argument("observations", message));
+        }
+    }
+    Ok(())
+}
+
+/// Scale of the residuals once the parameters' own freedom is taken off: of nine parameters the
+/// prior leaves about six to the photographs. `photographs` is their mean number per texel.
+fn noise_scale(expected: f32, loss: f64, photographs: f64) -> f32 {
+    let (free, belief) = (6.0, 6.0);
+    let residuals = 3.0 * photographs;
+    let estimate =
+        (belief * expected as f64 + residuals * loss) / (belief + (residuals - free).max(0.0));
+    (estimate as f32).min(2.0 * expected)
+}
+
+/// Coordinate in which steps are taken, of a natural parameter.
+fn to_coordinate(c: usize, value: f32) -> f32 {
+    if (channel::DIFFUSE..channel::ROUGHNESS).contains(&c) { value.max(0.0).sqrt() } else { value }
+}
+
+/// The probability of a texel, apart from its prior mean.
+struct Model<'a> {
+    observations: &'a [Prepared<'a>],
+    inverse_noise: f32,
+    huber: f32,
+    /// 1 / sigma².
+    precision: [f32; CHANNELS],
+}
+
+struct StepBand<'a> {
+    model: &'a Model<'a>,
+    prior_mean: &'a Svbrdf,
+    first_row: usize,
+    planes: [&'a mut [f32]; CHANNELS],
+    damping: &'a mut [f32],
+}
+
+impl Kernel for StepBand<'_> {
+    /// Sum of the weighted log-L1 losses after the step.
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> f64 {
+        let width = self.prior_mean.width();
+        let mut sum = 0.0;
+        for r in 0..self.damping.len() / width {
+            let row = self.first_row + r;
+            let mut row_sum = V::splat(0.0);
+            for column in (0..width).step_by(LANES) {
+                let end = (column + LANES).min(width);
+                let here = r * width + column..r * width + end;
+                let mut x = [V::splat(0.0); CHANNELS];
+                for (x, plane) in x.iter_mut().zip(&self.planes) {
+                    *x = V::load(&plane[here.clone()], 0.0);
+                }
+                let mean = render::load_texels::<V>(
+                    self.prior_mean,
+                    row * width + column,
+                    row * width + end,
+                );
+                let mut damping = V::load(&self.damping[here.clone()], 1.0);
+                let (mut x, mean) = (coordinates(x), coordinates(mean));
+                row_sum += step(self.model, &mut x, &mean, &mut damping, column, row, width);
+                damping.store(&mut self.damping[here.clone()]);
+                for c in 0..CHANNELS {
+                    let squared = (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
+                    let value = if squared { x[c] * x[c] } else { x[c] };
+                    value.store(&mut self.planes[c][here.clone()]);
+                }
+            }
+            sum += row_sum.sum();
+        }
+        sum
+    }
+}
+
+/// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
+/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it.
+#[inline(always)]
+fn step<V: Lanes>(
+    model: &Model,
+    x: &mut [V; CHANNELS],
+    mean: &[V; CHANNELS],
+    damping: &mut V,
+    column: usize,
+    row: usize,
+    width: usize,
+) -> V {
+    let texels = row * width + column..row * width + (column + LANES).min(width);
+    let (equations, start) = NormalEquations::new(model, x, mean, column, row, texels.clone());
+    let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
+    let [mut best, mut loss] = start;
+    let mut waiting = one;
+    for _ in 0..2 {
+        let delta = equations.solve(*damping);
+        let mut trial = from;
+        for c in 0..CHANNELS {
+            let (low, high) = limits(c);
+            trial[c] = (from[c] + delta[c].clamp(-MAX_STEP, MAX_STEP)).clamp(low, high);
+        }
+        let [cost, trial_loss] = cost(model, &trial, mean, column, row, texels.clone());
+        // 1 where the texel waited for a better value and this is one.
+        let taken = best.if_greater(cost, waiting, zero);
+        for c in 0..CHANNELS {
+            x[c] = taken.if_greater(zero, trial[c], x[c]);
+        }
+        loss = taken.if_greater(zero, trial_loss, loss);
+        best = taken.if_greater(zero, cost, best);
+        let eased = *damping * V::splat(0.2);
+        let raised = waiting.if_greater(zero, *damping * V::splat(8.0), *damping);
+        *damping = taken.if_greater(zero, eased, raised).clamp(1e-6, 1e4);
+        waiting = waiting - taken;
+        if waiting.sum() == 0.0 {
+            break;
+        }
+    }
+    loss
+}
+
+#[inline(always)]
+fn coordinates<V: Lanes>(natural: [V; CHANNELS]) -> [V; CHANNELS] {
+    let mut out = natural;
+    for c in channel::DIFFUSE..channel::ROUGHNESS {
+        out[c] = natural[c].max(V::splat(MIN_ROOT * MIN_ROOT)).sqrt();
+    }
+    out
+}
+
+#[inline(always)]
+fn limits(c: usize) -> (f32, f32) {
+    match c {
+        channel::SLOPE_X | channel::SLOPE_Y => (-MAX_SLOPE, MAX_SLOPE),
+        channel::ROUGHNESS => (MIN_ROUGHNESS, 1.0),
+        _ => (MIN_ROOT, 1.0),
+    }
+}
+
+#[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
+pub(crate) mod tests;

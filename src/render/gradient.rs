@@ -54,7 +54,7 @@ pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: 
         return 0.0;
     }
     let scale = 1.0 / (3.0 * weight);
-    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps)
+    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps.width(), maps.height())
         .into_par_iter()
         .enumerate()
         .map(|(band, sink)| {

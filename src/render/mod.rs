@@ -25,20 +25,22 @@ pub(crate) const BAND_ROWS: usize = 4;
 pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
     assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
     let view = TexelView::new(view, maps.width(), maps.height());
-    bands::<3>(out, maps).into_par_iter().enumerate().for_each(|(band, out)| {
-        dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
-    });
+    bands::<3>(out, maps.width(), maps.height()).into_par_iter().enumerate().for_each(
+        |(band, out)| {
+            dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
+        },
+    );
 }
 
-/// Cuts planes of the maps' size into bands of [`BAND_ROWS`] rows.
-pub(crate) fn bands<'a, const PLANES: usize>(
-    data: &'a mut [f32],
-    maps: &Svbrdf,
-) -> Vec<[&'a mut [f32]; PLANES]> {
-    let band = BAND_ROWS * maps.width();
+/// Cuts planes of `width * height` values into bands of [`BAND_ROWS`] rows.
+pub(crate) fn bands<const PLANES: usize>(
+    data: &mut [f32],
+    width: usize,
+    height: usize,
+) -> Vec<[&mut [f32]; PLANES]> {
     let mut planes: Vec<_> =
-        data.chunks_mut(maps.texels()).map(|plane| plane.chunks_mut(band)).collect();
-    (0..maps.height().div_ceil(BAND_ROWS))
+        data.chunks_mut(width * height).map(|plane| plane.chunks_mut(BAND_ROWS * width)).collect();
+    (0..height.div_ceil(BAND_ROWS))
         .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
         .collect()
 }
@@ -117,4 +119,4 @@ impl Kernel for RenderBand<'_> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,0 +1,303 @@
+//! The quadratic model of eight texels' objective, and its minimum.
+
+use super::Model;
+use crate::loss::{EPSILON, OffsetPair};
+use crate::reflectance::{Directions, Lobes, Material};
+use crate::render::Prepared;
+use crate::simd::Lanes;
+use crate::svbrdf::{CHANNELS, channel};
+use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
+
+/// `H d = -g` with H the weighted sum of Jacobian products plus the prior's precision. Normal and
+/// roughness ("shape": p, q, r) are shared by the colours; diffuse and specular root ("colour":
+/// d, s) are each colour's own.
+pub(super) struct NormalEquations<V> {
+    /// pp, pq, pr, qq, qr, rr.
+    shape: [V; 6],
+    shape_gradient: [V; 3],
+    colour: [Colour<V>; 3],
+}
+
+#[derive(Clone, Copy)]
+struct Colour<V> {
+    /// dd, ds, ss.
+    own: [V; 3],
+    /// d with p, q, r; then s with p, q, r.
+    mixed: [[V; 3]; 2],
+    gradient: [V; 2],
+}
+
+/// A photograph's residual in one colour, and how the objective weighs it.
+struct Residual<V> {
+    value: V,
+    /// 1 / (rendered + 0.01).
+    inverse: V,
+    /// Weight of the square in re-weighted least squares.
+    square_weight: V,
+    /// Value of the objective, and of the plain log-L1 loss.
+    cost: V,
+    loss: V,
+}
+
+impl<V: Lanes> Residual<V> {
+    #[inline(always)]
+    fn new(model: &Model, offset_rendered: V, observed: V, weight: V) -> Self {
+        let (zero, threshold) = (V::splat(0.0), V::splat(model.huber));
+        let pair = OffsetPair::new(offset_rendered, observed);
+        // Unseen texels may hold anything.
+        let value = weight.if_greater(zero, pair.log_residual(), zero);
+        let size = value.abs();
+        let scaled = weight * V::splat(model.inverse_noise);
+        let inner = value * value * V::splat(0.5 / model.huber);
+        let outer = size - V::splat(0.5 * model.huber);
+        let square_weight = scaled / size.max(threshold);
+        Self {
+            value,
+            inverse: pair.rendered.reciprocal(),
+            // A saturated measurement that is explained says nothing about the parameters.
+            square_weight: offset_rendered.if_greater(pair.rendered, zero, square_weight),
+            cost: scaled * size.if_greater(threshold, outer, inner),
+            loss: weight * size,
+        }
+    }
+}
+
+/// Natural parameters of coordinates.
+#[inline(always)]
+fn natural<V: Lanes>(x: &[V; CHANNELS]) -> [V; CHANNELS] {
+    let mut out = *x;
+    for c in channel::DIFFUSE..channel::ROUGHNESS {
+        out[c] = x[c] * x[c];
+    }
+    out
+}
+
+/// Half the squared distance to the prior mean in sigmas.
+#[inline(always)]
+fn prior_cost<V: Lanes>(model: &Model, x: &[V; CHANNELS], mean: &[V; CHANNELS]) -> V {
+    let mut sum = V::splat(0.0);
+    for c in 0..CHANNELS {
+        let d = x[c] - mean[c];
+        sum = (d * d).mul_add(V::splat(0.5 * model.precision[c]), sum);
+    }
+    sum
+}
+
+#[inline(always)]
+fn load_observed<V: Lanes>(observation: &Prepared, c: usize, texels: &Range<usize>) -> V {
+    let first = c * observation.weight.len();
+    V::load(&observation.radiance[first + texels.start..first + texels.end], 0.0)
+}
+
+/// Objective and weighted log-L1 loss of coordinates `x`.
+#[inline(always)]
+pub(super) fn cost<V: Lanes>(
+    model: &Model,
+    x: &[V; CHANNELS],
+    mean: &[V; CHANNELS],
+    column: usize,
+    row: usize,
+    texels: Range<usize>,
+) -> [V; 2] {
+    let material = Material::new(&natural(x));
+    let (mut cost, mut loss) = (prior_cost(model, x, mean), V::splat(0.0));
+    for observation in model.observations {
+        let view = &observation.view;
+        let lobes = Lobes::new(&material, &Directions::new(view, column, row));
+        let weight = V::load(&observation.weight[texels.clone()], 0.0);
+        for c in 0..3 {
+            let (brdf, _) = lobes.brdf(&material, c);
+            let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);
+            let irradiance = lobes.irradiance * V::splat(view.power[c]);
+            let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
+            let observed = load_observed(observation, c, &texels);
+            let residual = Residual::new(model, rendered, observed, weight);
+            cost += residual.cost;
+            loss += residual.loss;
+        }
+    }
+    [cost, loss]
+}
+
+impl<V: Lanes> NormalEquations<V> {
+    /// At coordinates `x`; answers objective and loss as [`cost`] too.
+    #[inline(always)]
+    pub fn new(
+        model: &Model,
+        x: &[V; CHANNELS],
+        mean: &[V; CHANNELS],
+        column: usize,
+        row: usize,
+        texels: Range<usize>,
+    ) -> (Self, [V; 2]) {
+        let (zero, one) = (V::splat(0.0), V::splat(1.0));
+        let material = Material::new(&natural(x));
+        let mut equations = Self::of_prior(model, x, mean);
+        let (mut cost, mut loss) = (prior_cost(model, x, mean), zero);
+        for observation in model.observations {
+            let view = &observation.view;
+            let directions = Directions::new(view, column, row);
+            let lobes = Lobes::new(&material, &directions);
+            let weight = V::load(&observation.weight[texels.clone()], 0.0);
+            let by_normal = lobes.by_normal(&material, &directions, one, zero);
+            let lobe_by_slopes = material.by_slopes(by_normal);
+            let by_normal = lobes.by_normal(&material, &directions, zero, one);
+            let irradiance_by_slopes = material.by_slopes(by_normal);
+            let lobe_by_roughness = lobes.log_specular_by_roughness(&material);
+            for c in 0..3 {
+                let power = V::splat(view.power[c]);
+                let ambient = V::splat(view.ambient[c]);
+                let (brdf, fresnel) = lobes.brdf(&material, c);
+                let irradiance = lobes.irradiance * power;
+                let surround = (material.diffuse[c] + material.specular[c]) * ambient;
+                let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
+                let observed = load_observed(observation, c, &texels);
+                let residual = Residual::new(model, rendered, observed, weight);
+                cost += residual.cost;
+                loss += residual.loss;
+
+                // Derivatives of ln(rendered + 0.01).
+                let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
+                let lit = brdf * power * residual.inverse;
+                let shape = [
+                    lobe.mul_add(lobe_by_slopes[0], lit * irradiance_by_slopes[0]),
+                    lobe.mul_add(lobe_by_slopes[1], lit * irradiance_by_slopes[1]),
+                    lobe * lobe_by_roughness,
+                ];
+                let twice = residual.inverse * V::splat(2.0);
+                let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
+                let by_specular =
+                    irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, ambient);
+                let colour = [
+                    by_diffuse * twice * x[channel::DIFFUSE + c],
+                    by_specular * twice * x[channel::SPECULAR + c],
+                ];
+                equations.add(c, shape, colour, residual.value, residual.square_weight);
+            }
+        }
+        (equations, [cost, loss])
+    }
+
+    #[inline(always)]
+    fn of_prior(model: &Model, x: &[V; CHANNELS], mean: &[V; CHANNELS]) -> Self {
+        let zero = V::splat(0.0);
+        let precision = |c: usize| V::splat(model.precision[c]);
+        let pull = |c: usize| (x[c] - mean[c]) * V::splat(model.precision[c]);
+        let r = channel::ROUGHNESS;
+        let mut colour = [Colour { own: [zero; 3], mixed: [[zero; 3]; 2], gradient: [zero; 2] }; 3];
+        for c in 0..3 {
+            let (d, s) = (channel::DIFFUSE + c, channel::SPECULAR + c);
+            colour[c].own = [precision(d), zero, precision(s)];
+            colour[c].gradient = [pull(d), pull(s)];
+        }
+        Self {
+            shape: [precision(0), zero, zero, precision(1), zero, precision(r)],
+            shape_gradient: [pull(0), pull(1), pull(r)],
+            colour,
+        }
+    }
+
+    /// Adds a residual with its derivatives.
+    #[inline(always)]
+    fn add(&mut self, c: usize, shape: [V; 3], colour: [V; 2], residual: V, weight: V) {
+        let [p, q, r] = shape;
+        let [wp, wq, wr] = [p * weight, q * weight, r * weight];
+        let h = &mut self.shape;
+        h[0] = wp.mul_add(p, h[0]);
+        h[1] = wp.mul_add(q, h[1]);
+        h[2] = wp.mul_add(r, h[2]);
+        h[3] = wq.mul_add(q, h[3]);
+        h[4] = wq.mul_add(r, h[4]);
+        h[5] = wr.mul_add(r, h[5]);
+        let g = &mut self.shape_gradient;
+        g[0] = wp.mul_add(residual, g[0]);
+        g[1] = wq.mul_add(residual, g[1]);
+        g[2] = wr.mul_add(residual, g[2]);
+        let own = &mut self.colour[c];
+        let [d, s] = colour;
+        let [wd, ws] = [d * weight, s * weight];
+        own.own[0] = wd.mul_add(d, own.own[0]);
+        own.own[1] = wd.mul_add(s, own.own[1]);
+        own.own[2] = ws.mul_add(s, own.own[2]);
+        for i in 0..3 {
+            own.mixed[0][i] = wd.mul_add(shape[i], own.mixed[0][i]);
+            own.mixed[1][i] = ws.mul_add(shape[i], own.mixed[1][i]);
+        }
+        own.gradient[0] = wd.mul_add(residual, own.gradient[0]);
+        own.gradient[1] = ws.mul_add(residual, own.gradient[1]);
+    }
+
+    /// The step to the minimum with the diagonal raised by the factor `1 + damping`: colours are
+    /// eliminated, the 3x3 system of the shape is solved by LDL^T, colours follow.
+    #[inline(always)]
+    pub fn solve(&self, damping: V) -> [V; CHANNELS] {
+        let zero = V::splat(0.0);
+        let raise = damping + V::splat(1.0);
+        let h = &self.shape;
+        let mut a = [h[0] * raise, h[1], h[2], h[3] * raise, h[4], h[5] * raise];
+        let mut b = [-self.shape_gradient[0], -self.shape_gradient[1], -self.shape_gradient[2]];
+        let mut inverses = [[zero; 3]; 3];
+        for c in 0..3 {
+            let colour = &self.colour[c];
+            let (d, s, o) = (colour.own[0] * raise, colour.own[2] * raise, colour.own[1]);
+            // d s - o² > 0 by Cauchy-Schwarz and the prior; the bound guards against rounding.
+            let determinant = d.mul_add(s, -(o * o)).max(d * s * V::splat(1e-6));
+            let scale = determinant.reciprocal();
+            let inverse = [s * scale, -(o * scale), d * scale];
+            inverses[c] = inverse;
+            let [md, ms] = colour.mixed;
+            let mut td = [zero; 3];
+            let mut ts = [zero; 3];
+            for i in 0..3 {
+                td[i] = inverse[0].mul_add(md[i], inverse[1] * ms[i]);
+                ts[i] = inverse[1].mul_add(md[i], inverse[2] * ms[i]);
+            }
+            let mut k = 0;
+            for i in 0..3 {
+                for j in i..3 {
+                    a[k] = a[k] - md[i].mul_add(td[j], ms[i] * ts[j]);
+                    k += 1;
+                }
+                b[i] += td[i].mul_add(colour.gradient[0], ts[i] * colour.gradient[1]);
+            }
+        }
+        // Pivots are positive but for rounding.
+        let floor = V::splat(1e-6);
+        let d0 = a[0].max(h[0] * floor);
+        let i0 = d0.reciprocal();
+        let (l10, l20) = (a[1] * i0, a[2] * i0);
+        let d1 = (a[3] - l10 * a[1]).max(h[3] * floor);
+        let i1 = d1.reciprocal();
+        let u21 = a[4] - l10 * a[2];
+        let l21 = u21 * i1;
+        let d2 = (a[5] - l20 * a[2] - l21 * u21).max(h[5] * floor);
+        let y1 = b[1] - l10 * b[0];
+        let y2 = b[2] - l20 * b[0] - l21 * y1;
+        let r = y2 * d2.reciprocal();
+        let q = y1 * i1 - l21 * r;
+        let p = b[0] * i0 - l10 * q - l20 * r;
+
+        let mut out = [zero; CHANNELS];
+        out[channel::SLOPE_X] = p;
+        out[channel::SLOPE_Y] = q;
+        out[channel::ROUGHNESS] = r;
+        for c in 0..3 {
+            let colour = &self.colour[c];
+            let rest = [
+                -colour.gradient[0]
+                    - colour.mixed[0][0] * p
+                    - colour.mixed[0][1] * q
+                    - colour.mixed[0][2] * r,
+                -colour.gradient[1]
+                    - colour.mixed[1][0] * p
+                    - colour.mixed[1][1] * q
+                    - colour.mixed[1][2] * r,
+            ];
+            let inverse = inverses[c];
+            out[channel::DIFFUSE + c] = inverse[0].mul_add(rest[0], inverse[1] * rest[1]);
+            out[channel::SPECULAR + c] = inverse[1].mul_add(rest[0], inverse[2] * rest[1]);
+        }
+        out
+    }
+}

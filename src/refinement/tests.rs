@@ -1,0 +1,303 @@
+use super::*;
+use crate::classic;
+use crate::observation::{Falloff, View};
+use crate::render::tests::noise;
+use crate::svbrdf::RANGE;
+
+fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
+    (0..12).map(|_| r()).sum::<f32>() - 6.0
+}
+
+/// Slopes up to 0.5, all colours, metals and dielectrics, roughness 0.15 to 0.8.
+pub(crate) fn truth(size: usize, seed: u64) -> Svbrdf {
+    let mut r = noise(seed);
+    let mut maps = Svbrdf::new(size, size);
+    for c in 0..CHANNELS {
+        for v in maps.plane_mut(c) {
+            *v = match c {
+                0 | 1 => 0.6 * r() - 0.3,
+                8 => 0.15 + 0.65 * r(),
+                2..5 => 0.03 + 0.7 * r() * r(),
+                _ => 0.03 + 0.5 * r() * r(),
+            };
+        }
+    }
+    maps
+}
+
+/// The truth moved by `sigma` in every coordinate.
+pub(crate) fn perturbed(truth: &Svbrdf, sigma: f32, seed: u64) -> Svbrdf {
+    let mut r = noise(seed);
+    let mut maps = truth.clone();
+    for c in 0..CHANNELS {
+        for v in maps.plane_mut(c) {
+            let x = to_coordinate(c, *v) + sigma * gauss(&mut r);
+            let natural = if (2..8).contains(&c) { x * x.abs() } else { x };
+            *v = natural.clamp(RANGE[c].0, RANGE[c].1);
+        }
+    }
+    maps
+}
+
+/// Photographs from over the sample, the first from the top; log-normal noise.
+pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -> Vec<Observation> {
+    let mut r = noise(seed);
+    (0..count)
+        .map(|i| {
+            let mut offset = || if i == 0 { 0.0 } else { 160.0 * r() - 80.0 };
+            let camera_mm = [offset(), offset(), 107.0];
+            let light_mm = [camera_mm[0] + 3.0, camera_mm[1] - 5.0, 107.0];
+            let falloff = Falloff::InverseSquare { power_mm2: [3.6e4; 3] };
+            let view =
+                View { sample_mm: [100.0; 2], camera_mm, light_mm, falloff, ambient: [0.005; 3] };
+            let mut radiance = vec![0.0; 3 * truth.texels()];
+            render::render(truth, &view, &mut radiance);
+            for v in &mut radiance {
+                *v *= (sigma * gauss(&mut r)).exp();
+            }
+            let weight = vec![1.0; truth.texels()];
+            Observation { width: truth.width(), height: truth.height(), view, radiance, weight }
+        })
+        .collect()
+}
+
+/// Root mean square errors in coordinates: slopes, diffuse, specular, roughness.
+pub(crate) fn errors(a: &Svbrdf, b: &Svbrdf) -> [f32; 4] {
+    let s = Prior::from_estimates([(a, b)]).unwrap().sigma;
+    [s[0], s[2], s[5], s[8]]
+}
+
+const SIGMA: f32 = 0.1;
+
+fn prior() -> Prior {
+    Prior { sigma: [SIGMA; CHANNELS] }
+}
+
+fn run(start: &Svbrdf, photos: &[Observation], options: &Options) -> (Svbrdf, Report) {
+    let mut maps = start.clone();
+    let go_on = &mut |_, _| ControlFlow::Continue(());
+    let report = refine(&mut maps, start, &prior(), photos, options, go_on).unwrap();
+    (maps, report)
+}
+
+/// Clean photographs, five of them: the loss falls by far more than a factor of ten, and every map
+/// comes closer to the truth.
+#[test]
+fn clean_photographs_are_explained() {
+    let truth = truth(32, 1);
+    let start = perturbed(&truth, SIGMA, 2);
+    let (maps, report) = run(&start, &photographs(&truth, 5, 0.0, 3), &Options::default());
+    assert!(report.loss_after < 0.03 * report.loss_before, "{report:?}");
+    let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
+    // Slopes and diffuse albedo are seen best.
+    let share = [0.45, 0.3, 0.8, 0.8];
+    for i in 0..4 {
+        assert!(after[i] < share[i] * before[i], "{before:?} {after:?}");
+    }
+}
+
+/// Three percent of noise, from two to twenty photographs: every map ends closer than it started,
+/// and more photographs never hurt.
+#[test]
+fn noisy_photographs_improve_every_map() {
+    let truth = truth(32, 4);
+    let start = perturbed(&truth, SIGMA, 5);
+    let mut last = errors(&start, &truth);
+    for count in [2, 5, 20] {
+        let (maps, _) = run(&start, &photographs(&truth, count, 0.03, 6), &Options::default());
+        let now = errors(&maps, &truth);
+        for i in 0..4 {
+            assert!(now[i] < 0.98 * last[i], "{count} photographs: {now:?} after {last:?}");
+        }
+        last = now;
+    }
+}
+
+/// One photograph cannot tell nine parameters: what it does not see must stay where it was.
+#[test]
+fn one_photograph_does_no_harm() {
+    let truth = truth(32, 7);
+    let start = perturbed(&truth, SIGMA, 8);
+    let (maps, report) = run(&start, &photographs(&truth, 1, 0.03, 9), &Options::default());
+    assert!(report.loss_after < 0.1 * report.loss_before);
+    let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
+    for i in 0..4 {
+        // Random texels: errors are means of 1024, good to about 2 %.
+        assert!(after[i] < 1.02 * before[i], "{before:?} {after:?}");
+    }
+}
+
+/// The objective written down a second time, in scalars: moving any parameter of the result by
+/// 0.01 either way must not improve it.
+#[test]
+fn no_nearby_texel_is_more_probable() {
+    let truth = truth(8, 10);
+    let start = perturbed(&truth, SIGMA, 11);
+    let photos = photographs(&truth, 3, 0.03, 12);
+    let options = Options { steps: 40, ..Default::default() };
+    let (maps, report) = run(&start, &photos, &options);
+    let noise = noise_scale(options.noise, report.loss_after, 3.0) as f64;
+    let objective = |maps: &Svbrdf, i: usize| {
+        let mut sum = 0.0;
+        for photo in &photos {
+            let mut rendered = vec![0.0; 3 * maps.texels()];
+            render::render(maps, &photo.view, &mut rendered);
+            for c in 0..3 {
+                let at = c * maps.texels() + i;
+                let (r, o) = (rendered[at] as f64, photo.radiance[at] as f64);
+                let residual = crate::loss::log_residual(r, o);
+                sum += crate::loss::huber(residual, options.huber as f64) / noise;
+            }
+        }
+        for c in 0..CHANNELS {
+            let x = |m: &Svbrdf| to_coordinate(c, m.plane(c)[i]);
+            sum += 0.5 * ((x(maps) - x(&start)) / SIGMA).powi(2) as f64;
+        }
+        sum
+    };
+    let mut worse = 0;
+    for i in 0..maps.texels() {
+        let here = objective(&maps, i);
+        assert!(here < objective(&start, i));
+        for c in 0..CHANNELS {
+            for d in [-0.01, 0.01] {
+                let mut moved = maps.clone();
+                let x = to_coordinate(c, maps.plane(c)[i]) + d;
+                let natural = if (2..8).contains(&c) { x * x } else { x };
+                moved.plane_mut(c)[i] = natural.clamp(RANGE[c].0, RANGE[c].1);
+                worse += usize::from(objective(&moved, i) < here - 1e-3);
+            }
+        }
+    }
+    // A few texels crawl along kinks of the L1 or lie in a corner of the range.
+    assert!(worse <= 12, "{worse} of {} neighbours are better", 18 * maps.texels());
+}
+
+#[test]
+fn unseen_texels_keep_the_prior_mean() {
+    let truth = truth(12, 13);
+    let start = perturbed(&truth, SIGMA, 14);
+    let mut photos = photographs(&truth, 2, 0.0, 15);
+    for photo in &mut photos {
+        for i in 0..50 {
+            photo.weight[i] = 0.0;
+            photo.radiance[i] = f32::NAN;
+        }
+    }
+    let mut clamped = start.clone();
+    clamped.clamp();
+    let (maps, report) = run(&start, &photos, &Options::default());
+    assert!(report.loss_after.is_finite());
+    for c in 0..CHANNELS {
+        for i in 0..maps.texels() {
+            let (a, b) = (maps.plane(c)[i], clamped.plane(c)[i]);
+            assert!(a.is_finite());
+            // The least albedo kept is 0.005².
+            assert!(i >= 50 || (a - b).abs() < 3e-5, "{a} {b}");
+        }
+    }
+}
+
+/// Saturation marks that the truth explains must not pull: clipped photographs of the truth leave
+/// the truth as it is.
+#[test]
+fn explained_saturation_does_not_pull() {
+    let truth = truth(16, 16);
+    let mut photos = photographs(&truth, 4, 0.0, 17);
+    for v in photos.iter_mut().flat_map(|p| &mut p.radiance) {
+        if *v > 0.4 {
+            *v = -0.4;
+        }
+    }
+    let (maps, report) = run(&truth, &photos, &Options::default());
+    assert!(report.loss_before < 1e-6 && report.loss_after < 1e-6, "{report:?}");
+    assert!(errors(&maps, &truth).iter().all(|&e| e <= 1e-3));
+}
+
+#[test]
+fn results_repeat_for_any_number_of_threads_and_the_caller_may_stop() {
+    let truth = truth(19, 18);
+    let start = perturbed(&truth, SIGMA, 19);
+    let photos = photographs(&truth, 3, 0.02, 20);
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut losses = Vec::new();
+        let mut after = |step, loss| {
+            losses.push(loss);
+            if step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let mut maps = start.clone();
+        let report = pool
+            .install(|| {
+                refine(&mut maps, &start, &prior(), &photos, &Options::default(), &mut after)
+            })
+            .unwrap();
+        (maps, report, losses)
+    };
+    let (maps, report, losses) = run(1);
+    assert!(report.stopped && report.steps == 3 && losses.len() == 3);
+    // The step's own sum is the loss of the maps it leaves, to single precision.
+    let loss = render::loss(&maps, &photos);
+    assert!((report.loss_after - loss).abs() < 1e-5 * loss + 1e-6, "{} {loss}", report.loss_after);
+    assert_eq!((maps, report, losses), run(3));
+}
+
+#[test]
+fn a_prior_is_learnt_from_estimates() {
+    let truth = truth(64, 21);
+    let estimate = perturbed(&truth, 0.05, 22);
+    let prior = Prior::from_estimates([(&estimate, &truth)]).unwrap();
+    // Clamping at the ends of the range takes a little off.
+    assert!(prior.sigma.iter().all(|s| (0.04..0.055).contains(s)), "{prior:?}");
+    assert!(Prior::from_estimates([]).is_err());
+    assert!(Prior::from_estimates([(&estimate, &Svbrdf::new(2, 2))]).is_err());
+}
+
+#[test]
+fn bad_arguments_are_refused() {
+    let mut maps = Svbrdf::new(4, 4);
+    let good = maps.clone();
+    let photos = photographs(&good, 1, 0.0, 1);
+    let mut attempt = |mean: &Svbrdf, prior: Prior, photos: &[Observation], options: Options| {
+        let go_on = &mut |_, _| ControlFlow::Continue(());
+        refine(&mut maps, mean, &prior, photos, &options, go_on)
+    };
+    let ok = Options::default();
+    assert!(attempt(&good, prior(), &photos, ok).is_ok());
+    assert!(attempt(&good, prior(), &[], ok).is_ok());
+    assert!(attempt(&Svbrdf::new(4, 5), prior(), &photos, ok).is_err());
+    let other = photographs(&Svbrdf::new(5, 4), 1, 0.0, 1);
+    assert!(attempt(&good, prior(), &other, ok).is_err());
+    assert!(attempt(&good, Prior { sigma: [0.0; CHANNELS] }, &photos, ok).is_err());
+    assert!(attempt(&good, prior(), &photos, Options { noise: f32::NAN, ..ok }).is_err());
+}
+
+#[test]
+#[ignore = "prints a table: noise, number of photographs, options, errors, against Adam"]
+fn table() {
+    let truth = truth(64, 1);
+    let start = perturbed(&truth, SIGMA, 2);
+    let held_out = photographs(&truth, 24, 0.0, 99);
+    let show = |name: String, maps: &Svbrdf, photos: &[Observation]| {
+        let (seen, unseen) = (render::loss(maps, photos), render::loss(maps, &held_out));
+        let errors = errors(maps, &truth);
+        println!("{name:28} loss {seen:.4} held out {unseen:.4} errors {errors:.4?}");
+    };
+    for (count, sigma) in [(1, 0.03), (2, 0.03), (5, 0.0), (5, 0.03), (5, 0.1), (20, 0.03)] {
+        let photos = photographs(&truth, count, sigma, 3);
+        println!("{count} photographs, noise {sigma}");
+        show("  start".into(), &start, &photos);
+        for (noise, steps) in [(0.02, 8), (0.05, 3), (0.05, 8), (0.05, 20), (0.1, 8)] {
+            let options = Options { steps, noise, ..Options::default() };
+            let (maps, _) = run(&start, &photos, &options);
+            show(format!("  noise {noise}, {steps} steps"), &maps, &photos);
+        }
+        for steps in [200, 800] {
+            let options = classic::Options { steps, ..Default::default() };
+            let mut maps = start.clone();
+            let go_on = &mut |_, _| ControlFlow::Continue(());
+            classic::fit(&mut maps, &photos, &options, go_on).unwrap();
+            show(format!("  Adam, {steps} steps"), &maps, &photos);
+        }
+    }
+}
