@@ -75,14 +75,6 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
                     layout.extend(&mut refiner, level(finer), &mut labelling);
                 }
                 layout.refine(&mut refiner, luma, &mut labelling);
-                if std::env::var("DBG").is_ok() {
-                    eprintln!("after {}", labelling.count());
-                    for (i, p) in labelling.px.iter().enumerate() {
-                        if p.is_none() {
-                            eprint!("{:?} ", layout.corners[i]);
-                        }
-                    }
-                }
                 let visible = layout.visible(luma, &labelling.model);
                 let seen = visible.iter().filter(|v| **v).count();
                 let share = labelling.count() as f64 / seen.max(1) as f64;
@@ -125,18 +117,7 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
 fn search(layout: &Layout, level: &LumaImage) -> Result<Labelling, Rejection> {
     let saddles = corners::find(level);
     let pieces = lattice::grow(level, &saddles);
-    let r = layout.place(level, &pieces);
-    if std::env::var("DBG").is_ok() {
-        eprintln!(
-            "level {}x{} saddles {} pieces {:?} {:?}",
-            level.width,
-            level.height,
-            saddles.len(),
-            pieces.iter().take(8).map(|p| p.len()).collect::<Vec<_>>(),
-            r.as_ref().map(|l| l.count())
-        );
-    }
-    r
+    layout.place(level, &pieces)
 }
 
 /// Carries a labelling to the version of twice the size.

@@ -17,4 +17,5 @@ mod target;
 pub use detector::{Corner, Detection, detect};
 pub use luma::LumaImage;
 pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose};
+pub use projection::Projection;
 pub use target::{Hole, Target, TargetKind, TopLeft};

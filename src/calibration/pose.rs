@@ -5,7 +5,7 @@
 //! the photograph is refused rather than guessed.
 
 use super::detector::Corner;
-use super::projection::{moved, project};
+use super::projection::{Projection, moved};
 use super::target::Target;
 use crate::Rejection;
 use crate::geometry::{Camera, Homography, Pose};
@@ -261,7 +261,9 @@ impl Problem<'_> {
         let mut normal = SMatrix::zeros();
         let mut gradient = SVector::zeros();
         for ((b, p), _) in self.board.iter().zip(self.px).zip(inliers).filter(|(_, i)| **i) {
-            let Some(projection) = project(self.camera, pose, b.extend(0.0)) else { continue };
+            let Some(projection) = Projection::of(self.camera, pose, b.extend(0.0)) else {
+                continue;
+            };
             let error = projection.px - *p;
             for (row, e) in projection.by_pose.iter().zip([error.x, error.y]) {
                 let row = SVector::<f64, 6>::from(*row);

@@ -3,9 +3,11 @@
 use crate::geometry::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 
-/// Derivatives of a pixel, first by x then by y of the pixel.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Projection {
+/// A projected point with the derivatives of its pixel, first those of x, then those of y.
+///
+/// Rows of the Jacobian for pose refinement and for estimating the camera itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
     /// The pixel.
     pub px: DVec2,
     /// By the pose: rotation vector of a small turn applied after the pose's rotation (camera
@@ -15,58 +17,60 @@ pub(super) struct Projection {
     pub by_intrinsics: [[f64; 9]; 2],
 }
 
-/// Projects a board point; `None` behind the camera and past the fold of the distortion, as
-/// [`Camera::project`].
-pub(super) fn project(camera: &Camera, pose: &Pose, board: DVec3) -> Option<Projection> {
-    let turned = pose.rotation * board;
-    let point = turned + pose.translation;
-    let px = camera.project(point)?;
-    let [k1, k2, p1, p2, k3] = camera.distortion;
-    let inverse = point.z.recip();
-    let (x, y) = (point.x * inverse, point.y * inverse);
-    let r2 = x * x + y * y;
-    let (r4, r6) = (r2 * r2, r2 * r2 * r2);
-    let radial = 1.0 + k1 * r2 + k2 * r4 + k3 * r6;
-    let slope = k1 + 2.0 * k2 * r2 + 3.0 * k3 * r4;
-    let distorted = camera.distort(DVec2::new(x, y));
-    let dxx = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x;
-    let dxy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
-    let dyy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x;
-    let by_point = [
-        DVec3::new(dxx, dxy, -(dxx * x + dxy * y)) * (camera.fx * inverse),
-        DVec3::new(dxy, dyy, -(dxy * x + dyy * y)) * (camera.fy * inverse),
-    ];
-    // d(w x turned) / dw: the row vector g becomes turned x g.
-    let by_pose = by_point.map(|g| {
-        let w = turned.cross(g);
-        [w.x, w.y, w.z, g.x, g.y, g.z]
-    });
-    let (fx, fy) = (camera.fx, camera.fy);
-    let by_intrinsics = [
-        [
-            distorted.x,
-            0.0,
-            1.0,
-            0.0,
-            fx * x * r2,
-            fx * x * r4,
-            fx * 2.0 * x * y,
-            fx * (r2 + 2.0 * x * x),
-            fx * x * r6,
-        ],
-        [
-            0.0,
-            distorted.y,
-            0.0,
-            1.0,
-            fy * y * r2,
-            fy * y * r4,
-            fy * (r2 + 2.0 * y * y),
-            fy * 2.0 * x * y,
-            fy * y * r6,
-        ],
-    ];
-    Some(Projection { px, by_pose, by_intrinsics })
+impl Projection {
+    /// Projects a board point, mm; `None` behind the camera and past the fold of the distortion,
+    /// as [`Camera::project`].
+    pub fn of(camera: &Camera, pose: &Pose, board: DVec3) -> Option<Self> {
+        let turned = pose.rotation * board;
+        let point = turned + pose.translation;
+        let px = camera.project(point)?;
+        let [k1, k2, p1, p2, k3] = camera.distortion;
+        let inverse = point.z.recip();
+        let (x, y) = (point.x * inverse, point.y * inverse);
+        let r2 = x * x + y * y;
+        let (r4, r6) = (r2 * r2, r2 * r2 * r2);
+        let radial = 1.0 + k1 * r2 + k2 * r4 + k3 * r6;
+        let slope = k1 + 2.0 * k2 * r2 + 3.0 * k3 * r4;
+        let distorted = camera.distort(DVec2::new(x, y));
+        let dxx = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x;
+        let dxy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
+        let dyy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x;
+        let by_point = [
+            DVec3::new(dxx, dxy, -(dxx * x + dxy * y)) * (camera.fx * inverse),
+            DVec3::new(dxy, dyy, -(dxy * x + dyy * y)) * (camera.fy * inverse),
+        ];
+        // d(w x turned) / dw: the row vector g becomes turned x g.
+        let by_pose = by_point.map(|g| {
+            let w = turned.cross(g);
+            [w.x, w.y, w.z, g.x, g.y, g.z]
+        });
+        let (fx, fy) = (camera.fx, camera.fy);
+        let by_intrinsics = [
+            [
+                distorted.x,
+                0.0,
+                1.0,
+                0.0,
+                fx * x * r2,
+                fx * x * r4,
+                fx * 2.0 * x * y,
+                fx * (r2 + 2.0 * x * x),
+                fx * x * r6,
+            ],
+            [
+                0.0,
+                distorted.y,
+                0.0,
+                1.0,
+                fy * y * r2,
+                fy * y * r4,
+                fy * (r2 + 2.0 * y * y),
+                fy * 2.0 * x * y,
+                fy * y * r6,
+            ],
+        ];
+        Some(Self { px, by_pose, by_intrinsics })
+    }
 }
 
 /// The pose after a small step, in the parameters of [`Projection::by_pose`].
@@ -112,7 +116,7 @@ mod tests {
             c
         };
         for board in [DVec3::new(70.0, -40.0, 0.0), DVec3::new(-20.0, 80.0, 3.0)] {
-            let p = project(&camera, &pose, board).unwrap();
+            let p = Projection::of(&camera, &pose, board).unwrap();
             assert_eq!(p.px, camera.project(pose.transform(board)).unwrap());
             let h = 1e-6;
             for i in 0..6 {

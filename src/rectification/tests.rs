@@ -203,7 +203,7 @@ fn saturation_marks_texels_that_a_clipped_pixel_reaches() {
                 if r < 12.0 - texel {
                     assert!((v + 2.0).abs() < 0.01, "inside: {v}");
                 } else if r < 12.0 {
-                    assert!(v < 0.0 && v >= -2.001, "edge: {v}");
+                    assert!((-2.001..0.0).contains(&v), "edge: {v}");
                 } else if r > 13.0 + 2.0 * texel + 1.5 {
                     // Dilation of one pixel and interpolation of one: about 1.4 mm.
                     assert!((v - 0.6).abs() < 0.01, "outside: {v} at {r}");

@@ -199,11 +199,6 @@ impl BoardIntake {
         }
         self.frames.push((estimate.pose, radiometry));
         self.photometry = photometry;
-        Ok(Taken {
-            observation,
-            pose: Some(estimate.pose),
-            rms_px: Some(estimate.rms_px),
-            updates,
-        })
+        Ok(Taken { observation, pose: Some(estimate.pose), rms_px: Some(estimate.rms_px), updates })
     }
 }

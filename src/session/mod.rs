@@ -201,7 +201,7 @@ impl Session {
     /// On misuse only: a photograph that cannot be used is `Ok(Pushed::Rejected)`.
     pub fn push(&self, photo: &Photo) -> Result<Pushed> {
         let Settings { sample_mm, resolution, .. } = self.settings;
-        self.accept(|intake| intake.take(photo, sample_mm, resolution))
+        self.accept(photo, |intake| intake.take(photo, sample_mm, resolution))
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
@@ -215,20 +215,25 @@ impl Session {
         light_mm: [f32; 3],
     ) -> Result<Pushed> {
         let Settings { sample_mm, resolution, .. } = self.settings;
-        self.accept(|intake| {
+        self.accept(photo, |intake| {
             intake.take_rectified(photo, camera_mm, light_mm, sample_mm, resolution)
         })
     }
 
     fn accept(
         &self,
+        photo: &Photo,
         take: impl FnOnce(&mut Intake) -> Result<std::result::Result<Taken, Rejection>> + Send,
     ) -> Result<Pushed> {
         let begun = Instant::now();
         self.usable()?;
+        if !photo.is_finite() {
+            return Ok(Pushed::Rejected(Rejection::NotFinite));
+        }
         // Photographs are taken in one after the other; a fit in progress is not disturbed.
         let mut intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
-        let taken = match self.pool.install(|| take(&mut intake))? {
+        let intake = &mut *intake;
+        let taken = match self.pool.install(|| take(intake))? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),
         };

@@ -97,12 +97,7 @@ pub(super) enum Command {
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Runs until the session is dropped; faults end up in [`State::failed`].
-pub(super) fn run(
-    shared: &Shared,
-    commands: &Receiver<Command>,
-    pool: &ThreadPool,
-    fit: Fit,
-) {
+pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, pool: &ThreadPool, fit: Fit) {
     match catch_unwind(AssertUnwindSafe(|| work(shared, commands, pool, fit))) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => shared.fail(error.to_string()),
@@ -153,7 +148,7 @@ fn work(
                 Err(TryRecvError::Disconnected) => return Ok(()),
             }
         }
-        let step = pool.install(|| fit.step())?;
+        let step = pool.install(|| fit.step(&|| !shared.cancelled.load(Ordering::Relaxed)))?;
         let publish = step.done || published.elapsed() >= PUBLISH_INTERVAL;
         let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
         let mut state = shared.lock();

@@ -1,1 +1,0 @@
-//! A capture folder: `capture.json` and its photographs.

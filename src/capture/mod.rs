@@ -1,0 +1,286 @@
+//! A capture folder: `capture.json` and its photographs.
+
+mod document;
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde_json::Value;
+
+use crate::calibration::{Hole, Target, TargetKind, TopLeft};
+use crate::frame::{Encoding, Photo};
+use crate::geometry::Camera;
+use crate::observation::Falloff;
+use crate::session::{RectifiedFalloff, Scene};
+use crate::{Error, Result};
+use document::{Node, read_json};
+
+/// Version of the format read: the value of `format`.
+pub const FORMAT: &str = "svbrdf-capture/1";
+/// Name of the description inside a capture folder.
+pub const FILE_NAME: &str = "capture.json";
+
+/// Longest length taken for meant, mm.
+const MAX_LENGTH_MM: f64 = 1e6;
+
+/// What a capture folder holds; the photographs themselves are read one at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Capture {
+    /// Width and height of the sample, mm.
+    pub sample_mm: [f32; 2],
+    /// What the photographs show.
+    pub scene: Scene,
+    /// The photographs in the order of the file; at least one.
+    pub frames: Vec<Frame>,
+}
+
+/// One photograph of a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// The picture file, which exists.
+    pub path: PathBuf,
+    /// Transfer curve of its values.
+    pub encoding: Encoding,
+    /// Relative exposure: value = radiance * exposure.
+    pub exposure: f32,
+    /// Camera and light of an already rectified photograph.
+    pub rectified: Option<RectifiedView>,
+}
+
+/// Camera and light of an already rectified photograph, board frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RectifiedView {
+    /// Camera centre, mm.
+    pub camera_mm: [f32; 3],
+    /// Light position, mm.
+    pub light_mm: [f32; 3],
+}
+
+impl Frame {
+    /// Reads the photograph.
+    ///
+    /// # Errors
+    /// Those of [`Photo::read`].
+    pub fn read(&self) -> Result<Photo> {
+        Photo::read(&self.path, self.encoding, self.exposure)
+    }
+}
+
+impl Capture {
+    /// Reads `capture.json` of folder `dir` and checks every field of it and that the picture
+    /// files exist.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be read, [`Error::Field`] naming the field at fault,
+    /// what was found and what was expected.
+    pub fn load(dir: impl AsRef<Path>) -> Result<Self> {
+        Self::load_with_camera(dir, None)
+    }
+
+    /// As [`Capture::load`], with a camera that takes the place of the file's.
+    ///
+    /// # Errors
+    /// As [`Capture::load`].
+    pub fn load_with_camera(dir: impl AsRef<Path>, camera: Option<Camera>) -> Result<Self> {
+        let dir = dir.as_ref();
+        let file = dir.join(FILE_NAME);
+        let value = read_json(&file)?;
+        let root = Node::root(&file, &value);
+        root.object()?;
+        root.get("format").choice(&[(FORMAT, ())])?;
+        let sample = root.get("sample");
+        let sample_mm = [length(&sample.get("width_mm"))?, length(&sample.get("height_mm"))?];
+        let rectified = match root.get("rectified").optional() {
+            None => false,
+            Some(node) => node.boolean()?,
+        };
+        let scene = if rectified { rectified_scene(&root)? } else { board_scene(&root, camera)? };
+        let list = root.get("frames");
+        let frames = list
+            .list()?
+            .iter()
+            .map(|node| frame(dir, node, rectified))
+            .collect::<Result<Vec<_>>>()?;
+        if frames.is_empty() {
+            return Err(list.fault("at least one photograph"));
+        }
+        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames })
+    }
+}
+
+/// Reads a camera file: the object that `capture.json` has under `camera`; unknown fields are
+/// ignored.
+///
+/// # Errors
+/// As [`Capture::load`].
+pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
+    let path = path.as_ref();
+    let value = read_json(path)?;
+    camera(&Node::root(path, &value))
+}
+
+fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {
+    let target = target(&root.get("board"))?;
+    let camera = match (given, root.get("camera").optional()) {
+        (Some(camera), _) => camera,
+        (None, Some(node)) => camera(&node)?,
+        (None, None) => {
+            return Err(root
+                .get("camera")
+                .fault("the camera's intrinsics: width, height, fx, fy, cx, cy, distortion"));
+        }
+    };
+    let flash_offset_mm = match root.get("flash").optional() {
+        None => None,
+        Some(node) => Some(DVec3::from_array(position(&node.get("offset_mm"))?)),
+    };
+    Ok(Scene::Board { target, camera, flash_offset_mm })
+}
+
+fn rectified_scene(root: &Node) -> Result<Scene> {
+    let inverse_square =
+        root.get("falloff").choice(&[("none", false), ("inverse-square", true)])?;
+    let falloff = match root.get("light_power").optional() {
+        _ if !inverse_square => {
+            RectifiedFalloff::Given(Falloff::None { power: [std::f32::consts::PI; 3] })
+        }
+        None => RectifiedFalloff::InverseSquareAuto,
+        Some(node) => {
+            let expected = "a positive number in mm², or three";
+            let power = match node.value() {
+                Some(Value::Array(_)) => node.numbers::<3>(expected)?,
+                _ => [node.number(expected)?; 3],
+            };
+            let power_mm2 = power.map(|v| v as f32);
+            if !power_mm2.iter().all(|v| v.is_finite() && *v > 0.0) {
+                return Err(node.fault(expected));
+            }
+            RectifiedFalloff::Given(Falloff::InverseSquare { power_mm2 })
+        }
+    };
+    Ok(Scene::Rectified { falloff })
+}
+
+fn target(board: &Node) -> Result<Target> {
+    board.object()?;
+    let charuco =
+        board.get("kind").choice(&[("checkerboard-ring", false), ("charuco-ring", true)])?;
+    let kind = if charuco {
+        let name = board.get("dictionary");
+        let expected = "OpenCV's name of a dictionary, such as \"DICT_4X4_250\"";
+        let dictionary = name.text(expected)?;
+        if !dictionary.starts_with("DICT_") {
+            return Err(name.fault(expected));
+        }
+        let marker_mm = length(&board.get("marker_mm"))?;
+        TargetKind::CharucoRing { dictionary: dictionary.to_owned(), marker_mm }
+    } else {
+        TargetKind::CheckerboardRing
+    };
+    let hole = board.get("hole_squares");
+    let [row_start, col_start, row_end, col_end] =
+        hole.counts::<4>("four whole numbers: first row, first column, end row, end column")?;
+    let albedo = |name, default| match board.get(name).optional() {
+        None => Ok(default),
+        Some(node) => node.number("an albedo from 0 to 1"),
+    };
+    let defaults = Target::default();
+    let target = Target {
+        kind,
+        rows: board.get("rows").count("3 to 200 rows of squares")?,
+        cols: board.get("cols").count("3 to 200 columns of squares")?,
+        square_mm: length(&board.get("square_mm"))?,
+        hole: Hole { row_start, col_start, row_end, col_end },
+        white_albedo: albedo("white_albedo", defaults.white_albedo)?,
+        black_albedo: albedo("black_albedo", defaults.black_albedo)?,
+        top_left: board
+            .get("top_left")
+            .choice(&[("black", TopLeft::Black), ("white", TopLeft::White)])?,
+    };
+    match target.fault() {
+        None => Ok(target),
+        Some((field, expected)) => Err(board.get(field).fault(expected)),
+    }
+}
+
+fn camera(node: &Node) -> Result<Camera> {
+    node.object()?;
+    let number = |name| node.get(name).number("a finite number of pixels");
+    let size = |name| node.get(name).count("a whole number of pixels");
+    let distortion = match node.get("distortion").optional() {
+        None => [0.0; 5],
+        Some(list) => list.numbers("five finite numbers: k1, k2, p1, p2, k3")?,
+    };
+    let camera = Camera {
+        width: size("width")?,
+        height: size("height")?,
+        fx: number("fx")?,
+        fy: number("fy")?,
+        cx: number("cx")?,
+        cy: number("cy")?,
+        distortion,
+    };
+    match camera.fault() {
+        None => Ok(camera),
+        Some((field, expected)) => Err(node.get(field).fault(expected)),
+    }
+}
+
+fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
+    node.object()?;
+    let image = node.get("image");
+    let expected = "the path of a picture file, relative to the capture's folder";
+    let name = image.text(expected)?;
+    let path = dir.join(name);
+    if name.is_empty() || !path.is_file() {
+        return Err(Error::Field {
+            path: node.file().to_owned(),
+            field: image.path().to_owned(),
+            message: format!("there is no file {}", path.display()),
+            expected: expected.into(),
+        });
+    }
+    let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
+    let exposure = match node.get("exposure").optional() {
+        None => 1.0,
+        Some(node) => {
+            let expected = "a positive number";
+            let exposure = node.number(expected)? as f32;
+            if !(exposure.is_finite() && exposure >= f32::MIN_POSITIVE) {
+                return Err(node.fault(expected));
+            }
+            exposure
+        }
+    };
+    let rectified = if rectified {
+        let above = |name| {
+            let node = node.get(name);
+            let p = position(&node)?;
+            if p[2] > 0.0 {
+                Ok(p.map(|v| v as f32))
+            } else {
+                Err(node.fault("a position above the sample: z > 0"))
+            }
+        };
+        Some(RectifiedView { camera_mm: above("camera_mm")?, light_mm: above("light_mm")? })
+    } else {
+        None
+    };
+    Ok(Frame { path, encoding, exposure, rectified })
+}
+
+fn length(node: &Node) -> Result<f64> {
+    let expected = "a positive length in mm, at most a kilometre";
+    let value = node.number(expected)?;
+    if value > 0.0 && value <= MAX_LENGTH_MM { Ok(value) } else { Err(node.fault(expected)) }
+}
+
+fn position(node: &Node) -> Result<[f64; 3]> {
+    let expected = "three finite numbers in mm, each within a kilometre";
+    let value = node.numbers::<3>(expected)?;
+    let within = value.iter().all(|v| v.abs() <= MAX_LENGTH_MM);
+    if within { Ok(value) } else { Err(node.fault(expected)) }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,179 @@
+//! A session from the outside: streaming, rejections, pause, cancel, drop.
+
+use std::f32::consts::PI;
+use std::time::{Duration, Instant};
+
+use svbrdf::frame::Photo;
+use svbrdf::observation::{Falloff, View};
+use svbrdf::session::{Method, Pushed, RectifiedFalloff, Scene, Session, Settings};
+use svbrdf::svbrdf::channel;
+use svbrdf::{Error, Rejection, Svbrdf, render};
+
+const SIZE: usize = 256;
+const SAMPLE: [f32; 2] = [100.0, 100.0];
+
+/// Two glossy colours in squares, with bumps.
+fn material() -> Svbrdf {
+    let mut maps = Svbrdf::new(SIZE, SIZE);
+    for y in 0..SIZE {
+        for x in 0..SIZE {
+            let i = y * SIZE + x;
+            let red = (x / 32 + y / 32) % 2 == 0;
+            maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.2).sin();
+            maps.plane_mut(channel::SLOPE_Y)[i] = 0.2 * (y as f32 * 0.15).cos();
+            let diffuse = if red { [0.5, 0.1, 0.08] } else { [0.1, 0.3, 0.4] };
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[i] = diffuse[c];
+                maps.plane_mut(channel::SPECULAR + c)[i] = 0.05;
+            }
+            maps.plane_mut(channel::ROUGHNESS)[i] = if red { 0.3 } else { 0.5 };
+        }
+    }
+    maps
+}
+
+fn view(camera_mm: [f32; 3]) -> View {
+    View {
+        sample_mm: SAMPLE,
+        camera_mm,
+        light_mm: camera_mm,
+        falloff: Falloff::None { power: [PI; 3] },
+        ambient: [0.0; 3],
+    }
+}
+
+fn photo(maps: &Svbrdf, camera_mm: [f32; 3]) -> Photo {
+    let mut planes = vec![0.0; 3 * SIZE * SIZE];
+    render::render(maps, &view(camera_mm), &mut planes);
+    let n = SIZE * SIZE;
+    let rgb = (0..n).flat_map(|i| [planes[i], planes[n + i], planes[2 * n + i]]).collect();
+    Photo::from_linear(SIZE as u32, SIZE as u32, rgb, 1.0, f32::INFINITY).unwrap()
+}
+
+fn session(settings: Settings) -> Session {
+    let falloff = RectifiedFalloff::Given(Falloff::None { power: [PI; 3] });
+    Session::new(Scene::Rectified { falloff }, settings).unwrap()
+}
+
+const POSITIONS: [[f32; 3]; 3] = [[0.0, 0.0, 110.0], [-45.0, 50.0, 110.0], [55.0, 20.0, 100.0]];
+
+/// Mean absolute difference of renderings from directions that no photograph had.
+fn novel_error(a: &Svbrdf, b: &Svbrdf) -> f32 {
+    let mut sum = 0.0;
+    let novel = [[80.0, -10.0, 120.0], [-20.0, -70.0, 130.0], [10.0, 90.0, 100.0]];
+    for camera_mm in novel {
+        let v = View { light_mm: [-camera_mm[0], 30.0, 140.0], ..view(camera_mm) };
+        let (mut x, mut y) = (vec![0.0; 3 * SIZE * SIZE], vec![0.0; 3 * SIZE * SIZE]);
+        render::render(a, &v, &mut x);
+        render::render(b, &v, &mut y);
+        sum += x.iter().zip(&y).map(|(x, y)| (x.min(1.0) - y.min(1.0)).abs()).sum::<f32>()
+            / x.len() as f32;
+    }
+    sum / novel.len() as f32
+}
+
+#[test]
+fn maps_come_at_once_and_improve_with_every_photograph() {
+    let truth = material();
+    let session = session(Settings { threads: 2, ..Settings::default() });
+    assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
+    let mut errors = Vec::new();
+    for (i, position) in POSITIONS.into_iter().enumerate() {
+        let Pushed::Accepted(accepted) =
+            session.push_rectified(&photo(&truth, position), position, position).unwrap()
+        else {
+            panic!("photograph {i} was rejected")
+        };
+        assert_eq!(accepted.index, i);
+        if i == 0 {
+            errors.push(novel_error(&session.snapshot().unwrap(), &truth));
+        }
+        session.wait().unwrap();
+        let progress = session.progress();
+        assert!(progress.settled && progress.frames == i + 1);
+        assert!(progress.loss < progress.loss_before, "{progress:?}");
+        errors.push(novel_error(&session.snapshot().unwrap(), &truth));
+    }
+    println!("error of novel renderings: {errors:?}");
+    // The first fit may trade what one photograph cannot tell; further ones must pay.
+    assert!(errors[2] < errors[1] && errors[3] < errors[2], "{errors:?}");
+    assert!(errors[3] < 0.5 * errors[0], "{errors:?}");
+}
+
+#[test]
+fn same_input_same_maps() {
+    let truth = material();
+    for method in [Method::Deep, Method::Classic] {
+        let run = || {
+            let session = session(Settings { threads: 2, method, ..Settings::default() });
+            for position in &POSITIONS[..2] {
+                session.push_rectified(&photo(&truth, *position), *position, *position).unwrap();
+                session.wait().unwrap();
+            }
+            session.snapshot().unwrap()
+        };
+        assert_eq!(run().planes(), run().planes());
+    }
+}
+
+#[test]
+fn rejected_photographs_change_nothing() {
+    let truth = material();
+    let session = session(Settings::default());
+    let mut rgb = vec![0.5; 3 * SIZE * SIZE];
+    rgb[1000] = f32::NAN;
+    let size = SIZE as u32;
+    let bad = Photo::from_linear(size, size, rgb, 1.0, f32::INFINITY).unwrap();
+    let push = |photo: &Photo| session.push_rectified(photo, POSITIONS[0], POSITIONS[0]).unwrap();
+    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
+    assert!(matches!(push(&photo(&truth, POSITIONS[0])), Pushed::Accepted(_)));
+    session.wait().unwrap();
+    let before = session.snapshot().unwrap();
+    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    assert_eq!(session.snapshot().unwrap().planes(), before.planes());
+    assert_eq!(session.progress().frames, 1);
+}
+
+#[test]
+fn misuse_is_an_error_and_loses_nothing() {
+    let truth = material();
+    let session = session(Settings::default());
+    let good = photo(&truth, POSITIONS[0]);
+    assert!(session.push(&good).is_err(), "a board photograph in a rectified session");
+    assert!(session.push_rectified(&good, [0.0, f32::NAN, 100.0], POSITIONS[0]).is_err());
+    assert!(session.push_rectified(&good, POSITIONS[0], [0.0, 0.0, -5.0]).is_err());
+    assert!(session.push_rectified(&good, POSITIONS[0], POSITIONS[0]).is_ok());
+    let scene = || Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto };
+    for settings in [
+        Settings { resolution: 300, ..Settings::default() },
+        Settings { sample_mm: [0.0, 100.0], ..Settings::default() },
+    ] {
+        assert!(Session::new(scene(), settings).is_err());
+    }
+}
+
+#[test]
+fn pause_holds_cancel_ends_and_drop_does_not_wait_for_the_fit() {
+    let truth = material();
+    let session = session(Settings { threads: 1, ..Settings::default() });
+    session.pause();
+    let push =
+        |i: usize| session.push_rectified(&photo(&truth, POSITIONS[i]), POSITIONS[i], POSITIONS[i]);
+    push(0).unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(session.progress().fraction, 0.0);
+    assert!(session.snapshot().is_ok(), "maps need no fit");
+    session.resume();
+    session.wait().unwrap();
+    assert!(session.progress().settled);
+    push(1).unwrap();
+    session.cancel();
+    assert!(matches!(session.wait(), Err(Error::Cancelled)));
+    assert!(matches!(push(2), Err(Error::Cancelled)));
+    assert!(session.snapshot().is_ok());
+    let begun = Instant::now();
+    drop(session);
+    // One step at most is in progress; the whole fit takes many times as long.
+    assert!(begun.elapsed() < Duration::from_secs(2));
+}
