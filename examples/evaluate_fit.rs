@@ -219,6 +219,8 @@ fn main() -> Result<(), Failure> {
         .map(str::parse)
         .collect::<Result<_, _>>()?;
     let noise = number("noise", 0.0)?;
+    let sigma = number("sigma", 1.0)?;
+    let slope_sigma = number("slopes", 1.0)?;
     let views = number("views", 100.0)? as usize;
     let networks = Arc::new(match keys.get("models") {
         Some(folder) => Networks::from_folder(Path::new(folder))?,
@@ -283,10 +285,15 @@ fn main() -> Result<(), Failure> {
                 let clock = Instant::now();
                 let mut refined = deep.clone();
                 let refinement = refinement::Options::default();
-                let prior = Prior::default();
+                let mut prior = Prior::default();
+                prior.sigma.iter_mut().for_each(|s| *s *= sigma);
+                prior.sigma[..2].iter_mut().for_each(|s| *s *= slope_sigma);
                 refine(&mut refined, &deep, &prior, &observations[..n], &refinement, go_on)?;
                 let after = seconds + clock.elapsed().as_secs_f64();
                 print(format!("deep+refine {n}"), &refined, after);
+                if keys.contains_key("carry") {
+                    fit.set_maps(&refined)?;
+                }
                 if keys.contains_key("classic") {
                     let clock = Instant::now();
                     let mut maps = first.clone();

@@ -201,6 +201,37 @@ impl LatentFit {
         Ok(())
     }
 
+    /// Goes on from other maps of the fit's size, such as refined ones: what the decoder cannot
+    /// express of them is kept as detail. Code, moments and prior stay; the fit is settled or not as
+    /// before.
+    ///
+    /// # Errors
+    /// When the size is not the fit's, or a network is broken.
+    pub fn set_maps(&mut self, maps: &Svbrdf) -> Result<()> {
+        if [maps.width(), maps.height()] != self.size() {
+            let [width, height] = self.size();
+            return Err(Error::argument(
+                "maps",
+                format!("{}x{} texels, {width}x{height} expected", maps.width(), maps.height()),
+            ));
+        }
+        let mut maps = maps.clone();
+        for index in (0..=self.halvings).rev() {
+            if let Some(stage) = self.stages.get_mut(index) {
+                if let Some(level) = &mut stage.level {
+                    level.restart(&self.networks, &maps, &self.options)?;
+                }
+                if stage.carried.is_some() {
+                    stage.carried = Some(maps.clone());
+                }
+            }
+            if index > 0 {
+                maps = maps.downsampled();
+            }
+        }
+        Ok(())
+    }
+
     /// Width and height of the maps, texels.
     pub fn size(&self) -> [usize; 2] {
         let maps = self.level(0).maps();

@@ -110,6 +110,13 @@ fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
     assert_eq!(fit.step().unwrap().level, 1);
     assert!(fit.maps() != fine);
     while !fit.step().unwrap().settled {}
+    // maps from elsewhere are taken over exactly where they are in range
+    fit.set_maps(&truth).unwrap();
+    let difference = |a: &Svbrdf, b: &Svbrdf| {
+        a.planes().iter().zip(b.planes()).fold(0.0f32, |m, (x, y)| m.max((x - y).abs()))
+    };
+    assert!(difference(&fit.maps(), &truth) < 1e-5);
+    assert!(fit.set_maps(&material(64)).is_err());
 }
 
 #[test]
