@@ -6,17 +6,21 @@
 //! `roughness` pictures; the central 256x256 texels are used. Photographs follow the protocol of the
 //! paper: the first from above, the others at random, light at the camera, no fall-off, clamped at 1.
 //! Keys: `photos` (1,2,5), `materials` (all), `steps`, `rate`, `prior`, `detail` (true), `b1`, `b2`,
-//! `models` (folder), `noise` (0), `threads`, `views` (100), `verbose`.
+//! `models` (folder), `noise` (0), `threads`, `views` (100); `classic=1` adds the baselines,
+//! `verbose=1` a line per material.
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use svbrdf::Svbrdf;
+use svbrdf::classic;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::latent_fit::{FitOptions, LatentFit};
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::refinement::{self, Prior, refine};
 use svbrdf::render;
 use svbrdf::svbrdf::{CHANNELS, channel};
 
@@ -215,6 +219,8 @@ fn main() -> Result<(), Failure> {
         .map(str::parse)
         .collect::<Result<_, _>>()?;
     let noise = number("noise", 0.0)?;
+    let sigma = number("sigma", 1.0)?;
+    let slope_sigma = number("slopes", 1.0)?;
     let views = number("views", 100.0)? as usize;
     let networks = Arc::new(match keys.get("models") {
         Some(folder) => Networks::from_folder(Path::new(folder))?,
@@ -272,7 +278,32 @@ fn main() -> Result<(), Failure> {
             while !fit.step()?.settled {}
             seconds += clock.elapsed().as_secs_f64();
             if photos.contains(&(i + 1)) {
-                print(format!("deep {}", i + 1), &fit.maps(), seconds);
+                let n = i + 1;
+                let deep = fit.maps();
+                print(format!("deep {n}"), &deep, seconds);
+                let go_on = &mut |_: usize, _: f64| ControlFlow::Continue(());
+                let clock = Instant::now();
+                let mut refined = deep.clone();
+                let refinement = refinement::Options::default();
+                let mut prior = Prior::default();
+                prior.sigma.iter_mut().for_each(|s| *s *= sigma);
+                prior.sigma[..2].iter_mut().for_each(|s| *s *= slope_sigma);
+                refine(&mut refined, &deep, &prior, &observations[..n], &refinement, go_on)?;
+                let after = seconds + clock.elapsed().as_secs_f64();
+                print(format!("deep+refine {n}"), &refined, after);
+                if keys.contains_key("carry") {
+                    fit.set_maps(&refined)?;
+                }
+                if keys.contains_key("classic") {
+                    let clock = Instant::now();
+                    let mut maps = first.clone();
+                    let options = classic::Options::default();
+                    classic::fit(&mut maps, &observations[..n], &options, go_on)?;
+                    print(format!("classic {n}"), &maps, clock.elapsed().as_secs_f64());
+                    let mut maps = first.clone();
+                    refine(&mut maps, &first, &prior, &observations[..n], &refinement, go_on)?;
+                    print(format!("start+refine {n}"), &maps, clock.elapsed().as_secs_f64());
+                }
             }
         }
     }

@@ -17,7 +17,7 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Level {
     code: Vec<f32>,
-    /// Code that the prior holds on to.
+    /// Maps that the prior holds on to, encoded planes.
     anchor: Vec<f32>,
     adam: Adam,
     /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
@@ -35,7 +35,7 @@ impl Level {
         let stride = decoder.stride();
         let workspace = Workspace::new(decoder, start.height() / stride, start.width() / stride)?;
         let mut level = Self {
-            anchor: code.clone(),
+            anchor: encoded_maps(start),
             adam: Adam::new(code.len()),
             detail: vec![0.0; CHANNELS * start.texels()],
             maps: start.clone(),
@@ -91,14 +91,8 @@ impl Level {
         if !loss.is_finite() {
             return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
         }
-        self.encode_gradient();
+        self.encode_gradient(options.prior_weight / observations.len().max(1) as f32);
         networks.decoder().vjp(&mut self.workspace, &self.gradient, &mut self.code_gradient)?;
-        // gradient of prior_weight * mean((z - anchor)²) / 2
-        let pull = options.prior_weight / self.code.len() as f32;
-        let pairs = self.code.iter().zip(&self.anchor);
-        for (g, (z, a)) in self.code_gradient.iter_mut().zip(pairs) {
-            *g += pull * (z - a);
-        }
         self.adam.step(&mut self.code, &self.code_gradient, rate, options.betas);
         Ok(loss)
     }
@@ -120,26 +114,33 @@ impl Level {
     }
 
     /// Turns the gradient with respect to natural parameters into that with respect to the
-    /// decoder's result. At a bound of the range only what leads back inside counts.
-    fn encode_gradient(&mut self) {
+    /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
+    /// counts.
+    fn encode_gradient(&mut self, prior_weight: f32) {
         let n = self.maps.texels();
-        let (decoded, detail) = (self.workspace.encoded(), &self.detail);
+        let (decoded, detail, anchor) = (self.workspace.encoded(), &self.detail, &self.anchor);
         self.gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
             let (low, high) = encoded_range(c);
+            let pull = prior_weight / (n as f32 * START_DEVIATION[c] * START_DEVIATION[c]);
             plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, gradient)| {
                 let at = c * n + i * CHUNK;
-                let sums = decoded[at..].iter().zip(&detail[at..]);
-                for (g, (d, r)) in gradient.iter_mut().zip(sums) {
+                let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
+                for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
                     let e = d + r;
-                    let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
                     // At the lower bound of an albedo the derivative vanishes: a dead end.
                     let slope = encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
-                    *g = if outward { 0.0 } else { *g * slope };
+                    let sum = *g * slope + pull * (e - a);
+                    let outward = (e <= low && sum > 0.0) || (e >= high && sum < 0.0);
+                    *g = if outward { 0.0 } else { sum };
                 }
             });
         });
     }
 }
+
+/// Standard deviations of the start's encoded parameters that the prior assumes: the order of the
+/// photo network's errors on materials it has not seen.
+const START_DEVIATION: [f32; CHANNELS] = [0.15, 0.15, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2, 0.35];
 
 /// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
 /// otherwise stay black for ever.

@@ -3,7 +3,8 @@
 //! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
 //! additions. What the decoder cannot express of the start is kept as a fixed offset,
 //! `maps = D(z) + (start - D(E(start)))` in encoded space, so that the fit begins exactly at the
-//! start and moves it within what materials do; and a weak prior holds the code to the start's.
+//! start and moves it within what materials do; and a prior, weaker with every photograph, holds the
+//! maps to the start.
 //!
 //! The fit is a stepper that a session's thread drives: photographs may be added, and maps taken,
 //! between any two steps. It begins at 256 texels or fewer a side; finished levels are doubled as in
@@ -41,7 +42,8 @@ pub struct FitOptions {
     pub fine_learning_rate: f32,
     /// Decay of Adam's moments.
     pub betas: [f32; 2],
-    /// Weight of `mean((z - start)²) / 2` beside the mean log-L1.
+    /// Weight of the prior on the maps beside the mean log-L1, divided by the number of
+    /// photographs: mean over the texels of `sum ((encoded - start) / deviation)² / 2`.
     pub prior_weight: f32,
     /// Whether what the decoder cannot express of the start is kept.
     pub keep_detail: bool,
@@ -52,12 +54,12 @@ pub struct FitOptions {
 impl Default for FitOptions {
     fn default() -> Self {
         Self {
-            steps: 80,
-            fine_steps: 20,
-            learning_rate: 0.05,
-            fine_learning_rate: 0.02,
+            steps: 30,
+            fine_steps: 15,
+            learning_rate: 0.1,
+            fine_learning_rate: 0.03,
             betas: [0.9, 0.99],
-            prior_weight: 1e-3,
+            prior_weight: 0.01,
             keep_detail: true,
             finest_texels: 512,
         }
@@ -69,7 +71,7 @@ impl Default for FitOptions {
 pub struct StepReport {
     /// Mean log-L1 at the current level before the step.
     pub loss: f64,
-    /// Resolution level, 0 the coarsest.
+    /// Resolution level of the next step, 0 the coarsest.
     pub level: usize,
     /// Share of the steps for the photographs so far that is done, 0 to 1.
     pub fraction: f32,
@@ -194,6 +196,37 @@ impl LatentFit {
                     stage.observations = old;
                 }
                 return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on from other maps of the fit's size, such as refined ones: what the decoder cannot
+    /// express of them is kept as detail. Code, moments and prior stay; the fit is settled or not as
+    /// before.
+    ///
+    /// # Errors
+    /// When the size is not the fit's, or a network is broken.
+    pub fn set_maps(&mut self, maps: &Svbrdf) -> Result<()> {
+        if [maps.width(), maps.height()] != self.size() {
+            let [width, height] = self.size();
+            return Err(Error::argument(
+                "maps",
+                format!("{}x{} texels, {width}x{height} expected", maps.width(), maps.height()),
+            ));
+        }
+        let mut maps = maps.clone();
+        for index in (0..=self.halvings).rev() {
+            if let Some(stage) = self.stages.get_mut(index) {
+                if let Some(level) = &mut stage.level {
+                    level.restart(&self.networks, &maps, &self.options)?;
+                }
+                if stage.carried.is_some() {
+                    stage.carried = Some(maps.clone());
+                }
+            }
+            if index > 0 {
+                maps = maps.downsampled();
             }
         }
         Ok(())

@@ -1,1 +1,169 @@
+use super::*;
+use crate::observation::{Falloff, View};
+use crate::render;
+use crate::svbrdf::channel;
 
+fn networks() -> Arc<Networks> {
+    Arc::new(Networks::embedded().unwrap())
+}
+
+/// A bumpy two-tone material.
+fn material(side: usize) -> Svbrdf {
+    let mut maps = Svbrdf::new(side, side);
+    for y in 0..side {
+        for x in 0..side {
+            let i = y * side + x;
+            let (u, v) = (x as f32 / side as f32 * 12.0, y as f32 / side as f32 * 12.0);
+            let tone = if u.sin() * v.cos() > 0.0 { 0.6 } else { 0.25 };
+            maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * u.cos();
+            maps.plane_mut(channel::SLOPE_Y)[i] = 0.3 * v.sin();
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[i] = tone * [1.0, 0.7, 0.4][c];
+            }
+            maps.plane_mut(channel::ROUGHNESS)[i] = 0.2 + 0.6 * tone;
+        }
+    }
+    maps
+}
+
+fn photograph(truth: &Svbrdf, camera: [f32; 3]) -> Observation {
+    let view = View {
+        sample_mm: [100.0, 100.0],
+        camera_mm: camera,
+        light_mm: camera,
+        falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+        ambient: [0.0; 3],
+    };
+    let n = truth.texels();
+    let mut radiance = vec![0.0; 3 * n];
+    render::render(truth, &view, &mut radiance);
+    for v in &mut radiance {
+        *v = if *v >= 1.0 { -1.0 } else { *v };
+    }
+    let (width, height) = (truth.width(), truth.height());
+    Observation { width, height, view, radiance, weight: vec![1.0; n] }
+}
+
+const TOP: [f32; 3] = [0.0, 0.0, 107.0];
+const SIDE: [f32; 3] = [50.0, -20.0, 107.0];
+
+#[test]
+fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
+    let networks = networks();
+    let truth = material(64);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let start = networks.photo_maps(&top).unwrap();
+    let before = render::loss(&start, std::slice::from_ref(&top));
+    let options = FitOptions { steps: 40, ..FitOptions::default() };
+    let mut fit = LatentFit::new(networks, &start, top.clone(), options).unwrap();
+    for (a, b) in fit.maps().planes().iter().zip(start.planes()) {
+        // through the square-root encoding and back
+        assert!((a - b).abs() < 1e-5);
+    }
+    let first = fit.step().unwrap();
+    assert!((first.loss - before).abs() < 1e-3 * before);
+    assert!(!first.settled && first.fraction > 0.0);
+    while !fit.step().unwrap().settled {}
+    let after = render::loss(&fit.maps(), std::slice::from_ref(&top));
+    assert!(after < 0.7 * before, "{before} -> {after}");
+    let both = [top, side.clone()];
+    let before = render::loss(&fit.maps(), &both);
+    fit.add_observation(side).unwrap();
+    assert!(!fit.is_settled());
+    while !fit.step().unwrap().settled {}
+    let after = render::loss(&fit.maps(), &both);
+    assert!(after < 0.95 * before, "{before} -> {after}");
+    // settled: further steps change nothing
+    let maps = fit.maps();
+    assert!(fit.step().unwrap().fraction == 1.0 && fit.maps() == maps);
+}
+
+#[test]
+fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
+    let networks = networks();
+    let truth = material(512);
+    let top = photograph(&truth, TOP);
+    let start = networks.photo_maps(&top).unwrap();
+    assert_eq!(start.width(), 256);
+    let options = FitOptions { steps: 2, fine_steps: 2, ..FitOptions::default() };
+    let mut fit = LatentFit::new(networks, &start, top, options).unwrap();
+    assert_eq!(fit.maps().width(), 512);
+    let mut levels = Vec::new();
+    loop {
+        let report = fit.step().unwrap();
+        levels.push(report.level);
+        if report.settled {
+            break;
+        }
+    }
+    assert_eq!(levels, [0, 1, 1, 1]);
+    let fine = fit.maps();
+    fit.add_observation(photograph(&truth, SIDE)).unwrap();
+    // nothing has moved yet: the fine maps are still there
+    let difference = fine
+        .planes()
+        .iter()
+        .zip(fit.maps().planes())
+        .fold(0.0f32, |a, (x, y)| a.max((x - y).abs()));
+    assert!(difference < 1e-4, "{difference}");
+    assert_eq!(fit.step().unwrap().level, 0);
+    assert_eq!(fit.step().unwrap().level, 1);
+    assert!(fit.maps() != fine);
+    while !fit.step().unwrap().settled {}
+    // maps from elsewhere are taken over exactly where they are in range
+    fit.set_maps(&truth).unwrap();
+    let difference = |a: &Svbrdf, b: &Svbrdf| {
+        a.planes().iter().zip(b.planes()).fold(0.0f32, |m, (x, y)| m.max((x - y).abs()))
+    };
+    assert!(difference(&fit.maps(), &truth) < 1e-5);
+    assert!(fit.set_maps(&material(64)).is_err());
+}
+
+#[test]
+fn the_same_steps_give_the_same_bits_whatever_the_threads() {
+    let networks = networks();
+    let truth = material(64);
+    let top = photograph(&truth, TOP);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let start = networks.photo_maps(&top).unwrap();
+            let options = FitOptions { steps: 5, ..FitOptions::default() };
+            let mut fit = LatentFit::new(networks.clone(), &start, top.clone(), options).unwrap();
+            while !fit.step().unwrap().settled {}
+            fit.maps()
+        })
+    };
+    let one = run(1);
+    assert!(one == run(2) && one == run(1));
+}
+
+#[test]
+fn black_and_unseen_photographs_do_not_break_the_fit() {
+    let networks = networks();
+    let truth = material(32);
+    let mut black = photograph(&truth, TOP);
+    black.radiance.fill(0.0);
+    let start = networks.photo_maps(&black).unwrap();
+    let options = FitOptions { steps: 5, ..FitOptions::default() };
+    let mut fit = LatentFit::new(networks, &start, black, options).unwrap();
+    while !fit.step().unwrap().settled {}
+    let mut unseen = photograph(&truth, SIDE);
+    unseen.weight.fill(0.0);
+    fit.add_observation(unseen).unwrap();
+    while !fit.step().unwrap().settled {}
+    assert!(fit.maps().planes().iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn sizes_that_do_not_fit_are_errors() {
+    let networks = networks();
+    let top = photograph(&material(64), TOP);
+    let options = FitOptions::default();
+    let odd = photograph(&material(40), TOP);
+    assert!(LatentFit::new(networks.clone(), &material(40), odd.clone(), options.clone()).is_err());
+    assert!(LatentFit::new(networks.clone(), &material(48), top.clone(), options.clone()).is_err());
+    let mut fit = LatentFit::new(networks, &material(32), top, options).unwrap();
+    assert!(fit.add_observation(odd).is_err());
+    assert_eq!(fit.size(), [64, 64]);
+}
