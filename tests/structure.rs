@@ -24,6 +24,8 @@ const TABLE: &[(&str, &[&str])] = &[
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
+    ("random", &[]),
+    ("comparison", &["observation", "random", "render", "svbrdf"]),
     ("export", &["frame", "render", "svbrdf", "observation"]),
     (
         "session",

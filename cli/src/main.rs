@@ -4,7 +4,6 @@ mod board;
 mod compare;
 mod failure;
 mod fit;
-mod random;
 mod render;
 mod simulate;
 

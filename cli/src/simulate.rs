@@ -16,8 +16,8 @@ use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
 
 use crate::failure::{Failure, Result};
-use crate::random::Random;
 use crate::render::sample_size;
+use svbrdf::random::Random;
 
 /// Longer side of the sample, mm.
 const SAMPLE_MM: f32 = 100.0;

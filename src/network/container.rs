@@ -101,7 +101,7 @@ impl Container {
             return Err(fault(format!("{} layers", header.layers.len())));
         }
         let raw = &bytes[12 + length..];
-        if raw.len() % 2 != 0 {
+        if !raw.len().is_multiple_of(2) {
             return Err(fault("the weights end inside a number"));
         }
         let weights: Vec<f32> =

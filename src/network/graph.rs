@@ -244,7 +244,7 @@ fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<V
             forward.push(matrix);
         }
     }
-    let mut backward = vec![Vec::with_capacity(4 * ci * co); 4];
+    let mut backward: [_; 4] = std::array::from_fn(|_| Vec::with_capacity(4 * ci * co));
     for ky in 0..4 {
         for kx in 0..4 {
             for o in 0..co {
@@ -252,5 +252,5 @@ fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<V
             }
         }
     }
-    (forward, backward)
+    (forward, backward.into())
 }

@@ -48,7 +48,7 @@ impl Update {
 
 /// Takes photographs in, one at a time.
 pub(super) enum Intake {
-    Board(BoardIntake),
+    Board(Box<BoardIntake>),
     Rectified { falloff: RectifiedFalloff, power_mm2: Option<[f32; 3]> },
 }
 
@@ -77,7 +77,12 @@ impl Intake {
                 }
                 let photometry =
                     PhotometricCalibrator::new(target.clone(), FlashOffset::Known(offset));
-                Ok(Self::Board(BoardIntake { target, camera, photometry, frames: Vec::new() }))
+                Ok(Self::Board(Box::new(BoardIntake {
+                    target,
+                    camera,
+                    photometry,
+                    frames: Vec::new(),
+                })))
             }
             Scene::Rectified { falloff } => Ok(Self::Rectified { falloff, power_mm2: None }),
         }

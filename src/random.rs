@@ -1,6 +1,7 @@
-//! Reproducible random numbers (SplitMix64).
+//! Reproducible random numbers (SplitMix64) for simulation and evaluation.
 
-/// A generator; the same seed gives the same numbers everywhere.
+/// A generator of random numbers; the same seed gives the same numbers everywhere.
+#[derive(Debug, Clone)]
 pub struct Random(u64);
 
 impl Random {
