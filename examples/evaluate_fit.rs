@@ -5,7 +5,7 @@
 //! `MATERIALS_DIR` holds a folder per material with `normal`, `diffuse`, `specular` (sRGB) and
 //! `roughness` pictures; the central 256x256 texels are used. Photographs follow the protocol of the
 //! paper: the first from above, the others at random, light at the camera, no fall-off, clamped at 1.
-//! Keys: `photos` (1,2,5), `materials` (all), `steps`, `rate`, `prior`, `detail` (true), `b1`, `b2`,
+//! Keys: `photos` (1,2,5), `materials` (all), `steps`, `rate`, `prior`, `global` (true), `detail` (true), `b1`, `b2`,
 //! `models` (folder), `noise` (0), `threads`, `views` (100); `classic=1` adds the baselines,
 //! `verbose=1` a line per material.
 
@@ -208,6 +208,7 @@ fn main() -> Result<(), Failure> {
         learning_rate: number("rate", base.learning_rate)?,
         betas: [number("b1", base.betas[0])?, number("b2", base.betas[1])?],
         prior_weight: number("prior", base.prior_weight)?,
+        global_correction: keys.get("global").map_or(base.global_correction, |v| v == "true"),
         keep_detail: keys.get("detail").map_or(base.keep_detail, |v| v == "true"),
         ..base
     };

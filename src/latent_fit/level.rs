@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::FitOptions;
 use super::adam::Adam;
+use super::global;
 use crate::initial_estimate::{Networks, encoded_maps};
 use crate::network::Workspace;
 use crate::observation::Observation;
@@ -64,6 +65,21 @@ impl Level {
             }
         }
         self.write_maps();
+        Ok(())
+    }
+
+    /// Corrects the maps as a whole and goes on from their code.
+    pub fn correct(
+        &mut self,
+        networks: &Networks,
+        observations: &[Observation],
+        options: &FitOptions,
+    ) -> Result<()> {
+        let mut maps = self.maps.clone();
+        if global::correct(&mut maps, observations) {
+            self.code = networks.encode(&maps)?;
+            self.restart(networks, &maps, options)?;
+        }
         Ok(())
     }
 

@@ -13,6 +13,7 @@
 //! found before stays.
 
 mod adam;
+mod global;
 mod level;
 
 #[cfg(test)]
@@ -45,6 +46,9 @@ pub struct FitOptions {
     /// Weight of the prior on the maps beside the mean log-L1, divided by the number of
     /// photographs: mean over the texels of `sum ((encoded - start) / deviation)² / 2`.
     pub prior_weight: f32,
+    /// Whether each photograph begins with a correction of the maps as a whole: gains of albedos
+    /// and slopes, shift of roughness.
+    pub global_correction: bool,
     /// Whether what the decoder cannot express of the start is kept.
     pub keep_detail: bool,
     /// Longest side that is fitted, texels; finer maps are interpolated from there.
@@ -56,10 +60,11 @@ impl Default for FitOptions {
         Self {
             steps: 30,
             fine_steps: 15,
-            learning_rate: 0.1,
-            fine_learning_rate: 0.03,
+            learning_rate: 0.03,
+            fine_learning_rate: 0.01,
             betas: [0.9, 0.99],
-            prior_weight: 0.01,
+            prior_weight: 0.0,
+            global_correction: true,
             keep_detail: true,
             finest_texels: 512,
         }
@@ -246,6 +251,12 @@ impl LatentFit {
         if self.is_settled() {
             return Ok(self.report());
         }
+        if self.current == 0 && self.done == 0 && self.options.global_correction {
+            let stage = &mut self.stages[0];
+            if let Some(level) = &mut stage.level {
+                level.correct(&self.networks, &stage.observations, &self.options)?;
+            }
+        }
         if self.stages[self.current].level.is_none() || (self.current > 0 && self.done == 0) {
             self.climb()?;
         }
@@ -279,8 +290,10 @@ impl LatentFit {
 
     /// The maps as they are now, at the photographs' resolution.
     pub fn maps(&self) -> Svbrdf {
-        let mut maps = self.level(self.current).maps().clone();
-        for stage in self.current + 1..=self.halvings {
+        // A level whose steps have not begun does not know yet what the one below has found.
+        let known = if self.done == 0 { self.current.saturating_sub(1) } else { self.current };
+        let mut maps = self.level(known).maps().clone();
+        for stage in known + 1..=self.halvings {
             maps = self.finer(stage, &maps);
         }
         maps

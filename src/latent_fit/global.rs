@@ -1,0 +1,269 @@
+//! Correction of what the start got wrong everywhere: gains of the albedos, a shift of roughness,
+//! a gain of the slopes.
+//!
+//! Eight numbers see all texels of all photographs, so even one photograph pins them down, where a
+//! free fit would explain a wrong roughness by albedo and normals texel by texel. The loss has
+//! several minima in roughness; the search begins at some of them and keeps the best.
+
+use rayon::prelude::*;
+
+use crate::Svbrdf;
+use crate::observation::Observation;
+use crate::render;
+use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
+
+/// Logarithms of the gains of diffuse and specular albedo (three each), shift of the logit of
+/// roughness, logarithm of the gain of the slopes.
+type Correction = [f64; 8];
+
+const ROUGHNESS: usize = 6;
+const SLOPES: usize = 7;
+
+/// Expected size of each correction; the weight of the prior is that of a loss of this order.
+const DEVIATION: Correction = [0.4, 0.4, 0.4, 0.8, 0.8, 0.8, 1.2, 0.5];
+const PRIOR_WEIGHT: f64 = 2e-3;
+
+/// Shifts of roughness from which the search begins.
+const STARTS: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
+/// Steps from each start, and further ones from the best.
+const FIRST_STEPS: usize = 4;
+const FURTHER_STEPS: usize = 12;
+
+/// Roughness is moved between these; its logit would have no end at 0 and 1.
+const ROUGHNESS_RANGE: (f32, f32) = (MIN_ROUGHNESS, 0.98);
+
+/// Corrects maps towards the photographs and returns whether anything was gained.
+pub(super) fn correct(maps: &mut Svbrdf, observations: &[Observation]) -> bool {
+    let mut problem = Problem::new(maps, observations);
+    let (before, ..) = problem.evaluate(&[0.0; 8]);
+    let mut best: Option<Search> = None;
+    for shift in STARTS {
+        let mut start = [0.0; 8];
+        start[ROUGHNESS] = shift;
+        let mut search = Search::new(&mut problem, start);
+        search.run(&mut problem, FIRST_STEPS);
+        // the start itself wins a draw
+        if best.as_ref().is_none_or(|b| search.value < 0.98 * b.value) {
+            best = Some(search);
+        }
+    }
+    let Some(mut best) = best else { return false };
+    best.run(&mut problem, FURTHER_STEPS);
+    let better = best.value.is_finite() && best.value < 0.99 * before;
+    if better {
+        problem.apply(&best.at);
+        std::mem::swap(maps, &mut problem.moved);
+    }
+    better
+}
+
+struct Problem<'a> {
+    base: Svbrdf,
+    moved: Svbrdf,
+    observations: &'a [Observation],
+    gradient: Vec<f32>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Self {
+        let gradient = vec![0.0; CHANNELS * maps.texels()];
+        Self { base: maps.clone(), moved: maps.clone(), observations, gradient }
+    }
+
+    /// Writes the corrected maps to `moved`.
+    fn apply(&mut self, correction: &Correction) {
+        let n = self.base.texels();
+        let base = &self.base;
+        self.moved.planes_mut().par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+            let source = base.plane(c);
+            let amount = correction[parameter(c)].exp() as f32;
+            let (low, high) = RANGE[c];
+            for (to, &from) in plane.iter_mut().zip(source) {
+                *to = if c == channel::ROUGHNESS {
+                    let r = from.clamp(ROUGHNESS_RANGE.0, ROUGHNESS_RANGE.1);
+                    // the logistic function of logit + shift
+                    let moved = r * amount / (1.0 - r + r * amount);
+                    moved.clamp(MIN_ROUGHNESS, 1.0)
+                } else {
+                    (from * amount).clamp(low, high)
+                };
+            }
+        });
+    }
+
+    /// Loss with the prior, and its gradient.
+    fn evaluate(&mut self, correction: &Correction) -> (f64, Correction) {
+        self.apply(correction);
+        let mut value =
+            render::loss_and_gradient(&self.moved, self.observations, &mut self.gradient);
+        let n = self.moved.texels();
+        let moved = &self.moved;
+        let sums: Vec<f64> = self
+            .gradient
+            .par_chunks(n)
+            .enumerate()
+            .map(|(c, gradient)| {
+                let high = if c < channel::DIFFUSE { MAX_SLOPE } else { 1.0 };
+                let products = gradient.iter().zip(moved.plane(c)).map(|(&g, &v)| {
+                    let derivative = if c == channel::ROUGHNESS { v * (1.0 - v) } else { v };
+                    if v.abs() < high { f64::from(g * derivative) } else { 0.0 }
+                });
+                products.sum()
+            })
+            .collect();
+        let mut gradient = [0.0; 8];
+        for (c, sum) in sums.into_iter().enumerate() {
+            gradient[parameter(c)] += sum;
+        }
+        for ((g, x), sigma) in gradient.iter_mut().zip(correction).zip(DEVIATION) {
+            value += PRIOR_WEIGHT * (x / sigma).powi(2);
+            *g += 2.0 * PRIOR_WEIGHT * x / (sigma * sigma);
+        }
+        (value, gradient)
+    }
+}
+
+/// Which correction moves a channel.
+fn parameter(c: usize) -> usize {
+    match c {
+        channel::SLOPE_X | channel::SLOPE_Y => SLOPES,
+        channel::ROUGHNESS => ROUGHNESS,
+        _ => c - channel::DIFFUSE,
+    }
+}
+
+/// A descent by BFGS (Nocedal and Wright, Numerical Optimization, eq. 6.17) with a line search
+/// that halves.
+struct Search {
+    at: Correction,
+    value: f64,
+    gradient: Correction,
+    inverse: [[f64; 8]; 8],
+    settled: bool,
+}
+
+/// Longest step of a correction.
+const LONGEST: f64 = 0.7;
+
+impl Search {
+    fn new(problem: &mut Problem<'_>, at: Correction) -> Self {
+        let (value, gradient) = problem.evaluate(&at);
+        let mut inverse = [[0.0; 8]; 8];
+        // One unit of loss per unit of gradient, at the scale of the expected corrections.
+        for (i, row) in inverse.iter_mut().enumerate() {
+            row[i] = DEVIATION[i] * DEVIATION[i];
+        }
+        Self { at, value, gradient, inverse, settled: !value.is_finite() }
+    }
+
+    fn run(&mut self, problem: &mut Problem<'_>, steps: usize) {
+        for _ in 0..steps {
+            if self.settled {
+                return;
+            }
+            self.step(problem);
+        }
+    }
+
+    fn step(&mut self, problem: &mut Problem<'_>) {
+        let mut direction = self.inverse.map(|row| -dot(&row, &self.gradient));
+        let longest = direction.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+        if longest < 1e-4 {
+            self.settled = true;
+            return;
+        }
+        direction = direction.map(|d| d * (LONGEST / longest).min(1.0));
+        let slope = dot(&direction, &self.gradient);
+        let mut length = 1.0;
+        for _ in 0..6 {
+            let mut to = self.at;
+            to.iter_mut().zip(direction).for_each(|(t, d)| *t += length * d);
+            let (value, gradient) = problem.evaluate(&to);
+            if value <= self.value + 1e-3 * length * slope {
+                let mut moved = [0.0; 8];
+                let mut change = [0.0; 8];
+                for i in 0..8 {
+                    moved[i] = to[i] - self.at[i];
+                    change[i] = gradient[i] - self.gradient[i];
+                }
+                self.update(&moved, &change);
+                self.settled = self.value - value < 1e-4 * self.value;
+                (self.at, self.value, self.gradient) = (to, value, gradient);
+                return;
+            }
+            length *= 0.4;
+        }
+        self.settled = true;
+    }
+
+    fn update(&mut self, moved: &Correction, change: &Correction) {
+        let curvature = dot(moved, change);
+        if curvature <= 1e-12 {
+            return;
+        }
+        let image = self.inverse.map(|row| dot(&row, change));
+        let both = (1.0 + dot(change, &image) / curvature) / curvature;
+        for i in 0..8 {
+            for j in 0..8 {
+                self.inverse[i][j] += both * moved[i] * moved[j]
+                    - (image[i] * moved[j] + moved[i] * image[j]) / curvature;
+            }
+        }
+    }
+}
+
+fn dot(a: &Correction, b: &Correction) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::latent_fit::tests::{SIDE, TOP, material, photograph};
+
+    #[test]
+    fn the_gradient_is_that_of_finite_differences() {
+        let truth = material(64);
+        let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
+        let mut problem = Problem::new(&truth, &observations);
+        let at = [0.1, -0.2, 0.05, 0.3, -0.1, 0.2, -0.4, 0.15];
+        let (_, gradient) = problem.evaluate(&at);
+        for i in 0..8 {
+            // the loss is a sum of absolute values: wide differences average over its corners
+            let h = 2e-3;
+            let mut value = |d: f64| {
+                let mut to = at;
+                to[i] += d;
+                problem.evaluate(&to).0
+            };
+            let difference = (value(h) - value(-h)) / (2.0 * h);
+            let error = (difference - gradient[i]).abs();
+            assert!(error < 0.02 * difference.abs() + 2e-3, "{i}: {difference} {}", gradient[i]);
+        }
+    }
+
+    #[test]
+    fn a_wrong_scale_of_everything_is_put_right() {
+        let truth = material(64);
+        let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
+        let mut problem = Problem::new(&truth, &[]);
+        problem.apply(&[-0.4, -0.3, -0.5, 0.5, 0.5, 0.5, 1.8, 0.3]);
+        let mut maps = problem.moved;
+        let mean = |maps: &Svbrdf, c: usize| {
+            maps.plane(c).iter().zip(truth.plane(c)).map(|(a, b)| (a - b).abs()).sum::<f32>()
+                / maps.texels() as f32
+        };
+        let before = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
+        assert!(correct(&mut maps, &observations));
+        let after = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
+        assert!(after[0] < 0.1 * before[0] && after[1] < 0.15 * before[1], "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn true_maps_stay() {
+        let truth = material(64);
+        let mut maps = truth.clone();
+        assert!(!correct(&mut maps, &[photograph(&truth, TOP)]));
+        assert_eq!(maps, truth);
+    }
+}
