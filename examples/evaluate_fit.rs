@@ -20,6 +20,7 @@ use svbrdf::classic;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::latent_fit::{FitOptions, LatentFit};
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::propagation::propagate;
 use svbrdf::refinement::{self, Prior, refine};
 use svbrdf::render;
 use svbrdf::svbrdf::{CHANNELS, channel};
@@ -280,8 +281,12 @@ fn main() -> Result<(), Failure> {
             seconds += clock.elapsed().as_secs_f64();
             if photos.contains(&(i + 1)) {
                 let n = i + 1;
-                let deep = fit.maps();
+                let mut deep = fit.maps();
                 print(format!("deep {n}"), &deep, seconds);
+                if keys.contains_key("propagate") {
+                    propagate(&mut deep, &observations[..n])?;
+                    print(format!("propagated {n}"), &deep, seconds);
+                }
                 let go_on = &mut |_: usize, _: f64| ControlFlow::Continue(());
                 let clock = Instant::now();
                 let mut refined = deep.clone();

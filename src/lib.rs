@@ -34,6 +34,7 @@ pub mod latent_fit;
 pub mod loss;
 pub mod network;
 pub mod observation;
+pub mod propagation;
 pub mod random;
 pub mod rectification;
 pub mod refinement;

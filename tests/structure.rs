@@ -16,13 +16,14 @@ const TABLE: &[(&str, &[&str])] = &[
     ("frame", &["geometry"]),
     ("calibration", &["frame", "geometry"]),
     ("rectification", &["calibration", "frame", "geometry", "observation"]),
-    ("reflectance", &["simd", "svbrdf"]),
+    ("reflectance", &["simd", "svbrdf", "observation"]),
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
     ("network", &["svbrdf"]),
     ("initial_estimate", &["network", "observation", "svbrdf"]),
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
+    ("propagation", &["observation", "render", "svbrdf"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
     ("random", &[]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
@@ -38,6 +39,7 @@ const TABLE: &[(&str, &[&str])] = &[
             "latent_fit",
             "network",
             "observation",
+            "propagation",
             "rectification",
             "refinement",
             "render",
@@ -68,6 +70,7 @@ fn library() -> BTreeMap<String, String> {
     sources(&root, &mut files);
     files
         .into_iter()
+        .filter(|path| !path.file_stem().unwrap().to_str().unwrap().ends_with("tests"))
         .map(|path| {
             let text = fs::read_to_string(&path).unwrap();
             let code: String = text

@@ -9,6 +9,7 @@ use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
 use crate::observation::Observation;
+use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
 use crate::render;
 use crate::{Error, Result, Svbrdf};
@@ -157,6 +158,7 @@ impl Fit {
             }
             Stage::Refine => {
                 let maps = self.maps.as_mut().ok_or(Error::NoMaps)?;
+                propagate(maps, &self.observations)?;
                 let deep = maps.clone();
                 let options = refinement::Options::default();
                 let report = refinement::refine(

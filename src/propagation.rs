@@ -1,0 +1,288 @@
+//! What highlights tell of some texels, told to those that no highlight has swept.
+//!
+//! Roughness and specular albedo show only where a photograph looks into the lobe. Texels of the
+//! same diffuse colour are mostly the same stuff, so the gloss of those that were seen is a better
+//! guess for the others than what the fit started from. Each texel's value and its group's are
+//! averaged by their precisions: information from the photographs and a broad belief in the fit
+//! against the spread within the group.
+
+use rayon::prelude::*;
+
+use crate::observation::Observation;
+use crate::render::render;
+use crate::svbrdf::channel;
+use crate::{Result, Svbrdf};
+
+/// Groups of like colour.
+const GROUPS: usize = 8;
+/// Texels that found the groups.
+const SAMPLES: usize = 2048;
+/// Distance of root albedos at which a texel belongs to two groups alike.
+const REACH: f32 = 0.06;
+/// Log residual that one photograph's model error and noise leave.
+const NOISE: f32 = 0.1;
+/// How far the fit may be off where nothing was seen: roughness, root of specular albedo.
+const DEVIATION: [f32; 2] = [0.25, 0.15];
+/// Spread that a group has at least.
+const LEAST_SPREAD: f32 = 0.04;
+/// Step of the numerical derivatives.
+const STEP: f32 = 0.02;
+
+/// Moves roughness and specular albedo of texels that the photographs say little of towards those
+/// of texels of like diffuse albedo of which they say more.
+///
+/// # Errors
+/// When sizes differ.
+pub fn propagate(maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> {
+    crate::render::check_observations(maps, observations)?;
+    let information = information(maps, observations);
+    let members = Membership::new(maps);
+    let n = maps.texels();
+    // roughness, then the three specular albedos
+    for plane in 0..4 {
+        let kind = plane.min(1);
+        let (c, seen) = if plane == 0 {
+            (channel::ROUGHNESS, &information[0])
+        } else {
+            (channel::SPECULAR + plane - 1, &information[1])
+        };
+        let own = DEVIATION[kind].powi(-2);
+        let values: Vec<f32> = match kind {
+            0 => maps.plane(c).to_vec(),
+            _ => maps.plane(c).iter().map(|v| v.max(0.0).sqrt()).collect(),
+        };
+        let groups = members.statistics(&values, |t| seen[t] / (seen[t] + own));
+        maps.plane_mut(c).par_iter_mut().enumerate().for_each(|(t, out)| {
+            let (mut precision, mut sum) = (seen[t] + own, (seen[t] + own) * values[t]);
+            for (k, group) in groups.iter().enumerate() {
+                let share = members.shares[k * n + t] * group.precision;
+                precision += share;
+                sum += share * group.mean;
+            }
+            let value = sum / precision;
+            *out = if kind == 0 { value } else { value * value };
+        });
+    }
+    maps.clamp();
+    Ok(())
+}
+
+/// Precision that the photographs give roughness and root specular albedo of every texel, by
+/// themselves.
+fn information(maps: &Svbrdf, observations: &[Observation]) -> [Vec<f32>; 2] {
+    let n = maps.texels();
+    let mut rougher = maps.clone();
+    rougher.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|v| {
+        *v += if *v < 0.5 { STEP } else { -STEP };
+    });
+    let mut brighter = maps.clone();
+    for c in 0..3 {
+        brighter.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|v| {
+            *v = (v.max(0.0).sqrt() + STEP).powi(2);
+        });
+    }
+    let mut sums = [vec![0.0; n], vec![0.0; n]];
+    let mut images = [vec![0.0; 3 * n], vec![0.0; 3 * n], vec![0.0; 3 * n]];
+    for observation in observations {
+        for (maps, image) in [maps, &rougher, &brighter].into_iter().zip(&mut images) {
+            render(maps, &observation.view, image);
+        }
+        let [base, moved @ ..] = &images;
+        for (sum, moved) in sums.iter_mut().zip(moved) {
+            sum.par_iter_mut().enumerate().for_each(|(t, sum)| {
+                let weight = observation.weight[t];
+                if weight > 0.0 {
+                    let mut square = 0.0;
+                    for i in [t, n + t, 2 * n + t] {
+                        // Saturated pixels tell too little to count.
+                        if observation.radiance[i] >= 0.0 {
+                            let change = ((moved[i] + 0.01) / (base[i] + 0.01)).ln() / STEP;
+                            square += change * change;
+                        }
+                    }
+                    *sum += weight * square / (3.0 * NOISE * NOISE);
+                }
+            });
+        }
+    }
+    sums
+}
+
+/// How much each texel belongs to each group.
+struct Membership {
+    /// One plane a group; a texel's shares sum to 1.
+    shares: Vec<f32>,
+    texels: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    mean: f32,
+    precision: f32,
+}
+
+impl Membership {
+    /// Groups of like root diffuse albedo: k-means from seeds far apart.
+    fn new(maps: &Svbrdf) -> Self {
+        let n = maps.texels();
+        let root = |t: usize| -> [f32; 3] {
+            std::array::from_fn(|c| maps.plane(channel::DIFFUSE + c)[t].max(0.0).sqrt())
+        };
+        // Steps that share no factor with the width visit all columns.
+        let stride = (n / SAMPLES).max(1) | 1;
+        let samples: Vec<[f32; 3]> = (0..n).step_by(stride).map(root).collect();
+        let centres = cluster(&samples);
+        let k = centres.len();
+        let mut shares = vec![0.0; k * n];
+        let rows: Vec<[f32; GROUPS]> = (0..n)
+            .into_par_iter()
+            .map(|t| {
+                let feature = root(t);
+                let mut row = [0.0; GROUPS];
+                let nearest =
+                    centres.iter().map(|c| distance(c, &feature)).fold(f32::MAX, f32::min);
+                let mut sum = 0.0;
+                for (share, centre) in row.iter_mut().zip(&centres) {
+                    let beyond = distance(centre, &feature) - nearest;
+                    *share = (-0.5 * beyond / (REACH * REACH)).exp();
+                    sum += *share;
+                }
+                row.map(|share| share / sum)
+            })
+            .collect();
+        for (t, row) in rows.iter().enumerate() {
+            for (group, share) in row[..k].iter().enumerate() {
+                shares[group * n + t] = *share;
+            }
+        }
+        Self { shares, texels: n }
+    }
+
+    /// Mean and precision of a plane in each group, texels weighing as `trust` (0 to 1) says.
+    fn statistics(&self, values: &[f32], trust: impl Fn(usize) -> f32 + Sync) -> Vec<Group> {
+        self.shares
+            .par_chunks(self.texels)
+            .map(|shares| {
+                let (mut weight, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
+                for (t, (&share, &value)) in shares.iter().zip(values).enumerate() {
+                    let w = f64::from(share * trust(t).powi(2));
+                    weight += w;
+                    first += w * f64::from(value);
+                    second += w * f64::from(value * value);
+                }
+                if weight < 1e-6 {
+                    return Group { mean: 0.0, precision: 0.0 };
+                }
+                let mean = first / weight;
+                let spread = (second / weight - mean * mean).max(0.0) as f32;
+                // Few texels seen: the mean itself is uncertain.
+                let doubt = 0.04 / (1.0 + weight as f32 / 20.0);
+                let variance = spread + LEAST_SPREAD * LEAST_SPREAD + doubt;
+                Group { mean: mean as f32, precision: variance.recip() }
+            })
+            .collect()
+    }
+}
+
+fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+}
+
+/// Up to [`GROUPS`] centres.
+fn cluster(samples: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut centres: Vec<[f32; 3]> = samples.first().copied().into_iter().collect();
+    let mut nearest = vec![f32::MAX; samples.len()];
+    while centres.len() < GROUPS {
+        let last = centres[centres.len() - 1];
+        for (d, s) in nearest.iter_mut().zip(samples) {
+            *d = d.min(distance(s, &last));
+        }
+        let farthest = (0..samples.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
+        match farthest {
+            Some(i) if nearest[i] > 0.25 * REACH * REACH => centres.push(samples[i]),
+            _ => break,
+        }
+    }
+    for _ in 0..10 {
+        let mut sums = vec![[0.0f32; 4]; centres.len()];
+        for s in samples {
+            let near = (0..centres.len())
+                .min_by(|&a, &b| distance(s, &centres[a]).total_cmp(&distance(s, &centres[b])));
+            if let Some(sum) = near.and_then(|i| sums.get_mut(i)) {
+                for c in 0..3 {
+                    sum[c] += s[c];
+                }
+                sum[3] += 1.0;
+            }
+        }
+        for (centre, [r, g, b, count]) in centres.iter_mut().zip(sums) {
+            if count > 0.0 {
+                *centre = [r / count, g / count, b / count];
+            }
+        }
+    }
+    centres
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observation::{Falloff, View};
+
+    const SIDE: usize = 64;
+
+    /// Stripes of two colours, each with its own gloss.
+    fn truth() -> Svbrdf {
+        let mut maps = Svbrdf::new(SIDE, SIDE);
+        for t in 0..SIDE * SIDE {
+            let red = (t % SIDE / 8) % 2 == 0;
+            maps.plane_mut(channel::ROUGHNESS)[t] = if red { 0.2 } else { 0.45 };
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[t] =
+                    if red { [0.4, 0.1, 0.1][c] } else { [0.1, 0.2, 0.4][c] };
+            }
+        }
+        maps
+    }
+
+    fn observation(truth: &Svbrdf) -> Observation {
+        let at = [-30.0, 0.0, 100.0];
+        let falloff = Falloff::None { power: [std::f32::consts::PI; 3] };
+        let view =
+            View { sample_mm: [100.0; 2], camera_mm: at, light_mm: at, falloff, ambient: [0.0; 3] };
+        let mut radiance = vec![0.0; 3 * SIDE * SIDE];
+        render(truth, &view, &mut radiance);
+        let weight = vec![1.0; SIDE * SIDE];
+        Observation { width: SIDE, height: SIDE, view, radiance, weight }
+    }
+
+    #[test]
+    fn gloss_spreads_within_a_colour_and_no_further() {
+        let truth = truth();
+        let mut maps = truth.clone();
+        // right where the highlight is, unknown elsewhere
+        for (t, v) in maps.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
+            if t % SIDE > 3 * SIDE / 4 {
+                *v = 0.8;
+            }
+        }
+        propagate(&mut maps, &[observation(&truth)]).unwrap();
+        for (t, (v, r)) in
+            maps.plane(channel::ROUGHNESS).iter().zip(truth.plane(channel::ROUGHNESS)).enumerate()
+        {
+            assert!((v - r).abs() < 0.12, "{t}: {v} {r}");
+        }
+    }
+
+    #[test]
+    fn nothing_seen_nothing_moved() {
+        let mut maps = truth();
+        let before = maps.clone();
+        let mut observation = observation(&maps);
+        observation.weight.fill(0.0);
+        propagate(&mut maps, &[observation]).unwrap();
+        let most = |(a, b): (&f32, &f32)| (a - b).abs();
+        let difference = maps.planes().iter().zip(before.planes()).map(most).fold(0.0f32, f32::max);
+        assert!(difference < 1e-5, "{difference}");
+    }
+}
