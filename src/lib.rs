@@ -44,5 +44,9 @@ pub mod session;
 mod simd;
 pub mod svbrdf;
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub use error::{Error, Rejection, Result};
 pub use svbrdf::Svbrdf;

@@ -235,7 +235,7 @@ mod tests {
     fn truth() -> Svbrdf {
         let mut maps = Svbrdf::new(SIDE, SIDE);
         for t in 0..SIDE * SIDE {
-            let red = (t % SIDE / 8) % 2 == 0;
+            let red = (t % SIDE / 8).is_multiple_of(2);
             maps.plane_mut(channel::ROUGHNESS)[t] = if red { 0.2 } else { 0.45 };
             for c in 0..3 {
                 maps.plane_mut(channel::DIFFUSE + c)[t] =
