@@ -6,7 +6,8 @@
 //! `roughness` pictures; the central 256x256 texels are used. Photographs follow the protocol of the
 //! paper: the first from above, the others at random, light at the camera, no fall-off, clamped at 1.
 //! Keys: `photos` (1,2,5), `materials` (all), `steps`, `rate`, `prior`, `global` (true), `detail` (true), `b1`, `b2`,
-//! `models` (folder), `noise` (0), `threads`, `views` (100); `classic=1` adds the baselines,
+//! `models` (folder), `noise` (0), `threads`, `views` (100), `propagate` (true), `sigma` (1: scale of
+//! the refinement's prior); `carry=1` goes on from refined maps, `classic=1` adds the baselines,
 //! `verbose=1` a line per material.
 
 use std::collections::HashMap;
@@ -222,7 +223,6 @@ fn main() -> Result<(), Failure> {
         .collect::<Result<_, _>>()?;
     let noise = number("noise", 0.0)?;
     let sigma = number("sigma", 1.0)?;
-    let slope_sigma = number("slopes", 1.0)?;
     let views = number("views", 100.0)? as usize;
     let networks = Arc::new(match keys.get("models") {
         Some(folder) => Networks::from_folder(Path::new(folder))?,
@@ -283,7 +283,7 @@ fn main() -> Result<(), Failure> {
                 let n = i + 1;
                 let mut deep = fit.maps();
                 print(format!("deep {n}"), &deep, seconds);
-                if keys.contains_key("propagate") {
+                if keys.get("propagate").is_none_or(|v| v == "true") {
                     propagate(&mut deep, &observations[..n])?;
                     print(format!("propagated {n}"), &deep, seconds);
                 }
@@ -293,7 +293,6 @@ fn main() -> Result<(), Failure> {
                 let refinement = refinement::Options::default();
                 let mut prior = Prior::default();
                 prior.sigma.iter_mut().for_each(|s| *s *= sigma);
-                prior.sigma[..2].iter_mut().for_each(|s| *s *= slope_sigma);
                 refine(&mut refined, &deep, &prior, &observations[..n], &refinement, go_on)?;
                 let after = seconds + clock.elapsed().as_secs_f64();
                 print(format!("deep+refine {n}"), &refined, after);

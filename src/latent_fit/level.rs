@@ -18,8 +18,10 @@ const CHUNK: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Level {
     code: Vec<f32>,
-    /// Maps that the prior holds on to, encoded planes.
+    /// Slopes that the prior holds on to, two encoded planes.
     anchor: Vec<f32>,
+    /// Expected error of the anchor.
+    deviation: f32,
     adam: Adam,
     /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
     detail: Vec<f32>,
@@ -35,8 +37,12 @@ impl Level {
         let decoder = networks.decoder();
         let stride = decoder.stride();
         let workspace = Workspace::new(decoder, start.height() / stride, start.width() / stride)?;
+        let mut anchor = encoded_maps(start);
+        anchor.truncate(2 * start.texels());
+        let square = anchor.iter().map(|v| v * v).sum::<f32>() / anchor.len() as f32;
         let mut level = Self {
-            anchor: encoded_maps(start),
+            deviation: square.sqrt().max(LEAST_DEVIATION),
+            anchor,
             adam: Adam::new(code.len()),
             detail: vec![0.0; CHANNELS * start.texels()],
             maps: start.clone(),
@@ -107,7 +113,9 @@ impl Level {
         if !loss.is_finite() {
             return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
         }
-        self.encode_gradient(options.prior_weight / observations.len().max(1) as f32);
+        // The first photographs are ambiguous, not just noisy: the prior fades with their square.
+        let photographs = observations.len().max(1) as f32;
+        self.encode_gradient(options.prior_weight / (photographs * photographs));
         networks.decoder().vjp(&mut self.workspace, &self.gradient, &mut self.code_gradient)?;
         self.adam.step(&mut self.code, &self.code_gradient, rate, options.betas);
         Ok(loss)
@@ -135,28 +143,33 @@ impl Level {
     fn encode_gradient(&mut self, prior_weight: f32) {
         let n = self.maps.texels();
         let (decoded, detail, anchor) = (self.workspace.encoded(), &self.detail, &self.anchor);
+        let pull = prior_weight / (n as f32 * self.deviation * self.deviation);
         self.gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
             let (low, high) = encoded_range(c);
-            let pull = prior_weight / (n as f32 * START_DEVIATION[c] * START_DEVIATION[c]);
             plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, gradient)| {
                 let at = c * n + i * CHUNK;
-                let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
-                for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
+                let planes = decoded[at..].iter().zip(&detail[at..]);
+                for (g, (d, r)) in gradient.iter_mut().zip(planes) {
                     let e = d + r;
                     // At the lower bound of an albedo the derivative vanishes: a dead end.
-                    let slope = encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
-                    let sum = *g * slope + pull * (e - a);
-                    let outward = (e <= low && sum > 0.0) || (e >= high && sum < 0.0);
-                    *g = if outward { 0.0 } else { sum };
+                    *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
+                    let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
+                    *g = if outward { 0.0 } else { *g };
+                }
+                if pull > 0.0 && c < anchor.len() / n {
+                    let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
+                    for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
+                        *g += pull * (d + r - a);
+                    }
                 }
             });
         });
     }
 }
 
-/// Standard deviations of the start's encoded parameters that the prior assumes: the order of the
-/// photo network's errors on materials it has not seen.
-const START_DEVIATION: [f32; CHANNELS] = [0.15, 0.15, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2, 0.35];
+/// Least expected error of the start's slopes, encoded. Otherwise it is their own root mean square:
+/// what looks flat mostly is, and on a polished surface small slopes show most.
+const LEAST_DEVIATION: f32 = 0.01;
 
 /// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
 /// otherwise stay black for ever.

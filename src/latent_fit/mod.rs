@@ -3,8 +3,8 @@
 //! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
 //! additions. What the decoder cannot express of the start is kept as a fixed offset,
 //! `maps = D(z) + (start - D(E(start)))` in encoded space, so that the fit begins exactly at the
-//! start and moves it within what materials do; and a prior, weaker with every photograph, holds the
-//! maps to the start.
+//! start and moves it within what materials do. Each photograph begins with a correction of the maps
+//! as a whole; and a prior, weaker with every photograph, holds the slopes to the start's.
 //!
 //! The fit is a stepper that a session's thread drives: photographs may be added, and maps taken,
 //! between any two steps. It begins at 256 texels or fewer a side; finished levels are doubled as in
@@ -43,8 +43,9 @@ pub struct FitOptions {
     pub fine_learning_rate: f32,
     /// Decay of Adam's moments.
     pub betas: [f32; 2],
-    /// Weight of the prior on the maps beside the mean log-L1, divided by the number of
-    /// photographs: mean over the texels of `sum ((encoded - start) / deviation)² / 2`.
+    /// Weight of the prior on the slopes beside the mean log-L1, divided by the squared
+    /// number of photographs: mean over the texels of `sum ((slope - start) / deviation)² / 2`, the deviation
+    /// being the root mean square of the start's slopes.
     pub prior_weight: f32,
     /// Whether each photograph begins with a correction of the maps as a whole: gains of albedos
     /// and slopes, shift of roughness.
@@ -63,7 +64,7 @@ impl Default for FitOptions {
             learning_rate: 0.03,
             fine_learning_rate: 0.01,
             betas: [0.9, 0.99],
-            prior_weight: 0.0,
+            prior_weight: 0.05,
             global_correction: true,
             keep_detail: true,
             finest_texels: 512,
