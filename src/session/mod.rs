@@ -319,6 +319,11 @@ impl Session {
         self.shared.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
     }
 
+    /// What ended the fit, if a fault did: every call that needs the fit answers it from then on.
+    pub fn failure(&self) -> Option<String> {
+        self.shared.lock().failed.clone()
+    }
+
     /// How often state and maps have changed.
     pub fn revision(&self) -> Revision {
         self.shared.lock().revision
