@@ -22,7 +22,7 @@ static svbrdf_session_options good_options(void)
 static void options(void)
 {
     svbrdf_session *session = NULL;
-    svbrdf_session_options o = good_options();
+    svbrdf_session_options usual = good_options();
     struct {
         svbrdf_session_options known;
         uint64_t newer[2];
@@ -32,7 +32,7 @@ static void options(void)
     double flash[3] = {0.0, (double)NAN, 0.0};
 
     EXPECT(svbrdf_session_create(NULL, &session), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_create(&o, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_create((const svbrdf_session_options *)((const char *)&larger + 1),
                                  &session),
            SVBRDF_INVALID_ARGUMENT);
@@ -69,33 +69,33 @@ static void options(void)
     camera.width = 640;
     camera.height = 480;
     camera.fx = camera.fy = 500.0;
-    o = good_options();
-    o.scene = SVBRDF_SCENE_BOARD;
-    o.camera = &camera;
-    OK(svbrdf_session_create(&o, &session));
+    usual = good_options();
+    usual.scene = SVBRDF_SCENE_BOARD;
+    usual.camera = &camera;
+    OK(svbrdf_session_create(&usual, &session));
     OK(svbrdf_session_destroy(session));
-    o.flash_offset_mm = flash;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
-    o.flash_offset_mm = NULL;
-    o.board = &board;
+    usual.flash_offset_mm = flash;
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
+    usual.flash_offset_mm = NULL;
+    usual.board = &board;
     board.kind = 9;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.kind = SVBRDF_BOARD_CHARUCO_RING;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.dictionary = "nonsense";
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.kind = SVBRDF_BOARD_CHECKERBOARD_RING;
     board.top_left_white = 2;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.top_left_white = 0;
     board.hole_row_end = 0xFFFFFFFFu;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.hole_row_end = 14;
     board.square_mm = (double)INFINITY;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
     board.square_mm = 11.5;
     camera.distortion[3] = (double)NAN;
-    EXPECT(svbrdf_session_create(&o, &session), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_create(&usual, &session), SVBRDF_INVALID_ARGUMENT);
 }
 
 static svbrdf_session *session_;
