@@ -227,9 +227,11 @@ void test_bad_arguments(const char *folder)
     OK(svbrdf_session_progress(session_, &progress));
     CHECK(progress.state == SVBRDF_STATE_READY && progress.frames == 0);
     OK(svbrdf_session_pause(session_));
-    OK(push_gray(session_, 100));
-    OK(svbrdf_session_snapshot_maps(session_, &maps));
-    OK(svbrdf_maps_destroy(maps));
+    if (!quick()) {
+        OK(push_gray(session_, 100));
+        OK(svbrdf_session_snapshot_maps(session_, &maps));
+        OK(svbrdf_maps_destroy(maps));
+    }
     OK(svbrdf_session_destroy(session_));
     EXPECT(svbrdf_session_destroy(session_), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_session_progress(session_, &progress), SVBRDF_INVALID_HANDLE);

@@ -31,6 +31,8 @@
 
 enum { SIDE = 256 };
 
+/* Whether to leave out what runs the networks: under valgrind that takes minutes. */
+int quick(void);
 /* A plain picture, SIDE x SIDE, 8 bits. */
 void gray_image(svbrdf_image *image, unsigned char *rgb, int level);
 /* Options of a session of rectified photos with one thread. */

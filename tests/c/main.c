@@ -1,6 +1,11 @@
 /* A C99 client that does everything the header offers: client TEST FOLDER. */
 #include "check.h"
 
+int quick(void)
+{
+    return getenv("SVBRDF_TEST_QUICK") != NULL;
+}
+
 void gray_image(svbrdf_image *image, unsigned char *rgb, int level)
 {
     memset(rgb, level, 3 * SIDE * SIDE);
