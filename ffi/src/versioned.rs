@@ -21,7 +21,8 @@ pub(crate) unsafe trait Versioned: Copy {
     fn defaults() -> Self;
 }
 
-/// Implements [`Versioned`]: name, size in the first release.
+/// Implements [`Versioned`] with the size in the first release: all of the struct, until a field is
+/// added; from then on `offset_of!(the_struct, the_added_field)`.
 macro_rules! versioned {
     ($type:ident, $first_size:expr) => {
         const _: () = assert!(std::mem::offset_of!($type, size) == 0);
