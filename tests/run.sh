@@ -9,6 +9,7 @@ packages=()
 pkg-config --exists opencv4 2>/dev/null || packages+=(pkg-config libopencv-dev)
 ls /usr/lib/llvm-*/lib/libclang.so* >/dev/null 2>&1 || packages+=(clang libclang-dev)
 command -v cc >/dev/null || packages+=(build-essential)
+command -v valgrind >/dev/null || packages+=(valgrind)
 if [ ${#packages[@]} -gt 0 ]; then
   sudo=$([ "$(id -u)" = 0 ] || echo sudo)
   $sudo apt-get update -q

@@ -3,11 +3,13 @@
 //! Integer pixels stay as they are stored (a 12-megapixel photo is 36 MB, not 144) and turn linear
 //! through a table when looked at. A photo holds relative radiance times [`Photo::exposure`].
 
+mod camera_buffer;
 mod encoding;
 mod file;
 
 pub(crate) use file::read_picture;
 
+pub use camera_buffer::{Bayer, BayerPattern, Interleaved, Plane, Rotation, YuvMatrix};
 pub use encoding::Encoding;
 
 use crate::{Error, Result};

@@ -7,7 +7,7 @@ mod worker;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crossbeam_channel::Sender;
 use glam::DVec3;
@@ -131,6 +131,15 @@ pub struct Progress {
     pub settled: bool,
 }
 
+/// Counters that grow with a session's state, to tell whether anything is new.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Revision {
+    /// Grows with every change of progress and with every set of maps.
+    pub state: u64,
+    /// Sets of maps published so far.
+    pub maps: u64,
+}
+
 /// Resolutions a session may have.
 pub const RESOLUTIONS: [usize; 4] = [256, 512, 1024, 2048];
 
@@ -247,13 +256,14 @@ impl Session {
         let index = {
             let mut state = self.shared.lock();
             if let Some(maps) = &start {
-                state.maps = Some(maps.clone());
+                state.publish(maps.clone());
             }
             let index = state.progress.frames;
             state.progress.frames += 1;
             state.progress.settled = false;
             index
         };
+        self.shared.notify();
         let frame =
             Command::Frame { observation: taken.observation, start, updates: taken.updates };
         if self.commands.send(frame).is_err() {
@@ -298,7 +308,34 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled.
     pub fn wait(&self) -> Result<()> {
-        self.shared.wait()
+        self.shared.wait_until(None, |state| state.progress.settled).map(|_| ())
+    }
+
+    /// As [`Session::wait`], for at most `timeout`: whether the fit has settled.
+    ///
+    /// # Errors
+    /// As [`Session::wait`].
+    pub fn wait_timeout(&self, timeout: Duration) -> Result<bool> {
+        self.shared.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
+    }
+
+    /// What ended the fit, if a fault did: every call that needs the fit answers it from then on.
+    pub fn failure(&self) -> Option<String> {
+        self.shared.lock().failed.clone()
+    }
+
+    /// How often state and maps have changed.
+    pub fn revision(&self) -> Revision {
+        self.shared.lock().revision
+    }
+
+    /// Blocks until something has changed since `seen`: what there is now.
+    ///
+    /// # Errors
+    /// When the fit failed or was cancelled and nothing has changed since.
+    pub fn wait_for_change(&self, seen: Revision) -> Result<Revision> {
+        self.shared.wait_until(None, |state| state.revision != seen)?;
+        Ok(self.revision())
     }
 
     /// Light position in the camera frame as used, mm.

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, TryRecvError};
 use rayon::ThreadPool;
 
-use super::Progress;
 use super::fit::Fit;
 use super::intake::Update;
+use super::{Progress, Revision};
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
@@ -30,6 +30,15 @@ pub(super) struct State {
     pub(super) fitted: usize,
     /// Set for ever by a fault of the worker.
     pub(super) failed: Option<String>,
+    pub(super) revision: Revision,
+}
+
+impl State {
+    /// Publishes maps.
+    pub(super) fn publish(&mut self, maps: Arc<Svbrdf>) {
+        self.maps = Some(maps);
+        self.revision.maps += 1;
+    }
 }
 
 impl Shared {
@@ -43,7 +52,13 @@ impl Shared {
             settled: true,
         };
         Self {
-            state: Mutex::new(State { maps: None, progress, fitted: 0, failed: None }),
+            state: Mutex::new(State {
+                maps: None,
+                progress,
+                fitted: 0,
+                failed: None,
+                revision: Revision::default(),
+            }),
             changed: Condvar::new(),
             paused: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
@@ -55,27 +70,39 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Wakes those who wait. Taking the lock once makes sure that none of them is between looking
-    /// at a flag and going to sleep.
+    /// Wakes those who wait. Taking the lock makes sure that none of them is between looking at a
+    /// flag and going to sleep.
     pub(super) fn notify(&self) {
-        drop(self.lock());
+        self.lock().revision.state += 1;
         self.changed.notify_all();
     }
 
-    /// Blocks until the fit has settled.
-    pub(super) fn wait(&self) -> Result<()> {
+    /// Blocks until `reached` holds (true), or until the deadline (false).
+    pub(super) fn wait_until(
+        &self,
+        deadline: Option<Instant>,
+        reached: impl Fn(&State) -> bool,
+    ) -> Result<bool> {
         let mut state = self.lock();
         loop {
             if let Some(message) = &state.failed {
                 return Err(Error::Internal(message.clone()));
             }
-            if state.progress.settled {
-                return Ok(());
+            if reached(&state) {
+                return Ok(true);
             }
             if self.cancelled.load(Ordering::Relaxed) {
                 return Err(Error::Cancelled);
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            let left = deadline.map(|d| d.saturating_duration_since(Instant::now()));
+            state = match left {
+                None => self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
+                Some(Duration::ZERO) => return Ok(false),
+                Some(left) => {
+                    let woken = self.changed.wait_timeout(state, left);
+                    woken.unwrap_or_else(PoisonError::into_inner).0
+                }
+            };
         }
     }
 
@@ -140,6 +167,8 @@ fn work(
                     state.progress.fraction = 0.0;
                     state.progress.loss_before = fit.loss();
                     state.progress.loss = fit.loss();
+                    drop(state);
+                    shared.notify();
                     busy = true;
                     started = Instant::now();
                 }
@@ -157,7 +186,7 @@ fn work(
         state.progress.seconds_left = (step.fraction > 0.02)
             .then(|| started.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
-            state.maps = Some(maps);
+            state.publish(maps);
             published = Instant::now();
         }
         if step.done {

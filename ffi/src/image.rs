@@ -1,0 +1,278 @@
+//! Pictures in memory.
+
+use std::ffi::c_void;
+use std::slice;
+
+use engine::frame::{
+    Bayer, BayerPattern, Encoding, Interleaved, Photo, Plane, Rotation, YuvMatrix,
+};
+
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
+pub type svbrdf_pixel_format = u32;
+/// 3 bytes a pixel.
+pub const SVBRDF_PIXEL_RGB8: svbrdf_pixel_format = 1;
+/// 4 bytes a pixel, the fourth ignored.
+pub const SVBRDF_PIXEL_RGBA8: svbrdf_pixel_format = 2;
+/// 3 16-bit numbers a pixel.
+pub const SVBRDF_PIXEL_RGB16: svbrdf_pixel_format = 3;
+/// 4 16-bit numbers a pixel, the fourth ignored.
+pub const SVBRDF_PIXEL_RGBA16: svbrdf_pixel_format = 4;
+/// 4 half floats a pixel, linear, the fourth ignored.
+pub const SVBRDF_PIXEL_RGBA_F16: svbrdf_pixel_format = 5;
+/// 3 floats a pixel, linear.
+pub const SVBRDF_PIXEL_RGB_F32: svbrdf_pixel_format = 6;
+/// 4 floats a pixel, linear, the fourth ignored.
+pub const SVBRDF_PIXEL_RGBA_F32: svbrdf_pixel_format = 7;
+/// Three planes: luma, then U (Cb) and V (Cr) at half the size, rounded up. Strides tell NV12,
+/// NV21 and I420 apart, as in Android's YUV_420_888.
+pub const SVBRDF_PIXEL_YUV420: svbrdf_pixel_format = 8;
+/// One plane of 16-bit sensor values behind a Bayer mosaic, as Android's RAW_SENSOR.
+pub const SVBRDF_PIXEL_BAYER16: svbrdf_pixel_format = 9;
+
+/// Transfer curve of stored values.
+pub type svbrdf_transfer = u32;
+/// Proportional to light: the best there is. Floats and raw values are this always.
+pub const SVBRDF_TRANSFER_LINEAR: svbrdf_transfer = 1;
+/// IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off.
+pub const SVBRDF_TRANSFER_SRGB: svbrdf_transfer = 2;
+/// Pure power law of 2.2.
+pub const SVBRDF_TRANSFER_GAMMA22: svbrdf_transfer = 3;
+
+/// How luma and chroma were made.
+pub type svbrdf_yuv_matrix = u32;
+/// BT.601, all 256 values: JPEG and Android.
+pub const SVBRDF_YUV_BT601_FULL: svbrdf_yuv_matrix = 1;
+/// BT.601, luma 16 to 235.
+pub const SVBRDF_YUV_BT601_LIMITED: svbrdf_yuv_matrix = 2;
+/// BT.709, all 256 values.
+pub const SVBRDF_YUV_BT709_FULL: svbrdf_yuv_matrix = 3;
+/// BT.709, luma 16 to 235.
+pub const SVBRDF_YUV_BT709_LIMITED: svbrdf_yuv_matrix = 4;
+
+/// Colours of the top-left 2 x 2 sensor pixels, row by row.
+pub type svbrdf_bayer_pattern = u32;
+/// Red, green; green, blue.
+pub const SVBRDF_BAYER_RGGB: svbrdf_bayer_pattern = 1;
+/// Green, red; blue, green.
+pub const SVBRDF_BAYER_GRBG: svbrdf_bayer_pattern = 2;
+/// Green, blue; red, green.
+pub const SVBRDF_BAYER_GBRG: svbrdf_bayer_pattern = 3;
+/// Blue, green; green, red.
+pub const SVBRDF_BAYER_BGGR: svbrdf_bayer_pattern = 4;
+
+/// A plane of a picture. Its layout never changes.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_plane {
+    /// First pixel. No alignment is asked for.
+    pub data: *const c_void,
+    /// Readable bytes from there on. The last row may end with its last pixel.
+    pub bytes: usize,
+    /// Bytes from a row to the next.
+    pub row_stride: usize,
+    /// Bytes from a pixel to the next; 0: no gap.
+    pub pixel_stride: usize,
+}
+
+/// A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
+/// ignored.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_image {
+    /// Size of this struct.
+    pub size: usize,
+    /// Layout: one of SVBRDF_PIXEL_.
+    pub format: svbrdf_pixel_format,
+    /// Pixels in a row, as stored.
+    pub width: u32,
+    /// Rows, as stored.
+    pub height: u32,
+    /// Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
+    pub transfer: svbrdf_transfer,
+    /// How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
+    /// session's camera describes the turned picture. Boards need no turning.
+    pub rotation: u32,
+    /// For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
+    pub yuv_matrix: svbrdf_yuv_matrix,
+    /// The planes: three for YUV, otherwise the first.
+    pub planes: [svbrdf_plane; 3],
+    /// For floats: the level at which a channel is clipped. Default: infinite, never.
+    pub saturation: f32,
+    /// For Bayer: one of SVBRDF_BAYER_. Default: RGGB.
+    pub bayer_pattern: svbrdf_bayer_pattern,
+    /// For Bayer: value of darkness at the four places of the pattern, row by row.
+    pub black_level: [f32; 4],
+    /// For Bayer: value of full scale; at and above it a sample is clipped. Default: 65535.
+    pub white_level: f32,
+    /// For Bayer: gains of R, G and B that make neutral gray neutral. Default: 1.
+    pub white_balance: [f32; 3],
+    /// For Bayer: matrix from white-balanced sensor colours to linear Rec. 709, row by row.
+    /// Default: identity.
+    pub color_matrix: [f32; 9],
+}
+
+impl Default for svbrdf_image {
+    fn default() -> Self {
+        let none =
+            svbrdf_plane { data: std::ptr::null(), bytes: 0, row_stride: 0, pixel_stride: 0 };
+        Self {
+            size: size_of::<Self>(),
+            format: 0,
+            width: 0,
+            height: 0,
+            transfer: SVBRDF_TRANSFER_SRGB,
+            rotation: 0,
+            yuv_matrix: SVBRDF_YUV_BT601_FULL,
+            planes: [none; 3],
+            saturation: f32::INFINITY,
+            bayer_pattern: SVBRDF_BAYER_RGGB,
+            black_level: [0.0; 4],
+            white_level: 65535.0,
+            white_balance: [1.0; 3],
+            color_matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        }
+    }
+}
+versioned!(svbrdf_image, size_of::<svbrdf_image>());
+
+/// Fills a picture description with defaults: pass sizeof(svbrdf_image).
+///
+/// # Safety
+/// `image` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_image_init(image: *mut svbrdf_image, size: usize) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(image, size) })
+}
+
+/// A caller's bytes.
+///
+/// # Safety
+/// NULL, or as many readable bytes as said, unchanged while the result is used.
+pub(crate) unsafe fn bytes<'a>(
+    name: &str,
+    data: *const c_void,
+    bytes: usize,
+) -> Result<&'a [u8], Fault> {
+    if data.is_null() {
+        return Err(Fault::argument(format!("{name}: NULL given")));
+    }
+    if bytes > isize::MAX as usize {
+        return Err(Fault::argument(format!("{name}: {bytes} bytes given, more than fit memory")));
+    }
+    // SAFETY: not NULL, a size that memory may have, bytes need no alignment.
+    Ok(unsafe { slice::from_raw_parts(data.cast(), bytes) })
+}
+
+fn unknown<T>(field: &str, value: u32) -> Result<T, Fault> {
+    Err(Fault::argument(format!("svbrdf_image.{field}: {value} is not a known value")))
+}
+
+impl svbrdf_image {
+    /// Copies the picture.
+    ///
+    /// # Safety
+    /// The planes that the format needs are NULL or have as many readable bytes as said.
+    pub(crate) unsafe fn photo(&self, exposure: f32) -> Result<Photo, Fault> {
+        let plane = |i: usize| -> Result<Plane, Fault> {
+            let p = &self.planes[i];
+            let name = ["planes[0].data", "planes[1].data", "planes[2].data"][i];
+            // SAFETY: the caller vouches for the planes that are asked for.
+            let data = unsafe { bytes(name, p.data, p.bytes) }?;
+            Ok(Plane { data, row_stride: p.row_stride, pixel_stride: p.pixel_stride })
+        };
+        let size = [self.width, self.height];
+        let rotation = self.rotation()?;
+        let photo = match self.format {
+            SVBRDF_PIXEL_YUV420 => {
+                let planes = [plane(0)?, plane(1)?, plane(2)?];
+                let (matrix, encoding) = (self.yuv_matrix()?, self.encoding()?);
+                Photo::from_yuv420(size, planes, matrix, encoding, rotation, exposure)
+            }
+            SVBRDF_PIXEL_BAYER16 => {
+                Photo::from_bayer16(size, plane(0)?, &self.bayer()?, rotation, exposure)
+            }
+            _ => {
+                let layout = self.layout()?;
+                let float = matches!(
+                    layout,
+                    Interleaved::RgbaF16 | Interleaved::RgbF32 | Interleaved::RgbaF32
+                );
+                let encoding = if float { Encoding::Linear } else { self.encoding()? };
+                Photo::from_interleaved(
+                    size,
+                    plane(0)?,
+                    layout,
+                    encoding,
+                    rotation,
+                    exposure,
+                    self.saturation,
+                )
+            }
+        };
+        Ok(photo?)
+    }
+
+    fn layout(&self) -> Result<Interleaved, Fault> {
+        Ok(match self.format {
+            SVBRDF_PIXEL_RGB8 => Interleaved::Rgb8,
+            SVBRDF_PIXEL_RGBA8 => Interleaved::Rgba8,
+            SVBRDF_PIXEL_RGB16 => Interleaved::Rgb16,
+            SVBRDF_PIXEL_RGBA16 => Interleaved::Rgba16,
+            SVBRDF_PIXEL_RGBA_F16 => Interleaved::RgbaF16,
+            SVBRDF_PIXEL_RGB_F32 => Interleaved::RgbF32,
+            SVBRDF_PIXEL_RGBA_F32 => Interleaved::RgbaF32,
+            other => return unknown("format", other),
+        })
+    }
+
+    fn encoding(&self) -> Result<Encoding, Fault> {
+        Ok(match self.transfer {
+            SVBRDF_TRANSFER_LINEAR => Encoding::Linear,
+            SVBRDF_TRANSFER_SRGB => Encoding::Srgb,
+            SVBRDF_TRANSFER_GAMMA22 => Encoding::Gamma22,
+            other => return unknown("transfer", other),
+        })
+    }
+
+    fn rotation(&self) -> Result<Rotation, Fault> {
+        Ok(match self.rotation {
+            0 => Rotation::None,
+            90 => Rotation::Quarter,
+            180 => Rotation::Half,
+            270 => Rotation::ThreeQuarters,
+            other => return unknown("rotation", other),
+        })
+    }
+
+    fn yuv_matrix(&self) -> Result<YuvMatrix, Fault> {
+        Ok(match self.yuv_matrix {
+            SVBRDF_YUV_BT601_FULL => YuvMatrix::Bt601Full,
+            SVBRDF_YUV_BT601_LIMITED => YuvMatrix::Bt601Limited,
+            SVBRDF_YUV_BT709_FULL => YuvMatrix::Bt709Full,
+            SVBRDF_YUV_BT709_LIMITED => YuvMatrix::Bt709Limited,
+            other => return unknown("yuv_matrix", other),
+        })
+    }
+
+    fn bayer(&self) -> Result<Bayer, Fault> {
+        let pattern = match self.bayer_pattern {
+            SVBRDF_BAYER_RGGB => BayerPattern::Rggb,
+            SVBRDF_BAYER_GRBG => BayerPattern::Grbg,
+            SVBRDF_BAYER_GBRG => BayerPattern::Gbrg,
+            SVBRDF_BAYER_BGGR => BayerPattern::Bggr,
+            other => return unknown("bayer_pattern", other),
+        };
+        let m = &self.color_matrix;
+        Ok(Bayer {
+            pattern,
+            black_level: self.black_level,
+            white_level: self.white_level,
+            white_balance: self.white_balance,
+            color_matrix: [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]],
+        })
+    }
+}

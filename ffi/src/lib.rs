@@ -1,0 +1,21 @@
+//! C ABI over the session of `svbrdf`; `include/svbrdf.h` is made from this crate.
+//!
+//! * Handles are numbers looked up in a table, never addresses: a stale or foreign one is a
+//!   status, not a crash, and a session lives until the last call inside it has returned.
+//! * Every entry catches panics; one inside a session makes that session answer `FAILED` from then
+//!   on.
+//! * Structs begin with their size and are copied byte by byte into a struct of defaults, so that
+//!   callers built against another version keep working.
+#![allow(non_camel_case_types)]
+
+mod handles;
+pub mod image;
+pub mod info;
+pub mod maps;
+pub mod models;
+mod notifier;
+pub mod options;
+pub mod reports;
+pub mod session;
+pub mod status;
+mod versioned;

@@ -1,0 +1,336 @@
+//! Maps at one moment, handed out as planes or files.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use engine::Svbrdf;
+use engine::export::{write_maps, write_preview};
+use engine::frame::Encoding;
+use engine::svbrdf::channel;
+
+use crate::handles::Handles;
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
+pub struct svbrdf_maps {
+    _opaque: (),
+}
+
+/// One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+pub type svbrdf_map = u32;
+/// Unit normal, X right, Y up (OpenGL, glTF), Z out of the surface; 8 bits: (n + 1) / 2.
+pub const SVBRDF_MAP_NORMAL: svbrdf_map = 1;
+/// Diffuse albedo, linear Rec. 709; 8 bits: with the sRGB curve, as glTF's base colour.
+pub const SVBRDF_MAP_DIFFUSE: svbrdf_map = 2;
+/// Specular albedo F0, linear Rec. 709; 8 bits: with the sRGB curve.
+pub const SVBRDF_MAP_SPECULAR: svbrdf_map = 3;
+/// Roughness, GGX alpha = roughness²; 8 bits: R 255 (occlusion), G roughness, B 0 (metalness),
+/// linear: glTF's occlusion-roughness-metalness.
+pub const SVBRDF_MAP_ROUGHNESS: svbrdf_map = 4;
+
+/// How a map's texels are laid out.
+pub type svbrdf_map_format = u32;
+/// Floats: three a texel, one for roughness.
+pub const SVBRDF_MAP_FORMAT_F32: svbrdf_map_format = 1;
+/// Three bytes a texel.
+pub const SVBRDF_MAP_FORMAT_RGB8: svbrdf_map_format = 2;
+/// Four bytes a texel, the fourth 255.
+pub const SVBRDF_MAP_FORMAT_RGBA8: svbrdf_map_format = 3;
+
+/// A map in memory of the library.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_map_view {
+    /// Size of this struct.
+    pub size: usize,
+    /// First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
+    pub data: *const c_void,
+    /// Bytes of all rows.
+    pub bytes: usize,
+    /// Bytes from a row to the next.
+    pub row_stride: usize,
+    /// Texels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Channels of a texel: 1, 3 or 4.
+    pub channels: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+impl Default for svbrdf_map_view {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            data: std::ptr::null(),
+            bytes: 0,
+            row_stride: 0,
+            width: 0,
+            height: 0,
+            channels: 0,
+            reserved: 0,
+        }
+    }
+}
+versioned!(svbrdf_map_view, size_of::<svbrdf_map_view>());
+
+/// Fills a view with defaults: pass sizeof(svbrdf_map_view).
+///
+/// # Safety
+/// `view` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_map_view_init(
+    view: *mut svbrdf_map_view,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(view, size) })
+}
+
+/// A map in one format.
+enum Plane {
+    Floats(Vec<f32>),
+    Bytes(Vec<u8>),
+}
+
+impl Plane {
+    fn as_ptr(&self) -> *const c_void {
+        match self {
+            Self::Floats(v) => v.as_ptr().cast(),
+            Self::Bytes(v) => v.as_ptr().cast(),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Floats(v) => size_of_val(v.as_slice()),
+            Self::Bytes(v) => v.len(),
+        }
+    }
+}
+
+const MAP_COUNT: usize = 4;
+const FORMAT_COUNT: usize = 3;
+
+pub(crate) struct Maps {
+    maps: Arc<Svbrdf>,
+    sample_mm: [f32; 2],
+    /// Made when first asked for.
+    views: [[OnceLock<Plane>; FORMAT_COUNT]; MAP_COUNT],
+}
+
+static MAPS: Handles<Maps> = Handles::new("maps");
+
+/// A handle for maps.
+pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_maps {
+    let handle = Handles::<Maps>::reserve();
+    MAPS.insert(handle, Arc::new(Maps { maps, sample_mm, views: Default::default() }));
+    std::ptr::without_provenance_mut(handle)
+}
+
+/// A caller's folder name.
+///
+/// # Safety
+/// NULL or a C string, unchanged while the result is used.
+pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> {
+    if path.is_null() {
+        return Err(Fault::argument("path: NULL given"));
+    }
+    // SAFETY: not NULL, and the caller vouches for the rest.
+    let text = unsafe { CStr::from_ptr(path) };
+    match text.to_str() {
+        Ok("") => Err(Fault::argument("path: empty")),
+        Ok(text) => Ok(Path::new(text)),
+        Err(_) => Err(Fault::argument("path: not UTF-8")),
+    }
+}
+
+/// Writes the files of svbrdf_maps_export().
+pub(crate) fn export(maps: &Svbrdf, sample_mm: [f32; 2], dir: &Path) -> Result<(), Fault> {
+    write_maps(dir, maps)?;
+    Ok(write_preview(dir.join("preview.png"), maps, sample_mm)?)
+}
+
+/// Channels of a texel.
+fn channels(map: svbrdf_map, format: svbrdf_map_format) -> Result<usize, Fault> {
+    if !(SVBRDF_MAP_NORMAL..=SVBRDF_MAP_ROUGHNESS).contains(&map) {
+        return Err(Fault::argument(format!("map: {map} is not a known value")));
+    }
+    match format {
+        SVBRDF_MAP_FORMAT_F32 if map == SVBRDF_MAP_ROUGHNESS => Ok(1),
+        SVBRDF_MAP_FORMAT_F32 | SVBRDF_MAP_FORMAT_RGB8 => Ok(3),
+        SVBRDF_MAP_FORMAT_RGBA8 => Ok(4),
+        _ => Err(Fault::argument(format!("format: {format} is not a known value"))),
+    }
+}
+
+impl Maps {
+    fn texel(&self, map: svbrdf_map, i: usize) -> [f32; 3] {
+        let maps = &self.maps;
+        let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c)[i]);
+        match map {
+            SVBRDF_MAP_NORMAL => maps.normal(i % maps.width(), i / maps.width()),
+            SVBRDF_MAP_DIFFUSE => three(channel::DIFFUSE),
+            SVBRDF_MAP_SPECULAR => three(channel::SPECULAR),
+            _ => [maps.plane(channel::ROUGHNESS)[i]; 3],
+        }
+    }
+
+    fn plane(&self, map: svbrdf_map, channels: usize, float: bool) -> Plane {
+        let texels = 0..self.maps.texels();
+        if float {
+            return Plane::Floats(
+                texels.flat_map(|i| self.texel(map, i).into_iter().take(channels)).collect(),
+            );
+        }
+        let byte = |v: f32| (v * 255.0 + 0.5) as u8;
+        let texel = |i: usize| {
+            let v = self.texel(map, i);
+            let [r, g, b] = match map {
+                SVBRDF_MAP_NORMAL => v.map(|v| byte(0.5 * v + 0.5)),
+                SVBRDF_MAP_ROUGHNESS => [255, byte(v[0]), 0],
+                _ => v.map(|v| byte(Encoding::Srgb.encode(f64::from(v)) as f32)),
+            };
+            [r, g, b, 255].into_iter().take(channels)
+        };
+        Plane::Bytes(texels.flat_map(texel).collect())
+    }
+}
+
+/// Width, height (texels) and size of the sample (mm) of maps. Results may be NULL.
+///
+/// # Safety
+/// Each pointer is NULL or writable, `sample_mm` with two floats.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_size(
+    maps: *const svbrdf_maps,
+    width: *mut u32,
+    height: *mut u32,
+    sample_mm: *mut f32,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = MAPS.get(maps.addr())?;
+        // SAFETY: the caller vouches for what is not NULL.
+        unsafe {
+            if !width.is_null() {
+                width.write(maps.maps.width() as u32);
+            }
+            if !height.is_null() {
+                height.write(maps.maps.height() as u32);
+            }
+            if !sample_mm.is_null() {
+                sample_mm.cast::<[f32; 2]>().write(maps.sample_mm);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// A map in memory that the library owns: made when first asked for, freed with the maps.
+///
+/// # Safety
+/// `view` is NULL or was initialised by svbrdf_map_view_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_view(
+    maps: *const svbrdf_maps,
+    map: svbrdf_map,
+    format: svbrdf_map_format,
+    view: *mut svbrdf_map_view,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = MAPS.get(maps.addr())?;
+        let channels = channels(map, format)?;
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(view) }?;
+        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let float = format == SVBRDF_MAP_FORMAT_F32;
+        let slot = &maps.views[map as usize - 1][format as usize - 1];
+        let plane = slot.get_or_init(|| maps.plane(map, channels, float));
+        let value = svbrdf_map_view {
+            data: plane.as_ptr(),
+            bytes: plane.bytes(),
+            row_stride: plane.bytes() / maps.maps.height(),
+            width: maps.maps.width() as u32,
+            height: maps.maps.height() as u32,
+            channels: channels as u32,
+            ..Default::default()
+        };
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(view, size, value) };
+        Ok(())
+    })
+}
+
+/// Copies a map into the caller's memory, rows of `row_stride` bytes (0: no gap). The last row may
+/// end with its last texel. No alignment is asked for.
+///
+/// # Safety
+/// `data` is NULL or has `bytes` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_copy(
+    maps: *const svbrdf_maps,
+    map: svbrdf_map,
+    format: svbrdf_map_format,
+    data: *mut c_void,
+    bytes: usize,
+    row_stride: usize,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = MAPS.get(maps.addr())?;
+        let channels = channels(map, format)?;
+        if data.is_null() {
+            return Err(Fault::argument("data: NULL given"));
+        }
+        let float = format == SVBRDF_MAP_FORMAT_F32;
+        let (width, height) = (maps.maps.width(), maps.maps.height());
+        let row = width * channels * if float { size_of::<f32>() } else { 1 };
+        let stride = if row_stride == 0 { row } else { row_stride };
+        let total = stride.checked_mul(height - 1).and_then(|n| n.checked_add(row));
+        if stride < row || total.is_none_or(|total| bytes < total) {
+            return Err(Fault::argument(format!(
+                "data: {bytes} bytes in rows of {stride} given, {height} rows of {row} expected"
+            )));
+        }
+        let plane = maps.plane(map, channels, float);
+        for y in 0..height {
+            // SAFETY: checked above against the size that the caller vouches for; the plane has
+            // `height` rows of `row` bytes.
+            unsafe {
+                let from = plane.as_ptr().cast::<u8>().add(y * row);
+                from.copy_to_nonoverlapping(data.cast::<u8>().add(y * stride), row);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and preview.png
+/// into a folder (UTF-8), which is made if missing. No file is ever half-written under its name.
+///
+/// # Safety
+/// `path` is NULL or a C string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_export(
+    maps: *const svbrdf_maps,
+    path: *const c_char,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = MAPS.get(maps.addr())?;
+        // SAFETY: the caller vouches for the string.
+        export(&maps.maps, maps.sample_mm, unsafe { folder(path) }?)
+    })
+}
+
+/// Frees maps and every view of them; NULL is fine.
+#[unsafe(no_mangle)]
+pub extern "C" fn svbrdf_maps_destroy(maps: *mut svbrdf_maps) -> svbrdf_status {
+    entry(|| {
+        if !maps.is_null() {
+            MAPS.remove(maps.addr())?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,151 @@
+//! C and C++ clients of the shared library, compiled with warnings as errors, run plainly, under
+//! AddressSanitizer and UndefinedBehaviorSanitizer, and under valgrind.
+#![cfg(target_os = "linux")]
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+
+use common::{compile, has, library, root, run, workplace, write_photos};
+use engine::capture::Capture;
+use engine::export::read_maps;
+use engine::session::{Pushed, Session, Settings};
+
+fn client(program: &Path, test: &str, dir: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.arg(test).arg(dir);
+    command
+}
+
+/// Compilers by language.
+const COMPILERS: [(&str, &str); 4] =
+    [("gcc", "c"), ("clang", "c"), ("g++", "cpp"), ("clang++", "cpp")];
+
+#[test]
+fn clients_compile_without_warnings_and_handle_bad_arguments() {
+    let dir = workplace();
+    let mut compiled = 0;
+    for (compiler, language) in COMPILERS {
+        if has(compiler) {
+            let program = compile(dir.path(), compiler, language, &[]);
+            run(&mut client(&program, "bad-arguments", dir.path()));
+            compiled += 1;
+        }
+    }
+    assert!(compiled > 0, "no compiler at all");
+}
+
+#[test]
+fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
+    let dir = workplace();
+    write_photos(dir.path(), 1);
+    let program = compile(dir.path(), "gcc", "c", &[]);
+    run(&mut client(&program, "board", dir.path()));
+    for file in ["normal.png", "diffuse.png", "specular.png", "roughness.png", "preview.png"] {
+        assert!(dir.path().join("maps").join(file).is_file(), "{file}");
+    }
+    let capture = Capture::load(root().join("examples/captures/tile")).unwrap();
+    let settings = Settings { sample_mm: capture.sample_mm, threads: 2, ..Settings::default() };
+    let session = Session::new(capture.scene.clone(), settings).unwrap();
+    let pushed = session.push(&capture.frames[0].read().unwrap()).unwrap();
+    assert!(matches!(pushed, Pushed::Accepted(_)));
+    session.wait().unwrap();
+    let (found, expected) =
+        (read_maps(dir.path().join("maps")).unwrap(), session.snapshot().unwrap());
+    let pairs = found.planes().iter().zip(expected.planes());
+    let difference = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // The same to the bit, but for slopes, which went through unit normals.
+    assert!(difference < 1e-5, "{difference}");
+}
+
+#[test]
+fn a_photo_in_every_layout_gives_the_same_pose() {
+    let dir = workplace();
+    write_photos(dir.path(), 1);
+    let program = compile(dir.path(), "gcc", "c", &[]);
+    run(&mut client(&program, "layouts", dir.path()));
+}
+
+#[test]
+fn a_cpp_client_streams_a_capture() {
+    if !has("g++") {
+        return;
+    }
+    let dir = workplace();
+    write_photos(dir.path(), 2);
+    let program = compile(dir.path(), "g++", "cpp", &[]);
+    run(&mut client(&program, "board", dir.path()));
+    run(&mut client(&program, "handles", dir.path()));
+}
+
+#[test]
+fn sanitizers_find_nothing() {
+    let dir = workplace();
+    let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+    for (compiler, language, tests) in [
+        ("gcc", "c", &["bad-arguments", "maps", "lifecycle", "threads"][..]),
+        ("g++", "cpp", &["bad-arguments", "handles"][..]),
+    ] {
+        let program = compile(dir.path(), compiler, language, &flags);
+        let symbols = run(Command::new("nm").arg("-D").arg(&program));
+        assert!(
+            String::from_utf8_lossy(&symbols.stdout).contains("__asan_init"),
+            "{compiler} did not link AddressSanitizer"
+        );
+        for test in tests {
+            run(&mut client(&program, test, dir.path()));
+        }
+    }
+}
+
+fn under_valgrind(test: &str, quick: bool) {
+    if !has("valgrind") {
+        return;
+    }
+    let dir = workplace();
+    let program = compile(dir.path(), "gcc", "c", &[]);
+    let mut command = Command::new("valgrind");
+    command
+        // Without it one of the library's threads may keep the others from running.
+        .arg("--fair-sched=yes")
+        .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
+        .args(["--errors-for-leak-kinds=definite", "--show-leak-kinds=definite"])
+        .arg(&program)
+        .arg(test)
+        .arg(dir.path());
+    if quick {
+        command.env("SVBRDF_TEST_QUICK", "1");
+    }
+    run(&mut command);
+}
+
+#[test]
+fn valgrind_finds_nothing() {
+    under_valgrind("bad-arguments", true);
+    under_valgrind("lifecycle", true);
+}
+
+#[test]
+#[ignore = "takes ten minutes and more: the networks run under valgrind"]
+fn valgrind_finds_nothing_in_photos_and_maps() {
+    under_valgrind("maps", false);
+}
+
+#[test]
+fn only_the_headers_functions_are_exported() {
+    let listed = run(Command::new("nm").args(["-D", "--defined-only"]).arg(library()));
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    let mut symbols: Vec<&str> =
+        listed.lines().filter_map(|line| line.split_whitespace().last()).collect();
+    symbols.sort_unstable();
+    let committed = include_str!("../symbols.txt");
+    assert_eq!(symbols, committed.lines().collect::<Vec<_>>());
+    let header = std::fs::read_to_string(root().join("include/svbrdf.h")).unwrap();
+    for symbol in symbols {
+        assert!(header.contains(&format!("{symbol}(")), "{symbol} is not in the header");
+    }
+    let dynamic = run(Command::new("readelf").arg("-d").arg(library()));
+    let dynamic = String::from_utf8_lossy(&dynamic.stdout).into_owned();
+    assert!(dynamic.contains("[libsvbrdf.so.0]"), "{dynamic}");
+}

@@ -1,0 +1,107 @@
+//! Builds the library and its clients.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use tempfile::TempDir;
+
+/// The repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+/// Runs a command that has to succeed.
+pub fn run(command: &mut Command) -> Output {
+    let shown = format!("{command:?}");
+    let output = command.output().unwrap_or_else(|e| panic!("{shown}: {e}"));
+    assert!(
+        output.status.success(),
+        "{shown}: {}\n{}\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}
+
+/// Whether a program is there; says loudly when not.
+pub fn has(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
+    if !found {
+        eprintln!("SKIPPED: {program} is not installed; what it checks is not checked");
+    }
+    found
+}
+
+/// The shared library, built with this test's profile: cargo does not build it for tests.
+pub fn library() -> &'static Path {
+    static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
+    LIBRARY.get_or_init(|| {
+        // target/PROFILE/deps/this-test
+        let this = env::current_exe().unwrap();
+        let profile_dir = this.parent().unwrap().parent().unwrap();
+        let mut build = Command::new(env!("CARGO"));
+        build.current_dir(root()).args(["build", "--package", "svbrdf-ffi", "--lib"]);
+        match profile_dir.file_name().unwrap().to_str().unwrap() {
+            "debug" => {}
+            profile => {
+                build.args(["--profile", profile]);
+            }
+        }
+        run(&mut build);
+        profile_dir.join("libsvbrdf.so")
+    })
+}
+
+/// A folder in which the library has both its names, and the models lie.
+pub fn workplace() -> TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
+        std::os::unix::fs::symlink(library(), dir.path().join(name)).unwrap();
+    }
+    std::os::unix::fs::symlink(root().join("models"), dir.path().join("models")).unwrap();
+    dir
+}
+
+/// The bundled capture's photos as PPM files: clients need no decoder.
+pub fn write_photos(dir: &Path, count: usize) {
+    for i in 0..count {
+        let name = format!("examples/captures/tile/frames/{i:02}.jpg");
+        let photo = image::open(root().join(name)).unwrap().into_rgb8();
+        let mut ppm = format!("P6 {} {} 255\n", photo.width(), photo.height()).into_bytes();
+        ppm.extend(photo.into_raw());
+        fs::write(dir.join(format!("{i:02}.ppm")), ppm).unwrap();
+    }
+}
+
+/// Compiles the sources of `tests/LANGUAGE` into `dir`, warnings as errors.
+pub fn compile(dir: &Path, compiler: &str, language: &str, extra: &[&str]) -> PathBuf {
+    let out = dir.join(format!("client-{compiler}-{language}"));
+    let mut sources: Vec<PathBuf> = fs::read_dir(root().join("tests").join(language))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == language))
+        .collect();
+    sources.sort();
+    let standard = if language == "c" { "-std=c99" } else { "-std=c++17" };
+    let mut command = Command::new(compiler);
+    command
+        .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow"])
+        // usleep() and pthreads beside C99.
+        .arg("-D_DEFAULT_SOURCE")
+        .args(extra)
+        .arg("-I")
+        .arg(root().join("include"))
+        .args(sources)
+        .arg("-L")
+        .arg(dir)
+        .args(["-lsvbrdf", "-lm", "-lpthread"])
+        .arg(format!("-Wl,-rpath,{}", dir.display()))
+        .arg("-o")
+        .arg(&out);
+    run(&mut command);
+    out
+}

@@ -1,0 +1,1191 @@
+/*
+ * svbrdf: normal, diffuse, specular and roughness maps of a flat material from a few flash
+ * photographs. C99, C++11 and later. Made by cbindgen from ffi/: do not edit.
+ *
+ * Units: millimetres, pixels, linear RGB (Rec. 709). Board frame: origin at the sample's centre,
+ * X right, Y up, Z out of the surface. Camera frame: x right, y down, z forward. Row 0 of a map is
+ * the sample's +Y edge, column 0 its -X edge.
+ *
+ * Calls return an svbrdf_status: 0 done, negative a fault, positive neither. Results are written
+ * only as documented; a call that fails changes nothing. svbrdf_last_error_message() says what was
+ * wrong.
+ *
+ * Structs: declare one, fill it with its _init() function, set fields. Their first field is their
+ * size, so that programs work with newer libraries, and with older ones as long as they set no
+ * field that those do not know.
+ *
+ * Handles are numbers in a pointer's clothes. A destroyed, NULL or foreign handle is answered with
+ * SVBRDF_INVALID_HANDLE; none is ever given out twice.
+ *
+ * Threads: every function may be called from any thread at any time, several at once, on the same
+ * handles; structs and memory handed to a call must not be changed by others during it, and a view
+ * of maps ends with them. Progress and maps callbacks come on one thread per session, one at a
+ * time, never on a thread of the caller's; log lines also come on threads that are inside a call
+ * of that session. Callbacks may call every function, svbrdf_session_destroy() included, except
+ * that they should not wait for the fit: no progress arrives meanwhile. Do not hold a lock that a
+ * callback takes while calling svbrdf_session_destroy(), and let no C++ exception out of one.
+ *
+ * Ownership: svbrdf_session_destroy(), svbrdf_maps_destroy() and svbrdf_models_destroy() free what
+ * the calls named after them made; there is nothing else to free.
+ */
+
+#ifndef SVBRDF_H
+#define SVBRDF_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/**
+ * Major version of this header. Libraries of another one do not fit.
+ */
+#define SVBRDF_VERSION_MAJOR 0
+
+/**
+ * Minor version of this header. Libraries of a newer one fit.
+ */
+#define SVBRDF_VERSION_MINOR 1
+
+/**
+ * Patch version of this header.
+ */
+#define SVBRDF_VERSION_PATCH 0
+
+/**
+ * svbrdf_features(): the models are inside the library.
+ */
+#define SVBRDF_FEATURE_EMBEDDED_MODELS 1
+
+/**
+ * svbrdf_features(): YUV buffers are taken.
+ */
+#define SVBRDF_FEATURE_YUV 2
+
+/**
+ * svbrdf_features(): raw sensor buffers are taken.
+ */
+#define SVBRDF_FEATURE_RAW 4
+
+/**
+ * Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
+ */
+typedef struct svbrdf_maps svbrdf_maps;
+
+/**
+ * Networks that any number of sessions may share. Destroying them while sessions use them is
+ * fine.
+ */
+typedef struct svbrdf_models svbrdf_models;
+
+/**
+ * A capture in progress: push photos, take maps at any time.
+ */
+typedef struct svbrdf_session svbrdf_session;
+
+/**
+ * What a call answers: 0 done, negative a fault, positive neither. Values may be added.
+ */
+typedef int32_t svbrdf_status;
+
+/**
+ * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
+ */
+typedef uint32_t svbrdf_pixel_format;
+
+/**
+ * Transfer curve of stored values.
+ */
+typedef uint32_t svbrdf_transfer;
+
+/**
+ * How luma and chroma were made.
+ */
+typedef uint32_t svbrdf_yuv_matrix;
+
+/**
+ * A plane of a picture. Its layout never changes.
+ */
+typedef struct svbrdf_plane {
+    /**
+     * First pixel. No alignment is asked for.
+     */
+    const void *data;
+    /**
+     * Readable bytes from there on. The last row may end with its last pixel.
+     */
+    size_t bytes;
+    /**
+     * Bytes from a row to the next.
+     */
+    size_t row_stride;
+    /**
+     * Bytes from a pixel to the next; 0: no gap.
+     */
+    size_t pixel_stride;
+} svbrdf_plane;
+
+/**
+ * Colours of the top-left 2 x 2 sensor pixels, row by row.
+ */
+typedef uint32_t svbrdf_bayer_pattern;
+
+/**
+ * A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
+ * ignored.
+ */
+typedef struct svbrdf_image {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Layout: one of SVBRDF_PIXEL_.
+     */
+    svbrdf_pixel_format format;
+    /**
+     * Pixels in a row, as stored.
+     */
+    uint32_t width;
+    /**
+     * Rows, as stored.
+     */
+    uint32_t height;
+    /**
+     * Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
+     */
+    svbrdf_transfer transfer;
+    /**
+     * How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
+     * session's camera describes the turned picture. Boards need no turning.
+     */
+    uint32_t rotation;
+    /**
+     * For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
+     */
+    svbrdf_yuv_matrix yuv_matrix;
+    /**
+     * The planes: three for YUV, otherwise the first.
+     */
+    struct svbrdf_plane planes[3];
+    /**
+     * For floats: the level at which a channel is clipped. Default: infinite, never.
+     */
+    float saturation;
+    /**
+     * For Bayer: one of SVBRDF_BAYER_. Default: RGGB.
+     */
+    svbrdf_bayer_pattern bayer_pattern;
+    /**
+     * For Bayer: value of darkness at the four places of the pattern, row by row.
+     */
+    float black_level[4];
+    /**
+     * For Bayer: value of full scale; at and above it a sample is clipped. Default: 65535.
+     */
+    float white_level;
+    /**
+     * For Bayer: gains of R, G and B that make neutral gray neutral. Default: 1.
+     */
+    float white_balance[3];
+    /**
+     * For Bayer: matrix from white-balanced sensor colours to linear Rec. 709, row by row.
+     * Default: identity.
+     */
+    float color_matrix[9];
+} svbrdf_image;
+
+/**
+ * A map in memory of the library.
+ */
+typedef struct svbrdf_map_view {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
+     */
+    const void *data;
+    /**
+     * Bytes of all rows.
+     */
+    size_t bytes;
+    /**
+     * Bytes from a row to the next.
+     */
+    size_t row_stride;
+    /**
+     * Texels in a row.
+     */
+    uint32_t width;
+    /**
+     * Rows.
+     */
+    uint32_t height;
+    /**
+     * Channels of a texel: 1, 3 or 4.
+     */
+    uint32_t channels;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_map_view;
+
+/**
+ * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+ */
+typedef uint32_t svbrdf_map;
+
+/**
+ * How a map's texels are laid out.
+ */
+typedef uint32_t svbrdf_map_format;
+
+/**
+ * Kind of board.
+ */
+typedef uint32_t svbrdf_board_kind;
+
+/**
+ * The printed board round the sample.
+ */
+typedef struct svbrdf_board {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * One of SVBRDF_BOARD_.
+     */
+    svbrdf_board_kind kind;
+    /**
+     * Rows of squares, the hole's included; rows + cols is odd.
+     */
+    uint32_t rows;
+    /**
+     * Columns of squares, the hole's included.
+     */
+    uint32_t cols;
+    /**
+     * First row of the hole, counted from the printed top.
+     */
+    uint32_t hole_row_start;
+    /**
+     * First column of the hole, counted from the left.
+     */
+    uint32_t hole_col_start;
+    /**
+     * Row after the hole's last.
+     */
+    uint32_t hole_row_end;
+    /**
+     * Column after the hole's last.
+     */
+    uint32_t hole_col_end;
+    /**
+     * 1 when the printed top-left square is white, 0 when it is black.
+     */
+    uint32_t top_left_white;
+    /**
+     * Side of a square, mm.
+     */
+    double square_mm;
+    /**
+     * Diffuse albedo of white squares.
+     */
+    double white_albedo;
+    /**
+     * Diffuse albedo of black squares.
+     */
+    double black_albedo;
+    /**
+     * For ChArUco: side of a marker, mm.
+     */
+    double marker_mm;
+    /**
+     * For ChArUco: OpenCV's dictionary name, e.g. "DICT_4X4_250"; needed during the call only.
+     */
+    const char *dictionary;
+} svbrdf_board;
+
+/**
+ * Intrinsics of a camera. Pixel (0, 0) is the centre of the top-left pixel.
+ */
+typedef struct svbrdf_camera {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Width of the photos, px, after turning them by svbrdf_image.rotation.
+     */
+    uint32_t width;
+    /**
+     * Height of the photos, px, after turning them.
+     */
+    uint32_t height;
+    /**
+     * Focal length along x, px.
+     */
+    double fx;
+    /**
+     * Focal length along y, px.
+     */
+    double fy;
+    /**
+     * Principal point, px.
+     */
+    double cx;
+    /**
+     * Principal point, px.
+     */
+    double cy;
+    /**
+     * OpenCV's k1, k2, p1, p2, k3.
+     */
+    double distortion[5];
+} svbrdf_camera;
+
+/**
+ * What the photos show.
+ */
+typedef uint32_t svbrdf_scene;
+
+/**
+ * How maps are found.
+ */
+typedef uint32_t svbrdf_method;
+
+/**
+ * Light of rectified photos.
+ */
+typedef uint32_t svbrdf_falloff;
+
+/**
+ * What a session is doing.
+ */
+typedef uint32_t svbrdf_state;
+
+/**
+ * State of a fit.
+ */
+typedef struct svbrdf_progress {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * One of SVBRDF_STATE_.
+     */
+    svbrdf_state state;
+    /**
+     * Photos accepted so far.
+     */
+    uint32_t frames;
+    /**
+     * 1 when the fit has finished on all photos so far.
+     */
+    uint32_t settled;
+    /**
+     * Share of the work on the photos so far that is done, 0 to 1.
+     */
+    float fraction;
+    /**
+     * Mean error (log-L1 of renderings) before the fit of the latest photo.
+     */
+    float loss_before;
+    /**
+     * Mean error now.
+     */
+    float loss;
+    /**
+     * Estimated seconds left; negative when not known.
+     */
+    float seconds_left;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * Sets of maps published so far: when it has grown there are newer maps.
+     */
+    uint64_t maps_revision;
+} svbrdf_progress;
+
+/**
+ * Called with the state of the fit whenever it has changed; changes that come faster than the
+ * callback returns are left out. See "Threads" at the top.
+ */
+typedef void (*svbrdf_progress_callback)(void *user_data,
+                                         struct svbrdf_session *session,
+                                         const struct svbrdf_progress *progress);
+
+/**
+ * Called when newer maps can be taken with svbrdf_session_snapshot_maps(), at once for the first
+ * photo, then a few times a second during a fit. See "Threads" at the top.
+ */
+typedef void (*svbrdf_maps_callback)(void *user_data, struct svbrdf_session *session);
+
+/**
+ * How much a log line matters.
+ */
+typedef uint32_t svbrdf_log_level;
+
+/**
+ * Called with a line of text (UTF-8, without a line end, valid during the call) on the thread it
+ * happens on: one inside a call of the session, or the session's callback thread.
+ */
+typedef void (*svbrdf_log_callback)(void *user_data, svbrdf_log_level level, const char *message);
+
+/**
+ * Options of a session. What they point to is needed during the call only, except user_data.
+ */
+typedef struct svbrdf_session_options {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * One of SVBRDF_SCENE_. Default: a board.
+     */
+    svbrdf_scene scene;
+    /**
+     * Texels along each side of the maps: 256, 512, 1024 or 2048. Default: 256.
+     */
+    uint32_t resolution;
+    /**
+     * Width and height of the sample, mm. Default: 100 x 100.
+     */
+    float sample_mm[2];
+    /**
+     * One of SVBRDF_METHOD_. Default: deep.
+     */
+    svbrdf_method method;
+    /**
+     * Whether the per-texel refinement runs, 0 or 1. Default: 1.
+     */
+    uint32_t refine;
+    /**
+     * Threads of the fit, at most 64; 0: one per core, at most 4.
+     */
+    uint32_t threads;
+    /**
+     * For rectified photos: one of SVBRDF_FALLOFF_. Default: auto.
+     */
+    svbrdf_falloff falloff;
+    /**
+     * Seed of everything random. Same photos, seed and threads: same maps.
+     */
+    uint64_t seed;
+    /**
+     * For rectified photos: strength of the light per channel, see SVBRDF_FALLOFF_.
+     */
+    float light_power[3];
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * The board; NULL: the default one.
+     */
+    const struct svbrdf_board *board;
+    /**
+     * The camera of all photos; a board needs one.
+     */
+    const struct svbrdf_camera *camera;
+    /**
+     * Position of the flash in the camera frame (x right, y down, z forward), three numbers, mm;
+     * NULL: at the camera's centre.
+     */
+    const double *flash_offset_mm;
+    /**
+     * Models; NULL: those inside the library.
+     */
+    const struct svbrdf_models *models;
+    /**
+     * Called on the session's callback thread, or NULL.
+     */
+    svbrdf_progress_callback on_progress;
+    /**
+     * Called on the session's callback thread, or NULL.
+     */
+    svbrdf_maps_callback on_maps;
+    /**
+     * Called with log lines, or NULL.
+     */
+    svbrdf_log_callback on_log;
+    /**
+     * Handed to the callbacks.
+     */
+    void *user_data;
+} svbrdf_session_options;
+
+/**
+ * What lit a photo.
+ */
+typedef uint32_t svbrdf_flash;
+
+/**
+ * What is known about a photo.
+ */
+typedef struct svbrdf_frame_info {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Relative exposure: value = radiance * exposure. With a torch, exposure time times
+     * sensitivity over that of the first photo. Default: 1.
+     */
+    float exposure;
+    /**
+     * One of SVBRDF_FLASH_. Default: unknown.
+     */
+    svbrdf_flash flash;
+    /**
+     * Handed back in the report and named in the log, e.g. to tell which photo it was.
+     */
+    int64_t timestamp_ns;
+} svbrdf_frame_info;
+
+/**
+ * Why a photo was not used. Values may be added.
+ */
+typedef uint32_t svbrdf_rejection;
+
+/**
+ * What became of a photo.
+ */
+typedef struct svbrdf_frame_report {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when the photo takes part in the fit, 0 when it was rejected.
+     */
+    uint32_t accepted;
+    /**
+     * Why it was rejected: one of SVBRDF_REJECTION_.
+     */
+    svbrdf_rejection rejection;
+    /**
+     * Number of photos accepted before this one.
+     */
+    uint32_t index;
+    /**
+     * 1 when the pose below is known: an accepted photo of a board.
+     */
+    uint32_t has_pose;
+    /**
+     * Rotation from the board to the camera, row by row.
+     */
+    double rotation[9];
+    /**
+     * Board origin in the camera frame, mm.
+     */
+    double translation_mm[3];
+    /**
+     * Reprojection error of the board's corners, px.
+     */
+    double reprojection_rms_px;
+    /**
+     * Seconds from the call to maps being available.
+     */
+    double maps_seconds;
+    /**
+     * The timestamp that was given with the photo.
+     */
+    int64_t timestamp_ns;
+} svbrdf_frame_report;
+
+/**
+ * 3 bytes a pixel.
+ */
+#define SVBRDF_PIXEL_RGB8 1
+
+/**
+ * 4 bytes a pixel, the fourth ignored.
+ */
+#define SVBRDF_PIXEL_RGBA8 2
+
+/**
+ * 3 16-bit numbers a pixel.
+ */
+#define SVBRDF_PIXEL_RGB16 3
+
+/**
+ * 4 16-bit numbers a pixel, the fourth ignored.
+ */
+#define SVBRDF_PIXEL_RGBA16 4
+
+/**
+ * 4 half floats a pixel, linear, the fourth ignored.
+ */
+#define SVBRDF_PIXEL_RGBA_F16 5
+
+/**
+ * 3 floats a pixel, linear.
+ */
+#define SVBRDF_PIXEL_RGB_F32 6
+
+/**
+ * 4 floats a pixel, linear, the fourth ignored.
+ */
+#define SVBRDF_PIXEL_RGBA_F32 7
+
+/**
+ * Three planes: luma, then U (Cb) and V (Cr) at half the size, rounded up. Strides tell NV12,
+ * NV21 and I420 apart, as in Android's YUV_420_888.
+ */
+#define SVBRDF_PIXEL_YUV420 8
+
+/**
+ * One plane of 16-bit sensor values behind a Bayer mosaic, as Android's RAW_SENSOR.
+ */
+#define SVBRDF_PIXEL_BAYER16 9
+
+/**
+ * Proportional to light: the best there is. Floats and raw values are this always.
+ */
+#define SVBRDF_TRANSFER_LINEAR 1
+
+/**
+ * IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off.
+ */
+#define SVBRDF_TRANSFER_SRGB 2
+
+/**
+ * Pure power law of 2.2.
+ */
+#define SVBRDF_TRANSFER_GAMMA22 3
+
+/**
+ * BT.601, all 256 values: JPEG and Android.
+ */
+#define SVBRDF_YUV_BT601_FULL 1
+
+/**
+ * BT.601, luma 16 to 235.
+ */
+#define SVBRDF_YUV_BT601_LIMITED 2
+
+/**
+ * BT.709, all 256 values.
+ */
+#define SVBRDF_YUV_BT709_FULL 3
+
+/**
+ * BT.709, luma 16 to 235.
+ */
+#define SVBRDF_YUV_BT709_LIMITED 4
+
+/**
+ * Red, green; green, blue.
+ */
+#define SVBRDF_BAYER_RGGB 1
+
+/**
+ * Green, red; blue, green.
+ */
+#define SVBRDF_BAYER_GRBG 2
+
+/**
+ * Green, blue; red, green.
+ */
+#define SVBRDF_BAYER_GBRG 3
+
+/**
+ * Blue, green; green, red.
+ */
+#define SVBRDF_BAYER_BGGR 4
+
+/**
+ * Unit normal, X right, Y up (OpenGL, glTF), Z out of the surface; 8 bits: (n + 1) / 2.
+ */
+#define SVBRDF_MAP_NORMAL 1
+
+/**
+ * Diffuse albedo, linear Rec. 709; 8 bits: with the sRGB curve, as glTF's base colour.
+ */
+#define SVBRDF_MAP_DIFFUSE 2
+
+/**
+ * Specular albedo F0, linear Rec. 709; 8 bits: with the sRGB curve.
+ */
+#define SVBRDF_MAP_SPECULAR 3
+
+/**
+ * Roughness, GGX alpha = roughness²; 8 bits: R 255 (occlusion), G roughness, B 0 (metalness),
+ * linear: glTF's occlusion-roughness-metalness.
+ */
+#define SVBRDF_MAP_ROUGHNESS 4
+
+/**
+ * Floats: three a texel, one for roughness.
+ */
+#define SVBRDF_MAP_FORMAT_F32 1
+
+/**
+ * Three bytes a texel.
+ */
+#define SVBRDF_MAP_FORMAT_RGB8 2
+
+/**
+ * Four bytes a texel, the fourth 255.
+ */
+#define SVBRDF_MAP_FORMAT_RGBA8 3
+
+/**
+ * A checkerboard with a rectangular hole for the sample.
+ */
+#define SVBRDF_BOARD_CHECKERBOARD_RING 1
+
+/**
+ * The same with an ArUco marker in every printed white square.
+ */
+#define SVBRDF_BOARD_CHARUCO_RING 2
+
+/**
+ * The sample inside a printed board: svbrdf_session_push_frame().
+ */
+#define SVBRDF_SCENE_BOARD 1
+
+/**
+ * The sample's top view, camera and light given: svbrdf_session_push_rectified().
+ */
+#define SVBRDF_SCENE_RECTIFIED 2
+
+/**
+ * Networks, then per-texel refinement.
+ */
+#define SVBRDF_METHOD_DEEP 1
+
+/**
+ * Inverse rendering on the maps themselves: a baseline.
+ */
+#define SVBRDF_METHOD_CLASSIC 2
+
+/**
+ * Inverse square; a white surface facing the light at the first camera's distance comes out at 1.
+ */
+#define SVBRDF_FALLOFF_AUTO 1
+
+/**
+ * Inverse square with light_power in mm² (irradiance at 1 mm).
+ */
+#define SVBRDF_FALLOFF_INVERSE_SQUARE 2
+
+/**
+ * The same irradiance light_power at every texel; pi: a white texel facing it comes out at 1.
+ */
+#define SVBRDF_FALLOFF_NONE 3
+
+/**
+ * A fault.
+ */
+#define SVBRDF_LOG_ERROR 1
+
+/**
+ * A photo was rejected.
+ */
+#define SVBRDF_LOG_WARNING 2
+
+/**
+ * What happens.
+ */
+#define SVBRDF_LOG_INFO 3
+
+/**
+ * Not said: the photo is looked at.
+ */
+#define SVBRDF_FLASH_UNKNOWN 0
+
+/**
+ * No flash: the photo is rejected.
+ */
+#define SVBRDF_FLASH_OFF 1
+
+/**
+ * A flash fired.
+ */
+#define SVBRDF_FLASH_FIRED 2
+
+/**
+ * The lamp was on all the time.
+ */
+#define SVBRDF_FLASH_TORCH 3
+
+/**
+ * It was used.
+ */
+#define SVBRDF_REJECTION_NONE 0
+
+/**
+ * For a reason that this version of the header does not know.
+ */
+#define SVBRDF_REJECTION_OTHER 1
+
+/**
+ * Its size is not the camera's.
+ */
+#define SVBRDF_REJECTION_WRONG_SIZE 2
+
+/**
+ * Nothing like the board was found.
+ */
+#define SVBRDF_REJECTION_BOARD_NOT_FOUND 3
+
+/**
+ * Too little of the board is seen.
+ */
+#define SVBRDF_REJECTION_TOO_FEW_CORNERS 4
+
+/**
+ * The corners do not fit the board seen by the camera.
+ */
+#define SVBRDF_REJECTION_POSE_UNCERTAIN 5
+
+/**
+ * It is blurred.
+ */
+#define SVBRDF_REJECTION_BLURRED 6
+
+/**
+ * It is too dark.
+ */
+#define SVBRDF_REJECTION_TOO_DARK 7
+
+/**
+ * Too much of it is over-exposed.
+ */
+#define SVBRDF_REJECTION_CLIPPED 8
+
+/**
+ * The camera looks too flat across the sample.
+ */
+#define SVBRDF_REJECTION_TOO_GRAZING 9
+
+/**
+ * Too little of the sample is inside.
+ */
+#define SVBRDF_REJECTION_SAMPLE_OUTSIDE 10
+
+/**
+ * The flash does not light the board, or is said to be off.
+ */
+#define SVBRDF_REJECTION_LIGHT_NOT_VISIBLE 11
+
+/**
+ * It holds values that are not numbers.
+ */
+#define SVBRDF_REJECTION_NOT_FINITE 12
+
+/**
+ * Nothing: no photo yet, or the fit has settled on all photos so far.
+ */
+#define SVBRDF_STATE_READY 1
+
+/**
+ * Fitting.
+ */
+#define SVBRDF_STATE_FITTING 2
+
+/**
+ * Held by svbrdf_session_pause() with work left.
+ */
+#define SVBRDF_STATE_PAUSED 3
+
+/**
+ * Ended by svbrdf_session_cancel().
+ */
+#define SVBRDF_STATE_CANCELLED 4
+
+/**
+ * Ended by a fault inside the library.
+ */
+#define SVBRDF_STATE_FAILED 5
+
+/**
+ * Done.
+ */
+#define SVBRDF_OK 0
+
+/**
+ * The photo cannot be used; nothing changed. The report has the reason, and
+ * svbrdf_last_error_message() a sentence for the user.
+ */
+#define SVBRDF_REJECTED 1
+
+/**
+ * The time given has passed first.
+ */
+#define SVBRDF_TIMEOUT 2
+
+/**
+ * No photo has been accepted yet, so there are no maps.
+ */
+#define SVBRDF_NO_MAPS 3
+
+/**
+ * An argument is NULL, not a number, out of range, or too small a buffer.
+ */
+#define SVBRDF_INVALID_ARGUMENT -1
+
+/**
+ * The handle was destroyed, is NULL, or is of another kind.
+ */
+#define SVBRDF_INVALID_HANDLE -2
+
+/**
+ * The session was cancelled.
+ */
+#define SVBRDF_CANCELLED -3
+
+/**
+ * A file cannot be read or written.
+ */
+#define SVBRDF_IO -4
+
+/**
+ * The models are damaged or do not fit this version.
+ */
+#define SVBRDF_BAD_MODEL -5
+
+/**
+ * The struct asks for something this version does not know, or this build lacks.
+ */
+#define SVBRDF_UNSUPPORTED -6
+
+/**
+ * A fault inside the library. A session in which it happened answers this from then on; its
+ * maps, its progress and svbrdf_session_destroy() stay available.
+ */
+#define SVBRDF_FAILED -7
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/**
+ * Fills a picture description with defaults: pass sizeof(svbrdf_image).
+ */
+svbrdf_status svbrdf_image_init(struct svbrdf_image *image, size_t size);
+
+/**
+ * Version of the library, e.g. "0.1.0". Static, never NULL.
+ */
+const char *svbrdf_version(void);
+
+/**
+ * Version of the library as a number: major * 65536 + minor * 256 + patch.
+ */
+uint32_t svbrdf_version_number(void);
+
+/**
+ * What this build has: an OR of SVBRDF_FEATURE_ values.
+ */
+uint64_t svbrdf_features(void);
+
+/**
+ * Fills a view with defaults: pass sizeof(svbrdf_map_view).
+ */
+svbrdf_status svbrdf_map_view_init(struct svbrdf_map_view *view, size_t size);
+
+/**
+ * Width, height (texels) and size of the sample (mm) of maps. Results may be NULL.
+ */
+svbrdf_status svbrdf_maps_size(const struct svbrdf_maps *maps,
+                               uint32_t *width,
+                               uint32_t *height,
+                               float *sample_mm);
+
+/**
+ * A map in memory that the library owns: made when first asked for, freed with the maps.
+ */
+svbrdf_status svbrdf_maps_view(const struct svbrdf_maps *maps,
+                               svbrdf_map map,
+                               svbrdf_map_format format,
+                               struct svbrdf_map_view *view);
+
+/**
+ * Copies a map into the caller's memory, rows of `row_stride` bytes (0: no gap). The last row may
+ * end with its last texel. No alignment is asked for.
+ */
+svbrdf_status svbrdf_maps_copy(const struct svbrdf_maps *maps,
+                               svbrdf_map map,
+                               svbrdf_map_format format,
+                               void *data,
+                               size_t bytes,
+                               size_t row_stride);
+
+/**
+ * Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and preview.png
+ * into a folder (UTF-8), which is made if missing. No file is ever half-written under its name.
+ */
+svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps, const char *path);
+
+/**
+ * Frees maps and every view of them; NULL is fine.
+ */
+svbrdf_status svbrdf_maps_destroy(struct svbrdf_maps *maps);
+
+/**
+ * Reads models from the contents of decoder.bin, encoder.onnx and photo.onnx. The bytes are not
+ * needed after the call. Free with svbrdf_models_destroy().
+ */
+svbrdf_status svbrdf_models_from_memory(const void *decoder,
+                                        size_t decoder_bytes,
+                                        const void *encoder,
+                                        size_t encoder_bytes,
+                                        const void *photo,
+                                        size_t photo_bytes,
+                                        struct svbrdf_models **out);
+
+/**
+ * Reads models from decoder.bin, encoder.onnx and photo.onnx of a folder (UTF-8). Free with
+ * svbrdf_models_destroy().
+ */
+svbrdf_status svbrdf_models_from_folder(const char *path, struct svbrdf_models **out);
+
+/**
+ * Frees models; NULL is fine.
+ */
+svbrdf_status svbrdf_models_destroy(struct svbrdf_models *models);
+
+/**
+ * Fills a board with the default one (A4, 17 x 16 squares of 11.5 mm): pass
+ * sizeof(svbrdf_board).
+ */
+svbrdf_status svbrdf_board_init(struct svbrdf_board *board, size_t size);
+
+/**
+ * Fills a camera with zeros: pass sizeof(svbrdf_camera).
+ */
+svbrdf_status svbrdf_camera_init(struct svbrdf_camera *camera, size_t size);
+
+/**
+ * Fills options with defaults: pass sizeof(svbrdf_session_options).
+ */
+svbrdf_status svbrdf_session_options_init(struct svbrdf_session_options *options, size_t size);
+
+/**
+ * Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info).
+ */
+svbrdf_status svbrdf_frame_info_init(struct svbrdf_frame_info *info, size_t size);
+
+/**
+ * Fills a report with defaults: pass sizeof(svbrdf_frame_report).
+ */
+svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
+
+/**
+ * Fills a progress with defaults: pass sizeof(svbrdf_progress).
+ */
+svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size);
+
+/**
+ * Starts a session. On success `*session` is a handle to free with svbrdf_session_destroy();
+ * otherwise it is left as it was.
+ */
+svbrdf_status svbrdf_session_create(const struct svbrdf_session_options *options,
+                                    struct svbrdf_session **session);
+
+/**
+ * Takes a photo of a board in: copied, calibrated, rectified. When it returns SVBRDF_OK, maps that
+ * know of the photo are available; the fit goes on in the background. SVBRDF_REJECTED when the
+ * photo cannot be used: nothing changed. `info` and `report` may be NULL. Calls from several
+ * threads are served one after the other.
+ */
+svbrdf_status svbrdf_session_push_frame(struct svbrdf_session *session,
+                                        const struct svbrdf_image *image,
+                                        const struct svbrdf_frame_info *info,
+                                        struct svbrdf_frame_report *report);
+
+/**
+ * As svbrdf_session_push_frame() for a photo that shows the sample's rectangle from the top, at
+ * any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
+ * sample's centre, X right, Y up, Z towards the camera).
+ */
+svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
+                                            const struct svbrdf_image *image,
+                                            const struct svbrdf_frame_info *info,
+                                            const float *camera_mm,
+                                            const float *light_mm,
+                                            struct svbrdf_frame_report *report);
+
+/**
+ * Blocks until the fit has settled on all photos so far, for at most `timeout_ms` milliseconds
+ * (negative: no limit; 0: only looks). SVBRDF_TIMEOUT when it has not settled by then.
+ */
+svbrdf_status svbrdf_session_wait(struct svbrdf_session *session, int64_t timeout_ms);
+
+/**
+ * State of the fit; answered at once, also by a failed or cancelled session.
+ */
+svbrdf_status svbrdf_session_progress(const struct svbrdf_session *session,
+                                      struct svbrdf_progress *progress);
+
+/**
+ * The light as found so far: position of the flash in the camera frame, three numbers, mm, and
+ * ambient light as a share of the flash's at the sample's centre. Waits for a push in progress.
+ * Results may be NULL.
+ */
+svbrdf_status svbrdf_session_light(const struct svbrdf_session *session,
+                                   double *flash_offset_mm,
+                                   float *ambient_fraction);
+
+/**
+ * The maps as they are now; SVBRDF_NO_MAPS before the first accepted photo. Answered at once, also
+ * by a failed or cancelled session. Free with svbrdf_maps_destroy().
+ */
+svbrdf_status svbrdf_session_snapshot_maps(const struct svbrdf_session *session,
+                                           struct svbrdf_maps **out);
+
+/**
+ * Writes the maps as they are now into a folder, as svbrdf_maps_export().
+ */
+svbrdf_status svbrdf_session_export(const struct svbrdf_session *session, const char *path);
+
+/**
+ * Holds the fit after the step in progress; photos are still taken in.
+ */
+svbrdf_status svbrdf_session_pause(struct svbrdf_session *session);
+
+/**
+ * Goes on after svbrdf_session_pause().
+ */
+svbrdf_status svbrdf_session_resume(struct svbrdf_session *session);
+
+/**
+ * Ends the fit after the step in progress. Photos are refused from then on; maps stay available.
+ * Calls that wait return SVBRDF_CANCELLED.
+ */
+svbrdf_status svbrdf_session_cancel(struct svbrdf_session *session);
+
+/**
+ * Ends a session at any time, from any thread, also from its callbacks and while other threads
+ * are inside its calls: those return SVBRDF_CANCELLED or their result. Blocks for the step in
+ * progress at most, and for a callback in progress on another thread. When it has returned, no
+ * progress or maps callback is running or will come (but the one it was called from). The handle
+ * is never valid again; further calls with it answer SVBRDF_INVALID_HANDLE. NULL is fine.
+ */
+svbrdf_status svbrdf_session_destroy(struct svbrdf_session *session);
+
+/**
+ * What was wrong with this thread's latest call, in English; empty when it was done. UTF-8, valid
+ * until the thread's next call of the library or its end. Never NULL.
+ */
+const char *svbrdf_last_error_message(void);
+
+/**
+ * The name of a status in lower case, e.g. "invalid_argument"; "unknown" for other numbers.
+ * Static, never NULL.
+ */
+const char *svbrdf_status_name(svbrdf_status status);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* SVBRDF_H */

@@ -1,0 +1,326 @@
+// svbrdf for C++17: handles that free themselves, results and exceptions, over svbrdf.h.
+//
+// What svbrdf.h says about units, threads and callbacks holds here too. Handles may be moved, not
+// copied. Faults are thrown as svbrdf::Error; a photo that cannot be used is no fault, see
+// Session::push().
+#ifndef SVBRDF_HPP
+#define SVBRDF_HPP
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "svbrdf.h"
+
+namespace svbrdf {
+
+/// A fault, with its status and the library's message.
+class Error : public std::runtime_error {
+public:
+    explicit Error(svbrdf_status status)
+        : std::runtime_error(text(status)), status_(status) {}
+    svbrdf_status status() const noexcept { return status_; }
+
+private:
+    static std::string text(svbrdf_status status) {
+        const char* message = svbrdf_last_error_message();
+        return *message != '\0' ? message : svbrdf_status_name(status);
+    }
+    svbrdf_status status_;
+};
+
+/// Throws unless the call was done.
+inline void check(svbrdf_status status) {
+    if (status != SVBRDF_OK) {
+        throw Error(status);
+    }
+}
+
+/// A struct of svbrdf.h with its defaults, e.g. make(svbrdf_image_init).
+template <typename Struct>
+Struct make(svbrdf_status (*init)(Struct*, std::size_t)) {
+    Struct value{};
+    check(init(&value, sizeof value));
+    return value;
+}
+
+/// Elements in memory that somebody else owns.
+template <typename T>
+class Span {
+public:
+    Span() noexcept = default;
+    Span(T* data, std::size_t size) noexcept : data_(data), size_(size) {}
+    T* data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return size_; }
+    T* begin() const noexcept { return data_; }
+    T* end() const noexcept { return data_ + size_; }
+    T& operator[](std::size_t i) const noexcept { return data_[i]; }
+
+private:
+    T* data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+/// Tightly packed 8-bit pixels as a picture, without copying.
+inline svbrdf_image rgb8(const std::uint8_t* data, std::uint32_t width, std::uint32_t height,
+                         svbrdf_transfer transfer = SVBRDF_TRANSFER_SRGB) {
+    svbrdf_image image = make(svbrdf_image_init);
+    image.format = SVBRDF_PIXEL_RGB8;
+    image.width = width;
+    image.height = height;
+    image.transfer = transfer;
+    image.planes[0].data = data;
+    image.planes[0].row_stride = std::size_t{3} * width;
+    image.planes[0].bytes = image.planes[0].row_stride * height;
+    return image;
+}
+
+namespace detail {
+
+/// Owns a handle.
+template <typename Handle, svbrdf_status (*destroy)(Handle*)>
+class Owner {
+public:
+    Owner() noexcept = default;
+    explicit Owner(Handle* handle) noexcept : handle_(handle) {}
+    Owner(Owner&& other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
+    Owner& operator=(Owner&& other) noexcept {
+        if (this != &other) {
+            reset();
+            handle_ = std::exchange(other.handle_, nullptr);
+        }
+        return *this;
+    }
+    ~Owner() { reset(); }
+    Handle* get() const noexcept { return handle_; }
+    void reset() noexcept { destroy(std::exchange(handle_, nullptr)); }
+
+private:
+    Handle* handle_ = nullptr;
+};
+
+}  // namespace detail
+
+/// Networks that sessions share.
+class Models {
+public:
+    static Models from_folder(const std::string& path) {
+        svbrdf_models* models = nullptr;
+        check(svbrdf_models_from_folder(path.c_str(), &models));
+        return Models(models);
+    }
+    static Models from_memory(Span<const std::uint8_t> decoder, Span<const std::uint8_t> encoder,
+                              Span<const std::uint8_t> photo) {
+        svbrdf_models* models = nullptr;
+        check(svbrdf_models_from_memory(decoder.data(), decoder.size(), encoder.data(),
+                                        encoder.size(), photo.data(), photo.size(), &models));
+        return Models(models);
+    }
+    svbrdf_models* get() const noexcept { return owner_.get(); }
+
+private:
+    explicit Models(svbrdf_models* models) noexcept : owner_(models) {}
+    detail::Owner<svbrdf_models, svbrdf_models_destroy> owner_;
+};
+
+/// A map in memory of its Maps.
+template <typename T>
+struct MapView {
+    Span<const T> values;
+    std::uint32_t width, height, channels;
+    /// First channel of a texel.
+    const T* at(std::uint32_t x, std::uint32_t y) const noexcept {
+        return values.data() + (std::size_t{y} * width + x) * channels;
+    }
+};
+
+/// Maps at one moment.
+class Maps {
+public:
+    explicit Maps(svbrdf_maps* maps) noexcept : owner_(maps) {}
+
+    /// Linear values: three channels, one for roughness. Valid as long as these maps.
+    MapView<float> floats(svbrdf_map map) const {
+        return view<float>(map, SVBRDF_MAP_FORMAT_F32);
+    }
+    /// Four bytes a texel, as glTF wants them. Valid as long as these maps.
+    MapView<std::uint8_t> rgba8(svbrdf_map map) const {
+        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGBA8);
+    }
+    /// Three bytes a texel. Valid as long as these maps.
+    MapView<std::uint8_t> rgb8(svbrdf_map map) const {
+        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGB8);
+    }
+    /// Copies a map; rows of `row_stride` bytes, 0: no gap.
+    void copy(svbrdf_map map, svbrdf_map_format format, void* data, std::size_t bytes,
+              std::size_t row_stride = 0) const {
+        check(svbrdf_maps_copy(get(), map, format, data, bytes, row_stride));
+    }
+    std::pair<std::uint32_t, std::uint32_t> size() const {
+        std::uint32_t width = 0, height = 0;
+        check(svbrdf_maps_size(get(), &width, &height, nullptr));
+        return {width, height};
+    }
+    std::array<float, 2> sample_mm() const {
+        std::array<float, 2> mm{};
+        check(svbrdf_maps_size(get(), nullptr, nullptr, mm.data()));
+        return mm;
+    }
+    /// Writes PNG, EXR and a preview into a folder.
+    void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), path.c_str())); }
+    svbrdf_maps* get() const noexcept { return owner_.get(); }
+
+private:
+    template <typename T>
+    MapView<T> view(svbrdf_map map, svbrdf_map_format format) const {
+        svbrdf_map_view v = make(svbrdf_map_view_init);
+        check(svbrdf_maps_view(get(), map, format, &v));
+        return {Span<const T>(static_cast<const T*>(v.data), v.bytes / sizeof(T)), v.width,
+                v.height, v.channels};
+    }
+    detail::Owner<svbrdf_maps, svbrdf_maps_destroy> owner_;
+};
+
+/// What became of a photo.
+struct Pushed {
+    /// Whether it takes part in the fit.
+    bool accepted;
+    /// Why not: one of SVBRDF_REJECTION_.
+    svbrdf_rejection rejection;
+    /// Why not, for the user.
+    std::string advice;
+    /// Pose and figures.
+    svbrdf_frame_report report;
+    explicit operator bool() const noexcept { return accepted; }
+};
+
+/// Functions a session calls on its own thread (log also on yours). They may use the session's
+/// C handle; what they throw is dropped.
+struct Callbacks {
+    std::function<void(svbrdf_session*, const svbrdf_progress&)> progress;
+    std::function<void(svbrdf_session*)> maps;
+    std::function<void(svbrdf_log_level, const char*)> log;
+};
+
+/// A capture in progress. Its destructor may run at any time; see svbrdf_session_destroy().
+class Session {
+public:
+    explicit Session(const svbrdf_session_options& options) { create(options); }
+
+    /// With callbacks; those of `options` are not used.
+    Session(svbrdf_session_options options, Callbacks callbacks)
+        : callbacks_(std::make_unique<Callbacks>(std::move(callbacks))) {
+        options.user_data = callbacks_.get();
+        options.on_progress = callbacks_->progress ? on_progress : nullptr;
+        options.on_maps = callbacks_->maps ? on_maps : nullptr;
+        options.on_log = callbacks_->log ? on_log : nullptr;
+        create(options);
+    }
+    Session(Session&&) noexcept = default;
+    Session& operator=(Session&& other) noexcept {
+        // The session goes before the functions it calls.
+        owner_ = std::move(other.owner_);
+        callbacks_ = std::move(other.callbacks_);
+        return *this;
+    }
+
+    /// Takes a photo of a board in.
+    Pushed push(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_frame(get(), &image, info, &report), report);
+    }
+    /// Takes a photo from the top in, with camera and light in mm.
+    Pushed push_rectified(const svbrdf_image& image, const std::array<float, 3>& camera_mm,
+                          const std::array<float, 3>& light_mm,
+                          const svbrdf_frame_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_rectified(get(), &image, info, camera_mm.data(),
+                                                    light_mm.data(), &report),
+                      report);
+    }
+    /// Blocks until the fit has settled on all photos so far.
+    void wait() { check(svbrdf_session_wait(get(), -1)); }
+    /// The same for a limited time: whether it has settled.
+    bool wait_for(std::chrono::milliseconds limit) {
+        const svbrdf_status status = svbrdf_session_wait(get(), limit.count() < 0 ? 0 : limit.count());
+        if (status == SVBRDF_TIMEOUT) {
+            return false;
+        }
+        check(status);
+        return true;
+    }
+    svbrdf_progress progress() const {
+        svbrdf_progress progress = make(svbrdf_progress_init);
+        check(svbrdf_session_progress(get(), &progress));
+        return progress;
+    }
+    /// The maps as they are now; none before the first accepted photo.
+    std::optional<Maps> snapshot() const {
+        svbrdf_maps* maps = nullptr;
+        const svbrdf_status status = svbrdf_session_snapshot_maps(get(), &maps);
+        if (status == SVBRDF_NO_MAPS) {
+            return std::nullopt;
+        }
+        check(status);
+        return Maps(maps);
+    }
+    /// Flash position (mm, camera frame) and ambient share as found so far.
+    std::pair<std::array<double, 3>, float> light() const {
+        std::pair<std::array<double, 3>, float> light{};
+        check(svbrdf_session_light(get(), light.first.data(), &light.second));
+        return light;
+    }
+    void export_to(const std::string& path) const {
+        check(svbrdf_session_export(get(), path.c_str()));
+    }
+    void pause() { check(svbrdf_session_pause(get())); }
+    void resume() { check(svbrdf_session_resume(get())); }
+    void cancel() { check(svbrdf_session_cancel(get())); }
+    svbrdf_session* get() const noexcept { return owner_.get(); }
+
+private:
+    void create(const svbrdf_session_options& options) {
+        svbrdf_session* session = nullptr;
+        check(svbrdf_session_create(&options, &session));
+        owner_ = detail::Owner<svbrdf_session, svbrdf_session_destroy>(session);
+    }
+    static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {
+        if (status == SVBRDF_REJECTED) {
+            return {false, report.rejection, svbrdf_last_error_message(), report};
+        }
+        check(status);
+        return {true, SVBRDF_REJECTION_NONE, {}, report};
+    }
+    template <typename Call>
+    static void guarded(Call call) noexcept {
+        try {
+            call();
+        } catch (...) {
+            // Exceptions must not run through C.
+        }
+    }
+    static void on_progress(void* user, svbrdf_session* session, const svbrdf_progress* progress) {
+        guarded([&] { static_cast<Callbacks*>(user)->progress(session, *progress); });
+    }
+    static void on_maps(void* user, svbrdf_session* session) {
+        guarded([&] { static_cast<Callbacks*>(user)->maps(session); });
+    }
+    static void on_log(void* user, svbrdf_log_level level, const char* message) {
+        guarded([&] { static_cast<Callbacks*>(user)->log(level, message); });
+    }
+
+    // Destroyed in reverse: the session first.
+    std::unique_ptr<Callbacks> callbacks_;
+    detail::Owner<svbrdf_session, svbrdf_session_destroy> owner_;
+};
+
+}  // namespace svbrdf
+
+#endif

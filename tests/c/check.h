@@ -1,0 +1,50 @@
+/* What the parts of the C client share. */
+#ifndef SVBRDF_TEST_CHECK_H
+#define SVBRDF_TEST_CHECK_H
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "svbrdf.h"
+
+#define CHECK(condition)                                                                         \
+    do {                                                                                         \
+        if (!(condition)) {                                                                      \
+            fprintf(stderr, "%s:%d: %s does not hold\n", __FILE__, __LINE__, #condition);        \
+            exit(1);                                                                             \
+        }                                                                                        \
+    } while (0)
+
+#define EXPECT(call, expected)                                                                   \
+    do {                                                                                         \
+        svbrdf_status status_ = (call);                                                          \
+        if (status_ != (expected)) {                                                             \
+            fprintf(stderr, "%s:%d: %s: %s (%s)\n", __FILE__, __LINE__, #call,                   \
+                    svbrdf_status_name(status_), svbrdf_last_error_message());                   \
+            exit(1);                                                                             \
+        }                                                                                        \
+        CHECK((status_ == SVBRDF_OK) == (svbrdf_last_error_message()[0] == '\0'));               \
+    } while (0)
+
+#define OK(call) EXPECT(call, SVBRDF_OK)
+
+enum { SIDE = 256 };
+
+/* Whether to leave out what runs the networks: under valgrind that takes minutes. */
+int quick(void);
+/* A plain picture, SIDE x SIDE, 8 bits. */
+void gray_image(svbrdf_image *image, unsigned char *rgb, int level);
+/* Options of a session of rectified photos with one thread. */
+void rectified_options(svbrdf_session_options *options);
+/* Pushes a gray rectified photo. */
+svbrdf_status push_gray(svbrdf_session *session, int level);
+
+void test_board(const char *folder);
+void test_layouts(const char *folder);
+void test_maps(const char *folder);
+void test_bad_arguments(const char *folder);
+void test_lifecycle(const char *folder);
+void test_threads(const char *folder);
+
+#endif

@@ -1,0 +1,67 @@
+/* A C99 client that does everything the header offers: client TEST FOLDER. */
+#include "check.h"
+
+int quick(void)
+{
+    return getenv("SVBRDF_TEST_QUICK") != NULL;
+}
+
+void gray_image(svbrdf_image *image, unsigned char *rgb, int level)
+{
+    memset(rgb, level, 3 * SIDE * SIDE);
+    OK(svbrdf_image_init(image, sizeof *image));
+    image->format = SVBRDF_PIXEL_RGB8;
+    image->width = SIDE;
+    image->height = SIDE;
+    image->planes[0].data = rgb;
+    image->planes[0].bytes = 3 * SIDE * SIDE;
+    image->planes[0].row_stride = 3 * SIDE;
+}
+
+void rectified_options(svbrdf_session_options *options)
+{
+    OK(svbrdf_session_options_init(options, sizeof *options));
+    options->scene = SVBRDF_SCENE_RECTIFIED;
+    options->threads = 1;
+}
+
+svbrdf_status push_gray(svbrdf_session *session, int level)
+{
+    static const float above[3] = {0.0f, 10.0f, 150.0f};
+    svbrdf_image image;
+    svbrdf_status status;
+    unsigned char *rgb = malloc(3 * SIDE * SIDE);
+    CHECK(rgb != NULL);
+    gray_image(&image, rgb, level);
+    status = svbrdf_session_push_rectified(session, &image, NULL, above, above, NULL);
+    free(rgb);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct {
+        const char *name;
+        void (*run)(const char *folder);
+    } tests[] = {
+        {"board", test_board},         {"layouts", test_layouts},
+        {"maps", test_maps},           {"bad-arguments", test_bad_arguments},
+        {"lifecycle", test_lifecycle}, {"threads", test_threads},
+    };
+    size_t i;
+    CHECK(argc == 3);
+    CHECK(svbrdf_version_number() >> 16 == SVBRDF_VERSION_MAJOR);
+    CHECK(strlen(svbrdf_version()) >= 5);
+    CHECK(svbrdf_features() & SVBRDF_FEATURE_YUV);
+    CHECK(svbrdf_features() & SVBRDF_FEATURE_RAW);
+    CHECK(svbrdf_features() & SVBRDF_FEATURE_EMBEDDED_MODELS);
+    for (i = 0; i < sizeof tests / sizeof tests[0]; i++) {
+        if (strcmp(argv[1], tests[i].name) == 0) {
+            tests[i].run(argv[2]);
+            printf("%s: done\n", argv[1]);
+            return 0;
+        }
+    }
+    fprintf(stderr, "no test %s\n", argv[1]);
+    return 1;
+}

@@ -1,0 +1,215 @@
+// A C++17 client that does everything svbrdf.hpp offers: client TEST FOLDER.
+#include "svbrdf.hpp"
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <type_traits>
+#include <vector>
+
+#define CHECK(condition)                                                                       \
+    do {                                                                                       \
+        if (!(condition)) {                                                                    \
+            std::cerr << __FILE__ << ":" << __LINE__ << ": " #condition " does not hold\n";    \
+            std::exit(1);                                                                      \
+        }                                                                                      \
+    } while (0)
+
+namespace {
+
+template <typename Call>
+svbrdf_status thrown(Call call) {
+    try {
+        call();
+    } catch (const svbrdf::Error& error) {
+        CHECK(error.what()[0] != '\0');
+        return error.status();
+    }
+    return SVBRDF_OK;
+}
+
+struct Picture {
+    std::vector<std::uint8_t> rgb;
+    std::uint32_t width = 0, height = 0;
+    svbrdf_image view() const { return svbrdf::rgb8(rgb.data(), width, height); }
+};
+
+Picture read_ppm(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::string magic, full;
+    Picture picture;
+    file >> magic >> picture.width >> picture.height >> full;
+    CHECK(magic == "P6" && full == "255" && file.get() == '\n');
+    picture.rgb.resize(std::size_t{3} * picture.width * picture.height);
+    file.read(reinterpret_cast<char*>(picture.rgb.data()),
+              static_cast<std::streamsize>(picture.rgb.size()));
+    CHECK(file.good());
+    return picture;
+}
+
+svbrdf_session_options rectified() {
+    auto options = svbrdf::make(svbrdf_session_options_init);
+    options.scene = SVBRDF_SCENE_RECTIFIED;
+    options.threads = 1;
+    return options;
+}
+
+Picture gray() {
+    Picture picture;
+    picture.width = picture.height = 256;
+    picture.rgb.assign(3 * 256 * 256, 110);
+    return picture;
+}
+
+const std::array<float, 3> above{0.0f, 10.0f, 150.0f};
+
+void board(const std::string& folder) {
+    auto board = svbrdf::make(svbrdf_board_init);
+    board.rows = 19;
+    board.cols = 14;
+    board.square_mm = 10.0;
+    board.hole_row_start = 3;
+    board.hole_col_start = 2;
+    board.hole_row_end = 16;
+    board.hole_col_end = 12;
+    auto camera = svbrdf::make(svbrdf_camera_init);
+    camera.width = 2016;
+    camera.height = 1512;
+    camera.fx = 1493.9383274679394;
+    camera.fy = 1492.8832900664995;
+    camera.cx = 1014.8386867404545;
+    camera.cy = 755.2944690154574;
+    camera.distortion[0] = 0.0421587926023828;
+    camera.distortion[1] = -0.042918096580716374;
+    const std::array<double, 3> flash{4.9223925516757925, 7.8090039183605695, 0.0};
+    auto options = svbrdf::make(svbrdf_session_options_init);
+    options.board = &board;
+    options.camera = &camera;
+    options.flash_offset_mm = flash.data();
+    options.sample_mm[0] = options.sample_mm[1] = 88.0f;
+
+    std::atomic<int> progressed{0}, mapped{0}, logged{0};
+    svbrdf::Callbacks callbacks;
+    callbacks.progress = [&](svbrdf_session*, const svbrdf_progress& progress) {
+        CHECK(progress.fraction >= 0.0f && progress.fraction <= 1.0f);
+        ++progressed;
+        throw std::runtime_error("dropped at the boundary");
+    };
+    callbacks.maps = [&](svbrdf_session*) { ++mapped; };
+    callbacks.log = [&](svbrdf_log_level, const char* line) {
+        std::cout << line << "\n";
+        ++logged;
+    };
+    svbrdf::Session session(options, callbacks);
+    CHECK(!session.snapshot());
+    session.pause();
+    for (const char* name : {"/00.ppm", "/01.ppm"}) {
+        const Picture photo = read_ppm(folder + name);
+        const auto pushed = session.push(photo.view());
+        CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
+    }
+    Picture black = gray();
+    const auto refused = session.push(black.view());
+    CHECK(!refused && refused.rejection == SVBRDF_REJECTION_WRONG_SIZE);
+    CHECK(refused.advice.find("2016x1512") != std::string::npos);
+    CHECK(!session.wait_for(std::chrono::milliseconds(20)));
+    CHECK(session.progress().state == SVBRDF_STATE_PAUSED && session.progress().frames == 2);
+    session.resume();
+    session.wait();
+    CHECK(session.wait_for(std::chrono::milliseconds(0)));
+    CHECK(std::abs(session.light().first[0] - flash[0]) < 0.01);
+
+    const auto maps = session.snapshot();
+    CHECK(maps && maps->size() == std::make_pair(256u, 256u) && maps->sample_mm()[0] == 88.0f);
+    const auto normal = maps->floats(SVBRDF_MAP_NORMAL);
+    CHECK(normal.channels == 3 && normal.at(10, 20)[2] > 0.0f);
+    CHECK(maps->rgba8(SVBRDF_MAP_ROUGHNESS).at(0, 0)[0] == 255);
+    CHECK(maps->rgb8(SVBRDF_MAP_DIFFUSE).values.size() == 3 * 256 * 256);
+    std::vector<float> copy(256 * 256);
+    maps->copy(SVBRDF_MAP_ROUGHNESS, SVBRDF_MAP_FORMAT_F32, copy.data(), 4 * copy.size());
+    CHECK(copy[300] == maps->floats(SVBRDF_MAP_ROUGHNESS).values[300]);
+    maps->export_to(folder + "/cpp");
+    session.export_to(folder + "/cpp");
+    svbrdf::Session moved = std::move(session);
+    CHECK(session.get() == nullptr && moved.progress().settled == 1);
+    moved.cancel();
+    CHECK(thrown([&] { moved.wait(); }) == SVBRDF_OK);  // It had settled.
+    CHECK(thrown([&] { moved.push(black.view()); }) == SVBRDF_CANCELLED);
+    CHECK(progressed > 0 && mapped > 0 && logged >= 4);
+}
+
+std::vector<std::uint8_t> read_bytes(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    CHECK(file.good());
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void handles(const std::string& folder) {
+    static_assert(!std::is_copy_constructible_v<svbrdf::Session>);
+    static_assert(std::is_nothrow_move_constructible_v<svbrdf::Session>);
+    static_assert(!std::is_copy_constructible_v<svbrdf::Maps>);
+    static_assert(std::is_nothrow_move_assignable_v<svbrdf::Models>);
+    const auto bytes = [](const std::vector<std::uint8_t>& v) {
+        return svbrdf::Span<const std::uint8_t>(v.data(), v.size());
+    };
+    const auto decoder = read_bytes(folder + "/models/decoder.bin");
+    const auto encoder = read_bytes(folder + "/models/encoder.onnx");
+    const auto photo = read_bytes(folder + "/models/photo.onnx");
+    auto models = svbrdf::Models::from_memory(bytes(decoder), bytes(encoder), bytes(photo));
+    models = svbrdf::Models::from_folder(folder + "/models");
+    auto options = rectified();
+    options.models = models.get();
+    std::vector<svbrdf::Session> sessions;
+    std::atomic<int> calls{0};
+    for (int i = 0; i < 8; i++) {
+        svbrdf::Callbacks callbacks;
+        callbacks.progress = [&](svbrdf_session*, const svbrdf_progress&) { ++calls; };
+        sessions.emplace_back(options, callbacks);
+    }
+    std::optional<svbrdf::Maps> maps;
+    for (auto& session : sessions) {
+        CHECK(session.push_rectified(gray().view(), above, above));
+        maps = session.snapshot();
+    }
+    sessions.erase(sessions.begin() + 2, sessions.end() - 1);  // Ended during their fits.
+    sessions[0] = std::move(sessions[2]);
+    sessions.clear();
+    CHECK(maps->floats(SVBRDF_MAP_DIFFUSE).at(3, 3)[0] >= 0.0f);
+    CHECK(calls > 0);
+}
+
+void bad_arguments(const std::string&) {
+    auto options = rectified();
+    options.resolution = 7;
+    CHECK(thrown([&] { svbrdf::Session session(options); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(thrown([] { svbrdf::Models::from_folder("/nowhere"); }) == SVBRDF_IO);
+    svbrdf::Session session(rectified());
+    auto image = gray().view();
+    image.planes[0].data = nullptr;
+    CHECK(thrown([&] { session.push_rectified(image, above, above); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(thrown([&] { session.export_to("/nowhere"); }) == SVBRDF_NO_MAPS);
+    svbrdf::Session other = std::move(session);
+    CHECK(thrown([&] { session.pause(); }) == SVBRDF_INVALID_HANDLE);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    CHECK(argc == 3);
+    const std::string test = argv[1], folder = argv[2];
+    if (test == "board") {
+        board(folder);
+    } else if (test == "handles") {
+        handles(folder);
+    } else if (test == "bad-arguments") {
+        bad_arguments(folder);
+    } else {
+        std::cerr << "no test " << test << "\n";
+        return 1;
+    }
+    std::cout << test << ": done\n";
+    return 0;
+}
