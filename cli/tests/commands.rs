@@ -13,7 +13,7 @@ use svbrdf::svbrdf::channel;
 
 #[test]
 fn help_gives_an_example_for_every_command() {
-    for command in ["fit", "render", "board", "simulate", "compare"] {
+    for command in ["fit", "render", "board", "calibrate", "simulate", "compare"] {
         let help = succeed(&[command, "--help"]);
         assert!(help.contains(&format!("svbrdf {command} ")), "{help}");
         assert!(help.contains("Example"), "{help}");
