@@ -258,6 +258,36 @@ impl Photo {
         }
     }
 
+    /// A copy of the `width` x `height` pixels from (`x`, `y`) on, stored as here.
+    ///
+    /// # Panics
+    /// When the rectangle is empty or not inside.
+    pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Self {
+        let inside = |from: u32, count: u32, size: u32| {
+            count > 0 && from.checked_add(count).is_some_and(|end| end <= size)
+        };
+        assert!(
+            inside(x, width, self.width) && inside(y, height, self.height),
+            "{width} x {height} px from ({x}, {y}) of {} x {}",
+            self.width,
+            self.height
+        );
+        let rows = (y as usize..(y + height) as usize).map(|row| {
+            let start = 3 * (row * self.width as usize + x as usize);
+            start..start + 3 * width as usize
+        });
+        let pixels = match &self.pixels {
+            Pixels::U8(data, table) => {
+                Pixels::U8(rows.flat_map(|r| &data[r]).copied().collect(), table)
+            }
+            Pixels::U16(data, table) => {
+                Pixels::U16(rows.flat_map(|r| &data[r]).copied().collect(), table)
+            }
+            Pixels::F32(data) => Pixels::F32(rows.flat_map(|r| &data[r]).copied().collect()),
+        };
+        Self { width, height, pixels, ..*self }
+    }
+
     /// A value of every pixel; the kind of storage is looked at once.
     fn map_pixels<T>(&self, f: impl Fn([f32; 3]) -> T) -> Vec<T> {
         match &self.pixels {
@@ -345,6 +375,17 @@ mod tests {
             assert_eq!(photos[2].clip_mask(), [false, true, false, false]);
             assert!(photos[2].is_clipped(1, 0));
             assert_eq!(photos[3].clip_mask(), [false; 4]);
+        }
+    }
+
+    #[test]
+    fn crops_hold_the_same_pixels() {
+        let data: Vec<u8> = (0..60).collect();
+        let photo = Photo::from_rgb8(5, 4, &data, 15, Encoding::Srgb, 2.0).unwrap();
+        let crop = photo.cropped(1, 2, 3, 2);
+        assert_eq!((crop.width(), crop.height(), crop.exposure()), (3, 2, 2.0));
+        for (x, y) in [(0, 0), (2, 0), (1, 1), (2, 1)] {
+            assert_eq!(crop.pixel(x, y), photo.pixel(x + 1, y + 2));
         }
     }
 

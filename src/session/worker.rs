@@ -9,8 +9,8 @@ use crossbeam_channel::{Receiver, TryRecvError};
 use rayon::ThreadPool;
 
 use super::Progress;
+use super::board::Update;
 use super::fit::Fit;
-use super::intake::Update;
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
