@@ -6,7 +6,7 @@ use crate::geometry::Camera;
 /// Main cameras of phones have 24 to 28 mm (36 mm wide film); wider and longer lenses are common
 /// enough.
 const FOCAL_PER_SIDE: f64 = 0.75;
-const LOG_FOCAL_SIGMA: f64 = 0.35;
+const LOG_FOCAL_SIGMA: f64 = 0.15;
 /// Pixels of today's sensors are square.
 const LOG_ASPECT_SIGMA: f64 = 0.002;
 /// Principal point off the picture's middle, part of the long side.
@@ -40,7 +40,7 @@ pub struct CameraPrior {
 
 impl CameraPrior {
     /// For a camera of which only the picture's size is known: square pixels, principal point in
-    /// the middle, a phone's focal length give or take a third, little distortion.
+    /// the middle, a phone's focal length give or take 15 %, little distortion.
     pub fn ordinary(width: u32, height: u32) -> Self {
         let (w, h) = (f64::from(width), f64::from(height));
         let long = w.max(h);
