@@ -56,6 +56,8 @@ struct Image<'a> {
     status: Option<&'static str>,
     message: String,
     size: (u32, u32),
+    /// What is expected of the camera.
+    prior: Option<CameraPrior>,
     corners: Vec<Corner>,
 }
 
@@ -87,7 +89,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if found.is_empty() {
         return Err(nothing("no photo shows the board; expected at least one"));
     }
-    let mut prior = CameraPrior::ordinary(size.0, size.1);
+    let stated = images.iter().filter(|i| i.status.is_none()).find_map(|i| i.prior);
+    let mut prior = stated.unwrap_or(CameraPrior::ordinary(size.0, size.1));
     if let Some(focal) = arguments.focal {
         prior = prior.with_focal(focal, 0.03);
     }
@@ -108,8 +111,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Finds the board in a photo. Only a file that is not there is a fault.
 fn look<'a>(path: &'a Path, targets: &[Target]) -> Result<Image<'a>> {
-    let mut image =
-        Image { path, status: None, message: String::new(), size: (0, 0), corners: Vec::new() };
+    let mut image = Image {
+        path,
+        status: None,
+        message: String::new(),
+        size: (0, 0),
+        prior: None,
+        corners: Vec::new(),
+    };
     let encoding = match path.extension().and_then(|e| e.to_str()) {
         Some(e) if e.eq_ignore_ascii_case("exr") => Encoding::Linear,
         _ => Encoding::Srgb,
@@ -124,6 +133,7 @@ fn look<'a>(path: &'a Path, targets: &[Target]) -> Result<Image<'a>> {
         Err(fault) => return Err(Failure::Input(fault.to_string())),
     };
     image.size = (photo.width(), photo.height());
+    image.prior = photo.focal_35mm().map(|_| CameraPrior::of_photo(&photo));
     let luma = LumaImage::from_photo(&photo);
     drop(photo);
     let mut best: std::result::Result<Detection, _> = detect(&luma, &targets[0]);

@@ -4,6 +4,7 @@
 //! through a table when looked at. A photo holds relative radiance times [`Photo::exposure`].
 
 mod encoding;
+mod exif;
 mod file;
 
 pub(crate) use file::read_picture;
@@ -28,6 +29,7 @@ pub struct Photo {
     /// A linear channel at or above this value is saturated.
     saturation: f32,
     finite: bool,
+    focal_35mm: Option<f32>,
 }
 
 /// Interleaved RGB as stored.
@@ -181,7 +183,7 @@ impl Photo {
         if !(exposure.is_finite() && exposure > 0.0) {
             return Err(Error::argument("exposure", "a positive number is expected"));
         }
-        Ok(Self { width, height, pixels, exposure, saturation, finite })
+        Ok(Self { width, height, pixels, exposure, saturation, finite, focal_35mm: None })
     }
 
     /// Width, px.
@@ -202,6 +204,18 @@ impl Photo {
     /// A linear channel at or above this value is saturated; infinite: none is.
     pub fn saturation(&self) -> f32 {
         self.saturation
+    }
+
+    /// Focal length as the file's metadata state it, mm on film of 36 x 24 mm.
+    pub fn focal_35mm(&self) -> Option<f32> {
+        self.focal_35mm
+    }
+
+    /// With a focal length as a camera's metadata state it, mm on film of 36 x 24 mm; `None`:
+    /// unknown. It helps to estimate a camera.
+    pub fn with_focal_35mm(self, focal_35mm: Option<f32>) -> Self {
+        let focal_35mm = focal_35mm.filter(|f| f.is_finite() && *f > 0.0);
+        Self { focal_35mm, ..self }
     }
 
     /// Whether every value is a finite number.

@@ -118,7 +118,7 @@ impl Kept {
 #[derive(Debug, Clone)]
 enum Intrinsics {
     Given(Camera),
-    Estimated(Option<CameraEstimate>),
+    Estimated(Option<Box<CameraEstimate>>),
 }
 
 /// Takes photographs of a board in, one at a time.
@@ -185,7 +185,7 @@ impl BoardIntake {
     pub(super) fn camera_sigma(&self) -> Option<[f64; 9]> {
         match &self.intrinsics {
             Intrinsics::Given(_) => None,
-            Intrinsics::Estimated(estimate) => estimate.as_ref().map(CameraEstimate::sigma),
+            Intrinsics::Estimated(estimate) => estimate.as_ref().map(|e| e.sigma()),
         }
     }
 
@@ -251,8 +251,8 @@ impl BoardIntake {
             .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm)));
         let rms_px = solved.new.rms_px;
         self.frames.push(Frame { corners, kept, pose, rms_px, used: (camera, pose, radiometry) });
-        if solved.estimate.is_some() {
-            self.intrinsics = Intrinsics::Estimated(solved.estimate);
+        if let Some(estimate) = solved.estimate {
+            self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
         }
         self.photometry = photometry;
         Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates })
@@ -268,11 +268,11 @@ impl BoardIntake {
                 let new = pose_of(camera, corners)?;
                 return Ok(Solved { camera: *camera, estimate: None, new, earlier: None });
             }
-            Intrinsics::Estimated(estimate) => estimate.as_ref(),
+            Intrinsics::Estimated(estimate) => estimate.as_deref(),
         };
         let mut all: Vec<&[Corner]> = self.frames.iter().map(|f| f.corners.as_slice()).collect();
         all.push(corners);
-        let prior = CameraPrior::ordinary(photo.width(), photo.height());
+        let prior = CameraPrior::of_photo(photo);
         let start = earlier.map(|e| &e.camera);
         let estimate = calibration::estimate_camera(&self.target, &all, &prior, start)?;
         let new = pose_of(&estimate.camera, corners)?;

@@ -126,7 +126,7 @@ pub fn estimate_camera(
     noise_px = noise(&given, &state);
     let rms = rms(&given, &state);
     let long = f64::from(prior.camera.width.max(prior.camera.height));
-    if !(rms <= RMS_MAX_PX.max(RMS_MAX_SIDE * long)) {
+    if rms.is_nan() || rms > RMS_MAX_PX.max(RMS_MAX_SIDE * long) {
         return Err(uncertain(rms));
     }
     let covariance = Problem { prior, views: &given, noise_px }

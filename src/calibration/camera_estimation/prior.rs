@@ -1,12 +1,16 @@
 //! What is expected of a camera before its photographs are looked at.
 
 use super::joint::{INTRINSICS, Intrinsics};
+use crate::frame::Photo;
 use crate::geometry::Camera;
 
 /// Main cameras of phones have 24 to 28 mm (36 mm wide film); wider and longer lenses are common
 /// enough.
 const FOCAL_PER_SIDE: f64 = 0.75;
 const LOG_FOCAL_SIGMA: f64 = 0.15;
+/// Relative standard deviation of a focal length in a file's metadata.
+const METADATA_SIGMA: f64 = 0.04;
+const FILM_DIAGONAL_MM: f64 = 43.267;
 /// Pixels of today's sensors are square.
 const LOG_ASPECT_SIGMA: f64 = 0.002;
 /// Principal point off the picture's middle, part of the long side.
@@ -67,6 +71,20 @@ impl CameraPrior {
                 TANGENTIAL_SIGMA,
                 k3 / (r2 * r2 * r2),
             ],
+        }
+    }
+
+    /// [`CameraPrior::ordinary`] for a photograph, with the focal length of its metadata if it has
+    /// one. That is rounded to whole millimetres, and makers disagree on whether width or diagonal
+    /// counts.
+    pub fn of_photo(photo: &Photo) -> Self {
+        let prior = Self::ordinary(photo.width(), photo.height());
+        match photo.focal_35mm() {
+            None => prior,
+            Some(mm) => {
+                let diagonal = f64::from(photo.width()).hypot(f64::from(photo.height()));
+                prior.with_focal(f64::from(mm) * diagonal / FILM_DIAGONAL_MM, METADATA_SIGMA)
+            }
         }
     }
 
@@ -154,5 +172,19 @@ impl CameraPrior {
             .chain(single)
             .filter(|(_, _, sigma)| *sigma > 0.0 && sigma.is_finite())
             .map(|(value, row, sigma)| (value / sigma, row / sigma))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metadata_give_the_focal_length() {
+        let photo = Photo::from_linear(30, 40, vec![0.5; 3600], 1.0, 1.0).unwrap();
+        assert_eq!(CameraPrior::of_photo(&photo).camera.fx, 30.0);
+        let prior = CameraPrior::of_photo(&photo.with_focal_35mm(Some(26.0)));
+        assert!((prior.camera.fy - 26.0 / 43.267 * 50.0).abs() < 1e-9);
+        assert_eq!(prior.focal_sigma, 0.04);
     }
 }

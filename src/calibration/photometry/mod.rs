@@ -38,6 +38,9 @@ const AMBIENT_SIGMA: f64 = 0.1;
 /// Formal standard deviations at which the ambient counts as seen. Errors of paper come in large
 /// patches (a bow, a gradient of the print), so that two or three of them mean little.
 const AMBIENT_SIGNIFICANCE: f64 = 4.0;
+/// Formal standard deviations at which the flash counts as off its expected place; until then it is
+/// taken to be there.
+const OFFSET_SIGNIFICANCE: f64 = 4.0;
 /// Share of the ambient (less two standard deviations) above which the flash counts as missing.
 const MAX_AMBIENT: f64 = 0.5;
 /// Residual of log values (robust sigma) that no point light explains.
@@ -293,9 +296,18 @@ impl PhotometricCalibrator {
             (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
         });
         let seen = |&(value, sigma): &(f64, f64)| value > AMBIENT_SIGNIFICANCE * sigma;
-        if !ambient_raw.iter().any(seen) {
-            solution =
-                fit::solve(&samples, &poses, &fit::Problem { ambient_sigma: 0.0, ..problem });
+        let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
+        let mut problem = fit::Problem { ambient_sigma, ..problem };
+        if ambient_sigma == 0.0 {
+            solution = fit::solve(&samples, &poses, &problem);
+        }
+        let off = (solution.offset_mm - problem.offset_mm).abs();
+        let unclear = off.cmple(OFFSET_SIGNIFICANCE * solution.offset_sigma_mm).all();
+        if unclear && problem.offset_sigma_mm != DVec3::ZERO {
+            let (offset_sigma_mm, spread) = (DVec3::ZERO, solution.offset_sigma_mm);
+            problem = fit::Problem { offset_sigma_mm, ..problem };
+            solution = fit::solve(&samples, &poses, &problem);
+            solution.offset_sigma_mm = spread;
         }
         let share = solution.ambient_share;
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
