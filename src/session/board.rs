@@ -339,3 +339,71 @@ fn moves(
         !matches!((then, now), (Some(a), Some(b)) if a.distance(b) <= MOVED_PX)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::photometry::Vignetting;
+    use crate::calibration::photometry::tests::{camera, photograph, pose};
+
+    fn radiometry(gain: f64) -> Radiometry {
+        Radiometry {
+            gain: [gain; 3],
+            vignetting: Vignetting { exponent: 2.0, curvature: 0.5 },
+            lobe_exponent: 1.5,
+            flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),
+            power_mm2: [2e5; 3],
+            ambient: [0.0; 3],
+        }
+    }
+
+    /// An earlier photograph brought up to date is what the whole photograph gives with the new
+    /// camera and pose.
+    #[test]
+    fn the_part_kept_is_rectified_like_the_whole() {
+        let sample_mm = [100.0, 80.0];
+        let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
+        let texture = |p: DVec2, _| [0.5 + 0.3 * (p.x * 0.2).sin(), 0.5, 0.4 + 0.2 * p.y.cos()];
+        let photo = photograph(&camera, &pose, 2, texture);
+        let photo = Photo::from_linear(camera.width, camera.height, photo, 1.0, 10.0).unwrap();
+        // The first guess is a little off.
+        let guess = Camera { fx: 480.0, fy: 480.0, distortion: [0.0; 5], ..camera };
+        let kept = Kept::new(&photo, &guess, &pose, sample_mm);
+        let share = f64::from(kept.photo.width() * kept.photo.height())
+            / f64::from(photo.width() * photo.height());
+        assert!(share < 0.35, "{share}");
+        let at = |camera: &Camera, radiometry: &Radiometry| {
+            rectification::rectify(&photo, camera, &pose, radiometry, sample_mm, 64, 64).unwrap()
+        };
+        let mut observation = at(&guess, &radiometry(1.0));
+        let update = Update::Geometry {
+            index: 3,
+            kept: Arc::new(kept),
+            camera,
+            pose,
+            radiometry: radiometry(1.3),
+        };
+        assert_eq!(update.index(), 3);
+        update.apply(&mut observation);
+        let fresh = at(&camera, &radiometry(1.3));
+        assert_eq!(observation.view, fresh.view);
+        assert_eq!(observation.weight, fresh.weight);
+        for (a, b) in observation.radiance.iter().zip(&fresh.radiance) {
+            // Tables of the response have other steps, positions other roundings: 1e-4 px times
+            // the texture's slope.
+            assert!((a - b).abs() < 2e-4, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn small_changes_leave_the_rectified_photograph() {
+        let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
+        let seen = |c: &Camera, p: &Pose| moves(&camera, &pose, c, p, [100.0, 100.0]);
+        assert!(!seen(&camera, &pose));
+        assert!(!seen(&Camera { cx: camera.cx + 0.02, ..camera }, &pose));
+        assert!(seen(&Camera { cx: camera.cx + 0.05, ..camera }, &pose));
+        // Further away with a longer lens: the picture hardly changes, the view does.
+        let far = Pose { translation: pose.translation * 1.001, ..pose };
+        assert!(seen(&Camera { fx: camera.fx * 1.001, fy: camera.fy * 1.001, ..camera }, &far));
+    }
+}
