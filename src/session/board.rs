@@ -276,10 +276,9 @@ impl BoardIntake {
         let start = earlier.map(|e| &e.camera);
         let estimate = calibration::estimate_camera(&self.target, &all, &prior, start)?;
         let new = pose_of(&estimate.camera, corners)?;
-        // A photograph that the others contradict must not cost one of them.
-        let lost = |i: usize, was: &CameraEstimate| was.views[i].used && !estimate.views[i].used;
-        let costs = earlier.is_some_and(|was| (0..was.views.len()).any(|i| lost(i, was)));
-        if costs || estimate.views.last().is_some_and(|v| !v.used) {
+        // The minority goes: a new photograph that the others contradict, never most of them.
+        let lost = estimate.views.iter().filter(|v| !v.used).count();
+        if 2 * lost >= estimate.views.len() || estimate.views.last().is_some_and(|v| !v.used) {
             return Err(Rejection::PoseUncertain { rms_px: new.rms_px as f32 });
         }
         let poses =
