@@ -490,12 +490,12 @@ typedef struct svbrdf_session_options {
      */
     const struct svbrdf_board *board;
     /**
-     * The camera of all photos; a board needs one.
+     * The camera of all photos; NULL: estimated from the photos so far.
      */
     const struct svbrdf_camera *camera;
     /**
      * Position of the flash in the camera frame (x right, y down, z forward), three numbers, mm;
-     * NULL: at the camera's centre.
+     * NULL: at the camera's centre until the photos tell.
      */
     const double *flash_offset_mm;
     /**

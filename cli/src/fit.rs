@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::capture::{Capture, Frame, read_camera};
 use svbrdf::export::{check_writable, write_atomic, write_maps, write_preview};
-use svbrdf::session::{Accepted, Method, Pushed, Scene, Session, Settings};
+use svbrdf::session::{Accepted, Method, Pushed, Session, Settings};
 
 use crate::failure::{Failure, Result};
 
@@ -89,16 +89,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let maps = session.snapshot()?;
     write_maps(&arguments.out, &maps)?;
     write_preview(arguments.out.join("preview.png"), &maps, capture.sample_mm)?;
-    let (camera, flash) = match &capture.scene {
-        Scene::Board { camera, .. } => {
-            let offset = session.flash_offset_mm().to_array();
-            (json!(camera), json!({ "offset_mm": offset }))
-        }
-        Scene::Rectified { .. } => (Value::Null, Value::Null),
-    };
+    final_poses(&session, &mut rows);
+    let camera = session.camera();
+    let flash = camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() }));
+    let camera_sigma = session
+        .camera_sigma()
+        .map(|s| json!({ "fx": s[0], "fy": s[1], "cx": s[2], "cy": s[3], "distortion": s[4..] }));
     let report = json!({
         "frames": rows,
         "camera": camera,
+        "camera_uncertainty": camera_sigma,
         "flash": flash,
         "ambient_fraction": session.ambient_fraction(),
         "resolution": maps.width(),
@@ -161,6 +161,16 @@ fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Re
         "seconds": begun.elapsed().as_secs_f64(),
         "first_maps_seconds": maps_seconds,
     }))
+}
+
+/// Later photos better the poses of earlier ones where the camera is estimated.
+fn final_poses(session: &Session, rows: &mut [Value]) {
+    let accepted = rows.iter_mut().filter(|row| row["status"] == "accepted");
+    for (row, known) in accepted.zip(session.poses()) {
+        row["rotation"] = json!(known.pose.rotation.transpose().to_cols_array_2d());
+        row["translation_mm"] = json!(known.pose.translation.to_array());
+        row["reprojection_rms_px"] = json!(known.reprojection_rms_px);
+    }
 }
 
 /// A bar on a terminal, nothing elsewhere.

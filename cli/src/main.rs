@@ -1,6 +1,7 @@
 //! Command line of svbrdf. Exit status: 0 done, 2 the input is at fault, 1 anything else.
 
 mod board;
+mod calibrate;
 mod compare;
 mod failure;
 mod fit;
@@ -23,6 +24,7 @@ enum Command {
     Fit(fit::Arguments),
     Render(render::Arguments),
     Board(board::Arguments),
+    Calibrate(calibrate::Arguments),
     Simulate(simulate::Arguments),
     Compare(compare::Arguments),
 }
@@ -32,6 +34,7 @@ fn main() -> ExitCode {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Board(arguments) => board::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
     };

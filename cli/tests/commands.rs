@@ -13,7 +13,7 @@ use svbrdf::svbrdf::channel;
 
 #[test]
 fn help_gives_an_example_for_every_command() {
-    for command in ["fit", "render", "board", "simulate", "compare"] {
+    for command in ["fit", "render", "board", "calibrate", "simulate", "compare"] {
         let help = succeed(&[command, "--help"]);
         assert!(help.contains(&format!("svbrdf {command} ")), "{help}");
         assert!(help.contains("Example"), "{help}");
@@ -163,7 +163,7 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
     };
     simulate(&out);
     let capture = Capture::load(&out).unwrap();
-    let Scene::Board { target, camera, .. } = &capture.scene else { panic!() };
+    let Scene::Board { target, camera: Some(camera), .. } = &capture.scene else { panic!() };
     let kept = svbrdf::export::read_maps(out.join("truth")).unwrap();
     // Slopes pass through unit normals: a few roundings.
     assert!(kept.planes().iter().zip(known.planes()).all(|(a, b)| (a - b).abs() < 1e-6));

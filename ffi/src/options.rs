@@ -262,10 +262,10 @@ pub struct svbrdf_session_options {
     pub reserved: u32,
     /// The board; NULL: the default one.
     pub board: *const svbrdf_board,
-    /// The camera of all photos; a board needs one.
+    /// The camera of all photos; NULL: estimated from the photos so far.
     pub camera: *const svbrdf_camera,
     /// Position of the flash in the camera frame (x right, y down, z forward), three numbers, mm;
-    /// NULL: at the camera's centre.
+    /// NULL: at the camera's centre until the photos tell.
     pub flash_offset_mm: *const f64,
     /// Models; NULL: those inside the library.
     pub models: *const svbrdf_models,
@@ -368,9 +368,13 @@ impl svbrdf_session_options {
                     };
                     let flash = self.flash_offset_mm.cast::<[f64; 3]>();
                     let flash = (!flash.is_null()).then(|| flash.read_unaligned());
-                    (target, versioned::read(self.camera)?, flash)
+                    let camera = match self.camera.is_null() {
+                        true => None,
+                        false => Some(versioned::read(self.camera)?),
+                    };
+                    (target, camera, flash)
                 };
-                let camera = Camera {
+                let camera = camera.map(|camera| Camera {
                     width: camera.width,
                     height: camera.height,
                     fx: camera.fx,
@@ -378,7 +382,7 @@ impl svbrdf_session_options {
                     cx: camera.cx,
                     cy: camera.cy,
                     distortion: camera.distortion,
-                };
+                });
                 let flash_offset_mm = flash.map(DVec3::from_array);
                 Ok(Scene::Board { target, camera, flash_offset_mm })
             }

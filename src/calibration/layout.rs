@@ -17,6 +17,8 @@ const PIECES_TRIED: usize = 12;
 const PLACEMENTS_GROWN: usize = 4;
 /// Share of a piece's corners that may lie where the board has none.
 const PHANTOM_SHARE_MAX: f64 = 0.12;
+/// Side of squares at the level at which the board is found, px.
+const CELL_MIN_PX: f64 = 5.0;
 /// A predicted corner is looked for, and a found one kept, within this part of a cell.
 const SEARCH_CELLS: f64 = 0.25;
 /// Corners are predicted this many cells beyond labelled ones, further when none is found there.
@@ -130,6 +132,10 @@ impl<'a> Layout<'a> {
         let mut grown: Vec<(f64, Labelling)> = Vec::new();
         for (_, mut labelling) in placements {
             self.extend(&mut refiner, image, &mut labelling);
+            // Squares narrower than what tells a corner look right anywhere.
+            if self.usual_cell(&labelling) < CELL_MIN_PX {
+                continue;
+            }
             let visible = self.visible(image, &labelling.model);
             let seen = visible.iter().filter(|v| **v).count();
             let found = labelling.count();

@@ -13,9 +13,14 @@
 //! [`estimate_pose`] refines both poses that nearly explain a plane's picture, leaves out corners
 //! that do not fit, and accepts on observables only: the number and share of fitting corners,
 //! their reprojection error, the lead over the second pose.
+//!
+//! # Camera
+//! [`estimate_camera`] finds intrinsics and distortion from the corners of one or more photographs;
+//! what these do not tell stays at what [`CameraPrior`] expects.
 
 mod blur;
 mod board_model;
+mod camera_estimation;
 mod corners;
 mod detector;
 mod lattice;
@@ -27,6 +32,7 @@ mod projection;
 mod subpixel;
 mod target;
 
+pub use camera_estimation::{CameraEstimate, CameraPrior, ViewEstimate, estimate_camera};
 pub use detector::{Corner, Detection, detect};
 pub use luma::LumaImage;
 pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose};

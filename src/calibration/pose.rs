@@ -73,9 +73,8 @@ pub fn estimate_pose(
         return Err(unknown);
     }
     let problem = Problem { camera, board: &board, px: &px };
-    let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();
-    minima.sort_by(|a, b| a.median.total_cmp(&b.median));
-    let best = minima.first().filter(|f| f.median.is_finite()).ok_or(unknown)?;
+    let minima = pose_minima(camera, &board, &px);
+    let best = minima.first().ok_or(unknown)?;
     let count = best.inliers.iter().filter(|i| **i).count();
     let rms = best.rms();
     let uncertain = Rejection::PoseUncertain { rms_px: rms as f32 };
@@ -142,13 +141,24 @@ struct Problem<'a> {
     px: &'a [DVec2],
 }
 
-struct Fit {
-    pose: Pose,
+/// A minimum of the reprojection error.
+pub(super) struct Fit {
+    pub(super) pose: Pose,
     inliers: Vec<bool>,
     /// Sum of squared residuals of the inliers, px².
     cost: f64,
     /// Median residual of all corners, px.
     median: f64,
+}
+
+/// The (at most two) poses that nearly explain corners at board positions (mm), refined, the
+/// better first.
+pub(super) fn pose_minima(camera: &Camera, board: &[DVec2], px: &[DVec2]) -> Vec<Fit> {
+    let problem = Problem { camera, board, px };
+    let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();
+    minima.retain(|fit| fit.median.is_finite());
+    minima.sort_by(|a, b| a.median.total_cmp(&b.median));
+    minima
 }
 
 impl Fit {

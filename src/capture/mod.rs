@@ -122,13 +122,9 @@ pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
 fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {
     let target = target(&root.get("board"))?;
     let camera = match (given, root.get("camera").optional()) {
-        (Some(camera), _) => camera,
-        (None, Some(node)) => camera(&node)?,
-        (None, None) => {
-            return Err(root
-                .get("camera")
-                .fault("the camera's intrinsics: width, height, fx, fy, cx, cy, distortion"));
-        }
+        (Some(camera), _) => Some(camera),
+        (None, Some(node)) => Some(camera(&node)?),
+        (None, None) => None,
     };
     let flash_offset_mm = match root.get("flash").optional() {
         None => None,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, MAX_PIXELS, Photo};
+use super::{Encoding, MAX_PIXELS, Photo, exif};
 use crate::{Error, Result};
 
 /// Largest file read, bytes.
@@ -24,7 +24,17 @@ impl Photo {
     /// `encoding` when a curve is stated for float data.
     pub fn read(path: impl AsRef<Path>, encoding: Encoding, exposure: f32) -> Result<Self> {
         let path = path.as_ref();
-        let picture = read_picture(path)?;
+        let (picture, focal_35mm) = read_with_focal(path)?;
+        let photo = Self::from_picture(path, picture, encoding, exposure)?;
+        Ok(Self { focal_35mm, ..photo })
+    }
+
+    fn from_picture(
+        path: &Path,
+        picture: DynamicImage,
+        encoding: Encoding,
+        exposure: f32,
+    ) -> Result<Self> {
         let (width, height) = (picture.width(), picture.height());
         match picture.color() {
             ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
@@ -51,6 +61,11 @@ impl Photo {
 
 /// Decodes a picture of at most [`MAX_PIXELS`], turned upright.
 pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
+    Ok(read_with_focal(path)?.0)
+}
+
+/// The same with the metadata's focal length.
+fn read_with_focal(path: &Path) -> Result<(DynamicImage, Option<f32>)> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
     if size > MAX_FILE_BYTES {
@@ -79,9 +94,12 @@ pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
         return Err(fault("the file is cut short: its end marker is missing".into()));
     }
     let orientation = decoder.orientation().map_err(decode)?;
+    // Metadata that cannot be read is no reason to refuse the picture.
+    let metadata = decoder.exif_metadata().ok().flatten();
+    let focal_35mm = metadata.and_then(|block| exif::focal_35mm(&block));
     let mut picture = DynamicImage::from_decoder(decoder).map_err(decode)?;
     picture.apply_orientation(orientation);
-    Ok(picture)
+    Ok((picture, focal_35mm))
 }
 
 /// Whether the markers of a JPEG file lead to its end-of-image marker. Segments are skipped by

@@ -5,6 +5,7 @@
 
 mod camera_buffer;
 mod encoding;
+mod exif;
 mod file;
 
 pub(crate) use file::read_picture;
@@ -30,6 +31,7 @@ pub struct Photo {
     /// A linear channel at or above this value is saturated.
     saturation: f32,
     finite: bool,
+    focal_35mm: Option<f32>,
 }
 
 /// Interleaved RGB as stored.
@@ -183,7 +185,7 @@ impl Photo {
         if !(exposure.is_finite() && exposure > 0.0) {
             return Err(Error::argument("exposure", "a positive number is expected"));
         }
-        Ok(Self { width, height, pixels, exposure, saturation, finite })
+        Ok(Self { width, height, pixels, exposure, saturation, finite, focal_35mm: None })
     }
 
     /// Width, px.
@@ -204,6 +206,18 @@ impl Photo {
     /// A linear channel at or above this value is saturated; infinite: none is.
     pub fn saturation(&self) -> f32 {
         self.saturation
+    }
+
+    /// Focal length as the file's metadata state it, mm on film of 36 x 24 mm.
+    pub fn focal_35mm(&self) -> Option<f32> {
+        self.focal_35mm
+    }
+
+    /// With a focal length as a camera's metadata state it, mm on film of 36 x 24 mm; `None`:
+    /// unknown. It helps to estimate a camera.
+    pub fn with_focal_35mm(self, focal_35mm: Option<f32>) -> Self {
+        let focal_35mm = focal_35mm.filter(|f| f.is_finite() && *f > 0.0);
+        Self { focal_35mm, ..self }
     }
 
     /// Whether every value is a finite number.
@@ -258,6 +272,36 @@ impl Photo {
             Pixels::U16(data, table) => data.iter().map(|&v| table[usize::from(v)]).collect(),
             Pixels::F32(data) => data.clone(),
         }
+    }
+
+    /// A copy of the `width` x `height` pixels from (`x`, `y`) on, stored as here.
+    ///
+    /// # Panics
+    /// When the rectangle is empty or not inside.
+    pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Self {
+        let inside = |from: u32, count: u32, size: u32| {
+            count > 0 && from.checked_add(count).is_some_and(|end| end <= size)
+        };
+        assert!(
+            inside(x, width, self.width) && inside(y, height, self.height),
+            "{width} x {height} px from ({x}, {y}) of {} x {}",
+            self.width,
+            self.height
+        );
+        let rows = (y as usize..(y + height) as usize).map(|row| {
+            let start = 3 * (row * self.width as usize + x as usize);
+            start..start + 3 * width as usize
+        });
+        let pixels = match &self.pixels {
+            Pixels::U8(data, table) => {
+                Pixels::U8(rows.flat_map(|r| &data[r]).copied().collect(), table)
+            }
+            Pixels::U16(data, table) => {
+                Pixels::U16(rows.flat_map(|r| &data[r]).copied().collect(), table)
+            }
+            Pixels::F32(data) => Pixels::F32(rows.flat_map(|r| &data[r]).copied().collect()),
+        };
+        Self { width, height, pixels, ..*self }
     }
 
     /// A value of every pixel; the kind of storage is looked at once.
@@ -347,6 +391,17 @@ mod tests {
             assert_eq!(photos[2].clip_mask(), [false, true, false, false]);
             assert!(photos[2].is_clipped(1, 0));
             assert_eq!(photos[3].clip_mask(), [false; 4]);
+        }
+    }
+
+    #[test]
+    fn crops_hold_the_same_pixels() {
+        let data: Vec<u8> = (0..60).collect();
+        let photo = Photo::from_rgb8(5, 4, &data, 15, Encoding::Srgb, 2.0).unwrap();
+        let crop = photo.cropped(1, 2, 3, 2);
+        assert_eq!((crop.width(), crop.height(), crop.exposure()), (3, 2, 2.0));
+        for (x, y) in [(0, 0), (2, 0), (1, 1), (2, 1)] {
+            assert_eq!(crop.pixel(x, y), photo.pixel(x + 1, y + 2));
         }
     }
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::intake::Update;
+use super::board::Update;
 use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
@@ -76,8 +76,8 @@ impl Fit {
         }
     }
 
-    /// Adds a photograph; the first brings the maps to start from. `updates` better the light of
-    /// earlier ones.
+    /// Adds a photograph; the first brings the maps to start from. `updates` better what is
+    /// known of earlier ones.
     pub(super) fn add(
         &mut self,
         observation: Observation,
@@ -85,7 +85,7 @@ impl Fit {
         updates: &[Update],
     ) -> Result<()> {
         for update in updates {
-            if let Some(earlier) = self.observations.get_mut(update.index) {
+            if let Some(earlier) = self.observations.get_mut(update.index()) {
                 update.apply(earlier);
             }
         }

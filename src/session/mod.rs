@@ -1,5 +1,6 @@
 //! A capture in progress: push photographs, take maps at any time.
 
+mod board;
 mod fit;
 mod intake;
 mod worker;
@@ -40,9 +41,13 @@ pub enum Scene {
     Board {
         /// The printed board.
         target: Target,
-        /// Intrinsics of all photographs.
-        camera: Camera,
-        /// Flash position in the camera frame, mm; `None`: at the camera's centre.
+        /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
+        /// with each one. Earlier photographs are then rectified anew where that moves them, for
+        /// which the session keeps the part of each that shows the sample as it is stored: about a
+        /// quarter of a photograph that shows the whole board (10 MB of a 12-megapixel one).
+        camera: Option<Camera>,
+        /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
+        /// photographs tell it.
         flash_offset_mm: Option<DVec3>,
     },
     /// Photographs already rectified to the top view, camera and light given with each.
@@ -112,6 +117,15 @@ pub struct Accepted {
     pub reprojection_rms_px: Option<f64>,
     /// Seconds from the call of push to maps being available.
     pub maps_seconds: f64,
+}
+
+/// Where the board lies in a photograph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardPose {
+    /// Board to camera.
+    pub pose: Pose,
+    /// Reprojection error, px.
+    pub reprojection_rms_px: f64,
 }
 
 /// State of the fit.
@@ -336,6 +350,23 @@ impl Session {
     pub fn wait_for_change(&self, seen: Revision) -> Result<Revision> {
         self.shared.wait_until(None, |state| state.revision != seen)?;
         Ok(self.revision())
+    }
+
+    /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
+    /// photographs, and before the first one tells.
+    pub fn camera(&self) -> Option<Camera> {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera()
+    }
+
+    /// Standard deviations of fx, fy, cx, cy (px), k1, k2, p1, p2, k3 of an estimated camera.
+    pub fn camera_sigma(&self) -> Option<[f64; 9]> {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera_sigma()
+    }
+
+    /// Poses of the accepted photographs as known now: with a camera that is estimated, later
+    /// photographs better the poses of earlier ones. Empty for rectified photographs.
+    pub fn poses(&self) -> Vec<BoardPose> {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
     }
 
     /// Light position in the camera frame as used, mm.

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, TryRecvError};
 use rayon::ThreadPool;
 
+use super::board::Update;
 use super::fit::Fit;
-use super::intake::Update;
 use super::{Progress, Revision};
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};

@@ -64,7 +64,6 @@ static void options(void)
     OK(svbrdf_camera_init(&camera, sizeof camera));
     OK(svbrdf_board_init(&board, sizeof board));
     CHECK(board.rows == 17 && board.cols == 16 && board.square_mm == 11.5);
-    REFUSED_OPTION(o.scene = SVBRDF_SCENE_BOARD, SVBRDF_INVALID_ARGUMENT);
     REFUSED_OPTION((o.scene = SVBRDF_SCENE_BOARD, o.camera = &camera), SVBRDF_INVALID_ARGUMENT);
     camera.width = 640;
     camera.height = 480;

@@ -38,6 +38,10 @@ const AMBIENT_SIGMA: f64 = 0.1;
 /// Formal standard deviations at which the ambient counts as seen. Errors of paper come in large
 /// patches (a bow, a gradient of the print), so that two or three of them mean little.
 const AMBIENT_SIGNIFICANCE: f64 = 4.0;
+/// A flash whose place is known worse than this (formal standard deviation, mm; at arm's length a
+/// degree), and no further off the expected than this many of them, is taken to be there.
+const OFFSET_SIGMA_MAX_MM: f64 = 5.0;
+const OFFSET_SIGNIFICANCE: f64 = 2.0;
 /// Share of the ambient (less two standard deviations) above which the flash counts as missing.
 const MAX_AMBIENT: f64 = 0.5;
 /// Residual of log values (robust sigma) that no point light explains.
@@ -293,9 +297,19 @@ impl PhotometricCalibrator {
             (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
         });
         let seen = |&(value, sigma): &(f64, f64)| value > AMBIENT_SIGNIFICANCE * sigma;
-        if !ambient_raw.iter().any(seen) {
-            solution =
-                fit::solve(&samples, &poses, &fit::Problem { ambient_sigma: 0.0, ..problem });
+        let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
+        let mut problem = fit::Problem { ambient_sigma, ..problem };
+        if ambient_sigma == 0.0 {
+            solution = fit::solve(&samples, &poses, &problem);
+        }
+        let off = (solution.offset_mm - problem.offset_mm).abs();
+        let spread = solution.offset_sigma_mm;
+        if spread.max_element() > OFFSET_SIGMA_MAX_MM
+            && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
+        {
+            problem = fit::Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
+            solution = fit::solve(&samples, &poses, &problem);
+            solution.offset_sigma_mm = spread;
         }
         let share = solution.ambient_share;
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);

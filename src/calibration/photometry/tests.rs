@@ -239,6 +239,34 @@ fn an_unknown_flash_offset_is_found_and_its_error_covered() {
 }
 
 #[test]
+fn a_flash_that_dirty_paper_does_not_tell_is_taken_at_the_camera() {
+    let truth = Truth { offset: DVec3::new(3.0, -2.0, 0.0), ..Truth::new() };
+    let unknown =
+        FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: DVec3::new(30.0, 30.0, 0.0) };
+    let pose = poses()[0];
+    let photo = truth.photo(&pose, 0.7);
+    let clean = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+    // Neighbours alike, and up to a third apart.
+    for dirt in [0.0, 0.17] {
+        let mut squares = clean.clone();
+        for (k, s) in squares.squares.iter_mut().enumerate() {
+            let factor = 1.0 + dirt * (7.3 * k as f64).sin();
+            s.value = s.value.map(|v| v.map(|v| v * factor as f32));
+        }
+        let mut calibrator = PhotometricCalibrator::new(truth.target.clone(), unknown);
+        calibrator.push_squares(squares, &pose).unwrap();
+        let p = calibrator.photometry().unwrap();
+        println!("{:.2} +- {:.2}", p.flash_offset_mm, p.flash_offset_sigma_mm);
+        if dirt > 0.0 {
+            assert_eq!(p.flash_offset_mm, DVec3::ZERO);
+            assert!(p.flash_offset_sigma_mm.x > 5.0, "{:?}", p.flash_offset_sigma_mm);
+        } else {
+            assert!(p.flash_offset_mm.distance(truth.offset) < 1.0, "{:?}", p.flash_offset_mm);
+        }
+    }
+}
+
+#[test]
 fn marker_rims_are_read_without_the_markers() {
     let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 6.0 };
     let truth = Truth { target: Target { kind, ..target() }, ..Truth::new() };

@@ -1,0 +1,339 @@
+//! `svbrdf calibrate`: a camera from photographs of a printed board.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use svbrdf::Error;
+use svbrdf::calibration::{
+    CameraEstimate, CameraPrior, Corner, Detection, Hole, LumaImage, Target, TargetKind, TopLeft,
+    detect, estimate_camera,
+};
+use svbrdf::export::write_atomic;
+use svbrdf::frame::{Encoding, Photo};
+
+use crate::failure::{Failure, Result};
+
+/// Squares of the default ring that are printed on each side of the hole.
+const RING_WIDTH: u32 = 3;
+/// Marker of a charuco ring relative to its square, unless stated.
+const MARKER_SHARE: f64 = 0.72;
+const DICTIONARY: &str = "DICT_4X4_250";
+
+/// Calibrate a camera from photos of a printed board
+#[derive(clap::Args)]
+#[command(after_help = "Boards:
+  checkerboard:ROWSxCOLS:SQUARE_MM            full board, inner corners
+  ring[:ROWSxCOLS:SQUARE_MM[:R0,C0,R1,C1]]    ring of squares round a hole, squares; the
+                                              missing block half open (default: ring three wide)
+  charuco-ring:ROWSxCOLS:SQUARE_MM[:R0,C0,R1,C1[:MARKER_MM[:DICTIONARY]]]
+
+Examples:
+  svbrdf calibrate photos/*.jpg --board checkerboard:6x9:25 --json
+  svbrdf calibrate photos/*.jpg --board ring --out camera.json")]
+pub struct Arguments {
+    /// Photos of the board, all of one size
+    #[arg(required = true, value_name = "IMAGES")]
+    images: Vec<PathBuf>,
+    /// What is printed, see below
+    #[arg(long)]
+    board: String,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// File to write the same JSON to; `svbrdf fit --camera` reads it
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Focal length in px, if roughly known (3 %)
+    #[arg(long, value_name = "PX")]
+    focal: Option<f64>,
+}
+
+/// One photo.
+struct Image<'a> {
+    path: &'a Path,
+    /// Set where it cannot be used.
+    status: Option<&'static str>,
+    message: String,
+    size: (u32, u32),
+    /// What is expected of the camera.
+    prior: Option<CameraPrior>,
+    corners: Vec<Corner>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let targets = targets(&arguments.board)?;
+    if let Some(focal) = arguments.focal
+        && !(focal.is_finite() && focal > 0.0)
+    {
+        return Err(Failure::Input(format!("--focal {focal}: a positive number of px expected")));
+    }
+    let mut images =
+        arguments.images.iter().map(|path| look(path, &targets)).collect::<Result<Vec<_>>>()?;
+    let size = usual_size(&images);
+    for image in images.iter_mut().filter(|i| i.status.is_none() && i.size != size) {
+        image.status = Some("wrong_size");
+        image.message = format!(
+            "the photo is {}x{} px, the others {}x{}",
+            image.size.0, image.size.1, size.0, size.1
+        );
+    }
+    let found: Vec<&[Corner]> =
+        images.iter().filter(|i| i.status.is_none()).map(|i| i.corners.as_slice()).collect();
+    let nothing = |reason: &str| {
+        let lines: Vec<String> =
+            images.iter().map(|i| format!("{}: {}", i.path.display(), i.message)).collect();
+        Failure::Input(format!("{reason}\n{}", lines.join("\n")))
+    };
+    if found.is_empty() {
+        return Err(nothing("no photo shows the board; expected at least one"));
+    }
+    let stated = images.iter().filter(|i| i.status.is_none()).find_map(|i| i.prior);
+    let mut prior = stated.unwrap_or(CameraPrior::ordinary(size.0, size.1));
+    if let Some(focal) = arguments.focal {
+        prior = prior.with_focal(focal, 0.03);
+    }
+    let estimate = estimate_camera(&targets[0], &found, &prior, None)
+        .map_err(|reason| nothing(&format!("no camera explains the photos: {reason}")))?;
+    let value = report(&images, &estimate);
+    let text = serde_json::to_string_pretty(&value).map_err(|e| Failure::Other(e.to_string()))?;
+    if let Some(out) = &arguments.out {
+        write_atomic(out, format!("{text}\n").as_bytes())?;
+    }
+    if arguments.json {
+        println!("{text}");
+    } else {
+        print!("{}", summary(&value, &estimate));
+    }
+    Ok(())
+}
+
+/// Finds the board in a photo. Only a file that is not there is a fault.
+fn look<'a>(path: &'a Path, targets: &[Target]) -> Result<Image<'a>> {
+    let mut image = Image {
+        path,
+        status: None,
+        message: String::new(),
+        size: (0, 0),
+        prior: None,
+        corners: Vec::new(),
+    };
+    let encoding = match path.extension().and_then(|e| e.to_str()) {
+        Some(e) if e.eq_ignore_ascii_case("exr") => Encoding::Linear,
+        _ => Encoding::Srgb,
+    };
+    let photo = match Photo::read(path, encoding, 1.0) {
+        Ok(photo) => photo,
+        Err(fault @ Error::Image { .. }) => {
+            image.status = Some("unreadable");
+            image.message = fault.to_string();
+            return Ok(image);
+        }
+        Err(fault) => return Err(Failure::Input(fault.to_string())),
+    };
+    image.size = (photo.width(), photo.height());
+    image.prior = photo.focal_35mm().map(|_| CameraPrior::of_photo(&photo));
+    let luma = LumaImage::from_photo(&photo);
+    drop(photo);
+    let mut best: std::result::Result<Detection, _> = detect(&luma, &targets[0]);
+    for target in &targets[1..] {
+        let other = detect(&luma, target);
+        let better = match (&best, &other) {
+            (Err(_), Ok(_)) => true,
+            (Ok(a), Ok(b)) => b.corners.len() > a.corners.len(),
+            _ => false,
+        };
+        if better {
+            best = other;
+        }
+    }
+    match best {
+        Ok(detection) => image.corners = detection.corners,
+        Err(reason) => {
+            image.status = Some(reason.code());
+            image.message = reason.to_string();
+        }
+    }
+    Ok(image)
+}
+
+/// The size most photos with a board have; of several, the first photo's.
+fn usual_size(images: &[Image]) -> (u32, u32) {
+    let mut counts: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    for image in images.iter().filter(|i| i.status.is_none()) {
+        *counts.entry(image.size).or_default() += 1;
+    }
+    let most = counts.values().copied().max().unwrap_or(0);
+    let first = images.iter().find(|i| counts.get(&i.size) == Some(&most));
+    first.map_or((0, 0), |i| i.size)
+}
+
+fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
+    let mut views = estimate.views.iter();
+    let rows: Vec<Value> = images
+        .iter()
+        .map(|image| {
+            let name = image.path.display().to_string();
+            if let Some(status) = image.status {
+                return json!({ "image": name, "status": status, "reason": image.message,
+                               "corners": 0, "rms_px": null });
+            }
+            let view = views.next().expect("one view for each photo with a board");
+            let status = if view.used { "used" } else { "left_out" };
+            let rms = view.rms_px.is_finite().then_some(view.rms_px);
+            let mut row = json!({ "image": name, "status": status,
+                                  "corners": view.inliers.iter().filter(|i| **i).count(),
+                                  "found": image.corners.len(), "rms_px": rms });
+            if !view.used {
+                row["reason"] = "its corners do not fit the camera of the others".into();
+            }
+            row
+        })
+        .collect();
+    let camera = &estimate.camera;
+    let sigma = estimate.sigma();
+    json!({
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "distortion": camera.distortion,
+        "rms_px": estimate.rms_px,
+        "uncertainty": {
+            "fx": sigma[0],
+            "fy": sigma[1],
+            "cx": sigma[2],
+            "cy": sigma[3],
+            "distortion": sigma[4..],
+        },
+        "images": rows,
+    })
+}
+
+/// Text for people.
+fn summary(value: &Value, estimate: &CameraEstimate) -> String {
+    let camera = &estimate.camera;
+    let sigma = estimate.sigma();
+    let mut text =
+        format!("{}x{} px, RMS {:.3} px\n", camera.width, camera.height, estimate.rms_px);
+    let names = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+    let [k1, k2, p1, p2, k3] = camera.distortion;
+    let values = [camera.fx, camera.fy, camera.cx, camera.cy, k1, k2, p1, p2, k3];
+    for ((name, value), sigma) in names.iter().zip(values).zip(sigma) {
+        let digits = if name.starts_with(['f', 'c']) { 2 } else { 5 };
+        text += &format!("{name} {value:12.digits$} +- {sigma:.digits$}\n");
+    }
+    for row in value["images"].as_array().into_iter().flatten() {
+        let of = |key: &str| row[key].as_str().unwrap_or_default();
+        let number = row["rms_px"].as_f64().map_or(String::new(), |v| format!(", RMS {v:.3} px"));
+        let reason =
+            if of("reason").is_empty() { String::new() } else { format!(": {}", of("reason")) };
+        text += &format!(
+            "{}: {}, {} corners{number}{reason}\n",
+            of("image"),
+            of("status"),
+            row["corners"]
+        );
+    }
+    text
+}
+
+/// Boards that the text may mean: those whose colours cannot be told from it come in both.
+fn targets(text: &str) -> Result<Vec<Target>> {
+    let fault = |message: String| {
+        Failure::Input(format!(
+            "--board {text}: {message}; expected checkerboard:ROWSxCOLS:SQUARE_MM (inner corners), \
+             ring:ROWSxCOLS:SQUARE_MM:R0,C0,R1,C1 or charuco-ring:... (squares)"
+        ))
+    };
+    let parts: Vec<&str> = text.split(':').collect();
+    let counts = |part: &str| -> Option<(u32, u32)> {
+        let (rows, cols) = part.split_once(['x', 'X'])?;
+        Some((rows.parse().ok()?, cols.parse().ok()?))
+    };
+    let length =
+        |part: &str| part.parse::<f64>().ok().filter(|v| v.is_finite() && *v > 0.0 && *v < 1e6);
+    let sizes = |least: u32| -> Result<(u32, u32, f64)> {
+        let (rows, cols) = parts
+            .get(1)
+            .and_then(|p| counts(p))
+            .filter(|(r, c)| (least..=200).contains(r) && (least..=200).contains(c))
+            .ok_or_else(|| fault(format!("ROWSxCOLS are two whole numbers from {least} to 200")))?;
+        let square = parts.get(2).and_then(|p| length(p));
+        Ok((rows, cols, square.ok_or_else(|| fault("SQUARE_MM is a positive length".into()))?))
+    };
+    match parts[0] {
+        "checkerboard" => {
+            let (rows, cols, square_mm) = sizes(2)?;
+            if parts.len() > 3 {
+                return Err(fault("three parts are enough".into()));
+            }
+            if rows * cols < 20 {
+                return Err(fault("at least 20 inner corners are needed".into()));
+            }
+            let (rows, cols) = (rows + 1, cols + 1);
+            let hole = Hole { row_start: 0, col_start: 0, row_end: 0, col_end: 0 };
+            let board = |top_left| Target {
+                kind: TargetKind::CheckerboardRing,
+                rows,
+                cols,
+                square_mm,
+                hole,
+                top_left,
+                ..Target::default()
+            };
+            // With an odd sum a half-turn swaps the colours: one of them stands for both.
+            if (rows + cols) % 2 == 1 {
+                Ok(vec![board(TopLeft::Black)])
+            } else {
+                Ok(vec![board(TopLeft::Black), board(TopLeft::White)])
+            }
+        }
+        "ring" if parts.len() == 1 => Ok(vec![Target::default()]),
+        kind @ ("ring" | "charuco-ring") => {
+            let (rows, cols, square_mm) = sizes(3)?;
+            let hole = match parts.get(3) {
+                None => [RING_WIDTH, RING_WIDTH, rows.saturating_sub(3), cols.saturating_sub(3)],
+                Some(part) => part
+                    .split(',')
+                    .map(|v| v.parse().ok())
+                    .collect::<Option<Vec<u32>>>()
+                    .and_then(|v| v.try_into().ok())
+                    .ok_or_else(|| fault("R0,C0,R1,C1 are four whole numbers".into()))?,
+            };
+            let [row_start, col_start, row_end, col_end] = hole;
+            let marker_mm = match parts.get(4) {
+                None => MARKER_SHARE * square_mm,
+                Some(part) => {
+                    length(part).ok_or_else(|| fault("MARKER_MM is a positive length".into()))?
+                }
+            };
+            let dictionary = (*parts.get(5).unwrap_or(&DICTIONARY)).to_owned();
+            let charuco = kind == "charuco-ring";
+            if parts.len() > if charuco { 6 } else { 4 } {
+                return Err(fault("there are too many parts".into()));
+            }
+            let board = |top_left| Target {
+                kind: if charuco {
+                    TargetKind::CharucoRing { dictionary: dictionary.clone(), marker_mm }
+                } else {
+                    TargetKind::CheckerboardRing
+                },
+                rows,
+                cols,
+                square_mm,
+                hole: Hole { row_start, col_start, row_end, col_end },
+                top_left,
+                ..Target::default()
+            };
+            if let Some((field, expected)) = board(TopLeft::Black).fault() {
+                return Err(fault(format!("{field}: {expected}")));
+            }
+            Ok(vec![board(TopLeft::Black), board(TopLeft::White)])
+        }
+        other => Err(fault(format!("`{other}` is no kind of board"))),
+    }
+}

@@ -1,0 +1,284 @@
+//! Intrinsics and lens distortion from the corners of a planar board.
+//!
+//! # Method
+//! A focal length from the homographies (Zhang 2000, with square pixels and the principal point in
+//! the middle) and a few plausible ones start a joint Levenberg-Marquardt refinement of intrinsics
+//! and all poses; the best minimum counts. Corners that do not fit the rest are left out, then
+//! photographs. For each photograph both poses that nearly explain a plane's picture are tried with
+//! the refined camera.
+//!
+//! # What photographs can and cannot tell
+//! * One photograph from above tells neither the focal length apart from the distance nor the
+//!   principal point from a slight tilt: both stay at what [`CameraPrior`] expects.
+//! * One tilted photograph tells the focal length; distortion as far as corners reach.
+//! * Three photographs and more from different sides tell all that maps need.
+
+mod joint;
+mod prior;
+mod start;
+
+use super::detector::Corner;
+use super::pose::pose_minima;
+use super::target::Target;
+use crate::Rejection;
+use crate::geometry::{Camera, Pose};
+use glam::DVec2;
+use joint::{INTRINSICS, Problem, State, View};
+pub use prior::CameraPrior;
+
+/// Corners below which a photograph is not used.
+const CORNERS_MIN: usize = 12;
+/// Noise of corners assumed before residuals tell, px.
+const NOISE_PX: f64 = 0.15;
+/// Least noise believed: the best corners have a few hundredths.
+const NOISE_MIN_PX: f64 = 0.03;
+/// Corners within this many standard deviations fit, but never fewer than those within this
+/// distance.
+const TRIM_SIGMA: f64 = 4.0;
+const TRIM_MIN_PX: f64 = 0.2;
+/// A photograph whose corners fit this many times worse than the median photograph's, and worse
+/// than this, is left out.
+const VIEW_TIMES: f64 = 4.0;
+const VIEW_MIN_PX: f64 = 1.0;
+/// Share of a photograph's corners that must fit.
+const VIEW_SHARE_MIN: f64 = 0.6;
+/// RMS above which there is no camera that explains the corners: px, or part of the long side.
+const RMS_MAX_PX: f64 = 2.0;
+const RMS_MAX_SIDE: f64 = 1e-3;
+const ROUNDS: usize = 8;
+
+/// An estimated camera and how well it is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraEstimate {
+    /// The camera.
+    pub camera: Camera,
+    /// Covariance of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, from the residuals' variance and the
+    /// prior; zero for values that were kept.
+    pub covariance: [[f64; 9]; 9],
+    /// Root mean square distance of the corners that took part from their projections, px.
+    pub rms_px: f64,
+    /// One for each photograph given, in their order.
+    pub views: Vec<ViewEstimate>,
+}
+
+/// One photograph of a camera's estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewEstimate {
+    /// Board to camera; `None` where no pose was found.
+    pub pose: Option<Pose>,
+    /// Whether the photograph took part.
+    pub used: bool,
+    /// Root mean square distance of its inlying corners, px; not finite without a pose.
+    pub rms_px: f64,
+    /// For each corner, whether it fits.
+    pub inliers: Vec<bool>,
+}
+
+impl CameraEstimate {
+    /// Standard deviations of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    pub fn sigma(&self) -> [f64; 9] {
+        std::array::from_fn(|i| self.covariance[i][i].max(0.0).sqrt())
+    }
+}
+
+/// Estimates the camera from one or several photographs of the target, all of the prior's size.
+/// `start` is where an earlier estimate ended.
+///
+/// # Errors
+/// [`Rejection::TooFewCorners`] when no photograph has 12 corners that span a plane,
+/// [`Rejection::PoseUncertain`] when no camera explains the corners.
+pub fn estimate_camera(
+    target: &Target,
+    views: &[&[Corner]],
+    prior: &CameraPrior,
+    start: Option<&Camera>,
+) -> Result<CameraEstimate, Rejection> {
+    let uncertain = |rms: f64| Rejection::PoseUncertain { rms_px: rms as f32 };
+    if !prior.is_valid() {
+        return Err(uncertain(f64::INFINITY));
+    }
+    let mut given: Vec<View> = views.iter().map(|corners| view(target, corners)).collect();
+    if !given.iter().any(|v| v.used) {
+        return Err(Rejection::TooFewCorners {
+            found: views.iter().map(|v| v.len()).max().unwrap_or(0) as u32,
+            expected: target.corners().len() as u32,
+            needed: CORNERS_MIN as u32,
+        });
+    }
+    let starts = start::cameras(&given, prior, start);
+    let best = starts
+        .iter()
+        .filter_map(|camera| first_minimum(&given, prior, camera))
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((mut state, _)) = best else { return Err(uncertain(f64::INFINITY)) };
+    let mut noise_px = NOISE_PX;
+    for _ in 0..ROUNDS {
+        let mut changed = trim(&mut given, &state);
+        noise_px = noise(&given, &state);
+        state = Problem { prior, views: &given, noise_px }.minimise(state);
+        changed |= turn_poses(&given, &mut state);
+        if !changed {
+            break;
+        }
+    }
+    let problem = Problem { prior, views: &given, noise_px };
+    let state = problem.minimise(state);
+    noise_px = noise(&given, &state);
+    let rms = rms(&given, &state);
+    let long = f64::from(prior.camera.width.max(prior.camera.height));
+    if rms.is_nan() || rms > RMS_MAX_PX.max(RMS_MAX_SIDE * long) {
+        return Err(uncertain(rms));
+    }
+    let covariance = Problem { prior, views: &given, noise_px }
+        .covariance(&state)
+        .ok_or_else(|| uncertain(rms))?;
+    let covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
+    let views = given.into_iter().zip(state.poses);
+    let views = views.map(|(view, pose)| finished(view, pose, &state.camera)).collect();
+    Ok(CameraEstimate { camera: state.camera, covariance, rms_px: rms, views })
+}
+
+fn view(target: &Target, corners: &[Corner]) -> View {
+    let board: Vec<DVec2> =
+        corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
+    let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
+    let used = px.len() >= CORNERS_MIN
+        && px.iter().all(|p| p.is_finite())
+        && crate::geometry::Homography::fit(&board, &px).is_some();
+    let inliers = vec![true; px.len()];
+    View { board, px, inliers, used }
+}
+
+/// The minimum next to a starting camera and its robust cost, for comparing starts.
+fn first_minimum(views: &[View], prior: &CameraPrior, camera: &Camera) -> Option<(State, f64)> {
+    let mut poses = Vec::with_capacity(views.len());
+    let mut views = views.to_vec();
+    for view in &mut views {
+        let pose = if view.used { best_pose(view, camera) } else { None };
+        view.used = pose.is_some();
+        poses.push(
+            pose.unwrap_or(Pose { rotation: glam::DMat3::IDENTITY, translation: glam::DVec3::Z }),
+        );
+    }
+    if !views.iter().any(|v| v.used) {
+        return None;
+    }
+    let problem = Problem { prior, views: &views, noise_px: NOISE_PX };
+    let state = problem.minimise(State { camera: *camera, poses });
+    let limit = 10.0 * NOISE_PX;
+    let corners: f64 = views
+        .iter()
+        .zip(&state.poses)
+        .filter(|(view, _)| view.used)
+        .flat_map(|(view, pose)| view.residuals(&state.camera, pose))
+        .map(|r| (r.min(limit) / NOISE_PX).powi(2))
+        .sum();
+    let prior: f64 = prior.terms(&state.camera).map(|(d, _)| d * d).sum();
+    let cost = corners + prior;
+    cost.is_finite().then_some((state, cost))
+}
+
+fn best_pose(view: &View, camera: &Camera) -> Option<Pose> {
+    pose_minima(camera, &view.board, &view.px).first().map(|fit| fit.pose)
+}
+
+/// Leaves corners and photographs out that do not fit the others; whether that changed anything.
+fn trim(views: &mut [View], state: &State) -> bool {
+    let mut changed = false;
+    let mut medians = Vec::new();
+    let residuals: Vec<Vec<f64>> = views
+        .iter()
+        .zip(&state.poses)
+        .map(|(view, pose)| view.residuals(&state.camera, pose))
+        .collect();
+    let mut spread = Vec::with_capacity(views.len());
+    for (view, residuals) in views.iter().zip(&residuals) {
+        let mut sorted = residuals.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY);
+        spread.push(median);
+        if view.used {
+            medians.push(median);
+        }
+    }
+    medians.sort_unstable_by(f64::total_cmp);
+    let typical = medians.get(medians.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let enough = medians.len() >= 3;
+    for ((view, residuals), median) in views.iter_mut().zip(&residuals).zip(spread) {
+        // The median length of a two-dimensional normal vector is 1.177 sigma.
+        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+        let inliers: Vec<bool> = residuals.iter().map(|r| *r <= limit).collect();
+        changed |= inliers != view.inliers;
+        view.inliers = inliers;
+        let fits = view.inlier_count() as f64 >= VIEW_SHARE_MIN * view.px.len() as f64;
+        let alike = median <= (VIEW_TIMES * typical).max(VIEW_MIN_PX);
+        if view.used && enough && !(fits && alike) {
+            view.used = false;
+            changed = true;
+        }
+    }
+    changed
+}
+
+/// Tries each photograph's other pose with the refined camera; whether one was better.
+fn turn_poses(views: &[View], state: &mut State) -> bool {
+    let mut changed = false;
+    for (view, pose) in views.iter().zip(&mut state.poses) {
+        let now = view.cost(&state.camera, pose);
+        for fit in pose_minima(&state.camera, &view.board, &view.px) {
+            let turn = (fit.pose.rotation.z_axis - pose.rotation.z_axis).length();
+            if turn > 0.02 && view.cost(&state.camera, &fit.pose) < 0.98 * now {
+                *pose = fit.pose;
+                changed = true;
+                break;
+            }
+        }
+    }
+    changed
+}
+
+/// Number of corners that take part and the sum of their squared residuals.
+fn totals(views: &[View], state: &State) -> (usize, f64) {
+    let used = views.iter().zip(&state.poses).filter(|(view, _)| view.used);
+    used.fold((0, 0.0), |(count, sum), (view, pose)| {
+        (count + view.inlier_count(), sum + view.cost(&state.camera, pose))
+    })
+}
+
+fn rms(views: &[View], state: &State) -> f64 {
+    let (count, sum) = totals(views, state);
+    (sum / count as f64).sqrt()
+}
+
+/// Standard deviation of a corner's coordinate.
+fn noise(views: &[View], state: &State) -> f64 {
+    let (count, sum) = totals(views, state);
+    let used = views.iter().filter(|view| view.used).count();
+    let freedom = 2 * count as isize - 6 * used as isize - INTRINSICS as isize;
+    (sum / freedom.max(1) as f64).sqrt().max(NOISE_MIN_PX)
+}
+
+fn finished(mut view: View, pose: Pose, camera: &Camera) -> ViewEstimate {
+    let mut pose = Some(pose);
+    if !view.used {
+        // Left out of the estimate, yet seen by the camera it gave.
+        pose = best_pose(&view, camera);
+        let residuals = pose.map(|p| view.residuals(camera, &p)).unwrap_or_default();
+        let mut sorted = residuals.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+        view.inliers = view
+            .px
+            .iter()
+            .enumerate()
+            .map(|(i, _)| residuals.get(i).is_some_and(|r| *r <= limit))
+            .collect();
+    }
+    let rms_px =
+        pose.map_or(f64::INFINITY, |p| (view.cost(camera, &p) / view.inlier_count() as f64).sqrt());
+    ViewEstimate { pose, used: view.used, rms_px, inliers: view.inliers }
+}
+
+#[cfg(test)]
+mod tests;

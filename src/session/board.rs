@@ -1,0 +1,408 @@
+//! Photographs of a board: calibration and rectification, and what later photographs change about
+//! earlier ones.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use super::BoardPose;
+use super::intake::Taken;
+use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator, Photometry, Radiometry};
+use crate::calibration::{
+    self, CameraEstimate, CameraPrior, Corner, LumaImage, PoseEstimate, Target,
+};
+use crate::frame::Photo;
+use crate::geometry::{Camera, Pose};
+use crate::observation::Observation;
+use crate::rectification;
+use crate::{Error, Rejection, Result};
+
+/// Where the flash of an unknown camera may be, mm: in the plane of its lens.
+const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
+/// A camera estimated better moves the sample by less than this: the rectified photograph stays.
+const MOVED_PX: f64 = 0.03;
+/// The same for the camera's position, relative to its distance.
+const MOVED_SHARE: f64 = 3e-4;
+/// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
+/// little.
+const CROP_SHARE: f64 = 0.05;
+const CROP_PX: f64 = 24.0;
+
+/// What is known better of an earlier photograph.
+#[derive(Debug, Clone)]
+pub(super) enum Update {
+    /// Light and response.
+    Radiometry { index: usize, camera: Camera, pose: Pose, old: Radiometry, new: Radiometry },
+    /// Camera, pose and light.
+    Geometry { index: usize, kept: Arc<Kept>, camera: Camera, pose: Pose, radiometry: Radiometry },
+}
+
+impl Update {
+    /// The photograph's index among the accepted ones.
+    pub(super) fn index(&self) -> usize {
+        match self {
+            Self::Radiometry { index, .. } | Self::Geometry { index, .. } => *index,
+        }
+    }
+
+    /// Brings the photograph's observation up to date.
+    pub(super) fn apply(&self, observation: &mut Observation) {
+        match self {
+            Self::Radiometry { camera, pose, old, new, .. } => {
+                rectification::update_radiometry(observation, camera, pose, 0.0, old, new);
+            }
+            Self::Geometry { kept, camera, pose, radiometry, .. } => {
+                let (width, height) = (observation.width, observation.height);
+                let sample_mm = observation.view.sample_mm;
+                let camera = kept.camera(camera);
+                let again = rectification::rectify(
+                    &kept.photo,
+                    &camera,
+                    pose,
+                    radiometry,
+                    sample_mm,
+                    width,
+                    height,
+                );
+                // An accepted photograph that a better camera no longer accepts stays as it was.
+                if let Ok(again) = again {
+                    *observation = again;
+                }
+            }
+        }
+    }
+}
+
+/// The part of a photograph that shows the sample.
+#[derive(Debug)]
+pub(super) struct Kept {
+    photo: Photo,
+    corner: [u32; 2],
+}
+
+impl Kept {
+    fn new(photo: &Photo, camera: &Camera, pose: &Pose, sample_mm: [f32; 2]) -> Self {
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        // Distortion bends edges: points along them.
+        for i in 0..=8 {
+            for j in 0..=8 {
+                let (x, y) = (f64::from(i) / 8.0 - 0.5, f64::from(j) / 8.0 - 0.5);
+                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), 0.0);
+                if let Some(px) = camera.project(pose.transform(p)) {
+                    (low, high) = (low.min(px), high.max(px));
+                }
+            }
+        }
+        let size = DVec2::new(photo.width().into(), photo.height().into());
+        let margin = CROP_SHARE * (high - low) + CROP_PX;
+        let low = (low - margin).floor().clamp(DVec2::ZERO, size - 1.0);
+        let high = (high + margin).ceil().clamp(low + 1.0, size);
+        let (corner, extent) = (low.as_uvec2(), (high - low).as_uvec2());
+        let photo = photo.cropped(corner.x, corner.y, extent.x, extent.y);
+        Self { photo, corner: corner.to_array() }
+    }
+
+    /// The camera that took this part.
+    fn camera(&self, whole: &Camera) -> Camera {
+        Camera {
+            width: self.photo.width(),
+            height: self.photo.height(),
+            cx: whole.cx - f64::from(self.corner[0]),
+            cy: whole.cy - f64::from(self.corner[1]),
+            ..*whole
+        }
+    }
+}
+
+/// Where intrinsics come from.
+#[derive(Debug, Clone)]
+enum Intrinsics {
+    Given(Camera),
+    Estimated(Option<Box<CameraEstimate>>),
+}
+
+/// Takes photographs of a board in, one at a time.
+pub(super) struct BoardIntake {
+    target: Target,
+    intrinsics: Intrinsics,
+    photometry: PhotometricCalibrator,
+    frames: Vec<Frame>,
+}
+
+/// An accepted photograph.
+struct Frame {
+    corners: Vec<Corner>,
+    /// For another rectification, where the camera is estimated.
+    kept: Option<Arc<Kept>>,
+    /// Latest estimate.
+    pose: Pose,
+    rms_px: f64,
+    /// What the observation was made with.
+    used: (Camera, Pose, Radiometry),
+}
+
+/// Camera and poses with a new photograph.
+struct Solved {
+    camera: Camera,
+    estimate: Option<CameraEstimate>,
+    new: PoseEstimate,
+    /// Poses of the earlier photographs, where the camera changed.
+    earlier: Option<Vec<(Pose, f64)>>,
+}
+
+impl BoardIntake {
+    /// Checks the scene.
+    pub(super) fn new(
+        target: Target,
+        camera: Option<Camera>,
+        flash_offset_mm: Option<DVec3>,
+    ) -> Result<Self> {
+        if let Some((field, expected)) = target.fault() {
+            return Err(Error::argument("board", format!("{field}: expected {expected}")));
+        }
+        if let Some((field, expected)) = camera.and_then(|c| c.fault()) {
+            return Err(Error::argument("camera", format!("{field}: expected {expected}")));
+        }
+        let flash = match flash_offset_mm {
+            Some(offset) if !offset.is_finite() => {
+                return Err(Error::argument("flash", "offset_mm: expected finite numbers"));
+            }
+            Some(offset) => FlashOffset::Known(offset),
+            None => FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: FLASH_SIGMA_MM },
+        };
+        let photometry = PhotometricCalibrator::new(target.clone(), flash);
+        let intrinsics = camera.map_or(Intrinsics::Estimated(None), Intrinsics::Given);
+        Ok(Self { target, intrinsics, photometry, frames: Vec::new() })
+    }
+
+    pub(super) fn camera(&self) -> Option<Camera> {
+        match &self.intrinsics {
+            Intrinsics::Given(camera) => Some(*camera),
+            Intrinsics::Estimated(estimate) => estimate.as_ref().map(|e| e.camera),
+        }
+    }
+
+    pub(super) fn camera_sigma(&self) -> Option<[f64; 9]> {
+        match &self.intrinsics {
+            Intrinsics::Given(_) => None,
+            Intrinsics::Estimated(estimate) => estimate.as_ref().map(|e| e.sigma()),
+        }
+    }
+
+    pub(super) fn poses(&self) -> Vec<BoardPose> {
+        let known = |f: &Frame| BoardPose { pose: f.pose, reprojection_rms_px: f.rms_px };
+        self.frames.iter().map(known).collect()
+    }
+
+    pub(super) fn photometry(&self) -> Option<&Photometry> {
+        self.photometry.photometry()
+    }
+
+    /// Calibrates and rectifies a photograph. Everything is computed on copies and kept on success
+    /// only.
+    pub(super) fn take(
+        &mut self,
+        photo: &Photo,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> std::result::Result<Taken, Rejection> {
+        if let Some(camera) = self.camera()
+            && (photo.width(), photo.height()) != (camera.width, camera.height)
+        {
+            return Err(Rejection::WrongSize {
+                found_width: photo.width(),
+                found_height: photo.height(),
+                width: camera.width,
+                height: camera.height,
+            });
+        }
+        let luma = LumaImage::from_photo(photo);
+        let corners = calibration::detect(&luma, &self.target)?.corners;
+        drop(luma);
+        let solved = self.solve(photo, &corners)?;
+        let (camera, pose) = (solved.camera, solved.new.pose);
+        let mut photometry = self.photometry.clone();
+        if let Some(earlier) = &solved.earlier {
+            let poses: Vec<Pose> = earlier.iter().map(|e| e.0).collect();
+            photometry.set_poses(&poses);
+        }
+        let radiometry = photometry.push(photo, &camera, &pose)?;
+        let observation = rectification::rectify(
+            photo,
+            &camera,
+            &pose,
+            &radiometry,
+            sample_mm,
+            resolution,
+            resolution,
+        )?;
+        if let Some(earlier) = &solved.earlier {
+            for (frame, (pose, rms_px)) in self.frames.iter_mut().zip(earlier) {
+                (frame.pose, frame.rms_px) = (*pose, *rms_px);
+            }
+        }
+        let updates = self
+            .frames
+            .iter_mut()
+            .enumerate()
+            .filter_map(|(i, f)| f.update(i, &camera, photometry.radiometry(i)?, sample_mm))
+            .collect();
+        let kept = matches!(self.intrinsics, Intrinsics::Estimated(_))
+            .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm)));
+        let rms_px = solved.new.rms_px;
+        self.frames.push(Frame { corners, kept, pose, rms_px, used: (camera, pose, radiometry) });
+        if let Some(estimate) = solved.estimate {
+            self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
+        }
+        self.photometry = photometry;
+        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates })
+    }
+
+    /// Camera and poses from all photographs so far and a new one.
+    fn solve(&self, photo: &Photo, corners: &[Corner]) -> std::result::Result<Solved, Rejection> {
+        let pose_of = |camera: &Camera, corners: &[Corner]| {
+            calibration::estimate_pose(camera, &self.target, corners)
+        };
+        let earlier = match &self.intrinsics {
+            Intrinsics::Given(camera) => {
+                let new = pose_of(camera, corners)?;
+                return Ok(Solved { camera: *camera, estimate: None, new, earlier: None });
+            }
+            Intrinsics::Estimated(estimate) => estimate.as_deref(),
+        };
+        let mut all: Vec<&[Corner]> = self.frames.iter().map(|f| f.corners.as_slice()).collect();
+        all.push(corners);
+        let prior = CameraPrior::of_photo(photo);
+        let start = earlier.map(|e| &e.camera);
+        let estimate = calibration::estimate_camera(&self.target, &all, &prior, start)?;
+        let new = pose_of(&estimate.camera, corners)?;
+        // The minority goes: a new photograph that the others contradict, never most of them.
+        let lost = estimate.views.iter().filter(|v| !v.used).count();
+        if 2 * lost >= estimate.views.len() || estimate.views.last().is_some_and(|v| !v.used) {
+            return Err(Rejection::PoseUncertain { rms_px: new.rms_px as f32 });
+        }
+        let poses =
+            self.frames.iter().map(|frame| match pose_of(&estimate.camera, &frame.corners) {
+                Ok(pose) => (pose.pose, pose.rms_px),
+                Err(_) => (frame.pose, frame.rms_px),
+            });
+        let poses = poses.collect();
+        Ok(Solved { camera: estimate.camera, estimate: Some(estimate), new, earlier: Some(poses) })
+    }
+}
+
+impl Frame {
+    /// What the fit must do to use the latest estimates; remembers that it will.
+    fn update(
+        &mut self,
+        index: usize,
+        camera: &Camera,
+        radiometry: Radiometry,
+        sample_mm: [f32; 2],
+    ) -> Option<Update> {
+        let (old_camera, old_pose, old) = self.used;
+        if let Some(kept) = &self.kept
+            && moves(&old_camera, &old_pose, camera, &self.pose, sample_mm)
+        {
+            let (kept, camera, pose) = (kept.clone(), *camera, self.pose);
+            self.used = (camera, pose, radiometry);
+            return Some(Update::Geometry { index, kept, camera, pose, radiometry });
+        }
+        self.used.2 = radiometry;
+        (radiometry != old).then_some(Update::Radiometry {
+            index,
+            camera: old_camera,
+            pose: old_pose,
+            old,
+            new: radiometry,
+        })
+    }
+}
+
+/// Whether the sample lies elsewhere in the photograph, or is seen from elsewhere.
+fn moves(
+    old_camera: &Camera,
+    old_pose: &Pose,
+    camera: &Camera,
+    pose: &Pose,
+    sample_mm: [f32; 2],
+) -> bool {
+    let (from, to) = (old_pose.camera_centre(), pose.camera_centre());
+    if from.distance(to) > MOVED_SHARE * to.length() {
+        return true;
+    }
+    [(0.0, 0.0), (-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].into_iter().any(|(x, y)| {
+        let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), 0.0);
+        let then = old_camera.project(old_pose.transform(p));
+        let now = camera.project(pose.transform(p));
+        !matches!((then, now), (Some(a), Some(b)) if a.distance(b) <= MOVED_PX)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::photometry::Vignetting;
+    use crate::calibration::photometry::tests::{camera, photograph, pose};
+
+    fn radiometry(gain: f64) -> Radiometry {
+        Radiometry {
+            gain: [gain; 3],
+            vignetting: Vignetting { exponent: 2.0, curvature: 0.5 },
+            lobe_exponent: 1.5,
+            flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),
+            power_mm2: [2e5; 3],
+            ambient: [0.0; 3],
+        }
+    }
+
+    /// An earlier photograph brought up to date is what the whole photograph gives with the new
+    /// camera and pose.
+    #[test]
+    fn the_part_kept_is_rectified_like_the_whole() {
+        let sample_mm = [100.0, 80.0];
+        let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
+        let texture = |p: DVec2, _| [0.5 + 0.3 * (p.x * 0.2).sin(), 0.5, 0.4 + 0.2 * p.y.cos()];
+        let photo = photograph(&camera, &pose, 2, texture);
+        let photo = Photo::from_linear(camera.width, camera.height, photo, 1.0, 10.0).unwrap();
+        // The first guess is a little off.
+        let guess = Camera { fx: 480.0, fy: 480.0, distortion: [0.0; 5], ..camera };
+        let kept = Kept::new(&photo, &guess, &pose, sample_mm);
+        let share = f64::from(kept.photo.width() * kept.photo.height())
+            / f64::from(photo.width() * photo.height());
+        assert!(share < 0.35, "{share}");
+        let at = |camera: &Camera, radiometry: &Radiometry| {
+            rectification::rectify(&photo, camera, &pose, radiometry, sample_mm, 64, 64).unwrap()
+        };
+        let mut observation = at(&guess, &radiometry(1.0));
+        let update = Update::Geometry {
+            index: 3,
+            kept: Arc::new(kept),
+            camera,
+            pose,
+            radiometry: radiometry(1.3),
+        };
+        assert_eq!(update.index(), 3);
+        update.apply(&mut observation);
+        let fresh = at(&camera, &radiometry(1.3));
+        assert_eq!(observation.view, fresh.view);
+        assert_eq!(observation.weight, fresh.weight);
+        for (a, b) in observation.radiance.iter().zip(&fresh.radiance) {
+            // Tables of the response have other steps, positions other roundings: 1e-4 px times
+            // the texture's slope.
+            assert!((a - b).abs() < 2e-4, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn small_changes_leave_the_rectified_photograph() {
+        let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
+        let seen = |c: &Camera, p: &Pose| moves(&camera, &pose, c, p, [100.0, 100.0]);
+        assert!(!seen(&camera, &pose));
+        assert!(!seen(&Camera { cx: camera.cx + 0.02, ..camera }, &pose));
+        assert!(seen(&Camera { cx: camera.cx + 0.05, ..camera }, &pose));
+        // Further away with a longer lens: the picture hardly changes, the view does.
+        let far = Pose { translation: pose.translation * 1.001, ..pose };
+        assert!(seen(&Camera { fx: camera.fx * 1.001, fy: camera.fy * 1.001, ..camera }, &far));
+    }
+}
