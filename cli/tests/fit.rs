@@ -59,13 +59,12 @@ fn bad_photos(capture: &Path) -> Vec<(&'static str, Vec<u8>, Vec<&'static str>)>
         encode(&image::RgbImage::from_pixel(w, h, image::Rgb([level; 3])), image::ImageFormat::Png)
     };
     let jpeg = encode(&photo, image::ImageFormat::Jpeg);
-    let none = vec!["board_not_found", "too_dark", "clipped"];
     vec![
         ("cut short", jpeg[..jpeg.len() / 2].to_vec(), vec!["unreadable"]),
         ("empty", Vec::new(), vec!["unreadable"]),
-        ("black", png(0), none.clone()),
-        ("white", png(255), none.clone()),
-        ("gray", png(128), none),
+        ("black", png(0), vec!["too_dark"]),
+        ("white", png(255), vec!["clipped"]),
+        ("gray", png(128), vec!["board_not_found"]),
         (
             "small",
             encode(&image::RgbImage::new(64, 48), image::ImageFormat::Png),

@@ -217,7 +217,11 @@ impl BoardIntake {
             });
         }
         let luma = LumaImage::from_photo(photo);
-        let corners = calibration::detect(&luma, &self.target)?.corners;
+        let corners = match calibration::detect(&luma, &self.target) {
+            Ok(detection) => detection.corners,
+            Err(Rejection::BoardNotFound) => return Err(why_no_board(photo)),
+            Err(rejection) => return Err(rejection),
+        };
         drop(luma);
         let solved = self.solve(photo, &corners)?;
         let (camera, pose) = (solved.camera, solved.new.pose);
@@ -337,6 +341,29 @@ fn moves(
         let now = camera.project(pose.transform(p));
         !matches!((then, now), (Some(a), Some(b)) if a.distance(b) <= MOVED_PX)
     })
+}
+
+/// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
+fn why_no_board(photo: &Photo) -> Rejection {
+    const SAMPLES: u32 = 128;
+    let (w, h) = (photo.width(), photo.height());
+    let full = if photo.saturation().is_finite() { photo.saturation() } else { 1.0 };
+    let across =
+        |n: u32| (0..SAMPLES).map(move |i| ((2 * i + 1) * n.div_ceil(2) / SAMPLES).min(n - 1));
+    let mut levels: Vec<f32> = across(h)
+        .flat_map(|y| across(w).map(move |x| (x, y)))
+        .map(|(x, y)| photo.pixel(x, y).into_iter().fold(0.0, f32::max) / full)
+        .collect();
+    levels.sort_by(f32::total_cmp);
+    let share = levels.iter().filter(|&&v| v >= 1.0).count() as f32 / levels.len() as f32;
+    let level = levels[levels.len() * 99 / 100];
+    if share > 0.5 {
+        Rejection::Clipped { share }
+    } else if level < 0.02 {
+        Rejection::TooDark { level }
+    } else {
+        Rejection::BoardNotFound
+    }
 }
 
 #[cfg(test)]
