@@ -48,5 +48,5 @@ pub mod svbrdf;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub use error::{Error, Rejection, Result};
+pub use error::{Error, Rejection, Result, StateFault};
 pub use svbrdf::Svbrdf;

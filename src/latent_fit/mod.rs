@@ -15,6 +15,7 @@
 mod adam;
 mod global;
 mod level;
+mod saved;
 
 #[cfg(test)]
 mod tests;
@@ -25,9 +26,10 @@ use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 use level::Level;
+pub use saved::{SavedFit, SavedLevel, SavedStage};
 
 /// Texels a side up to which the first level goes.
-const COARSEST_TEXELS: usize = 256;
+pub(crate) const COARSEST_TEXELS: usize = 256;
 
 /// Options of the fit.
 #[derive(Debug, Clone, PartialEq)]
