@@ -10,6 +10,7 @@ pkg-config --exists opencv4 2>/dev/null || packages+=(pkg-config libopencv-dev)
 ls /usr/lib/llvm-*/lib/libclang.so* >/dev/null 2>&1 || packages+=(clang libclang-dev)
 command -v cc >/dev/null || packages+=(build-essential)
 command -v valgrind >/dev/null || packages+=(valgrind)
+command -v cmake >/dev/null || packages+=(cmake)
 if [ ${#packages[@]} -gt 0 ]; then
   sudo=$([ "$(id -u)" = 0 ] || echo sudo)
   $sudo apt-get update -q
@@ -19,4 +20,5 @@ fi
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"
+ffi/size.sh
 RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace --quiet

@@ -20,8 +20,12 @@ pub fn read_json(path: &Path) -> Result<Value> {
             expected: format!("a description of at most {MAX_BYTES} bytes"),
         });
     }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    parse_json(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?)
+}
+
+/// Reads JSON that stands, or would stand, in a file.
+pub fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     serde_json::from_slice(text).map_err(|fault| {
         let before = text_before(text, fault.line(), fault.column());
         Error::Field {

@@ -13,7 +13,7 @@ use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
-use document::{Node, read_json};
+use document::{Node, parse_json, read_json};
 
 /// Version of the format read: the value of `format`.
 pub const FORMAT: &str = "svbrdf-capture/1";
@@ -85,7 +85,22 @@ impl Capture {
         let dir = dir.as_ref();
         let file = dir.join(FILE_NAME);
         let value = read_json(&file)?;
-        let root = Node::root(&file, &value);
+        Self::read(dir, &file, &value, camera)
+    }
+
+    /// As [`Capture::load`] with the contents of `capture.json` given; pictures are looked for in
+    /// folder `dir`.
+    ///
+    /// # Errors
+    /// As [`Capture::load`].
+    pub fn parse(dir: impl AsRef<Path>, json: &[u8]) -> Result<Self> {
+        let dir = dir.as_ref();
+        let file = dir.join(FILE_NAME);
+        Self::read(dir, &file, &parse_json(&file, json)?, None)
+    }
+
+    fn read(dir: &Path, file: &Path, value: &Value, camera: Option<Camera>) -> Result<Self> {
+        let root = Node::root(file, value);
         root.object()?;
         root.get("format").choice(&[(FORMAT, ())])?;
         let sample = root.get("sample");

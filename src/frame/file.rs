@@ -29,6 +29,17 @@ impl Photo {
         Ok(Self { focal_35mm, ..photo })
     }
 
+    /// As [`Photo::read`] with the contents of the file.
+    ///
+    /// # Errors
+    /// As [`Photo::read`]; the file is called `(memory)`.
+    pub fn decode(bytes: &[u8], encoding: Encoding, exposure: f32) -> Result<Self> {
+        let path = Path::new("(memory)");
+        let (picture, focal_35mm) = decode(path, bytes)?;
+        let photo = Self::from_picture(path, picture, encoding, exposure)?;
+        Ok(Self { focal_35mm, ..photo })
+    }
+
     fn from_picture(
         path: &Path,
         picture: DynamicImage,
@@ -71,11 +82,16 @@ fn read_with_focal(path: &Path) -> Result<(DynamicImage, Option<f32>)> {
     if size > MAX_FILE_BYTES {
         return Err(fault(format!("{size} bytes, at most {MAX_FILE_BYTES} are read")));
     }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    decode(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?)
+}
+
+/// Decodes a file's contents.
+fn decode(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, Option<f32>)> {
+    let fault = |message: String| Error::Image { path: path.to_owned(), message };
     if bytes.is_empty() {
         return Err(fault("the file is empty".into()));
     }
-    let mut reader = ImageReader::new(Cursor::new(&bytes));
+    let mut reader = ImageReader::new(Cursor::new(bytes));
     reader = reader.with_guessed_format().map_err(|e| Error::io(path, e))?;
     let format = reader
         .format()
@@ -90,7 +106,7 @@ fn read_with_focal(path: &Path) -> Result<(DynamicImage, Option<f32>)> {
         return Err(fault(format!("{width} x {height} px; at most {MAX_PIXELS} pixels are read")));
     }
     // The decoder fills what is missing with gray instead of complaining.
-    if format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
+    if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
         return Err(fault("the file is cut short: its end marker is missing".into()));
     }
     let orientation = decoder.orientation().map_err(decode)?;

@@ -85,8 +85,7 @@ impl Meter {
     pub(super) fn exhausted(&self, share: f32) -> bool {
         let time = self.budget.seconds.is_some_and(|s| self.elapsed().as_secs_f32() >= share * s);
         let steps = self.budget.steps;
-        time || steps
-            .is_some_and(|n| f64::from(self.steps) >= (f64::from(share) * f64::from(n)).ceil())
+        time || steps.is_some_and(|n| self.steps as f32 >= (share * n as f32).ceil())
     }
 }
 
@@ -198,7 +197,7 @@ mod tests {
         assert_eq!(predicted_change(1.0, 30, 30), 0.0);
         // Half way the rate is one half; what is left of the cosine is 15 (1/2 - 1/pi).
         let left = predicted_change(1.0, 15, 30);
-        assert!((left - 15.0 * (0.5 - 0.318) / 0.5).abs() < 0.7, "{left}");
+        assert!((left - 15.0 * (0.5 - std::f32::consts::FRAC_1_PI) / 0.5).abs() < 0.7, "{left}");
         let mut trend = Trend::new(8, 1);
         assert!(!trend.is_flat(1, 0.2) && !trend.is_flat(2, 0.1) && trend.is_flat(3, 0.0999));
     }

@@ -43,3 +43,16 @@ fn a_panic_while_locks_are_held_does_not_lock_others_out() {
     assert_eq!(panicking, SVBRDF_FAILED);
     assert_eq!(svbrdf_session_destroy(session), SVBRDF_OK);
 }
+
+#[path = "../../../fuzz/shared/c_calls.rs"]
+mod c_calls;
+#[path = "../../../fuzz/shared/mutate.rs"]
+mod mutate;
+
+/// A short run of the fuzz target: the committed seeds and changes of them, the same every time.
+#[test]
+fn any_calls_in_any_order_do_no_harm() {
+    let seeds = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/c_calls");
+    let times = std::env::var("SVBRDF_FUZZ_ROUNDS").ok().and_then(|v| v.parse().ok());
+    mutate::each(&seeds, 1500 * times.unwrap_or(1_usize), &[], c_calls::run);
+}

@@ -9,8 +9,6 @@ pub(super) mod bytes;
 mod fit;
 mod intake;
 mod scene;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
 
@@ -75,3 +73,6 @@ pub(super) fn read(
 fn damaged(what: impl Into<String>) -> Error {
     Error::State(StateFault::Damaged(what.into()))
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,12 +1,9 @@
 //! An installed library is found by CMake and pkg-config, and the example built with it runs.
-#![cfg(target_os = "linux")]
-
-mod common;
 
 use std::path::Path;
 use std::process::Command;
 
-use common::{has, library, root, run};
+use crate::common::{has, library, root, run};
 
 fn install(prefix: &Path) {
     run(Command::new(root().join("ffi/install.sh"))

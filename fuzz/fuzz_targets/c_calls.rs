@@ -1,0 +1,37 @@
+//! The C library's own sources, so that they are instrumented like the rest.
+#![no_main]
+#![allow(non_camel_case_types, dead_code)]
+
+#[path = "../../ffi/src/budget.rs"]
+mod budget;
+#[path = "../../ffi/src/capture.rs"]
+mod capture;
+#[path = "../../ffi/src/handles.rs"]
+mod handles;
+#[path = "../../ffi/src/image.rs"]
+mod image;
+#[path = "../../ffi/src/info.rs"]
+mod info;
+#[path = "../../ffi/src/maps.rs"]
+mod maps;
+#[path = "../../ffi/src/models.rs"]
+mod models;
+#[path = "../../ffi/src/notifier.rs"]
+mod notifier;
+#[path = "../../ffi/src/options.rs"]
+mod options;
+#[path = "../../ffi/src/reports.rs"]
+mod reports;
+#[path = "../../ffi/src/saved.rs"]
+mod saved;
+#[path = "../../ffi/src/session.rs"]
+mod session;
+#[path = "../../ffi/src/status.rs"]
+mod status;
+#[path = "../../ffi/src/versioned.rs"]
+mod versioned;
+
+#[path = "../shared/c_calls.rs"]
+mod c_calls;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| c_calls::run(data));

@@ -1,0 +1,304 @@
+//! Sequences of calls of the C library in any order with any arguments, as far as a caller may
+//! choose them: pointers are NULL or what they should be, handles also stale or of another kind.
+
+use std::ffi::c_void;
+use std::ptr;
+
+use crate::budget::*;
+use crate::capture::*;
+use crate::image::*;
+use crate::maps::*;
+use crate::options::*;
+use crate::reports::*;
+use crate::saved::*;
+use crate::session::*;
+use crate::status::*;
+
+/// Calls of one sequence.
+const MAX_CALLS: usize = 64;
+/// Photos that may get as far as the networks, in one sequence.
+const MAX_PHOTOS: usize = 1;
+
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn u8(&mut self) -> u8 {
+        let Some((&first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        first
+    }
+
+    /// Mostly small and likely numbers, sometimes any.
+    fn u32(&mut self) -> u32 {
+        match self.u8() {
+            0xFF => u32::from_le_bytes([self.u8(), self.u8(), self.u8(), self.u8()]),
+            0xFE => u32::MAX,
+            0xFD => 256,
+            0xFC => 512,
+            small => u32::from(small % 16),
+        }
+    }
+
+    fn usize(&mut self) -> usize {
+        match self.u8() {
+            0xFF => usize::MAX,
+            0xFE => usize::MAX / 2 + 1,
+            other => usize::from(other) * 64,
+        }
+    }
+
+    fn f32(&mut self) -> f32 {
+        match self.u8() {
+            0xFF => {
+                f32::from_bits(u32::from_le_bytes([self.u8(), self.u8(), self.u8(), self.u8()]))
+            }
+            0xFE => f32::NAN,
+            0xFD => f32::INFINITY,
+            0xFC => -1.0,
+            0xFB => f32::MIN_POSITIVE,
+            other => f32::from(other),
+        }
+    }
+
+    fn done(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+#[derive(Default)]
+struct World {
+    /// Everything that was ever handed out, whatever its kind.
+    handles: Vec<usize>,
+    photos: usize,
+    buffers: Vec<usize>,
+}
+
+impl World {
+    fn pick<T>(&self, bytes: &mut Bytes) -> *mut T {
+        let choice = usize::from(bytes.u8());
+        match choice {
+            0xFF => ptr::null_mut(),
+            0xFE => ptr::without_provenance_mut(usize::MAX),
+            _ if self.handles.is_empty() => ptr::null_mut(),
+            // The latest are the likeliest to be alive.
+            _ => {
+                let count = self.handles.len();
+                ptr::without_provenance_mut(self.handles[count - 1 - choice % count.min(6)])
+            }
+        }
+    }
+
+    fn add<T>(&mut self, status: svbrdf_status, handle: *mut T) {
+        assert_eq!(status == SVBRDF_OK, !handle.is_null(), "results come with success only");
+        if !handle.is_null() {
+            self.handles.push(handle.addr());
+        }
+    }
+}
+
+fn options(bytes: &mut Bytes) -> svbrdf_session_options {
+    let mut options = svbrdf_session_options { threads: 1, ..Default::default() };
+    options.scene = SVBRDF_SCENE_RECTIFIED;
+    for _ in 0..bytes.u8() % 4 {
+        match bytes.u8() % 12 {
+            0 => options.scene = bytes.u32(),
+            1 => options.resolution = bytes.u32(),
+            2 => options.sample_mm[usize::from(bytes.u8() % 2)] = bytes.f32(),
+            3 => options.method = bytes.u32(),
+            4 => options.refine = bytes.u32(),
+            5 => options.threads = bytes.u32().min(70),
+            6 => options.falloff = bytes.u32(),
+            7 => options.light_power = [bytes.f32(), bytes.f32(), bytes.f32()],
+            8 => options.memory_limit_bytes = u64::from(bytes.u32()) << 20,
+            9 => options.size = bytes.usize().min(size_of::<svbrdf_session_options>()),
+            10 => options.seed = bytes.u32().into(),
+            _ => options.scene = SVBRDF_SCENE_BOARD,
+        }
+    }
+    options
+}
+
+/// A picture whose planes are `pixels`, and what is said about them is anything.
+fn image(bytes: &mut Bytes, pixels: &[u8]) -> svbrdf_image {
+    let mut image = svbrdf_image { format: SVBRDF_PIXEL_RGB8, ..Default::default() };
+    (image.width, image.height) = (16, 16);
+    for plane in &mut image.planes {
+        plane.data = pixels.as_ptr().cast();
+        plane.bytes = pixels.len();
+        plane.row_stride = 48;
+    }
+    for _ in 0..bytes.u8() % 6 {
+        let plane = usize::from(bytes.u8() % 3);
+        match bytes.u8() % 14 {
+            0 => image.format = bytes.u32(),
+            1 => image.width = bytes.u32(),
+            2 => image.height = bytes.u32(),
+            3 => image.transfer = bytes.u32(),
+            4 => image.rotation = 90 * bytes.u32().min(5),
+            5 => image.planes[plane].row_stride = bytes.usize(),
+            6 => image.planes[plane].pixel_stride = bytes.usize(),
+            7 => image.planes[plane].bytes = bytes.usize().min(pixels.len()),
+            8 => image.planes[plane].data = ptr::null(),
+            9 => image.saturation = bytes.f32(),
+            10 => image.black_level[plane] = bytes.f32(),
+            11 => image.white_level = bytes.f32(),
+            12 => image.white_balance[plane] = bytes.f32(),
+            _ => (image.format, image.bayer_pattern) = (SVBRDF_PIXEL_BAYER16, bytes.u32()),
+        }
+    }
+    image
+}
+
+pub fn run(data: &[u8]) {
+    let mut bytes = Bytes(data);
+    let mut world = World::default();
+    let pixels: Vec<u8> = (0..2048_u32).map(|i| (i * 37 % 251) as u8).collect();
+    for _ in 0..MAX_CALLS {
+        if bytes.done() {
+            break;
+        }
+        call(&mut bytes, &mut world, &pixels);
+    }
+    // What lives is ended by whoever its kind is; the others say that they do not know it.
+    for &handle in &world.handles {
+        let session = svbrdf_session_destroy(ptr::without_provenance_mut(handle));
+        let maps = svbrdf_maps_destroy(ptr::without_provenance_mut(handle));
+        let buffer = svbrdf_buffer_destroy(ptr::without_provenance_mut(handle));
+        let capture = svbrdf_capture_destroy(ptr::without_provenance_mut(handle));
+        let ended = [session, maps, buffer, capture].iter().filter(|&&s| s == SVBRDF_OK).count();
+        assert!(ended <= 1, "a handle is of one kind");
+    }
+}
+
+fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
+    let choice = bytes.u8() % 24;
+    // SAFETY: every pointer is NULL or to something alive of the size said.
+    let status = unsafe {
+        match choice {
+            0 | 1 => {
+                let options = options(bytes);
+                let mut session = ptr::null_mut();
+                let status = svbrdf_session_create(&raw const options, &raw mut session);
+                if !session.is_null() {
+                    svbrdf_session_pause(session);
+                }
+                world.add(status, session);
+                status
+            }
+            2 | 3 => {
+                let session = world.pick(bytes);
+                let image = image(bytes, pixels);
+                let positions = [bytes.f32(), bytes.f32(), bytes.f32()];
+                let mut report = svbrdf_frame_report::default();
+                let info = svbrdf_frame_info {
+                    exposure: bytes.f32(),
+                    flash: bytes.u32(),
+                    ..Default::default()
+                };
+                if world.photos >= MAX_PHOTOS {
+                    return;
+                }
+                let status = svbrdf_session_push_rectified(
+                    session,
+                    &raw const image,
+                    &raw const info,
+                    positions.as_ptr(),
+                    positions.as_ptr(),
+                    &raw mut report,
+                );
+                assert_eq!(report.accepted == 1, status == SVBRDF_OK);
+                world.photos += usize::from(status == SVBRDF_OK);
+                status
+            }
+            4 => {
+                let session = world.pick(bytes);
+                let image = image(bytes, pixels);
+                svbrdf_session_push_frame(session, &raw const image, ptr::null(), ptr::null_mut())
+            }
+            5 => svbrdf_session_wait(world.pick(bytes), 0),
+            6 => {
+                let mut progress = svbrdf_progress {
+                    size: bytes.usize().min(size_of::<svbrdf_progress>()),
+                    ..Default::default()
+                };
+                svbrdf_session_progress(world.pick(bytes), &raw mut progress)
+            }
+            7 => svbrdf_session_light(world.pick(bytes), ptr::null_mut(), ptr::null_mut()),
+            8 => {
+                let mut maps = ptr::null_mut();
+                let status = svbrdf_session_snapshot_maps(world.pick(bytes), &raw mut maps);
+                world.add(status, maps);
+                status
+            }
+            9 => svbrdf_session_pause(world.pick(bytes)),
+            10 => svbrdf_session_cancel(world.pick(bytes)),
+            11 => svbrdf_session_destroy(world.pick(bytes)),
+            12 => {
+                let budget = svbrdf_budget {
+                    seconds: bytes.f32(),
+                    max_steps: bytes.u32(),
+                    stop_when_invisible: bytes.u32(),
+                    ..Default::default()
+                };
+                svbrdf_session_set_budget(world.pick(bytes), &raw const budget)
+            }
+            13 | 14 => {
+                let mut buffer = ptr::null_mut();
+                let status = svbrdf_session_save_state(world.pick(bytes), &raw mut buffer);
+                if status == SVBRDF_OK {
+                    world.buffers.push(buffer.addr());
+                }
+                world.add(status, buffer);
+                status
+            }
+            15 | 16 => {
+                let buffer = world.buffers.last().copied().unwrap_or(0);
+                let (mut data, mut size) = (ptr::null(), 0_usize);
+                let buffer: *mut svbrdf_buffer = ptr::without_provenance_mut(buffer);
+                if svbrdf_buffer_view(buffer, &raw mut data, &raw mut size) != SVBRDF_OK {
+                    return;
+                }
+                let options = options(bytes);
+                let size = if bytes.u8() < 32 { bytes.usize().min(size) } else { size };
+                let mut session = ptr::null_mut();
+                let status =
+                    svbrdf_session_load_state(&raw const options, data, size, &raw mut session);
+                if !session.is_null() {
+                    svbrdf_session_pause(session);
+                }
+                world.add(status, session);
+                status
+            }
+            17 => svbrdf_buffer_destroy(world.pick(bytes)),
+            18 => svbrdf_maps_destroy(world.pick(bytes)),
+            19 => {
+                let mut view = svbrdf_map_view::default();
+                let (map, format) = (bytes.u32(), bytes.u32());
+                svbrdf_maps_view(world.pick(bytes), map, format, &raw mut view)
+            }
+            20 => {
+                let mut out = [0_u8; 512];
+                let (map, format, stride) = (bytes.u32(), bytes.u32(), bytes.usize());
+                let data: *mut c_void = out.as_mut_ptr().cast();
+                svbrdf_maps_copy(world.pick(bytes), map, format, data, out.len(), stride)
+            }
+            21 => {
+                let mut count = 0;
+                svbrdf_capture_frames(world.pick(bytes), &raw mut count)
+            }
+            22 => {
+                let mut capture = ptr::null_mut();
+                let status = svbrdf_capture_open(c"/nowhere".as_ptr(), &raw mut capture);
+                world.add(status, capture);
+                status
+            }
+            _ => svbrdf_session_push_capture(
+                world.pick(bytes),
+                world.pick(bytes),
+                bytes.u32(),
+                ptr::null_mut(),
+            ),
+        }
+    };
+    assert_ne!(status, SVBRDF_FAILED, "call {choice}");
+}

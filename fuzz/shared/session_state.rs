@@ -1,0 +1,61 @@
+//! Anything as a saved session; also with its checksums made right, or nearly nothing would get
+//! past them.
+
+use std::sync::{Arc, OnceLock};
+
+use engine::Error;
+use engine::initial_estimate::Networks;
+use engine::session::{RestoreOptions, Session};
+
+pub fn run(data: &[u8]) {
+    restore(data);
+    let mut sealed = data.to_vec();
+    seal(&mut sealed);
+    restore(&sealed);
+}
+
+fn restore(data: &[u8]) {
+    static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
+    let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
+    let options = RestoreOptions { threads: Some(1), memory_limit_bytes: Some(1 << 30) };
+    match Session::restore(data, networks.clone(), options) {
+        Ok(session) => {
+            session.pause();
+            assert_eq!(session.snapshot().is_ok(), session.progress().frames > 0);
+            let again = session.save().expect("it is not cancelled");
+            assert!(Session::restore(&again, networks.clone(), options).is_ok());
+        }
+        Err(Error::State(_) | Error::MemoryLimit { .. }) => {}
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// Writes the right sums into header and sections, as far as these go.
+fn seal(bytes: &mut [u8]) {
+    let put = |bytes: &mut [u8], from: usize, to: usize| {
+        if let Some(end) = to.checked_add(4).filter(|&end| end <= bytes.len()) {
+            let sum = crc32(&bytes[from..to]).to_le_bytes();
+            bytes[to..end].copy_from_slice(&sum);
+        }
+    };
+    if bytes.len() < 20 {
+        return;
+    }
+    put(bytes, 0, 16);
+    let mut at = 20_usize;
+    while let Some(length) = bytes.get(at + 4..at + 12) {
+        let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
+        let end = usize::try_from(length).ok().and_then(|n| n.checked_add(at + 12));
+        let Some(end) = end.filter(|&end| end <= bytes.len()) else { return };
+        put(bytes, at, end);
+        at = end + 4;
+    }
+}
+
+/// CRC-32 (IEEE 802.3), four bits at a time.
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32| (0..4).fold(crc, |crc, _| (crc >> 1) ^ (0xEDB8_8320 * (crc & 1)));
+    let table: [u32; 16] = std::array::from_fn(|i| step(i as u32));
+    let half = |crc: u32| (crc >> 4) ^ table[(crc & 15) as usize];
+    !bytes.iter().fold(u32::MAX, |crc, &byte| half(half(crc ^ u32::from(byte))))
+}
