@@ -285,6 +285,20 @@ fn budgets_end_the_fit_and_larger_ones_take_it_up_again() {
 }
 
 #[test]
+fn budgets_that_change_to_and_fro_leave_nobody_waiting() {
+    let session = session(Settings::default());
+    let steps = |n: u32| Budget { steps: Some(n), ..Budget::default() };
+    session.set_budget(steps(2)).unwrap();
+    push(&session, 0);
+    session.wait().unwrap();
+    for i in 0..10 {
+        session.set_budget(steps(3 + i)).unwrap();
+        session.set_budget(steps(2)).unwrap();
+        assert!(session.wait_timeout(Duration::from_secs(60)).unwrap());
+    }
+}
+
+#[test]
 fn a_budget_of_time_is_kept() {
     let unlimited = session(Settings::default());
     let begun = Instant::now();
@@ -346,7 +360,7 @@ fn memory_limits_are_answered_before_anything_is_taken() {
     assert!(matches!(fault, Error::MemoryLimit { .. }), "{fault}");
     // Photographs are taken until the limit is reached; nothing is lost then.
     let Error::MemoryLimit { needed, .. } = fault else { return };
-    let tight = session(Settings { memory_limit_bytes: Some(needed + (12 << 20)), ..limit(0) });
+    let tight = session(Settings { memory_limit_bytes: Some(needed + (20 << 20)), ..limit(0) });
     tight.pause();
     let mut taken = 0;
     let fault = loop {

@@ -1,6 +1,7 @@
 //! How much memory a session needs, estimated before it is taken.
 
 use super::Settings;
+use crate::frame::Photo;
 use crate::latent_fit::FitOptions;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
@@ -13,9 +14,11 @@ const MAPS: u64 = 4 * CHANNELS as u64;
 /// fit, and what the refinement works with.
 const MAP_SETS: u64 = 7;
 /// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
-const FITTED: u64 = 2600;
+const FITTED: u64 = 700;
+/// Bytes of a pixel of a board's photograph while its corners are looked for.
+const DETECTION: u64 = 16;
 /// Threads, tables, and what the first networks need for a moment.
-const BASE: u64 = 64 << 20;
+const BASE: u64 = 24 << 20;
 
 /// Estimate for so many photographs; `kept` bytes of photographs as they were taken lie beside.
 pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 {
@@ -33,6 +36,12 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     // Held by the session and, while later photographs better earlier ones, once more.
     let each = OBSERVATION * (2 * full + 2 * fitted);
     BASE + MAP_SETS * MAPS * full + FITTED * fitted + photographs as u64 * each + kept
+}
+
+/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.
+pub(super) fn while_pushed(photo: &Photo, kept: u64) -> u64 {
+    let pixels = u64::from(photo.width()) * u64::from(photo.height());
+    kept + photo.stored_bytes() as u64 + DETECTION * pixels
 }
 
 /// Refuses what would need more than is allowed.

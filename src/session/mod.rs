@@ -302,7 +302,7 @@ impl Session {
         let restored = state::read(saved, &networks, |settings, frames| {
             settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
             settings.memory_limit_bytes = options.memory_limit_bytes;
-            memory::check(settings, frames, 0)?;
+            memory::check(settings, frames.max(1), 0)?;
             settings.pool()
         })?;
         let state::Restored { settings, scene, budget, intake, fit, progress, pool } = restored;
@@ -396,8 +396,8 @@ impl Session {
         let mut intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
         let intake = &mut *intake;
         let photographs = self.shared.lock().progress.frames + 1;
-        let pixels = photo.stored_bytes() as u64;
-        memory::check(&self.settings, photographs, intake.kept_bytes() + pixels)?;
+        let beside = memory::while_pushed(photo, intake.kept_bytes());
+        memory::check(&self.settings, photographs, beside)?;
         let taken = match self.pool.install(|| take(intake))? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),

@@ -245,14 +245,11 @@ impl Worker<'_> {
     /// Takes a changed budget over; a fit that was cut short may go on.
     fn follow_budget(&mut self, fit: &mut Fit, meter: &mut Meter) {
         let budget = self.shared.lock().budget;
-        if budget == meter.budget {
-            return;
-        }
-        meter.budget = budget;
+        let changed = std::mem::replace(&mut meter.budget, budget) != budget;
         if self.busy {
             return;
         }
-        self.busy = fit.extend(meter);
+        self.busy = changed && fit.extend(meter);
         let mut state = self.shared.lock();
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);

@@ -137,8 +137,8 @@ void test_board(const char *folder)
     image.planes[0].data = black;
     info.timestamp_ns = 41;
     EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_REJECTED);
-    CHECK(strstr(svbrdf_last_error_message(), "board") != NULL);
-    CHECK(report.accepted == 0 && report.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
+    CHECK(strstr(svbrdf_last_error_message(), "too dark") != NULL);
+    CHECK(report.accepted == 0 && report.rejection == SVBRDF_REJECTION_TOO_DARK);
     CHECK(report.timestamp_ns == 41);
     free(black);
     rgb8(&image, &photo);

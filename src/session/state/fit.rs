@@ -289,10 +289,7 @@ fn read_observation(mut r: Reader) -> Result<Observation> {
         other => return Err(damaged(format!("falloff {other}"))),
     };
     let ambient = r.three_f32s()?;
-    let possible = sample_mm.iter().chain(&power).all(|v| *v > 0.0)
-        && camera_mm[2] > 0.0
-        && light_mm[2] > 0.0
-        && ambient.iter().all(|v| *v >= 0.0);
+    let possible = sample_mm.iter().chain(&power).all(|v| *v > 0.0) && camera_mm[2] > 0.0;
     let radiance = r.halves(3 * width * height)?;
     let weight = r.halves(width * height)?;
     r.end()?;
