@@ -3,4 +3,6 @@
 #[path = "../shared/photo.rs"]
 mod photo;
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| photo::run(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    photo::run(data);
+});

@@ -3,4 +3,6 @@
 #[path = "../shared/session_state.rs"]
 mod session_state;
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| session_state::run(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    session_state::run(data);
+});

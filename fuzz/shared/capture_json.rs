@@ -5,11 +5,14 @@ use std::path::Path;
 use engine::capture::Capture;
 use engine::session::Scene;
 
-pub fn run(data: &[u8]) {
+/// Whether something was made of it.
+pub fn run(data: &[u8]) -> bool {
     // The repository, or its folder of targets.
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = if here.ends_with("fuzz") { here.join("..") } else { here.to_owned() };
-    let Ok(capture) = Capture::parse(root.join("examples/captures/tile"), data) else { return };
+    let Ok(capture) = Capture::parse(root.join("examples/captures/tile"), data) else {
+        return false;
+    };
     // What is accepted can be worked with.
     assert!(!capture.frames.is_empty());
     assert!(capture.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0));
@@ -18,4 +21,5 @@ pub fn run(data: &[u8]) {
         assert!(target.fault().is_none() && camera.is_none_or(|c| c.fault().is_none()));
         assert!(!target.corners().is_empty());
     }
+    true
 }

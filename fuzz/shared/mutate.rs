@@ -2,8 +2,14 @@
 
 use std::path::Path;
 
-/// Runs every file of a folder as it is, then `count` changed ones.
-pub fn each(folder: &Path, count: usize, tokens: &[&[u8]], mut run: impl FnMut(&[u8])) {
+/// Runs every file of a folder as it is, then `count` changed ones. Of how many something was made;
+/// that has to be so of all that are unchanged.
+pub fn each(
+    folder: &Path,
+    count: usize,
+    tokens: &[&[u8]],
+    mut run: impl FnMut(&[u8]) -> bool,
+) -> usize {
     let mut paths: Vec<_> = std::fs::read_dir(folder)
         .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
         .map(|entry| entry.expect("a seed").path())
@@ -11,15 +17,20 @@ pub fn each(folder: &Path, count: usize, tokens: &[&[u8]], mut run: impl FnMut(&
     paths.sort();
     let seeds: Vec<Vec<u8>> = paths.iter().map(|p| std::fs::read(p).expect("a seed")).collect();
     assert!(!seeds.is_empty(), "{} has no seeds", folder.display());
-    seeds.iter().for_each(|seed| run(seed));
+    for (seed, path) in seeds.iter().zip(&paths) {
+        assert!(run(seed), "{} is no good seed", path.display());
+    }
+    let mut good = seeds.len();
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     for _ in 0..count {
         let mut data = seeds[random.below(seeds.len())].clone();
         for _ in 0..1 + random.below(4) {
             change(&mut data, &seeds, tokens, &mut random);
         }
-        run(&data);
+        good += usize::from(run(&data));
     }
+    println!("{}: {good} of {} made something", folder.display(), seeds.len() + count);
+    good
 }
 
 fn change(data: &mut Vec<u8>, seeds: &[Vec<u8>], tokens: &[&[u8]], random: &mut Random) {

@@ -8,14 +8,15 @@ use engine::frame::{Encoding, Photo};
 use engine::initial_estimate::Networks;
 use engine::session::{Pushed, Scene, Session, Settings};
 
-pub fn run(data: &[u8]) {
-    let Some((&choice, file)) = data.split_first() else { return };
+/// Whether something was made of it.
+pub fn run(data: &[u8]) -> bool {
+    let Some((&choice, file)) = data.split_first() else { return false };
     let encoding = Encoding::ALL[usize::from(choice) % 3];
     let exposure = [1.0, 1e-30, 3e30, 0.5][usize::from(choice >> 2) % 4];
-    let Ok(photo) = Photo::decode(file, encoding, exposure) else { return };
+    let Ok(photo) = Photo::decode(file, encoding, exposure) else { return false };
     assert!(photo.width() > 0 && photo.height() > 0);
     if u64::from(photo.width()) * u64::from(photo.height()) > 1 << 20 {
-        return;
+        return false;
     }
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
@@ -31,4 +32,5 @@ pub fn run(data: &[u8]) {
         Pushed::Rejected(_) => assert!(session.snapshot().is_err()),
     }
     assert!(session.failure().is_none());
+    true
 }

@@ -7,14 +7,14 @@ use engine::Error;
 use engine::initial_estimate::Networks;
 use engine::session::{RestoreOptions, Session};
 
-pub fn run(data: &[u8]) {
-    restore(data);
+/// Whether something was made of it.
+pub fn run(data: &[u8]) -> bool {
     let mut sealed = data.to_vec();
     seal(&mut sealed);
-    restore(&sealed);
+    restore(data) | restore(&sealed)
 }
 
-fn restore(data: &[u8]) {
+fn restore(data: &[u8]) -> bool {
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
     let options = RestoreOptions { threads: Some(1), memory_limit_bytes: Some(1 << 30) };
@@ -24,8 +24,9 @@ fn restore(data: &[u8]) {
             assert_eq!(session.snapshot().is_ok(), session.progress().frames > 0);
             let again = session.save().expect("it is not cancelled");
             assert!(Session::restore(&again, networks.clone(), options).is_ok());
+            true
         }
-        Err(Error::State(_) | Error::MemoryLimit { .. }) => {}
+        Err(Error::State(_) | Error::MemoryLimit { .. }) => false,
         Err(other) => panic!("{other}"),
     }
 }

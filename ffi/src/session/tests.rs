@@ -54,5 +54,8 @@ mod mutate;
 fn any_calls_in_any_order_do_no_harm() {
     let seeds = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/c_calls");
     let times = std::env::var("SVBRDF_FUZZ_ROUNDS").ok().and_then(|v| v.parse().ok());
-    mutate::each(&seeds, 1500 * times.unwrap_or(1_usize), &[], c_calls::run);
+    mutate::each(&seeds, 150 * times.unwrap_or(1_usize), &[], |data| {
+        c_calls::run(data);
+        true
+    });
 }
