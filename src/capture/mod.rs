@@ -20,6 +20,8 @@ pub const FORMAT: &str = "svbrdf-capture/1";
 /// Name of the description inside a capture folder.
 pub const FILE_NAME: &str = "capture.json";
 
+/// Shortest length taken for meant, mm: smaller ones vanish in single precision.
+const MIN_LENGTH_MM: f64 = 1e-6;
 /// Longest length taken for meant, mm.
 const MAX_LENGTH_MM: f64 = 1e6;
 
@@ -281,9 +283,13 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
 }
 
 fn length(node: &Node) -> Result<f64> {
-    let expected = "a positive length in mm, at most a kilometre";
+    let expected = "a positive length in mm, at least a nanometre and at most a kilometre";
     let value = node.number(expected)?;
-    if value > 0.0 && value <= MAX_LENGTH_MM { Ok(value) } else { Err(node.fault(expected)) }
+    if (MIN_LENGTH_MM..=MAX_LENGTH_MM).contains(&value) {
+        Ok(value)
+    } else {
+        Err(node.fault(expected))
+    }
 }
 
 fn position(node: &Node) -> Result<[f64; 3]> {

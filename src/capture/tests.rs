@@ -138,6 +138,7 @@ fn faults_name_file_field_and_expectation() {
         ("/sample/height_mm", json!(-3), "sample.height_mm", "positive length"),
         ("/sample/height_mm", json!("80"), "sample.height_mm", "positive length"),
         ("/sample/width_mm", json!(1e300), "sample.width_mm", "kilometre"),
+        ("/sample/height_mm", json!(1e-320), "sample.height_mm", "nanometre"),
         ("/rectified", json!("no"), "rectified", "true or false"),
         ("/board", null.clone(), "board", "object"),
         ("/board/kind", json!("dots"), "board.kind", "checkerboard-ring"),
