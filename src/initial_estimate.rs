@@ -18,7 +18,7 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_hir::infer::Factoid;
 use tract_onnx::tract_hir::internal::DimLike;
 
-use crate::network::Decoder;
+use crate::network::{Decoder, Workspace};
 use crate::observation::{Falloff, Observation, View};
 use crate::svbrdf::{CHANNELS, encoding};
 use crate::{Error, Result, Svbrdf};
@@ -192,6 +192,17 @@ impl Networks {
             return Err(self.encoder.fault("its code is not the decoder's"));
         }
         Ok(code)
+    }
+
+    /// Maps of a code of `[height, width]` positions, as [`Networks::encode`] gives it.
+    ///
+    /// # Errors
+    /// When the code has another size.
+    pub fn decode(&self, code: &[f32], [height, width]: [usize; 2]) -> Result<Svbrdf> {
+        let mut workspace = Workspace::new(&self.decoder, height, width)?;
+        let encoded = self.decoder.forward(code, &mut workspace)?.to_vec();
+        let stride = self.decoder.stride();
+        decoded_maps(stride * width, stride * height, encoded)
     }
 
     fn check_code_size(&self, height: usize, width: usize) -> Result<()> {

@@ -1,6 +1,7 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
+mod estimator;
 mod fit;
 mod intake;
 mod worker;
@@ -14,6 +15,7 @@ use crossbeam_channel::Sender;
 use glam::DVec3;
 use rayon::ThreadPool;
 
+pub use self::estimator::Estimator;
 use self::fit::Fit;
 use self::intake::{Intake, Taken};
 use self::worker::{Command, Shared};
