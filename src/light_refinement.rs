@@ -246,12 +246,8 @@ impl<'a> Problem<'a> {
         let mut slope = by_ambient * at.ambient;
         let mut solved = Vec::with_capacity(blocks.len());
         for ((a, g), turn) in blocks.iter().zip(&at.turns) {
-            let block = nalgebra::Matrix2::new(
-                a[0][0] + by_turn,
-                a[0][1],
-                a[1][0],
-                a[1][1] + by_turn,
-            );
+            let block =
+                nalgebra::Matrix2::new(a[0][0] + by_turn, a[0][1], a[1][0], a[1][1] + by_turn);
             let side = nalgebra::Vector2::new(a[0][2], a[1][2]);
             let gradient =
                 nalgebra::Vector2::new(g[0] + by_turn * turn[0], g[1] + by_turn * turn[1]);

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::fit::{Fit, first_maps};
+use super::budget::{Budget, Meter};
+use super::fit::{Fit, NewFrame, first_maps};
 use super::{Method, Settings};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -20,7 +21,9 @@ impl Estimator {
     /// Without photographs.
     pub fn new(networks: Arc<Networks>, method: Method, refine: bool) -> Self {
         let settings = Settings { method, refine, ..Settings::default() };
-        Self { fit: Fit::new(networks.clone(), &settings), networks, start: None, begun: false }
+        let mut fit = Fit::new(networks.clone(), &settings);
+        fit.free_lights = true;
+        Self { fit, networks, start: None, begun: false }
     }
 
     /// Begins from given maps, of the size of the photographs, in place of the photo network's.
@@ -39,7 +42,7 @@ impl Estimator {
             (false, Some(maps)) => Some(Arc::new(maps)),
             (false, None) => Some(Arc::new(first_maps(&self.networks, &observation)?)),
         };
-        self.fit.add(observation, start, &[])?;
+        self.fit.add(NewFrame { observation, start, updates: Vec::new() })?;
         self.begun = true;
         Ok(())
     }
@@ -49,7 +52,8 @@ impl Estimator {
     /// # Errors
     /// Without photographs, or when a network is broken.
     pub fn settle(&mut self) -> Result<Svbrdf> {
-        while !self.fit.step(&|| true)?.done {}
+        let mut meter = Meter::new(Budget::default(), 0.0, 0);
+        while !self.fit.step(&mut meter, &mut |_, _| true)?.done {}
         self.fit.maps()
     }
 }
