@@ -23,7 +23,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("initial_estimate", &["network", "observation", "svbrdf"]),
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
-    ("light_refinement", &["observation", "render", "svbrdf"]),
+    ("light_refinement", &["observation", "refinement", "render", "svbrdf"]),
     ("propagation", &["observation", "render", "svbrdf"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
     ("random", &[]),

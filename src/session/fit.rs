@@ -9,7 +9,7 @@ use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
-use crate::light_refinement::{self, Correction, refine_lights};
+use crate::light_refinement::{self, Correction, LEAST_PHOTOGRAPHS, refine_lights};
 use crate::observation::{Observation, View};
 use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
@@ -26,8 +26,13 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
     Ok(maps)
 }
 
-/// Refinements that follow a correction of the lights, at most.
+/// Corrections of the ambient light alone, then of lights and ambient light, at most.
+const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
+/// Steps of the refinement before a correction.
+const STEPS_BEFORE_CORRECTION: usize = 4;
+/// Mean log-L1 below which the photographs agree with each other: their lights are right.
+const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
 const LIGHT_TOLERANCE: f64 = 0.02;
 
@@ -298,9 +303,14 @@ impl Fit {
         }
         // What is saved meanwhile is the state before.
         (self.maps, self.propagated) = (Some(maps.clone()), true);
-        let options = refinement::Options::default();
+        let full = refinement::Options::default();
+        let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
+        let mut corrections = if corrects { 0..AMBIENT_ROUNDS + LIGHT_ROUNDS } else { 0..0 };
         let mut cut = None;
-        for round in 0..=LIGHT_ROUNDS {
+        loop {
+            let next = corrections.next();
+            let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { full.steps };
+            let options = refinement::Options { steps, ..full };
             let mut trend = Trend::new(options.steps, 1);
             let mut stopped = false;
             let this = &*self;
@@ -319,8 +329,16 @@ impl Fit {
             let report =
                 refinement::refine(&mut maps, deep, &prior, observations, &options, &mut after)?;
             self.loss = report.loss_after as f32;
-            if stopped || cut.is_some() || round == LIGHT_ROUNDS || !self.correct_lights(&maps) {
+            let Some(round) = next else { break };
+            if stopped || cut == Some(Cut::Budget) {
                 break;
+            }
+            // little left to see here does not mean that the lights are right
+            cut = None;
+            let turn = round >= AMBIENT_ROUNDS;
+            let agrees = turn && self.loss < AGREEMENT;
+            if agrees || (!self.correct_lights(&maps, turn) && turn) {
+                corrections = 0..0;
             }
         }
         (self.maps, self.propagated) = (Some(maps), false);
@@ -329,14 +347,13 @@ impl Fit {
     }
 
     /// Corrects lights for maps; whether that was worth another refinement.
-    fn correct_lights(&mut self, maps: &Svbrdf) -> bool {
-        if !self.free_lights {
-            return false;
-        }
-        let options = light_refinement::Options::default();
+    fn correct_lights(&mut self, maps: &Svbrdf, turn: bool) -> bool {
+        let options = light_refinement::Options { turn, ..Default::default() };
         let before = self.correction.clone();
         let views = &self.given;
-        if !refine_lights(maps, &self.observations, views, &options, &mut self.correction) {
+        let Some(deep) = &self.maps else { return false };
+        let correction = &mut self.correction;
+        if !refine_lights(maps, deep, &self.observations, views, &options, correction) {
             return false;
         }
         for (i, (observation, given)) in self.observations.iter_mut().zip(views).enumerate() {
