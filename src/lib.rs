@@ -31,6 +31,7 @@ pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
 pub mod latent_fit;
+pub mod light_refinement;
 pub mod loss;
 pub mod network;
 pub mod observation;

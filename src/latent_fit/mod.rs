@@ -23,7 +23,7 @@ mod tests;
 use std::sync::Arc;
 
 use crate::initial_estimate::Networks;
-use crate::observation::Observation;
+use crate::observation::{Observation, View};
 use crate::{Error, Result, Svbrdf};
 use level::Level;
 pub use saved::{SavedFit, SavedLevel, SavedStage};
@@ -207,6 +207,16 @@ impl LatentFit {
             }
         }
         Ok(())
+    }
+
+    /// Replaces camera and light of the photographs, in their order; the fit is settled or not as
+    /// before.
+    pub fn set_views(&mut self, views: impl Iterator<Item = View> + Clone) {
+        for stage in &mut self.stages {
+            for (observation, view) in stage.observations.iter_mut().zip(views.clone()) {
+                observation.view = view;
+            }
+        }
     }
 
     /// Goes on from other maps of the fit's size, such as refined ones: what the decoder cannot

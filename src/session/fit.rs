@@ -9,7 +9,8 @@ use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
-use crate::observation::Observation;
+use crate::light_refinement::{self, Correction, LEAST_PHOTOGRAPHS, refine_lights};
+use crate::observation::{Observation, View};
 use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
 use crate::render;
@@ -24,6 +25,16 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
     maps.clamp();
     Ok(maps)
 }
+
+/// Corrections of the ambient light alone, then of lights and ambient light, at most.
+const AMBIENT_ROUNDS: usize = 2;
+const LIGHT_ROUNDS: usize = 4;
+/// Steps of the refinement before a correction.
+const STEPS_BEFORE_CORRECTION: usize = 4;
+/// Mean log-L1 below which the photographs agree with each other: their lights are right.
+const AGREEMENT: f32 = 0.004;
+/// Change of a light, in units of its expected error, that is worth another refinement.
+const LIGHT_TOLERANCE: f64 = 0.02;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy)]
@@ -50,6 +61,11 @@ pub(super) struct Fit {
     pub(super) method: Method,
     refine: bool,
     pub(super) observations: Vec<Observation>,
+    /// Whether lights are only roughly known: they and ambient light are corrected.
+    pub(super) free_lights: bool,
+    /// Views of the observations before their correction.
+    pub(super) given: Vec<View>,
+    correction: Correction,
     pub(super) start: Option<Arc<Svbrdf>>,
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,
@@ -91,6 +107,9 @@ impl Fit {
             method: settings.method,
             refine: settings.refine,
             observations: Vec::new(),
+            free_lights: false,
+            given: Vec::new(),
+            correction: Correction::default(),
             start: None,
             latent: None,
             stage: Stage::Done,
@@ -115,12 +134,16 @@ impl Fit {
 
     /// Adds a photograph.
     pub(super) fn add(&mut self, frame: NewFrame) -> Result<()> {
-        let NewFrame { observation, start, updates } = frame;
+        let NewFrame { mut observation, start, updates } = frame;
         (self.cut, self.steps_at_level, self.previous) = (None, 0, None);
         for update in &updates {
             if let Some(earlier) = self.observations.get_mut(update.index()) {
                 update.apply(earlier);
             }
+        }
+        if self.free_lights {
+            self.given.push(observation.view);
+            observation.view = self.correction.apply(&observation.view, self.observations.len());
         }
         self.observations.push(observation.clone());
         if let Some(start) = start {
@@ -280,23 +303,66 @@ impl Fit {
         }
         // What is saved meanwhile is the state before.
         (self.maps, self.propagated) = (Some(maps.clone()), true);
-        let options = refinement::Options::default();
-        let mut trend = Trend::new(options.steps, 1);
+        let full = refinement::Options::default();
+        let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
+        let mut corrections = if corrects { 0..AMBIENT_ROUNDS + LIGHT_ROUNDS } else { 0..0 };
         let mut cut = None;
-        let this = &*self;
-        let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
-        let mut after = |step: usize, loss: f64| {
-            let go_on = between(this, meter);
-            cut = after_step(meter, &mut trend, step, options.steps, loss);
-            if go_on && cut.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        };
-        let prior = Prior::default();
-        let report =
-            refinement::refine(&mut maps, deep, &prior, &this.observations, &options, &mut after)?;
-        self.loss = report.loss_after as f32;
+        loop {
+            let next = corrections.next();
+            let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { full.steps };
+            let options = refinement::Options { steps, ..full };
+            let mut trend = Trend::new(options.steps, 1);
+            let mut stopped = false;
+            let this = &*self;
+            let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
+            let mut after = |step: usize, loss: f64| {
+                stopped |= !between(this, meter);
+                cut = after_step(meter, &mut trend, step, options.steps, loss);
+                if !stopped && cut.is_none() {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            };
+            let prior = Prior::default();
+            let observations = &this.observations;
+            let report =
+                refinement::refine(&mut maps, deep, &prior, observations, &options, &mut after)?;
+            self.loss = report.loss_after as f32;
+            let Some(round) = next else { break };
+            if stopped || cut == Some(Cut::Budget) {
+                break;
+            }
+            // little left to see here does not mean that the lights are right
+            cut = None;
+            let turn = round >= AMBIENT_ROUNDS;
+            let agrees = turn && self.loss < AGREEMENT;
+            if agrees || (!self.correct_lights(&maps, turn) && turn) {
+                corrections = 0..0;
+            }
+        }
         (self.maps, self.propagated) = (Some(maps), false);
         self.end(cut);
         Ok(())
+    }
+
+    /// Corrects lights for maps; whether that was worth another refinement.
+    fn correct_lights(&mut self, maps: &Svbrdf, turn: bool) -> bool {
+        let options = light_refinement::Options { turn, ..Default::default() };
+        let before = self.correction.clone();
+        let views = &self.given;
+        let Some(deep) = &self.maps else { return false };
+        let correction = &mut self.correction;
+        if !refine_lights(maps, deep, &self.observations, views, &options, correction) {
+            return false;
+        }
+        for (i, (observation, given)) in self.observations.iter_mut().zip(views).enumerate() {
+            observation.view = self.correction.apply(given, i);
+        }
+        if let Some(latent) = &mut self.latent {
+            latent.set_views(self.observations.iter().map(|o| o.view));
+        }
+        self.correction.distance(&before, &options) > LIGHT_TOLERANCE
     }
 
     fn classic(

@@ -2,6 +2,7 @@
 
 mod board;
 mod budget;
+mod estimator;
 mod fit;
 mod intake;
 mod memory;
@@ -19,6 +20,7 @@ use rayon::ThreadPool;
 
 pub use self::budget::Budget;
 use self::budget::Meter;
+pub use self::estimator::Estimator;
 use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
 use self::state::StateWriter;
@@ -251,9 +253,10 @@ impl Session {
         intake: Intake,
         pool: Arc<ThreadPool>,
         shared: Shared,
-        fit: Fit,
+        mut fit: Fit,
         meter: Meter,
     ) -> Result<Self> {
+        fit.free_lights = matches!(scene, Scene::Rectified { .. });
         let shared = Arc::new(shared);
         let (commands, received) = crossbeam_channel::unbounded();
         let worker = {

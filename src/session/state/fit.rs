@@ -162,6 +162,7 @@ pub(super) fn read(
         return Err(damaged("photographs, maps and fit do not fit each other"));
     }
     let mut fit = Fit::new(networks.clone(), settings);
+    fit.given = observations.iter().map(|o| o.view).collect();
     fit.observations = observations;
     fit.start = maps.clone().map(Arc::new);
     (fit.maps, fit.latent) = (maps, latent);

@@ -1,0 +1,715 @@
+//! Lights and a common ambient light, corrected against the photographs.
+//!
+//! A light direction that is wrong by some degrees, or light from elsewhere, explains itself badly by
+//! maps that all photographs share: with three photographs and more, what each one disagrees about
+//! tells where its light was. Each light turns about the centre of the sample by two small angles;
+//! the ambient light is one number, a share of the flash's irradiance.
+//!
+//! Maps would slowly follow wrong lights if each were fitted in turn. So a grid of texels is fitted
+//! together with the lights, as in bundle adjustment: Gauss-Newton on the posterior of
+//! [`crate::refinement`] by reweighted least squares, each texel's nine unknowns eliminated (Schur
+//! complement). The maps themselves stay as they are.
+
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use rayon::prelude::*;
+
+use crate::Svbrdf;
+use crate::observation::{Falloff, Observation, View};
+use crate::refinement::Prior;
+use crate::render;
+use crate::svbrdf::{CHANNELS, RANGE, channel};
+
+/// Photographs below which lights and maps cannot be told apart.
+pub const LEAST_PHOTOGRAPHS: usize = 3;
+
+/// Options of [`refine_lights`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Steps of Gauss-Newton.
+    pub steps: usize,
+    /// Whether lights turn; otherwise only the ambient light is found.
+    pub turn: bool,
+    /// Expected error of a light's direction, radians.
+    pub direction_sigma: f64,
+    /// Expected ambient irradiance, as a share of the flash's.
+    pub ambient_sigma: f64,
+    /// Texels that count as independent, to weigh those sigmas against: errors of the model
+    /// are alike all over a sample.
+    pub independent_texels: f64,
+    /// Expected error of the maps' estimate.
+    pub prior: Prior,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            steps: 6,
+            turn: true,
+            direction_sigma: 0.05,
+            ambient_sigma: 0.05,
+            independent_texels: 1000.0,
+            prior: Prior::default(),
+        }
+    }
+}
+
+/// What is believed of the lights: corrections of what was given.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Correction {
+    /// Two angles per photograph, radians.
+    pub turns: Vec<[f64; 2]>,
+    /// Ambient irradiance as a share of the flash's.
+    pub ambient: f64,
+}
+
+impl Correction {
+    /// The view of photograph `index` with its light turned and the ambient light added to what
+    /// was `given`.
+    pub fn apply(&self, given: &View, index: usize) -> View {
+        let turn = self.turns.get(index).copied().unwrap_or_default();
+        corrected(given, turn, self.ambient)
+    }
+
+    /// Largest difference to another, in units of the options' sigmas.
+    pub fn distance(&self, other: &Self, options: &Options) -> f64 {
+        let turns = self.turns.iter().enumerate().flat_map(|(i, turn)| {
+            let before = other.turns.get(i).copied().unwrap_or_default();
+            [turn[0] - before[0], turn[1] - before[1]]
+        });
+        let turns = turns.fold(0.0f64, |m, d| m.max(d.abs())) / options.direction_sigma;
+        turns.max((self.ambient - other.ambient).abs() / options.ambient_sigma)
+    }
+}
+
+/// Texels a side that are looked at, at most.
+const TEXELS: usize = 64;
+/// Differences by which derivatives are formed: radians, share, coordinates of a texel.
+const ANGLE: f64 = 2e-3;
+const SHARE: f64 = 2e-3;
+const COORDINATE: f64 = 1e-3;
+/// Largest residual below which the loss counts as quadratic; less where the noise is less.
+const HUBER: f64 = 0.02;
+/// Least and greatest noise assumed, log residuals.
+const NOISE: (f64, f64) = (0.001, 0.1);
+/// Longest step and longest turn, radians; largest ambient share.
+const LONGEST_STEP: f64 = 0.06;
+const LONGEST_TURN: f64 = 0.3;
+const MOST_AMBIENT: f64 = 0.4;
+/// Longest step of a texel's coordinate; damping of its equations.
+const LONGEST_COORDINATE: f64 = 0.2;
+const DAMPING: f64 = 0.01;
+/// As in the loss.
+const EPSILON: f32 = 0.01;
+/// Least square root of an albedo: at zero its derivative would vanish for good.
+const LEAST_ROOT: f64 = 0.005;
+/// Texels of a task.
+const CHUNK: usize = 256;
+
+/// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
+/// estimate that [`Options::prior`] belongs to. Returns whether the correction changed.
+/// Observations (whose own views do not matter) and maps have one size; with fewer than
+/// [`LEAST_PHOTOGRAPHS`] nothing happens.
+pub fn refine_lights(
+    maps: &Svbrdf,
+    prior_mean: &Svbrdf,
+    observations: &[Observation],
+    given: &[View],
+    options: &Options,
+    correction: &mut Correction,
+) -> bool {
+    let count = observations.len().min(given.len());
+    if count < LEAST_PHOTOGRAPHS {
+        return false;
+    }
+    correction.turns.resize(count, [0.0; 2]);
+    let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
+    let mut state = State { texels: problem.start.clone(), correction: correction.clone() };
+    let mut changed = false;
+    for _ in 0..options.steps {
+        problem.update_noise(&state);
+        let before = problem.cost(&state);
+        let Some(step) = problem.step(&state) else { break };
+        let mut length = 1.0;
+        let mut value = before;
+        for _ in 0..4 {
+            let next = state.moved(&step, length);
+            value = problem.cost(&next);
+            if value < before {
+                state = next;
+                changed = true;
+                break;
+            }
+            length *= 0.4;
+        }
+        if before - value < 2e-3 * before {
+            break;
+        }
+    }
+    if changed {
+        *correction = state.correction;
+    }
+    changed
+}
+
+/// Unknowns: nine planes of texel coordinates (see [`crate::refinement`]), lights.
+#[derive(Clone)]
+struct State {
+    texels: Vec<f64>,
+    correction: Correction,
+}
+
+impl State {
+    fn moved(&self, step: &Self, length: f64) -> Self {
+        let n = self.texels.len() / CHANNELS;
+        let texel = |(i, (from, by)): (usize, (&f64, &f64))| {
+            let by = (length * by).clamp(-LONGEST_COORDINATE, LONGEST_COORDINATE);
+            let (low, high) = coordinate_range(i / n);
+            (from + by).clamp(low, high)
+        };
+        let turn = |(a, d): (&[f64; 2], &[f64; 2])| {
+            let longest = (LONGEST_STEP / d[0].hypot(d[1]).max(LONGEST_STEP)) * length;
+            let to = [a[0] + longest * d[0], a[1] + longest * d[1]];
+            let size = to[0].hypot(to[1]);
+            to.map(|t| t * (LONGEST_TURN / size.max(LONGEST_TURN)))
+        };
+        let (at, by) = (&self.correction, &step.correction);
+        Self {
+            texels: self.texels.iter().zip(&step.texels).enumerate().map(texel).collect(),
+            correction: Correction {
+                turns: at.turns.iter().zip(&by.turns).map(turn).collect(),
+                ambient: (at.ambient + length * by.ambient).clamp(0.0, MOST_AMBIENT),
+            },
+        }
+    }
+}
+
+fn is_albedo(c: usize) -> bool {
+    (channel::DIFFUSE..channel::ROUGHNESS).contains(&c)
+}
+
+fn coordinate_range(c: usize) -> (f64, f64) {
+    let (low, high) = (f64::from(RANGE[c].0), f64::from(RANGE[c].1));
+    if is_albedo(c) { (LEAST_ROOT, high.sqrt()) } else { (low, high) }
+}
+
+/// The light turned about the centre of the sample, ambient light added.
+fn corrected(given: &View, turn: [f64; 2], ambient: f64) -> View {
+    let light = glam::Vec3::from(given.light_mm).as_dvec3();
+    let (u, v) = light.normalize_or(glam::DVec3::Z).any_orthonormal_pair();
+    let turn = glam::DQuat::from_scaled_axis(u * turn[0] + v * turn[1]);
+    let white = match given.falloff {
+        Falloff::None { power } => power,
+        Falloff::InverseSquare { power_mm2 } => {
+            power_mm2.map(|p| p / light.length_squared().max(1.0) as f32)
+        }
+    };
+    let mut view = *given;
+    view.light_mm = (turn * light).as_vec3().into();
+    for (a, w) in view.ambient.iter_mut().zip(white) {
+        *a += ambient as f32 * w / std::f32::consts::PI;
+    }
+    view
+}
+
+/// A grid of texels of everything.
+struct Problem<'a> {
+    width: usize,
+    height: usize,
+    start: Vec<f64>,
+    prior_mean: Vec<f64>,
+    given: &'a [View],
+    /// From the grid's own texel centres to those it was taken from, mm.
+    offset_mm: Vec<[f32; 2]>,
+    /// Logarithms of the radiances, and weights; those of saturated values are zero.
+    logs: Vec<Vec<f32>>,
+    weights: Vec<Vec<f32>>,
+    total: f64,
+    noise: f64,
+    options: &'a Options,
+}
+
+/// Logarithms of renderings of all photographs, and their derivatives by each plane of
+/// coordinates, both angles and the ambient light.
+struct Linearised {
+    value: Vec<Vec<f32>>,
+    by_texel: Vec<Vec<Vec<f32>>>,
+    by_light: Vec<[Vec<f32>; 3]>,
+}
+
+type Block = SMatrix<f64, CHANNELS, CHANNELS>;
+type Column = SVector<f64, CHANNELS>;
+
+/// The equations of one texel.
+struct TexelSystem {
+    inverse: Block,
+    gradient: Column,
+    /// One column per shared unknown.
+    coupling: Vec<Column>,
+}
+
+/// The equations of what all texels share.
+#[derive(Clone)]
+struct SharedSystem {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        maps: &Svbrdf,
+        prior_mean: &Svbrdf,
+        observations: &[Observation],
+        given: &'a [View],
+        options: &'a Options,
+    ) -> Self {
+        let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+        let stride = width.max(height).div_ceil(TEXELS);
+        let (w, h) = ((width / stride).max(1), (height / stride).max(1));
+        let at = move |i: usize| {
+            let (x, y) = (i % w * stride + stride / 2, i / w * stride + stride / 2);
+            y.min(height - 1) * width + x.min(width - 1)
+        };
+        let grid = |maps: &Svbrdf| -> Vec<f64> {
+            let value = |i: usize| {
+                let (c, value) = (i / (w * h), maps.plane(i / (w * h))[at(i % (w * h))]);
+                let (low, high) = coordinate_range(c);
+                let value = f64::from(value);
+                if is_albedo(c) { value.max(0.0).sqrt() } else { value }.clamp(low, high)
+            };
+            (0..CHANNELS * w * h).map(value).collect()
+        };
+        let offset = |view: &View| {
+            let [x, y] = view.texel_mm(width, height, stride / 2, stride / 2);
+            let [x0, y0] = view.texel_mm(w, h, 0, 0);
+            [x - x0, y - y0]
+        };
+        let (mut logs, mut weights) = (Vec::new(), Vec::new());
+        let mut total = 0.0;
+        for o in observations {
+            let value = |i: usize| o.radiance[i / (w * h) * n + at(i % (w * h))];
+            logs.push((0..3 * w * h).map(|i| (value(i).max(0.0) + EPSILON).ln()).collect());
+            let weight = |i: usize| {
+                if value(i) >= 0.0 { o.weight[at(i % (w * h))].max(0.0) } else { 0.0 }
+            };
+            let weight: Vec<f32> = (0..3 * w * h).map(weight).collect();
+            total += weight.iter().map(|&w| f64::from(w)).sum::<f64>();
+            weights.push(weight);
+        }
+        Self {
+            width: w,
+            height: h,
+            start: grid(maps),
+            prior_mean: grid(prior_mean),
+            given,
+            offset_mm: given.iter().map(offset).collect(),
+            logs,
+            weights,
+            total: total.max(1.0),
+            noise: 0.05,
+            options,
+        }
+    }
+
+    fn texels(&self) -> usize {
+        self.width * self.height
+    }
+
+    fn maps(&self, coordinates: &[f64]) -> Svbrdf {
+        let mut maps = Svbrdf::new(self.width, self.height);
+        let n = self.texels();
+        for (i, (to, &from)) in maps.planes_mut().iter_mut().zip(coordinates).enumerate() {
+            *to = if is_albedo(i / n) { from * from } else { from } as f32;
+        }
+        maps
+    }
+
+    /// Logarithms of a rendering.
+    fn rendering(&self, maps: &Svbrdf, index: usize, turn: [f64; 2], ambient: f64) -> Vec<f32> {
+        let mut view = corrected(&self.given[index], turn, ambient);
+        for (axis, offset) in self.offset_mm[index].into_iter().enumerate() {
+            view.camera_mm[axis] -= offset;
+            view.light_mm[axis] -= offset;
+        }
+        let mut out = vec![0.0; 3 * maps.texels()];
+        render::render(maps, &view, &mut out);
+        out.iter_mut().for_each(|v| *v = (v.max(0.0) + EPSILON).ln());
+        out
+    }
+
+    fn renderings(&self, state: &State) -> Vec<Vec<f32>> {
+        let maps = self.maps(&state.texels);
+        let Correction { turns, ambient } = &state.correction;
+        (0..self.logs.len()).map(|i| self.rendering(&maps, i, turns[i], *ambient)).collect()
+    }
+
+    /// Sum over photographs and values of weight times `of` the residual.
+    fn sum(&self, state: &State, of: impl Fn(f64) -> f64) -> f64 {
+        let mut sum = 0.0;
+        for (i, rendered) in self.renderings(state).iter().enumerate() {
+            let values = rendered.iter().zip(&self.logs[i]).zip(&self.weights[i]);
+            sum += values.map(|((a, b), w)| f64::from(*w) * of(f64::from(a - b))).sum::<f64>();
+        }
+        sum
+    }
+
+    /// The scale of the residuals, as the refinement estimates it: texels take up some.
+    fn update_noise(&mut self, state: &State) {
+        let photographs = self.total / (3 * self.texels()) as f64;
+        let loss = self.sum(state, f64::abs) / self.total;
+        let free = 1.0 - 2.0 / photographs.max(LEAST_PHOTOGRAPHS as f64);
+        self.noise = (loss / free).clamp(NOISE.0, NOISE.1);
+    }
+
+    /// Weights of the squares of a turn and of the ambient light.
+    fn shared_precision(&self) -> [f64; 2] {
+        let Options { direction_sigma, ambient_sigma, independent_texels, .. } = *self.options;
+        let scale = self.texels() as f64 / independent_texels;
+        [scale / direction_sigma.powi(2), scale / ambient_sigma.powi(2)]
+    }
+
+    /// Negative logarithm of the posterior.
+    fn cost(&self, state: &State) -> f64 {
+        let limit = self.huber();
+        let huber =
+            |r: f64| if r.abs() < limit { r * r / (2.0 * limit) } else { r.abs() - limit / 2.0 };
+        let [by_turn, by_ambient] = self.shared_precision();
+        let turns: f64 = state.correction.turns.iter().flatten().map(|t| t * t).sum();
+        let n = self.texels();
+        let prior = state.texels.iter().zip(&self.prior_mean).enumerate();
+        let prior: f64 =
+            prior.map(|(i, (x, mean))| self.precision(i / n) * (x - mean).powi(2)).sum();
+        let shared = by_turn * turns + by_ambient * state.correction.ambient.powi(2);
+        self.sum(state, huber) / self.noise + 0.5 * (prior + shared)
+    }
+
+    fn huber(&self) -> f64 {
+        self.noise.clamp(2.0 * NOISE.0, HUBER)
+    }
+
+    fn precision(&self, c: usize) -> f64 {
+        f64::from(self.options.prior.sigma[c]).powi(-2)
+    }
+
+    fn linearise(&self, state: &State) -> Linearised {
+        let n = self.texels();
+        let value = self.renderings(state);
+        let Correction { turns, ambient } = &state.correction;
+        let slopes = |moved: Vec<f32>, value: &[f32], by: f64| -> Vec<f32> {
+            moved.iter().zip(value).map(|(m, v)| (m - v) / by as f32).collect()
+        };
+        let by_texel = (0..CHANNELS)
+            .map(|c| {
+                // away from the end of the range
+                let mut coordinates = state.texels.clone();
+                let high = coordinate_range(c).1;
+                let mut signs = vec![1.0f32; n];
+                for (x, sign) in coordinates[c * n..][..n].iter_mut().zip(&mut signs) {
+                    if *x + COORDINATE > high {
+                        *sign = -1.0;
+                    }
+                    *x += COORDINATE * f64::from(*sign);
+                }
+                let maps = self.maps(&coordinates);
+                let of = |i: usize| {
+                    let moved = self.rendering(&maps, i, turns[i], *ambient);
+                    let mut slopes = slopes(moved, &value[i], COORDINATE);
+                    slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= signs[j % n]);
+                    slopes
+                };
+                (0..value.len()).map(of).collect()
+            })
+            .collect();
+        let maps = self.maps(&state.texels);
+        let by_light = (0..value.len())
+            .map(|i| {
+                let [u, v] = turns[i];
+                let moved = [
+                    (self.rendering(&maps, i, [u + ANGLE, v], *ambient), ANGLE),
+                    (self.rendering(&maps, i, [u, v + ANGLE], *ambient), ANGLE),
+                    (self.rendering(&maps, i, [u, v], ambient + SHARE), SHARE),
+                ];
+                moved.map(|(moved, by)| slopes(moved, &value[i], by))
+            })
+            .collect();
+        Linearised { value, by_texel, by_light }
+    }
+
+    /// Shared unknowns: two per photograph, the ambient light.
+    fn shared(&self) -> usize {
+        2 * self.logs.len() + 1
+    }
+
+    /// Equations of a texel; what it says of the shared unknowns alone is added to `shared`.
+    fn texel_system(
+        &self,
+        t: usize,
+        state: &State,
+        linear: &Linearised,
+        mut shared: Option<&mut SharedSystem>,
+    ) -> TexelSystem {
+        let n = self.texels();
+        let (mut block, mut gradient) = (Block::zeros(), Column::zeros());
+        let ambient = self.shared() - 1;
+        let mut coupling = vec![Column::zeros(); self.shared()];
+        for i in 0..self.logs.len() {
+            for j in [t, n + t, 2 * n + t] {
+                let weight = f64::from(self.weights[i][j]);
+                if weight <= 0.0 {
+                    continue;
+                }
+                let residual = f64::from(linear.value[i][j] - self.logs[i][j]);
+                let weight = weight / (residual.abs().max(self.huber()) * self.noise);
+                let row = Column::from_fn(|c, _| f64::from(linear.by_texel[c][i][j]));
+                let light = linear.by_light[i].each_ref().map(|v| f64::from(v[j]));
+                block += weight * row * row.transpose();
+                gradient += weight * residual * row;
+                let unknowns = [2 * i, 2 * i + 1, ambient];
+                for (unknown, by) in unknowns.into_iter().zip(light) {
+                    coupling[unknown] += weight * by * row;
+                }
+                if let Some(shared) = shared.as_deref_mut() {
+                    for (a, x) in unknowns.into_iter().zip(light) {
+                        shared.gradient[a] += weight * x * residual;
+                        for (b, y) in unknowns.into_iter().zip(light) {
+                            shared.matrix[(a, b)] += weight * x * y;
+                        }
+                    }
+                }
+            }
+        }
+        for c in 0..CHANNELS {
+            let precision = self.precision(c);
+            block[(c, c)] += precision + DAMPING * block[(c, c)];
+            gradient[c] += precision * (state.texels[c * n + t] - self.prior_mean[c * n + t]);
+        }
+        let inverse = block.try_inverse().unwrap_or_default();
+        TexelSystem { inverse, gradient, coupling }
+    }
+
+    /// The step of Gauss-Newton; nothing when the equations cannot be solved.
+    fn step(&self, state: &State) -> Option<State> {
+        let n = self.texels();
+        let linear = self.linearise(state);
+        let empty = SharedSystem {
+            matrix: DMatrix::zeros(self.shared(), self.shared()),
+            gradient: DVector::zeros(self.shared()),
+        };
+        let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
+        let parts: Vec<SharedSystem> = chunks
+            .par_iter()
+            .map(|&first| {
+                let mut shared = empty.clone();
+                for t in first..(first + CHUNK).min(n) {
+                    let system = self.texel_system(t, state, &linear, Some(&mut shared));
+                    for (b, column) in system.coupling.iter().enumerate() {
+                        let solved = system.inverse * column;
+                        shared.gradient[b] -= solved.dot(&system.gradient);
+                        for (a, other) in system.coupling.iter().enumerate() {
+                            shared.matrix[(a, b)] -= other.dot(&solved);
+                        }
+                    }
+                }
+                shared
+            })
+            .collect();
+        let mut sum = empty;
+        for part in parts {
+            sum.matrix += part.matrix;
+            sum.gradient += part.gradient;
+        }
+        let [by_turn, by_ambient] = self.shared_precision();
+        let last = self.shared() - 1;
+        for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
+            sum.matrix[(i, i)] += by_turn;
+            sum.gradient[i] += by_turn * turn;
+        }
+        sum.matrix[(last, last)] += by_ambient;
+        sum.gradient[last] += by_ambient * state.correction.ambient;
+        if !self.options.turn {
+            for i in 0..last {
+                sum.matrix.row_mut(i).fill(0.0);
+                sum.matrix.column_mut(i).fill(0.0);
+                sum.matrix[(i, i)] = 1.0;
+                sum.gradient[i] = 0.0;
+            }
+        }
+        let mut shared = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
+        if state.correction.ambient + shared[last] < 0.0 {
+            // At its bound: the others without it.
+            let ambient = -state.correction.ambient;
+            let matrix = sum.matrix.view((0, 0), (last, last)).into_owned();
+            let side = sum.matrix.view((0, last), (last, 1)).column(0) * ambient;
+            let gradient = sum.gradient.rows(0, last) + side;
+            let turns = matrix.cholesky()?.solve(&-gradient);
+            shared.rows_mut(0, last).copy_from(&turns);
+            shared[last] = ambient;
+        }
+        let shared = &shared;
+        let steps: Vec<Column> = chunks
+            .par_iter()
+            .flat_map_iter(|&first| {
+                let linear = &linear;
+                (first..(first + CHUNK).min(n)).map(move |t| {
+                    let system = self.texel_system(t, state, linear, None);
+                    let moved = system.coupling.iter().zip(shared.iter());
+                    let gradient = moved.fold(system.gradient, |g, (column, by)| g + column * *by);
+                    -(system.inverse * gradient)
+                })
+            })
+            .collect();
+        let mut texels = vec![0.0; CHANNELS * n];
+        for (t, step) in steps.iter().enumerate() {
+            for c in 0..CHANNELS {
+                texels[c * n + t] = step[c];
+            }
+        }
+        let turns = (0..self.logs.len()).map(|i| [shared[2 * i], shared[2 * i + 1]]).collect();
+        Some(State { texels, correction: Correction { turns, ambient: shared[last] } })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const SIDE: usize = 96;
+
+    /// Bumpy, with glossy and matt patches.
+    fn material() -> Svbrdf {
+        let mut maps = Svbrdf::new(SIDE, SIDE);
+        for y in 0..SIDE {
+            for x in 0..SIDE {
+                let i = y * SIDE + x;
+                let (u, v) = (x as f32 / 9.0, y as f32 / 7.0);
+                maps.plane_mut(channel::SLOPE_X)[i] = 0.2 * u.sin() * v.cos();
+                maps.plane_mut(channel::SLOPE_Y)[i] = 0.15 * (u + v).cos();
+                for c in 0..3 {
+                    maps.plane_mut(channel::DIFFUSE + c)[i] = 0.25 + 0.1 * (u * 0.7).sin();
+                    maps.plane_mut(channel::SPECULAR + c)[i] = 0.05 + 0.02 * v.sin();
+                }
+                maps.plane_mut(channel::ROUGHNESS)[i] = 0.4 + 0.15 * (0.5 * (u - v)).sin();
+            }
+        }
+        maps
+    }
+
+    fn capture(maps: &Svbrdf, ambient: f32) -> (Vec<Observation>, Vec<View>) {
+        let mut random = Random::new(4);
+        let (mut observations, mut views) = (Vec::new(), Vec::new());
+        for _ in 0..6 {
+            let at = random.direction(0.6).map(|v| 120.0 * v as f32);
+            let view = View {
+                sample_mm: [100.0; 2],
+                camera_mm: at,
+                light_mm: at,
+                falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+                ambient: [ambient; 3],
+            };
+            let mut radiance = vec![0.0; 3 * maps.texels()];
+            render::render(maps, &view, &mut radiance);
+            let (width, height) = (maps.width(), maps.height());
+            let weight = vec![1.0; maps.texels()];
+            observations.push(Observation { width, height, view, radiance, weight });
+            views.push(View { ambient: [0.0; 3], ..view });
+        }
+        (observations, views)
+    }
+
+    fn spoiled(maps: &Svbrdf) -> Svbrdf {
+        let mut maps = maps.clone();
+        maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r += 0.05);
+        for c in channel::DIFFUSE..channel::ROUGHNESS {
+            maps.plane_mut(c).iter_mut().for_each(|a| *a *= 1.1);
+        }
+        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+            maps.plane_mut(c).iter_mut().for_each(|s| *s *= 0.7);
+        }
+        maps
+    }
+
+    #[test]
+    fn lights_are_found_together_with_the_texels() {
+        let maps = material();
+        let (observations, mut given) = capture(&maps, 0.0);
+        let truth: Vec<_> = given.iter().map(|v| glam::Vec3::from(v.light_mm)).collect();
+        for (i, view) in given.iter_mut().enumerate() {
+            let error = if i % 2 == 0 { [0.05, -0.02] } else { [-0.03, 0.04] };
+            *view = corrected(view, error, 0.0);
+        }
+        let start = spoiled(&maps);
+        let mut correction = Correction::default();
+        let options = Options { steps: 12, ..Options::default() };
+        assert!(refine_lights(&start, &start, &observations, &given, &options, &mut correction));
+        let errors = truth.iter().enumerate().map(|(i, truth)| {
+            let found = glam::Vec3::from(correction.apply(&given[i], i).light_mm);
+            found.angle_between(*truth).to_degrees()
+        });
+        // what all lights share, the normals can explain as well
+        let mean = errors.sum::<f32>() / truth.len() as f32;
+        assert!(mean < 1.0, "{mean} degrees, 3 at the start");
+    }
+
+    #[test]
+    fn ambient_light_is_found_without_turning_lights() {
+        let maps = material();
+        let (observations, given) = capture(&maps, 0.04);
+        let mut correction = Correction::default();
+        let options = Options { steps: 12, turn: false, ..Options::default() };
+        refine_lights(&maps, &maps, &observations, &given, &options, &mut correction);
+        assert!((correction.ambient - 0.04).abs() < 0.01, "{}", correction.ambient);
+        assert!(correction.turns.iter().flatten().all(|&t| t == 0.0));
+    }
+
+    #[test]
+    fn true_lights_stay() {
+        let maps = material();
+        let (observations, given) = capture(&maps, 0.0);
+        let mut correction = Correction::default();
+        let options = Options::default();
+        refine_lights(&maps, &maps, &observations, &given, &options, &mut correction);
+        let zero = Correction { turns: vec![[0.0; 2]; given.len()], ambient: 0.0 };
+        assert!(correction.distance(&zero, &options) < 0.02, "{correction:?}");
+    }
+
+    #[test]
+    fn the_step_descends_as_its_gradient_says() {
+        let maps = material();
+        let (observations, given) = capture(&maps, 0.03);
+        let options = Options::default();
+        let start = spoiled(&maps);
+        let problem = Problem::new(&start, &start, &observations, &given, &options);
+        let turns = vec![[0.03, -0.02]; given.len()];
+        let state = State {
+            texels: problem.start.clone(),
+            correction: Correction { turns, ambient: 0.01 },
+        };
+        let linear = problem.linearise(&state);
+        let step = problem.step(&state).unwrap();
+        // the derivative of the cost along the step, from the systems' gradients
+        let mut shared = SharedSystem {
+            matrix: DMatrix::zeros(problem.shared(), problem.shared()),
+            gradient: DVector::zeros(problem.shared()),
+        };
+        let n = problem.texels();
+        let mut slope = 0.0;
+        for t in 0..n {
+            let system = problem.texel_system(t, &state, &linear, Some(&mut shared));
+            slope +=
+                (0..CHANNELS).map(|c| system.gradient[c] * step.texels[c * n + t]).sum::<f64>();
+        }
+        let [by_turn, by_ambient] = problem.shared_precision();
+        for (i, by) in step.correction.turns.iter().flatten().enumerate() {
+            let at = state.correction.turns[i / 2][i % 2];
+            slope += (shared.gradient[i] + by_turn * at) * by;
+        }
+        slope += (shared.gradient[2 * given.len()] + by_ambient * state.correction.ambient)
+            * step.correction.ambient;
+        let length = 1e-3;
+        let difference =
+            (problem.cost(&state.moved(&step, length)) - problem.cost(&state)) / length;
+        // one-sided differences inside, in single precision
+        assert!((difference - slope).abs() < 0.05 * slope.abs(), "{difference} {slope}");
+        assert!(slope < 0.0);
+    }
+}
