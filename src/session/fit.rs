@@ -65,7 +65,7 @@ pub(super) struct Fit {
     pub(super) free_lights: bool,
     /// Views of the observations before their correction.
     pub(super) given: Vec<View>,
-    correction: Correction,
+    pub(super) correction: Correction,
     pub(super) start: Option<Arc<Svbrdf>>,
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,

@@ -8,6 +8,7 @@ use super::damaged;
 use super::scene::as_damage;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit, SavedFit, SavedLevel, SavedStage};
+use crate::light_refinement::Correction;
 use crate::network::Workspace;
 use crate::observation::{Falloff, Observation, View};
 use crate::session::fit::{Cut, Fit, NewFrame, Stage};
@@ -69,6 +70,9 @@ pub(in crate::session) fn write(
         w.f32s(&[fit.loss(), progress.loss_before, progress.fraction, progress.seconds]);
         w.u32(progress.steps);
         w.u32(fit.steps_at_level);
+        w.f64(fit.correction.ambient);
+        w.u32(fit.correction.turns.len() as u32);
+        fit.correction.turns.iter().for_each(|turn| w.f64s(turn));
     });
     if let Ok(maps) = fit.maps() {
         state.section(MAPS, |w| {
@@ -90,20 +94,25 @@ pub(in crate::session) fn write(
     }
     for (index, observation) in fit.observations.iter().enumerate() {
         let updates = || pending.iter().flat_map(|f| &f.updates).filter(|u| u.index() == index);
+        let given = fit.given.get(index).filter(|_| fit.free_lights);
         if updates().next().is_none() {
-            state.section(OBSERVATION, |w| write_observation(w, observation));
+            state.section(OBSERVATION, |w| write_observation(w, observation, given));
             continue;
         }
         let mut updated = observation.clone();
         updates().for_each(|u| u.apply(&mut updated));
-        state.section(OBSERVATION, |w| write_observation(w, &updated));
+        state.section(OBSERVATION, |w| write_observation(w, &updated, given));
     }
     for (i, frame) in pending.iter().enumerate() {
         let index = fit.observations.len() + i;
         let mut updated = frame.observation.clone();
         let later = pending.iter().skip(i + 1).flat_map(|f| &f.updates);
         later.filter(|u| u.index() == index).for_each(|u| u.apply(&mut updated));
-        state.section(OBSERVATION, |w| write_observation(w, &updated));
+        let given = fit.free_lights.then_some(updated.view);
+        if let Some(given) = &given {
+            updated.view = fit.correction.apply(given, index);
+        }
+        state.section(OBSERVATION, |w| write_observation(w, &updated, given.as_ref()));
     }
 }
 
@@ -132,14 +141,18 @@ pub(super) fn read(
     let progress =
         SavedProgress { loss_before, fraction, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let steps_at_level = r.u32()?;
+    let ambient = r.f64()?;
+    let turns = r.count(16)?;
+    let turns = (0..turns).map(|_| r.f64s()).collect::<Result<_>>()?;
     r.end()?;
     let size = settings.resolution;
-    let mut observations = Vec::new();
+    let (mut observations, mut views) = (Vec::new(), Vec::new());
     for r in sections.all(OBSERVATION) {
-        let observation = read_observation(r)?;
+        let (observation, given) = read_observation(r)?;
         if (observation.width, observation.height) != (size, size) {
             return Err(damaged("a photograph is not of the session's resolution"));
         }
+        views.push(given.unwrap_or(observation.view));
         observations.push(observation);
     }
     let maps = sections.all(MAPS).next().map(read_maps).transpose()?;
@@ -162,7 +175,7 @@ pub(super) fn read(
         return Err(damaged("photographs, maps and fit do not fit each other"));
     }
     let mut fit = Fit::new(networks.clone(), settings);
-    fit.given = observations.iter().map(|o| o.view).collect();
+    (fit.given, fit.correction) = (views, Correction { turns, ambient });
     fit.observations = observations;
     fit.start = maps.clone().map(Arc::new);
     (fit.maps, fit.latent) = (maps, latent);
@@ -261,10 +274,30 @@ fn read_stage(r: &mut Reader) -> Result<SavedStage> {
     Ok(SavedStage { level, carried: r.option(read_coarse)? })
 }
 
-fn write_observation(w: &mut Writer, observation: &Observation) {
-    let view = &observation.view;
+/// A photograph, and its view before lights were corrected.
+fn write_observation(w: &mut Writer, observation: &Observation, given: Option<&View>) {
     w.u32(observation.width as u32);
     w.u32(observation.height as u32);
+    write_view(w, &observation.view);
+    w.option(given, write_view);
+    w.halves(&observation.radiance);
+    w.halves(&observation.weight);
+}
+
+fn read_observation(mut r: Reader) -> Result<(Observation, Option<View>)> {
+    let (width, height) = read_size(&mut r)?;
+    let view = read_view(&mut r)?;
+    let given = r.option(read_view)?;
+    let radiance = r.halves(3 * width * height)?;
+    let weight = r.halves(width * height)?;
+    r.end()?;
+    if weight.iter().any(|w| !(0.0..=1.0).contains(w)) {
+        return Err(damaged("a photograph's weights are none"));
+    }
+    Ok((Observation { width, height, view, radiance, weight }, given))
+}
+
+fn write_view(w: &mut Writer, view: &View) {
     w.f32s(&view.sample_mm);
     w.f32s(&view.camera_mm);
     w.f32s(&view.light_mm);
@@ -275,12 +308,9 @@ fn write_observation(w: &mut Writer, observation: &Observation) {
     w.u8(kind);
     w.f32s(&power);
     w.f32s(&view.ambient);
-    w.halves(&observation.radiance);
-    w.halves(&observation.weight);
 }
 
-fn read_observation(mut r: Reader) -> Result<Observation> {
-    let (width, height) = read_size(&mut r)?;
+fn read_view(r: &mut Reader) -> Result<View> {
     let sample_mm = [r.f32()?, r.f32()?];
     let (camera_mm, light_mm) = (r.three_f32s()?, r.three_f32s()?);
     let (kind, power) = (r.u8()?, r.three_f32s()?);
@@ -290,15 +320,10 @@ fn read_observation(mut r: Reader) -> Result<Observation> {
         other => return Err(damaged(format!("falloff {other}"))),
     };
     let ambient = r.three_f32s()?;
-    let possible = sample_mm.iter().chain(&power).all(|v| *v > 0.0) && camera_mm[2] > 0.0;
-    let radiance = r.halves(3 * width * height)?;
-    let weight = r.halves(width * height)?;
-    r.end()?;
-    if !possible || weight.iter().any(|w| !(0.0..=1.0).contains(w)) {
+    if sample_mm.iter().chain(&power).any(|v| *v <= 0.0) || camera_mm[2] <= 0.0 {
         return Err(damaged("a photograph's view is none"));
     }
-    let view = View { sample_mm, camera_mm, light_mm, falloff, ambient };
-    Ok(Observation { width, height, view, radiance, weight })
+    Ok(View { sample_mm, camera_mm, light_mm, falloff, ambient })
 }
 
 /// What a decoder makes of a certain code: codes of one decoder mean nothing to another.
