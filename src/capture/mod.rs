@@ -192,6 +192,10 @@ fn target(board: &Node) -> Result<Target> {
         top_left: board
             .get("top_left")
             .choice(&[("black", TopLeft::Black), ("white", TopLeft::White)])?,
+        patches: match board.get("patches").optional() {
+            None => false,
+            Some(node) => node.boolean()?,
+        },
     };
     match target.fault() {
         None => Ok(target),

@@ -88,6 +88,7 @@ fn target_of(board: &serde_json::Value) -> Target {
             "black" => TopLeft::Black,
             _ => TopLeft::White,
         },
+        patches: false,
     }
 }
 
