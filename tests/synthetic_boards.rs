@@ -47,6 +47,8 @@ fn scene(target: Target, tilt: f64, seed: u64) -> Scene {
         motion_px: DVec2::ZERO,
         noise: 0.008,
         glare: Vec::new(),
+        occluders: Vec::new(),
+        shadow: None,
         exposure: 0.7,
         seed,
     }

@@ -6,8 +6,9 @@
 //! finds X-corners, joins them to pieces of a square lattice and places these on the known layout:
 //! colours of squares, corners missing along the hole and the outline leave one placement, or the
 //! photograph is refused. The placement is followed to full size, completed by prediction, and
-//! each corner refined to a few hundredths of a pixel. Markers in white squares are not decoded;
-//! refinement keeps clear of them.
+//! each corner refined to a few hundredths of a pixel. Markers in white squares, where they are read, place
+//! pieces of a board that the picture crops, and refuse a wrong placement; refinement keeps clear
+//! of them.
 //!
 //! # Pose
 //! [`estimate_pose`] refines both poses that nearly explain a plane's picture, leaves out corners
@@ -26,6 +27,7 @@ mod detector;
 mod lattice;
 mod layout;
 mod luma;
+mod marker_reading;
 mod markers;
 pub mod photometry;
 mod pose;
