@@ -5,7 +5,7 @@ use std::io::Cursor;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
-use svbrdf::calibration::{MARKER_MODULES, Target, TargetKind, TopLeft, marker_module};
+use svbrdf::calibration::{Marker, Target, TargetKind, TopLeft};
 use svbrdf::export::write_atomic;
 
 use crate::board_text::targets;
@@ -92,8 +92,8 @@ fn target(text: &str) -> Result<Target> {
             |(row, col): &(i64, i64)| target.has_square(*row, *col) && target.is_white(*row, *col);
         if !squares.filter(white).all(|(row, col)| target.marker(row, col).is_some()) {
             return Err(fault(
-                "too many white squares for the dictionary; expected DICT_4X4_50, DICT_4X4_100 or \
-                 DICT_4X4_250 with a marker for each white square, the hole's included",
+                "too many white squares for the dictionary; expected DICT_4X4_250 or \
+                 another of 4X4 to 7X7 and _50 to _250 with a marker for each, the hole's included",
             ));
         }
     }
@@ -142,11 +142,11 @@ fn layout(target: &Target, size_mm: [f64; 2]) -> std::result::Result<Page, Strin
             if target.has_square(row, col) && !target.is_white(row, col) {
                 rects.push(Rect(x, y, s, s, 0.0));
             }
-            if let (Some(bits), TargetKind::CharucoRing { marker_mm, .. }) =
+            if let (Some(printed), TargetKind::CharucoRing { marker_mm, .. }) =
                 (target.marker(row, col), &target.kind)
             {
                 let margin = 0.5 * (s - marker_mm);
-                marker(&mut rects, bits, x + margin, y + margin, *marker_mm);
+                marker(&mut rects, printed, x + margin, y + margin, *marker_mm);
             }
         }
     }
@@ -196,13 +196,13 @@ fn name(target: &Target) -> String {
 }
 
 /// The black modules of a marker, neighbours in a row as one rectangle.
-fn marker(rects: &mut Vec<Rect>, bits: u16, left: f64, top: f64, side: f64) {
-    let module = side / f64::from(MARKER_MODULES);
-    for row in 0..MARKER_MODULES {
+fn marker(rects: &mut Vec<Rect>, marker: Marker, left: f64, top: f64, side: f64) {
+    let modules = marker.modules();
+    let module = side / f64::from(modules);
+    for row in 0..modules {
         let mut col = 0;
-        while col < MARKER_MODULES {
-            let black = |c: &u32| !marker_module(bits, row, *c);
-            let run = (col..MARKER_MODULES).take_while(black).count() as u32;
+        while col < modules {
+            let run = (col..modules).take_while(|c| !marker.is_white(row, *c)).count() as u32;
             if run > 0 {
                 let (x, y) = (left + f64::from(col) * module, top + f64::from(row) * module);
                 rects.push(Rect(x, y, f64::from(run) * module, module, 0.0));

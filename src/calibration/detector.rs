@@ -135,11 +135,13 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
         });
     }
     let labelling = best.labelling;
-    let blur_px = blur::edge_spread(luma, &layout, &labelling).unwrap_or(0.0);
+    let spread = blur::edge_spread(luma, &layout, &labelling);
+    let blur_px = spread.map_or(0.0, |s| s.px);
     let diagonal = (luma.width as f64).hypot(luma.height as f64);
     let limit = (BLUR_CELLS_MAX * layout.usual_cell(&labelling)).min(BLUR_DIAGONAL_MAX * diagonal);
     if blur_px > limit {
-        return Err(Rejection::Blurred { blur_px: blur_px as f32 });
+        let direction_deg = spread.and_then(|s| s.direction_deg).map(|d| d as f32);
+        return Err(Rejection::Blurred { blur_px: blur_px as f32, direction_deg });
     }
     let corners = layout
         .corners

@@ -4,7 +4,8 @@
 use super::board_model::BoardModel;
 use super::lattice::Node;
 use super::luma::LumaImage;
-use super::marker_reading::{self, Marker};
+use super::marker_reading;
+use super::markers::Placed;
 use super::subpixel::{Refiner, Window};
 use super::target::{Target, TargetKind};
 use crate::Rejection;
@@ -42,7 +43,7 @@ pub(super) struct Layout<'a> {
     /// How far from a corner, in squares, the four squares round it are plain.
     plain: f64,
     /// Markers that can be read.
-    pub markers: Vec<Marker>,
+    pub markers: Vec<Placed>,
     /// White squares (column, row) in and round the grid without one.
     pub unprinted: Vec<IVec2>,
 }

@@ -5,18 +5,18 @@ use super::board_model::BoardModel;
 use super::lattice::Node;
 use super::layout::{Labelling, Layout, board_of_lattice};
 use super::luma::LumaImage;
-use super::markers::{MARKER_MODULES, dictionary, quarter_turn};
+use super::markers::{Dictionary, Placed};
 use super::target::{Target, TargetKind};
 use glam::{DVec2, IVec2};
 use std::collections::HashMap;
 
+/// Modules along the side of the largest markers.
+const MODULES_MAX: usize = 9;
 /// White minus black relative to white (square-root scale).
 const CONTRAST_MIN: f32 = 0.25;
 /// Border modules that may be misread, and quiet samples.
 const BORDER_WRONG_MAX: usize = 1;
 const QUIET_WRONG_MAX: usize = 3;
-/// Bits that may be misread: one of at least three that tell markers apart.
-const BITS_WRONG_MAX: u32 = 1;
 /// Side of a square that is read well, px.
 const SQUARE_PX: f64 = 48.0;
 /// Pieces of lattice looked at.
@@ -30,21 +30,14 @@ const DEPTHS: [f64; 19] = [
     2.0, 2.24, 2.52,
 ];
 
-/// A printed marker: its square and bits.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Marker {
-    square: IVec2,
-    bits: u16,
-}
-
 /// Markers of the ring as (column, row), none where the board has none that are known.
-pub(super) fn printed(target: &Target) -> Vec<Marker> {
+pub(super) fn printed(target: &Target) -> Vec<Placed> {
     let squares = (0..i64::from(target.rows))
         .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
     squares
         .filter_map(|(row, col)| {
-            let bits = target.marker(row, col)?;
-            Some(Marker { square: IVec2::new(col as i32, row as i32), bits })
+            let marker = target.marker(row, col)?;
+            Some(Placed { square: IVec2::new(col as i32, row as i32), marker })
         })
         .collect()
 }
@@ -75,20 +68,20 @@ pub(super) fn agreement(
     labelling: &Labelling,
 ) -> (usize, usize) {
     let (mut agree, mut differ) = (0, 0);
-    let Some(share) = marker_share(layout.target) else { return (0, 0) };
-    for marker in &layout.markers {
-        let corner = marker.square.as_dvec2();
+    let Some(print) = Print::of(layout.target) else { return (0, 0) };
+    for placed in &layout.markers {
+        let corner = placed.square.as_dvec2();
         let at = |p: DVec2| labelling.model.project(corner + p);
-        match read(image, at, share) {
-            Some(bits) if (bits ^ marker.bits).count_ones() <= BITS_WRONG_MAX => agree += 1,
+        match read(image, at, &print) {
+            Some(bits) if placed.marker.is(bits) => agree += 1,
             Some(bits) if named(layout, bits, 0).is_some() => differ += 1,
             _ => {}
         }
     }
     for square in &layout.unprinted {
         let at = |p: DVec2| labelling.model.project(square.as_dvec2() + p);
-        let known = |bits: u16| dictionary_of(layout.target).contains(&bits);
-        differ += usize::from(read(image, at, share).is_some_and(known));
+        let known = |bits: u64| print.dictionary.contains(bits);
+        differ += usize::from(read(image, at, &print).is_some_and(known));
     }
     (agree, differ)
 }
@@ -100,16 +93,13 @@ pub(super) fn place(
     level: usize,
     pieces: &[Vec<Node>],
 ) -> Option<Labelling> {
-    let share = marker_share(layout.target)?;
-    if layout.markers.is_empty() {
-        return None;
-    }
+    let print = Print::of(layout.target)?;
     let image = levels[level];
     let size = (image.width, image.height);
     let mut px = vec![None; layout.corners.len()];
     let mut votes = 0;
     for piece in pieces.iter().take(PIECES_TRIED) {
-        let Some((turn, shift, agree)) = placement_of(layout, levels, level, piece, share) else {
+        let Some((turn, shift, agree)) = placement_of(layout, levels, level, piece, &print) else {
             continue;
         };
         votes += agree;
@@ -135,9 +125,8 @@ fn placement_of(
     levels: &[&LumaImage],
     level: usize,
     piece: &[Node],
-    share: f64,
+    print: &Print,
 ) -> Option<(usize, IVec2, usize)> {
-    let nodes: HashMap<[i32; 2], &Node> = piece.iter().map(|n| (n.at.to_array(), n)).collect();
     let size = (levels[level].width, levels[level].height);
     let flat = |axis: fn(&Node) -> i32| piece.iter().all(|n| axis(n) == axis(&piece[0]));
     let row_only = flat(|n| n.at.x) || flat(|n| n.at.y);
@@ -146,8 +135,23 @@ fn placement_of(
     } else {
         let lattice: Vec<DVec2> = piece.iter().map(|n| n.at.as_dvec2()).collect();
         let px: Vec<DVec2> = piece.iter().map(|n| n.px).collect();
-        Some(BoardModel::fit(size, &lattice, &px)?)
+        BoardModel::fit(size, &lattice, &px)
     };
+    // A row with a false corner beside it has a plane too, but a wrong one.
+    let by_plane = model.and_then(|m| tally_of(layout, levels, level, piece, print, Some(&m)));
+    by_plane.or_else(|| tally_of(layout, levels, level, piece, print, None))
+}
+
+/// Votes of a piece's markers, squares given by a model of its plane or by links alone.
+fn tally_of(
+    layout: &Layout,
+    levels: &[&LumaImage],
+    level: usize,
+    piece: &[Node],
+    print: &Print,
+    model: Option<&BoardModel>,
+) -> Option<(usize, IVec2, usize)> {
+    let nodes: HashMap<[i32; 2], &Node> = piece.iter().map(|n| (n.at.to_array(), n)).collect();
     let mut tally: Vec<(usize, IVec2, usize)> = Vec::new();
     let mut seen: Vec<IVec2> = Vec::new();
     for node in piece {
@@ -158,12 +162,12 @@ fn placement_of(
             if !bright || seen.contains(&square) {
                 continue;
             }
-            let named = match &model {
+            let named = match model {
                 Some(model) => {
                     let corner = square.as_dvec2();
-                    read_square(levels, level, layout, share, |p| model.project(corner + p))
+                    read_square(levels, level, layout, print, |p| model.project(corner + p))
                 }
-                None => along_row(levels, level, layout, share, &nodes, node, step),
+                None => along_row(levels, level, layout, print, &nodes, node, step),
             };
             let Some((turn, on_board)) = named else { continue };
             seen.push(square);
@@ -189,7 +193,7 @@ fn along_row(
     levels: &[&LumaImage],
     level: usize,
     layout: &Layout,
-    share: f64,
+    print: &Print,
     nodes: &HashMap<[i32; 2], &Node>,
     node: &Node,
     step: IVec2,
@@ -204,7 +208,7 @@ fn along_row(
     let square = node.at.min(node.at + step).as_dvec2();
     let origin = node.at.as_dvec2();
     DEPTHS.iter().find_map(|&scale| {
-        read_square(levels, level, layout, share, |p| {
+        read_square(levels, level, layout, print, |p| {
             let d = square + p - origin;
             let (u, v) = (d.dot(link.as_dvec2()), d.dot(across.as_dvec2()));
             node.px + u * edge + v * scale * depth
@@ -217,53 +221,55 @@ fn read_square(
     levels: &[&LumaImage],
     level: usize,
     layout: &Layout,
-    share: f64,
+    print: &Print,
     at: impl Fn(DVec2) -> DVec2,
 ) -> Option<(usize, IVec2)> {
     let side =
         (at(DVec2::X) - at(DVec2::ZERO)).length().min((at(DVec2::Y) - at(DVec2::ZERO)).length());
     let fine = reading_level(side, level);
     let scale = f64::from(1 << (level - fine));
-    let bits = read(levels[fine], |p| scale * (at(p) + 0.5) - 0.5, share)?;
+    let bits = read(levels[fine], |p| scale * (at(p) + 0.5) - 0.5, print)?;
     (0..4).find_map(|turn| Some((turn, named(layout, bits, turn)?)))
 }
 
 /// The printed marker that looks like `bits` when the board is turned clockwise against it.
-fn named(layout: &Layout, bits: u16, turn: usize) -> Option<IVec2> {
-    let alike = |marker: &&Marker| {
-        let turned = (0..turn).fold(marker.bits, |b, _| quarter_turn(b));
-        (turned ^ bits).count_ones() <= BITS_WRONG_MAX
+fn named(layout: &Layout, bits: u64, turn: usize) -> Option<IVec2> {
+    let alike = |placed: &&Placed| {
+        (0..turn).fold(placed.marker, |marker, _| marker.quarter_turn()).is(bits)
     };
     layout.markers.iter().find(alike).map(|m| m.square)
 }
 
-fn dictionary_of(target: &Target) -> &'static [u16] {
-    match &target.kind {
-        TargetKind::CharucoRing { dictionary: name, .. } => dictionary(name),
-        TargetKind::CheckerboardRing => &[],
-    }
+/// How markers are printed.
+struct Print {
+    dictionary: Dictionary,
+    /// Side of a marker relative to its square.
+    share: f64,
 }
 
-fn marker_share(target: &Target) -> Option<f64> {
-    match target.kind {
-        TargetKind::CharucoRing { marker_mm, .. } => Some(marker_mm / target.square_mm),
-        TargetKind::CheckerboardRing => None,
+impl Print {
+    /// `None` for boards without markers that are known.
+    fn of(target: &Target) -> Option<Self> {
+        let TargetKind::CharucoRing { dictionary, marker_mm } = &target.kind else { return None };
+        let dictionary = Dictionary::named(dictionary);
+        let share = marker_mm / target.square_mm;
+        (dictionary.inner > 0).then_some(Self { dictionary, share })
     }
 }
 
 /// Bits of the marker in a square, row by row; `at` maps (0..1, 0..1) to pixels. `None` unless the
 /// border is black and what surrounds it white.
-fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, share: f64) -> Option<u16> {
+fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, print: &Print) -> Option<u64> {
     let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(&at);
     if !corners.iter().all(|c| image.contains(*c, 0.0)) {
         return None;
     }
-    let modules = MARKER_MODULES as usize;
+    let (share, modules) = (print.share, print.dictionary.inner as usize + 2);
     let module = share / modules as f64;
     let gap = 0.5 * (1.0 - share);
-    let mut level = [[0.0f32; MARKER_MODULES as usize]; MARKER_MODULES as usize];
-    for (row, levels) in level.iter_mut().enumerate() {
-        for (col, level) in levels.iter_mut().enumerate() {
+    let mut level = [[0.0f32; MODULES_MAX]; MODULES_MAX];
+    for (row, levels) in level.iter_mut().enumerate().take(modules) {
+        for (col, level) in levels.iter_mut().enumerate().take(modules) {
             let centre = DVec2::splat(gap) + module * (DVec2::new(col as f64, row as f64) + 0.5);
             let around = [(0.0, 0.0), (-0.2, 0.0), (0.2, 0.0), (0.0, -0.2), (0.0, 0.2)];
             let sum: f32 = around
@@ -274,8 +280,9 @@ fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, share: f64) -> Option<u1
         }
     }
     let outer = |i: usize| i == 0 || i + 1 == modules;
-    let border = || (0..36).filter(|i| outer(i / modules) || outer(i % modules));
-    let black = border().map(|i| level[i / modules][i % modules]).sum::<f32>() / 20.0;
+    let border = || (0..modules * modules).filter(|i| outer(i / modules) || outer(i % modules));
+    let black = border().map(|i| level[i / modules][i % modules]).sum::<f32>();
+    let black = black / (4 * (modules - 1)) as f32;
     // Half-way between marker and edge.
     let mut quiet = [0.0f32; 16];
     for (i, value) in quiet.iter_mut().enumerate() {
@@ -295,5 +302,5 @@ fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, share: f64) -> Option<u1
         return None;
     }
     let inner = (1..modules - 1).flat_map(|row| (1..modules - 1).map(move |col| (row, col)));
-    Some(inner.fold(0, |bits, (row, col)| bits << 1 | u16::from(level[row][col] > middle)))
+    Some(inner.fold(0, |bits, (row, col)| bits << 1 | u64::from(level[row][col] > middle)))
 }

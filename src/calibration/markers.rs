@@ -1,10 +1,99 @@
-//! The markers of charuco rings: OpenCV's predefined dictionaries of 4 x 4 bits, which share their
-//! first entries.
+//! The markers of charuco rings: OpenCV's predefined dictionaries `DICT_nXn_50`, `_100` and `_250`,
+//! which share their first entries.
 
-/// Bits of a marker, row by row, the first one highest; 1 is white. A black border one module wide
-/// surrounds them.
+use glam::IVec2;
+
+/// A printed marker: `n` x `n` modules with a black border one module wide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Marker {
+    /// Modules row by row, the first one in the highest of `n` x `n` bits; 1 is white.
+    bits: u64,
+    inner: u32,
+}
+
+impl Marker {
+    /// Modules along a side, the border included.
+    pub fn modules(&self) -> u32 {
+        self.inner + 2
+    }
+
+    /// Whether a module is white; the border's are not.
+    pub fn is_white(&self, row: u32, col: u32) -> bool {
+        let inside = 1..=self.inner;
+        let place = self.inner * row.saturating_sub(1) + col.saturating_sub(1);
+        inside.contains(&row)
+            && inside.contains(&col)
+            && self.bits >> (self.inner * self.inner - 1 - place) & 1 == 1
+    }
+
+    /// Whether modules as read are the marker's, up to fewer errors than make another of it.
+    pub(super) fn is(&self, bits: u64) -> bool {
+        // Dictionaries differ in 3, 6, 11 and 17 modules at least.
+        let wrong = if self.inner == 4 { 1 } else { 2 };
+        (self.bits ^ bits).count_ones() <= wrong
+    }
+
+    /// The marker after a quarter turn counter-clockwise as displayed.
+    pub(super) fn quarter_turn(self) -> Self {
+        let n = self.inner;
+        let turned = (0..n * n).fold(0, |bits, i| {
+            // Row i / n is column n - 1 - i / n of the old one.
+            bits << 1 | u64::from(self.is_white(i % n + 1, n - i / n))
+        });
+        Self { bits: turned, ..self }
+    }
+}
+
+/// A dictionary of markers by id.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Dictionary {
+    bits: &'static [u64],
+    /// Modules along a side without the border; 0 for an empty dictionary.
+    pub inner: u32,
+}
+
+impl Dictionary {
+    /// By OpenCV's name; an empty one for those that are not known here.
+    pub fn named(name: &str) -> Self {
+        let empty = Self { bits: &[], inner: 0 };
+        let Some((kind, count)) = name.strip_prefix("DICT_").and_then(|n| n.split_once('_')) else {
+            return empty;
+        };
+        let (bits, inner) = match kind {
+            "4X4" => (&MARKERS_4X4, 4),
+            "5X5" => (&MARKERS_5X5, 5),
+            "6X6" => (&MARKERS_6X6, 6),
+            "7X7" => (&MARKERS_7X7, 7),
+            _ => return empty,
+        };
+        let count = match count {
+            "50" => 50,
+            "100" => 100,
+            "250" => 250,
+            _ => return empty,
+        };
+        Self { bits: &bits[..count], inner }
+    }
+
+    pub fn get(&self, id: usize) -> Option<Marker> {
+        self.bits.get(id).map(|&bits| Marker { bits, inner: self.inner })
+    }
+
+    /// Whether modules as read are exactly some marker's.
+    pub fn contains(&self, bits: u64) -> bool {
+        self.bits.contains(&bits)
+    }
+}
+
+/// A marker and its square (column, row).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Placed {
+    pub square: IVec2,
+    pub marker: Marker,
+}
+
 #[rustfmt::skip]
-const MARKERS_4X4: [u16; 250] = [
+const MARKERS_4X4: [u64; 250] = [
     0xB532, 0x0F9A, 0x332D, 0x9946, 0x549E, 0x79CD, 0x9E2E, 0xC4F2, 0xFEDA, 0xCF56, 0xF991, 0x11A7,
     0x0EB7, 0x2A0F, 0x24B1, 0x263E, 0x4665, 0x6600, 0x6C5E, 0x76AF, 0x868B, 0xB02B, 0xCCD5, 0xDD82,
     0xFE47, 0x9471, 0xACE4, 0xA554, 0x2123, 0x346F, 0x4415, 0x57B2, 0x9ECF, 0xF0CB, 0x08AE, 0x0929,
@@ -28,32 +117,119 @@ const MARKERS_4X4: [u16; 250] = [
     0x71D3, 0x7B33, 0x646A, 0x66A8, 0x6EA7, 0x6E91, 0x6522, 0x6DCB, 0x678D, 0x6D31,
 ];
 
-/// Modules along a marker's side, the border included.
-pub const MARKER_MODULES: u32 = 6;
+#[rustfmt::skip]
+const MARKERS_5X5: [u64; 250] = [
+    0x145B2BC, 0x01C06E6, 0x1AF0EDD, 0x10395F7, 0x1AEB524, 0x1D4082D, 0x0D3D7EC, 0x0E2146B, 0x10D6132,
+    0x1313FA5, 0x13CEE03, 0x1A2DAC0, 0x1E62B11, 0x05E7166, 0x1FCFCA8, 0x051E37F, 0x097A758, 0x0BEA26F,
+    0x0F64DC4, 0x1061DE8, 0x12DDA75, 0x150E440, 0x16B0CA1, 0x0BA12DE, 0x19CD023, 0x1A59972, 0x1C3CE8B,
+    0x0224246, 0x03B9672, 0x024223B, 0x027376E, 0x0368873, 0x040D0CE, 0x04AAAC8, 0x04643BA, 0x07A6FEA,
+    0x0998AAC, 0x082D101, 0x09AAD1D, 0x0863C72, 0x0AD2825, 0x0A52F9E, 0x0D849F7, 0x0C309D9, 0x0DA7E31,
+    0x0E9627A, 0x0E9B997, 0x0F94806, 0x0F59125, 0x0F6B7D7, 0x11B58E4, 0x11AD279, 0x11E380B, 0x1169445,
+    0x12FFB4A, 0x158CB8D, 0x15987F0, 0x1422FDF, 0x14E1227, 0x156DF22, 0x173DBF1, 0x164C93C, 0x17CBB86,
+    0x1880A87, 0x19147DD, 0x184EB8A, 0x18D85AD, 0x1B2CDA9, 0x1BABD73, 0x1E9D432, 0x1E76528, 0x0F5740A,
+    0x1B11A53, 0x018CE65, 0x02AB219, 0x098E981, 0x0A8061C, 0x141A158, 0x185314C, 0x196D12C, 0x1FAD3A2,
+    0x00922B5, 0x019BCE0, 0x00B547C, 0x002C76F, 0x0132289, 0x012D2A7, 0x00C4B43, 0x0067BC5, 0x00FAA0D,
+    0x01F1F54, 0x038E879, 0x0323B23, 0x02C3647, 0x02DA51B, 0x02E9D8D, 0x027C562, 0x03EFDF5, 0x0521EE0,
+    0x0448EFD, 0x0542F81, 0x055F6C9, 0x047E008, 0x04F9BF8, 0x046D558, 0x05EF65E, 0x0692188, 0x06013AD,
+    0x068BC21, 0x072A5D0, 0x06400E2, 0x06DCE3A, 0x0891409, 0x089D9FD, 0x08A3EE5, 0x08A952A, 0x08C277D,
+    0x09D0612, 0x08EE533, 0x09F04FB, 0x0B86F1B, 0x0B1FAEE, 0x0A36FF0, 0x0B275F6, 0x0B53332, 0x0A603E1,
+    0x0A798CF, 0x0A6DC02, 0x0B64B5F, 0x0BFAB99, 0x0CACC85, 0x0CB8F5E, 0x0CC6EA2, 0x0CE198B, 0x0E12CBB,
+    0x0F8C701, 0x0F35752, 0x0E47A8C, 0x0E7CB65, 0x1084D18, 0x113E202, 0x10D5DD3, 0x11447F3, 0x1286AE3,
+    0x1388A36, 0x12A3F49, 0x12D1B20, 0x12E4D6E, 0x1366ECE, 0x1378DC1, 0x14134DD, 0x148A50D, 0x151610B,
+    0x15B3684, 0x15FE0B1, 0x1605CC7, 0x1601E30, 0x179D565, 0x17D8899, 0x16705F4, 0x166B079, 0x17E8BDC,
+    0x17EAC67, 0x18875E0, 0x199D306, 0x18A6601, 0x19A44C7, 0x18C1115, 0x18D287E, 0x195DD09, 0x19F4E25,
+    0x196C3C5, 0x1A005D2, 0x1B96E8C, 0x1B31709, 0x1B39D64, 0x1A53281, 0x1A5A22E, 0x1BCB4DD, 0x1B48E85,
+    0x1B67820, 0x1B71F92, 0x1D031C7, 0x1CA38DE, 0x1C35C71, 0x1DB72F7, 0x1D3C064, 0x1D6BA18, 0x1DFF33A,
+    0x1F02202, 0x1F00FA6, 0x1EC0441, 0x1EC36BF, 0x1FD6BDA, 0x1F46671, 0x1F49583, 0x1EE5EE1, 0x1EFD5F9,
+    0x1FE3129, 0x1F746BC, 0x0D1705E, 0x1321E17, 0x133B04D, 0x1C8BE1D, 0x03A20DD, 0x0558261, 0x06882C7,
+    0x06F80E9, 0x07E6B97, 0x0AD4098, 0x0AE7073, 0x0CD3170, 0x0E74A2E, 0x0FE59FB, 0x1168FD2, 0x14B872E,
+    0x15353D6, 0x16A336E, 0x165B533, 0x18983E8, 0x195723C, 0x1B0DF47, 0x1BF1B1C, 0x1CACD1F, 0x1DA8E35,
+    0x1E0CF0D, 0x00853DD, 0x000468F, 0x00145F6, 0x009919C, 0x001A5C3, 0x018141E, 0x011178C, 0x0190CB6,
+    0x00B03FA, 0x002E23C, 0x003842B, 0x003CEE2, 0x012537E, 0x01A2037, 0x01A0A30, 0x01BDA5F, 0x01ACDBC,
+    0x013E4EC, 0x005A105, 0x004C592, 0x00DE752, 0x00DDE46, 0x01C7C24, 0x01535BB,
+];
 
-/// Bits of the dictionary's markers by id; empty for dictionaries that are not known here.
-pub(super) fn dictionary(name: &str) -> &'static [u16] {
-    match name {
-        "DICT_4X4_50" => &MARKERS_4X4[..50],
-        "DICT_4X4_100" => &MARKERS_4X4[..100],
-        "DICT_4X4_250" => &MARKERS_4X4,
-        _ => &[],
-    }
-}
+#[rustfmt::skip]
+const MARKERS_6X6: [u64; 250] = [
+    0x1E3DD82A6, 0x0EFBA3891, 0x15907EACD, 0xC91B3069E, 0xD607D6E15, 0xD8E8E0E68, 0x4268B41F5, 0x88A50F29A,
+    0x307D524FD, 0x3C2F34B3C, 0x45DFC74E3, 0x48D85B257, 0x710558FC6, 0x86DCFAD07, 0x8D72A93F6, 0xA2B89DCDE,
+    0x09FD1E9C4, 0x154DBD18F, 0x300A310E2, 0x4807EFAFD, 0x56DF11DB6, 0x66883274C, 0x76E8CB781, 0x9A53D9CF3,
+    0xA9CB84024, 0xC67549490, 0xC1D288941, 0xE7480852B, 0xEA2FCA848, 0xE963B77B1, 0xFA36652AF, 0x065BFF7BD,
+    0x0541D72D6, 0x0CF7246A2, 0x1338A39EB, 0x15A893E74, 0x3A417EE9E, 0x4F11E26C0, 0x530DB6D20, 0x589BFAE34,
+    0x6409E8A0B, 0x60537A891, 0x6159069BA, 0x6BFF78D7B, 0x70AD96A4F, 0x75846F71A, 0x7A95192FC, 0x8609760AA,
+    0x8A2D44C3F, 0x93EB78B14, 0x988DA84D4, 0x9EDE2B3C8, 0xA529E07B8, 0xB593B855F, 0xB7F8E426F, 0xBC205225E,
+    0xC04487765, 0xC4C324259, 0xC5A91BD8D, 0xCE73E6B2C, 0xCD0CA6272, 0xC9435D44D, 0xCFBE80F34, 0xE57D15877,
+    0xEFC6858E9, 0xF77EF3772, 0x2CE43F254, 0x2BDCFF4B3, 0x37C7DDBDA, 0xA1A254E0F, 0xA982C1BB5, 0xD81B49B08,
+    0x035829F86, 0x07C4095FC, 0x0FE26617B, 0x144836441, 0x10AD5FFB7, 0x12829553F, 0x16E13184C, 0x187A496B0,
+    0x1AE886112, 0x1913AE0A1, 0x1B67B5A17, 0x25DC95F0B, 0x288961F76, 0x3354146AA, 0x31C16C1F7, 0x33CB18C66,
+    0x3ECFE490F, 0x464518A3F, 0x44BA70B67, 0x419C623E8, 0x48D1914A1, 0x54F499F6D, 0x575A9C813, 0x558355B2C,
+    0x57B77610F, 0x5C3436FE4, 0x5C48FC77E, 0x5E6EEF402, 0x5F233B6FF, 0x5B742A632, 0x650FA33AE, 0x65D3175CC,
+    0x6A9C245AE, 0x69C5F3042, 0x69D2484EA, 0x7479E2DE6, 0x72CF23EAB, 0x77B1DC414, 0x7E0C07217, 0x7A6970647,
+    0x78B2D8707, 0x79C585794, 0x866F59FC6, 0x82F6727F5, 0x854E2F414, 0x9A1185934, 0x9C7160C97, 0x9DD194FD8,
+    0xA21E12E38, 0xAE701C82C, 0xAD01219C1, 0xB0351F9EE, 0xB64AD80D4, 0xB537314B4, 0xBEAAC7E3B, 0xBB683DBCF,
+    0xC672F72C1, 0xC1E74DBAB, 0xCB55EE59D, 0xCBA053724, 0xD0090FCF1, 0xD06C3AD54, 0xD3F120574, 0xE6E33B1A7,
+    0xE3533EA4A, 0xE8068EB14, 0xEC07C0597, 0xEAF3803DA, 0xF63B27D88, 0xF30798379, 0xFE4BBA9B9, 0xABA57D86B,
+    0xC0D1625AB, 0x13CE7BAE7, 0x4E81FD617, 0x56E076320, 0x6A708A540, 0x72A898A18, 0x815D42F80, 0xCF4CC3D5F,
+    0xD6BB65864, 0xECD313A31, 0xF521F5207, 0xF91FA5DF7, 0x0024F47A7, 0x00084D882, 0x043CC2F29, 0x047B50211,
+    0x067AE4C1D, 0x00AA968A3, 0x04D138E94, 0x0510A80DA, 0x0140B0007, 0x019D9CEE1, 0x081057E3B, 0x086B97B66,
+    0x0EE8B860A, 0x0B6C76B9B, 0x0FDCB98CB, 0x0FCACF3A0, 0x14249FD98, 0x1407201FD, 0x150910D57, 0x135CD7307,
+    0x11479ABB6, 0x1CB9A9238, 0x1CDD07766, 0x1F2E7C24B, 0x196642477, 0x1957D4C84, 0x1FA8F4F04, 0x1B8246ED8,
+    0x1BAEE10FE, 0x22A4B63CA, 0x22BF9012F, 0x232C15B40, 0x255AA966C, 0x27A5AFA97, 0x25F40E425, 0x286655CDE,
+    0x2C427E0E0, 0x2AB97CBD0, 0x2946E1D23, 0x2DA628410, 0x2BFB209A6, 0x368CD66BC, 0x3487777C7, 0x34DDEB840,
+    0x3791F76F1, 0x3A228E175, 0x3E13BD408, 0x3C9843CA2, 0x39589D179, 0x3974DAEEB, 0x3F6DBC731, 0x3D6BC050C,
+    0x39AB27497, 0x46024E25E, 0x4682BA0BC, 0x42E9CD5AE, 0x44C9B7B3F, 0x40C7D41E9, 0x46D2B4CCE, 0x43195356B,
+    0x4122E6DD9, 0x4753A59AB, 0x4E1EF1E08, 0x4E4AC0960, 0x4E5FAA06F, 0x4A8D32943, 0x491594B39, 0x4D4DDB621,
+    0x4BA761E81, 0x49D483D8E, 0x56290EF6C, 0x537ED5FFC, 0x55F5A7AFA, 0x55D5EA64F, 0x581BAB1DA, 0x5EBE926DD,
+    0x5F10F99B5, 0x5D1EDFA5C, 0x5F718DF02, 0x5DE11E468, 0x6033BB247, 0x64581AFE1, 0x63C8DDA76, 0x61DA3D8FD,
+    0x6E3A22AFA, 0x6E6105B71, 0x6A89A9E8C, 0x6A97224F5, 0x6B12C3801, 0x6B684B22A, 0x6F94C1579, 0x6DA6FEA0D,
+    0x6FEACA457, 0x703D38A60,
+];
 
-/// Whether module (`row`, `col`) of a marker is white; the border's are not.
-pub fn marker_module(bits: u16, row: u32, col: u32) -> bool {
-    let inside = 1..MARKER_MODULES - 1;
-    inside.contains(&row)
-        && inside.contains(&col)
-        && bits >> (15 - (4 * (row - 1) + col - 1)) & 1 == 1
-}
-
-/// The bits after a quarter turn counter-clockwise as displayed.
-pub(super) fn quarter_turn(bits: u16) -> u16 {
-    let at = |row: u32, col: u32| bits >> (15 - (4 * row + col)) & 1;
-    (0..16).fold(0, |turned, i| turned << 1 | at(i % 4, 3 - i / 4))
-}
+#[rustfmt::skip]
+const MARKERS_7X7: [u64; 250] = [
+    0x1BAB8D94B9415, 0x1C837E27C8156, 0x13D545758BA4F, 0x14CCE0B6FD298, 0x18D78F62664AC, 0x0B1002846B3DC,
+    0x1A6D77CDEA890, 0x07942DB1117B6, 0x1120E3EAD2D3C, 0x176CB631ADC7E, 0x1EA01A305E921, 0x0044CE170A834,
+    0x0A9E6D72E91E1, 0x13C49108C4733, 0x17BFE64D79397, 0x19C220B60B52F, 0x1A7E0C2E43F16, 0x003C33D9D91DB,
+    0x04D979854E0F1, 0x070FA9AEC8226, 0x0752095D3C3D3, 0x08DA908F679BA, 0x091254FBD3C57, 0x0BCED87C93150,
+    0x0E945BDF45F11, 0x128BBC45026B2, 0x136252AC9DB47, 0x143A9285B05F0, 0x176F1CC62D9A1, 0x1976BBB97B630,
+    0x1A7CBDD6F0666, 0x1E528467FA339, 0x1FBADA33E77CD, 0x0748C49DD09DD, 0x0C430FC48761E, 0x0159A86DF3B86,
+    0x01C81A9871C04, 0x0293FB340C448, 0x03345C234CBDA, 0x056A104FC3668, 0x052D271253F46, 0x059EEA9B7E8AD,
+    0x06BD27F3C6CF8, 0x07EE957B07BE7, 0x089A053E9FE80, 0x09081C90855EA, 0x0BE3226D06804, 0x0BD64E4807ABB,
+    0x0DF36483E2B84, 0x0E555F24151C7, 0x0F310EA770C6D, 0x0F7CE275CF2A3, 0x10AD48D92B3C0, 0x11C7FDDE5B2A3,
+    0x15A719A42E6CF, 0x1626E4A61727F, 0x1758701A4A3B6, 0x182EADABA314D, 0x19CC3A6FDCA22, 0x1A4B9306DBAB7,
+    0x1A0D523D3DF9D, 0x093C9C71B52B5, 0x0A5A33E503F66, 0x004315E30E741, 0x00B809670A2EE, 0x01EB15243133E,
+    0x01F9D4A888834, 0x02BDDA6E629B1, 0x02DE3C5F88B3D, 0x03CBC988276E6, 0x03F84A4CD90ED, 0x04E422DEC633F,
+    0x04F36F51237B8, 0x05C186096D4D8, 0x05F53C4F3CC56, 0x0599FA6052627, 0x062A6060425CD, 0x060F0E6B5FA53,
+    0x06FC486594F41, 0x098169F15FEA8, 0x09DB571949243, 0x099B5BA2B30DC, 0x0ACF6AB764AC1, 0x0A92EEBE25396,
+    0x0A931199A0944, 0x0BCDD4950EF52, 0x0C608A2EEC764, 0x0D3C474F0E9C9, 0x0DA2FC494A039, 0x0E07D01C59762,
+    0x0EEA0B5162857, 0x104C9C256492F, 0x107FB4FA3E38A, 0x1277AD69AC0FB, 0x129B14B84F5DB, 0x129EF7A341E9F,
+    0x131E3547D29F0, 0x15315BF18AE50, 0x1621C6DBE827E, 0x173D438C9C4D6, 0x1784C95E1E56F, 0x17A7F25B4FD54,
+    0x1806A5C9594AE, 0x1846DB8482D01, 0x1A69FEB5910ED, 0x1AE0DA5E03F2C, 0x1B065EB92AC0A, 0x1B1B282090754,
+    0x1C1A6C8D89BA3, 0x1C3D04A79319A, 0x1CAEC9F17D13B, 0x1D0A1F53FF494, 0x1D701D5E104B9, 0x1DED8E35C8B91,
+    0x1EFB281DB6218, 0x1FDAC51E2B879, 0x0298FC3B8F807, 0x045D89F41FFC2, 0x1490C9045CFD4, 0x1675939010C19,
+    0x1D78BEED41888, 0x0004839A38FE8, 0x00082AA79C9D8, 0x004EF0B0EB661, 0x003B5D13605C6, 0x008500A34DF3E,
+    0x00F220096A756, 0x014B333A5C7AF, 0x01365E7F3F163, 0x01A639AFEB9B5, 0x01CDD3E9EE84B, 0x02EE501E5EADC,
+    0x02DFEC27F75DC, 0x03265BAA7275B, 0x03C6EB5431439, 0x03DE736865C50, 0x04731B484CC9A, 0x0476EC44E934D,
+    0x04FD0B3EE3C0E, 0x0539E49D271EA, 0x05795C3D1E28F, 0x05C694E791122, 0x059046D0429E3, 0x068EE4E44F900,
+    0x07CD49DDF9E48, 0x07B7A01750FD8, 0x082B28C23F134, 0x0854180A1F627, 0x085AE76A023B5, 0x08E2B3FD850B3,
+    0x090909538F31B, 0x0971BDE70F026, 0x0918A9EEE55FF, 0x0939B2BBDF44C, 0x095F0273451F4, 0x0984E5A5E834A,
+    0x0987F954678D5, 0x098D32DD3E0B6, 0x0A676C9A58D44, 0x0A28C9AD1686B, 0x0A2ACACC4E393, 0x0A0E66B18E3BF,
+    0x0A895CE5C053D, 0x0A9B62DDCBC8E, 0x0ADE1E03D18C9, 0x0B6D407882EF7, 0x0B7F3DEA432D9, 0x0B8E9F205F77C,
+    0x0BD3A165E9EF5, 0x0C687AB739304, 0x0C0BB49EA2D37, 0x0C9105F0E905E, 0x0D0D52328CC80, 0x0D86FA3DD98CB,
+    0x0DAB3EB0E5654, 0x0E63E0F3C5018, 0x0E44C2D25918F, 0x0E707DF9F8EBB, 0x0E3EDE96B541A, 0x0EC2005E35476,
+    0x0ECA9FEA84C42, 0x0F5C7903C4C6C, 0x0FC40B636DACC, 0x0F8E2CCFF6697, 0x0FD11F3028E34, 0x0FF7B6DE7308C,
+    0x107747E8538CE, 0x1076747793EAB, 0x10D7071DD86B7, 0x115F6E85C2E56, 0x11C0B0DF90654, 0x11E90783C41CE,
+    0x11CA76BF839C0, 0x11B3A470492C0, 0x11B7320EB2539, 0x12027CDC34560, 0x127366EF63521, 0x12E1C63DBE551,
+    0x12E68BC773354, 0x12AF5FA58FAAA, 0x12FBA1C0C28A1, 0x1353409C77A89, 0x1377D5B5A1BF1, 0x13ACF204C30BA,
+    0x13F0393ED5EFE, 0x13FEF88DB2AC3, 0x14E067C4D74F4, 0x14C9EDB203CDE, 0x14CA91136CE06, 0x149F556682F14,
+    0x152474A9FB7FF, 0x15E2CB26EE81D, 0x15C7804C023C5, 0x15D4C8C3A8D0C, 0x15D53799DFC80, 0x16355D253A57C,
+    0x167D98FEE7A50, 0x167E5F3A20AC1, 0x16EA764BF0926, 0x168C6E6A8D5BC, 0x16CC2B2438110, 0x17571A0BE8975,
+    0x1758050F82007, 0x17812269B0ECE, 0x17C781E89F218, 0x1824FF2315808, 0x1846CCF5FF0C7, 0x18595D1C8B464,
+    0x18C242C41C838, 0x18FCABBA0832C, 0x194B398CDF1D8, 0x191F61A74F8EF, 0x198477E09E9CC, 0x199723BBC229A,
+    0x1AC8E6B97BAA3, 0x1A8A01AA519E7, 0x1ACFC640310EA, 0x1ADDECE618E8B, 0x1B21583FE1090, 0x1B489216B812A,
+    0x1B51DE1143E9D, 0x1C57491348FE9, 0x1C5F71D8B3032, 0x1CA7C0D7F0621, 0x1CD0F60D368E0, 0x1CB4247BFCFA4,
+    0x1C9CE946D6006, 0x1D632956BB7C6, 0x1D6D1ADAD0F78, 0x1DE993A32B9E4,
+];
 
 #[cfg(test)]
 mod tests {
@@ -61,24 +237,30 @@ mod tests {
 
     #[test]
     fn markers_differ_however_they_are_turned() {
-        for (i, &a) in MARKERS_4X4.iter().enumerate() {
-            let mut turned = a;
-            for turn in 0..4 {
-                for (j, &b) in MARKERS_4X4.iter().enumerate() {
-                    // The least distance of this dictionary is 3 bits.
-                    let apart = (turned ^ b).count_ones();
-                    assert!((i == j && turn == 0) || apart >= 3, "{i} {j} {turn}: {apart}");
+        for (name, least) in
+            [("DICT_4X4_250", 3), ("DICT_5X5_250", 6), ("DICT_6X6_100", 11), ("DICT_7X7_50", 17)]
+        {
+            let dictionary = Dictionary::named(name);
+            let count = dictionary.bits.len();
+            for i in 0..count {
+                let mut turned = dictionary.get(i).unwrap();
+                for turn in 0..4 {
+                    for (j, &b) in dictionary.bits.iter().enumerate() {
+                        let apart = (turned.bits ^ b).count_ones();
+                        assert!((i == j && turn == 0) || apart >= least, "{name} {i} {j} {turn}");
+                    }
+                    turned = turned.quarter_turn();
                 }
-                turned = quarter_turn(turned);
+                assert_eq!(turned, dictionary.get(i).unwrap());
             }
-            assert_eq!(turned, a);
         }
+        assert!(Dictionary::named("DICT_4X4_1000").get(0).is_none());
     }
 
     #[test]
     fn a_turn_moves_modules_counter_clockwise() {
-        let bits = 0b1000_0000_0000_0000; // upper left
-        assert!(marker_module(bits, 1, 1) && !marker_module(bits, 0, 0));
-        assert!(marker_module(quarter_turn(bits), 4, 1)); // lower left
+        let marker = Marker { bits: 1 << 15, inner: 4 }; // upper left
+        assert!(marker.is_white(1, 1) && !marker.is_white(0, 0) && !marker.is_white(1, 2));
+        assert!(marker.quarter_turn().is_white(4, 1)); // lower left
     }
 }

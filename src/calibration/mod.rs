@@ -38,7 +38,7 @@ mod target;
 pub use camera_estimation::{CameraEstimate, CameraPrior, ViewEstimate, estimate_camera};
 pub use detector::{Corner, Detection, detect};
 pub use luma::LumaImage;
-pub use markers::{MARKER_MODULES, marker_module};
+pub use markers::Marker;
 pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose};
 pub use projection::Projection;
 pub use target::{Hole, Patch, Target, TargetKind, TopLeft};

@@ -1,6 +1,6 @@
 //! The printed board round the sample.
 
-use super::markers;
+use super::markers::{Dictionary, Marker};
 use glam::DVec2;
 
 /// Gap between the lowest row of squares and the patches below it, side of a patch and distance
@@ -139,12 +139,10 @@ impl Target {
         )
     }
 
-    /// Bits of the marker printed in a white square (see [`marker_module`]); `None` for squares
-    /// without one, and for dictionaries other than `DICT_4X4_50`, `_100` and `_250`. Ids count
-    /// the white squares of the full grid row by row, the hole's included.
-    ///
-    /// [`marker_module`]: super::marker_module
-    pub fn marker(&self, row: i64, col: i64) -> Option<u16> {
+    /// The marker printed in a white square; `None` for squares without one, and for dictionaries
+    /// other than `DICT_nXn_50`, `_100` and `_250` with `n` from 4 to 7. Ids count the white
+    /// squares of the full grid row by row, the hole's included.
+    pub fn marker(&self, row: i64, col: i64) -> Option<Marker> {
         let TargetKind::CharucoRing { dictionary, .. } = &self.kind else { return None };
         if !self.has_square(row, col) || !self.is_white(row, col) {
             return None;
@@ -152,7 +150,7 @@ impl Target {
         let cols = i64::from(self.cols);
         // Of every two squares one is white, within rows and from one row to the next of odd grids.
         let id = (row * cols + col) / 2;
-        markers::dictionary(dictionary).get(id as usize).copied()
+        Dictionary::named(dictionary).get(id as usize)
     }
 
     /// Black, gray and white patch below the ring: they tell whether a photograph's values are
@@ -248,8 +246,9 @@ mod tests {
                     for col in 0..cols.into() {
                         let white = target.is_white(row, col);
                         let printed = white && target.has_square(row, col);
-                        let bits = printed.then(|| markers::dictionary("DICT_4X4_250")[id]);
-                        assert_eq!(target.marker(row, col), bits);
+                        let expected =
+                            printed.then(|| Dictionary::named("DICT_4X4_250").get(id).unwrap());
+                        assert_eq!(target.marker(row, col), expected);
                         id += usize::from(white);
                     }
                 }

@@ -1,6 +1,7 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
+mod feedback;
 mod fit;
 mod intake;
 mod worker;
@@ -14,6 +15,7 @@ use crossbeam_channel::Sender;
 use glam::DVec3;
 use rayon::ThreadPool;
 
+pub use self::feedback::{Hint, NextView};
 use self::fit::Fit;
 use self::intake::{Intake, Taken};
 use self::worker::{Command, Shared};
@@ -117,6 +119,8 @@ pub struct Accepted {
     pub reprojection_rms_px: Option<f64>,
     /// Seconds from the call of push to maps being available.
     pub maps_seconds: f64,
+    /// What the user may want to know about it.
+    pub hints: Vec<Hint>,
 }
 
 /// Where the board lies in a photograph.
@@ -289,6 +293,7 @@ impl Session {
             pose: taken.pose,
             reprojection_rms_px: taken.rms_px,
             maps_seconds: begun.elapsed().as_secs_f64(),
+            hints: taken.hints,
         }))
     }
 
@@ -367,6 +372,15 @@ impl Session {
     /// photographs better the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
+    }
+
+    /// Where the next photograph tells most: the direction from which highlights reach slopes of
+    /// the sample that they have not swept. `None` before the first photograph, and for rectified
+    /// ones.
+    pub fn next_view(&self) -> Option<NextView> {
+        let intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
+        let views: Vec<Pose> = intake.poses().into_iter().map(|p| p.pose).collect();
+        feedback::next_view(&views, intake.flash_offset_mm(), self.settings.sample_mm)
     }
 
     /// Light position in the camera frame as used, mm.

@@ -1,8 +1,9 @@
 //! A small renderer of photographs of the target, independent of the code under test except for
 //! the camera's and the target's definitions.
+#![allow(dead_code)] // each test file uses its part
 
 use glam::{DMat3, DVec2, DVec3};
-use svbrdf::calibration::{LumaImage, MARKER_MODULES, Target, TargetKind, marker_module};
+use svbrdf::calibration::{LumaImage, Target, TargetKind};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 
@@ -116,10 +117,11 @@ impl Scene {
             let m = marker_mm / t.square_mm;
             let q = (grid.fract() - 0.5) / m + 0.5;
             if q.cmpge(DVec2::ZERO).all() && q.cmplt(DVec2::ONE).all() {
-                let module = (q * f64::from(MARKER_MODULES)).floor();
-                let bits = t.marker(row, col).unwrap_or(0);
-                let dark = !marker_module(bits, module.y as u32, module.x as u32);
-                return if dark { t.black_albedo } else { t.white_albedo };
+                let white = t.marker(row, col).is_some_and(|marker| {
+                    let module = (q * f64::from(marker.modules())).as_uvec2();
+                    marker.is_white(module.y, module.x)
+                });
+                return if white { t.white_albedo } else { t.black_albedo };
             }
         }
         t.white_albedo
