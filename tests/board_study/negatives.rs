@@ -10,6 +10,9 @@ use svbrdf::calibration::{LumaImage, Target};
 const WIDTH: usize = 960;
 const HEIGHT: usize = 720;
 
+/// Value at a point of a plane, in cells; the number varies it.
+type Pattern = fn(DVec2, u64) -> f64;
+
 /// A picture to be made.
 pub struct Negative {
     pub name: String,
@@ -19,7 +22,7 @@ pub struct Negative {
 
 enum Kind {
     Board(Box<Target>, f64, Sample),
-    Pattern(fn(DVec2, u64) -> f64),
+    Pattern(Pattern),
     Noise(usize),
 }
 
@@ -43,7 +46,7 @@ impl Negative {
     }
 
     /// A plane with the pattern, seen in perspective, with light falling off and noise.
-    fn render(&self, pattern: fn(DVec2, u64) -> f64) -> LumaImage {
+    fn render(&self, pattern: Pattern) -> LumaImage {
         let mut random = Random::new(self.seed);
         let mut uniform = |low: f64, high: f64| low + (high - low) * random.uniform();
         let turn = DMat3::from_rotation_z(uniform(0.0, 6.3));
@@ -241,7 +244,7 @@ pub fn all() -> Vec<Negative> {
             add(name, Kind::Board(Box::new(ring(rows, cols, 3)), tilt, Sample::Checkerboard));
         }
     }
-    let patterns: [(&str, fn(DVec2, u64) -> f64); 10] = [
+    let patterns: [(&str, Pattern); 10] = [
         ("floor", floor),
         ("floor with rug", floor_with_rug),
         ("tiles", tiles),
