@@ -230,8 +230,8 @@ mod tests {
 
     #[test]
     fn photographs_that_are_not_linear_are_told() {
+        use crate::calibration::photometry::Vignetting;
         use crate::calibration::photometry::tests::{camera, photograph};
-        use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator};
         let (camera, pose) = (camera(), pose(0.3, 0.1, 0.0, 420.0));
         let target = Target::default();
         let albedo = |p: DVec2| {
@@ -248,6 +248,19 @@ mod tests {
             if black { target.black_albedo } else { target.white_albedo }
         };
         let light = pose.camera_centre();
+        // What the squares told, blacks being so many times what the target says.
+        let known = |ratio| Photometry {
+            vignetting: Vignetting::default(),
+            lobe_exponent: 0.0,
+            ambient: [0.0; 3],
+            ambient_raw: [(0.0, 0.0); 3],
+            flash_offset_mm: DVec3::ZERO,
+            flash_offset_sigma_mm: DVec3::ZERO,
+            reference_mm: 400.0,
+            log_scale: vec![[0.0; 3]],
+            black_ratio: [ratio; 3],
+            sigma: 0.01,
+        };
         let hint = |curve: &dyn Fn(f64) -> f64| {
             let rgb = photograph(&camera, &pose, 2, |p, _| {
                 let to_light = light - p.extend(0.0);
@@ -256,20 +269,22 @@ mod tests {
             });
             let rgb = rgb.into_iter().map(|v| curve(f64::from(v)) as f32).collect();
             let photo = Photo::from_linear(camera.width, camera.height, rgb, 1.0, 9.0).unwrap();
-            let flash = FlashOffset::Known(DVec3::ZERO);
-            let mut calibrator = PhotometricCalibrator::new(target.clone(), flash);
-            calibrator.push(&photo, &camera, &pose).unwrap();
-            let known = calibrator.photometry().unwrap();
-            linearity(&photo, &target, &camera, &pose, known).map(|h| h.to_string())
+            linearity(&photo, &target, &camera, &pose, &known(1.0)).map(|h| h.to_string())
         };
         assert_eq!(hint(&|v| v), None);
+        // Encoded values taken for linear ones: the gray of 0.2 becomes one of 0.5.
         let said = hint(&|v| v.powf(1.0 / 2.2)).unwrap();
-        assert!(said.contains("black is 0.2"), "{said}");
+        assert!(said.contains("gray is 0.5"), "{said}");
         let said = hint(&|v| v.powf(2.2)).unwrap();
-        assert!(said.contains("black is 0.002"), "{said}");
-        // Shadows stay, the middle is lifted.
-        let said = hint(&|v| if v > 0.1 { v.powf(0.35) * 0.8 } else { v }).unwrap();
-        assert!(said.contains("gray"), "{said}");
+        assert!(said.contains("gray is 0.0"), "{said}");
+        // Black squares alone tell it too: 0.0625 as printed.
+        let plain = Target { patches: false, ..target.clone() };
+        for (ratio, odd) in [(1.0, false), (4.0, true), (0.05, true)] {
+            let known = known(ratio);
+            let photo = Photo::from_linear(1, 1, vec![0.5; 3], 1.0, 9.0).unwrap();
+            let said = linearity(&photo, &plain, &camera, &pose, &known);
+            assert_eq!(said.is_some(), odd, "{ratio}");
+        }
     }
 
     #[test]
