@@ -155,10 +155,13 @@ pub enum Rejection {
         rms_px: f32,
     },
     /// Edges of the board are too soft.
-    #[error("blurred by {blur_px:.1} px: hold still, focus on the sample")]
+    #[error("blurred by {blur_px:.1} px{}", blur_advice(*.direction_deg))]
     Blurred {
-        /// Width of the edge spread (one sigma), px.
+        /// Width of the edge spread (one sigma) along `direction_deg`, px.
         blur_px: f32,
+        /// Direction in the photograph, degrees clockwise from its x axis, 0 to 180: across those
+        /// of the board's edges that are clearly softer than the others. `None`: soft all round.
+        direction_deg: Option<f32>,
     },
     /// The white squares are too dark.
     #[error("too dark: white squares reach {level:.4} of full scale")]
@@ -192,6 +195,13 @@ pub enum Rejection {
     /// Values that are not numbers.
     #[error("the photo holds values that are not finite")]
     NotFinite,
+}
+
+fn blur_advice(direction_deg: Option<f32>) -> String {
+    match direction_deg {
+        Some(degrees) => format!(" along {degrees:.0} degrees: hold still"),
+        None => ": hold still, focus on the sample".into(),
+    }
 }
 
 impl Rejection {

@@ -47,6 +47,8 @@ fn scene(target: Target, tilt: f64, seed: u64) -> Scene {
         motion_px: DVec2::ZERO,
         noise: 0.008,
         glare: Vec::new(),
+        occluders: Vec::new(),
+        shadow: None,
         exposure: 0.7,
         seed,
     }
@@ -199,7 +201,10 @@ fn blur_is_measured_and_hopeless_blur_is_refused() {
     let mut scene = scene(ring(10, 9, 3), 5.0, 9);
     scene.blur_px = 9.0;
     let refused = detect(&scene.luma(), &scene.target);
-    assert!(matches!(refused, Err(Rejection::Blurred { blur_px }) if blur_px > 6.0), "{refused:?}");
+    assert!(
+        matches!(refused, Err(Rejection::Blurred { blur_px, .. }) if blur_px > 6.0),
+        "{refused:?}"
+    );
 }
 
 #[test]

@@ -1,39 +1,72 @@
-//! `svbrdf board`: the default target at true scale on A4.
+//! `svbrdf board`: the target at true scale.
 
 use std::fmt::Write;
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use svbrdf::calibration::Target;
+use serde_json::{Value, json};
+use svbrdf::calibration::{Marker, Target, TargetKind, TopLeft};
 use svbrdf::export::write_atomic;
 
+use crate::board_text::targets;
 use crate::failure::{Failure, Result};
 
-/// A4, mm.
-const PAGE_MM: [f64; 2] = [210.0, 297.0];
 /// Resolution of the PNG, px per inch.
 const DPI: f64 = 600.0;
+/// What printers leave blank, mm.
+const MARGIN_MM: f64 = 4.0;
+/// Room above the ring, where the page is long enough for it, mm.
+const TOP_MM: f64 = 20.0;
+/// Gaps below the ring's patches and from one line to the next, mm.
+const GAP_MM: f64 = 7.0;
+const RULER_MM: f64 = 100.0;
 
-/// Print the board: A4, to be printed at 100 %
+/// Print the board, to be printed at 100 %
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  svbrdf board --out board.pdf")]
+#[command(after_help = "Boards:
+  ring[:ROWSxCOLS:SQUARE_MM[:R0,C0,R1,C1]]    ring of squares round a hole, squares; the
+                                              missing block half open (default: ring three wide)
+  charuco-ring:ROWSxCOLS:SQUARE_MM[:R0,C0,R1,C1[:MARKER_MM[:DICTIONARY]]]
+
+Prints what capture.json says under `board`.
+
+Examples:
+  svbrdf board --out board.pdf
+  svbrdf board --out board.pdf --paper letter --board charuco-ring:17x16:11.5")]
 pub struct Arguments {
     /// File to write: .svg, .png (600 dpi) or .pdf
     #[arg(long)]
     out: PathBuf,
+    /// Paper
+    #[arg(long, default_value = "a4", value_parser = ["a4", "letter"])]
+    paper: String,
+    /// What is printed, see below
+    #[arg(long, default_value = "ring")]
+    board: String,
 }
 
 /// A filled rectangle on the page: left, top, width, height in mm from the top left; gray 0 to 1.
 struct Rect(f64, f64, f64, f64, f64);
 
+/// What is printed, and on what.
+struct Page {
+    size_mm: [f64; 2],
+    rects: Vec<Rect>,
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let rects = layout(&Target::default());
+    let target = target(&arguments.board)?;
+    let size_mm = if arguments.paper == "letter" { [215.9, 279.4] } else { [210.0, 297.0] };
+    let page = layout(&target, size_mm).map_err(|expected| {
+        let (board, paper) = (&arguments.board, &arguments.paper);
+        Failure::Input(format!("--board {board}: too large for {paper}; expected {expected}"))
+    })?;
     let extension = arguments.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     let bytes = match extension.to_ascii_lowercase().as_str() {
-        "svg" => svg(&rects).into_bytes(),
-        "pdf" => pdf(&rects).into_bytes(),
-        "png" => png(&rects)?,
+        "svg" => svg(&page).into_bytes(),
+        "pdf" => pdf(&page).into_bytes(),
+        "png" => png(&page)?,
         _ => {
             let out = arguments.out.display();
             let message = format!("--out {out}: a name ending in .svg, .png or .pdf expected");
@@ -41,45 +74,142 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     write_atomic(&arguments.out, &bytes)?;
+    println!("{}", json!({ "board": description(&target) }));
     Ok(())
 }
 
-/// Black squares, patches, ruler and name.
-fn layout(target: &Target) -> Vec<Rect> {
+/// The board to print: top left black, patches below.
+fn target(text: &str) -> Result<Target> {
+    let fault = |message: &str| Failure::Input(format!("--board {text}: {message}"));
+    let target = targets(text)?.swap_remove(0);
+    if target.hole.row_start == target.hole.row_end {
+        return Err(fault("it has no hole for the sample; expected ring or charuco-ring"));
+    }
+    if let TargetKind::CharucoRing { .. } = target.kind {
+        let squares = (0..i64::from(target.rows))
+            .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
+        let white =
+            |(row, col): &(i64, i64)| target.has_square(*row, *col) && target.is_white(*row, *col);
+        if !squares.filter(white).all(|(row, col)| target.marker(row, col).is_some()) {
+            return Err(fault(
+                "too many white squares for the dictionary; expected DICT_4X4_250 or \
+                 another of 4X4 to 7X7 and _50 to _250 with a marker for each, the hole's included",
+            ));
+        }
+    }
+    Ok(Target { top_left: TopLeft::Black, patches: true, ..target })
+}
+
+/// The `board` object of `capture.json`.
+fn description(target: &Target) -> Value {
+    let hole = &target.hole;
+    let mut board = json!({
+        "kind": "checkerboard-ring",
+        "rows": target.rows,
+        "cols": target.cols,
+        "square_mm": target.square_mm,
+        "hole_squares": [hole.row_start, hole.col_start, hole.row_end, hole.col_end],
+        "white_albedo": target.white_albedo,
+        "black_albedo": target.black_albedo,
+        "top_left": "black",
+        "patches": true,
+    });
+    if let TargetKind::CharucoRing { dictionary, marker_mm } = &target.kind {
+        board["kind"] = "charuco-ring".into();
+        board["dictionary"] = dictionary.as_str().into();
+        board["marker_mm"] = (*marker_mm).into();
+    }
+    board
+}
+
+/// Black squares, markers, patches, ruler and name; what would have fitted where it does not fit.
+fn layout(target: &Target, size_mm: [f64; 2]) -> std::result::Result<Page, String> {
     let s = target.square_mm;
     let (width, height) = (f64::from(target.cols) * s, f64::from(target.rows) * s);
-    let (left, top) = (0.5 * (PAGE_MM[0] - width), 20.0);
+    let patches = target.patches();
+    let lowest = patches.iter().map(|p| p.centre_mm.y - 0.5 * p.side_mm);
+    let below = -0.5 * height - lowest.fold(f64::INFINITY, f64::min) + 2.0 * GAP_MM + 8.0;
+    let room = size_mm[1] - height - below - MARGIN_MM;
+    if room < MARGIN_MM || width.max(RULER_MM + 55.0) + 2.0 * MARGIN_MM > size_mm[0] {
+        let (w, h) = (size_mm[0] - 2.0 * MARGIN_MM, size_mm[1] - 2.0 * MARGIN_MM - below);
+        return Err(format!("at most {w:.1} x {h:.1} mm of squares"));
+    }
+    let (left, top) = (0.5 * (size_mm[0] - width), room.min(TOP_MM));
     let mut rects = Vec::new();
-    for row in 0..target.rows {
-        for col in 0..target.cols {
-            if target.has_square(row.into(), col.into()) && !target.is_white(row.into(), col.into())
-            {
-                let (x, y) = (left + f64::from(col) * s, top + f64::from(row) * s);
+    for row in 0..i64::from(target.rows) {
+        for col in 0..i64::from(target.cols) {
+            let (x, y) = (left + col as f64 * s, top + row as f64 * s);
+            if target.has_square(row, col) && !target.is_white(row, col) {
                 rects.push(Rect(x, y, s, s, 0.0));
+            }
+            if let (Some(printed), TargetKind::CharucoRing { marker_mm, .. }) =
+                (target.marker(row, col), &target.kind)
+            {
+                let margin = 0.5 * (s - marker_mm);
+                marker(&mut rects, printed, x + margin, y + margin, *marker_mm);
             }
         }
     }
-    let mut y = top + height + 8.0;
-    // Framed patches: black, middle gray, white.
-    for (i, gray) in [0.0, 0.5, 1.0].into_iter().enumerate() {
-        let x = left + 20.0 * i as f64;
-        rects.push(Rect(x, y, 15.0, 15.0, 0.0));
-        rects.push(Rect(x + 0.3, y + 0.3, 14.4, 14.4, gray));
+    let mut y = top + height;
+    // Framed, so that the white one is seen.
+    for patch in patches {
+        let side = patch.side_mm;
+        let x = left + 0.5 * width + patch.centre_mm.x - 0.5 * side;
+        let patch_top = top + 0.5 * height - patch.centre_mm.y - 0.5 * side;
+        rects.push(Rect(x, patch_top, side, side, 0.0));
+        rects.push(Rect(x + 0.3, patch_top + 0.3, side - 0.6, side - 0.6, patch.gray));
+        y = y.max(patch_top + side);
     }
-    y += 22.0;
-    rects.push(Rect(left, y + 4.8, 100.0, 0.2, 0.0));
-    for mm in (0..=100).step_by(5) {
+    y += GAP_MM;
+    // Wider than the ring, where that is a small one.
+    let left = left.min(0.5 * (size_mm[0] - RULER_MM) - 27.0);
+    rects.push(Rect(left, y + 4.8, RULER_MM, 0.2, 0.0));
+    for mm in (0..=RULER_MM as u32).step_by(5) {
         let tick = if mm % 10 == 0 { 4.8 } else { 2.8 };
-        rects.push(Rect(left + f64::from(mm) - 0.1, y + 4.8 - tick, 0.2, tick, 0.0));
+        rects.push(Rect(left + f64::from(mm) - 0.1, y + 5.0 - tick, 0.2, tick, 0.0));
     }
-    text(&mut rects, left + 104.0, y + 1.5, "100 MM - PRINT AT 100%");
+    text(&mut rects, left + RULER_MM + 4.0, y + 1.5, "100 MM - PRINT AT 100%");
+    text(&mut rects, left, y + 5.0 + 0.6 * GAP_MM, &name(target));
+    Ok(Page { size_mm, rects })
+}
+
+/// The layout's printed name.
+fn name(target: &Target) -> String {
     let hole = &target.hole;
-    let name = format!(
-        "SVBRDF CHECKERBOARD-RING {}X{} SQUARE {} MM HOLE {},{},{},{}",
-        target.rows, target.cols, s, hole.row_start, hole.col_start, hole.row_end, hole.col_end
-    );
-    text(&mut rects, left, y + 10.0, &name);
-    rects
+    let (kind, markers) = match &target.kind {
+        TargetKind::CheckerboardRing => ("CHECKERBOARD-RING", String::new()),
+        TargetKind::CharucoRing { dictionary, marker_mm } => {
+            let dictionary = dictionary.trim_start_matches("DICT_").replace('_', "-");
+            ("CHARUCO-RING", format!(" MARKER {marker_mm:.3} MM {dictionary}"))
+        }
+    };
+    format!(
+        "SVBRDF {kind} {}X{} SQUARE {} MM HOLE {},{},{},{}{markers}",
+        target.rows,
+        target.cols,
+        target.square_mm,
+        hole.row_start,
+        hole.col_start,
+        hole.row_end,
+        hole.col_end
+    )
+}
+
+/// The black modules of a marker, neighbours in a row as one rectangle.
+fn marker(rects: &mut Vec<Rect>, marker: Marker, left: f64, top: f64, side: f64) {
+    let modules = marker.modules();
+    let module = side / f64::from(modules);
+    for row in 0..modules {
+        let mut col = 0;
+        while col < modules {
+            let run = (col..modules).take_while(|c| !marker.is_white(row, *c)).count() as u32;
+            if run > 0 {
+                let (x, y) = (left + f64::from(col) * module, top + f64::from(row) * module);
+                rects.push(Rect(x, y, f64::from(run) * module, module, 0.0));
+            }
+            col += run.max(1);
+        }
+    }
 }
 
 /// Capital letters 5 x 7 dots high; each byte is a column, its lowest bit the top dot.
@@ -136,14 +266,14 @@ fn text(rects: &mut Vec<Rect>, left: f64, top: f64, text: &str) {
     }
 }
 
-fn svg(rects: &[Rect]) -> String {
-    let [w, h] = PAGE_MM;
+fn svg(page: &Page) -> String {
+    let [w, h] = page.size_mm;
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}mm\" height=\"{h}mm\" \
          viewBox=\"0 0 {w} {h}\" shape-rendering=\"crispEdges\">\n\
          <rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
     );
-    for Rect(x, y, w, h, gray) in rects {
+    for Rect(x, y, w, h, gray) in &page.rects {
         let level = (gray * 255.0).round() as u8;
         let _ = writeln!(
             out,
@@ -153,11 +283,11 @@ fn svg(rects: &[Rect]) -> String {
     out + "</svg>\n"
 }
 
-fn pdf(rects: &[Rect]) -> String {
+fn pdf(page: &Page) -> String {
     let points = 72.0 / 25.4;
-    let [page_w, page_h] = PAGE_MM.map(|v| v * points);
+    let [page_w, page_h] = page.size_mm.map(|v| v * points);
     let mut drawing = String::new();
-    for Rect(x, y, w, h, gray) in rects {
+    for Rect(x, y, w, h, gray) in &page.rects {
         let bottom = page_h - (y + h) * points;
         let (x, w, h) = (x * points, w * points, h * points);
         let _ = writeln!(drawing, "{gray} g {x:.4} {bottom:.4} {w:.4} {h:.4} re f");
@@ -187,19 +317,21 @@ fn pdf(rects: &[Rect]) -> String {
     out
 }
 
-fn png(rects: &[Rect]) -> Result<Vec<u8>> {
+fn png(page: &Page) -> Result<Vec<u8>> {
     let px = |mm: f64| (mm * DPI / 25.4).round() as u32;
-    let mut page = image::GrayImage::from_pixel(px(PAGE_MM[0]), px(PAGE_MM[1]), image::Luma([255]));
-    for Rect(x, y, w, h, gray) in rects {
+    let [width, height] = page.size_mm.map(px);
+    let mut picture = image::GrayImage::from_pixel(width, height, image::Luma([255]));
+    for Rect(x, y, w, h, gray) in &page.rects {
         let level = image::Luma([(gray * 255.0).round() as u8]);
         for row in px(*y)..px(y + h) {
             for column in px(*x)..px(x + w) {
-                page.put_pixel(column, row, level);
+                picture.put_pixel(column, row, level);
             }
         }
     }
     let mut bytes = Cursor::new(Vec::new());
-    page.write_to(&mut bytes, image::ImageFormat::Png)
+    picture
+        .write_to(&mut bytes, image::ImageFormat::Png)
         .map_err(|e| Failure::Other(e.to_string()))?;
     let mut bytes = bytes.into_inner();
     // The encoder states no scale: pHYs in px per metre, right after the 33 bytes up to IHDR's end.

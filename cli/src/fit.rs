@@ -93,6 +93,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     final_poses(&session, &mut rows);
     let camera = session.camera();
     let flash = camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() }));
+    let next_view = session.next_view().map(|v| {
+        json!({ "direction": v.direction, "tilt_deg": v.tilt_deg, "azimuth_deg": v.azimuth_deg })
+    });
     let camera_sigma = session
         .camera_sigma()
         .map(|s| json!({ "fx": s[0], "fy": s[1], "cx": s[2], "cy": s[3], "distortion": s[4..] }));
@@ -101,6 +104,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "camera": camera,
         "camera_uncertainty": camera_sigma,
         "flash": flash,
+        "next_view": next_view,
         "ambient_fraction": session.ambient_fraction(),
         "resolution": maps.width(),
         "method": arguments.method,
@@ -149,7 +153,9 @@ fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Re
         waiting.join().unwrap_or_else(|_| Err(Error::Internal("waiting failed".into())))
     })?;
     let progress = session.progress();
-    let Accepted { pose, reprojection_rms_px, maps_seconds, .. } = accepted;
+    let Accepted { pose, reprojection_rms_px, maps_seconds, hints, .. } = accepted;
+    let hints: Vec<Value> =
+        hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() })).collect();
     let rotation = pose.map(|p| p.rotation.transpose().to_cols_array_2d());
     Ok(json!({
         "index": index,
@@ -161,6 +167,7 @@ fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Re
         "loss_after": progress.loss,
         "seconds": begun.elapsed().as_secs_f64(),
         "first_maps_seconds": maps_seconds,
+        "hints": hints,
     }))
 }
 
@@ -202,8 +209,11 @@ fn line(row: &Value, frame: &Frame, count: usize) -> String {
     );
     let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
     if row["status"] == "accepted" {
+        let hints = row["hints"].as_array().into_iter().flatten();
+        let hints: String =
+            hints.filter_map(|h| Some(format!("; {}", h["hint"].as_str()?))).collect();
         format!(
-            "{place}: accepted, loss {:.4} -> {:.4}, {:.1} s",
+            "{place}: accepted, loss {:.4} -> {:.4}, {:.1} s{hints}",
             number("loss_before"),
             number("loss_after"),
             number("seconds")

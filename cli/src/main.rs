@@ -1,6 +1,7 @@
 //! Command line of svbrdf. Exit status: 0 done, 2 the input is at fault, 1 anything else.
 
 mod board;
+mod board_text;
 mod calibrate;
 mod compare;
 mod failure;

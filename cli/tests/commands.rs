@@ -148,6 +148,19 @@ fn boards_are_to_scale() {
         assert_eq!(at(x, 20.0 + 11.5 * 0.5), if col % 2 == 0 { 0 } else { 255 });
         assert_eq!(at(x, 20.0 + 11.5 * 1.5), if col % 2 == 0 { 255 } else { 0 });
     }
+    // Letter: the same ring on another page.
+    let letter = path("letter.svg");
+    let said = succeed(&["board", "--paper", "letter", "--out", text(&letter)]);
+    let svg = std::fs::read_to_string(letter).unwrap();
+    assert!(svg.contains("width=\"215.9mm\" height=\"279.4mm\""));
+    assert_eq!(svg.matches("width=\"11.500\" height=\"11.500\"").count(), squares);
+    let board: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(board["board"]["hole_squares"], serde_json::json!([3, 3, 14, 13]));
+    let (status, message) = failure(&["board", "--board", "ring:17x16:14", "--out", "board.png"]);
+    assert!(status == 2 && message.contains("too large"), "{message}");
+    let many = "charuco-ring:17x16:11.5:3,3,14,13:8:DICT_4X4_50";
+    let (status, message) = failure(&["board", "--board", many, "--out", "board.png"]);
+    assert!(status == 2 && message.contains("DICT_4X4_250"), "{message}");
     let (status, message) = failure(&["board", "--out", "board.doc"]);
     assert!(status == 2 && message.contains(".svg"), "{message}");
 }

@@ -126,6 +126,7 @@ impl svbrdf_board {
             white_albedo: self.white_albedo,
             black_albedo: self.black_albedo,
             top_left: if white { TopLeft::White } else { TopLeft::Black },
+            patches: false,
         })
     }
 }

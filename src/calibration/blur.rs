@@ -7,8 +7,21 @@ use glam::DVec2;
 /// Half length of an edge's profile, in squares, where squares are plain.
 const PROFILE_CELLS: f64 = 0.3;
 
-/// Standard deviation of the edge spread, px, in the softer of the board's two directions
-/// (the median over edges of each direction); `None` where no edge has both ends.
+/// Edges this many times softer than the others tell a direction.
+const DIRECTED: f64 = 1.5;
+
+/// How soft edges are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct EdgeSpread {
+    /// Standard deviation, px.
+    pub px: f64,
+    /// Across the softer edges, where they clearly are: degrees clockwise from the picture's x
+    /// axis, 0 to 180.
+    pub direction_deg: Option<f64>,
+}
+
+/// The edge spread in the softer of the board's two directions (the median over edges of each
+/// direction); `None` where no edge has both ends.
 ///
 /// The profile across an edge is taken as a step smoothed by a Gaussian. On boards with markers
 /// only a narrow profile is plain, and widths beyond it come out as its half length.
@@ -16,8 +29,10 @@ pub(super) fn edge_spread(
     image: &LumaImage,
     layout: &Layout,
     labelling: &Labelling,
-) -> Option<f64> {
+) -> Option<EdgeSpread> {
     let mut spreads = [Vec::new(), Vec::new()];
+    // Of doubled angles: a normal and its opposite are one direction.
+    let mut normals = [DVec2::ZERO; 2];
     for (i, &(row, col)) in layout.corners.iter().enumerate() {
         let Some(from) = labelling.px[i] else { continue };
         for (along, next) in [(0, (row, col + 1)), (1, (row + 1, col))] {
@@ -30,17 +45,21 @@ pub(super) fn edge_spread(
             // Only what stands square on the edge counts as its width.
             let normal = (to - from).perp().normalize_or_zero();
             let half = reach * across.dot(normal).abs();
-            spreads[along].extend(spread_of_edge(image, from, to, half));
+            if let Some(spread) = spread_of_edge(image, from, to, half) {
+                spreads[along].push(spread);
+                normals[along] += normal.rotate(normal);
+            }
         }
     }
-    spreads
-        .iter_mut()
-        .filter(|s| !s.is_empty())
-        .map(|s| {
-            s.sort_unstable_by(f64::total_cmp);
-            s[s.len() / 2]
-        })
-        .max_by(f64::total_cmp)
+    let medians = spreads.map(|mut s| {
+        s.sort_unstable_by(f64::total_cmp);
+        s.get(s.len() / 2).copied()
+    });
+    let softer = usize::from(medians[1] > medians[0]);
+    let px = medians[softer]?;
+    let directed = medians[1 - softer].is_some_and(|other| px > DIRECTED * other);
+    let degrees = 0.5 * normals[softer].to_angle().to_degrees();
+    Some(EdgeSpread { px, direction_deg: directed.then_some(degrees.rem_euclid(180.0)) })
 }
 
 /// Width of the edge from `from` to `to` by two differences across it, at `inner` and `half` px:

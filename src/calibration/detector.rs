@@ -9,6 +9,7 @@ use super::corners;
 use super::lattice;
 use super::layout::{CORNERS_MIN, Labelling, Layout};
 use super::luma::LumaImage;
+use super::marker_reading;
 use super::subpixel::Refiner;
 use super::target::Target;
 use crate::Rejection;
@@ -20,6 +21,15 @@ const COARSE_PX: usize = 640;
 const ENOUGH: f64 = 0.85;
 /// Share of the corners in view that must be found.
 const SHARE_MIN: f64 = 0.6;
+/// The share where most of the board is out of view: there are fewer corners to be sure by.
+const SHARE_MIN_PART: f64 = 0.85;
+/// Share of grid points off the printed squares that may look like corners.
+const PHANTOM_SHARE_MAX: f64 = 0.25;
+/// The first two with markers that agree: corners that fix a plane, and a safety margin.
+const CORNERS_MIN_MARKED: usize = 6;
+const SHARE_MIN_MARKED: f64 = 0.6;
+/// Markers that must agree for each that does not.
+const AGREE_MIN: usize = 4;
 /// Edges softer than this part of a square, or of the picture's diagonal, are of no use.
 const BLUR_CELLS_MAX: f64 = 0.22;
 const BLUR_DIAGONAL_MAX: f64 = 0.005;
@@ -45,7 +55,7 @@ pub struct Detection {
 }
 
 /// Finds the corners of `target`. Works for a part of the board too, as long as what is seen fits
-/// in one place only.
+/// in one place only; six corners on two sides of a board with markers that can be read.
 ///
 /// A full checkerboard (an empty hole, `row_start == row_end`) is found as well, for calibrating a
 /// camera; when it looks the same after a turn (rows + columns even), one of the labellings comes
@@ -55,7 +65,9 @@ pub struct Detection {
 /// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`] or [`Rejection::Blurred`];
 /// [`Rejection::NotFinite`] when the picture holds such values or its sizes do not fit.
 pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection> {
-    if luma.data.len() != luma.width * luma.height || !luma.data.iter().all(|v| v.is_finite()) {
+    // Whole blocks at a time: this way it runs in vector registers.
+    let finite = |block: &[f32]| block.iter().fold(true, |all, v| all & v.is_finite());
+    if luma.data.len() != luma.width * luma.height || !luma.data.chunks(4096).all(finite) {
         return Err(Rejection::NotFinite);
     }
     let layout = Layout::new(target);
@@ -67,50 +79,71 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
         }
         smaller.push(last.halved());
     }
-    let level = |k: usize| if k == 0 { luma } else { &smaller[k - 1] };
-
+    let levels: Vec<&LumaImage> = std::iter::once(luma).chain(&smaller).collect();
     let mut refiner = Refiner::default();
-    let mut best: Option<(f64, Labelling)> = None;
+    let mut best: Option<Found> = None;
     let mut rejection = Rejection::BoardNotFound;
-    for k in (0..=smaller.len()).rev() {
-        match search(&layout, level(k)) {
-            Ok(mut labelling) => {
-                for finer in (0..=k).rev() {
-                    if finer < k {
-                        follow(&mut labelling, level(finer));
-                    }
-                    layout.refine(&mut refiner, level(finer), &mut labelling);
-                    layout.extend(&mut refiner, level(finer), &mut labelling);
+    'levels: for k in (0..levels.len()).rev() {
+        let saddles = corners::find(levels[k]);
+        let pieces = lattice::grow(levels[k], &saddles);
+        for by_markers in [true, false] {
+            let placed = if by_markers {
+                marker_reading::place(&layout, &levels, k, &pieces).ok_or(rejection)
+            } else {
+                layout.place(levels[k], &pieces)
+            };
+            let mut labelling = match placed {
+                Ok(labelling) => labelling,
+                Err(reason) => {
+                    rejection = more_telling(rejection, reason);
+                    continue;
                 }
-                layout.refine(&mut refiner, luma, &mut labelling);
-                let visible = layout.visible(luma, &labelling.model);
-                let seen = visible.iter().filter(|v| **v).count();
-                let share = labelling.count() as f64 / seen.max(1) as f64;
-                if best.as_ref().is_none_or(|b| labelling.count() > b.1.count()) {
-                    best = Some((share, labelling));
-                }
-                if best.as_ref().is_some_and(|b| b.0 >= ENOUGH && b.1.count() >= CORNERS_MIN) {
-                    break;
-                }
+            };
+            if by_markers {
+                layout.extend(&mut refiner, levels[k], &mut labelling);
             }
-            Err(reason) => rejection = more_telling(rejection, reason),
+            for finer in (0..=k).rev() {
+                if finer < k {
+                    follow(&mut labelling, levels[finer]);
+                }
+                layout.refine(&mut refiner, levels[finer], &mut labelling);
+                layout.extend(&mut refiner, levels[finer], &mut labelling);
+            }
+            layout.refine(&mut refiner, luma, &mut labelling);
+            let found = Found::new(&layout, luma, labelling);
+            // Markers that name other squares, checks that go on where none are printed.
+            if found.agree < AGREE_MIN * found.differ
+                || layout.phantom_share(&mut refiner, luma, &found.labelling) > PHANTOM_SHARE_MAX
+            {
+                continue;
+            }
+            if best.as_ref().is_none_or(|b| found.corners > b.corners) {
+                best = Some(found);
+            }
+            if best.as_ref().is_some_and(|b| b.share >= ENOUGH && b.corners >= b.needed().0) {
+                break 'levels;
+            }
         }
     }
-    let Some((share, labelling)) = best else { return Err(rejection) };
-    let found = labelling.count();
-    if found < CORNERS_MIN || share < SHARE_MIN {
-        let needed = (found as f64 / share.max(1e-3) * SHARE_MIN).ceil() as usize;
+    let Some(best) = best else { return Err(rejection) };
+    let (needed, share) = best.needed();
+    if best.corners < needed || best.share < share {
+        let all = layout.corners.len();
+        let of_share = (best.corners as f64 / best.share.max(1e-3) * share).ceil() as usize;
         return Err(Rejection::TooFewCorners {
-            found: found as u32,
-            expected: layout.corners.len() as u32,
-            needed: needed.clamp(CORNERS_MIN, layout.corners.len()) as u32,
+            found: best.corners as u32,
+            expected: all as u32,
+            needed: of_share.clamp(needed, all) as u32,
         });
     }
-    let blur_px = blur::edge_spread(luma, &layout, &labelling).unwrap_or(0.0);
+    let labelling = best.labelling;
+    let spread = blur::edge_spread(luma, &layout, &labelling);
+    let blur_px = spread.map_or(0.0, |s| s.px);
     let diagonal = (luma.width as f64).hypot(luma.height as f64);
     let limit = (BLUR_CELLS_MAX * layout.usual_cell(&labelling)).min(BLUR_DIAGONAL_MAX * diagonal);
     if blur_px > limit {
-        return Err(Rejection::Blurred { blur_px: blur_px as f32 });
+        let direction_deg = spread.and_then(|s| s.direction_deg).map(|d| d as f32);
+        return Err(Rejection::Blurred { blur_px: blur_px as f32, direction_deg });
     }
     let corners = layout
         .corners
@@ -121,11 +154,36 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
     Ok(Detection { corners, blur_px })
 }
 
-/// One level: corners, lattice, placement.
-fn search(layout: &Layout, level: &LumaImage) -> Result<Labelling, Rejection> {
-    let saddles = corners::find(level);
-    let pieces = lattice::grow(level, &saddles);
-    layout.place(level, &pieces)
+/// A labelling at full size and what speaks for it.
+struct Found {
+    labelling: Labelling,
+    corners: usize,
+    /// Share of the corners in view.
+    share: f64,
+    /// Markers that name the squares as labelled, or otherwise.
+    agree: usize,
+    differ: usize,
+}
+
+impl Found {
+    fn new(layout: &Layout, luma: &LumaImage, labelling: Labelling) -> Self {
+        let visible = layout.visible(luma, &labelling.model);
+        let seen = visible.iter().filter(|v| **v).count();
+        let corners = labelling.count();
+        let (agree, differ) = marker_reading::agreement(layout, luma, &labelling);
+        Self { corners, share: corners as f64 / seen.max(1) as f64, agree, differ, labelling }
+    }
+
+    /// Corners, and share of those in view, that are needed.
+    fn needed(&self) -> (usize, f64) {
+        if self.agree >= marker_reading::VOTES_MIN {
+            return (CORNERS_MIN_MARKED, SHARE_MIN_MARKED);
+        }
+        // From a third of the board to two thirds.
+        let all = self.labelling.px.len() as f64;
+        let part = (3.0 * self.corners as f64 / all - 1.0).clamp(0.0, 1.0);
+        (CORNERS_MIN, SHARE_MIN_PART + part * (SHARE_MIN - SHARE_MIN_PART))
+    }
 }
 
 /// Carries a labelling to the version of twice the size.

@@ -36,6 +36,15 @@ pub(super) struct Node {
     pub px: DVec2,
     /// Whether the square between lattice directions +x and +y is bright.
     pub bright: bool,
+    /// Unit directions in the picture of the edges towards lattice +x, +y, -x, -y.
+    ports: [DVec2; 4],
+}
+
+impl Node {
+    /// Direction in the picture of the edge towards a neighbour.
+    pub fn port(&self, to: IVec2) -> DVec2 {
+        DIRECTIONS.iter().position(|d| *d == to).map_or(DVec2::ZERO, |k| self.ports[k])
+    }
 }
 
 /// Connected pieces of lattice, largest first; single corners are left out.
@@ -76,7 +85,8 @@ pub(super) fn grow(level: &LumaImage, saddles: &[Saddle]) -> Vec<Vec<Node>> {
             placed[a] = true;
             taken.insert(step.at.to_array());
             let bright = saddles[a].is_bright((4 - step.turn) % 4);
-            piece.push(Node { at: step.at, px: saddles[a].px, bright });
+            let ports = std::array::from_fn(|k| saddles[a].ports[(k + 4 - step.turn) % 4]);
+            piece.push(Node { at: step.at, px: saddles[a].px, bright, ports });
             for (port, link) in links[a].iter().enumerate() {
                 let Some((b, back)) = *link else { continue };
                 let relative = length(a, b) / shortest[a].min(shortest[b]);

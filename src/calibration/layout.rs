@@ -4,6 +4,8 @@
 use super::board_model::BoardModel;
 use super::lattice::Node;
 use super::luma::LumaImage;
+use super::marker_reading;
+use super::markers::Placed;
 use super::subpixel::{Refiner, Window};
 use super::target::{Target, TargetKind};
 use crate::Rejection;
@@ -40,6 +42,10 @@ pub(super) struct Layout<'a> {
     symmetries: Vec<Vec<usize>>,
     /// How far from a corner, in squares, the four squares round it are plain.
     plain: f64,
+    /// Markers that can be read.
+    pub markers: Vec<Placed>,
+    /// White squares (column, row) in and round the grid without one.
+    pub unprinted: Vec<IVec2>,
 }
 
 /// Corners found, in the order of [`Layout::corners`], and the model that predicts them.
@@ -63,7 +69,14 @@ impl<'a> Layout<'a> {
         };
         let corners = target.corners();
         let symmetries = (1..4).filter_map(|turn| symmetry(target, &corners, turn)).collect();
-        Self { target, corners, symmetries, plain: PLAIN_PART * gap.clamp(0.08, 0.27) }
+        Self {
+            target,
+            corners,
+            symmetries,
+            plain: PLAIN_PART * gap.clamp(0.08, 0.27),
+            markers: marker_reading::printed(target),
+            unprinted: marker_reading::unprinted(target),
+        }
     }
 
     /// Distance from an edge, in squares, within which its two sides are plain.
@@ -87,7 +100,8 @@ impl<'a> Layout<'a> {
         round.iter().filter(|(r, c)| self.target.has_square(*r, *c)).count()
     }
 
-    fn grid(&self, corner: usize) -> DVec2 {
+    /// (column, row) of a corner.
+    pub fn grid(&self, corner: usize) -> DVec2 {
         let (row, col) = self.corners[corner];
         DVec2::new(col.into(), row.into())
     }
@@ -102,14 +116,15 @@ impl<'a> Layout<'a> {
             .collect()
     }
 
-    /// Whether the four squares round `px` look as the board has them.
-    fn looks_right(&self, image: &LumaImage, model: &BoardModel, corner: usize, px: DVec2) -> bool {
-        let (row, col) = self.corners[corner];
-        let cell = model.cell(self.grid(corner));
+    /// Whether the four squares round `px` look as the board has them, or would have them where
+    /// the grid goes on.
+    fn looks_right(&self, image: &LumaImage, model: &BoardModel, grid: DVec2, px: DVec2) -> bool {
+        let (row, col) = (grid.y as i64, grid.x as i64);
+        let cell = model.cell(grid);
         let (u, v) = (self.plain * cell.x_axis, self.plain * cell.y_axis);
         let same = [image.sample(px + u + v), image.sample(px - u - v)];
         let other = [image.sample(px + u - v), image.sample(px - u + v)];
-        let lower_right_white = self.target.is_white(row.into(), col.into());
+        let lower_right_white = self.target.is_white(row, col);
         let (bright, dark) = if lower_right_white { (same, other) } else { (other, same) };
         let contrast = 0.5 * ((bright[0] + bright[1]) - (dark[0] + dark[1]));
         contrast > CONTRAST_MIN * 0.5 * (bright[0] + bright[1])
@@ -223,7 +238,12 @@ impl<'a> Layout<'a> {
                     let visible = self.visible(image, &board);
                     let (mut matched, mut missed) = (0.0, 0.0);
                     for i in (0..self.corners.len()).filter(|&i| visible[i]) {
-                        if self.looks_right(image, &board, i, board.project(self.grid(i))) {
+                        if self.looks_right(
+                            image,
+                            &board,
+                            self.grid(i),
+                            board.project(self.grid(i)),
+                        ) {
                             matched += 1.0;
                         } else {
                             missed += 1.0;
@@ -234,7 +254,7 @@ impl<'a> Layout<'a> {
                         let p = *at + shift;
                         let at = (p.y.max(0) as u32, p.x.max(0) as u32);
                         if let Ok(i) = self.corners.binary_search(&at)
-                            && self.looks_right(image, &board, i, node.px)
+                            && self.looks_right(image, &board, self.grid(i), node.px)
                         {
                             found[i] = Some(node.px);
                         }
@@ -261,7 +281,8 @@ impl<'a> Layout<'a> {
                     continue;
                 }
                 let start = labelling.model.project(self.grid(i));
-                labelling.px[i] = self.locate(refiner, image, &labelling.model, i, start);
+                labelling.px[i] =
+                    self.locate(refiner, image, &labelling.model, self.grid(i), start);
                 added |= labelling.px[i].is_some();
             }
             if added {
@@ -278,7 +299,7 @@ impl<'a> Layout<'a> {
     pub fn refine(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
         for i in 0..self.corners.len() {
             if let Some(px) = labelling.px[i] {
-                labelling.px[i] = self.locate(refiner, image, &labelling.model, i, px);
+                labelling.px[i] = self.locate(refiner, image, &labelling.model, self.grid(i), px);
             }
         }
         self.refit(image, labelling);
@@ -290,10 +311,10 @@ impl<'a> Layout<'a> {
         refiner: &mut Refiner,
         image: &LumaImage,
         model: &BoardModel,
-        corner: usize,
+        grid: DVec2,
         start: DVec2,
     ) -> Option<DVec2> {
-        let cell = model.cell(self.grid(corner));
+        let cell = model.cell(grid);
         let side = cell.x_axis.length().min(cell.y_axis.length());
         let reach = (SEARCH_CELLS * side).max(1.5);
         // A square window draws the start in, the cross is the more precise.
@@ -302,9 +323,34 @@ impl<'a> Layout<'a> {
         let cross = Window { along: ARM_CELLS, across: across.min(ARM_CELLS) };
         let px = refiner.refine(image, start, cell, square, reach)?;
         let px = refiner.refine(image, px, cell, cross, 0.5 * reach)?;
-        let predicted = model.project(self.grid(corner));
-        ((px - predicted).length() < reach && self.looks_right(image, model, corner, px))
+        let predicted = model.project(grid);
+        ((px - predicted).length() < reach && self.looks_right(image, model, grid, px))
             .then_some(px)
+    }
+
+    /// Share of the visible grid points off the printed squares, in the hole and one square beyond
+    /// the outline, that show corners: where the checks go on it is not this board.
+    pub fn phantom_share(
+        &self,
+        refiner: &mut Refiner,
+        image: &LumaImage,
+        labelling: &Labelling,
+    ) -> f64 {
+        let (rows, cols) = (i64::from(self.target.rows), i64::from(self.target.cols));
+        let points = (-1..=rows + 1).flat_map(|row| (-1..=cols + 1).map(move |col| (row, col)));
+        let (mut looked, mut phantoms) = (0, 0);
+        for (row, col) in points.filter(|&(row, col)| self.squares_round(row, col) < 3) {
+            let grid = DVec2::new(col as f64, row as f64);
+            let start = labelling.model.project(grid);
+            let cell = smallest_side(&labelling.model, grid);
+            if cell < CELL_MIN_PX || !image.contains(start, (0.3 * cell).max(4.0)) {
+                continue;
+            }
+            looked += 1;
+            let found = self.locate(refiner, image, &labelling.model, grid, start);
+            phantoms += usize::from(found.is_some());
+        }
+        f64::from(phantoms as u32) / f64::from(looked.max(1))
     }
 
     /// Fits the model to the labelled corners and drops those that do not fit; false when too few
@@ -368,6 +414,11 @@ fn rotate(p: IVec2, turn: usize) -> IVec2 {
         2 => -p,
         _ => IVec2::new(p.y, -p.x),
     }
+}
+
+/// Grid point of the board at a lattice position of a piece placed by turn and shift.
+pub(super) fn board_of_lattice(at: IVec2, turn: usize, shift: IVec2) -> IVec2 {
+    rotate(at, turn) + shift
 }
 
 /// Homogeneous map from board grid to lattice positions; undoes `rotate` by `turn`, then `shift`.

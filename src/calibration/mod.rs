@@ -6,8 +6,9 @@
 //! finds X-corners, joins them to pieces of a square lattice and places these on the known layout:
 //! colours of squares, corners missing along the hole and the outline leave one placement, or the
 //! photograph is refused. The placement is followed to full size, completed by prediction, and
-//! each corner refined to a few hundredths of a pixel. Markers in white squares are not decoded;
-//! refinement keeps clear of them.
+//! each corner refined to a few hundredths of a pixel. Markers in white squares, where they are read, place
+//! pieces of a board that the picture crops, and refuse a wrong placement; refinement keeps clear
+//! of them.
 //!
 //! # Pose
 //! [`estimate_pose`] refines both poses that nearly explain a plane's picture, leaves out corners
@@ -26,6 +27,8 @@ mod detector;
 mod lattice;
 mod layout;
 mod luma;
+mod marker_reading;
+mod markers;
 pub mod photometry;
 mod pose;
 mod projection;
@@ -35,6 +38,7 @@ mod target;
 pub use camera_estimation::{CameraEstimate, CameraPrior, ViewEstimate, estimate_camera};
 pub use detector::{Corner, Detection, detect};
 pub use luma::LumaImage;
+pub use markers::Marker;
 pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose};
 pub use projection::Projection;
-pub use target::{Hole, Target, TargetKind, TopLeft};
+pub use target::{Hole, Patch, Target, TargetKind, TopLeft};

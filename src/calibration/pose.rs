@@ -6,7 +6,7 @@
 
 use super::detector::Corner;
 use super::projection::{Projection, moved};
-use super::target::Target;
+use super::target::{Target, TargetKind};
 use crate::Rejection;
 use crate::geometry::{Camera, Homography, Pose};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -17,9 +17,12 @@ use nalgebra::{SMatrix, SVector};
 pub const VIEW_ANGLE_MAX_DEG: f64 = 70.0;
 /// Corners that must fit.
 const INLIERS_MIN: usize = 20;
+/// The same where markers have named the corners.
+const INLIERS_MIN_MARKED: usize = 6;
 /// Share of the corners given, and of those that the pose puts inside the picture, that must fit.
 const LABELLED_SHARE_MIN: f64 = 0.7;
 const VISIBLE_SHARE_MIN: f64 = 0.5;
+const VISIBLE_SHARE_MIN_MARKED: f64 = 0.35;
 /// RMS of the corners that fit: px, or this part of a square for prints that are not quite flat.
 const RMS_MAX_PX: f64 = 0.5;
 const RMS_MAX_CELLS: f64 = 0.03;
@@ -47,8 +50,8 @@ pub struct PoseEstimate {
 /// Estimates the pose from labelled corners.
 ///
 /// # Errors
-/// [`Rejection::TooFewCorners`] for fewer than 20 corners, or when less than half of those that
-/// should be in view fit; [`Rejection::PoseUncertain`] when the corners do not fit one flat board,
+/// [`Rejection::TooFewCorners`] for fewer than 20 corners (6 of a board with markers), or when less
+/// than half of those that should be in view fit; [`Rejection::PoseUncertain`] when the corners do not fit one flat board,
 /// or two poses fit alike; [`Rejection::TooGrazing`] beyond [`VIEW_ANGLE_MAX_DEG`].
 pub fn estimate_pose(
     camera: &Camera,
@@ -61,8 +64,12 @@ pub fn estimate_pose(
         expected,
         needed: needed as u32,
     };
-    if corners.len() < INLIERS_MIN {
-        return Err(too_few(corners.len(), INLIERS_MIN));
+    let (inliers_min, share_min) = match target.kind {
+        TargetKind::CheckerboardRing => (INLIERS_MIN, VISIBLE_SHARE_MIN),
+        TargetKind::CharucoRing { .. } => (INLIERS_MIN_MARKED, VISIBLE_SHARE_MIN_MARKED),
+    };
+    if corners.len() < inliers_min {
+        return Err(too_few(corners.len(), inliers_min));
     }
     let board: Vec<DVec2> =
         corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
@@ -86,11 +93,11 @@ pub fn estimate_pose(
     {
         return Err(uncertain);
     }
-    if count < INLIERS_MIN {
-        return Err(too_few(count, INLIERS_MIN));
+    if count < inliers_min {
+        return Err(too_few(count, inliers_min));
     }
     let visible = visible_corners(camera, target, &best.pose);
-    let needed = (VISIBLE_SHARE_MIN * visible as f64).ceil() as usize;
+    let needed = (share_min * visible as f64).ceil() as usize;
     if count < needed {
         return Err(too_few(count, needed));
     }

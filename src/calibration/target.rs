@@ -1,6 +1,26 @@
 //! The printed board round the sample.
 
+use super::markers::{Dictionary, Marker};
 use glam::DVec2;
+
+/// Gap between the lowest row of squares and the patches below it, side of a patch and distance
+/// from one to the next, mm.
+const PATCH_GAP_MM: f64 = 8.0;
+const PATCH_SIDE_MM: f64 = 15.0;
+const PATCH_STEP_MM: f64 = 20.0;
+/// sRGB value of the middle patch.
+const PATCH_GRAY: f64 = 0.5;
+
+/// A patch printed below the ring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patch {
+    /// Centre in the board frame, mm.
+    pub centre_mm: DVec2,
+    /// Side, mm.
+    pub side_mm: f64,
+    /// sRGB value it is printed with: 0 black, 1 paper.
+    pub gray: f64,
+}
 
 /// Kind of board.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +77,8 @@ pub struct Target {
     pub black_albedo: f64,
     /// Colour of the top-left square.
     pub top_left: TopLeft,
+    /// Whether [`Target::patches`] are printed below the ring, as `svbrdf board` does.
+    pub patches: bool,
 }
 
 impl Default for Target {
@@ -72,6 +94,7 @@ impl Default for Target {
             white_albedo: 0.8,
             black_albedo: 0.05,
             top_left: TopLeft::Black,
+            patches: true,
         }
     }
 }
@@ -114,6 +137,32 @@ impl Target {
             (col - 0.5 * f64::from(self.cols)) * self.square_mm,
             (0.5 * f64::from(self.rows) - row) * self.square_mm,
         )
+    }
+
+    /// The marker printed in a white square; `None` for squares without one, and for dictionaries
+    /// other than `DICT_nXn_50`, `_100` and `_250` with `n` from 4 to 7. Ids count the white
+    /// squares of the full grid row by row, the hole's included.
+    pub fn marker(&self, row: i64, col: i64) -> Option<Marker> {
+        let TargetKind::CharucoRing { dictionary, .. } = &self.kind else { return None };
+        if !self.has_square(row, col) || !self.is_white(row, col) {
+            return None;
+        }
+        let cols = i64::from(self.cols);
+        // Of every two squares one is white, within rows and from one row to the next of odd grids.
+        let id = (row * cols + col) / 2;
+        Dictionary::named(dictionary).get(id as usize)
+    }
+
+    /// Black, gray and white patch below the ring: they tell whether a photograph's values are
+    /// linear.
+    pub fn patches(&self) -> [Patch; 3] {
+        let corner = self.grid_mm(self.rows.into(), 0.0);
+        [0.0, PATCH_GRAY, 1.0].map(|gray| {
+            let step = PATCH_STEP_MM * (gray * 2.0_f64).round();
+            let half = 0.5 * PATCH_SIDE_MM;
+            let centre_mm = corner + DVec2::new(step + half, -PATCH_GAP_MM - half);
+            Patch { centre_mm, side_mm: PATCH_SIDE_MM, gray }
+        })
     }
 
     /// What is wrong with the layout, if anything: the field and what was expected.
@@ -182,6 +231,30 @@ mod tests {
         assert_eq!(target.corners().len(), 2 * 15 + 2 * 14);
         assert_eq!(target.grid_mm(1.0, 1.0), DVec2::new(-70.0, 75.0));
         assert!(!target.is_white(0, 0) && target.is_white(0, 1));
+    }
+
+    #[test]
+    fn markers_count_white_squares() {
+        let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 7.0 };
+        let hole = Hole { row_start: 3, col_start: 3, row_end: 9, col_end: 9 };
+        for (rows, cols) in [(17, 16), (16, 17), (14, 13)] {
+            for top_left in [TopLeft::Black, TopLeft::White] {
+                let target =
+                    Target { kind: kind.clone(), rows, cols, top_left, hole, ..Target::default() };
+                let mut id = 0;
+                for row in 0..rows.into() {
+                    for col in 0..cols.into() {
+                        let white = target.is_white(row, col);
+                        let printed = white && target.has_square(row, col);
+                        let expected =
+                            printed.then(|| Dictionary::named("DICT_4X4_250").get(id).unwrap());
+                        assert_eq!(target.marker(row, col), expected);
+                        id += usize::from(white);
+                    }
+                }
+            }
+        }
+        assert_eq!(Target::default().marker(0, 1), None);
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub struct Frame {
     pub exposure: f32,
     /// Camera and light of an already rectified photograph.
     pub rectified: Option<RectifiedView>,
+    /// The same view without flash, to be subtracted: the file and its relative exposure.
+    pub ambient: Option<(PathBuf, f32)>,
 }
 
 /// Camera and light of an already rectified photograph, board frame.
@@ -62,9 +64,14 @@ impl Frame {
     /// Reads the photograph.
     ///
     /// # Errors
-    /// Those of [`Photo::read`].
+    /// Those of [`Photo::read`], and when a photograph without flash has another size.
     pub fn read(&self) -> Result<Photo> {
-        Photo::read(&self.path, self.encoding, self.exposure)
+        let photo = Photo::read(&self.path, self.encoding, self.exposure)?;
+        let Some((path, exposure)) = &self.ambient else { return Ok(photo) };
+        let ambient = Photo::read(path, self.encoding, *exposure)?;
+        photo
+            .without_ambient(&ambient)
+            .map_err(|fault| Error::Image { path: path.clone(), message: fault.to_string() })
     }
 }
 
@@ -209,6 +216,10 @@ fn target(board: &Node) -> Result<Target> {
         top_left: board
             .get("top_left")
             .choice(&[("black", TopLeft::Black), ("white", TopLeft::White)])?,
+        patches: match board.get("patches").optional() {
+            None => false,
+            Some(node) => node.boolean()?,
+        },
     };
     match target.fault() {
         None => Ok(target),
@@ -241,28 +252,13 @@ fn camera(node: &Node) -> Result<Camera> {
 
 fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
     node.object()?;
-    let image = node.get("image");
-    let expected = "the path of a picture file, relative to the capture's folder";
-    let name = image.text(expected)?;
-    let path = dir.join(name);
-    if name.is_empty() || !path.is_file() {
-        return Err(Error::Field {
-            path: node.file().to_owned(),
-            field: image.path().to_owned(),
-            message: format!("there is no file {}", path.display()),
-            expected: expected.into(),
-        });
-    }
+    let path = picture(dir, &node.get("image"))?;
     let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
-    let exposure = match node.get("exposure").optional() {
-        None => 1.0,
-        Some(node) => {
-            let expected = "a positive number";
-            let exposure = node.number(expected)? as f32;
-            if !(exposure.is_finite() && exposure >= f32::MIN_POSITIVE) {
-                return Err(node.fault(expected));
-            }
-            exposure
+    let exposure = exposure(node.get("exposure"), 1.0)?;
+    let ambient = match node.get("ambient").optional() {
+        None => None,
+        Some(file) => {
+            Some((picture(dir, &file)?, self::exposure(node.get("ambient_exposure"), exposure)?))
         }
     };
     let rectified = if rectified {
@@ -279,7 +275,34 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
     } else {
         None
     };
-    Ok(Frame { path, encoding, exposure, rectified })
+    Ok(Frame { path, encoding, exposure, rectified, ambient })
+}
+
+/// A picture file that exists.
+fn picture(dir: &Path, node: &Node) -> Result<PathBuf> {
+    let expected = "the path of a picture file, relative to the capture's folder";
+    let name = node.text(expected)?;
+    let path = dir.join(name);
+    if name.is_empty() || !path.is_file() {
+        return Err(Error::Field {
+            path: node.file().to_owned(),
+            field: node.path().to_owned(),
+            message: format!("there is no file {}", path.display()),
+            expected: expected.into(),
+        });
+    }
+    Ok(path)
+}
+
+fn exposure(node: Node, default: f32) -> Result<f32> {
+    let Some(node) = node.optional() else { return Ok(default) };
+    let expected = "a positive number";
+    let exposure = node.number(expected)? as f32;
+    if exposure.is_finite() && exposure >= f32::MIN_POSITIVE {
+        Ok(exposure)
+    } else {
+        Err(node.fault(expected))
+    }
 }
 
 fn length(node: &Node) -> Result<f64> {

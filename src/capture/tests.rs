@@ -96,6 +96,19 @@ fn optional_parts_may_be_missing() {
 }
 
 #[test]
+fn photographs_without_flash_are_named() {
+    let capture = with(board_capture(), "/frames/1/ambient", json!("a.png"));
+    let loaded = load(&capture).unwrap();
+    assert_eq!(loaded.frames[0].ambient, None);
+    let (path, exposure) = loaded.frames[1].ambient.clone().unwrap();
+    assert!(path.ends_with("a.png") && exposure == 0.5);
+    let capture = with(capture, "/frames/1/ambient_exposure", json!(2.0));
+    assert_eq!(load(&capture).unwrap().frames[1].ambient.as_ref().unwrap().1, 2.0);
+    let missing = with(board_capture(), "/frames/0/ambient", json!("c.png"));
+    assert!(load(&missing).unwrap_err().to_string().contains("frames[0].ambient"));
+}
+
+#[test]
 fn a_charuco_ring_names_its_markers() {
     let value = with(board_capture(), "/board/kind", json!("charuco-ring"));
     let value = with(value, "/board/dictionary", json!("DICT_4X4_250"));

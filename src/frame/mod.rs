@@ -267,6 +267,31 @@ impl Photo {
         self.map_pixels(|[r, g, b]| LUMA[0] * r + LUMA[1] * g + LUMA[2] * b)
     }
 
+    /// The light that a photograph of the same view without flash does not have: this one less
+    /// `ambient`, scaled by the exposures. Pixels clipped here stay so; nothing gets negative.
+    ///
+    /// # Errors
+    /// When the sizes differ.
+    pub fn without_ambient(&self, ambient: &Self) -> Result<Self> {
+        if (self.width, self.height) != (ambient.width, ambient.height) {
+            let message = format!(
+                "{} x {} px, the photo {} x {}",
+                ambient.width, ambient.height, self.width, self.height
+            );
+            return Err(Error::argument("ambient", message));
+        }
+        let scale = self.exposure / ambient.exposure;
+        let mut rgb = self.to_linear();
+        for (v, a) in rgb.iter_mut().zip(ambient.to_linear()) {
+            if *v < self.saturation {
+                *v = (*v - scale * a).max(0.0);
+            }
+        }
+        let photo =
+            Self::from_linear(self.width, self.height, rgb, self.exposure, self.saturation)?;
+        Ok(photo.with_focal_35mm(self.focal_35mm))
+    }
+
     /// Interleaved linear RGB of every pixel, row by row: a copy four times the size of 8 bits.
     pub fn to_linear(&self) -> Vec<f32> {
         match &self.pixels {
@@ -362,6 +387,25 @@ fn pack<T: Copy, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ambient_light_is_subtracted_in_linear_light() {
+        let photo = |rgb: [f32; 6], exposure| {
+            Photo::from_linear(2, 1, rgb.to_vec(), exposure, 0.9).unwrap()
+        };
+        let flash = photo([0.5, 0.3, 0.1, 0.95, 0.2, 0.01], 2.0);
+        // Twice the exposure: half of it counts.
+        let ambient = photo([0.2, 0.1, 0.04, 0.2, 0.2, 0.2], 4.0);
+        let less = flash.without_ambient(&ambient).unwrap();
+        let expected = [0.4, 0.25, 0.08, 0.95, 0.1, 0.0];
+        for (a, b) in less.to_linear().iter().zip(expected) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        assert!(less.is_clipped(1, 0) && !less.is_clipped(0, 0));
+        assert_eq!(less.exposure(), 2.0);
+        let other = Photo::from_linear(1, 2, vec![0.1; 6], 1.0, 1.0).unwrap();
+        assert!(flash.without_ambient(&other).is_err());
+    }
 
     #[test]
     fn every_constructor_gives_the_same_linear_pixels() {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::BoardPose;
+use super::feedback;
 use super::intake::Taken;
 use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
@@ -276,6 +277,11 @@ impl BoardIntake {
             resolution,
             resolution,
         )?;
+        let poses: Vec<Pose> = self.frames.iter().map(|f| f.pose).collect();
+        let mut hints = Vec::from_iter(feedback::nothing_new(&poses, &pose));
+        if let Some(known) = photometry.photometry() {
+            hints.extend(feedback::linearity(photo, &self.target, &camera, &pose, known));
+        }
         if let Some(earlier) = &solved.earlier {
             for (frame, (pose, rms_px)) in self.frames.iter_mut().zip(earlier) {
                 (frame.pose, frame.rms_px) = (*pose, *rms_px);
@@ -295,7 +301,7 @@ impl BoardIntake {
             self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
         }
         self.photometry = photometry;
-        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates })
+        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, hints })
     }
 
     /// Camera and poses from all photographs so far and a new one.

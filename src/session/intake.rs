@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::DVec3;
 
 use super::board::{BoardIntake, Update};
-use super::{BoardPose, RectifiedFalloff, Scene};
+use super::{BoardPose, Hint, RectifiedFalloff, Scene};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{Falloff, Observation, View};
@@ -19,6 +19,7 @@ pub(super) struct Taken {
     pub(super) rms_px: Option<f64>,
     /// What is known better of earlier photographs.
     pub(super) updates: Vec<Update>,
+    pub(super) hints: Vec<Hint>,
 }
 
 /// Takes photographs in, one at a time.
@@ -124,7 +125,13 @@ impl Intake {
         match rectification::from_rectified(photo, view, resolution, resolution) {
             Ok(observation) => {
                 power_mm2.get_or_insert(own_power);
-                Ok(Ok(Taken { observation, pose: None, rms_px: None, updates: Vec::new() }))
+                Ok(Ok(Taken {
+                    observation,
+                    pose: None,
+                    rms_px: None,
+                    updates: Vec::new(),
+                    hints: Vec::new(),
+                }))
             }
             Err(rejection) => Ok(Err(rejection)),
         }

@@ -3,6 +3,7 @@
 mod board;
 mod budget;
 mod estimator;
+mod feedback;
 mod fit;
 mod intake;
 mod memory;
@@ -21,6 +22,7 @@ use rayon::ThreadPool;
 pub use self::budget::Budget;
 use self::budget::Meter;
 pub use self::estimator::Estimator;
+pub use self::feedback::{Hint, NextView};
 use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
 use self::state::StateWriter;
@@ -163,6 +165,8 @@ pub struct Accepted {
     pub reprojection_rms_px: Option<f64>,
     /// Seconds from the call of push to maps being available.
     pub maps_seconds: f64,
+    /// What the user may want to know about it.
+    pub hints: Vec<Hint>,
 }
 
 /// Where the board lies in a photograph.
@@ -434,6 +438,7 @@ impl Session {
             pose: taken.pose,
             reprojection_rms_px: taken.rms_px,
             maps_seconds: begun.elapsed().as_secs_f64(),
+            hints: taken.hints,
         }))
     }
 
@@ -512,6 +517,15 @@ impl Session {
     /// photographs better the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
+    }
+
+    /// Where the next photograph tells most: the direction from which highlights reach slopes of
+    /// the sample that they have not swept. `None` before the first photograph, and for rectified
+    /// ones.
+    pub fn next_view(&self) -> Option<NextView> {
+        let intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
+        let views: Vec<Pose> = intake.poses().into_iter().map(|p| p.pose).collect();
+        feedback::next_view(&views, intake.flash_offset_mm(), self.settings.sample_mm)
     }
 
     /// Light position in the camera frame as used, mm.

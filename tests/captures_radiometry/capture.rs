@@ -74,6 +74,7 @@ impl Capture {
             white_albedo: number(&board["white_albedo"]),
             black_albedo: number(&board["black_albedo"]),
             top_left: if board["top_left"] == "black" { TopLeft::Black } else { TopLeft::White },
+            patches: false,
         };
         let camera: Camera = serde_json::from_value(capture["camera"].clone()).unwrap();
         let offset = DVec3::from_array(numbers(&truth["flash"]["offset_camera_mm"]));

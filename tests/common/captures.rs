@@ -1,4 +1,5 @@
 //! Reads the rendered captures of the test data with their true poses.
+#![allow(dead_code)] // each test file uses its part
 
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
@@ -88,6 +89,7 @@ fn target_of(board: &serde_json::Value) -> Target {
             "black" => TopLeft::Black,
             _ => TopLeft::White,
         },
+        patches: false,
     }
 }
 

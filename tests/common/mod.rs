@@ -1,5 +1,6 @@
 //! A small renderer of photographs of the target, independent of the code under test except for
 //! the camera's and the target's definitions.
+#![allow(dead_code)] // each test file uses its part
 
 use glam::{DMat3, DVec2, DVec3};
 use svbrdf::calibration::{LumaImage, Target, TargetKind};
@@ -31,6 +32,10 @@ pub struct Scene {
     pub noise: f64,
     /// Centre and radius (px) of round saturated reflections.
     pub glare: Vec<(DVec2, f64)>,
+    /// Centre and half axes (px) of dark round things in front of the board.
+    pub occluders: Vec<(DVec2, DVec2)>,
+    /// A point on a shadow's edge (px), the direction into it, and what light it leaves.
+    pub shadow: Option<(DVec2, DVec2, f64)>,
     /// Level of white.
     pub exposure: f64,
     pub seed: u64,
@@ -112,11 +117,11 @@ impl Scene {
             let m = marker_mm / t.square_mm;
             let q = (grid.fract() - 0.5) / m + 0.5;
             if q.cmpge(DVec2::ZERO).all() && q.cmplt(DVec2::ONE).all() {
-                let cell = (q * 6.0).floor();
-                let border = cell.min_element() < 1.0 || cell.max_element() > 4.0;
-                let bit = (row * 31 + col * 17) as u64 * 64 + (cell.x + 6.0 * cell.y) as u64;
-                let dark = border || Random::new(bit + 1).uniform() < 0.5;
-                return if dark { t.black_albedo } else { t.white_albedo };
+                let white = t.marker(row, col).is_some_and(|marker| {
+                    let module = (q * f64::from(marker.modules())).as_uvec2();
+                    marker.is_white(module.y, module.x)
+                });
+                return if white { t.white_albedo } else { t.black_albedo };
             }
         }
         t.white_albedo
@@ -185,6 +190,7 @@ impl Scene {
                     (self.exposure / self.target.white_albedo * albedo * light) as f32;
             }
         }
+        self.hidden(&mut data, w);
         self.blurred(&mut data, w, h);
         let mut random = Random::new(self.seed);
         for (i, v) in data.iter_mut().enumerate() {
@@ -197,6 +203,26 @@ impl Scene {
             *v = (level + sigma * random.noise()).clamp(0.0, 1.0) as f32;
         }
         data
+    }
+
+    /// Shadow and what stands in front.
+    fn hidden(&self, data: &mut [f32], w: usize) {
+        if self.occluders.is_empty() && self.shadow.is_none() {
+            return;
+        }
+        for (i, v) in data.iter_mut().enumerate() {
+            let p = DVec2::new((i % w) as f64, (i / w) as f64);
+            if let Some((edge, into, left)) = self.shadow {
+                // A penumbra of some 30 px.
+                let t = 0.5 + 0.5 * ((p - edge).dot(into.normalize()) / 15.0).tanh();
+                *v *= (1.0 - t * (1.0 - left)) as f32;
+            }
+            for (centre, half) in &self.occluders {
+                if ((p - *centre) / *half).length_squared() < 1.0 {
+                    *v = (self.exposure * (0.1 + 0.05 * (0.05 * (p.x + p.y)).sin())) as f32;
+                }
+            }
+        }
     }
 
     fn blurred(&self, data: &mut Vec<f32>, w: usize, h: usize) {

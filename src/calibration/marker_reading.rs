@@ -1,0 +1,306 @@
+//! Placement by the markers of a charuco ring: they name the squares, so that a few corners of a
+//! board that the picture crops suffice.
+
+use super::board_model::BoardModel;
+use super::lattice::Node;
+use super::layout::{Labelling, Layout, board_of_lattice};
+use super::luma::LumaImage;
+use super::markers::{Dictionary, Placed};
+use super::target::{Target, TargetKind};
+use glam::{DVec2, IVec2};
+use std::collections::HashMap;
+
+/// Modules along the side of the largest markers.
+const MODULES_MAX: usize = 9;
+/// White minus black relative to white (square-root scale).
+const CONTRAST_MIN: f32 = 0.25;
+/// Border modules that may be misread, and quiet samples.
+const BORDER_WRONG_MAX: usize = 1;
+const QUIET_WRONG_MAX: usize = 3;
+/// Side of a square that is read well, px.
+const SQUARE_PX: f64 = 48.0;
+/// Pieces of lattice looked at.
+const PIECES_TRIED: usize = 60;
+/// Markers that must agree on a placement.
+pub(super) const VOTES_MIN: usize = 2;
+/// Depths of a square relative to its width that are tried where a row of corners tells the
+/// direction only.
+const DEPTHS: [f64; 19] = [
+    0.3, 0.34, 0.38, 0.43, 0.48, 0.54, 0.61, 0.69, 0.77, 0.87, 0.98, 1.1, 1.24, 1.4, 1.57, 1.77,
+    2.0, 2.24, 2.52,
+];
+
+/// Markers of the ring as (column, row), none where the board has none that are known.
+pub(super) fn printed(target: &Target) -> Vec<Placed> {
+    let squares = (0..i64::from(target.rows))
+        .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
+    squares
+        .filter_map(|(row, col)| {
+            let marker = target.marker(row, col)?;
+            Some(Placed { square: IVec2::new(col as i32, row as i32), marker })
+        })
+        .collect()
+}
+
+/// The level of the pyramid (full size first) on which squares of so many px at `level` are read.
+pub(super) fn reading_level(square_px: f64, level: usize) -> usize {
+    (0..=level).rev().find(|k| square_px * f64::from(1 << (level - k)) >= SQUARE_PX).unwrap_or(0)
+}
+
+/// White squares of the grid, and of two rows and columns beyond, where no marker is printed.
+pub(super) fn unprinted(target: &Target) -> Vec<IVec2> {
+    if printed(target).is_empty() {
+        return Vec::new();
+    }
+    let squares = (-2..i64::from(target.rows) + 2)
+        .flat_map(|row| (-2..i64::from(target.cols) + 2).map(move |col| (row, col)));
+    squares
+        .filter(|&(row, col)| target.is_white(row, col) && !target.has_square(row, col))
+        .map(|(row, col)| IVec2::new(col as i32, row as i32))
+        .collect()
+}
+
+/// How many visible markers say what the labelling says, and how many clearly say something else:
+/// another square's name, or any name where none is printed (a board of other counts).
+pub(super) fn agreement(
+    layout: &Layout,
+    image: &LumaImage,
+    labelling: &Labelling,
+) -> (usize, usize) {
+    let (mut agree, mut differ) = (0, 0);
+    let Some(print) = Print::of(layout.target) else { return (0, 0) };
+    for placed in &layout.markers {
+        let corner = placed.square.as_dvec2();
+        let at = |p: DVec2| labelling.model.project(corner + p);
+        match read(image, at, &print) {
+            Some(bits) if placed.marker.is(bits) => agree += 1,
+            Some(bits) if named(layout, bits, 0).is_some() => differ += 1,
+            _ => {}
+        }
+    }
+    for square in &layout.unprinted {
+        let at = |p: DVec2| labelling.model.project(square.as_dvec2() + p);
+        let known = |bits: u64| print.dictionary.contains(bits);
+        differ += usize::from(read(image, at, &print).is_some_and(known));
+    }
+    (agree, differ)
+}
+
+/// Places pieces of lattice found at `level` of the pyramid by the markers between their corners.
+pub(super) fn place(
+    layout: &Layout,
+    levels: &[&LumaImage],
+    level: usize,
+    pieces: &[Vec<Node>],
+) -> Option<Labelling> {
+    let print = Print::of(layout.target)?;
+    let image = levels[level];
+    let size = (image.width, image.height);
+    let mut px = vec![None; layout.corners.len()];
+    let mut votes = 0;
+    for piece in pieces.iter().take(PIECES_TRIED) {
+        let Some((turn, shift, agree)) = placement_of(layout, levels, level, piece, &print) else {
+            continue;
+        };
+        votes += agree;
+        for node in piece {
+            let at = board_of_lattice(node.at, turn, shift).max(IVec2::ZERO).as_uvec2();
+            if let Ok(i) = layout.corners.binary_search(&(at.y, at.x)) {
+                px[i].get_or_insert(node.px);
+            }
+        }
+    }
+    let labelled: Vec<(DVec2, DVec2)> =
+        px.iter().enumerate().filter_map(|(i, p)| Some((layout.grid(i), (*p)?))).collect();
+    if votes < VOTES_MIN || labelled.len() < 4 {
+        return None;
+    }
+    let (grid, at): (Vec<_>, Vec<_>) = labelled.into_iter().unzip();
+    Some(Labelling { px, model: BoardModel::fit(size, &grid, &at)? })
+}
+
+/// Rotation and shift of a piece that its markers agree on, and how many do.
+fn placement_of(
+    layout: &Layout,
+    levels: &[&LumaImage],
+    level: usize,
+    piece: &[Node],
+    print: &Print,
+) -> Option<(usize, IVec2, usize)> {
+    let size = (levels[level].width, levels[level].height);
+    let flat = |axis: fn(&Node) -> i32| piece.iter().all(|n| axis(n) == axis(&piece[0]));
+    let row_only = flat(|n| n.at.x) || flat(|n| n.at.y);
+    let model = if row_only {
+        None
+    } else {
+        let lattice: Vec<DVec2> = piece.iter().map(|n| n.at.as_dvec2()).collect();
+        let px: Vec<DVec2> = piece.iter().map(|n| n.px).collect();
+        BoardModel::fit(size, &lattice, &px)
+    };
+    // A row with a false corner beside it has a plane too, but a wrong one.
+    let by_plane = model.and_then(|m| tally_of(layout, levels, level, piece, print, Some(&m)));
+    by_plane.or_else(|| tally_of(layout, levels, level, piece, print, None))
+}
+
+/// Votes of a piece's markers, squares given by a model of its plane or by links alone.
+fn tally_of(
+    layout: &Layout,
+    levels: &[&LumaImage],
+    level: usize,
+    piece: &[Node],
+    print: &Print,
+    model: Option<&BoardModel>,
+) -> Option<(usize, IVec2, usize)> {
+    let nodes: HashMap<[i32; 2], &Node> = piece.iter().map(|n| (n.at.to_array(), n)).collect();
+    let mut tally: Vec<(usize, IVec2, usize)> = Vec::new();
+    let mut seen: Vec<IVec2> = Vec::new();
+    for node in piece {
+        for (quadrant, step) in [(1, 1), (-1, 1), (-1, -1), (1, -1)].into_iter().enumerate() {
+            let step = IVec2::from(step);
+            let square = node.at.min(node.at + step);
+            let bright = node.bright == quadrant.is_multiple_of(2);
+            if !bright || seen.contains(&square) {
+                continue;
+            }
+            let named = match model {
+                Some(model) => {
+                    let corner = square.as_dvec2();
+                    read_square(levels, level, layout, print, |p| model.project(corner + p))
+                }
+                None => along_row(levels, level, layout, print, &nodes, node, step),
+            };
+            let Some((turn, on_board)) = named else { continue };
+            seen.push(square);
+            // The square's first corner on the board is the least of its turned corners.
+            let a = board_of_lattice(square, turn, IVec2::ZERO);
+            let b = board_of_lattice(square + IVec2::ONE, turn, IVec2::ZERO);
+            let shift = on_board - a.min(b);
+            match tally.iter_mut().find(|t| (t.0, t.1) == (turn, shift)) {
+                Some(t) => t.2 += 1,
+                None => tally.push((turn, shift, 1)),
+            }
+        }
+    }
+    tally.sort_by_key(|t| std::cmp::Reverse(t.2));
+    let best = *tally.first()?;
+    // A clear majority of the piece's markers.
+    let others: usize = tally[1..].iter().map(|t| t.2).sum();
+    (best.2 > 2 * others).then_some(best)
+}
+
+/// Reads the square beside a link of a row of corners: its depth is unknown.
+fn along_row(
+    levels: &[&LumaImage],
+    level: usize,
+    layout: &Layout,
+    print: &Print,
+    nodes: &HashMap<[i32; 2], &Node>,
+    node: &Node,
+    step: IVec2,
+) -> Option<(usize, IVec2)> {
+    let along = [step.with_y(0), step.with_x(0)];
+    let other = along.iter().find_map(|d| Some((*d, *nodes.get(&(node.at + *d).to_array())?)));
+    let (link, next) = other?;
+    let across = step - link;
+    let port = |n: &Node| n.port(across);
+    let edge = next.px - node.px;
+    let depth = 0.5 * (port(node) + port(next)).normalize_or_zero() * 2.0 * edge.length();
+    let square = node.at.min(node.at + step).as_dvec2();
+    let origin = node.at.as_dvec2();
+    DEPTHS.iter().find_map(|&scale| {
+        read_square(levels, level, layout, print, |p| {
+            let d = square + p - origin;
+            let (u, v) = (d.dot(link.as_dvec2()), d.dot(across.as_dvec2()));
+            node.px + u * edge + v * scale * depth
+        })
+    })
+}
+
+/// Turn and square on the board of the marker in a square; `at` gives pixels at `level`.
+fn read_square(
+    levels: &[&LumaImage],
+    level: usize,
+    layout: &Layout,
+    print: &Print,
+    at: impl Fn(DVec2) -> DVec2,
+) -> Option<(usize, IVec2)> {
+    let side =
+        (at(DVec2::X) - at(DVec2::ZERO)).length().min((at(DVec2::Y) - at(DVec2::ZERO)).length());
+    let fine = reading_level(side, level);
+    let scale = f64::from(1 << (level - fine));
+    let bits = read(levels[fine], |p| scale * (at(p) + 0.5) - 0.5, print)?;
+    (0..4).find_map(|turn| Some((turn, named(layout, bits, turn)?)))
+}
+
+/// The printed marker that looks like `bits` when the board is turned clockwise against it.
+fn named(layout: &Layout, bits: u64, turn: usize) -> Option<IVec2> {
+    let alike = |placed: &&Placed| {
+        (0..turn).fold(placed.marker, |marker, _| marker.quarter_turn()).is(bits)
+    };
+    layout.markers.iter().find(alike).map(|m| m.square)
+}
+
+/// How markers are printed.
+struct Print {
+    dictionary: Dictionary,
+    /// Side of a marker relative to its square.
+    share: f64,
+}
+
+impl Print {
+    /// `None` for boards without markers that are known.
+    fn of(target: &Target) -> Option<Self> {
+        let TargetKind::CharucoRing { dictionary, marker_mm } = &target.kind else { return None };
+        let dictionary = Dictionary::named(dictionary);
+        let share = marker_mm / target.square_mm;
+        (dictionary.inner > 0).then_some(Self { dictionary, share })
+    }
+}
+
+/// Bits of the marker in a square, row by row; `at` maps (0..1, 0..1) to pixels. `None` unless the
+/// border is black and what surrounds it white.
+fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, print: &Print) -> Option<u64> {
+    let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(&at);
+    if !corners.iter().all(|c| image.contains(*c, 0.0)) {
+        return None;
+    }
+    let (share, modules) = (print.share, print.dictionary.inner as usize + 2);
+    let module = share / modules as f64;
+    let gap = 0.5 * (1.0 - share);
+    let mut level = [[0.0f32; MODULES_MAX]; MODULES_MAX];
+    for (row, levels) in level.iter_mut().enumerate().take(modules) {
+        for (col, level) in levels.iter_mut().enumerate().take(modules) {
+            let centre = DVec2::splat(gap) + module * (DVec2::new(col as f64, row as f64) + 0.5);
+            let around = [(0.0, 0.0), (-0.2, 0.0), (0.2, 0.0), (0.0, -0.2), (0.0, 0.2)];
+            let sum: f32 = around
+                .iter()
+                .map(|&(x, y)| image.sample(at(centre + module * DVec2::new(x, y))))
+                .sum();
+            *level = sum / around.len() as f32;
+        }
+    }
+    let outer = |i: usize| i == 0 || i + 1 == modules;
+    let border = || (0..modules * modules).filter(|i| outer(i / modules) || outer(i % modules));
+    let black = border().map(|i| level[i / modules][i % modules]).sum::<f32>();
+    let black = black / (4 * (modules - 1)) as f32;
+    // Half-way between marker and edge.
+    let mut quiet = [0.0f32; 16];
+    for (i, value) in quiet.iter_mut().enumerate() {
+        let t = gap + share * ((i % 4) as f64 + 0.5) / 4.0;
+        let near = if i % 8 < 4 { 0.5 * gap } else { 1.0 - 0.5 * gap };
+        let p = if i < 8 { DVec2::new(t, near) } else { DVec2::new(near, t) };
+        *value = image.sample(at(p));
+    }
+    let white = quiet.iter().sum::<f32>() / 16.0;
+    if white - black <= CONTRAST_MIN * white {
+        return None;
+    }
+    let middle = 0.5 * (white + black);
+    let misread = border().filter(|i| level[i / modules][i % modules] > middle).count();
+    let soiled = quiet.iter().filter(|v| **v < middle).count();
+    if misread > BORDER_WRONG_MAX || soiled > QUIET_WRONG_MAX {
+        return None;
+    }
+    let inner = (1..modules - 1).flat_map(|row| (1..modules - 1).map(move |col| (row, col)));
+    Some(inner.fold(0, |bits, (row, col)| bits << 1 | u64::from(level[row][col] > middle)))
+}
