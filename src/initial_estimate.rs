@@ -3,6 +3,8 @@
 //! Both are ONNX graphs executed by tract; the decoder, which runs in every step of the fit, has its
 //! own code in [`crate::network`]. A plan is built once per size and kept.
 
+mod operators;
+
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -236,7 +238,7 @@ struct Network {
 
 impl Network {
     fn parse(name: &'static str, bytes: &[u8], channels: usize) -> Result<Self> {
-        let model = guarded(name, || tract_onnx::onnx().model_for_read(&mut Cursor::new(bytes)))?;
+        let model = guarded(name, || operators::reader().model_for_read(&mut Cursor::new(bytes)))?;
         Ok(Self { name, channels, model, plans: Mutex::default() })
     }
 

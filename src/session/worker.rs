@@ -122,6 +122,8 @@ pub(super) enum Command {
 
 /// Shortest time between two published sets of maps.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
+/// The same in units of the time that it took to make the latest.
+const PUBLISH_SHARE: u32 = 20;
 
 /// Runs until the session is dropped; faults end up in [`State::failed`].
 pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, pool: &ThreadPool, fit: Fit) {
@@ -148,6 +150,7 @@ fn work(
     let mut busy = false;
     let mut started = Instant::now();
     let mut published = Instant::now();
+    let mut interval = PUBLISH_INTERVAL;
     loop {
         loop {
             if shared.cancelled.load(Ordering::Relaxed) {
@@ -178,8 +181,12 @@ fn work(
             }
         }
         let step = pool.install(|| fit.step(&|| !shared.cancelled.load(Ordering::Relaxed)))?;
-        let publish = step.done || published.elapsed() >= PUBLISH_INTERVAL;
+        let publish = step.done || published.elapsed() >= interval;
+        let begun = Instant::now();
         let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
+        if publish {
+            interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
+        }
         let mut state = shared.lock();
         state.progress.fraction = step.fraction;
         state.progress.loss = step.loss;
