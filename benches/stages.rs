@@ -3,8 +3,8 @@
 //! `cargo bench --bench stages [-- FILTER] [threads=N]`
 //!
 //! Counts hold on any machine; times only compare within one run: least and median of several
-//! runs. `bytes` is what a stage has to read and write at least, `allocated` what it asks of the
-//! allocator, both of one run. Photographs are those of `examples/captures/tile`; the 12-megapixel
+//! runs. `MB` is what a stage has to read and write at least; `calls`, `allocated` and `largest` (MB) are what
+//! one run asks of the allocator. Photographs are those of `examples/captures/tile`; the 12-megapixel
 //! one is the first of them enlarged.
 
 use std::error::Error;
@@ -61,7 +61,7 @@ impl Bench {
             return;
         }
         stage();
-        let [calls, allocated] = allocations::during(&mut stage);
+        let allocations::Allocations { calls, bytes, largest } = allocations::during(&mut stage);
         let mut times = Vec::new();
         let begun = Instant::now();
         while times.len() < 3 || (begun.elapsed() < STAGE_TIME && times.len() < MOST_RUNS) {
@@ -75,13 +75,14 @@ impl Bench {
             _ => format!("{:.3}", v / scale),
         };
         println!(
-            "{name:<34} {:>9.2} {:>9.2} {:>8} {:>8} {:>8} {:>10.2}",
+            "{name:<34} {:>9.2} {:>9.2} {:>8} {:>8} {:>8} {:>10.2} {:>8.2} {:>8.2}",
             1e3 * times[0],
             1e3 * times[times.len() / 2],
             count(work.multiply_adds, 1e9),
             count(work.bytes, 1e6),
             calls,
-            allocated as f64 / 1e6,
+            bytes as f64 / 1e6,
+            largest as f64 / 1e6,
         );
     }
 }
@@ -97,8 +98,8 @@ fn main() -> Result<(), Failure> {
     }
     println!("{threads} threads, {SIDE}x{SIDE} texels");
     println!(
-        "{:<34} {:>9} {:>9} {:>8} {:>8} {:>8} {:>10}",
-        "stage", "least ms", "median", "GMAC", "MB", "calls", "allocated"
+        "{:<34} {:>9} {:>9} {:>8} {:>8} {:>8} {:>10} {:>8}",
+        "stage", "least ms", "median", "GMAC", "MB", "calls", "allocated", "largest"
     );
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     pool.install(|| stages(&Bench { filter }, threads))

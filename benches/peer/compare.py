@@ -177,12 +177,16 @@ def peer(arguments, photos):
     code = run_onnx(arguments.models, "encoder", arguments.threads, maps)
     with torch.no_grad():
         curve.note("start", 0, loss_of(decoder(code), photos))
-    begun = curve.spent
-    code = descend(code.clone(), decoder, photos, arguments.steps, 1e-3, "code", curve)
-    code_step = (curve.spent - begun) / max(arguments.steps, 1)
-    maps, begun = decoder(code), curve.spent
-    maps = descend(maps, lambda m: m.clamp(-1, 1), photos, arguments.map_steps, 1e-3, "maps", curve)
-    map_step = (curve.spent - begun) / max(arguments.map_steps, 1)
+
+    def timed(values, maps_of, steps, stage):
+        """The result, and wall and processor seconds of a step."""
+        begun, processor = curve.spent, time.process_time()
+        values = descend(values, maps_of, photos, steps, 1e-3, stage, curve)
+        processor = time.process_time() - processor
+        return values, np.array([curve.spent - begun, processor]) / max(steps, 1)
+
+    code, code_step = timed(code.clone(), decoder, arguments.steps, "code")
+    maps, map_step = timed(decoder(code), lambda m: m.clamp(-1, 1), arguments.map_steps, "maps")
     with torch.no_grad():
         curve.note("end", 0, loss_of(maps.clamp(-1, 1), photos))
     return curve, code_step, map_step
@@ -228,29 +232,26 @@ def main():
     photos = load_photos(arguments.capture, arguments.photos)
     # Before and after the peer, so that a machine that slows down shows.
     runs = [library(arguments, photos)]
-    cpu = time.process_time()
     curve, code_step, map_step = peer(arguments, photos)
-    cpu = time.process_time() - cpu
     runs.append(library(arguments, photos))
 
     loss = runs[0][0]
     wall = sum(run[1] for run in runs) / len(runs)
     processor = sum(run[2] for run in runs) / len(runs)
     whole = 4000 * code_step + 200 * map_step
+    complete = arguments.steps >= 4000 and arguments.map_steps >= 200
+    extrapolated = "" if complete else ", extrapolated from the time of a step"
     print(f"{arguments.photos} photographs of {arguments.capture}, {arguments.threads} threads")
     print(f"library: loss {loss:.5f}, {wall:.2f} s wall ({runs[0][1]:.2f}, {runs[1][1]:.2f}), "
-          f"{processor:.2f} s processor, process and files included")
-    print(f"peer: {arguments.steps} + {arguments.map_steps} steps, loss {curve.rows[-1][3]:.5f}, "
-          f"{curve.spent:.1f} s wall, {cpu:.1f} s processor; {1e3 * code_step:.1f} ms a step on the code, "
-          f"{1e3 * map_step:.1f} on the maps; 4000 + 200 steps take {whole:.0f} s"
-          + ("" if arguments.steps >= 4000 else " (extrapolated)"))
-    if arguments.steps >= 4000:
-        print(f"time of the peer's whole schedule / library's: {curve.spent / wall:.0f}")
-    else:
-        print(f"time of the peer's whole schedule (extrapolated) / library's: {whole / wall:.0f}")
+          f"{processor:.2f} s processor, files and start of the process included")
+    print(f"peer: loss {curve.rows[-1][3]:.5f} after {arguments.steps} + {arguments.map_steps} steps; "
+          f"{1e3 * code_step[0]:.1f} ms wall, {1e3 * code_step[1]:.1f} ms processor a step on the code, "
+          f"{1e3 * map_step[0]:.1f} and {1e3 * map_step[1]:.1f} on the maps")
+    print(f"the peer's whole schedule / library{extrapolated}: {whole[0] / wall:.0f} wall, "
+          f"{whole[1] / processor:.0f} processor")
     equal = curve.until(loss)
     if equal is None:
-        print(f"time at equal loss: the peer does not reach {loss:.5f}; its least is "
+        print(f"time at equal loss: the peer does not reach {loss:.5f} in these steps; its least is "
               f"{min(row[3] for row in curve.rows):.5f}")
     else:
         print(f"time at equal loss, peer / library: {equal / wall:.1f}")

@@ -2,6 +2,7 @@
 
 use crate::frame::Photo;
 use glam::DVec2;
+use rayon::prelude::*;
 
 /// Luminance on a square-root scale, row by row.
 ///
@@ -22,15 +23,14 @@ impl LumaImage {
     /// Square-rooted luminance of a photograph. Values that are not finite or negative count as 0.
     pub fn from_photo(photo: &Photo) -> Self {
         let (width, height) = (photo.width() as usize, photo.height() as usize);
-        let mut data = Vec::with_capacity(width * height);
-        for y in 0..photo.height() {
-            for x in 0..photo.width() {
-                let [r, g, b] = photo.pixel(x, y);
+        let mut data = vec![0.0; width * height];
+        data.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let [r, g, b] = photo.pixel(x as u32, y as u32);
                 let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-                data.push(if luminance.is_finite() { luminance.max(0.0) } else { 0.0 });
+                *out = if luminance.is_finite() { luminance.max(0.0).sqrt() } else { 0.0 };
             }
-        }
-        data.iter_mut().for_each(|v| *v = v.sqrt());
+        });
         Self { width, height, data }
     }
 

@@ -8,12 +8,14 @@ pub struct Counting;
 
 static CALLS: AtomicUsize = AtomicUsize::new(0);
 static BYTES: AtomicUsize = AtomicUsize::new(0);
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call is handed on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         CALLS.fetch_add(1, Relaxed);
         BYTES.fetch_add(layout.size(), Relaxed);
+        LARGEST.fetch_max(layout.size(), Relaxed);
         // SAFETY: as this function's.
         unsafe { System.alloc(layout) }
     }
@@ -24,9 +26,23 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Allocations and their bytes while `work` runs, on all threads.
-pub fn during(work: impl FnOnce()) -> [usize; 2] {
-    let before = [CALLS.load(Relaxed), BYTES.load(Relaxed)];
+/// Allocations while some work ran, on all threads.
+#[derive(Debug, Clone, Copy)]
+pub struct Allocations {
+    pub calls: usize,
+    pub bytes: usize,
+    /// Bytes of the largest.
+    pub largest: usize,
+}
+
+/// Counts while `work` runs.
+pub fn during(work: impl FnOnce()) -> Allocations {
+    LARGEST.store(0, Relaxed);
+    let (calls, bytes) = (CALLS.load(Relaxed), BYTES.load(Relaxed));
     work();
-    [CALLS.load(Relaxed) - before[0], BYTES.load(Relaxed) - before[1]]
+    Allocations {
+        calls: CALLS.load(Relaxed) - calls,
+        bytes: BYTES.load(Relaxed) - bytes,
+        largest: LARGEST.load(Relaxed),
+    }
 }
