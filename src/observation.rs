@@ -1,6 +1,10 @@
 //! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
 //! camera and light that produced it.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 /// How the light's strength depends on distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Falloff {
@@ -45,6 +49,17 @@ impl View {
             self.sample_mm[1] * (0.5 - (y as f32 + 0.5) / height as f32),
         ]
     }
+
+    /// The view of some rows of maps of `height` rows, as if they were the sample.
+    pub(crate) fn of_rows(&self, rows: &Range<usize>, height: usize) -> Self {
+        let pitch = self.sample_mm[1] / height as f32;
+        let centre = pitch * (0.5 * height as f32 - 0.5 * (rows.start + rows.end) as f32);
+        let mut view = *self;
+        view.sample_mm[1] = pitch * rows.len() as f32;
+        view.camera_mm[1] -= centre;
+        view.light_mm[1] -= centre;
+        view
+    }
 }
 
 /// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
@@ -80,25 +95,28 @@ impl Observation {
         let (w2, h2) = (w / 2, h / 2);
         let mut weight = vec![0.0; w2 * h2];
         let mut radiance = vec![0.0; 3 * w2 * h2];
-        for y in 0..h2 {
-            for x in 0..w2 {
-                let corner = 2 * y * w + 2 * x;
-                let four = [corner, corner + 1, corner + w, corner + w + 1];
-                let sum: f32 = four.iter().map(|&i| self.weight[i]).sum();
-                let out = y * w2 + x;
-                weight[out] = 0.25 * sum;
+        let four = |y: usize, x: usize| {
+            let corner = 2 * y * w + 2 * x;
+            [corner, corner + 1, corner + w, corner + w + 1]
+        };
+        weight.par_chunks_mut(w2).enumerate().for_each(|(y, row)| {
+            for (x, out) in row.iter_mut().enumerate() {
+                *out = 0.25 * four(y, x).iter().map(|&i| self.weight[i]).sum::<f32>();
+            }
+        });
+        radiance.par_chunks_mut(w2).enumerate().for_each(|(row, out)| {
+            let (c, y) = (row / h2, row % h2);
+            let plane = &self.radiance[c * w * h..(c + 1) * w * h];
+            for (x, (out, quarter)) in out.iter_mut().zip(&weight[y * w2..]).enumerate() {
+                let (four, sum) = (four(y, x), 4.0 * quarter);
                 if sum <= 0.0 {
                     continue;
                 }
-                for c in 0..3 {
-                    let plane = &self.radiance[c * w * h..(c + 1) * w * h];
-                    let mean =
-                        four.iter().map(|&i| self.weight[i] * plane[i].abs()).sum::<f32>() / sum;
-                    let saturated = four.iter().any(|&i| self.weight[i] > 0.0 && plane[i] < 0.0);
-                    radiance[c * w2 * h2 + out] = if saturated { -mean } else { mean };
-                }
+                let mean = four.iter().map(|&i| self.weight[i] * plane[i].abs()).sum::<f32>() / sum;
+                let saturated = four.iter().any(|&i| self.weight[i] > 0.0 && plane[i] < 0.0);
+                *out = if saturated { -mean } else { mean };
             }
-        }
+        });
         Self { width: w2, height: h2, view: self.view, radiance, weight }
     }
 }

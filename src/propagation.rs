@@ -6,11 +6,13 @@
 //! averaged by their precisions: information from the photographs and a broad belief in the fit
 //! against the spread within the group.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::observation::Observation;
 use crate::render::render;
-use crate::svbrdf::channel;
+use crate::svbrdf::{CHANNELS, channel};
 use crate::{Result, Svbrdf};
 
 /// Groups of like colour.
@@ -27,6 +29,10 @@ const DEVIATION: [f32; 2] = [0.25, 0.15];
 const LEAST_SPREAD: f32 = 0.04;
 /// Step of the numerical derivatives.
 const STEP: f32 = 0.02;
+/// Rows rendered at a time.
+const STRIP_ROWS: usize = 64;
+/// Texels summed at a time.
+const CHUNK: usize = 8192;
 
 /// Moves roughness and specular albedo of texels that the photographs say little of towards those
 /// of texels of like diffuse albedo of which they say more.
@@ -37,7 +43,6 @@ pub fn propagate(maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> 
     crate::render::check_observations(maps, observations)?;
     let information = information(maps, observations);
     let members = Membership::new(maps);
-    let n = maps.texels();
     // roughness, then the three specular albedos
     for plane in 0..4 {
         let kind = plane.min(1);
@@ -54,8 +59,8 @@ pub fn propagate(maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> 
         let groups = members.statistics(&values, |t| seen[t] / (seen[t] + own));
         maps.plane_mut(c).par_iter_mut().enumerate().for_each(|(t, out)| {
             let (mut precision, mut sum) = (seen[t] + own, (seen[t] + own) * values[t]);
-            for (k, group) in groups.iter().enumerate() {
-                let share = members.shares[k * n + t] * group.precision;
+            for (share, group) in members.shares[t].iter().zip(&groups) {
+                let share = share * group.precision;
                 precision += share;
                 sum += share * group.mean;
             }
@@ -68,51 +73,78 @@ pub fn propagate(maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> 
 }
 
 /// Precision that the photographs give roughness and root specular albedo of every texel, by
-/// themselves.
+/// themselves. Strip by strip, so that the renderings stay small.
 fn information(maps: &Svbrdf, observations: &[Observation]) -> [Vec<f32>; 2] {
-    let n = maps.texels();
-    let mut rougher = maps.clone();
+    let (width, n) = (maps.width(), maps.texels());
+    let mut sums = [vec![0.0; n], vec![0.0; n]];
+    let [first, second] = &mut sums;
+    let length = STRIP_ROWS * width;
+    first.par_chunks_mut(length).zip(second.par_chunks_mut(length)).enumerate().for_each(
+        |(strip, (first, second))| {
+            let start = strip * STRIP_ROWS;
+            let rows = start..start + first.len() / width;
+            strip_information(maps, observations, &rows, [first, second]);
+        },
+    );
+    sums
+}
+
+fn strip_information(
+    maps: &Svbrdf,
+    observations: &[Observation],
+    rows: &Range<usize>,
+    mut sums: [&mut [f32]; 2],
+) {
+    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+    let texels = rows.start * width..rows.end * width;
+    let mut base = Svbrdf::new(width, rows.len());
+    for c in 0..CHANNELS {
+        base.plane_mut(c).copy_from_slice(&maps.plane(c)[texels.clone()]);
+    }
+    let mut rougher = base.clone();
     rougher.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|v| {
         *v += if *v < 0.5 { STEP } else { -STEP };
     });
-    let mut brighter = maps.clone();
+    let mut brighter = base.clone();
     for c in 0..3 {
         brighter.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|v| {
             *v = (v.max(0.0).sqrt() + STEP).powi(2);
         });
     }
-    let mut sums = [vec![0.0; n], vec![0.0; n]];
-    let mut images = [vec![0.0; 3 * n], vec![0.0; 3 * n], vec![0.0; 3 * n]];
+    let m = texels.len();
+    let mut images = [vec![0.0; 3 * m], vec![0.0; 3 * m], vec![0.0; 3 * m]];
     for observation in observations {
-        for (maps, image) in [maps, &rougher, &brighter].into_iter().zip(&mut images) {
-            render(maps, &observation.view, image);
+        let view = observation.view.of_rows(rows, height);
+        for (maps, image) in [&base, &rougher, &brighter].into_iter().zip(&mut images) {
+            render(maps, &view, image);
         }
         let [base, moved @ ..] = &images;
         for (sum, moved) in sums.iter_mut().zip(moved) {
-            sum.par_iter_mut().enumerate().for_each(|(t, sum)| {
-                let weight = observation.weight[t];
+            for ((t, sum), &weight) in
+                sum.iter_mut().enumerate().zip(&observation.weight[texels.clone()])
+            {
                 if weight > 0.0 {
                     let mut square = 0.0;
-                    for i in [t, n + t, 2 * n + t] {
+                    for c in 0..3 {
                         // Saturated pixels tell too little to count.
-                        if observation.radiance[i] >= 0.0 {
+                        if observation.radiance[c * n + texels.start + t] >= 0.0 {
+                            let i = c * m + t;
                             let change = ((moved[i] + 0.01) / (base[i] + 0.01)).ln() / STEP;
                             square += change * change;
                         }
                     }
                     *sum += weight * square / (3.0 * NOISE * NOISE);
                 }
-            });
+            }
         }
     }
-    sums
 }
 
 /// How much each texel belongs to each group.
 struct Membership {
-    /// One plane a group; a texel's shares sum to 1.
-    shares: Vec<f32>,
-    texels: usize,
+    /// A texel's shares, those of the groups that there are sum to 1.
+    shares: Vec<[f32; GROUPS]>,
+    groups: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -132,9 +164,7 @@ impl Membership {
         let stride = (n / SAMPLES).max(1) | 1;
         let samples: Vec<[f32; 3]> = (0..n).step_by(stride).map(root).collect();
         let centres = cluster(&samples);
-        let k = centres.len();
-        let mut shares = vec![0.0; k * n];
-        let rows: Vec<[f32; GROUPS]> = (0..n)
+        let shares = (0..n)
             .into_par_iter()
             .map(|t| {
                 let feature = root(t);
@@ -150,31 +180,39 @@ impl Membership {
                 row.map(|share| share / sum)
             })
             .collect();
-        for (t, row) in rows.iter().enumerate() {
-            for (group, share) in row[..k].iter().enumerate() {
-                shares[group * n + t] = *share;
-            }
-        }
-        Self { shares, texels: n }
+        Self { shares, groups: centres.len() }
     }
 
     /// Mean and precision of a plane in each group, texels weighing as `trust` (0 to 1) says.
     fn statistics(&self, values: &[f32], trust: impl Fn(usize) -> f32 + Sync) -> Vec<Group> {
-        self.shares
-            .par_chunks(self.texels)
-            .map(|shares| {
-                let (mut weight, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
-                for (t, (&share, &value)) in shares.iter().zip(values).enumerate() {
-                    let w = f64::from(share * trust(t).powi(2));
-                    weight += w;
-                    first += w * f64::from(value);
-                    second += w * f64::from(value * value);
+        // Weight, first and second moment of each group, the same for any number of threads.
+        let parts: Vec<[[f64; 3]; GROUPS]> = self
+            .shares
+            .par_chunks(CHUNK)
+            .zip(values.par_chunks(CHUNK))
+            .enumerate()
+            .map(|(chunk, (shares, values))| {
+                let mut sums = [[0.0; 3]; GROUPS];
+                for (i, (shares, &value)) in shares.iter().zip(values).enumerate() {
+                    let trust = trust(chunk * CHUNK + i).powi(2);
+                    let moments = [1.0, f64::from(value), f64::from(value * value)];
+                    for (sums, share) in sums.iter_mut().zip(shares) {
+                        let weight = f64::from(share * trust);
+                        sums.iter_mut().zip(moments).for_each(|(s, m)| *s += weight * m);
+                    }
                 }
+                sums
+            })
+            .collect();
+        let total = |k: usize, moment: usize| parts.iter().map(|p| p[k][moment]).sum::<f64>();
+        (0..self.groups)
+            .map(|k| {
+                let weight = total(k, 0);
                 if weight < 1e-6 {
                     return Group { mean: 0.0, precision: 0.0 };
                 }
-                let mean = first / weight;
-                let spread = (second / weight - mean * mean).max(0.0) as f32;
+                let mean = total(k, 1) / weight;
+                let spread = (total(k, 2) / weight - mean * mean).max(0.0) as f32;
                 // Few texels seen: the mean itself is uncertain.
                 let doubt = 0.04 / (1.0 + weight as f32 / 20.0);
                 let variance = spread + LEAST_SPREAD * LEAST_SPREAD + doubt;

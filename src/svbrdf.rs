@@ -1,5 +1,7 @@
 //! The four maps, their encodings and resampling.
 
+use rayon::prelude::*;
+
 use crate::{Error, Result};
 
 /// Number of parameters of a texel.
@@ -109,14 +111,16 @@ impl Svbrdf {
     /// [`MIN_ROUGHNESS`] to 1, slopes to `±MAX_SLOPE`. Values that are not numbers become those of
     /// [`Svbrdf::new`].
     pub fn clamp(&mut self) {
-        let n = self.texels();
+        let width = self.width;
+        let rows = self.height;
         let defaults = [0.0, 0.0, 0.5, 0.5, 0.5, 0.04, 0.04, 0.04, 0.5];
-        for (c, plane) in self.data.chunks_exact_mut(n).enumerate() {
+        self.data.par_chunks_exact_mut(width).enumerate().for_each(|(row, values)| {
+            let c = row / rows;
             let (low, high) = RANGE[c];
-            for v in plane {
+            for v in values {
                 *v = if v.is_finite() { v.clamp(low, high) } else { defaults[c] };
             }
-        }
+        });
     }
 }
 
@@ -182,19 +186,22 @@ impl Svbrdf {
     pub fn upsampled(&self) -> Self {
         let (w, h) = (self.width, self.height);
         let (w2, h2) = (2 * w, 2 * h);
-        let mut data = Vec::with_capacity(CHANNELS * w2 * h2);
-        for plane in self.data.chunks_exact(w * h) {
-            for y2 in 0..h2 {
-                let (y0, y1, fy) = neighbours(y2, h);
-                let (r0, r1) = (&plane[y0 * w..][..w], &plane[y1 * w..][..w]);
-                for x2 in 0..w2 {
-                    let (x0, x1, fx) = neighbours(x2, w);
-                    let top = r0[x0] + fx * (r0[x1] - r0[x0]);
-                    let bottom = r1[x0] + fx * (r1[x1] - r1[x0]);
-                    data.push(top + fy * (bottom - top));
+        let mut data = vec![0.0; CHANNELS * w2 * h2];
+        // Two rows of the result lie round each source row.
+        data.par_chunks_mut(2 * w2).enumerate().for_each_init(
+            || vec![0.0; w],
+            |mixed, (pair, out)| {
+                let (plane, y) = (pair / h, pair % h);
+                let row = |y: usize| &self.data[(plane * h + y) * w..][..w];
+                let (above, below) = (row(y.saturating_sub(1)), row((y + 1).min(h - 1)));
+                for (other, out) in [above, below].into_iter().zip(out.chunks_exact_mut(w2)) {
+                    for ((m, near), far) in mixed.iter_mut().zip(row(y)).zip(other) {
+                        *m = near + 0.25 * (far - near);
+                    }
+                    double_row(mixed, out);
                 }
-            }
-        }
+            },
+        );
         Self { width: w2, height: h2, data }
     }
 
@@ -218,11 +225,14 @@ impl Svbrdf {
     }
 }
 
-/// Source indices and weight of the second one for texel `i` of an axis of `n` texels doubled.
-fn neighbours(i: usize, n: usize) -> (usize, usize, f32) {
-    let low = if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 };
-    let high = if i.is_multiple_of(2) { i / 2 } else { (i / 2 + 1).min(n - 1) };
-    (low, high, if i.is_multiple_of(2) { 0.75 } else { 0.25 })
+/// Twice the texels of a row by linear interpolation; ends repeat.
+fn double_row(row: &[f32], out: &mut [f32]) {
+    let last = row.len() - 1;
+    for ((pair, &v), x) in out.chunks_exact_mut(2).zip(row).zip(0..) {
+        let (left, right) = (row[usize::max(x, 1) - 1], row[usize::min(x + 1, last)]);
+        pair[0] = v + 0.25 * (left - v);
+        pair[1] = v + 0.25 * (right - v);
+    }
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ mod tests;
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::initial_estimate::Networks;
 use crate::observation::{Observation, View};
 use crate::{Error, Result, Svbrdf};
@@ -195,7 +197,10 @@ impl LatentFit {
     ///
     /// # Errors
     /// When a size is not that of the first.
-    pub fn set_observations(&mut self, observations: Vec<Observation>) -> Result<()> {
+    pub fn set_observations(
+        &mut self,
+        observations: impl IntoIterator<Item = Observation>,
+    ) -> Result<()> {
         let old: Vec<_> =
             self.stages.iter_mut().map(|s| std::mem::take(&mut s.observations)).collect();
         for observation in observations {
@@ -366,13 +371,13 @@ impl LatentFit {
             return below.upsampled();
         };
         let mut change = below.clone();
-        for (c, old) in change.planes_mut().iter_mut().zip(carried.planes()) {
-            *c -= old;
-        }
+        let change_to = |to: &mut Svbrdf, other: &Svbrdf, sign: f32| {
+            let both = to.planes_mut().par_iter_mut().zip(other.planes());
+            both.for_each(|(v, other)| *v += sign * other);
+        };
+        change_to(&mut change, carried, -1.0);
         let mut maps = change.upsampled();
-        for (m, own) in maps.planes_mut().iter_mut().zip(own.maps().planes()) {
-            *m += own;
-        }
+        change_to(&mut maps, own.maps(), 1.0);
         maps.clamp();
         maps
     }

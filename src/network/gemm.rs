@@ -1,5 +1,8 @@
 //! Matrix product on slices: the one place of this module that leaves safe Rust.
 
+use gemm_common::Parallelism;
+use gemm_f32::gemm::f32::get_gemm_fn;
+
 /// Sizes and strides of `c = a b` or `c += a b`, all row-major.
 ///
 /// Row `i` of `a` starts at element `i * a_stride` and has `k` elements: rows may overlap, which is
@@ -30,30 +33,31 @@ pub(super) fn multiply(shape: Shape, a: &[f32], b: &[f32], c: &mut [f32], accumu
     assert!((m - 1) * a_stride + k <= a.len(), "left matrix too short");
     assert!(k * n <= b.len(), "right matrix too short");
     assert!((m - 1) * c_stride + n <= c.len(), "result too short");
-    // SAFETY: the asserts above keep every element that `gemm` reads or writes inside its slice:
+    // SAFETY: the asserts above keep every element that the kernel reads or writes inside its slice:
     // a[i * a_stride + l], b[l * n + j], c[i * c_stride + j] for i < m, l < k, j < n. Rows of `c`
     // do not overlap, and `c` is borrowed exclusively, so it aliases neither `a` nor `b`.
     unsafe {
-        gemm::gemm(
-            m,
+        // The kernels take column-major results: the product is done transposed, c' = b' a'.
+        get_gemm_fn()(
             n,
+            m,
             k,
             c.as_mut_ptr(),
-            1,
             c_stride as isize,
+            1,
             accumulate,
-            a.as_ptr(),
-            1,
-            a_stride as isize,
             b.as_ptr(),
-            1,
             n as isize,
-            1.0f32,
-            1.0f32,
+            1,
+            a.as_ptr(),
+            a_stride as isize,
+            1,
+            1.0,
+            1.0,
             false,
             false,
             false,
-            gemm::Parallelism::None,
+            Parallelism::None,
         );
     }
 }

@@ -164,7 +164,7 @@ impl Fit {
                         )?);
                     }
                     Some(latent) if updates.is_empty() => latent.add_observation(observation)?,
-                    Some(latent) => latent.set_observations(self.observations.clone())?,
+                    Some(latent) => latent.set_observations(self.observations.iter().cloned())?,
                 }
                 Stage::Latent
             }

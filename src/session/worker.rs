@@ -131,6 +131,8 @@ pub(super) enum Command {
 
 /// Shortest time between two published sets of maps.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
+/// The same in units of the time that it took to make the latest.
+const PUBLISH_SHARE: u32 = 20;
 
 /// Runs until the session is dropped; faults end up in [`State::failed`].
 pub(super) fn run(
@@ -145,6 +147,7 @@ pub(super) fn run(
         commands,
         pending: VecDeque::new(),
         published: Instant::now(),
+        interval: PUBLISH_INTERVAL,
         busy: !fit.is_done(),
     };
     match catch_unwind(AssertUnwindSafe(|| worker.work(pool, fit, meter))) {
@@ -167,6 +170,8 @@ struct Worker<'a> {
     /// Photographs that came during a step.
     pending: VecDeque<NewFrame>,
     published: Instant,
+    /// Time between two published sets of maps.
+    interval: Duration,
     busy: bool,
 }
 
@@ -269,8 +274,12 @@ impl Worker<'_> {
         };
         meter.stop();
         let step = step?;
-        let publish = step.done || self.published.elapsed() >= PUBLISH_INTERVAL;
+        let publish = step.done || self.published.elapsed() >= self.interval;
+        let begun = Instant::now();
         let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
+        if publish {
+            self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
+        }
         let mut state = self.shared.lock();
         state.progress.fraction = step.fraction;
         state.progress.loss = step.loss;

@@ -118,6 +118,7 @@ fn write_target(w: &mut Writer, target: &Target) {
     [row_start, col_start, row_end, col_end].into_iter().for_each(|v| w.u32(v));
     w.f64s(&[target.square_mm, target.white_albedo, target.black_albedo]);
     w.flag(target.top_left == TopLeft::White);
+    w.flag(target.patches);
 }
 
 fn read_target(r: &mut Reader) -> Result<Target> {
@@ -131,7 +132,9 @@ fn read_target(r: &mut Reader) -> Result<Target> {
         Hole { row_start: r.u32()?, col_start: r.u32()?, row_end: r.u32()?, col_end: r.u32()? };
     let [square_mm, white_albedo, black_albedo] = r.f64s()?;
     let top_left = if r.flag()? { TopLeft::White } else { TopLeft::Black };
-    let target = Target { kind, rows, cols, square_mm, hole, white_albedo, black_albedo, top_left };
+    let patches = r.flag()?;
+    let target =
+        Target { kind, rows, cols, square_mm, hole, white_albedo, black_albedo, top_left, patches };
     match target.fault() {
         Some((field, _)) => Err(damaged(format!("board: {field}"))),
         None => Ok(target),

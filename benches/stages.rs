@@ -1,0 +1,274 @@
+//! Every stage of the path from a photograph to maps, with its counts of work.
+//!
+//! `cargo bench --bench stages [-- FILTER] [threads=N]`
+//!
+//! Counts hold on any machine; times only compare within one run: least and median of several
+//! runs. `MB` is what a stage has to read and write at least; `calls`, `allocated` and `largest` (MB) are what
+//! one run asks of the allocator. Photographs are those of `examples/captures/tile`; the 12-megapixel
+//! one is the first of them enlarged.
+
+use std::error::Error;
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use svbrdf::Svbrdf;
+use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
+use svbrdf::calibration::{LumaImage, detect, estimate_pose};
+use svbrdf::capture::Capture;
+use svbrdf::frame::{Encoding, Photo};
+use svbrdf::initial_estimate::Networks;
+use svbrdf::network::Workspace;
+use svbrdf::observation::Observation;
+use svbrdf::propagation::propagate;
+use svbrdf::rectification::rectify;
+use svbrdf::session::{Scene, Session, Settings};
+use svbrdf::svbrdf::CHANNELS;
+use svbrdf::{refinement, render};
+
+#[path = "../tests/common/allocations.rs"]
+mod allocations;
+
+#[global_allocator]
+static ALLOCATOR: allocations::Counting = allocations::Counting;
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+const SIDE: usize = 256;
+/// Photographs of the fits.
+const PHOTOS: usize = 5;
+/// Time for one stage.
+const STAGE_TIME: Duration = Duration::from_secs(2);
+const MOST_RUNS: usize = 30;
+
+/// Runs stages and prints a line for each.
+struct Bench {
+    filter: String,
+}
+
+/// Work of one run as far as it is known: multiply-adds, bytes.
+#[derive(Default)]
+struct Work {
+    multiply_adds: f64,
+    bytes: f64,
+}
+
+impl Bench {
+    fn run(&self, name: &str, work: Work, mut stage: impl FnMut()) {
+        if !name.contains(&self.filter) {
+            return;
+        }
+        stage();
+        let allocations::Allocations { calls, bytes, largest } = allocations::during(&mut stage);
+        let mut times = Vec::new();
+        let begun = Instant::now();
+        while times.len() < 3 || (begun.elapsed() < STAGE_TIME && times.len() < MOST_RUNS) {
+            let start = Instant::now();
+            stage();
+            times.push(start.elapsed().as_secs_f64());
+        }
+        times.sort_by(f64::total_cmp);
+        let count = |v: f64, scale: f64| match v {
+            0.0 => "-".to_owned(),
+            _ => format!("{:.3}", v / scale),
+        };
+        println!(
+            "{name:<34} {:>9.2} {:>9.2} {:>8} {:>8} {:>8} {:>10.2} {:>8.2} {:>8.2}",
+            1e3 * times[0],
+            1e3 * times[times.len() / 2],
+            count(work.multiply_adds, 1e9),
+            count(work.bytes, 1e6),
+            calls,
+            bytes as f64 / 1e6,
+            largest as f64 / 1e6,
+        );
+    }
+}
+
+fn main() -> Result<(), Failure> {
+    let mut filter = String::new();
+    let mut threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(4));
+    for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
+        match argument.strip_prefix("threads=") {
+            Some(n) => threads = n.parse()?,
+            None => filter = argument,
+        }
+    }
+    println!("{threads} threads, {SIDE}x{SIDE} texels");
+    println!(
+        "{:<34} {:>9} {:>9} {:>8} {:>8} {:>8} {:>10} {:>8}",
+        "stage", "least ms", "median", "GMAC", "MB", "calls", "allocated", "largest"
+    );
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    pool.install(|| stages(&Bench { filter }, threads))
+}
+
+fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/captures/tile");
+    let capture = Capture::load(&folder)?;
+    let Scene::Board { target, camera: Some(camera), flash_offset_mm: Some(flash) } =
+        capture.scene.clone()
+    else {
+        return Err("a board and a known camera are expected".into());
+    };
+
+    // A photograph of 12 megapixels and the camera that would take it.
+    let first = &capture.frames[0].path;
+    let large = tempfile::Builder::new().suffix(".jpg").tempfile()?;
+    let small = image::open(first)?.to_rgb8();
+    let (w, h) = small.dimensions();
+    let filter = image::imageops::FilterType::CatmullRom;
+    image::imageops::resize(&small, 2 * w, 2 * h, filter).save(large.path())?;
+    let mut large_camera = camera;
+    (large_camera.width, large_camera.height) = (2 * w, 2 * h);
+    (large_camera.fx, large_camera.fy) = (2.0 * camera.fx, 2.0 * camera.fy);
+    (large_camera.cx, large_camera.cy) = (2.0 * camera.cx + 0.5, 2.0 * camera.cy + 0.5);
+
+    for (path, camera, size) in
+        [(first.as_path(), &camera, "3"), (large.path(), &large_camera, "12")]
+    {
+        let pixels = f64::from(camera.width) * f64::from(camera.height);
+        let named = |stage: &str| format!("{stage}, {size} megapixels");
+        let moved = |bytes: f64| Work { bytes: bytes * pixels, ..Work::default() };
+        let read = || Photo::read(path, Encoding::Srgb, 1.0);
+        let photo = read()?;
+        bench.run(&named("decode"), moved(3.0), || drop(black_box(read())));
+        bench.run(&named("linearise"), moved(3.0 + 4.0), || {
+            black_box(LumaImage::from_photo(&photo));
+        });
+        let luma = LumaImage::from_photo(&photo);
+        let detection = detect(&luma, &target)?;
+        bench.run(&named("detect"), moved(4.0), || drop(black_box(detect(&luma, &target))));
+        let pose = estimate_pose(camera, &target, &detection.corners)?.pose;
+        bench.run(&named("pose"), Work::default(), || {
+            let _ = black_box(estimate_pose(camera, &target, &detection.corners));
+        });
+        let calibrator = PhotometricCalibrator::new(target.clone(), FlashOffset::Known(flash));
+        let radiometry = calibrator.clone().push(&photo, camera, &pose)?;
+        bench.run(&named("photometry"), Work::default(), || {
+            let _ = black_box(calibrator.clone().push(&photo, camera, &pose));
+        });
+        bench.run(&named("rectify"), moved(3.0), || {
+            let sample = capture.sample_mm;
+            let _ = black_box(rectify(&photo, camera, &pose, &radiometry, sample, SIDE, SIDE));
+        });
+    }
+
+    let networks = Arc::new(Networks::embedded()?);
+    let mut observations = Vec::new();
+    let mut calibrator = PhotometricCalibrator::new(target.clone(), FlashOffset::Known(flash));
+    for frame in &capture.frames[..PHOTOS] {
+        let photo = frame.read()?;
+        let corners = detect(&LumaImage::from_photo(&photo), &target)?.corners;
+        let pose = estimate_pose(&camera, &target, &corners)?.pose;
+        let radiometry = calibrator.push(&photo, &camera, &pose)?;
+        let sample = capture.sample_mm;
+        observations.push(rectify(&photo, &camera, &pose, &radiometry, sample, SIDE, SIDE)?);
+    }
+    networks_and_optimisers(bench, &networks, &observations)?;
+
+    let photos: Vec<Photo> =
+        capture.frames.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
+    let settings = Settings { sample_mm: capture.sample_mm, threads, ..Settings::default() };
+    let session =
+        || Session::with_networks(capture.scene.clone(), settings.clone(), networks.clone());
+    let photo = photos[0].clone();
+    bench.run("push, first maps", Work::default(), || {
+        let pushed = session().and_then(|s| s.push(&photo));
+        black_box(pushed).expect("a good photograph");
+    });
+    let fit = |photos: &[Photo]| -> Result<(), svbrdf::Error> {
+        let session = session()?;
+        for photo in photos {
+            session.push(photo)?;
+            session.wait()?;
+        }
+        Ok(())
+    };
+    let named = format!("fit, {PHOTOS} photographs one by one");
+    bench.run(&named, Work::default(), || fit(&photos).expect("good photographs"));
+    let mut settled = None;
+    bench.run("push until settled, fifth", Work::default(), || {
+        let session = session().expect("good settings");
+        for photo in &photos[..PHOTOS - 1] {
+            session.push(photo).expect("a good photograph");
+        }
+        session.wait().expect("a fit");
+        let begun = Instant::now();
+        session.push(&photos[PHOTOS - 1]).expect("a good photograph");
+        session.wait().expect("a fit");
+        settled = Some(begun.elapsed().as_secs_f64());
+    });
+    if let Some(seconds) = settled {
+        println!("of which the fifth photograph: {:.2} ms", 1e3 * seconds);
+    }
+    Ok(())
+}
+
+fn networks_and_optimisers(
+    bench: &Bench,
+    networks: &Networks,
+    observations: &[Observation],
+) -> Result<(), Failure> {
+    let texels = (SIDE * SIDE) as f64;
+    networks.prepare(SIDE, SIDE)?;
+    bench.run("plans of photo network and encoder", Work::default(), || {
+        // The networks' files are parsed again: plans are kept.
+        let again = Networks::embedded().and_then(|n| n.prepare(SIDE, SIDE));
+        black_box(again).expect("embedded networks");
+    });
+    let maps = networks.photo_maps(&observations[0])?;
+    bench.run("photo network", Work::default(), || {
+        let _ = black_box(networks.photo_maps(&observations[0]));
+    });
+    let code = networks.encode(&maps)?;
+    bench.run("encoder", Work::default(), || drop(black_box(networks.encode(&maps))));
+
+    let decoder = networks.decoder();
+    let side = SIDE / decoder.stride();
+    let mut workspace = Workspace::new(decoder, side, side)?;
+    let multiply_adds = decoder.operations(side, side) as f64 / 2.0;
+    bench.run("decoder", Work { multiply_adds, bytes: 0.0 }, || {
+        let _ = black_box(decoder.forward(&code, &mut workspace));
+    });
+    let gradient = vec![1e-3; CHANNELS * SIDE * SIDE];
+    let mut code_gradient = vec![0.0; code.len()];
+    bench.run("decoder, VJP", Work { multiply_adds, bytes: 0.0 }, || {
+        let _ = black_box(decoder.vjp(&mut workspace, &gradient, &mut code_gradient));
+    });
+
+    let mut gradient = gradient;
+    let planes = |frames: usize, maps: usize| Work {
+        multiply_adds: 0.0,
+        bytes: 4.0 * texels * (4 * frames + CHANNELS * maps) as f64,
+    };
+    bench.run("render + loss + adjoint, 5 photos", planes(PHOTOS, 2), || {
+        black_box(render::loss_and_gradient(&maps, observations, &mut gradient));
+    });
+    let mut refined = maps.clone();
+    for steps in [1, 8] {
+        let name = format!("refinement, {steps} steps, 5 photos");
+        bench.run(&name, planes(PHOTOS * (steps + 1), 3 * steps), || {
+            refined.clone_from(&maps);
+            let options = refinement::Options { steps, ..Default::default() };
+            refinement::refine(
+                &mut refined,
+                &maps,
+                &refinement::Prior::default(),
+                observations,
+                &options,
+                &mut |_, _| ControlFlow::Continue(()),
+            )
+            .expect("sizes agree");
+        });
+    }
+    bench.run("propagation, 5 photos", planes(PHOTOS, 2), || {
+        refined.clone_from(&maps);
+        propagate(&mut refined, observations).expect("sizes agree");
+    });
+    let coarse: Svbrdf = maps.downsampled();
+    bench.run("maps doubled", planes(0, 1), || drop(black_box(coarse.upsampled())));
+    Ok(())
+}
