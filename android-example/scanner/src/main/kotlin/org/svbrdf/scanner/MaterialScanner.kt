@@ -1,0 +1,126 @@
+package org.svbrdf.scanner
+
+import java.io.File
+
+/**
+ * Normal, diffuse, specular and roughness maps of a flat sample from photos of it inside a printed
+ * board, one photo at a time.
+ *
+ * Every method may be called from any thread at any time. [push] takes a fraction of a second and
+ * [await] as long as the fit: call them off the main thread. What is wrong with arguments is an
+ * [IllegalArgumentException]; a closed scanner an [IllegalStateException]; files an
+ * [java.io.IOException]; the rest a [ScannerException]. A photo that cannot be used is no
+ * exception: see [Pushed.Rejected].
+ */
+class MaterialScanner @JvmOverloads constructor(
+    options: ScanOptions = ScanOptions(),
+    internal val listener: Listener? = null,
+) : AutoCloseable {
+
+    /**
+     * What a scanner calls. [onProgress] and [onMaps] come on one thread of the scanner, one at a
+     * time: post to your own. They may call every method of the scanner, also [close], but should
+     * not [await]. What they throw goes to the thread's handler of uncaught exceptions.
+     */
+    interface Listener {
+        /** The fit has moved on; changes that come too fast are left out. */
+        fun onProgress(scanner: MaterialScanner, progress: Progress) {}
+
+        /** Newer maps can be taken with [snapshot]. */
+        fun onMaps(scanner: MaterialScanner) {}
+
+        /** A line for the log, on the thread it happens on. */
+        fun onLog(level: LogLevel, line: String) {}
+    }
+
+    private val id = if (listener == null) 0 else Native.register(this)
+    private val handle: Handle
+
+    init {
+        val session = try {
+            options.create(this, id)
+        } catch (thrown: Throwable) {
+            Native.unregister(id)
+            throw thrown
+        }
+        val registered = id
+        handle = Handle(this, session) {
+            Native.unregister(registered)
+            Native.sessionDestroy(it)
+        }
+    }
+
+    /**
+     * Takes a photo of the board in; it is not needed after the call. When accepted, maps that know
+     * of it can be taken at once; the fit goes on in the background.
+     */
+    @JvmOverloads
+    fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
+        photo.push(this, handle.now, info, null, null)
+
+    /**
+     * Takes a photo in that shows the sample's rectangle from the top, any size, with the positions
+     * of camera and light: mm, origin at the sample's centre, X right, Y up, Z towards the camera.
+     * For [ScanOptions.rectified].
+     */
+    @JvmOverloads
+    fun pushRectified(
+        photo: Photo,
+        cameraMm: FloatArray,
+        lightMm: FloatArray,
+        info: PhotoInfo = PhotoInfo(),
+    ): Pushed = photo.push(this, handle.now, info, cameraMm, lightMm)
+
+    /** Blocks until the fit has settled on all photos so far; false when the time is over first. */
+    @JvmOverloads
+    fun await(limitMillis: Long = -1): Boolean = Native.sessionWait(this, handle.now, limitMillis)
+
+    /** State of the fit. */
+    val progress: Progress
+        get() {
+            val values = DoubleArray(Progress.SIZE)
+            Native.sessionProgress(this, handle.now, values)
+            return Progress.of(values)
+        }
+
+    /** The light as found so far. */
+    val light: Light
+        get() {
+            val values = DoubleArray(4)
+            Native.sessionLight(this, handle.now, values)
+            return Light(values.copyOf(3), values[3].toFloat())
+        }
+
+    /** The maps as they are now; null before the first accepted photo. */
+    fun snapshot(): MaterialMaps? {
+        val maps = Native.sessionSnapshot(this, handle.now)
+        return if (maps == 0L) null else MaterialMaps(maps)
+    }
+
+    /** Writes the maps as they are now into a folder, see [MaterialMaps.export]. */
+    fun export(folder: File) {
+        val maps = checkNotNull(snapshot()) { "no photo has been accepted yet" }
+        maps.use { it.export(folder) }
+    }
+
+    /** Holds the fit; photos are still taken in. */
+    fun pause() = Native.sessionPause(this, handle.now)
+
+    /** Goes on after [pause]. */
+    fun resume() = Native.sessionResume(this, handle.now)
+
+    /** Ends the fit; photos are refused from now on, maps stay available. */
+    fun cancel() = Native.sessionCancel(this, handle.now)
+
+    /** Ends the session, whatever it is doing; no callback comes afterwards. */
+    override fun close() = handle.close()
+
+    companion object {
+        /** Version of the native library. */
+        @JvmStatic val version: String get() = String(Native.version(), Charsets.UTF_8)
+
+        /** Whether the native library was built with a feature. */
+        @JvmStatic
+        fun has(feature: Feature): Boolean = Native.features() and feature.code != 0L
+    }
+}
