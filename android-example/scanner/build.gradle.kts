@@ -19,7 +19,11 @@ android {
         sourceCompatibility = JavaVersion.VERSION_17
         targetCompatibility = JavaVersion.VERSION_17
     }
-    kotlinOptions { jvmTarget = "17" }
+    kotlinOptions {
+        jvmTarget = "17"
+        // Listeners in Java need not implement every method.
+        freeCompilerArgs += "-Xjvm-default=all"
+    }
 }
 
 dependencies {
