@@ -22,7 +22,7 @@ lateinit var capture: File
 lateinit var header: File
 lateinit var out: File
 
-fun check(condition: Boolean, what: () -> String) {
+fun verify(condition: Boolean, what: () -> String) {
     if (!condition) {
         throw AssertionError(what())
     }
@@ -32,18 +32,18 @@ inline fun <reified T : Throwable> throws(text: String, body: () -> Unit): T {
     try {
         body()
     } catch (thrown: Throwable) {
-        check(thrown is T) { "${T::class} expected, $thrown came" }
-        check(thrown.message.orEmpty().contains(text)) { "'$text' is not in: ${thrown.message}" }
+        verify(thrown is T) { "${T::class.java} expected, $thrown came" }
+        verify(thrown.message.orEmpty().contains(text)) { "'$text' is not in: ${thrown.message}" }
         return thrown as T
     }
-    throw AssertionError("${T::class} expected, nothing came")
+    throw AssertionError("${T::class.java} expected, nothing came")
 }
 
 /** A photo of the capture, as a PPM file: the JDK's decoder of JPEG trips -Xcheck:jni itself. */
 fun photo(index: Int, direct: Boolean = true): Photo {
     val file = File(capture, "%02d.ppm".format(index)).readBytes()
     val start = "P6 2016 1512 255\n"
-    check(String(file, 0, start.length, Charsets.US_ASCII) == start) { "not the photo expected" }
+    verify(String(file, 0, start.length, Charsets.US_ASCII) == start) { "not the photo expected" }
     val bytes = file.size - start.length
     val pixels = if (direct) ByteBuffer.allocateDirect(bytes) else ByteBuffer.allocate(bytes)
     pixels.put(file, start.length, bytes)
@@ -80,13 +80,13 @@ fun captureToMaps() {
     val listener = object : MaterialScanner.Listener {
         override fun onProgress(scanner: MaterialScanner, progress: Progress) {
             threads.add(Thread.currentThread())
-            check(progress.fraction in 0f..1f && progress == progress.copy()) { "$progress" }
-            check(scanner.progress.photos >= progress.photos) { "$progress" }
+            verify(progress.fraction in 0f..1f && progress == progress.copy()) { "$progress" }
+            verify(scanner.progress.photos >= progress.photos) { "$progress" }
             progressed.incrementAndGet()
         }
 
         override fun onMaps(scanner: MaterialScanner) {
-            scanner.snapshot()!!.use { check(it.width == 256) { "${it.width}" } }
+            scanner.snapshot()!!.use { verify(it.width == 256) { "${it.width}" } }
             mapped.incrementAndGet()
         }
 
@@ -95,20 +95,20 @@ fun captureToMaps() {
         }
     }
     MaterialScanner(options, listener).use { scanner ->
-        check(scanner.snapshot() == null) { "maps before the first photo" }
+        verify(scanner.snapshot() == null) { "maps before the first photo" }
         throws<IllegalStateException>("no photo") { scanner.export(out) }
         for (i in 0..1) {
             val info = PhotoInfo(1f, Flash.TORCH, 1000L + i)
             val pushed = scanner.push(photo(i, direct = i == 0), info)
-            check(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
-            check(pushed.timestampNs == 1000L + i) { "$pushed" }
-            check((pushed as Pushed.Accepted).reprojectionRmsPx < 0.5) { "$pushed" }
+            verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
+            verify(pushed.timestampNs == 1000L + i) { "$pushed" }
+            verify((pushed as Pushed.Accepted).reprojectionRmsPx < 0.5) { "$pushed" }
             // The sample's centre is where the pose says, and all corners are in the picture.
             val pose = pushed.pose!!
-            check(pose.angle < 1.0 && pose.cameraMm[2] > 50.0) { "${pose.angle}" }
+            verify(pose.angle < 1.0 && pose.cameraMm[2] > 50.0) { "${pose.angle}" }
             for ((x, y) in listOf(0.0 to 0.0, 44.0 to 44.0, -44.0 to 44.0, 44.0 to -44.0)) {
                 val (u, v) = pose.project(camera, x, y)!!
-                check(u in 0.0..2015.0 && v in 0.0..1511.0) { "$u $v" }
+                verify(u in 0.0..2015.0 && v in 0.0..1511.0) { "$u $v" }
             }
         }
         // Flat gray: no board; the scanner goes on.
@@ -119,25 +119,25 @@ fun captureToMaps() {
         pixels.rewind()
         val blank = Photo.packed(PixelFormat.RGB8, pixels, 2016, 1512)
         val refused = scanner.push(blank) as Pushed.Rejected
-        check(refused.reason == Rejection.BOARD_NOT_FOUND) { "$refused" }
-        check(refused.advice.contains("checkerboard")) { refused.advice }
+        verify(refused.reason == Rejection.BOARD_NOT_FOUND) { "$refused" }
+        verify(refused.advice.contains("checkerboard")) { refused.advice }
         val wrong = scanner.push(gray()) as Pushed.Rejected
-        check(wrong.reason == Rejection.WRONG_SIZE && wrong.advice.contains("2016x1512")) { "$wrong" }
-        check(scanner.await()) { "no end without a limit" }
+        verify(wrong.reason == Rejection.WRONG_SIZE && wrong.advice.contains("2016x1512")) { "$wrong" }
+        verify(scanner.await()) { "no end without a limit" }
         val progress = scanner.progress
-        check(progress.settled && progress.photos == 2 && progress.state == ScanState.READY) {
+        verify(progress.settled && progress.photos == 2 && progress.state == ScanState.READY) {
             "$progress"
         }
-        check(Math.abs(scanner.light.flashOffsetMm[0] - 4.92) < 0.5) { "light" }
+        verify(Math.abs(scanner.light.flashOffsetMm[0] - 4.92) < 0.5) { "light" }
         scanner.snapshot()!!.use { maps ->
-            check(maps.widthMm == 88f && maps.heightMm == 88f && maps.height == 256) { "size" }
+            verify(maps.widthMm == 88f && maps.heightMm == 88f && maps.height == 256) { "size" }
             val normal = maps.floats(MapKind.NORMAL)
-            check(normal.remaining() == 3 * 256 * 256) { "${normal.remaining()}" }
+            verify(normal.remaining() == 3 * 256 * 256) { "${normal.remaining()}" }
             val length = (0..2).sumOf { normal[it].toDouble() * normal[it] }
-            check(Math.abs(length - 1) < 1e-5) { "$length" }
-            check(maps.floats(MapKind.ROUGHNESS).remaining() == 256 * 256) { "roughness" }
+            verify(Math.abs(length - 1) < 1e-5) { "$length" }
+            verify(maps.floats(MapKind.ROUGHNESS).remaining() == 256 * 256) { "roughness" }
             val packed = maps.rgba8(MapKind.ROUGHNESS)
-            check(packed[0] == 255.toByte() && packed[3] == 255.toByte()) { "occlusion, alpha" }
+            verify(packed[0] == 255.toByte() && packed[3] == 255.toByte()) { "occlusion, alpha" }
             maps.export(out)
             File(out, "material.glb").outputStream().use { Gltf.write(maps, it) }
             val relight = Relight(maps)
@@ -152,15 +152,15 @@ fun captureToMaps() {
         scanner.resume()
         scanner.cancel()
         val ended = throws<ScannerException>("") { scanner.push(photo(2)) }
-        check(ended.fault == Fault.CANCELLED) { "${ended.fault}" }
-        check(scanner.progress.state == ScanState.CANCELLED) { "${scanner.progress}" }
-        check(scanner.snapshot() != null) { "maps stay" }
+        verify(ended.fault == Fault.CANCELLED) { "${ended.fault}" }
+        verify(scanner.progress.state == ScanState.CANCELLED) { "${scanner.progress}" }
+        verify(scanner.snapshot() != null) { "maps stay" }
     }
-    check(progressed.get() > 0 && mapped.get() > 0) { "$progressed $mapped callbacks" }
-    check(threads.toSet().size == 1 && threads.all { it.isDaemon }) { "${threads.toSet()}" }
-    check(lines.any { it.startsWith("WARNING") }) { "$lines" }
+    verify(progressed.get() > 0 && mapped.get() > 0) { "$progressed $mapped callbacks" }
+    verify(threads.toSet().size == 1 && threads.all { it.isDaemon }) { "${threads.toSet()}" }
+    verify(lines.any { it.startsWith("WARNING") }) { "$lines" }
     for (file in listOf("normal", "diffuse", "specular", "roughness", "preview")) {
-        check(ImageIO.read(File(out, "$file.png")) != null) { file }
+        verify(ImageIO.read(File(out, "$file.png")) != null) { file }
     }
 }
 
@@ -182,7 +182,7 @@ fun badInput() {
     throws<IOException>("") { ScannerModels.fromFolder(File("/no/such/\uD83D\uDE00")) }
     val one = ByteArray(1)
     val damaged = throws<ScannerException>("") { ScannerModels.fromBytes(one, one, one) }
-    check(damaged.fault == Fault.BAD_MODEL) { "${damaged.fault}" }
+    verify(damaged.fault == Fault.BAD_MODEL) { "${damaged.fault}" }
 
     val scanner = MaterialScanner(small)
     val full = ByteBuffer.allocateDirect(3 * 64 * 64)
@@ -221,14 +221,14 @@ fun badInput() {
         scanner.pushRectified(gray(), floatArrayOf(0f, Float.NaN, 1f), above)
     }
     throws<IllegalArgumentException>("") { scanner.push(gray()) }
-    check(scanner.snapshot() == null && scanner.progress.photos == 0) { "something was lost" }
+    verify(scanner.snapshot() == null && scanner.progress.photos == 0) { "something was lost" }
     // Position and limit count; a heap buffer works as well.
     val padded = ByteBuffer.allocate(7 + 3 * 64 * 64 + 5)
     padded.position(7)
     padded.limit(7 + 3 * 64 * 64)
-    check(push(rgb(64, 64, padded)) is Pushed.Rejected || scanner.progress.photos == 1) { "heap" }
-    check(padded.position() == 7) { "position moved" }
-    check(push(gray()) is Pushed.Accepted) { "still works" }
+    verify(push(rgb(64, 64, padded)) is Pushed.Rejected || scanner.progress.photos == 1) { "heap" }
+    verify(padded.position() == 7) { "position moved" }
+    verify(push(gray()) is Pushed.Accepted) { "still works" }
     val maps = scanner.snapshot()!!
     throws<IllegalArgumentException>("direct") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocate(9)) }
     throws<IllegalArgumentException>("") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocateDirect(9)) }
@@ -236,7 +236,7 @@ fun badInput() {
     throws<IOException>("") { maps.export(File("/proc/no/such")) }
     val unicode = File(out, "Ä\uD83D\uDE00")
     maps.export(unicode)
-    check(File(unicode, "normal.png").isFile) { "Unicode in paths" }
+    verify(File(unicode, "normal.png").isFile) { "Unicode in paths" }
     throws<IllegalArgumentException>("") { maps.export(File(out, "a\u0000b")) }
     maps.close()
     maps.close()
@@ -269,7 +269,7 @@ fun layouts() {
     for (photo in listOf(yuv, sensor)) {
         MaterialScanner(small).use { scanner ->
             val pushed = scanner.pushRectified(photo, above, above)
-            check(pushed is Pushed.Accepted && pushed.pose == null) { "$pushed" }
+            verify(pushed is Pushed.Accepted && pushed.pose == null) { "$pushed" }
         }
     }
 }
@@ -282,7 +282,7 @@ fun models() {
     )) {
         MaterialScanner(small.copy(models = models)).use { scanner ->
             models.close()
-            check(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "own models" }
+            verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "own models" }
         }
         throws<IllegalStateException>("closed") { MaterialScanner(small.copy(models = models)) }
     }
@@ -293,7 +293,7 @@ fun callbacksThatMisbehave() {
     val uncaught = AtomicInteger()
     val before = Thread.getDefaultUncaughtExceptionHandler()
     Thread.setDefaultUncaughtExceptionHandler { _, thrown ->
-        check(thrown.message == "mine") { "$thrown" }
+        verify(thrown.message == "mine") { "$thrown" }
         uncaught.incrementAndGet()
     }
     val closed = CountDownLatch(1)
@@ -313,10 +313,10 @@ fun callbacksThatMisbehave() {
     }
     val scanner = MaterialScanner(small, listener)
     scanner.pushRectified(gray(), above, above)
-    check(closed.await(60, TimeUnit.SECONDS)) { "no callback" }
+    verify(closed.await(60, TimeUnit.SECONDS)) { "no callback" }
     Thread.sleep(50)
     Thread.setDefaultUncaughtExceptionHandler(before)
-    check(uncaught.get() > 0 && late.get() == 0) { "$uncaught $late" }
+    verify(uncaught.get() > 0 && late.get() == 0) { "$uncaught $late" }
     throws<IllegalStateException>("closed") { scanner.progress }
 }
 
@@ -356,9 +356,9 @@ fun flows(): Unit = runBlocking {
     MaterialScanner(small, flows).use { scanner ->
         // For boards; this scanner takes photos from the top.
         val refused = runCatching { scanner.pushSuspending(gray()) }
-        check(refused.exceptionOrNull() is IllegalArgumentException) { "$refused" }
-        check(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
-        flows.maps.first().use { check(it.width == 256) { "${it.width}" } }
+        verify(refused.exceptionOrNull() is IllegalArgumentException) { "$refused" }
+        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
+        flows.maps.first().use { verify(it.width == 256) { "${it.width}" } }
         flows.progress.first { it != null && it.settled }
     }
 }
@@ -376,7 +376,7 @@ fun forgotten() {
         System.gc()
         Thread.sleep(20)
     }
-    check(weak.all { it.get() == null } && Handle.open == 0) { "${Handle.open} handles left" }
+    verify(weak.all { it.get() == null } && Handle.open == 0) { "${Handle.open} handles left" }
 }
 
 fun residentKiB(): Long =
@@ -401,9 +401,9 @@ fun twoHundredSessions() {
         val growth = residentKiB() - before
         println("200 sessions: $growth KiB more, of ${residentKiB()}")
         // One leaked set of maps has 2 MiB, a leaked session more.
-        check(growth < 40 * 1024) { "$growth KiB" }
+        verify(growth < 40 * 1024) { "$growth KiB" }
     }
-    check(Handle.open == 0 && Native.registered == 0) { "${Handle.open} ${Native.registered}" }
+    verify(Handle.open == 0 && Native.registered == 0) { "${Handle.open} ${Native.registered}" }
 }
 
 fun codesOfTheHeader() {
@@ -431,7 +431,7 @@ fun codesOfTheHeader() {
     for ((prefix, values) in codes) {
         for ((name, code) in values) {
             val define = defines[prefix + name]
-            check(define == code.toLong()) { "$prefix$name: $code, in the header $define" }
+            verify(define == code.toLong()) { "$prefix$name: $code, in the header $define" }
         }
         // Newer libraries may add some: said, not refused.
         val known = values.keys.map { prefix + it }

@@ -384,7 +384,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         uris.drop(1).forEach { clip.addItem(ClipData.Item(it)) }
         intent.clipData = clip
         startActivity(Intent.createChooser(intent, getString(R.string.share)))
-        feedback.setText(R.string.enough)
+        feedback.text = next(scanner?.progress?.photos ?: 0)
     }
 
     private companion object {

@@ -112,7 +112,10 @@ class MaterialScanner @JvmOverloads constructor(
     /** Ends the fit; photos are refused from now on, maps stay available. */
     fun cancel() = Native.sessionCancel(this, handle.now)
 
-    /** Ends the session, whatever it is doing; no callback comes afterwards. */
+    /**
+     * Ends the session, whatever it is doing; no callback comes afterwards. Waits for one that is
+     * running on another thread: hold no lock that it takes.
+     */
     override fun close() = handle.close()
 
     companion object {
