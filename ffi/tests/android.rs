@@ -201,7 +201,11 @@ fn gltf_is_well_formed(file: &[u8]) {
     let float =
         |view: &[u8], i: usize| f32::from_le_bytes(view[4 * i..4 * i + 4].try_into().unwrap());
     // The first corner: -X, +Y, where the maps begin.
-    assert_eq!([0, 1, 2].map(|i| float(view(0), i)), [-0.044, 0.044, 0.0]);
+    let corner = [0, 1, 2].map(|i| float(view(0), i));
+    assert_eq!(corner, [-0.044, 0.044, 0.0]);
+    // Readers compare these to the bit.
+    let least = json["accessors"][0]["min"].as_array().unwrap();
+    assert_eq!(least[0].as_f64().unwrap() as f32, corner[0]);
     assert_eq!([0, 1].map(|i| float(view(3), i)), [0.0, 0.0]);
     let material = &json["materials"][0];
     assert_eq!(material["extensions"]["KHR_materials_ior"]["ior"], 0);

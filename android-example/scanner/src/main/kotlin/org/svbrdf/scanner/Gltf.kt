@@ -4,7 +4,6 @@ import java.io.ByteArrayOutputStream
 import java.io.OutputStream
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
-import java.util.Locale
 import java.util.zip.CRC32
 import java.util.zip.Deflater
 
@@ -19,7 +18,7 @@ object Gltf {
         val diffuse = png(maps.width, maps.height, maps.rgba8(MapKind.DIFFUSE))
         val specular = png(maps.width, maps.height, maps.rgba8(MapKind.SPECULAR))
         val roughness = png(maps.width, maps.height, maps.rgba8(MapKind.ROUGHNESS))
-        val (w, h) = listOf(0.0005f * maps.widthMm, 0.0005f * maps.heightMm)
+        val (w, h) = listOf(maps.widthMm / 2000f, maps.heightMm / 2000f)
         val geometry = little(4 * 48 + 12)
         // Metres, in the plane of x and y, facing +z. Row 0 of the maps is at +y.
         for (x in listOf(-w, -w, w, w).zip(listOf(h, -h, -h, h))) {
@@ -66,9 +65,8 @@ object Gltf {
 
     private const val GEOMETRY_VIEWS = 5
 
-    private fun json(views: String, bytes: Int, w: Float, h: Float): String {
-        val (x, y) = listOf(w, h).map { String.format(Locale.ROOT, "%.6f", it) }
-        return """{"asset":{"version":"2.0","generator":"svbrdf"},
+    /** Kotlin prints floats so that they are read back the same: least and greatest must be. */
+    private fun json(views: String, bytes: Int, x: Float, y: Float): String = """{"asset":{"version":"2.0","generator":"svbrdf"},
 "extensionsUsed":["KHR_materials_specular","KHR_materials_ior"],
 "scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3},
@@ -88,7 +86,6 @@ object Gltf {
 {"bufferView":3,"componentType":5126,"count":4,"type":"VEC2"},
 {"bufferView":4,"componentType":5123,"count":6,"type":"SCALAR"}],
 "bufferViews":[$views],"buffers":[{"byteLength":$bytes}]}"""
-    }
 
     private fun little(bytes: Int) = ByteBuffer.allocate(bytes).order(ByteOrder.LITTLE_ENDIAN)
 
