@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use svbrdf::Svbrdf;
 use svbrdf::classic;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::initial_estimate::{Networks, PooledPhotos};
 use svbrdf::latent_fit::{FitOptions, LatentFit};
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::propagation::propagate;
@@ -268,13 +268,29 @@ fn main() -> Result<(), Failure> {
             table.add(name, e, seconds);
         };
         print("start".to_owned(), &first, seconds);
+        let mut pooled = PooledPhotos::default();
         let clock = Instant::now();
         let mut fit =
             LatentFit::new(networks.clone(), &first, observations[0].clone(), options.clone())?;
         let mut seconds = 0.0;
         for (i, observation) in observations.iter().enumerate() {
             let clock = if i == 0 { clock } else { Instant::now() };
+            let start = networks.pool_photo(&mut pooled, observation)?;
             if i > 0 {
+                if photos.contains(&(i + 1)) {
+                    print(format!("start {}", i + 1), &start, 0.0);
+                }
+                if keys.contains_key("pooled") {
+                    fit = LatentFit::new(
+                        networks.clone(),
+                        &start,
+                        observations[0].clone(),
+                        options.clone(),
+                    )?;
+                    for earlier in &observations[1..i] {
+                        fit.add_observation(earlier.clone())?;
+                    }
+                }
                 fit.add_observation(observation.clone())?;
             }
             while !fit.step()?.settled {}

@@ -25,8 +25,11 @@
  * that they should not wait for the fit: no progress arrives meanwhile. Do not hold a lock that a
  * callback takes while calling svbrdf_session_destroy(), and let no C++ exception out of one.
  *
- * Ownership: svbrdf_session_destroy(), svbrdf_maps_destroy() and svbrdf_models_destroy() free what
- * the calls named after them made; there is nothing else to free.
+ * Time: limits and timeouts are counted by a monotonic clock; setting the system's does nothing.
+ *
+ * Ownership: svbrdf_session_destroy(), svbrdf_maps_destroy(), svbrdf_models_destroy(),
+ * svbrdf_capture_destroy() and svbrdf_buffer_destroy() free what the calls that hand such a handle
+ * out made; there is nothing else to free.
  */
 
 #ifndef SVBRDF_H
@@ -66,6 +69,16 @@
 #define SVBRDF_FEATURE_RAW 4
 
 /**
+ * Bytes made by the library.
+ */
+typedef struct svbrdf_buffer svbrdf_buffer;
+
+/**
+ * A folder with capture.json and photos (PNG, JPEG, TIFF, OpenEXR).
+ */
+typedef struct svbrdf_capture svbrdf_capture;
+
+/**
  * Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
  */
 typedef struct svbrdf_maps svbrdf_maps;
@@ -87,159 +100,46 @@ typedef struct svbrdf_session svbrdf_session;
 typedef int32_t svbrdf_status;
 
 /**
- * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
+ * How long the fit works on each photo. A fit at its limit settles on the maps that it has; every
+ * photo begins with the full budget again, and pauses do not count. Default: no limits.
  */
-typedef uint32_t svbrdf_pixel_format;
-
-/**
- * Transfer curve of stored values.
- */
-typedef uint32_t svbrdf_transfer;
-
-/**
- * How luma and chroma were made.
- */
-typedef uint32_t svbrdf_yuv_matrix;
-
-/**
- * A plane of a picture. Its layout never changes.
- */
-typedef struct svbrdf_plane {
-    /**
-     * First pixel. No alignment is asked for.
-     */
-    const void *data;
-    /**
-     * Readable bytes from there on. The last row may end with its last pixel.
-     */
-    size_t bytes;
-    /**
-     * Bytes from a row to the next.
-     */
-    size_t row_stride;
-    /**
-     * Bytes from a pixel to the next; 0: no gap.
-     */
-    size_t pixel_stride;
-} svbrdf_plane;
-
-/**
- * Colours of the top-left 2 x 2 sensor pixels, row by row.
- */
-typedef uint32_t svbrdf_bayer_pattern;
-
-/**
- * A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
- * ignored.
- */
-typedef struct svbrdf_image {
+typedef struct svbrdf_budget {
     /**
      * Size of this struct.
      */
     size_t size;
     /**
-     * Layout: one of SVBRDF_PIXEL_.
+     * Seconds of work on each photo, the step in progress apart; negative: any number.
      */
-    svbrdf_pixel_format format;
+    float seconds;
     /**
-     * Pixels in a row, as stored.
+     * Steps of the optimisers on each photo; 0: any number.
      */
-    uint32_t width;
+    uint32_t max_steps;
     /**
-     * Rows, as stored.
+     * 1: also end where what is left to change is less than half a step of 8-bit maps.
      */
-    uint32_t height;
-    /**
-     * Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
-     */
-    svbrdf_transfer transfer;
-    /**
-     * How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
-     * session's camera describes the turned picture. Boards need no turning.
-     */
-    uint32_t rotation;
-    /**
-     * For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
-     */
-    svbrdf_yuv_matrix yuv_matrix;
-    /**
-     * The planes: three for YUV, otherwise the first.
-     */
-    struct svbrdf_plane planes[3];
-    /**
-     * For floats: the level at which a channel is clipped. Default: infinite, never.
-     */
-    float saturation;
-    /**
-     * For Bayer: one of SVBRDF_BAYER_. Default: RGGB.
-     */
-    svbrdf_bayer_pattern bayer_pattern;
-    /**
-     * For Bayer: value of darkness at the four places of the pattern, row by row.
-     */
-    float black_level[4];
-    /**
-     * For Bayer: value of full scale; at and above it a sample is clipped. Default: 65535.
-     */
-    float white_level;
-    /**
-     * For Bayer: gains of R, G and B that make neutral gray neutral. Default: 1.
-     */
-    float white_balance[3];
-    /**
-     * For Bayer: matrix from white-balanced sensor colours to linear Rec. 709, row by row.
-     * Default: identity.
-     */
-    float color_matrix[9];
-} svbrdf_image;
-
-/**
- * A map in memory of the library.
- */
-typedef struct svbrdf_map_view {
-    /**
-     * Size of this struct.
-     */
-    size_t size;
-    /**
-     * First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
-     */
-    const void *data;
-    /**
-     * Bytes of all rows.
-     */
-    size_t bytes;
-    /**
-     * Bytes from a row to the next.
-     */
-    size_t row_stride;
-    /**
-     * Texels in a row.
-     */
-    uint32_t width;
-    /**
-     * Rows.
-     */
-    uint32_t height;
-    /**
-     * Channels of a texel: 1, 3 or 4.
-     */
-    uint32_t channels;
+    uint32_t stop_when_invisible;
     /**
      * 0.
      */
     uint32_t reserved;
-} svbrdf_map_view;
+} svbrdf_budget;
 
 /**
- * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+ * What the photos show.
  */
-typedef uint32_t svbrdf_map;
+typedef uint32_t svbrdf_scene;
 
 /**
- * How a map's texels are laid out.
+ * How maps are found.
  */
-typedef uint32_t svbrdf_map_format;
+typedef uint32_t svbrdf_method;
+
+/**
+ * Light of rectified photos.
+ */
+typedef uint32_t svbrdf_falloff;
 
 /**
  * Kind of board.
@@ -345,21 +245,6 @@ typedef struct svbrdf_camera {
      */
     double distortion[5];
 } svbrdf_camera;
-
-/**
- * What the photos show.
- */
-typedef uint32_t svbrdf_scene;
-
-/**
- * How maps are found.
- */
-typedef uint32_t svbrdf_method;
-
-/**
- * Light of rectified photos.
- */
-typedef uint32_t svbrdf_falloff;
 
 /**
  * What a session is doing.
@@ -518,35 +403,13 @@ typedef struct svbrdf_session_options {
      * Handed to the callbacks.
      */
     void *user_data;
+    /**
+     * Most memory the session may need by its own estimate, bytes, the models (about 30 MB, shared
+     * by all sessions) not counted; 0: any amount. What would need more is answered with
+     * SVBRDF_MEMORY_LIMIT.
+     */
+    uint64_t memory_limit_bytes;
 } svbrdf_session_options;
-
-/**
- * What lit a photo.
- */
-typedef uint32_t svbrdf_flash;
-
-/**
- * What is known about a photo.
- */
-typedef struct svbrdf_frame_info {
-    /**
-     * Size of this struct.
-     */
-    size_t size;
-    /**
-     * Relative exposure: value = radiance * exposure. With a torch, exposure time times
-     * sensitivity over that of the first photo. Default: 1.
-     */
-    float exposure;
-    /**
-     * One of SVBRDF_FLASH_. Default: unknown.
-     */
-    svbrdf_flash flash;
-    /**
-     * Handed back in the report and named in the log, e.g. to tell which photo it was.
-     */
-    int64_t timestamp_ns;
-} svbrdf_frame_info;
 
 /**
  * Why a photo was not used. Values may be added.
@@ -598,6 +461,189 @@ typedef struct svbrdf_frame_report {
      */
     int64_t timestamp_ns;
 } svbrdf_frame_report;
+
+/**
+ * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
+ */
+typedef uint32_t svbrdf_pixel_format;
+
+/**
+ * Transfer curve of stored values.
+ */
+typedef uint32_t svbrdf_transfer;
+
+/**
+ * How luma and chroma were made.
+ */
+typedef uint32_t svbrdf_yuv_matrix;
+
+/**
+ * A plane of a picture. Its layout never changes.
+ */
+typedef struct svbrdf_plane {
+    /**
+     * First pixel. No alignment is asked for.
+     */
+    const void *data;
+    /**
+     * Readable bytes from there on. The last row may end with its last pixel.
+     */
+    size_t bytes;
+    /**
+     * Bytes from a row to the next.
+     */
+    size_t row_stride;
+    /**
+     * Bytes from a pixel to the next; 0: no gap.
+     */
+    size_t pixel_stride;
+} svbrdf_plane;
+
+/**
+ * Colours of the top-left 2 x 2 sensor pixels, row by row.
+ */
+typedef uint32_t svbrdf_bayer_pattern;
+
+/**
+ * A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
+ * ignored.
+ */
+typedef struct svbrdf_image {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Layout: one of SVBRDF_PIXEL_.
+     */
+    svbrdf_pixel_format format;
+    /**
+     * Pixels in a row, as stored.
+     */
+    uint32_t width;
+    /**
+     * Rows, as stored.
+     */
+    uint32_t height;
+    /**
+     * Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
+     */
+    svbrdf_transfer transfer;
+    /**
+     * How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
+     * session's camera describes the turned picture. Boards need no turning.
+     */
+    uint32_t rotation;
+    /**
+     * For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
+     */
+    svbrdf_yuv_matrix yuv_matrix;
+    /**
+     * The planes: three for YUV, otherwise the first.
+     */
+    struct svbrdf_plane planes[3];
+    /**
+     * For floats: the level at which a channel is clipped. Default: infinite, never.
+     */
+    float saturation;
+    /**
+     * For Bayer: one of SVBRDF_BAYER_. Default: RGGB.
+     */
+    svbrdf_bayer_pattern bayer_pattern;
+    /**
+     * For Bayer: value of darkness at the four places of the pattern, row by row.
+     */
+    float black_level[4];
+    /**
+     * For Bayer: value of full scale; at and above it a sample is clipped. Default: 65535.
+     */
+    float white_level;
+    /**
+     * For Bayer: gains of R, G and B that make neutral gray neutral. Default: 1.
+     */
+    float white_balance[3];
+    /**
+     * For Bayer: matrix from white-balanced sensor colours to linear Rec. 709, row by row.
+     * Default: identity.
+     */
+    float color_matrix[9];
+} svbrdf_image;
+
+/**
+ * A map in memory of the library.
+ */
+typedef struct svbrdf_map_view {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
+     */
+    const void *data;
+    /**
+     * Bytes of all rows.
+     */
+    size_t bytes;
+    /**
+     * Bytes from a row to the next.
+     */
+    size_t row_stride;
+    /**
+     * Texels in a row.
+     */
+    uint32_t width;
+    /**
+     * Rows.
+     */
+    uint32_t height;
+    /**
+     * Channels of a texel: 1, 3 or 4.
+     */
+    uint32_t channels;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_map_view;
+
+/**
+ * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+ */
+typedef uint32_t svbrdf_map;
+
+/**
+ * How a map's texels are laid out.
+ */
+typedef uint32_t svbrdf_map_format;
+
+/**
+ * What lit a photo.
+ */
+typedef uint32_t svbrdf_flash;
+
+/**
+ * What is known about a photo.
+ */
+typedef struct svbrdf_frame_info {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Relative exposure: value = radiance * exposure. With a torch, exposure time times
+     * sensitivity over that of the first photo. Default: 1.
+     */
+    float exposure;
+    /**
+     * One of SVBRDF_FLASH_. Default: unknown.
+     */
+    svbrdf_flash flash;
+    /**
+     * Handed back in the report and named in the log, e.g. to tell which photo it was.
+     */
+    int64_t timestamp_ns;
+} svbrdf_frame_info;
 
 /**
  * 3 bytes a pixel.
@@ -958,6 +1004,16 @@ typedef struct svbrdf_frame_report {
 #define SVBRDF_UNSUPPORTED -6
 
 /**
+ * A saved session is damaged, cut short, or none.
+ */
+#define SVBRDF_BAD_STATE -8
+
+/**
+ * It would need more memory than svbrdf_session_options.memory_limit_bytes; nothing changed.
+ */
+#define SVBRDF_MEMORY_LIMIT -9
+
+/**
  * A fault inside the library. A session in which it happened answers this from then on; its
  * maps, its progress and svbrdf_session_destroy() stay available.
  */
@@ -966,6 +1022,51 @@ typedef struct svbrdf_frame_report {
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
+
+/**
+ * Fills a budget with defaults: pass sizeof(svbrdf_budget).
+ */
+svbrdf_status svbrdf_budget_init(struct svbrdf_budget *budget, size_t size);
+
+/**
+ * Limits the work on each photo from now on; NULL: no limits. A fit that an earlier budget has
+ * ended goes on if this one allows it.
+ */
+svbrdf_status svbrdf_session_set_budget(struct svbrdf_session *session,
+                                        const struct svbrdf_budget *budget);
+
+/**
+ * Reads capture.json of a folder (UTF-8) and checks every field; photos are read when pushed.
+ * SVBRDF_INVALID_ARGUMENT names the field at fault. Free with svbrdf_capture_destroy().
+ */
+svbrdf_status svbrdf_capture_open(const char *path, struct svbrdf_capture **out);
+
+/**
+ * How many photos a capture has.
+ */
+svbrdf_status svbrdf_capture_frames(const struct svbrdf_capture *capture, uint32_t *count);
+
+/**
+ * Starts a session as svbrdf_session_create() with scene, sample, board, camera, flash and
+ * falloff of a capture instead of those of the options.
+ */
+svbrdf_status svbrdf_session_create_for_capture(const struct svbrdf_session_options *options,
+                                                const struct svbrdf_capture *capture,
+                                                struct svbrdf_session **session);
+
+/**
+ * Reads a capture's photo and takes it in, as svbrdf_session_push_frame() or
+ * svbrdf_session_push_rectified(); the report's timestamp is the index. `report` may be NULL.
+ */
+svbrdf_status svbrdf_session_push_capture(struct svbrdf_session *session,
+                                          const struct svbrdf_capture *capture,
+                                          uint32_t index,
+                                          struct svbrdf_frame_report *report);
+
+/**
+ * Frees a capture; NULL is fine. Sessions do not need it.
+ */
+svbrdf_status svbrdf_capture_destroy(struct svbrdf_capture *capture);
 
 /**
  * Fills a picture description with defaults: pass sizeof(svbrdf_image).
@@ -1083,6 +1184,52 @@ svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_
  * Fills a progress with defaults: pass sizeof(svbrdf_progress).
  */
 svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size);
+
+/**
+ * Address and number of a buffer's bytes, valid until svbrdf_buffer_destroy().
+ */
+svbrdf_status svbrdf_buffer_view(const struct svbrdf_buffer *buffer,
+                                 const void **data,
+                                 size_t *bytes);
+
+/**
+ * Frees a buffer; NULL is fine.
+ */
+svbrdf_status svbrdf_buffer_destroy(struct svbrdf_buffer *buffer);
+
+/**
+ * The session as bytes, from which svbrdf_session_load_state() goes on as if nothing had happened,
+ * in another process or on another machine, also with a library of a newer minor version: board,
+ * camera, settings, budget, all photos as far as they are needed, maps, and the fit. The session
+ * is not changed and goes on. Waits for a photo being pushed and for one step of the fit. A
+ * cancelled session cannot be saved: pause it instead. Free with svbrdf_buffer_destroy().
+ */
+svbrdf_status svbrdf_session_save_state(const struct svbrdf_session *session,
+                                        struct svbrdf_buffer **out);
+
+/**
+ * As svbrdf_session_save_state(), into a file (UTF-8) whose folder exists. What stood there is
+ * replaced once everything is written, and stays when that fails.
+ */
+svbrdf_status svbrdf_session_save_state_to(const struct svbrdf_session *session, const char *path);
+
+/**
+ * Goes on with a saved session. Of the options count threads (0: as saved), models, callbacks,
+ * user_data and memory_limit_bytes; everything else is in the state. The bytes are not needed
+ * after the call. SVBRDF_BAD_STATE when they are not what was written, SVBRDF_UNSUPPORTED when a
+ * newer major version wrote them; `*session` is then left as it was.
+ */
+svbrdf_status svbrdf_session_load_state(const struct svbrdf_session_options *options,
+                                        const void *data,
+                                        size_t bytes,
+                                        struct svbrdf_session **session);
+
+/**
+ * As svbrdf_session_load_state() from a file (UTF-8).
+ */
+svbrdf_status svbrdf_session_load_state_from(const struct svbrdf_session_options *options,
+                                             const char *path,
+                                             struct svbrdf_session **session);
 
 /**
  * Starts a session. On success `*session` is a handle to free with svbrdf_session_destroy();

@@ -188,6 +188,42 @@ private:
     detail::Owner<svbrdf_maps, svbrdf_maps_destroy> owner_;
 };
 
+/// Bytes that the library made.
+class Buffer {
+public:
+    explicit Buffer(svbrdf_buffer* buffer) noexcept : owner_(buffer) {}
+    /// Valid as long as this buffer.
+    Span<const std::uint8_t> bytes() const {
+        const void* data = nullptr;
+        std::size_t size = 0;
+        check(svbrdf_buffer_view(owner_.get(), &data, &size));
+        return {static_cast<const std::uint8_t*>(data), size};
+    }
+
+private:
+    detail::Owner<svbrdf_buffer, svbrdf_buffer_destroy> owner_;
+};
+
+/// A folder with capture.json and photos.
+class Capture {
+public:
+    explicit Capture(const std::string& path) {
+        svbrdf_capture* capture = nullptr;
+        check(svbrdf_capture_open(path.c_str(), &capture));
+        owner_ = detail::Owner<svbrdf_capture, svbrdf_capture_destroy>(capture);
+    }
+    /// Number of photos.
+    std::uint32_t frames() const {
+        std::uint32_t count = 0;
+        check(svbrdf_capture_frames(get(), &count));
+        return count;
+    }
+    svbrdf_capture* get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<svbrdf_capture, svbrdf_capture_destroy> owner_;
+};
+
 /// What became of a photo.
 struct Pushed {
     /// Whether it takes part in the fit.
@@ -212,16 +248,37 @@ struct Callbacks {
 /// A capture in progress. Its destructor may run at any time; see svbrdf_session_destroy().
 class Session {
 public:
-    explicit Session(const svbrdf_session_options& options) { create(options); }
-
-    /// With callbacks; those of `options` are not used.
-    Session(svbrdf_session_options options, Callbacks callbacks)
-        : callbacks_(std::make_unique<Callbacks>(std::move(callbacks))) {
-        options.user_data = callbacks_.get();
-        options.on_progress = callbacks_->progress ? on_progress : nullptr;
-        options.on_maps = callbacks_->maps ? on_maps : nullptr;
-        options.on_log = callbacks_->log ? on_log : nullptr;
-        create(options);
+    /// `callbacks` take the place of those of `options`.
+    explicit Session(svbrdf_session_options options, Callbacks callbacks = {}) {
+        open(options, std::move(callbacks), [&](svbrdf_session** session) {
+            return svbrdf_session_create(&options, session);
+        });
+    }
+    /// With scene, sample, board, camera and flash of a capture.
+    Session(const Capture& capture, svbrdf_session_options options, Callbacks callbacks = {}) {
+        open(options, std::move(callbacks), [&](svbrdf_session** session) {
+            return svbrdf_session_create_for_capture(&options, capture.get(), session);
+        });
+    }
+    /// Goes on with a saved session; see svbrdf_session_load_state() for what counts of `options`.
+    static Session load(Span<const std::uint8_t> state,
+                        svbrdf_session_options options = make(svbrdf_session_options_init),
+                        Callbacks callbacks = {}) {
+        Session session;
+        session.open(options, std::move(callbacks), [&](svbrdf_session** handle) {
+            return svbrdf_session_load_state(&options, state.data(), state.size(), handle);
+        });
+        return session;
+    }
+    /// The same from a file.
+    static Session load(const std::string& path,
+                        svbrdf_session_options options = make(svbrdf_session_options_init),
+                        Callbacks callbacks = {}) {
+        Session session;
+        session.open(options, std::move(callbacks), [&](svbrdf_session** handle) {
+            return svbrdf_session_load_state_from(&options, path.c_str(), handle);
+        });
+        return session;
     }
     Session(Session&&) noexcept = default;
     Session& operator=(Session&& other) noexcept {
@@ -244,6 +301,27 @@ public:
         return pushed(svbrdf_session_push_rectified(get(), &image, info, camera_mm.data(),
                                                     light_mm.data(), &report),
                       report);
+    }
+    /// Reads a capture's photo and takes it in.
+    Pushed push(const Capture& capture, std::uint32_t index) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
+    }
+    /// Limits the work on each photo.
+    void set_budget(const svbrdf_budget& budget) {
+        check(svbrdf_session_set_budget(get(), &budget));
+    }
+    /// No limits any more.
+    void clear_budget() { check(svbrdf_session_set_budget(get(), nullptr)); }
+    /// The session as bytes for load().
+    Buffer save() const {
+        svbrdf_buffer* buffer = nullptr;
+        check(svbrdf_session_save_state(get(), &buffer));
+        return Buffer(buffer);
+    }
+    /// The same into a file; what stood there stays when that fails.
+    void save(const std::string& path) const {
+        check(svbrdf_session_save_state_to(get(), path.c_str()));
     }
     /// Blocks until the fit has settled on all photos so far.
     void wait() { check(svbrdf_session_wait(get(), -1)); }
@@ -286,9 +364,19 @@ public:
     svbrdf_session* get() const noexcept { return owner_.get(); }
 
 private:
-    void create(const svbrdf_session_options& options) {
+    Session() = default;
+    /// Makes the session; `options` are those that `create` uses.
+    template <typename Create>
+    void open(svbrdf_session_options& options, Callbacks&& callbacks, Create create) {
+        if (callbacks.progress || callbacks.maps || callbacks.log) {
+            callbacks_ = std::make_unique<Callbacks>(std::move(callbacks));
+            options.user_data = callbacks_.get();
+            options.on_progress = callbacks_->progress ? on_progress : nullptr;
+            options.on_maps = callbacks_->maps ? on_maps : nullptr;
+            options.on_log = callbacks_->log ? on_log : nullptr;
+        }
         svbrdf_session* session = nullptr;
-        check(svbrdf_session_create(&options, &session));
+        check(create(&session));
         owner_ = detail::Owner<svbrdf_session, svbrdf_session_destroy>(session);
     }
     static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {

@@ -53,6 +53,17 @@ pub enum Error {
         /// What is wrong.
         message: String,
     },
+    /// A saved session cannot be read.
+    #[error("saved session: {0}")]
+    State(StateFault),
+    /// The work would need more memory than [`Settings`](crate::session::Settings) allow.
+    #[error("about {} MiB would be needed, {} MiB are allowed", needed >> 20, limit >> 20)]
+    MemoryLimit {
+        /// Estimate of what all of the session would need, bytes.
+        needed: u64,
+        /// What is allowed, bytes.
+        limit: u64,
+    },
     /// No photograph has been accepted yet, so there are no maps.
     #[error("no photograph has been accepted yet")]
     NoMaps,
@@ -79,6 +90,29 @@ impl Error {
     pub fn model(model: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Model { model: model.into(), message: message.into() }
     }
+}
+
+/// What is wrong with a saved session.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StateFault {
+    /// It is something else.
+    #[error("this is none")]
+    Foreign,
+    /// Its end is missing.
+    #[error("cut short")]
+    Truncated,
+    /// It is not what was written.
+    #[error("damaged: {0}")]
+    Damaged(String),
+    /// It was written by a newer major version.
+    #[error("of format {found}, this version reads up to {known}")]
+    Newer {
+        /// Major version of its format.
+        found: u16,
+        /// Latest one that this version reads.
+        known: u16,
+    },
 }
 
 /// Why a photograph was not used. Nothing of the session changed.

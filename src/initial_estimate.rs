@@ -1,4 +1,9 @@
-//! The networks that run once per photograph: maps from one photograph, and the code of given maps.
+//! The networks that run once per photograph: maps from the photographs so far, and the code of given
+//! maps.
+//!
+//! The photo network looks at each photograph once and pools what it saw, by maximum and mean: the
+//! result does not depend on the order, and memory and time not on the number of photographs
+//! before. The paper begins with one photograph (Section 5) and names this as future work.
 //!
 //! Both are ONNX graphs executed by tract; the decoder, which runs in every step of the fit, has its
 //! own code in [`crate::network`]. A plan is built once per size and kept.
@@ -10,8 +15,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tract_onnx::prelude::*;
+use tract_onnx::tract_hir::infer::Factoid;
+use tract_onnx::tract_hir::internal::DimLike;
 
-use crate::network::Decoder;
+use crate::network::{Decoder, Workspace};
 use crate::observation::{Falloff, Observation, View};
 use crate::svbrdf::{CHANNELS, encoding};
 use crate::{Error, Result, Svbrdf};
@@ -26,7 +33,25 @@ const MAX_TEXELS: usize = 4096;
 /// Offset of the logarithm in which the photo network sees radiance.
 const LOG_OFFSET: f32 = 0.01;
 
-/// The three networks: photograph to maps, maps to code, code to maps.
+/// Pooled features before the first photograph: below all that occur.
+const NO_FEATURE: f32 = -1e4;
+
+/// What the photo network keeps of the photographs so far (2.7 MB at 256x256 texels).
+#[derive(Default)]
+pub struct PooledPhotos {
+    size: [usize; 2],
+    count: usize,
+    levels: Vec<Tensor>,
+}
+
+impl PooledPhotos {
+    /// Number of photographs.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+/// The three networks: photographs to maps, maps to code, code to maps.
 pub struct Networks {
     decoder: Decoder,
     encoder: Network,
@@ -87,25 +112,70 @@ impl Networks {
         self.encoder.plan(height, width).map(|_| ())
     }
 
-    /// First maps from one photograph.
+    /// First maps from one photograph, as [`Networks::pool_photo`] gives them.
+    ///
+    /// # Errors
+    /// When the sides are not multiples of 32 (after halving), or the network is broken.
+    pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
+        self.pool_photo(&mut PooledPhotos::default(), observation)
+    }
+
+    /// Maps from one more photograph and those in `pooled`, which is unchanged on an error.
     ///
     /// Observations of more than 256 texels a side are halved until they fit; the result has that
     /// size. Where nothing was seen the network fills in from what lies around.
     ///
     /// # Errors
-    /// When the sides are not multiples of 32 (after halving), or the network is broken.
-    pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
+    /// When the sides are not multiples of 32 (after halving) or not those of the photographs
+    /// before, or the network is broken.
+    pub fn pool_photo(
+        &self,
+        pooled: &mut PooledPhotos,
+        observation: &Observation,
+    ) -> Result<Svbrdf> {
         let mut small = None;
         for _ in 0..photo_halvings(observation.height, observation.width)? {
             small = Some(small.as_ref().unwrap_or(observation).downsampled());
         }
         let observation = small.as_ref().unwrap_or(observation);
-        let (h, w) = (observation.height, observation.width);
-        let encoded = self.photo.run(h, w, photo_input(observation))?;
+        let size = [observation.width, observation.height];
+        let encoded = self.pool_planes(pooled, size, photo_input(observation))?;
+        decoded_maps(size[0], size[1], encoded)
+    }
+
+    /// [`Networks::pool_photo`] between the network's planes.
+    fn pool_planes(
+        &self,
+        pooled: &mut PooledPhotos,
+        [w, h]: [usize; 2],
+        photo: Vec<f32>,
+    ) -> Result<Vec<f32>> {
+        if pooled.count > 0 && pooled.size != [w, h] {
+            let [width, height] = pooled.size;
+            return Err(Error::argument(
+                "observation",
+                format!("{w}x{h} texels, {width}x{height} expected as before"),
+            ));
+        }
+        let count = pooled.count + 1;
+        let share = guarded("photo", || Tensor::from_shape(&[1, 1, 1, 1], &[1.0 / count as f32]))?;
+        let mut inputs = vec![share];
+        if pooled.count == 0 {
+            for shape in self.photo.extra_shapes(h, w).skip(1) {
+                let values = vec![NO_FEATURE; shape.iter().product()];
+                inputs.push(guarded("photo", || Tensor::from_shape(&shape, &values))?);
+            }
+        } else {
+            inputs.extend(pooled.levels.iter().cloned());
+        }
+        let mut outputs = self.photo.run(h, w, photo, inputs)?.into_iter();
+        let maps = outputs.next().ok_or_else(|| self.photo.fault("there is no result"))?;
+        let encoded = self.photo.finite(&maps)?;
         if encoded.len() != CHANNELS * h * w {
             return Err(self.photo.fault("the result has an unexpected size"));
         }
-        decoded_maps(w, h, encoded)
+        *pooled = PooledPhotos { size: [w, h], count, levels: outputs.collect() };
+        Ok(encoded)
     }
 
     /// The code of maps: `channels * height / 16 * width / 16` values.
@@ -115,12 +185,24 @@ impl Networks {
     pub fn encode(&self, maps: &Svbrdf) -> Result<Vec<f32>> {
         let (h, w) = (maps.height(), maps.width());
         self.check_code_size(h, w)?;
-        let code = self.encoder.run(h, w, encoded_maps(maps))?;
+        let outputs = self.encoder.run(h, w, encoded_maps(maps), Vec::new())?;
+        let code = self.encoder.finite(&outputs[0])?;
         let stride = self.decoder.stride();
         if code.len() != self.decoder.code_channels() * (h / stride) * (w / stride) {
             return Err(self.encoder.fault("its code is not the decoder's"));
         }
         Ok(code)
+    }
+
+    /// Maps of a code of `[height, width]` positions, as [`Networks::encode`] gives it.
+    ///
+    /// # Errors
+    /// When the code has another size.
+    pub fn decode(&self, code: &[f32], [height, width]: [usize; 2]) -> Result<Svbrdf> {
+        let mut workspace = Workspace::new(&self.decoder, height, width)?;
+        let encoded = self.decoder.forward(code, &mut workspace)?.to_vec();
+        let stride = self.decoder.stride();
+        decoded_maps(stride * width, stride * height, encoded)
     }
 
     fn check_code_size(&self, height: usize, width: usize) -> Result<()> {
@@ -226,10 +308,13 @@ fn log_encode(x: f32) -> f32 {
     2.0 * ((x + LOG_OFFSET).ln() - low) / (high - low) - 1.0
 }
 
-/// One ONNX graph with an input `[1, channels, height, width]`.
+/// One ONNX graph with an input `[1, channels, height, width]`, and the photo network's further
+/// inputs: a number, then features at halved sizes.
 struct Network {
     name: &'static str,
     channels: usize,
+    /// Channels of the further inputs.
+    extra: Vec<usize>,
     model: InferenceModel,
     plans: Mutex<HashMap<(usize, usize), Arc<TypedRunnableModel>>>,
 }
@@ -237,11 +322,31 @@ struct Network {
 impl Network {
     fn parse(name: &'static str, bytes: &[u8], channels: usize) -> Result<Self> {
         let model = guarded(name, || tract_onnx::onnx().model_for_read(&mut Cursor::new(bytes)))?;
-        Ok(Self { name, channels, model, plans: Mutex::default() })
+        let mut extra = Vec::new();
+        for outlet in
+            model.input_outlets().map_err(|e| Error::model(name, e.to_string()))?.iter().skip(1)
+        {
+            let fact = model.outlet_fact(*outlet).map_err(|e| Error::model(name, e.to_string()))?;
+            let dimension =
+                fact.shape.dim(1).and_then(|d| d.concretize()).and_then(|d| d.to_usize().ok());
+            extra.push(
+                dimension
+                    .ok_or_else(|| Error::model(name, "an input has no number of channels"))?,
+            );
+        }
+        Ok(Self { name, channels, extra, model, plans: Mutex::default() })
     }
 
     fn fault(&self, message: &str) -> Error {
         Error::model(self.name, message)
+    }
+
+    /// Shapes of the further inputs: `[1, 1, 1, 1]`, then one size after the other.
+    fn extra_shapes(&self, height: usize, width: usize) -> impl Iterator<Item = [usize; 4]> {
+        self.extra.iter().enumerate().map(move |(i, &channels)| match i {
+            0 => [1, channels, 1, 1],
+            i => [1, channels, height >> i, width >> i],
+        })
     }
 
     fn plan(&self, height: usize, width: usize) -> Result<Arc<TypedRunnableModel>> {
@@ -250,23 +355,41 @@ impl Network {
         if let Some(plan) = plans.get(&(height, width)) {
             return Ok(plan.clone());
         }
-        let fact = f32::fact([1, self.channels, height, width]);
+        let shapes = std::iter::once([1, self.channels, height, width])
+            .chain(self.extra_shapes(height, width));
         let plan = guarded(self.name, || {
-            self.model.clone().with_input_fact(0, fact.into())?.into_optimized()?.into_runnable()
+            let mut model = self.model.clone();
+            for (i, shape) in shapes.enumerate() {
+                model = model.with_input_fact(i, f32::fact(shape).into())?;
+            }
+            model.into_optimized()?.into_runnable()
         })?;
         plans.insert((height, width), plan.clone());
         Ok(plan)
     }
 
-    fn run(&self, height: usize, width: usize, input: Vec<f32>) -> Result<Vec<f32>> {
+    fn run(
+        &self,
+        height: usize,
+        width: usize,
+        input: Vec<f32>,
+        extra: Vec<Tensor>,
+    ) -> Result<Vec<Tensor>> {
         let plan = self.plan(height, width)?;
-        let output = guarded(self.name, || {
+        guarded(self.name, || {
             let input = Tensor::from_shape(&[1, self.channels, height, width], &input)?;
-            let output = plan.run(tvec!(input.into()))?;
-            Ok(output[0].to_plain_array_view::<f32>()?.iter().copied().collect::<Vec<f32>>())
+            let inputs = std::iter::once(input).chain(extra).map(TValue::from).collect();
+            Ok(plan.run(inputs)?.into_iter().map(TValue::into_tensor).collect())
+        })
+    }
+
+    /// The values of a result, none of which is NaN or infinite.
+    fn finite(&self, output: &Tensor) -> Result<Vec<f32>> {
+        let values = guarded(self.name, || {
+            Ok(output.to_plain_array_view::<f32>()?.iter().copied().collect::<Vec<f32>>())
         })?;
-        if output.iter().all(|v| v.is_finite()) {
-            Ok(output)
+        if values.iter().all(|v| v.is_finite()) {
+            Ok(values)
         } else {
             Err(self.fault("the result is not finite"))
         }
@@ -298,12 +421,37 @@ mod tests {
         let tolerance = 2e-4;
         let vectors = test_vectors(include_bytes!("../models/encoder_test.bin"));
         let (shape, maps) = &vectors["maps"];
-        let code = networks.encoder.run(shape[2], shape[3], maps.clone()).unwrap();
+        let code = networks.encoder.run(shape[2], shape[3], maps.clone(), Vec::new()).unwrap();
+        let code = networks.encoder.finite(&code[0]).unwrap();
         assert!(difference(&code, &vectors["code"].1) < tolerance);
         let vectors = test_vectors(include_bytes!("../models/photo_test.bin"));
-        let (shape, photo) = &vectors["photo"];
-        let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
-        assert!(difference(&maps, &vectors["maps"].1) < tolerance);
+        let (shape, photos) = &vectors["photos"];
+        let (count, h, w) = (shape[0], shape[2], shape[3]);
+        let photo = |i: usize| photos[i * photos.len() / count..][..photos.len() / count].to_vec();
+        for order in [[0, 1, 2], [2, 0, 1]] {
+            let mut pooled = PooledPhotos::default();
+            for (i, &index) in order.iter().enumerate() {
+                let encoded = networks.pool_planes(&mut pooled, [w, h], photo(index)).unwrap();
+                let expected = match i {
+                    0 if index == 0 => &vectors["maps1"].1,
+                    2 => &vectors["maps3"].1,
+                    _ => continue,
+                };
+                assert!(difference(&encoded, expected) < tolerance, "{order:?} {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn photographs_of_another_size_leave_the_pool_as_it_was() {
+        let networks = networks();
+        let photo = |w, h| vec![0.1; PHOTO_CHANNELS * w * h];
+        let mut pooled = PooledPhotos::default();
+        networks.pool_planes(&mut pooled, [64, 32], photo(64, 32)).unwrap();
+        assert!(networks.pool_planes(&mut pooled, [32, 32], photo(32, 32)).is_err());
+        assert_eq!((pooled.count(), pooled.size), (1, [64, 32]));
+        networks.pool_planes(&mut pooled, [64, 32], photo(64, 32)).unwrap();
+        assert_eq!(pooled.count(), 2);
     }
 
     #[test]
@@ -366,7 +514,7 @@ mod tests {
         let good = include_bytes!("../models/encoder.onnx");
         for end in [0, 10, 1000, good.len() / 2] {
             let broken = Network::parse("encoder", &good[..end], CHANNELS)
-                .and_then(|n| n.run(16, 16, vec![0.0; CHANNELS * 256]));
+                .and_then(|n| n.run(16, 16, vec![0.0; CHANNELS * 256], Vec::new()));
             assert!(matches!(broken, Err(Error::Model { .. })), "{end}");
         }
     }

@@ -31,6 +31,7 @@ pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
 pub mod latent_fit;
+pub mod light_refinement;
 pub mod loss;
 pub mod network;
 pub mod observation;
@@ -48,5 +49,5 @@ pub mod svbrdf;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub use error::{Error, Rejection, Result};
+pub use error::{Error, Rejection, Result, StateFault};
 pub use svbrdf::Svbrdf;

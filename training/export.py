@@ -1,7 +1,8 @@
 """Export trained weights to what the library embeds.
 
     encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
-    photo.onnx     photo [1, 10, H, W] -> maps [1, 9, H, W]
+    photo.onnx     photo [1, 10, H, W], share [1, 1, 1, 1], 5 levels of pooled
+                   features -> maps [1, 9, H, W], 5 levels
     decoder.bin    own container, see write_decoder
     *_test.bin     inputs and outputs computed here, to test other
                    implementations against
@@ -25,12 +26,13 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from networks import SLOPE, STRIDE, PhotoNetwork, multiply_accumulates
+from networks import SLOPE, STRIDE, PhotoNetwork, StreamingPhotoNetwork, multiply_accumulates
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
 
 ALLOWED_OPS = {
-    "Add", "Cast", "Concat", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Mul", "Tanh",
+    "Add", "Cast", "Concat", "Constant", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Max", "Mul", "Sub",
+    "Tanh",
 }
 
 
@@ -93,16 +95,18 @@ def write_vectors(path, arrays):
     write_container(path, b"SVBRDFT1", header, data)
 
 
-def to_onnx(path, module, example, input_name, output_name, out_stride):
-    """Plain ONNX graph with dynamic height and width, float16 initialisers."""
+def to_onnx(path, module, examples, inputs, outputs):
+    """Plain ONNX graph with dynamic heights and widths, float16 initialisers.
+    The code is at a stride of 16, level i at one of 2^i."""
     buffer = io.BytesIO()
+    axes = {n: {2: f"H_{n.removeprefix('new_')}", 3: f"W_{n.removeprefix('new_')}"} for n in inputs + outputs if n != "share"}
     torch.onnx.export(
         module,
-        (example,),
+        tuple(examples),
         buffer,
-        input_names=[input_name],
-        output_names=[output_name],
-        dynamic_axes={input_name: {2: "H", 3: "W"}, output_name: {2: "Ho", 3: "Wo"}},
+        input_names=inputs,
+        output_names=outputs,
+        dynamic_axes=axes,
         opset_version=13,
         dynamo=False,
         do_constant_folding=True,
@@ -131,8 +135,9 @@ def to_onnx(path, module, example, input_name, output_name, out_stride):
     return sorted(ops)
 
 
-def verify(path, module, channels, name):
-    """Compare with onnxruntime at several sizes; returns the largest error."""
+def verify(path, module, names, examples):
+    """Compare with onnxruntime at several sizes; ``examples``: (height, width) ->
+    inputs. Returns the largest error."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -140,12 +145,14 @@ def verify(path, module, channels, name):
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     worst = 0.0
     for h, w in ((64, 64), (256, 256), (128, 192)):
-        x = torch.rand(1, channels, h, w) * 2 - 1
+        x = examples(h, w)
         with torch.no_grad():
-            expected = module(x).numpy()
-        got = session.run(None, {name: x.numpy()})[0]
-        assert got.shape == expected.shape, (got.shape, expected.shape)
-        worst = max(worst, float(np.abs(got - expected).max()))
+            expected = module(*x)
+        expected = expected if isinstance(expected, tuple) else (expected,)
+        got = session.run(None, {n: v.numpy() for n, v in zip(names, x)})
+        for a, b in zip(got, expected, strict=True):
+            assert a.shape == b.shape, (a.shape, b.shape)
+            worst = max(worst, float(np.abs(a - b.numpy()).max()))
     assert worst < 2e-3, worst
     return worst
 
@@ -174,19 +181,28 @@ def main():
     decoder = round_to_half(contiguous(autoencoder.decoder))
     photo = round_to_half(contiguous(photo))
 
-    print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code", STRIDE))
-    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
+    stream = StreamingPhotoNetwork(photo).eval()
+    levels = [f"level{i + 1}" for i in range(len(photo.widths))]
+    photo_names = ["photo", "share", *levels]
+
+    def random_photo(h, w):
+        return torch.rand(1, 10, h, w) * 2 - 1, torch.full((1, 1, 1, 1), 0.3), *map(torch.randn_like, stream.first(h, w))
+
+    print("encoder", to_onnx(path("encoder.onnx"), encoder, [torch.rand(1, 9, 64, 64)], ["maps"], ["code"]))
+    print("photo", to_onnx(path("photo.onnx"), stream, random_photo(64, 64), photo_names,
+                           ["maps"] + ["new_" + n for n in levels]))
     write_decoder(path("decoder.bin"), decoder)
-    print("encoder error", verify(path("encoder.onnx"), encoder, 9, "maps"))
-    print("photo error", verify(path("photo.onnx"), photo, 10, "photo"))
+    print("encoder error", verify(path("encoder.onnx"), encoder, ["maps"], lambda h, w: (torch.rand(1, 9, h, w) * 2 - 1,)))
+    print("photo error", verify(path("photo.onnx"), stream, photo_names, random_photo))
 
     # test vectors: smooth inputs in a plausible range
     maps = torch.tanh(nn.functional.interpolate(torch.randn(1, 9, 9, 9), (64, 64), mode="bicubic"))
     with torch.no_grad():
         write_vectors(path("encoder_test.bin"), {"maps": maps.numpy(), "code": encoder(maps).numpy()})
-    x = torch.tanh(nn.functional.interpolate(torch.randn(1, 10, 5, 9), (32, 64), mode="bicubic"))
+    x = torch.tanh(nn.functional.interpolate(torch.randn(3, 10, 5, 9), (32, 64), mode="bicubic"))
     with torch.no_grad():
-        write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
+        results = {f"maps{n}": photo(x[None, :n]).numpy() for n in (1, 3)}
+        write_vectors(path("photo_test.bin"), {"photos": x.numpy(), **results})
     code = torch.randn(1, decoder.code, 3, 4, requires_grad=True)
     out = decoder(code)
     gradient = torch.randn_like(out)
@@ -212,7 +228,7 @@ def main():
         "mac_at_256": {
             "encoder": multiply_accumulates(encoder, torch.rand(1, 9, 256, 256)),
             "decoder": multiply_accumulates(decoder, torch.rand(1, decoder.code, 16, 16)),
-            "photo": multiply_accumulates(photo, torch.rand(1, 10, 256, 256)),
+            "photo": multiply_accumulates(photo, torch.rand(1, 1, 10, 256, 256)),
         },
         "training": {
             "autoencoder": {"steps": ae_steps, "samples": ae_samples},

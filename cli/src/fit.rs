@@ -62,6 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         refine: !arguments.no_refine,
         threads: arguments.threads,
         seed: arguments.seed,
+        ..Settings::default()
     };
     let session = Session::new(capture.scene.clone(), settings)?;
     let used = arguments.frames.map_or(capture.frames.len(), |n| n as usize);

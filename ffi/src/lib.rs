@@ -8,6 +8,8 @@
 //!   callers built against another version keep working.
 #![allow(non_camel_case_types)]
 
+pub mod budget;
+pub mod capture;
 mod handles;
 pub mod image;
 pub mod info;
@@ -16,6 +18,7 @@ pub mod models;
 mod notifier;
 pub mod options;
 pub mod reports;
+pub mod saved;
 pub mod session;
 pub mod status;
 mod versioned;

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char, c_void};
 use engine::calibration::{Hole, Target, TargetKind, TopLeft};
 use engine::geometry::Camera;
 use engine::observation::Falloff;
-use engine::session::{Method, RectifiedFalloff, Scene, Settings};
+use engine::session::{Method, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use glam::DVec3;
 
 use crate::models::svbrdf_models;
@@ -277,6 +277,10 @@ pub struct svbrdf_session_options {
     pub on_log: svbrdf_log_callback,
     /// Handed to the callbacks.
     pub user_data: *mut c_void,
+    /// Most memory the session may need by its own estimate, bytes, the models (about 30 MB, shared
+    /// by all sessions) not counted; 0: any amount. What would need more is answered with
+    /// SVBRDF_MEMORY_LIMIT.
+    pub memory_limit_bytes: u64,
 }
 
 impl Default for svbrdf_session_options {
@@ -302,6 +306,7 @@ impl Default for svbrdf_session_options {
             on_maps: None,
             on_log: None,
             user_data: std::ptr::null_mut(),
+            memory_limit_bytes: 0,
         }
     }
 }
@@ -336,11 +341,26 @@ fn truth(field: &str, value: u32) -> Result<bool, Fault> {
 }
 
 impl svbrdf_session_options {
-    pub(crate) fn settings(&self) -> Result<Settings, Fault> {
+    fn threads(&self) -> Result<usize, Fault> {
         if self.threads > MAX_THREADS {
             let message = format!("threads: {} given, at most {MAX_THREADS}", self.threads);
             return Err(Fault::argument(message));
         }
+        Ok(self.threads as usize)
+    }
+
+    fn memory_limit(&self) -> Option<u64> {
+        (self.memory_limit_bytes > 0).then_some(self.memory_limit_bytes)
+    }
+
+    /// What counts of the options for a session that goes on.
+    pub(crate) fn for_restoring(&self) -> Result<RestoreOptions, Fault> {
+        let threads = self.threads()?;
+        let threads = (threads > 0).then_some(threads);
+        Ok(RestoreOptions { threads, memory_limit_bytes: self.memory_limit() })
+    }
+
+    pub(crate) fn settings(&self) -> Result<Settings, Fault> {
         Ok(Settings {
             sample_mm: self.sample_mm,
             resolution: self.resolution as usize,
@@ -350,8 +370,9 @@ impl svbrdf_session_options {
                 other => return Err(unknown("method", other)),
             },
             refine: truth("refine", self.refine)?,
-            threads: self.threads as usize,
+            threads: self.threads()?,
             seed: self.seed,
+            memory_limit_bytes: self.memory_limit(),
         })
     }
 

@@ -103,7 +103,7 @@ fn look(
 }
 
 /// A call that a failed session refuses.
-fn act(
+pub(crate) fn act(
     session: *const svbrdf_session,
     body: impl FnOnce(&Live) -> Result<(), Fault>,
 ) -> svbrdf_status {
@@ -124,19 +124,35 @@ pub unsafe extern "C" fn svbrdf_session_create(
     options: *const svbrdf_session_options,
     session: *mut *mut svbrdf_session,
 ) -> svbrdf_status {
+    // SAFETY: the caller vouches for the options, what they point to, and the result.
+    unsafe {
+        open(options, session, |options| {
+            let (scene, settings) = (options.scene()?, options.settings()?);
+            let networks = models::networks(options.models)?;
+            Ok(Session::with_networks(scene, settings, networks)?)
+        })
+    }
+}
+
+/// Makes a session with the callbacks of options and hands it out.
+///
+/// # Safety
+/// As svbrdf_session_create().
+pub(crate) unsafe fn open(
+    options: *const svbrdf_session_options,
+    session: *mut *mut svbrdf_session,
+    make: impl FnOnce(&svbrdf_session_options) -> Result<Session, Fault>,
+) -> svbrdf_status {
     entry(|| {
         if session.is_null() {
             return Err(Fault::argument("session: NULL given"));
         }
-        // SAFETY: the caller vouches for the options and what they point to.
-        let (options, scene) = unsafe {
-            let options = versioned::read(options)?;
-            (options, options.scene()?)
-        };
-        let settings = options.settings()?;
-        let sample_mm = settings.sample_mm;
+        // SAFETY: the caller vouches for the options.
+        let options = unsafe { versioned::read(options) }?;
+        let made = make(&options)?;
+        let sample_mm = made.settings().sample_mm;
         let live = Arc::new(Live {
-            session: Session::with_networks(scene, settings, models::networks(options.models)?)?,
+            session: made,
             callbacks: Callbacks::new(&options),
             destroyed: AtomicBool::new(false),
             handle: Handles::<Live>::reserve(),
@@ -147,7 +163,7 @@ pub unsafe extern "C" fn svbrdf_session_create(
             notifier: Mutex::new(None),
         });
         live.callbacks.log(SVBRDF_LOG_INFO, || {
-            format!("session of {0} x {0} texels started", options.resolution)
+            format!("session of {0} x {0} texels started", live.session.settings().resolution)
         });
         // Known before the first callback, which may use it.
         SESSIONS.insert(live.handle, live.clone());
@@ -239,29 +255,43 @@ unsafe fn push(
             let photo = unsafe { image.photo(info.exposure) }?;
             take(&live.session, &photo)?
         };
-        let name = info.timestamp_ns;
-        let (result, value) = match pushed {
-            Pushed::Accepted(accepted) => {
-                live.callbacks.log(SVBRDF_LOG_INFO, || {
-                    let seconds = accepted.maps_seconds;
-                    format!("photo {name} accepted as number {} in {seconds:.2} s", accepted.index)
-                });
-                (Ok(()), svbrdf_frame_report::accepted(&accepted, name))
-            }
-            Pushed::Rejected(rejection) => {
-                live.callbacks.log(SVBRDF_LOG_WARNING, || {
-                    format!("photo {name} rejected ({}): {rejection}", rejection.code())
-                });
-                let report = svbrdf_frame_report::rejected(&rejection, name);
-                (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
-            }
-        };
-        if let Some(size) = size {
-            // SAFETY: `size` bytes are there.
-            unsafe { versioned::write(report, size, value) };
-        }
-        result
+        // SAFETY: `size` bytes are there.
+        unsafe { tell(live, &pushed, info.timestamp_ns, report, size) }
     })
+}
+
+/// Logs and reports what became of a photo.
+///
+/// # Safety
+/// `report` has `size` writable bytes, if any.
+pub(crate) unsafe fn tell(
+    live: &Live,
+    pushed: &Pushed,
+    timestamp_ns: i64,
+    report: *mut svbrdf_frame_report,
+    size: Option<usize>,
+) -> Result<(), Fault> {
+    let (result, value) = match pushed {
+        Pushed::Accepted(accepted) => {
+            live.callbacks.log(SVBRDF_LOG_INFO, || {
+                let (index, seconds) = (accepted.index, accepted.maps_seconds);
+                format!("photo {timestamp_ns} accepted as number {index} in {seconds:.2} s")
+            });
+            (Ok(()), svbrdf_frame_report::accepted(accepted, timestamp_ns))
+        }
+        Pushed::Rejected(rejection) => {
+            live.callbacks.log(SVBRDF_LOG_WARNING, || {
+                format!("photo {timestamp_ns} rejected ({}): {rejection}", rejection.code())
+            });
+            let report = svbrdf_frame_report::rejected(rejection, timestamp_ns);
+            (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
+        }
+    };
+    if let Some(size) = size {
+        // SAFETY: the caller vouches for the bytes.
+        unsafe { versioned::write(report, size, value) };
+    }
+    result
 }
 
 /// Blocks until the fit has settled on all photos so far, for at most `timeout_ms` milliseconds

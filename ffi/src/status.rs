@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use engine::Error;
+use engine::{Error, StateFault};
 
 /// What a call answers: 0 done, negative a fault, positive neither. Values may be added.
 pub type svbrdf_status = i32;
@@ -31,6 +31,10 @@ pub const SVBRDF_IO: svbrdf_status = -4;
 pub const SVBRDF_BAD_MODEL: svbrdf_status = -5;
 /// The struct asks for something this version does not know, or this build lacks.
 pub const SVBRDF_UNSUPPORTED: svbrdf_status = -6;
+/// A saved session is damaged, cut short, or none.
+pub const SVBRDF_BAD_STATE: svbrdf_status = -8;
+/// It would need more memory than svbrdf_session_options.memory_limit_bytes; nothing changed.
+pub const SVBRDF_MEMORY_LIMIT: svbrdf_status = -9;
 /// A fault inside the library. A session in which it happened answers this from then on; its
 /// maps, its progress and svbrdf_session_destroy() stay available.
 pub const SVBRDF_FAILED: svbrdf_status = -7;
@@ -60,6 +64,10 @@ impl From<Error> for Fault {
                 SVBRDF_INVALID_ARGUMENT
             }
             Error::Model { .. } => SVBRDF_BAD_MODEL,
+            // Written by a newer major version.
+            Error::State(StateFault::Newer { .. }) => SVBRDF_UNSUPPORTED,
+            Error::State(_) => SVBRDF_BAD_STATE,
+            Error::MemoryLimit { .. } => SVBRDF_MEMORY_LIMIT,
             Error::NoMaps => SVBRDF_NO_MAPS,
             Error::Cancelled => SVBRDF_CANCELLED,
             _ => SVBRDF_FAILED,
@@ -123,6 +131,8 @@ pub extern "C" fn svbrdf_status_name(status: svbrdf_status) -> *const c_char {
         SVBRDF_IO => c"io",
         SVBRDF_BAD_MODEL => c"bad_model",
         SVBRDF_UNSUPPORTED => c"unsupported",
+        SVBRDF_BAD_STATE => c"bad_state",
+        SVBRDF_MEMORY_LIMIT => c"memory_limit",
         SVBRDF_FAILED => c"failed",
         _ => c"unknown",
     }

@@ -30,6 +30,7 @@ fn clients_compile_without_warnings_and_handle_bad_arguments() {
         if has(compiler) {
             let program = compile(dir.path(), compiler, language, &[]);
             run(&mut client(&program, "bad-arguments", dir.path()));
+            run(client(&program, "state", dir.path()).env("SVBRDF_TEST_QUICK", "1"));
             compiled += 1;
         }
     }
@@ -84,8 +85,8 @@ fn sanitizers_find_nothing() {
     let dir = workplace();
     let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
     for (compiler, language, tests) in [
-        ("gcc", "c", &["bad-arguments", "maps", "lifecycle", "threads"][..]),
-        ("g++", "cpp", &["bad-arguments", "handles"][..]),
+        ("gcc", "c", &["bad-arguments", "maps", "lifecycle", "threads", "state", "capture"][..]),
+        ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
     ] {
         let program = compile(dir.path(), compiler, language, &flags);
         let symbols = run(Command::new("nm").arg("-D").arg(&program));
@@ -124,6 +125,7 @@ fn under_valgrind(test: &str, quick: bool) {
 fn valgrind_finds_nothing() {
     under_valgrind("bad-arguments", true);
     under_valgrind("lifecycle", true);
+    under_valgrind("state", true);
 }
 
 #[test]

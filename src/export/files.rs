@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use image::{DynamicImage, ImageBuffer, ImageFormat};
 
@@ -40,10 +41,12 @@ pub fn check_writable(dir: impl AsRef<Path>) -> Result<()> {
         .map_err(|e| Error::io(dir, e))
 }
 
-/// A hidden name beside `path` that no other process uses.
+/// A hidden name beside `path` that nobody else uses.
 fn temporary_name(path: &Path) -> PathBuf {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let (process, count) = (std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.tmp", std::process::id()))
+    path.with_file_name(format!(".{name}.{process}-{count}.tmp"))
 }
 
 /// Encodes a picture as PNG and writes it.

@@ -7,8 +7,10 @@ mod camera_buffer;
 mod encoding;
 mod exif;
 mod file;
+mod stored;
 
 pub(crate) use file::read_picture;
+pub(crate) use stored::Stored;
 
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, Plane, Rotation, YuvMatrix};
 pub use encoding::Encoding;

@@ -13,6 +13,16 @@ impl Adam {
         Self { first: vec![0.0; length], second: vec![0.0; length], steps: 0 }
     }
 
+    /// First and second moments, steps.
+    pub fn parts(&self) -> (&[f32], &[f32], i32) {
+        (&self.first, &self.second, self.steps)
+    }
+
+    /// From moments of one length and the steps they have seen.
+    pub fn from_parts(first: Vec<f32>, second: Vec<f32>, steps: i32) -> Self {
+        Self { first, second, steps }
+    }
+
     /// Moves `values` against `gradient`, at most about `rate` per element.
     pub fn step(&mut self, values: &mut [f32], gradient: &[f32], rate: f32, betas: [f32; 2]) {
         // Gradients of a mean over 10^5 texels are tiny: the usual 1e-8 would damp them.

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::FitOptions;
 use super::adam::Adam;
 use super::global;
+use super::{FitOptions, SavedLevel};
 use crate::initial_estimate::{Networks, encoded_maps};
 use crate::network::Workspace;
 use crate::observation::Observation;
@@ -72,6 +72,49 @@ impl Level {
         }
         self.write_maps();
         Ok(())
+    }
+
+    /// What [`Level::restore`] needs; the maps must be up to date with the code.
+    pub fn save(&self) -> SavedLevel {
+        let (first, second, steps) = self.adam.parts();
+        SavedLevel {
+            code: self.code.clone(),
+            moments: [first.to_vec(), second.to_vec()],
+            steps,
+            anchor: self.anchor.clone(),
+            deviation: self.deviation,
+            maps: self.maps.clone(),
+        }
+    }
+
+    /// Goes on from what was saved. Code and moments mean nothing to other networks than theirs:
+    /// without `same_networks` the maps are encoded anew.
+    pub fn restore(
+        networks: &Networks,
+        saved: SavedLevel,
+        same_networks: bool,
+        options: &FitOptions,
+    ) -> Result<Self> {
+        let mut level = Self::new(networks, &saved.maps, options)?;
+        let fits = |v: &[f32], like: &[f32]| v.len() == like.len();
+        if !fits(&saved.anchor, &level.anchor) {
+            return Err(Error::argument("anchor", "two planes are expected"));
+        }
+        level.anchor = saved.anchor;
+        level.deviation = saved.deviation.max(LEAST_DEVIATION);
+        if same_networks {
+            let [first, second] = saved.moments;
+            if ![&saved.code, &first, &second].iter().all(|v| fits(v, &level.code)) {
+                return Err(Error::argument(
+                    "code",
+                    "code and moments are not of the level's size",
+                ));
+            }
+            level.code = saved.code;
+            level.adam = Adam::from_parts(first, second, saved.steps);
+        }
+        level.restart(networks, &saved.maps, options)?;
+        Ok(level)
     }
 
     /// Corrects the maps as a whole and goes on from their code.

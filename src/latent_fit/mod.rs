@@ -15,6 +15,7 @@
 mod adam;
 mod global;
 mod level;
+mod saved;
 
 #[cfg(test)]
 mod tests;
@@ -22,12 +23,13 @@ mod tests;
 use std::sync::Arc;
 
 use crate::initial_estimate::Networks;
-use crate::observation::Observation;
+use crate::observation::{Observation, View};
 use crate::{Error, Result, Svbrdf};
 use level::Level;
+pub use saved::{SavedFit, SavedLevel, SavedStage};
 
 /// Texels a side up to which the first level goes.
-const COARSEST_TEXELS: usize = 256;
+pub(crate) const COARSEST_TEXELS: usize = 256;
 
 /// Options of the fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -205,6 +207,16 @@ impl LatentFit {
             }
         }
         Ok(())
+    }
+
+    /// Replaces camera and light of the photographs, in their order; the fit is settled or not as
+    /// before.
+    pub fn set_views(&mut self, views: impl Iterator<Item = View> + Clone) {
+        for stage in &mut self.stages {
+            for (observation, view) in stage.observations.iter_mut().zip(views.clone()) {
+                observation.view = view;
+            }
+        }
     }
 
     /// Goes on from other maps of the fit's size, such as refined ones: what the decoder cannot

@@ -7,7 +7,9 @@ use glam::{DVec2, DVec3};
 
 use super::BoardPose;
 use super::intake::Taken;
-use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator, Photometry, Radiometry};
+use crate::calibration::photometry::{
+    FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
+};
 use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, LumaImage, PoseEstimate, Target,
 };
@@ -76,8 +78,9 @@ impl Update {
 /// The part of a photograph that shows the sample.
 #[derive(Debug)]
 pub(super) struct Kept {
-    photo: Photo,
-    corner: [u32; 2],
+    pub(super) photo: Photo,
+    /// Its first pixel in the whole photograph.
+    pub(super) corner: [u32; 2],
 }
 
 impl Kept {
@@ -130,15 +133,15 @@ pub(super) struct BoardIntake {
 }
 
 /// An accepted photograph.
-struct Frame {
-    corners: Vec<Corner>,
+pub(super) struct Frame {
+    pub(super) corners: Vec<Corner>,
     /// For another rectification, where the camera is estimated.
-    kept: Option<Arc<Kept>>,
+    pub(super) kept: Option<Arc<Kept>>,
     /// Latest estimate.
-    pose: Pose,
-    rms_px: f64,
+    pub(super) pose: Pose,
+    pub(super) rms_px: f64,
     /// What the observation was made with.
-    used: (Camera, Pose, Radiometry),
+    pub(super) used: (Camera, Pose, Radiometry),
 }
 
 /// Camera and poses with a new photograph.
@@ -196,6 +199,39 @@ impl BoardIntake {
 
     pub(super) fn photometry(&self) -> Option<&Photometry> {
         self.photometry.photometry()
+    }
+
+    /// The camera's estimate, where it is estimated and a photograph tells.
+    pub(super) fn estimate(&self) -> Option<&CameraEstimate> {
+        match &self.intrinsics {
+            Intrinsics::Given(_) => None,
+            Intrinsics::Estimated(estimate) => estimate.as_deref(),
+        }
+    }
+
+    /// Accepted photographs and what the photometry has of them.
+    pub(super) fn frames_and_squares(&self) -> impl Iterator<Item = (&Frame, &Squares)> {
+        self.frames.iter().zip(self.photometry.squares())
+    }
+
+    /// Takes over the photographs of an earlier session with the same scene.
+    pub(super) fn resume(
+        &mut self,
+        estimate: Option<CameraEstimate>,
+        frames: Vec<(Frame, Squares)>,
+    ) {
+        if let Some(estimate) = estimate {
+            self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
+        }
+        let (frames, squares): (Vec<Frame>, Vec<Squares>) = frames.into_iter().unzip();
+        self.photometry.resume(frames.iter().map(|f| f.pose).zip(squares));
+        self.frames = frames;
+    }
+
+    /// Bytes of the parts of photographs kept.
+    pub(super) fn kept_bytes(&self) -> u64 {
+        let kept = self.frames.iter().filter_map(|f| f.kept.as_ref());
+        kept.map(|k| k.photo.stored_bytes() as u64).sum()
     }
 
     /// Calibrates and rectifies a photograph. Everything is computed on copies and kept on success
@@ -296,6 +332,11 @@ impl BoardIntake {
 }
 
 impl Frame {
+    /// Width and height of the whole photograph, px.
+    pub(super) fn picture_size(&self) -> (u32, u32) {
+        (self.used.0.width, self.used.0.height)
+    }
+
     /// What the fit must do to use the latest estimates; remembers that it will.
     fn update(
         &mut self,

@@ -4,11 +4,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::board::Update;
+use super::budget::{LATENT_SHARE, Meter, Trend, predicted_change, visible_change};
 use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
-use crate::observation::Observation;
+use crate::light_refinement::{self, Correction, refine_lights};
+use crate::observation::{Observation, View};
 use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
 use crate::render;
@@ -24,6 +26,11 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
     Ok(maps)
 }
 
+/// Refinements that follow a correction of the lights, at most.
+const LIGHT_ROUNDS: usize = 4;
+/// Change of a light, in units of its expected error, that is worth another refinement.
+const LIGHT_TOLERANCE: f64 = 0.02;
+
 /// What a step did.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
@@ -35,29 +42,56 @@ pub(super) struct Step {
     pub(super) done: bool,
 }
 
-/// Share of a deep fit's time that the latent code takes.
-const LATENT_SHARE: f32 = 0.8;
+/// A photograph for the fit; the first one brings the maps to start from. `updates` better what is
+/// known of earlier ones.
+pub(super) struct NewFrame {
+    pub(super) observation: Observation,
+    pub(super) start: Option<Arc<Svbrdf>>,
+    pub(super) updates: Vec<Update>,
+}
 
 /// A fit to all photographs so far, in steps.
 pub(super) struct Fit {
-    networks: Arc<Networks>,
-    method: Method,
+    pub(super) networks: Arc<Networks>,
+    pub(super) method: Method,
     refine: bool,
-    observations: Vec<Observation>,
-    start: Option<Arc<Svbrdf>>,
-    latent: Option<LatentFit>,
-    stage: Stage,
+    pub(super) observations: Vec<Observation>,
+    /// Whether lights are only roughly known: they and ambient light are corrected.
+    pub(super) free_lights: bool,
+    /// Views of the observations before their correction.
+    pub(super) given: Vec<View>,
+    correction: Correction,
+    pub(super) start: Option<Arc<Svbrdf>>,
+    pub(super) latent: Option<LatentFit>,
+    pub(super) stage: Stage,
     /// The latest finished maps at full resolution.
-    maps: Option<Svbrdf>,
-    loss: f32,
+    pub(super) maps: Option<Svbrdf>,
+    /// Whether what the refinement begins with was done to these already.
+    pub(super) propagated: bool,
+    pub(super) loss: f32,
+    /// What ended the fit before its time.
+    pub(super) cut: Option<Cut>,
+    /// Steps of the latent fit at its present level since the latest photograph, and its maps
+    /// before the latest.
+    pub(super) steps_at_level: u32,
+    previous: Option<Svbrdf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stage {
+pub(super) enum Stage {
     Latent,
     Refine,
     Classic,
     Done,
+}
+
+/// Why a fit ended early.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cut {
+    /// Time or steps were used up.
+    Budget,
+    /// What was left could not be seen.
+    Invisible,
 }
 
 impl Fit {
@@ -68,26 +102,43 @@ impl Fit {
             method: settings.method,
             refine: settings.refine,
             observations: Vec::new(),
+            free_lights: false,
+            given: Vec::new(),
+            correction: Correction::default(),
             start: None,
             latent: None,
             stage: Stage::Done,
             maps: None,
+            propagated: false,
             loss: 0.0,
+            cut: None,
+            steps_at_level: 0,
+            previous: None,
         }
     }
 
-    /// Adds a photograph; the first brings the maps to start from. `updates` better what is
-    /// known of earlier ones.
-    pub(super) fn add(
-        &mut self,
-        observation: Observation,
-        start: Option<Arc<Svbrdf>>,
-        updates: &[Update],
-    ) -> Result<()> {
-        for update in updates {
+    /// Photographs added.
+    pub(super) fn frames(&self) -> usize {
+        self.observations.len()
+    }
+
+    /// Whether nothing is left to do until a photograph is added.
+    pub(super) fn is_done(&self) -> bool {
+        self.stage == Stage::Done
+    }
+
+    /// Adds a photograph.
+    pub(super) fn add(&mut self, frame: NewFrame) -> Result<()> {
+        let NewFrame { mut observation, start, updates } = frame;
+        (self.cut, self.steps_at_level, self.previous) = (None, 0, None);
+        for update in &updates {
             if let Some(earlier) = self.observations.get_mut(update.index()) {
                 update.apply(earlier);
             }
+        }
+        if self.free_lights {
+            self.given.push(observation.view);
+            observation.view = self.correction.apply(&observation.view, self.observations.len());
         }
         self.observations.push(observation.clone());
         if let Some(start) = start {
@@ -119,6 +170,11 @@ impl Fit {
         Ok(())
     }
 
+    /// Brings the maps up to the latest step.
+    pub(super) fn refresh(&mut self) -> Result<()> {
+        self.latent.as_mut().map_or(Ok(()), LatentFit::refresh)
+    }
+
     /// Mean log-L1 over all photographs.
     pub(super) fn loss(&self) -> f32 {
         self.loss
@@ -134,53 +190,202 @@ impl Fit {
 }
 
 impl Fit {
-    /// One step. `go_on` is asked inside long steps and ends them early.
-    pub(super) fn step(&mut self, go_on: &dyn Fn() -> bool) -> Result<Step> {
-        let mut after = |_: usize, _: f64| {
-            if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        };
+    /// One step. `between` is asked inside long steps and ends them early.
+    pub(super) fn step(
+        &mut self,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<Step> {
         let mut fraction = 1.0;
         match self.stage {
-            Stage::Latent => {
-                let latent = self.latent.as_mut().ok_or(Error::NoMaps)?;
-                let report = latent.step()?;
-                self.loss = report.loss as f32;
-                fraction = report.fraction;
-                if report.settled {
-                    let maps = latent.maps();
-                    self.loss = render::loss(&maps, &self.observations) as f32;
-                    self.maps = Some(maps);
-                    self.stage = if self.refine { Stage::Refine } else { Stage::Done };
-                }
-                if self.refine {
-                    fraction *= LATENT_SHARE;
-                }
-            }
-            Stage::Refine => {
-                let maps = self.maps.as_mut().ok_or(Error::NoMaps)?;
-                propagate(maps, &self.observations)?;
-                let deep = maps.clone();
-                let options = refinement::Options::default();
-                let report = refinement::refine(
-                    maps,
-                    &deep,
-                    &Prior::default(),
-                    &self.observations,
-                    &options,
-                    &mut after,
-                )?;
-                self.loss = report.loss_after as f32;
-                self.stage = Stage::Done;
-            }
-            Stage::Classic => {
-                let maps = self.maps.as_mut().ok_or(Error::NoMaps)?;
-                let options = classic::Options::default();
-                let report = classic::fit(maps, &self.observations, &options, &mut after)?;
-                self.loss = report.loss_after as f32;
-                self.stage = Stage::Done;
-            }
+            Stage::Latent => fraction = self.latent_step(meter)?,
+            Stage::Refine if meter.exhausted(1.0) => self.end(Some(Cut::Budget)),
+            Stage::Refine => self.refine(meter, between)?,
+            Stage::Classic => self.classic(meter, between)?,
             Stage::Done => {}
         }
-        Ok(Step { loss: self.loss, fraction, done: self.stage == Stage::Done })
+        Ok(Step { loss: self.loss, fraction, done: self.is_done() })
+    }
+
+    /// Goes on with a fit that was cut short, if the budget allows it now; whether there is
+    /// something to do.
+    pub(super) fn extend(&mut self, meter: &Meter) -> bool {
+        let allowed = match self.cut {
+            None => false,
+            Some(Cut::Budget) => !meter.exhausted(1.0),
+            Some(Cut::Invisible) => !meter.budget.stop_when_invisible && !meter.exhausted(1.0),
+        };
+        if !allowed {
+            return false;
+        }
+        self.cut = None;
+        self.stage = match &self.latent {
+            None => Stage::Classic,
+            Some(latent) if !latent.is_settled() => Stage::Latent,
+            Some(latent) => {
+                (self.maps, self.propagated) = (Some(latent.maps()), false);
+                if self.refine { Stage::Refine } else { Stage::Done }
+            }
+        };
+        !self.is_done()
+    }
+
+    fn end(&mut self, cut: Option<Cut>) {
+        self.cut = self.cut.or(cut);
+        self.stage = Stage::Done;
+    }
+
+    /// A step of the latent fit; the share of all work that is done.
+    fn latent_step(&mut self, meter: &mut Meter) -> Result<f32> {
+        let share = if self.refine { LATENT_SHARE } else { 1.0 };
+        let latent = self.latent.as_mut().ok_or(Error::NoMaps)?;
+        let (mut settled, mut fraction) = (true, 1.0);
+        if meter.exhausted(share) {
+            latent.refresh()?;
+            self.cut = Some(Cut::Budget);
+        } else {
+            let level = latent.coarse_maps().width();
+            let report = latent.step()?;
+            meter.count();
+            self.loss = report.loss as f32;
+            (settled, fraction) = (report.settled, report.fraction);
+            self.steps_at_level += 1;
+            if latent.coarse_maps().width() != level {
+                (self.steps_at_level, self.previous) = (0, None);
+            } else if meter.budget.stop_when_invisible && !settled && self.is_still() {
+                settled = true;
+                self.cut = Some(Cut::Invisible);
+                self.latent.as_mut().ok_or(Error::NoMaps)?.refresh()?;
+            }
+        }
+        if settled {
+            fraction = 1.0;
+            let maps = self.latent.as_ref().ok_or(Error::NoMaps)?.maps();
+            self.loss = render::loss(&maps, &self.observations) as f32;
+            (self.maps, self.propagated, self.previous) = (Some(maps), false, None);
+            self.stage = if self.refine { Stage::Refine } else { Stage::Done };
+        }
+        Ok(if self.refine { fraction * LATENT_SHARE } else { fraction })
+    }
+
+    /// Whether nothing visible is left to do for the latent fit: on its finest level.
+    fn is_still(&mut self) -> bool {
+        let (Some(latent), Some(first)) = (&self.latent, self.observations.first()) else {
+            return false;
+        };
+        let options = FitOptions::default();
+        let maps = latent.coarse_maps();
+        let longest = first.width.max(first.height);
+        let finest = maps.width().max(maps.height()) >= longest.min(options.finest_texels);
+        if !finest {
+            return false;
+        }
+        let coarsest = longest <= crate::latent_fit::COARSEST_TEXELS;
+        let steps = if coarsest { options.steps } else { options.fine_steps };
+        let change = self.previous.as_ref().map(|before| visible_change(before, maps));
+        self.previous = Some(maps.clone());
+        change.is_some_and(|c| predicted_change(c, self.steps_at_level, steps as u32) < 1.0)
+    }
+
+    fn refine(
+        &mut self,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<()> {
+        let mut maps = self.maps.take().ok_or(Error::NoMaps)?;
+        if !self.propagated {
+            propagate(&mut maps, &self.observations)?;
+        }
+        // What is saved meanwhile is the state before.
+        (self.maps, self.propagated) = (Some(maps.clone()), true);
+        let options = refinement::Options::default();
+        let mut cut = None;
+        for round in 0..=LIGHT_ROUNDS {
+            let mut trend = Trend::new(options.steps, 1);
+            let mut stopped = false;
+            let this = &*self;
+            let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
+            let mut after = |step: usize, loss: f64| {
+                stopped |= !between(this, meter);
+                cut = after_step(meter, &mut trend, step, options.steps, loss);
+                if !stopped && cut.is_none() {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            };
+            let prior = Prior::default();
+            let observations = &this.observations;
+            let report =
+                refinement::refine(&mut maps, deep, &prior, observations, &options, &mut after)?;
+            self.loss = report.loss_after as f32;
+            if stopped || cut.is_some() || round == LIGHT_ROUNDS || !self.correct_lights(&maps) {
+                break;
+            }
+        }
+        (self.maps, self.propagated) = (Some(maps), false);
+        self.end(cut);
+        Ok(())
+    }
+
+    /// Corrects lights for maps; whether that was worth another refinement.
+    fn correct_lights(&mut self, maps: &Svbrdf) -> bool {
+        if !self.free_lights {
+            return false;
+        }
+        let options = light_refinement::Options::default();
+        let before = self.correction.clone();
+        let views = &self.given;
+        if !refine_lights(maps, &self.observations, views, &options, &mut self.correction) {
+            return false;
+        }
+        for (i, (observation, given)) in self.observations.iter_mut().zip(views).enumerate() {
+            observation.view = self.correction.apply(given, i);
+        }
+        if let Some(latent) = &mut self.latent {
+            latent.set_views(self.observations.iter().map(|o| o.view));
+        }
+        self.correction.distance(&before, &options) > LIGHT_TOLERANCE
+    }
+
+    fn classic(
+        &mut self,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<()> {
+        let mut maps = self.maps.clone().ok_or(Error::NoMaps)?;
+        let options = classic::Options::default();
+        // Adam's loss jumps about: every fiftieth is compared.
+        let mut trend = Trend::new(options.steps, 50);
+        let mut cut = None;
+        let this = &*self;
+        let mut after = |step: usize, loss: f64| {
+            let go_on = between(this, meter);
+            cut = after_step(meter, &mut trend, step, options.steps, loss);
+            if go_on && cut.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let report = classic::fit(&mut maps, &this.observations, &options, &mut after)?;
+        self.loss = report.loss_after as f32;
+        self.maps = Some(maps);
+        self.end(cut);
+        Ok(())
+    }
+}
+
+/// Counts a step (from 1) of an optimiser that has `steps`: what ends it early, if anything.
+fn after_step(
+    meter: &mut Meter,
+    trend: &mut Trend,
+    step: usize,
+    steps: usize,
+    loss: f64,
+) -> Option<Cut> {
+    meter.count();
+    if step < steps && meter.exhausted(1.0) {
+        Some(Cut::Budget)
+    } else if step < steps && meter.budget.stop_when_invisible && trend.is_flat(step, loss) {
+        Some(Cut::Invisible)
+    } else {
+        None
     }
 }

@@ -38,6 +38,11 @@ impl Intake {
         }
     }
 
+    /// Bytes held beside the rectified photographs.
+    pub(super) fn kept_bytes(&self) -> u64 {
+        self.board().map_or(0, BoardIntake::kept_bytes)
+    }
+
     fn board(&self) -> Option<&BoardIntake> {
         match self {
             Self::Board(board) => Some(board),

@@ -1,8 +1,12 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
+mod budget;
+mod estimator;
 mod fit;
 mod intake;
+mod memory;
+mod state;
 mod worker;
 
 use std::sync::atomic::Ordering;
@@ -14,8 +18,12 @@ use crossbeam_channel::Sender;
 use glam::DVec3;
 use rayon::ThreadPool;
 
-use self::fit::Fit;
+pub use self::budget::Budget;
+use self::budget::Meter;
+pub use self::estimator::Estimator;
+use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
+use self::state::StateWriter;
 use self::worker::{Command, Shared};
 use crate::calibration::Target;
 use crate::frame::Photo;
@@ -82,6 +90,10 @@ pub struct Settings {
     pub threads: usize,
     /// Seed of everything random.
     pub seed: u64,
+    /// Most memory that the session may need by its own estimate, bytes; `None`: any amount. The
+    /// networks, which sessions share, are not counted. Sessions and photographs that would need
+    /// more are refused with [`Error::MemoryLimit`].
+    pub memory_limit_bytes: Option<u64>,
 }
 
 impl Default for Settings {
@@ -93,8 +105,42 @@ impl Default for Settings {
             refine: true,
             threads: 0,
             seed: 0,
+            memory_limit_bytes: None,
         }
     }
+}
+
+impl Settings {
+    fn check(&self) -> Result<()> {
+        if !RESOLUTIONS.contains(&self.resolution) {
+            let message = format!("{} given; 256, 512, 1024 or 2048 expected", self.resolution);
+            return Err(Error::argument("resolution", message));
+        }
+        if !self.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
+        }
+        Ok(())
+    }
+
+    fn pool(&self) -> Result<Arc<ThreadPool>> {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = if self.threads == 0 { cores.min(4) } else { self.threads };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("svbrdf-{i}"))
+            .build()
+            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
+        Ok(Arc::new(pool))
+    }
+}
+
+/// What a saved session takes from where it goes on, see [`Session::restore`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RestoreOptions {
+    /// Threads of the fit as in [`Settings::threads`]; `None`: as saved.
+    pub threads: Option<usize>,
+    /// As [`Settings::memory_limit_bytes`], which is not saved.
+    pub memory_limit_bytes: Option<u64>,
 }
 
 /// What became of a photograph.
@@ -157,8 +203,12 @@ pub struct Revision {
 /// Resolutions a session may have.
 pub const RESOLUTIONS: [usize; 4] = [256, 512, 1024, 2048];
 
+/// Most threads a saved session may ask for.
+const MAX_THREADS: usize = 64;
+
 /// A capture in progress. All methods may be called from any thread.
 pub struct Session {
+    scene: Scene,
     settings: Settings,
     pool: Arc<ThreadPool>,
     networks: Arc<Networks>,
@@ -187,41 +237,133 @@ impl Session {
         settings: Settings,
         networks: Arc<Networks>,
     ) -> Result<Self> {
-        if !RESOLUTIONS.contains(&settings.resolution) {
-            let message = format!("{} given; 256, 512, 1024 or 2048 expected", settings.resolution);
-            return Err(Error::argument("resolution", message));
-        }
-        if !settings.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
-            return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
-        }
-        let intake = Mutex::new(Intake::new(scene)?);
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let threads = if settings.threads == 0 { cores.min(4) } else { settings.threads };
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("svbrdf-{i}"))
-            .build()
-            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
-        let pool = Arc::new(pool);
-        let shared = Arc::new(Shared::new());
-        let (commands, received) = crossbeam_channel::unbounded();
+        settings.check()?;
+        memory::check(&settings, 1, 0)?;
+        let intake = Intake::new(scene.clone())?;
+        let pool = settings.pool()?;
         let fit = Fit::new(networks.clone(), &settings);
+        let meter = Meter::new(Budget::default(), 0.0, 0);
+        Self::start(scene, settings, networks, intake, pool, Shared::new(), fit, meter)
+    }
+
+    fn start(
+        scene: Scene,
+        settings: Settings,
+        networks: Arc<Networks>,
+        intake: Intake,
+        pool: Arc<ThreadPool>,
+        shared: Shared,
+        mut fit: Fit,
+        meter: Meter,
+    ) -> Result<Self> {
+        fit.free_lights = matches!(scene, Scene::Rectified { .. });
+        let shared = Arc::new(shared);
+        let (commands, received) = crossbeam_channel::unbounded();
         let worker = {
             let (shared, pool) = (shared.clone(), pool.clone());
             std::thread::Builder::new()
                 .name("svbrdf-fit".into())
-                .spawn(move || worker::run(&shared, &received, &pool, fit))
+                .spawn(move || worker::run(&shared, &received, &pool, fit, meter))
                 .map_err(|e| Error::Internal(format!("no thread: {e}")))?
         };
-        let worker = Some(worker);
-        Ok(Self { settings, pool, networks, intake, shared, commands, worker })
+        let (intake, worker) = (Mutex::new(intake), Some(worker));
+        Ok(Self { scene, settings, pool, networks, intake, shared, commands, worker })
+    }
+
+    /// The session as bytes, from which [`Session::restore`] goes on as if nothing had happened:
+    /// settings, scene, budget, what is known of camera and light, all photographs as far as they
+    /// are needed, the maps and the fit. Photographs are kept as half floats, so that the fit goes
+    /// on to nearly, not exactly, the same maps; the maps of the moment are exact.
+    ///
+    /// Waits for a photograph that is being pushed and for a step of the fit, not for the fit.
+    ///
+    /// # Errors
+    /// When the session has failed or was cancelled.
+    pub fn save(&self) -> Result<Vec<u8>> {
+        // No photograph may come between what the fit and the intake know.
+        let intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
+        self.usable()?;
+        let (reply, answer) = crossbeam_channel::bounded(1);
+        let mut state = StateWriter::new();
+        let budget = self.shared.lock().budget;
+        state::write_session(&mut state, &self.settings, &self.scene, &budget, &intake);
+        let sent = self.commands.send(Command::Save(state, reply)).is_ok();
+        let state = if sent { answer.recv().ok() } else { None };
+        match state {
+            Some(state) => Ok(state.finish()),
+            None => Err(self.usable().err().unwrap_or(Error::Cancelled)),
+        }
+    }
+
+    /// Goes on with a session that [`Session::save`] wrote, with these networks. Others than those
+    /// it was saved with are fine: the maps stay, the fit goes on from them.
+    ///
+    /// # Errors
+    /// [`Error::State`] when the bytes are not what was written or of a newer major version,
+    /// [`Error::MemoryLimit`].
+    pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
+        let restored = state::read(saved, &networks, |settings, frames| {
+            settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
+            settings.memory_limit_bytes = options.memory_limit_bytes;
+            memory::check(settings, frames, 0)?;
+            settings.pool()
+        })?;
+        let state::Restored { settings, scene, budget, intake, fit, progress, pool } = restored;
+        let meter = Meter::new(budget, progress.seconds, progress.steps);
+        let shared = Shared::new();
+        {
+            let mut state = shared.lock();
+            state.budget = budget;
+            state.cut = fit.cut.is_some();
+            state.fitted = fit.frames();
+            state.progress = Progress {
+                frames: fit.frames(),
+                fraction: progress.fraction,
+                loss_before: progress.loss_before,
+                loss: fit.loss(),
+                seconds_left: None,
+                settled: fit.is_done(),
+            };
+            if let Some(maps) = &fit.start {
+                state.publish(maps.clone());
+            }
+        }
+        Self::start(scene, settings, networks, intake, pool, shared, fit, meter)
+    }
+
+    /// The settings, as restored sessions have them from their saved state.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What the photographs show.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Limits the work on each photograph from now on. A fit that an earlier budget ended goes on
+    /// if this one allows it.
+    ///
+    /// # Errors
+    /// When the seconds are not a number of at least 0.
+    pub fn set_budget(&self, budget: Budget) -> Result<()> {
+        budget.check()?;
+        let mut state = self.shared.lock();
+        let changed = std::mem::replace(&mut state.budget, budget) != budget;
+        if changed && state.cut {
+            // The worker finds out what is to do; who waits, waits for that.
+            state.progress.settled = false;
+        }
+        drop(state);
+        self.wake();
+        Ok(())
     }
 
     /// Calibrates, rectifies and adds a photograph of a board. When this returns, maps that know
     /// of it are available; the fit goes on on the session's thread.
     ///
     /// # Errors
-    /// On misuse only: a photograph that cannot be used is `Ok(Pushed::Rejected)`.
+    /// On misuse, and when the memory limit is reached: a photograph that cannot be used is `Ok(Pushed::Rejected)`.
     pub fn push(&self, photo: &Photo) -> Result<Pushed> {
         let Settings { sample_mm, resolution, .. } = self.settings;
         self.accept(photo, |intake| intake.take(photo, sample_mm, resolution))
@@ -256,6 +398,9 @@ impl Session {
         // Photographs are taken in one after the other; a fit in progress is not disturbed.
         let mut intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
         let intake = &mut *intake;
+        let photographs = self.shared.lock().progress.frames + 1;
+        let pixels = photo.stored_bytes() as u64;
+        memory::check(&self.settings, photographs, intake.kept_bytes() + pixels)?;
         let taken = match self.pool.install(|| take(intake))? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),
@@ -278,9 +423,9 @@ impl Session {
             index
         };
         self.shared.notify();
-        let frame =
-            Command::Frame { observation: taken.observation, start, updates: taken.updates };
-        if self.commands.send(frame).is_err() {
+        let Taken { observation, updates, .. } = taken;
+        let frame = Box::new(NewFrame { observation, start, updates });
+        if self.commands.send(Command::Frame(frame)).is_err() {
             self.usable()?;
             return Err(Error::Cancelled);
         }

@@ -1,17 +1,18 @@
 //! The thread that fits.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, TryRecvError};
+use crossbeam_channel::{Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
-use super::board::Update;
-use super::fit::Fit;
+use super::budget::{Budget, Meter};
+use super::fit::{Fit, NewFrame, Stage};
+use super::state::{SavedProgress, StateWriter, write_fit};
 use super::{Progress, Revision};
-use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
 /// What callers and the worker share.
@@ -28,6 +29,10 @@ pub(super) struct State {
     pub(super) progress: Progress,
     /// Accepted photographs the worker has taken over.
     pub(super) fitted: usize,
+    /// How long the fit may work.
+    pub(super) budget: Budget,
+    /// Whether the budget ended the fit before its time.
+    pub(super) cut: bool,
     /// Set for ever by a fault of the worker.
     pub(super) failed: Option<String>,
     pub(super) revision: Revision,
@@ -56,6 +61,8 @@ impl Shared {
                 maps: None,
                 progress,
                 fitted: 0,
+                budget: Budget::default(),
+                cut: false,
                 failed: None,
                 revision: Revision::default(),
             }),
@@ -114,8 +121,10 @@ impl Shared {
 
 /// Messages to the worker.
 pub(super) enum Command {
-    /// A new photograph; the first one brings the maps to start from.
-    Frame { observation: Observation, start: Option<Arc<Svbrdf>>, updates: Vec<Update> },
+    /// A new photograph.
+    Frame(Box<NewFrame>),
+    /// Add the fit to a saved session and hand that back.
+    Save(StateWriter, Sender<StateWriter>),
     /// Look at the flags again.
     Wake,
 }
@@ -124,8 +133,21 @@ pub(super) enum Command {
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Runs until the session is dropped; faults end up in [`State::failed`].
-pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, pool: &ThreadPool, fit: Fit) {
-    match catch_unwind(AssertUnwindSafe(|| work(shared, commands, pool, fit))) {
+pub(super) fn run(
+    shared: &Shared,
+    commands: &Receiver<Command>,
+    pool: &ThreadPool,
+    fit: Fit,
+    meter: Meter,
+) {
+    let mut worker = Worker {
+        shared,
+        commands,
+        pending: VecDeque::new(),
+        published: Instant::now(),
+        busy: !fit.is_done(),
+    };
+    match catch_unwind(AssertUnwindSafe(|| worker.work(pool, fit, meter))) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => shared.fail(error.to_string()),
         Err(panic) => {
@@ -139,63 +161,150 @@ pub(super) fn run(shared: &Shared, commands: &Receiver<Command>, pool: &ThreadPo
     }
 }
 
-fn work(
-    shared: &Shared,
-    commands: &Receiver<Command>,
-    pool: &ThreadPool,
-    mut fit: Fit,
-) -> Result<()> {
-    let mut busy = false;
-    let mut started = Instant::now();
-    let mut published = Instant::now();
-    loop {
+struct Worker<'a> {
+    shared: &'a Shared,
+    commands: &'a Receiver<Command>,
+    /// Photographs that came during a step.
+    pending: VecDeque<NewFrame>,
+    published: Instant,
+    busy: bool,
+}
+
+impl Worker<'_> {
+    fn work(&mut self, pool: &ThreadPool, mut fit: Fit, mut meter: Meter) -> Result<()> {
         loop {
-            if shared.cancelled.load(Ordering::Relaxed) {
+            while let Some(frame) = self.pending.pop_front() {
+                self.add(pool, &mut fit, &mut meter, frame)?;
+            }
+            if self.shared.cancelled.load(Ordering::Relaxed) {
                 return Ok(());
             }
-            let idle = !busy || shared.paused.load(Ordering::Relaxed);
+            let idle = !self.busy || self.shared.paused.load(Ordering::Relaxed);
             let command = if idle {
-                commands.recv().map_err(|_| TryRecvError::Disconnected)
+                self.commands.recv().map_err(|_| TryRecvError::Disconnected)
             } else {
-                commands.try_recv()
+                self.commands.try_recv()
             };
             match command {
-                Ok(Command::Frame { observation, start, updates }) => {
-                    pool.install(|| fit.add(observation, start, &updates))?;
-                    let mut state = shared.lock();
-                    state.fitted += 1;
-                    state.progress.fraction = 0.0;
-                    state.progress.loss_before = fit.loss();
-                    state.progress.loss = fit.loss();
-                    drop(state);
-                    shared.notify();
-                    busy = true;
-                    started = Instant::now();
+                Ok(Command::Frame(frame)) => self.pending.push_back(*frame),
+                Ok(Command::Save(state, reply)) => {
+                    if fit.stage == Stage::Latent {
+                        pool.install(|| fit.refresh())?;
+                    }
+                    self.save(pool, &fit, &meter, state, &reply);
                 }
-                Ok(Command::Wake) => {}
-                Err(TryRecvError::Empty) => break,
+                Ok(Command::Wake) => self.follow_budget(&mut fit, &mut meter),
+                Err(TryRecvError::Empty) => self.step(pool, &mut fit, &mut meter)?,
                 Err(TryRecvError::Disconnected) => return Ok(()),
             }
         }
-        let step = pool.install(|| fit.step(&|| !shared.cancelled.load(Ordering::Relaxed)))?;
-        let publish = step.done || published.elapsed() >= PUBLISH_INTERVAL;
+    }
+
+    fn add(
+        &mut self,
+        pool: &ThreadPool,
+        fit: &mut Fit,
+        meter: &mut Meter,
+        frame: NewFrame,
+    ) -> Result<()> {
+        pool.install(|| fit.add(frame))?;
+        meter.reset();
+        let mut state = self.shared.lock();
+        state.fitted += 1;
+        state.cut = false;
+        state.progress.fraction = 0.0;
+        state.progress.loss_before = fit.loss();
+        state.progress.loss = fit.loss();
+        drop(state);
+        self.shared.notify();
+        self.busy = true;
+        Ok(())
+    }
+
+    /// Writes the fit as it is between two steps.
+    fn save(
+        &self,
+        pool: &ThreadPool,
+        fit: &Fit,
+        meter: &Meter,
+        mut state: StateWriter,
+        reply: &Sender<StateWriter>,
+    ) {
+        let progress = self.shared.lock().progress;
+        let progress = SavedProgress {
+            loss_before: progress.loss_before,
+            fraction: progress.fraction,
+            seconds: meter.elapsed().as_secs_f32(),
+            steps: meter.steps(),
+        };
+        pool.install(|| write_fit(&mut state, fit, &self.pending, &progress));
+        // Whoever asked may have gone.
+        let _ = reply.send(state);
+    }
+
+    /// Takes a changed budget over; a fit that was cut short may go on.
+    fn follow_budget(&mut self, fit: &mut Fit, meter: &mut Meter) {
+        let budget = self.shared.lock().budget;
+        if budget == meter.budget {
+            return;
+        }
+        meter.budget = budget;
+        if self.busy {
+            return;
+        }
+        self.busy = fit.extend(meter);
+        let mut state = self.shared.lock();
+        if self.busy {
+            (state.cut, state.progress.settled) = (false, false);
+        } else {
+            state.progress.settled = state.fitted == state.progress.frames;
+        }
+        drop(state);
+        self.shared.notify();
+    }
+
+    fn step(&mut self, pool: &ThreadPool, fit: &mut Fit, meter: &mut Meter) -> Result<()> {
+        meter.budget = self.shared.lock().budget;
+        meter.start();
+        let step = {
+            let mut between = |fit: &Fit, meter: &mut Meter| self.between(pool, fit, meter);
+            pool.install(|| fit.step(meter, &mut between))
+        };
+        meter.stop();
+        let step = step?;
+        let publish = step.done || self.published.elapsed() >= PUBLISH_INTERVAL;
         let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
-        let mut state = shared.lock();
+        let mut state = self.shared.lock();
         state.progress.fraction = step.fraction;
         state.progress.loss = step.loss;
         state.progress.seconds_left = (step.fraction > 0.02)
-            .then(|| started.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
+            .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(maps);
-            published = Instant::now();
+            self.published = Instant::now();
         }
         if step.done {
-            busy = false;
+            self.busy = false;
+            state.cut = fit.cut.is_some();
             // A photograph pushed meanwhile is still in the channel.
             state.progress.settled = state.fitted == state.progress.frames;
             state.progress.seconds_left = None;
         }
         drop(state);
-        shared.notify();
+        self.shared.notify();
+        Ok(())
+    }
+
+    /// What has to be done inside of a long step; whether it goes on.
+    fn between(&mut self, pool: &ThreadPool, fit: &Fit, meter: &mut Meter) -> bool {
+        meter.budget = self.shared.lock().budget;
+        while let Ok(command) = self.commands.try_recv() {
+            match command {
+                Command::Frame(frame) => self.pending.push_back(*frame),
+                Command::Save(state, reply) => self.save(pool, fit, meter, state, &reply),
+                Command::Wake => {}
+            }
+        }
+        !self.shared.cancelled.load(Ordering::Relaxed)
     }
 }

@@ -46,5 +46,8 @@ void test_maps(const char *folder);
 void test_bad_arguments(const char *folder);
 void test_lifecycle(const char *folder);
 void test_threads(const char *folder);
+void test_state(const char *folder);
+void test_capture(const char *folder);
+void test_faults(const char *folder);
 
 #endif

@@ -33,7 +33,7 @@ static long resident_kib(void)
 
 void test_lifecycle(const char *folder)
 {
-    int sessions = quick() ? 10 : 300;
+    int sessions = quick() ? 10 : 1000;
     svbrdf_session_options options;
     svbrdf_session *session = NULL, *keeper = NULL;
     svbrdf_progress progress;

@@ -47,6 +47,8 @@ int main(int argc, char **argv)
         {"board", test_board},         {"layouts", test_layouts},
         {"maps", test_maps},           {"bad-arguments", test_bad_arguments},
         {"lifecycle", test_lifecycle}, {"threads", test_threads},
+        {"state", test_state},         {"capture", test_capture},
+        {"faults", test_faults},
     };
     size_t i;
     CHECK(argc == 3);

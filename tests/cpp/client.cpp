@@ -181,6 +181,45 @@ void handles(const std::string& folder) {
     CHECK(calls > 0);
 }
 
+void state(const std::string& folder) {
+    auto budget = svbrdf::make(svbrdf_budget_init);
+    budget.max_steps = 4;
+    std::atomic<int> logged{0};
+    svbrdf::Session session(rectified());
+    session.set_budget(budget);
+    CHECK(session.push_rectified(gray().view(), above, above));
+    session.wait();
+    const svbrdf::Buffer saved = session.save();
+    session.save(folder + "/cpp.state");
+    svbrdf::Callbacks callbacks;
+    callbacks.log = [&](svbrdf_log_level, const char*) { ++logged; };
+    auto again = svbrdf::Session::load(saved.bytes(), svbrdf::make(svbrdf_session_options_init),
+                                       std::move(callbacks));
+    CHECK(again.progress().frames == 1 && logged == 1);
+    CHECK(again.push_rectified(gray().view(), above, above));
+    again.clear_budget();
+    again = svbrdf::Session::load(folder + "/cpp.state");
+    const auto maps = again.snapshot();
+    CHECK(maps && maps->size().first == 256);
+    const auto bytes = saved.bytes();
+    const svbrdf::Span<const std::uint8_t> half(bytes.data(), bytes.size() / 2);
+    CHECK(thrown([&] { svbrdf::Session::load(half); }) == SVBRDF_BAD_STATE);
+    auto options = svbrdf::make(svbrdf_session_options_init);
+    options.memory_limit_bytes = 1;
+    CHECK(thrown([&] { svbrdf::Session::load(bytes, options); }) == SVBRDF_MEMORY_LIMIT);
+}
+
+void capture(const std::string& folder) {
+    const svbrdf::Capture capture(folder + "/capture");
+    CHECK(capture.frames() == 8);
+    svbrdf::Session session(capture, svbrdf::make(svbrdf_session_options_init));
+    session.pause();
+    CHECK(session.push(capture, 0));
+    CHECK(session.snapshot());
+    CHECK(thrown([&] { session.push(capture, 99); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(thrown([] { svbrdf::Capture none("/nowhere"); }) == SVBRDF_IO);
+}
+
 void bad_arguments(const std::string&) {
     auto options = rectified();
     options.resolution = 7;
@@ -204,6 +243,10 @@ int main(int argc, char** argv) {
         board(folder);
     } else if (test == "handles") {
         handles(folder);
+    } else if (test == "state") {
+        state(folder);
+    } else if (test == "capture") {
+        capture(folder);
     } else if (test == "bad-arguments") {
         bad_arguments(folder);
     } else {

@@ -56,13 +56,15 @@ pub fn library() -> &'static Path {
     })
 }
 
-/// A folder in which the library has both its names, and the models lie.
+/// A folder in which the library has both its names, with the models and a capture.
 pub fn workplace() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
         std::os::unix::fs::symlink(library(), dir.path().join(name)).unwrap();
     }
-    std::os::unix::fs::symlink(root().join("models"), dir.path().join("models")).unwrap();
+    for (name, place) in [("models", "models"), ("capture", "examples/captures/tile")] {
+        std::os::unix::fs::symlink(root().join(place), dir.path().join(name)).unwrap();
+    }
     dir
 }
 

@@ -155,6 +155,17 @@ impl PhotometricCalibrator {
         Self { target, flash, frames: Vec::new(), photometry: None }
     }
 
+    /// Takes the photos of an earlier calibrator over, see [`Self::squares`].
+    pub(crate) fn resume(&mut self, frames: impl IntoIterator<Item = (Pose, Squares)>) {
+        self.frames = frames.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();
+        self.photometry = (!self.frames.is_empty()).then(|| self.estimate().0);
+    }
+
+    /// Squares of the photos so far.
+    pub(crate) fn squares(&self) -> impl Iterator<Item = &Squares> {
+        self.frames.iter().map(|frame| &frame.squares)
+    }
+
     /// Measures a photo and takes it in. Returns its radiometry; that of earlier photos changes
     /// too, see [`Self::radiometry`].
     ///

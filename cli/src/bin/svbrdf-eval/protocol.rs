@@ -1,0 +1,177 @@
+//! Materials and their synthetic photographs.
+
+use std::f32::consts::PI;
+
+use svbrdf::export::read_maps;
+use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::random::Random;
+use svbrdf::render;
+use svbrdf::svbrdf::CHANNELS;
+use svbrdf::{Error, Result, Svbrdf};
+
+use crate::Arguments;
+
+/// Texels a side of a crop.
+const SIDE: usize = 256;
+/// Half the width of the sample, mm.
+const HALF_WIDTH: f32 = 50.0;
+/// Distance of the camera from the plane of the sample, in half widths, and how far it moves to
+/// the sides: the paper's.
+const DISTANCE: f32 = 2.146;
+const REACH: f64 = 1.2;
+
+/// A piece of a known material.
+pub struct Crop {
+    pub name: String,
+    pub truth: Svbrdf,
+}
+
+/// What is wrong with the photographs.
+#[derive(Clone, Copy)]
+pub struct Conditions {
+    /// Standard deviation of noise proportional to the value.
+    pub noise: f32,
+    /// Angle between the true light and the one the fit is told, degrees.
+    pub light_degrees: f32,
+    /// Irradiance of a uniform surround, as a share of the flash's, which the fit is not told.
+    pub ambient: f32,
+    /// Gain of the sensor, which the fit is told; it saturates at 1.
+    pub gain: f32,
+    /// Levels of the sensor; `None`: any value, and no saturation (HDR).
+    pub levels: Option<f32>,
+    /// The first photograph from 45 degrees.
+    pub oblique: bool,
+}
+
+impl Conditions {
+    pub fn new(noise: f32) -> Self {
+        Self {
+            noise,
+            light_degrees: 0.0,
+            ambient: 0.0,
+            gain: 1.0,
+            levels: Some(65535.0),
+            oblique: false,
+        }
+    }
+}
+
+/// Crops of all materials that the arguments select.
+pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
+    let folder = &arguments.materials;
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    let mut folders: Vec<_> =
+        entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.is_dir()).collect();
+    folders.sort();
+    let mut crops = Vec::new();
+    for folder in folders.iter().step_by(arguments.every.max(1)) {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if arguments.only.as_ref().is_some_and(|part| !name.contains(part)) {
+            continue;
+        }
+        let maps = read_maps(folder)?;
+        let (w, h) = (maps.width(), maps.height());
+        if w < SIDE || h < SIDE {
+            return Err(Error::argument("materials", format!("{name}: smaller than {SIDE}")));
+        }
+        let (left, top) = ((w - SIDE) / 2, (h - SIDE) / 2);
+        let corners: Vec<[usize; 2]> = if arguments.crops == 1 || left < SIDE / 2 || top < SIDE / 2
+        {
+            vec![[left, top]]
+        } else {
+            let (x, y) = (w / 2 - SIDE, h / 2 - SIDE);
+            let four = [[x, y], [w / 2, y], [x, h / 2], [w / 2, h / 2]];
+            four[..usize::from(arguments.crops)].to_vec()
+        };
+        for (i, corner) in corners.into_iter().enumerate() {
+            crops.push(Crop { name: format!("{name} {i}"), truth: crop(&maps, corner)? });
+        }
+    }
+    if crops.is_empty() {
+        return Err(Error::argument("materials", format!("{}: none found", folder.display())));
+    }
+    Ok(crops)
+}
+
+fn crop(maps: &Svbrdf, [left, top]: [usize; 2]) -> Result<Svbrdf> {
+    let mut planes = Vec::with_capacity(CHANNELS * SIDE * SIDE);
+    for c in 0..CHANNELS {
+        for row in maps.plane(c).chunks_exact(maps.width()).skip(top).take(SIDE) {
+            planes.extend_from_slice(&row[left..left + SIDE]);
+        }
+    }
+    Svbrdf::from_planes(SIDE, SIDE, planes)
+}
+
+fn view(camera: [f32; 3], light: [f32; 3], gain: f32, ambient: f32) -> View {
+    View {
+        sample_mm: [2.0 * HALF_WIDTH; 2],
+        camera_mm: camera.map(|v| v * HALF_WIDTH),
+        light_mm: light.map(|v| v * HALF_WIDTH),
+        falloff: Falloff::None { power: [gain * PI; 3] },
+        ambient: [gain * ambient; 3],
+    }
+}
+
+/// The first `count` photographs of a crop; `seed` chooses places and noise.
+pub fn photographs(
+    truth: &Svbrdf,
+    count: usize,
+    seed: u64,
+    conditions: &Conditions,
+) -> Vec<Observation> {
+    let mut places = Random::new(seed);
+    let mut errors = Random::new(seed ^ 0x5EED);
+    (0..count)
+        .map(|i| {
+            let mut side = || (REACH * (2.0 * places.uniform() - 1.0)) as f32;
+            let random = [side(), side(), DISTANCE];
+            let at = match (i, conditions.oblique) {
+                (0, false) => [0.0, 0.0, DISTANCE],
+                (0, true) => [DISTANCE * 0.5f32.sqrt(), 0.0, DISTANCE * 0.5f32.sqrt()],
+                _ => random,
+            };
+            let told = tilted(at, conditions.light_degrees, errors.uniform() as f32);
+            let n = truth.texels();
+            let mut radiance = vec![0.0; 3 * n];
+            let Conditions { gain, ambient, .. } = *conditions;
+            render::render(truth, &view(at, at, gain, ambient), &mut radiance);
+            for v in &mut radiance {
+                *v = (*v * (1.0 + conditions.noise * errors.bell() as f32)).max(0.0);
+                if let Some(levels) = conditions.levels {
+                    *v = (*v * levels).round() / levels;
+                    if *v >= 1.0 {
+                        *v = -1.0;
+                    }
+                }
+            }
+            Observation {
+                width: SIDE,
+                height: SIDE,
+                view: view(at, told, gain, 0.0),
+                radiance,
+                weight: vec![1.0; n],
+            }
+        })
+        .collect()
+}
+
+/// A position turned about the centre of the sample by an angle, in a direction drawn by `turn`.
+fn tilted(at: [f32; 3], degrees: f32, turn: f32) -> [f32; 3] {
+    let at = glam::Vec3::from(at);
+    let across = at.any_orthonormal_vector();
+    let axis = glam::Quat::from_axis_angle(at.normalize(), std::f32::consts::TAU * turn) * across;
+    (glam::Quat::from_axis_angle(axis, degrees.to_radians()) * at).into()
+}
+
+/// The gain at which `share` of all values of photographs saturate.
+pub fn gain_of_share(truth: &Svbrdf, count: usize, seed: u64, share: f32) -> f32 {
+    let conditions = Conditions { levels: None, ..Conditions::new(0.0) };
+    let mut values: Vec<f32> = photographs(truth, count, seed, &conditions)
+        .iter()
+        .flat_map(|o| o.radiance.iter().step_by(7).copied())
+        .collect();
+    values.sort_by(f32::total_cmp);
+    let index = ((1.0 - share) * (values.len() - 1) as f32) as usize;
+    1.0 / values[index].max(1e-4)
+}

@@ -1,0 +1,110 @@
+// Streams a capture folder into a session, as an app would its camera, and shows progress.
+//
+//   svbrdf-stream CAPTURE OUT [SECONDS PER PHOTO]
+//
+// OUT gets the maps, and session.state while photos come: after an interruption the program goes
+// on from there.
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <mutex>
+#include <string>
+
+#include "svbrdf.hpp"
+
+namespace {
+
+// Progress comes on the session's thread, messages from ours.
+class Terminal {
+public:
+    void progress(const svbrdf_progress& p) {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        std::printf("\r  %3.0f %%, error %.4f ", 100.0 * static_cast<double>(p.fraction),
+                    static_cast<double>(p.loss));
+        if (p.seconds_left >= 0.0f) {
+            std::printf("%.0f s left   ", static_cast<double>(p.seconds_left));
+        }
+        std::fflush(stdout);
+    }
+    void line(const std::string& text) {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        std::printf("\r%-60s\n", text.c_str());
+    }
+
+private:
+    std::mutex mutex_;
+};
+
+svbrdf::Session begin(const svbrdf::Capture& capture, const std::filesystem::path& state,
+                      Terminal& terminal) {
+    svbrdf::Callbacks callbacks;
+    callbacks.progress = [&](svbrdf_session*, const svbrdf_progress& p) { terminal.progress(p); };
+    const auto options = svbrdf::make(svbrdf_session_options_init);
+    if (std::filesystem::exists(state)) {
+        try {
+            auto session = svbrdf::Session::load(state.string(), options, callbacks);
+            terminal.line("going on from " + state.string());
+            return session;
+        } catch (const svbrdf::Error& fault) {
+            terminal.line(std::string("beginning anew: ") + fault.what());
+        }
+    }
+    return svbrdf::Session(capture, options, callbacks);
+}
+
+int run(const std::string& folder, const std::filesystem::path& out, double seconds) {
+    const svbrdf::Capture capture(folder);
+    std::filesystem::create_directories(out);
+    const auto state = out / "session.state";
+    Terminal terminal;
+    auto session = begin(capture, state, terminal);
+    auto budget = svbrdf::make(svbrdf_budget_init);
+    budget.seconds = static_cast<float>(seconds);
+    session.set_budget(budget);
+    session.wait();
+
+    int used = 0;
+    // Rejected photos are looked at again after an interruption; they are few.
+    for (std::uint32_t i = session.progress().frames; i < capture.frames(); i++) {
+        const std::string name = "photo " + std::to_string(i + 1);
+        try {
+            if (const auto pushed = session.push(capture, i); !pushed) {
+                terminal.line(name + " cannot be used: " + pushed.advice);
+                continue;
+            }
+        } catch (const svbrdf::Error& fault) {
+            if (fault.status() != SVBRDF_INVALID_ARGUMENT) {
+                throw;
+            }
+            terminal.line(name + " cannot be read: " + fault.what());
+            continue;
+        }
+        used++;
+        session.wait();
+        terminal.line(name + " is in the maps");
+        session.save(state.string());
+    }
+    if (!session.snapshot()) {
+        std::cerr << "no photo could be used\n";
+        return 2;
+    }
+    session.export_to(out.string());
+    std::filesystem::remove(state);
+    std::cout << used << " photos, maps in " << out.string() << "\n";
+    return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    if (argc != 3 && argc != 4) {
+        std::cerr << "usage: svbrdf-stream CAPTURE OUT [SECONDS PER PHOTO]\n";
+        return 2;
+    }
+    try {
+        return run(argv[1], argv[2], argc == 4 ? std::stod(argv[3]) : -1.0);
+    } catch (const std::exception& fault) {
+        std::cerr << fault.what() << "\n";
+        return 1;
+    }
+}

@@ -1,0 +1,148 @@
+//! Sessions saved and gone on with.
+
+use std::ffi::{c_char, c_void};
+use std::path::Path;
+use std::sync::Arc;
+
+use engine::Error;
+use engine::export::write_atomic;
+use engine::session::Session;
+
+use crate::handles::Handles;
+use crate::maps::folder;
+use crate::models;
+use crate::options::svbrdf_session_options;
+use crate::session::{act, open, svbrdf_session};
+use crate::status::{Fault, entry, svbrdf_status};
+
+/// Bytes made by the library.
+pub struct svbrdf_buffer {
+    _opaque: (),
+}
+
+static BUFFERS: Handles<Vec<u8>> = Handles::new("buffer");
+
+/// Address and number of a buffer's bytes, valid until svbrdf_buffer_destroy().
+///
+/// # Safety
+/// Both results are NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_buffer_view(
+    buffer: *const svbrdf_buffer,
+    data: *mut *const c_void,
+    bytes: *mut usize,
+) -> svbrdf_status {
+    entry(|| {
+        let buffer = BUFFERS.get(buffer.addr())?;
+        if data.is_null() || bytes.is_null() {
+            return Err(Fault::argument("data, bytes: NULL given"));
+        }
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        unsafe {
+            data.write(buffer.as_ptr().cast());
+            bytes.write(buffer.len());
+        }
+        Ok(())
+    })
+}
+
+/// Frees a buffer; NULL is fine.
+#[unsafe(no_mangle)]
+pub extern "C" fn svbrdf_buffer_destroy(buffer: *mut svbrdf_buffer) -> svbrdf_status {
+    entry(|| {
+        if !buffer.is_null() {
+            BUFFERS.remove(buffer.addr())?;
+        }
+        Ok(())
+    })
+}
+
+/// The session as bytes, from which svbrdf_session_load_state() goes on as if nothing had happened,
+/// in another process or on another machine, also with a library of a newer minor version: board,
+/// camera, settings, budget, all photos as far as they are needed, maps, and the fit. The session
+/// is not changed and goes on. Waits for a photo being pushed and for one step of the fit. A
+/// cancelled session cannot be saved: pause it instead. Free with svbrdf_buffer_destroy().
+///
+/// # Safety
+/// `out` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_save_state(
+    session: *const svbrdf_session,
+    out: *mut *mut svbrdf_buffer,
+) -> svbrdf_status {
+    act(session, |live| {
+        if out.is_null() {
+            return Err(Fault::argument("out: NULL given"));
+        }
+        let state = live.session.save()?;
+        let handle = Handles::<Vec<u8>>::reserve();
+        BUFFERS.insert(handle, Arc::new(state));
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        unsafe { out.write(std::ptr::without_provenance_mut(handle)) };
+        Ok(())
+    })
+}
+
+/// As svbrdf_session_save_state(), into a file (UTF-8) whose folder exists. What stood there is
+/// replaced once everything is written, and stays when that fails.
+///
+/// # Safety
+/// `path` is NULL or a C string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_save_state_to(
+    session: *const svbrdf_session,
+    path: *const c_char,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the string.
+        let path = unsafe { folder(path) }?;
+        Ok(write_atomic(path, &live.session.save()?)?)
+    })
+}
+
+/// Goes on with a saved session. Of the options count threads (0: as saved), models, callbacks,
+/// user_data and memory_limit_bytes; everything else is in the state. The bytes are not needed
+/// after the call. SVBRDF_BAD_STATE when they are not what was written, SVBRDF_UNSUPPORTED when a
+/// newer major version wrote them; `*session` is then left as it was.
+///
+/// # Safety
+/// As svbrdf_session_create(); `data` is NULL or has as many readable bytes as said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_load_state(
+    options: *const svbrdf_session_options,
+    data: *const c_void,
+    bytes: usize,
+    session: *mut *mut svbrdf_session,
+) -> svbrdf_status {
+    // SAFETY: the caller vouches for options, bytes and result.
+    unsafe {
+        open(options, session, |options| {
+            restore(options, crate::image::bytes("data", data, bytes)?)
+        })
+    }
+}
+
+/// As svbrdf_session_load_state() from a file (UTF-8).
+///
+/// # Safety
+/// As svbrdf_session_create(); `path` is NULL or a C string.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_load_state_from(
+    options: *const svbrdf_session_options,
+    path: *const c_char,
+    session: *mut *mut svbrdf_session,
+) -> svbrdf_status {
+    // SAFETY: the caller vouches for options, path and result.
+    unsafe {
+        open(options, session, |options| {
+            let path: &Path = folder(path)?;
+            let state = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+            restore(options, &state)
+        })
+    }
+}
+
+fn restore(options: &svbrdf_session_options, state: &[u8]) -> Result<Session, Fault> {
+    let networks = models::networks(options.models)?;
+    Ok(Session::restore(state, networks, options.for_restoring()?)?)
+}

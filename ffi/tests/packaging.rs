@@ -1,0 +1,98 @@
+//! An installed library is found by CMake and pkg-config, and the example built with it runs.
+#![cfg(target_os = "linux")]
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+
+use common::{has, library, root, run};
+
+fn install(prefix: &Path) {
+    run(Command::new(root().join("ffi/install.sh"))
+        .arg(prefix)
+        .env("SVBRDF_BUILT", library().parent().unwrap()));
+    for file in [
+        "include/svbrdf.h",
+        "include/svbrdf.hpp",
+        "lib/libsvbrdf.so",
+        "lib/libsvbrdf.so.0",
+        "lib/pkgconfig/svbrdf.pc",
+        "lib/cmake/svbrdf/svbrdf-config.cmake",
+        "lib/cmake/svbrdf/svbrdf-config-version.cmake",
+    ] {
+        assert!(prefix.join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn the_cmake_example_builds_and_streams_a_capture() {
+    if !has("cmake") || !has("c++") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let (prefix, build, out) = (dir.path().join("p"), dir.path().join("b"), dir.path().join("o"));
+    install(&prefix);
+    let configure = |version: &str| {
+        let mut command = Command::new("cmake");
+        command.arg("-S").arg(dir.path().join("source")).arg("-B").arg(&build);
+        command.arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display()));
+        std::fs::create_dir_all(dir.path().join("source")).unwrap();
+        let lists = std::fs::read_to_string(root().join("examples/cpp/CMakeLists.txt")).unwrap();
+        let lists =
+            lists.replace("find_package(svbrdf 0.1 ", &format!("find_package(svbrdf {version} "));
+        std::fs::write(dir.path().join("source/CMakeLists.txt"), lists).unwrap();
+        std::fs::copy(root().join("examples/cpp/main.cpp"), dir.path().join("source/main.cpp"))
+            .unwrap();
+        command
+    };
+    for version in ["0.2", "1.0", "0.1.99"] {
+        let refused = configure(version).output().unwrap();
+        assert!(!refused.status.success(), "version {version} was found");
+    }
+    run(&mut configure("0.1"));
+    run(Command::new("cmake").arg("--build").arg(&build));
+    // A capture of two photos and one that cannot be used.
+    let capture = dir.path().join("capture");
+    std::fs::create_dir_all(&capture).unwrap();
+    let tile = root().join("examples/captures/tile");
+    let text = std::fs::read_to_string(tile.join("capture.json")).unwrap();
+    let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let frames = value["frames"].as_array_mut().unwrap();
+    frames.truncate(3);
+    frames[1]["image"] = "black.png".into();
+    std::fs::write(capture.join("capture.json"), value.to_string()).unwrap();
+    std::os::unix::fs::symlink(tile.join("frames"), capture.join("frames")).unwrap();
+    image::RgbImage::new(2016, 1512).save(capture.join("black.png")).unwrap();
+    let output = run(Command::new(build.join("svbrdf-stream")).arg(&capture).arg(&out).arg("0.2"));
+    let text = String::from_utf8(output.stdout).unwrap();
+    println!("{}", text.replace('\r', "\n"));
+    assert!(text.contains("photo 2 cannot be used: too dark"));
+    assert!(text.contains("2 photos, maps in"));
+    assert!(out.join("normal.png").is_file() && !out.join("session.state").exists());
+    let wrong = Command::new(build.join("svbrdf-stream")).arg("/nowhere").arg(&out).output();
+    assert_eq!(wrong.unwrap().status.code(), Some(1));
+}
+
+#[test]
+fn pkg_config_names_what_a_compiler_needs() {
+    if !has("pkg-config") || !has("gcc") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    install(dir.path());
+    let flags = run(Command::new("pkg-config")
+        .args(["--cflags", "--libs", "svbrdf"])
+        .env("PKG_CONFIG_PATH", dir.path().join("lib/pkgconfig")));
+    let flags = String::from_utf8(flags.stdout).unwrap();
+    let source = dir.path().join("a.c");
+    std::fs::write(
+        &source,
+        "#include <svbrdf.h>\n#include <stdio.h>\nint main(void) { puts(svbrdf_version()); return 0; }\n",
+    )
+    .unwrap();
+    let program = dir.path().join("a");
+    run(Command::new("gcc").arg(&source).arg("-o").arg(&program).args(flags.split_whitespace()));
+    let output = run(Command::new(&program).env("LD_LIBRARY_PATH", dir.path().join("lib")));
+    assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), env!("CARGO_PKG_VERSION"));
+}

@@ -1,0 +1,249 @@
+//! What is known of camera and light, and what it was measured on.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::bytes::{Reader, Sections, StateWriter, Tag, Writer};
+use super::damaged;
+use super::scene::{as_damage, read_camera, write_camera};
+use crate::Result;
+use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
+use crate::calibration::{CameraEstimate, Corner};
+use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
+use crate::geometry::Pose;
+use crate::session::Scene;
+use crate::session::board::{BoardIntake, Frame, Kept};
+use crate::session::intake::Intake;
+
+const INTAKE: &Tag = b"INTK";
+/// One for each photograph of a board.
+const FRAME: &Tag = b"FRAM";
+
+pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
+    match intake {
+        Intake::Rectified { power_mm2, .. } => {
+            state.section(INTAKE, |w| w.option(*power_mm2, |w, power| w.f32s(&power)));
+        }
+        Intake::Board(board) => {
+            state.section(INTAKE, |w| {
+                w.option(board.estimate(), |w, estimate| {
+                    write_camera(w, &estimate.camera);
+                    w.f64s(estimate.covariance.as_flattened());
+                    w.f64(estimate.rms_px);
+                });
+            });
+            for (frame, squares) in board.frames_and_squares() {
+                state.section(FRAME, |w| write_frame(w, frame, squares));
+            }
+        }
+    }
+}
+
+pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
+    let mut intake = Intake::new(scene.clone()).map_err(as_damage)?;
+    let mut r = sections.one(INTAKE)?;
+    match &mut intake {
+        Intake::Rectified { power_mm2, .. } => *power_mm2 = r.option(Reader::three_f32s)?,
+        Intake::Board(board) => {
+            let estimate = r.option(|r| {
+                let camera = read_camera(r)?;
+                let flat: [f64; 81] = r.f64s()?;
+                let covariance = std::array::from_fn(|i| std::array::from_fn(|j| flat[9 * i + j]));
+                Ok(CameraEstimate { camera, covariance, rms_px: r.f64()?, views: Vec::new() })
+            })?;
+            let frames = sections.all(FRAME).map(read_frame).collect::<Result<Vec<_>>>()?;
+            resume(board, estimate, frames)?;
+        }
+    }
+    r.end()?;
+    Ok(intake)
+}
+
+fn resume(
+    board: &mut BoardIntake,
+    estimate: Option<CameraEstimate>,
+    frames: Vec<(Frame, Squares)>,
+) -> Result<()> {
+    let estimated = board.camera().is_none();
+    let camera = estimate.as_ref().map(|e| e.camera).or(board.camera());
+    let fits = |frame: &Frame| {
+        frame.kept.is_some() == estimated
+            && camera.is_some_and(|c| (c.width, c.height) == frame.picture_size())
+    };
+    if estimate.is_some() != (estimated && !frames.is_empty())
+        || !frames.iter().all(|(frame, _)| fits(frame))
+    {
+        return Err(damaged("photographs and camera do not fit each other"));
+    }
+    board.resume(estimate, frames);
+    Ok(())
+}
+
+fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
+    w.u32(frame.corners.len() as u32);
+    for corner in &frame.corners {
+        w.u32(corner.row);
+        w.u32(corner.col);
+        w.f64s(&corner.px.to_array());
+    }
+    write_pose(w, &frame.pose);
+    w.f64(frame.rms_px);
+    let (camera, pose, radiometry) = &frame.used;
+    write_camera(w, camera);
+    write_pose(w, pose);
+    write_radiometry(w, radiometry);
+    w.f32(squares.exposure);
+    w.f32(squares.clipped_share);
+    w.u32(squares.squares.len() as u32);
+    for square in &squares.squares {
+        w.flag(square.white);
+        w.f64s(&square.board_mm.to_array());
+        for value in square.value {
+            w.option(value, Writer::f32);
+        }
+    }
+    w.option(frame.kept.as_deref(), |w, kept| {
+        w.u32(kept.corner[0]);
+        w.u32(kept.corner[1]);
+        write_photo(w, &kept.photo);
+    });
+}
+
+fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
+    let count = r.count(24)?;
+    let corner = |r: &mut Reader| {
+        let (row, col) = (r.u32()?, r.u32()?);
+        Ok(Corner { row, col, px: DVec2::from_array(r.f64s()?) })
+    };
+    let corners = (0..count).map(|_| corner(&mut r)).collect::<Result<_>>()?;
+    let (pose, rms_px) = (read_pose(&mut r)?, r.f64()?);
+    let used = (read_camera(&mut r)?, read_pose(&mut r)?, read_radiometry(&mut r)?);
+    let squares = read_squares(&mut r)?;
+    let kept = r.option(|r| {
+        let corner = [r.u32()?, r.u32()?];
+        let kept = Kept { photo: read_photo(r)?, corner };
+        let inside = |from: u32, count: u32, size: u32| {
+            from.checked_add(count).is_some_and(|end| end <= size)
+        };
+        let (camera, photo) = (&used.0, &kept.photo);
+        if inside(corner[0], photo.width(), camera.width)
+            && inside(corner[1], photo.height(), camera.height)
+        {
+            Ok(Arc::new(kept))
+        } else {
+            Err(damaged("a part of a photograph lies outside of it"))
+        }
+    })?;
+    r.end()?;
+    Ok((Frame { corners, kept, pose, rms_px, used }, squares))
+}
+
+fn read_squares(r: &mut Reader) -> Result<Squares> {
+    let (exposure, clipped_share) = (r.f32()?, r.f32()?);
+    if exposure <= 0.0 {
+        return Err(damaged("an exposure is not positive"));
+    }
+    let count = r.count(20)?;
+    let square = |r: &mut Reader| {
+        let (white, board_mm) = (r.flag()?, DVec2::from_array(r.f64s()?));
+        let mut value = [None; 3];
+        for v in &mut value {
+            *v = r.option(Reader::f32)?.filter(|v| *v > 0.0);
+        }
+        Ok(Square { white, board_mm, value })
+    };
+    let squares = (0..count).map(|_| square(r)).collect::<Result<_>>()?;
+    Ok(Squares { squares, exposure, clipped_share })
+}
+
+fn write_pose(w: &mut Writer, pose: &Pose) {
+    w.f64s(&pose.rotation.to_cols_array());
+    w.f64s(&pose.translation.to_array());
+}
+
+fn read_pose(r: &mut Reader) -> Result<Pose> {
+    let rotation = DMat3::from_cols_array(&r.f64s()?);
+    if (rotation * rotation.transpose() - DMat3::IDENTITY)
+        .to_cols_array()
+        .iter()
+        .any(|v| v.abs() > 1e-6)
+    {
+        return Err(damaged("a pose is none"));
+    }
+    Ok(Pose { rotation, translation: DVec3::from_array(r.f64s()?) })
+}
+
+fn write_radiometry(w: &mut Writer, radiometry: &Radiometry) {
+    w.f64s(&radiometry.gain);
+    w.f64s(&[radiometry.vignetting.exponent, radiometry.vignetting.curvature]);
+    w.f64(radiometry.lobe_exponent);
+    w.f64s(&radiometry.flash_offset_mm.to_array());
+    w.f32s(&radiometry.power_mm2);
+    w.f32s(&radiometry.ambient);
+}
+
+fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
+    let gain = r.f64s()?;
+    let [exponent, curvature] = r.f64s()?;
+    let radiometry = Radiometry {
+        gain,
+        vignetting: Vignetting { exponent, curvature },
+        lobe_exponent: r.f64()?,
+        flash_offset_mm: DVec3::from_array(r.f64s()?),
+        power_mm2: r.three_f32s()?,
+        ambient: r.three_f32s()?,
+    };
+    if gain.iter().any(|g| *g <= 0.0) || radiometry.power_mm2.iter().any(|p| *p <= 0.0) {
+        return Err(damaged("a light is none"));
+    }
+    Ok(radiometry)
+}
+
+fn write_photo(w: &mut Writer, photo: &Photo) {
+    w.u32(photo.width());
+    w.u32(photo.height());
+    w.f32(photo.exposure());
+    w.f32(photo.saturation());
+    let curve = |e: Encoding| Encoding::ALL.iter().position(|a| *a == e).unwrap_or(0) as u8;
+    match photo.stored() {
+        Stored::U8(data, encoding) => {
+            w.u8(1);
+            w.u8(curve(encoding));
+            w.bytes(&data);
+        }
+        Stored::U16(data, encoding) => {
+            w.u8(2);
+            w.u8(curve(encoding));
+            w.u16s(&data);
+        }
+        Stored::F32(data) => {
+            w.u8(3);
+            w.u8(0);
+            w.f32s(&data);
+        }
+    }
+}
+
+fn read_photo(r: &mut Reader) -> Result<Photo> {
+    let (width, height) = (r.u32()?, r.u32()?);
+    let (exposure, saturation) = (r.f32()?, r.any_f32()?);
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 || pixels > MAX_PIXELS {
+        return Err(damaged("a part of a photograph has no possible size"));
+    }
+    if saturation.is_nan() || saturation <= 0.0 {
+        return Err(damaged("a saturation is not positive"));
+    }
+    let values = 3 * pixels as usize;
+    let kind = r.u8()?;
+    let curve = Encoding::ALL.get(usize::from(r.u8()?));
+    let curve = *curve.ok_or_else(|| damaged("a transfer curve is unknown"))?;
+    let stored = match kind {
+        1 => Stored::U8(r.take(values)?.into(), curve),
+        2 => Stored::U16(r.u16s(values)?.into(), curve),
+        3 => Stored::F32(r.f32s(values)?.into()),
+        other => return Err(damaged(format!("pixels {other}"))),
+    };
+    Photo::from_stored(width, height, stored, exposure, saturation).map_err(as_damage)
+}

@@ -1,0 +1,363 @@
+//! Sessions saved and gone on with, budgets and memory limits, from the outside.
+
+use std::f32::consts::PI;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+use svbrdf::capture::Capture;
+use svbrdf::frame::Photo;
+use svbrdf::initial_estimate::Networks;
+use svbrdf::observation::{Falloff, View};
+use svbrdf::session::{
+    Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
+};
+use svbrdf::svbrdf::channel;
+use svbrdf::{Error, StateFault, Svbrdf, render};
+
+const SIZE: usize = 256;
+const POSITIONS: [[f32; 3]; 3] = [[0.0, 0.0, 110.0], [-45.0, 50.0, 110.0], [55.0, 20.0, 100.0]];
+
+fn networks() -> Arc<Networks> {
+    static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
+    NETWORKS.get_or_init(|| Arc::new(Networks::embedded().unwrap())).clone()
+}
+
+fn material() -> Svbrdf {
+    let mut maps = Svbrdf::new(SIZE, SIZE);
+    for i in 0..SIZE * SIZE {
+        let (x, y) = (i % SIZE, i / SIZE);
+        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.2).sin();
+        let red = (x / 32 + y / 32) % 2 == 0;
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[i] =
+                if red { [0.5, 0.1, 0.08][c] } else { [0.1, 0.3, 0.4][c] };
+        }
+        maps.plane_mut(channel::ROUGHNESS)[i] = if red { 0.3 } else { 0.5 };
+    }
+    maps
+}
+
+fn photo(camera_mm: [f32; 3]) -> Photo {
+    let view = View {
+        sample_mm: [100.0, 100.0],
+        camera_mm,
+        light_mm: camera_mm,
+        falloff: Falloff::None { power: [PI; 3] },
+        ambient: [0.0; 3],
+    };
+    let n = SIZE * SIZE;
+    let mut planes = vec![0.0; 3 * n];
+    render::render(&material(), &view, &mut planes);
+    let rgb = (0..n).flat_map(|i| [planes[i], planes[n + i], planes[2 * n + i]]).collect();
+    Photo::from_linear(SIZE as u32, SIZE as u32, rgb, 1.0, f32::INFINITY).unwrap()
+}
+
+fn session(settings: Settings) -> Session {
+    let falloff = RectifiedFalloff::Given(Falloff::None { power: [PI; 3] });
+    let settings = Settings { threads: 2, ..settings };
+    Session::with_networks(Scene::Rectified { falloff }, settings, networks()).unwrap()
+}
+
+fn push(session: &Session, i: usize) {
+    let pushed = session.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
+    assert!(matches!(pushed, Pushed::Accepted(_)));
+}
+
+fn restore(state: &[u8]) -> Session {
+    Session::restore(state, networks(), RestoreOptions::default()).unwrap()
+}
+
+/// Root mean square difference per channel group: slopes, albedos, roughness.
+fn difference(a: &Svbrdf, b: &Svbrdf) -> f32 {
+    let sum: f32 = a.planes().iter().zip(b.planes()).map(|(a, b)| (a - b).powi(2)).sum();
+    (sum / a.planes().len() as f32).sqrt()
+}
+
+/// Half floats lose 1/2048 of each photograph, which is noise of that size to a fit of tens of
+/// steps; maps of 8 bits have steps of 1/255.
+const TOLERANCE: f32 = 0.5 / 255.0;
+
+#[test]
+fn going_on_after_restoring_is_going_on() {
+    for method in [Method::Deep, Method::Classic] {
+        let straight = session(Settings { method, ..Settings::default() });
+        push(&straight, 0);
+        straight.wait().unwrap();
+        // Settled: everything is as it was, to the bit.
+        let state = straight.save().unwrap();
+        let restored = restore(&state);
+        assert_eq!(restored.snapshot().unwrap(), straight.snapshot().unwrap());
+        assert_eq!(restored.progress(), straight.progress());
+        assert_eq!(restored.settings(), straight.settings());
+        assert_eq!(restored.scene(), straight.scene());
+        restored.wait().unwrap();
+        push(&straight, 1);
+        push(&restored, 1);
+        // In the middle of a step or between two, wherever the fit is.
+        std::thread::sleep(Duration::from_millis(150));
+        let again = restore(&restored.save().unwrap());
+        assert_eq!(again.progress().frames, 2);
+        let moved = {
+            straight.wait().unwrap();
+            let before = straight.snapshot().unwrap();
+            push(&straight, 2);
+            straight.wait().unwrap();
+            difference(&before, &straight.snapshot().unwrap())
+        };
+        again.wait().unwrap();
+        // Two photographs at once: one is not in the fit yet when the state is written.
+        push(&again, 2);
+        let again = restore(&again.save().unwrap());
+        again.wait().unwrap();
+        assert_eq!(again.progress().frames, 3);
+        let off = difference(&again.snapshot().unwrap(), &straight.snapshot().unwrap());
+        println!("{method:?}: saved three times differs by {off}, a photograph by {moved}");
+        // The baseline has no prior: what the photographs cannot tell follows their noise.
+        let tolerance = if method == Method::Deep { TOLERANCE } else { 0.3 * moved };
+        assert!(off < tolerance && off < 0.3 * moved, "{off}, {moved}");
+    }
+}
+
+#[test]
+fn saving_does_not_change_or_hold_up_a_fit() {
+    let (saved, plain) = (session(Settings::default()), session(Settings::default()));
+    push(&saved, 0);
+    push(&plain, 0);
+    let mut slowest = Duration::ZERO;
+    let mut count = 0;
+    while !saved.progress().settled {
+        let begun = Instant::now();
+        saved.save().unwrap();
+        slowest = slowest.max(begun.elapsed());
+        count += 1;
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    plain.wait().unwrap();
+    println!("saved {count} times during a fit, {slowest:?} at most");
+    assert_eq!(saved.snapshot().unwrap(), plain.snapshot().unwrap());
+    // A fit lasts many times as long as one of its steps, even on a busy machine.
+    assert!(count >= 3);
+}
+
+#[test]
+fn sessions_without_photographs_are_saved_and_cancelled_ones_are_not() {
+    let empty = session(Settings { resolution: 512, seed: 7, ..Settings::default() });
+    let state = empty.save().unwrap();
+    println!("an empty session takes {} bytes", state.len());
+    let restored = restore(&state);
+    assert_eq!(restored.settings(), empty.settings());
+    assert!(matches!(restored.snapshot(), Err(Error::NoMaps)));
+    assert!(restored.wait_timeout(Duration::ZERO).unwrap());
+    empty.cancel();
+    assert!(matches!(empty.save(), Err(Error::Cancelled)));
+}
+
+/// With a camera that is estimated every photograph changes what is known of the earlier ones.
+#[test]
+fn camera_and_light_go_on_as_well() {
+    let capture = Capture::load(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile"));
+    let capture = capture.unwrap();
+    let Scene::Board { target, camera, .. } = capture.scene.clone() else { panic!("no board") };
+    for camera in [None, camera] {
+        let scene = Scene::Board { target: target.clone(), camera, flash_offset_mm: None };
+        let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
+        let straight = Session::with_networks(scene, settings, networks()).unwrap();
+        // Without the fit: this is about what happens before it.
+        straight.pause();
+        let push = |session: &Session, i: usize| {
+            let photo = capture.frames[i].read().unwrap();
+            assert!(matches!(session.push(&photo).unwrap(), Pushed::Accepted(_)));
+        };
+        push(&straight, 0);
+        push(&straight, 1);
+        let state = straight.save().unwrap();
+        println!("two photographs of {} px: {} bytes", 2016 * 1512, state.len());
+        let restored = restore(&state);
+        restored.pause();
+        assert_eq!(restored.camera(), straight.camera());
+        assert_eq!(restored.camera_sigma(), straight.camera_sigma());
+        assert_eq!(restored.poses(), straight.poses());
+        push(&straight, 2);
+        push(&restored, 2);
+        // What was measured is stored exactly.
+        assert_eq!(restored.camera(), straight.camera());
+        assert_eq!(restored.poses(), straight.poses());
+        assert_eq!(restored.flash_offset_mm(), straight.flash_offset_mm());
+        assert_eq!(restored.ambient_fraction(), straight.ambient_fraction());
+        // The fit has the photographs rectified anew too: with few steps, nearly the same maps.
+        let few = Budget { steps: Some(5), ..Budget::default() };
+        let maps = [&straight, &restored].map(|session| {
+            session.set_budget(few).unwrap();
+            session.resume();
+            session.wait().unwrap();
+            session.snapshot().unwrap()
+        });
+        let off = difference(&maps[0], &maps[1]);
+        println!("maps differ by {off}");
+        assert!(off < TOLERANCE, "{off}");
+    }
+}
+
+#[test]
+fn damaged_states_are_faults_of_their_own_kind() {
+    let session = session(Settings::default());
+    session.pause();
+    push(&session, 0);
+    let state = session.save().unwrap();
+    let fault = |bytes: &[u8]| match Session::restore(bytes, networks(), RestoreOptions::default())
+    {
+        Err(Error::State(fault)) => fault,
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("{} bytes were taken", bytes.len()),
+    };
+    assert_eq!(fault(b""), StateFault::Foreign);
+    assert_eq!(fault(b"not a session at all, but long enough to be one"), StateFault::Foreign);
+    // Cut anywhere: in the header, in a section's name, length, content and sum, at a section's
+    // end.
+    let mut at = 20;
+    let mut ends = vec![1, 7, 8, 12, 19, 20];
+    while at < state.len() {
+        let length = u64::from_le_bytes(state[at + 4..at + 12].try_into().unwrap()) as usize;
+        ends.extend([at + 1, at + 4, at + 11, at + 12, at + 13, at + 12 + length / 2]);
+        ends.extend([at + 12 + length, at + 15 + length, at + 16 + length]);
+        at += 16 + length;
+    }
+    ends.retain(|&end| end < state.len());
+    assert!(ends.len() > 40);
+    for end in ends {
+        assert_eq!(fault(&state[..end]), StateFault::Truncated, "{end} bytes");
+    }
+    let mut random = 1_u64;
+    for _ in 0..300 {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        let mut bad = state.clone();
+        let bit = (random >> 16) as usize % (8 * bad.len());
+        bad[bit / 8] ^= 1 << (bit % 8);
+        fault(&bad);
+    }
+    let mut newer = state.clone();
+    newer[8] = 2;
+    let sum = crc32(&newer[..16]);
+    newer[16..20].copy_from_slice(&sum.to_le_bytes());
+    assert_eq!(fault(&newer), StateFault::Newer { found: 2, known: 1 });
+    // Nothing of all this has touched the session.
+    session.resume();
+    session.wait().unwrap();
+}
+
+/// The checksum as defined (IEEE 802.3), bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 * (crc & 1)))
+    })
+}
+
+#[test]
+fn budgets_end_the_fit_and_larger_ones_take_it_up_again() {
+    for method in [Method::Deep, Method::Classic] {
+        let full = session(Settings { method, ..Settings::default() });
+        push(&full, 0);
+        full.wait().unwrap();
+        let cut = session(Settings { method, ..Settings::default() });
+        cut.set_budget(Budget { steps: Some(5), ..Budget::default() }).unwrap();
+        push(&cut, 0);
+        cut.wait().unwrap();
+        let (little, all) = (cut.progress().loss, full.progress().loss);
+        println!("{method:?}: loss {little} after 5 steps, {all} after all");
+        assert!(little < cut.progress().loss_before && little > 1.02 * all);
+        let before = cut.snapshot().unwrap();
+        // Saved and restored, it is still at its end.
+        let cut = restore(&cut.save().unwrap());
+        cut.wait().unwrap();
+        assert_eq!(cut.snapshot().unwrap(), before);
+        // A smaller budget changes nothing, none at all goes on to the end.
+        cut.set_budget(Budget { steps: Some(4), ..Budget::default() }).unwrap();
+        cut.wait().unwrap();
+        assert_eq!(cut.snapshot().unwrap(), before);
+        cut.set_budget(Budget::default()).unwrap();
+        assert!(!cut.progress().settled);
+        cut.wait().unwrap();
+        let off = difference(&cut.snapshot().unwrap(), &full.snapshot().unwrap());
+        println!("{method:?}: {off} off after going on");
+        // Adam on the maps begins anew, the latent fit goes on where it was.
+        assert!(cut.progress().loss < 1.05 * all && (method == Method::Classic || off < 0.01));
+    }
+}
+
+#[test]
+fn a_budget_of_time_is_kept() {
+    let unlimited = session(Settings::default());
+    let begun = Instant::now();
+    push(&unlimited, 0);
+    unlimited.wait().unwrap();
+    let whole = begun.elapsed().as_secs_f32();
+    let limited = session(Settings::default());
+    limited.set_budget(Budget { seconds: Some(0.3 * whole), ..Budget::default() }).unwrap();
+    push(&limited, 0);
+    // Time in which nothing is done does not count.
+    limited.pause();
+    std::thread::sleep(Duration::from_secs_f32(0.4 * whole));
+    limited.resume();
+    let begun = Instant::now();
+    limited.wait().unwrap();
+    let took = begun.elapsed().as_secs_f32();
+    println!("{whole} s without, {took} s with a budget of {} s", 0.3 * whole);
+    // Other tests run beside this one: a wide margin.
+    assert!(took < 0.8 * whole, "{took} of {whole}");
+    assert!(limited.progress().loss < limited.progress().loss_before);
+    let none = session(Settings::default());
+    none.set_budget(Budget { seconds: Some(0.0), ..Budget::default() }).unwrap();
+    push(&none, 0);
+    none.wait().unwrap();
+    assert!(none.snapshot().is_ok());
+    assert!(none.set_budget(Budget { seconds: Some(f32::NAN), ..Budget::default() }).is_err());
+}
+
+#[test]
+fn what_cannot_be_seen_is_not_fitted() {
+    let budget = Budget { stop_when_invisible: true, ..Budget::default() };
+    let (eager, thrifty) = (session(Settings::default()), session(Settings::default()));
+    thrifty.set_budget(budget).unwrap();
+    for i in 0..3 {
+        push(&eager, i);
+        push(&thrifty, i);
+        eager.wait().unwrap();
+        thrifty.wait().unwrap();
+    }
+    let off = difference(&eager.snapshot().unwrap(), &thrifty.snapshot().unwrap());
+    println!("{off} off");
+    // Three photographs, at each of which half a step of 8 bits may be left on either side.
+    assert!(off < 3.0 / 255.0, "{off}");
+}
+
+#[test]
+fn memory_limits_are_answered_before_anything_is_taken() {
+    let limit = |mib: u64| Settings { memory_limit_bytes: Some(mib << 20), ..Settings::default() };
+    let falloff = RectifiedFalloff::InverseSquareAuto;
+    let scene = Scene::Rectified { falloff };
+    let fault = Session::with_networks(scene, limit(16), networks()).err().unwrap();
+    assert!(matches!(fault, Error::MemoryLimit { needed, limit } if needed > limit), "{fault}");
+    let roomy = session(limit(100_000));
+    roomy.pause();
+    push(&roomy, 0);
+    let state = roomy.save().unwrap();
+    let options = RestoreOptions { memory_limit_bytes: Some(1 << 20), ..Default::default() };
+    let fault = Session::restore(&state, networks(), options).err().unwrap();
+    assert!(matches!(fault, Error::MemoryLimit { .. }), "{fault}");
+    // Photographs are taken until the limit is reached; nothing is lost then.
+    let Error::MemoryLimit { needed, .. } = fault else { return };
+    let tight = session(Settings { memory_limit_bytes: Some(needed + (12 << 20)), ..limit(0) });
+    tight.pause();
+    let mut taken = 0;
+    let fault = loop {
+        let i = taken % POSITIONS.len();
+        match tight.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]) {
+            Ok(_) => taken += 1,
+            Err(fault) => break fault,
+        }
+        assert!(taken < 50);
+    };
+    assert!(taken > 0 && matches!(fault, Error::MemoryLimit { .. }), "{taken}: {fault}");
+    assert_eq!(tight.progress().frames, taken);
+    assert!(tight.snapshot().is_ok() && tight.save().is_ok());
+}
