@@ -288,6 +288,46 @@ fun models() {
     }
 }
 
+fun savedAndRestored() {
+    val file = File(out, "\uD83D\uDE00.scan")
+    val before = MaterialScanner(small).use { scanner ->
+        scanner.setBudget(Budget(seconds = 30f, maxSteps = 3, stopWhenInvisible = true))
+        throws<IllegalArgumentException>("") { scanner.setBudget(Budget(seconds = Float.NaN)) }
+        scanner.pushRectified(gray(), above, above)
+        scanner.await()
+        throws<IOException>("") { scanner.save(File("/proc/no/such")) }
+        scanner.save(file)
+        scanner.snapshot()!!.use { it.floats(MapKind.DIFFUSE) }
+    }
+    val called = CountDownLatch(2)
+    val listener = object : MaterialScanner.Listener {
+        override fun onMaps(scanner: MaterialScanner) {
+            // Usable even when it comes at once.
+            scanner.snapshot()!!.close()
+            called.countDown()
+        }
+    }
+    MaterialScanner.restore(file, listener).use { scanner ->
+        verify(scanner.progress.photos == 1) { "${scanner.progress}" }
+        val after = scanner.snapshot()!!.use { it.floats(MapKind.DIFFUSE) }
+        verify(before == after) { "other maps" }
+        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "goes on" }
+        scanner.await()
+        verify(scanner.progress.photos == 2) { "${scanner.progress}" }
+        called.await(5, TimeUnit.SECONDS)
+        verify(called.count < 2) { "no maps told" }
+    }
+    throws<IOException>("") { MaterialScanner.restore(File(out, "missing")) }
+    file.writeBytes(file.readBytes().copyOf(1000))
+    val damaged = throws<ScannerException>("") { MaterialScanner.restore(file) }
+    verify(damaged.fault == Fault.BAD_STATE) { "${damaged.fault}" }
+    val limited = small.copy(memoryLimitBytes = 1)
+    val large = throws<ScannerException>("") {
+        MaterialScanner(limited).use { it.pushRectified(gray(), above, above) }
+    }
+    verify(large.fault == Fault.MEMORY_LIMIT) { "${large.fault}" }
+}
+
 fun callbacksThatMisbehave() {
     // Exceptions go to the thread's handler; closing inside a callback is fine.
     val uncaught = AtomicInteger()
@@ -451,6 +491,7 @@ fun main(arguments: Array<String>) {
         "bad input" to ::badInput,
         "layouts" to ::layouts,
         "models" to ::models,
+        "saved and restored" to ::savedAndRestored,
         "callbacks that misbehave" to ::callbacksThatMisbehave,
         "closing while others call" to ::closingWhileOthersCall,
         "flows" to ::flows,

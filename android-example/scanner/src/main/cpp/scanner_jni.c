@@ -272,8 +272,9 @@ static int read_camera(JNIEnv *env, jdoubleArray array, svbrdf_camera *camera)
 
 static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong seed,
                             jfloatArray reals, jdoubleArray board_array, jbyteArray dictionary,
-                            jdoubleArray camera_array, jdoubleArray flash_array, jobject owner,
-                            jlong models, jlong id)
+                            jdoubleArray camera_array, jdoubleArray flash_array,
+                            jlong memory_limit, jbyteArray state, jobject owner, jlong models,
+                            jlong id)
 {
     jint i[OPTION_INTS];
     jfloat f[OPTION_FLOATS];
@@ -281,9 +282,9 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong see
     svbrdf_board board;
     svbrdf_camera camera;
     jdouble flash[3];
-    jbyte *held = NULL;
+    jbyte *held = NULL, *held_path;
+    const char *path;
     svbrdf_session *session = NULL;
-    svbrdf_status status;
 
     (void)class, (void)owner;
     if (read_ints(env, ints, OPTION_INTS, i) || read_floats(env, reals, OPTION_FLOATS, f)) {
@@ -299,6 +300,7 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong see
     options.seed = (uint64_t)seed;
     memcpy(options.sample_mm, f, sizeof options.sample_mm);
     memcpy(options.light_power, f + 2, sizeof options.light_power);
+    options.memory_limit_bytes = (uint64_t)memory_limit;
     options.models = HANDLE(svbrdf_models, models);
     if (id != 0) {
         options.on_progress = call_progress;
@@ -330,8 +332,12 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong see
             }
         }
     }
-    status = svbrdf_session_create(&options, &session);
-    raise(env, status);
+    if (state == NULL) {
+        raise(env, svbrdf_session_create(&options, &session));
+    } else if ((path = read_text(env, state, &held_path)) != NULL) {
+        raise(env, svbrdf_session_load_state_from(&options, path, &session));
+        release_text(env, state, held_path);
+    }
     if (held != NULL) {
         release_text(env, dictionary, held);
     }
@@ -499,6 +505,29 @@ SESSION_CALL(pause)
 SESSION_CALL(resume)
 SESSION_CALL(cancel)
 
+static void session_set_budget(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                               jfloat seconds, jint max_steps, jboolean stop_when_invisible)
+{
+    svbrdf_budget budget;
+    (void)class, (void)owner;
+    svbrdf_budget_init(&budget, sizeof budget);
+    budget.seconds = seconds;
+    budget.max_steps = (uint32_t)max_steps;
+    budget.stop_when_invisible = stop_when_invisible == JNI_TRUE ? 1 : 0;
+    raise(env, svbrdf_session_set_budget(HANDLE(svbrdf_session, handle), &budget));
+}
+
+static void session_save(JNIEnv *env, jclass class, jobject owner, jlong handle, jbyteArray path)
+{
+    jbyte *held;
+    const char *text = read_text(env, path, &held);
+    (void)class, (void)owner;
+    if (text != NULL) {
+        raise(env, svbrdf_session_save_state_to(HANDLE(svbrdf_session, handle), text));
+        release_text(env, path, held);
+    }
+}
+
 /* Maps. */
 
 static void maps_size(JNIEnv *env, jclass class, jobject owner, jlong handle, jdoubleArray out)
@@ -593,7 +622,7 @@ static void models_destroy(JNIEnv *env, jclass class, jlong handle)
 static const JNINativeMethod methods[] = {
     METHOD("version", "()[B", version),
     METHOD("features", "()J", features),
-    METHOD("sessionCreate", "([IJ[F[D[B[D[D" OWNER "JJ)J", session_create),
+    METHOD("sessionCreate", "([IJ[F[D[B[D[DJ[B" OWNER "JJ)J", session_create),
     METHOD("sessionDestroy", "(J)V", session_destroy),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[D)[B", session_push),
     METHOD("sessionWait", "(" OWNER "JJ)Z", session_wait),
@@ -603,6 +632,8 @@ static const JNINativeMethod methods[] = {
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),
     METHOD("sessionCancel", "(" OWNER "J)V", session_cancel),
+    METHOD("sessionSetBudget", "(" OWNER "JFIZ)V", session_set_budget),
+    METHOD("sessionSave", "(" OWNER "J[B)V", session_save),
     METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),

@@ -129,7 +129,13 @@ enum class Fault(internal val code: Int) {
     UNSUPPORTED(-6),
 
     /** A fault inside the library; the scanner answers this from now on. */
-    FAILED(-7);
+    FAILED(-7),
+
+    /** What was to be restored is not what was saved. */
+    BAD_STATE(-8),
+
+    /** It would need more than [ScanOptions.memoryLimitBytes]; nothing changed. */
+    MEMORY_LIMIT(-9);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: FAILED

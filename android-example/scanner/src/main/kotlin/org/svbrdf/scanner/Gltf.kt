@@ -66,7 +66,8 @@ object Gltf {
     private const val GEOMETRY_VIEWS = 5
 
     /** Kotlin prints floats so that they are read back the same: least and greatest must be. */
-    private fun json(views: String, bytes: Int, x: Float, y: Float): String = """{"asset":{"version":"2.0","generator":"svbrdf"},
+    private fun json(views: String, bytes: Int, x: Float, y: Float): String =
+        """{"asset":{"version":"2.0","generator":"svbrdf"},
 "extensionsUsed":["KHR_materials_specular","KHR_materials_ior"],
 "scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
 "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3},

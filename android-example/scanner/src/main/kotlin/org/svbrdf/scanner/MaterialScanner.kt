@@ -12,10 +12,16 @@ import java.io.File
  * [java.io.IOException]; the rest a [ScannerException]. A photo that cannot be used is no
  * exception: see [Pushed.Rejected].
  */
-class MaterialScanner @JvmOverloads constructor(
-    options: ScanOptions = ScanOptions(),
-    internal val listener: Listener? = null,
+class MaterialScanner private constructor(
+    options: ScanOptions,
+    internal val listener: Listener?,
+    saved: File?,
 ) : AutoCloseable {
+
+    /** A new scan. */
+    @JvmOverloads
+    constructor(options: ScanOptions = ScanOptions(), listener: Listener? = null) :
+        this(options, listener, null)
 
     /**
      * What a scanner calls. [onProgress] and [onMaps] come on one thread of the scanner, one at a
@@ -33,22 +39,29 @@ class MaterialScanner @JvmOverloads constructor(
         fun onLog(level: LogLevel, line: String) {}
     }
 
-    private val id = if (listener == null) 0 else Native.register(this)
+    private val creation = Any()
     private val handle: Handle
+    private var complete = false
 
     init {
-        val session = try {
-            options.create(this, id)
+        val id = if (listener == null) 0 else Native.register(this)
+        try {
+            synchronized(creation) {
+                val session = options.create(this, id, saved)
+                handle = Handle(this, session) {
+                    Native.unregister(id)
+                    Native.sessionDestroy(it)
+                }
+                complete = true
+            }
         } catch (thrown: Throwable) {
             Native.unregister(id)
             throw thrown
         }
-        val registered = id
-        handle = Handle(this, session) {
-            Native.unregister(registered)
-            Native.sessionDestroy(it)
-        }
     }
+
+    /** For callbacks: a restored scanner's may come before its constructor is through. */
+    internal fun created(): Boolean = synchronized(creation) { complete }
 
     /**
      * Takes a photo of the board in; it is not needed after the call. When accepted, maps that know
@@ -103,6 +116,17 @@ class MaterialScanner @JvmOverloads constructor(
         maps.use { it.export(folder) }
     }
 
+    /**
+     * Saves the scan into a file, to go on with [restore] after the app has been ended, also with a
+     * newer minor version of the library. The scan goes on; a cancelled one cannot be saved.
+     */
+    fun save(file: File) = Native.sessionSave(this, handle.now, Native.text(file.path))
+
+    /** Limits the work on each photo from now on. */
+    fun setBudget(budget: Budget) = Native.sessionSetBudget(
+        this, handle.now, budget.seconds ?: -1f, budget.maxSteps, budget.stopWhenInvisible,
+    )
+
     /** Holds the fit; photos are still taken in. */
     fun pause() = Native.sessionPause(this, handle.now)
 
@@ -119,6 +143,18 @@ class MaterialScanner @JvmOverloads constructor(
     override fun close() = handle.close()
 
     companion object {
+        /**
+         * Goes on with a scan that [save] has written. Of the options count threads, models and
+         * memory limit; the rest is in the file.
+         */
+        @JvmStatic
+        @JvmOverloads
+        fun restore(
+            file: File,
+            listener: Listener? = null,
+            options: ScanOptions = ScanOptions(),
+        ) = MaterialScanner(options, listener, file)
+
         /** Version of the native library. */
         @JvmStatic val version: String get() = String(Native.version(), Charsets.UTF_8)
 

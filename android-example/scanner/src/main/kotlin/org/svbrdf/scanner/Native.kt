@@ -20,7 +20,8 @@ internal object Native {
 
     @JvmStatic external fun sessionCreate(
         ints: IntArray, seed: Long, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
-        camera: DoubleArray?, flashOffset: DoubleArray?, owner: Any, models: Long, id: Long,
+        camera: DoubleArray?, flashOffset: DoubleArray?, memoryLimit: Long, state: ByteArray?,
+        owner: Any, models: Long, id: Long,
     ): Long
     @JvmStatic external fun sessionDestroy(handle: Long)
     @JvmStatic external fun sessionPush(
@@ -35,6 +36,10 @@ internal object Native {
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)
     @JvmStatic external fun sessionResume(owner: Any, handle: Long)
     @JvmStatic external fun sessionCancel(owner: Any, handle: Long)
+    @JvmStatic external fun sessionSetBudget(
+        owner: Any, handle: Long, seconds: Float, maxSteps: Int, stopWhenInvisible: Boolean,
+    )
+    @JvmStatic external fun sessionSave(owner: Any, handle: Long, path: ByteArray)
 
     @JvmStatic external fun mapsSize(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun mapsCopy(
@@ -98,11 +103,18 @@ internal object Native {
     }
 
     @JvmStatic
-    fun onProgress(id: Long, values: DoubleArray) =
-        call(id) { scanner, listener -> listener.onProgress(scanner, Progress.of(values)) }
+    fun onProgress(id: Long, values: DoubleArray) = call(id) { scanner, listener ->
+        if (scanner.created()) {
+            listener.onProgress(scanner, Progress.of(values))
+        }
+    }
 
     @JvmStatic
-    fun onMaps(id: Long) = call(id) { scanner, listener -> listener.onMaps(scanner) }
+    fun onMaps(id: Long) = call(id) { scanner, listener ->
+        if (scanner.created()) {
+            listener.onMaps(scanner)
+        }
+    }
 
     @JvmStatic
     fun onLog(id: Long, level: Int, line: ByteArray) = call(id) { _, listener ->

@@ -1,5 +1,7 @@
 package org.svbrdf.scanner
 
+import java.io.File
+
 /** What the photos show, and how maps are made. Lengths in millimetres. */
 data class ScanOptions @JvmOverloads constructor(
     /** Width of the sample, mm. */
@@ -26,8 +28,11 @@ data class ScanOptions @JvmOverloads constructor(
     val models: ScannerModels? = null,
     /** Light of photos from the top; null: photos show a board. */
     val rectified: RectifiedLight? = null,
+    /** Most memory a scanner may take, networks apart; 0: any amount. */
+    val memoryLimitBytes: Long = 0,
 ) {
-    internal fun create(owner: Any, id: Long): Long {
+    /** A new session, or the one saved in a file. */
+    internal fun create(owner: Any, id: Long, state: File?): Long {
         val light = rectified?.power ?: listOf(0f, 0f, 0f)
         require(light.size == 3) { "RectifiedLight.power: three numbers expected" }
         val offset = flashOffsetMm?.toDoubleArray()
@@ -40,7 +45,8 @@ data class ScanOptions @JvmOverloads constructor(
         val reals = floatArrayOf(widthMm, heightMm, light[0], light[1], light[2])
         return Native.sessionCreate(
             ints, seed, reals, board?.numbers(), board?.dictionary?.let(Native::text),
-            camera?.numbers(), offset, models ?: owner, networks, id,
+            camera?.numbers(), offset, memoryLimitBytes, state?.let { Native.text(it.path) },
+            models ?: owner, networks, id,
         )
     }
 
@@ -107,4 +113,14 @@ data class Camera @JvmOverloads constructor(
 data class RectifiedLight @JvmOverloads constructor(
     val falloff: Falloff = Falloff.AUTO,
     val power: List<Float>? = null,
+)
+
+/** Limits of the work on each photo. */
+data class Budget @JvmOverloads constructor(
+    /** Seconds; null: any number. */
+    val seconds: Float? = null,
+    /** Steps of the optimisers; 0: any number. */
+    val maxSteps: Int = 0,
+    /** Whether to end where what is left to change cannot be seen in 8-bit maps. */
+    val stopWhenInvisible: Boolean = false,
 )
