@@ -358,6 +358,23 @@ fun callbacksThatMisbehave() {
     Thread.setDefaultUncaughtExceptionHandler(before)
     verify(uncaught.get() > 0 && late.get() == 0) { "$uncaught $late" }
     throws<IllegalStateException>("closed") { scanner.progress }
+    // Closed by others while a callback runs: what fails there then is nobody's fault.
+    val inside = CountDownLatch(1)
+    val slow = object : MaterialScanner.Listener {
+        override fun onMaps(scanner: MaterialScanner) {
+            inside.countDown()
+            while (true) {
+                scanner.snapshot()?.close()
+            }
+        }
+    }
+    Thread.setDefaultUncaughtExceptionHandler { _, _ -> uncaught.set(-1) }
+    MaterialScanner(small, slow).use { other ->
+        other.pushRectified(gray(), above, above)
+        verify(inside.await(60, TimeUnit.SECONDS)) { "no callback" }
+    }
+    Thread.setDefaultUncaughtExceptionHandler(before)
+    verify(uncaught.get() >= 0) { "closing was told as a fault" }
 }
 
 fun closingWhileOthersCall() {

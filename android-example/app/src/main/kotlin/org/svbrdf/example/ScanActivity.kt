@@ -45,6 +45,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     private lateinit var lock: Button
     private lateinit var photo: Button
     private lateinit var share: Button
+    private lateinit var fresh: Button
     private lateinit var exposure: SeekBar
     private lateinit var focus: SeekBar
 
@@ -56,8 +57,8 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     /** Photos and files, one after the other, off the main thread. */
     private val work = Executors.newSingleThreadExecutor()
 
-    // Of `work`, but for closing.
-    @Volatile private var scanner: MaterialScanner? = null
+    // Of `work`.
+    private var scanner: MaterialScanner? = null
     private var firstExposure = 0.0
 
     override fun onCreate(state: Bundle?) {
@@ -71,16 +72,19 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         lock = findViewById(R.id.lock) as Button
         photo = findViewById(R.id.photo) as Button
         share = findViewById(R.id.share) as Button
+        fresh = findViewById(R.id.fresh) as Button
         exposure = findViewById(R.id.exposure) as SeekBar
         focus = findViewById(R.id.focus) as SeekBar
         overlay.board = BOARD
         lock.setOnClickListener { toggleLock() }
         photo.setOnClickListener { takePhoto() }
         share.setOnClickListener { export() }
+        fresh.setOnClickListener { startAnew() }
         exposure.setOnSeekBarChangeListener(this)
         focus.setOnSeekBarChangeListener(this)
         focus.progress = 50
         (findViewById(R.id.preview) as SurfaceView).holder.addCallback(this)
+        later { restore() }
         if (checkSelfPermission(Manifest.permission.CAMERA) != PackageManager.PERMISSION_GRANTED) {
             requestPermissions(arrayOf(Manifest.permission.CAMERA), 0)
         }
@@ -97,7 +101,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     override fun onResume() {
         super.onResume()
         started = true
-        scanner?.resume()
+        later { scanner?.resume() }
         openCamera()
     }
 
@@ -105,14 +109,72 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         started = false
         closeCamera()
         // The fit goes on when the user is back.
-        scanner?.pause()
+        later { scanner?.pause() }
         super.onPause()
     }
 
+    override fun onStop() {
+        // The phone may end the app from here on.
+        later { save() }
+        super.onStop()
+    }
+
     override fun onDestroy() {
+        later { scanner?.close() }
         work.shutdown()
-        scanner?.close()
         super.onDestroy()
+    }
+
+    // The scan, on `work`.
+
+    private val saved get() = File(filesDir, "scan")
+
+    /** Faults here have nobody to tell: the next photo meets them again. */
+    private fun later(body: () -> Unit) = work.execute {
+        try {
+            body()
+        } catch (fault: Exception) {
+            Log.e(TAG, "scan", fault)
+        }
+    }
+
+    private fun save() {
+        val scan = scanner ?: return
+        scan.save(saved)
+        // Exposures of later photos are relative to the first one's.
+        val values = getPreferences(MODE_PRIVATE).edit()
+        values.putLong(EXPOSURE, firstExposure.toRawBits()).apply()
+    }
+
+    private fun restore() {
+        if (!saved.isFile) {
+            return
+        }
+        try {
+            scanner = MaterialScanner.restore(saved, this)
+            firstExposure = Double.fromBits(getPreferences(MODE_PRIVATE).getLong(EXPOSURE, 0))
+        } catch (fault: Exception) {
+            // Of another version, or damaged: a new scan then.
+            Log.w(TAG, "restore", fault)
+            saved.delete()
+        }
+    }
+
+    private fun startAnew() {
+        later {
+            scanner?.close()
+            scanner = null
+            firstExposure = 0.0
+            saved.delete()
+            runOnUiThread {
+                relit.material = null
+                share.isEnabled = false
+                fit.text = ""
+                overlay.show(null, null, 0)
+                overlay.good = null
+                feedback.setText(if (locked) R.string.locked else R.string.meter)
+            }
+        }
     }
 
     // The camera.
@@ -335,17 +397,15 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     // Sharing.
 
     private fun export() {
-        val maps = scanner?.snapshot()
-        if (maps == null) {
-            feedback.setText(R.string.no_maps)
-            return
-        }
         feedback.setText(R.string.sharing)
         share.isEnabled = false
         work.execute {
             try {
-                val files = maps.use { write(it) }
-                runOnUiThread { send(files) }
+                val files = scanner?.snapshot()?.use { write(it) }
+                val photos = scanner?.progress?.photos ?: 0
+                runOnUiThread {
+                    if (files == null) feedback.setText(R.string.no_maps) else send(files, photos)
+                }
             } catch (fault: Exception) {
                 Log.e(TAG, "export", fault)
                 runOnUiThread { feedback.text = getString(R.string.failed, fault.message) }
@@ -373,7 +433,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         return listOf(gltf, archive)
     }
 
-    private fun send(files: List<File>) {
+    private fun send(files: List<File>, photos: Int) {
         val uris = ArrayList<Uri>(files.map { ShareProvider.uri(it) })
         val intent = Intent(Intent.ACTION_SEND_MULTIPLE)
             .setType("*/*")
@@ -384,11 +444,12 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         uris.drop(1).forEach { clip.addItem(ClipData.Item(it)) }
         intent.clipData = clip
         startActivity(Intent.createChooser(intent, getString(R.string.share)))
-        feedback.text = next(scanner?.progress?.photos ?: 0)
+        feedback.text = next(photos)
     }
 
     private companion object {
         const val TAG = "svbrdf"
+        const val EXPOSURE = "exposure"
 
         /** The sample inside the board that `svbrdf board` prints. */
         val BOARD = Board.DEFAULT

@@ -142,7 +142,12 @@ class RelitView(context: Context, attributes: AttributeSet?) : View(context, att
         }
 
     private fun render() {
-        val material = material ?: return
+        val material = material
+        if (material == null) {
+            bitmap = null
+            invalidate()
+            return
+        }
         var shown = bitmap
         if (shown == null || shown.width != material.width || shown.height != material.height) {
             shown = Bitmap.createBitmap(material.width, material.height, Bitmap.Config.ARGB_8888)

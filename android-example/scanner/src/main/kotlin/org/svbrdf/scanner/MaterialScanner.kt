@@ -26,7 +26,8 @@ class MaterialScanner private constructor(
     /**
      * What a scanner calls. [onProgress] and [onMaps] come on one thread of the scanner, one at a
      * time: post to your own. They may call every method of the scanner, also [close], but should
-     * not [await]. What they throw goes to the thread's handler of uncaught exceptions.
+     * not [await]. What they throw goes to the thread's handler of uncaught exceptions, unless the
+     * scanner was closed meanwhile.
      */
     interface Listener {
         /** The fit has moved on; changes that come too fast are left out. */
@@ -59,6 +60,8 @@ class MaterialScanner private constructor(
             throw thrown
         }
     }
+
+    internal val closed: Boolean get() = created() && handle.now == 0L
 
     /** For callbacks: a restored scanner's may come before its constructor is through. */
     internal fun created(): Boolean = synchronized(creation) { complete }

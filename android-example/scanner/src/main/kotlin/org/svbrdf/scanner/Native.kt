@@ -96,6 +96,9 @@ internal object Native {
         try {
             body(scanner, listener)
         } catch (thrown: Throwable) {
+            if (scanner.closed) {
+                return // By another thread, under the listener's feet.
+            }
             // As for any thread: the platform's handler decides. Nothing runs through C.
             val thread = Thread.currentThread()
             thread.uncaughtExceptionHandler.uncaughtException(thread, thrown)
