@@ -17,6 +17,23 @@ if [ ${#packages[@]} -gt 0 ]; then
   DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"
 fi
 
+
+# For android-example; its tests are skipped where these cannot be had.
+android=()
+command -v javac >/dev/null || android+=(default-jdk-headless)
+command -v npm >/dev/null || android+=(npm)
+for tool in aapt zipalign apksigner; do
+  command -v "$tool" >/dev/null || android+=("$tool")
+done
+[ -f /usr/share/android-framework-res/framework-res.apk ] || android+=(android-framework-res)
+if [ ${#android[@]} -gt 0 ]; then
+  sudo=$([ "$(id -u)" = 0 ] || echo sudo)
+  $sudo apt-get update -q &&
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${android[@]}" ||
+    echo "SKIPPED: packages for android-example cannot be installed"
+fi
+tests/android-tools.sh || echo "SKIPPED: tools for android-example cannot be had"
+
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"

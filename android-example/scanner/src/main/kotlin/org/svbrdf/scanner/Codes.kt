@@ -1,0 +1,147 @@
+package org.svbrdf.scanner
+
+// The numbers of svbrdf.h.
+
+/** What a native library may have been built with. */
+enum class Feature(internal val code: Long) {
+    /** The networks are inside. */
+    EMBEDDED_MODELS(1),
+    YUV(2),
+    RAW(4),
+}
+
+/** How a picture lies in memory; 16-bit numbers and floats in the machine's byte order. */
+enum class PixelFormat(internal val code: Int) {
+    RGB8(1),
+    RGBA8(2),
+    RGB16(3),
+    RGBA16(4),
+
+    /** Half floats, linear. */
+    RGBA_F16(5),
+
+    /** Linear. */
+    RGB_F32(6),
+
+    /** Linear. */
+    RGBA_F32(7),
+
+    /** Three planes, as Android's `YUV_420_888`. */
+    YUV420(8),
+
+    /** Sensor values behind a Bayer mosaic, as Android's `RAW_SENSOR`. */
+    BAYER16(9),
+}
+
+/** Transfer curve of stored values. A camera's own tone curve is none of these: switch it off. */
+enum class Transfer(internal val code: Int) { LINEAR(1), SRGB(2), GAMMA22(3) }
+
+/** How luma and chroma were made; Android's cameras: [BT601_FULL]. */
+enum class YuvMatrix(internal val code: Int) {
+    BT601_FULL(1), BT601_LIMITED(2), BT709_FULL(3), BT709_LIMITED(4)
+}
+
+/** Colours of the top-left 2 x 2 sensor pixels, row by row. */
+enum class BayerPattern(internal val code: Int) { RGGB(1), GRBG(2), GBRG(3), BGGR(4) }
+
+/** One of the maps. Row 0 is the sample's +Y edge, column 0 its -X edge. */
+enum class MapKind(internal val code: Int, internal val channels: Int) {
+    /** Unit normal, X right, Y up, Z out of the surface; 8 bits: (n + 1) / 2. */
+    NORMAL(1, 3),
+
+    /** Diffuse albedo, linear Rec. 709; 8 bits: sRGB, as glTF's base colour. */
+    DIFFUSE(2, 3),
+
+    /** Specular albedo F0, linear Rec. 709; 8 bits: sRGB. */
+    SPECULAR(3, 3),
+
+    /** Roughness, GGX alpha = roughness²; 8 bits: glTF's occlusion, roughness, metalness. */
+    ROUGHNESS(4, 1),
+}
+
+/** How maps are found. */
+enum class Method(internal val code: Int) {
+    /** Networks, then per-texel refinement. */
+    DEEP(1),
+
+    /** Inverse rendering on the maps themselves. */
+    CLASSIC(2),
+}
+
+/** Light of photos from the top: how it falls off. */
+enum class Falloff(internal val code: Int) { AUTO(1), INVERSE_SQUARE(2), NONE(3) }
+
+/** What lit a photo. */
+enum class Flash(internal val code: Int) { UNKNOWN(0), OFF(1), FIRED(2), TORCH(3) }
+
+/** How much a log line matters. */
+enum class LogLevel(internal val code: Int) {
+    ERROR(1), WARNING(2), INFO(3);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: INFO
+    }
+}
+
+/** What a scanner is doing. */
+enum class ScanState(internal val code: Int) {
+    /** Nothing: no photo yet, or the fit has settled on all photos so far. */
+    READY(1), FITTING(2), PAUSED(3), CANCELLED(4),
+
+    /** A fault inside the library; [MaterialScanner.snapshot] still works. */
+    FAILED(5);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: FITTING
+    }
+}
+
+/** Why a photo was not used. */
+enum class Rejection(internal val code: Int) {
+    /** A reason that a newer library may give. */
+    OTHER(1),
+    WRONG_SIZE(2),
+    BOARD_NOT_FOUND(3),
+    TOO_FEW_CORNERS(4),
+    POSE_UNCERTAIN(5),
+    BLURRED(6),
+    TOO_DARK(7),
+    CLIPPED(8),
+    TOO_GRAZING(9),
+    SAMPLE_OUTSIDE(10),
+    LIGHT_NOT_VISIBLE(11),
+    NOT_FINITE(12);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
+    }
+}
+
+/** What kind of fault a [ScannerException] is. */
+enum class Fault(internal val code: Int) {
+    /** The scanner was cancelled or closed meanwhile. */
+    CANCELLED(-3),
+
+    /** The models are damaged or do not fit this version. */
+    BAD_MODEL(-5),
+
+    /** Something that this build of the library lacks. */
+    UNSUPPORTED(-6),
+
+    /** A fault inside the library; the scanner answers this from now on. */
+    FAILED(-7),
+
+    /** What was to be restored is not what was saved. */
+    BAD_STATE(-8),
+
+    /** It would need more than [ScanOptions.memoryLimitBytes]; nothing changed. */
+    MEMORY_LIMIT(-9);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: FAILED
+    }
+}
+
+/** A fault that is neither an argument's nor a file's. */
+class ScannerException internal constructor(val fault: Fault, message: String) :
+    RuntimeException(message)

@@ -1,0 +1,57 @@
+package org.svbrdf.scanner
+
+import java.io.File
+import java.nio.ByteBuffer
+import java.nio.ByteOrder
+import java.nio.FloatBuffer
+
+/** Maps at one moment, independent of the scanner they came from. */
+class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
+    private val handle = Handle(this, maps, Native::mapsDestroy)
+    private val size: DoubleArray = DoubleArray(4).also { Native.mapsSize(this, maps, it) }
+
+    /** Texels in a row. */
+    val width: Int get() = size[0].toInt()
+
+    /** Rows. */
+    val height: Int get() = size[1].toInt()
+
+    /** Width of the sample, mm. */
+    val widthMm: Float get() = size[2].toFloat()
+
+    /** Height of the sample, mm. */
+    val heightMm: Float get() = size[3].toFloat()
+
+    /** Linear values, row by row: three a texel, one for roughness. A copy. */
+    fun floats(map: MapKind): FloatBuffer {
+        val buffer = ByteBuffer.allocateDirect(4 * map.channels * width * height)
+        copy(map, F32, buffer)
+        return buffer.order(ByteOrder.nativeOrder()).asFloatBuffer()
+    }
+
+    /** Four bytes a texel, ready for `glTexImage2D` or a `Bitmap`. A copy. */
+    fun rgba8(map: MapKind): ByteBuffer =
+        ByteBuffer.allocateDirect(4 * width * height).also { copy(map, RGBA8, it) }
+
+    /** The same into a direct buffer of the caller's, from its start. */
+    fun rgba8(map: MapKind, into: ByteBuffer) = copy(map, RGBA8, into)
+
+    private fun copy(map: MapKind, format: Int, into: ByteBuffer) {
+        require(into.isDirect && !into.isReadOnly) { "into: a direct, writable buffer expected" }
+        Native.mapsCopy(this, handle.now, map.code, format, into, into.capacity().toLong())
+    }
+
+    /**
+     * Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and
+     * preview.png into a folder, which is made if missing.
+     */
+    fun export(folder: File) = Native.mapsExport(this, handle.now, Native.text(folder.path))
+
+    /** Frees the maps; copies stay. */
+    override fun close() = handle.close()
+
+    private companion object {
+        const val F32 = 1
+        const val RGBA8 = 3
+    }
+}

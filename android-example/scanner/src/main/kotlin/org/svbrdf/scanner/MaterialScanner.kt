@@ -1,0 +1,168 @@
+package org.svbrdf.scanner
+
+import java.io.File
+
+/**
+ * Normal, diffuse, specular and roughness maps of a flat sample from photos of it inside a printed
+ * board, one photo at a time.
+ *
+ * Every method may be called from any thread at any time. [push] takes a fraction of a second and
+ * [await] as long as the fit: call them off the main thread. What is wrong with arguments is an
+ * [IllegalArgumentException]; a closed scanner an [IllegalStateException]; files an
+ * [java.io.IOException]; the rest a [ScannerException]. A photo that cannot be used is no
+ * exception: see [Pushed.Rejected].
+ */
+class MaterialScanner private constructor(
+    options: ScanOptions,
+    internal val listener: Listener?,
+    saved: File?,
+) : AutoCloseable {
+
+    /** A new scan. */
+    @JvmOverloads
+    constructor(options: ScanOptions = ScanOptions(), listener: Listener? = null) :
+        this(options, listener, null)
+
+    /**
+     * What a scanner calls. [onProgress] and [onMaps] come on one thread of the scanner, one at a
+     * time: post to your own. They may call every method of the scanner, also [close], but should
+     * not [await]. What they throw goes to the thread's handler of uncaught exceptions, unless the
+     * scanner was closed meanwhile.
+     */
+    interface Listener {
+        /** The fit has moved on; changes that come too fast are left out. */
+        fun onProgress(scanner: MaterialScanner, progress: Progress) {}
+
+        /** Newer maps can be taken with [snapshot]. */
+        fun onMaps(scanner: MaterialScanner) {}
+
+        /** A line for the log, on the thread it happens on. */
+        fun onLog(level: LogLevel, line: String) {}
+    }
+
+    private val creation = Any()
+    private val handle: Handle
+    private var complete = false
+
+    init {
+        val id = if (listener == null) 0 else Native.register(this)
+        try {
+            synchronized(creation) {
+                val session = options.create(this, id, saved)
+                handle = Handle(this, session) {
+                    Native.unregister(id)
+                    Native.sessionDestroy(it)
+                }
+                complete = true
+            }
+        } catch (thrown: Throwable) {
+            Native.unregister(id)
+            throw thrown
+        }
+    }
+
+    internal val closed: Boolean get() = created() && handle.now == 0L
+
+    /** For callbacks: a restored scanner's may come before its constructor is through. */
+    internal fun created(): Boolean = synchronized(creation) { complete }
+
+    /**
+     * Takes a photo of the board in; it is not needed after the call. When accepted, maps that know
+     * of it can be taken at once; the fit goes on in the background.
+     */
+    @JvmOverloads
+    fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
+        photo.push(this, handle.now, info, null, null)
+
+    /**
+     * Takes a photo in that shows the sample's rectangle from the top, any size, with the positions
+     * of camera and light: mm, origin at the sample's centre, X right, Y up, Z towards the camera.
+     * For [ScanOptions.rectified].
+     */
+    @JvmOverloads
+    fun pushRectified(
+        photo: Photo,
+        cameraMm: FloatArray,
+        lightMm: FloatArray,
+        info: PhotoInfo = PhotoInfo(),
+    ): Pushed = photo.push(this, handle.now, info, cameraMm, lightMm)
+
+    /** Blocks until the fit has settled on all photos so far; false when the time is over first. */
+    @JvmOverloads
+    fun await(limitMillis: Long = -1): Boolean = Native.sessionWait(this, handle.now, limitMillis)
+
+    /** State of the fit. */
+    val progress: Progress
+        get() {
+            val values = DoubleArray(Progress.SIZE)
+            Native.sessionProgress(this, handle.now, values)
+            return Progress.of(values)
+        }
+
+    /** The light as found so far. */
+    val light: Light
+        get() {
+            val values = DoubleArray(4)
+            Native.sessionLight(this, handle.now, values)
+            return Light(values.copyOf(3), values[3].toFloat())
+        }
+
+    /** The maps as they are now; null before the first accepted photo. */
+    fun snapshot(): MaterialMaps? {
+        val maps = Native.sessionSnapshot(this, handle.now)
+        return if (maps == 0L) null else MaterialMaps(maps)
+    }
+
+    /** Writes the maps as they are now into a folder, see [MaterialMaps.export]. */
+    fun export(folder: File) {
+        val maps = checkNotNull(snapshot()) { "no photo has been accepted yet" }
+        maps.use { it.export(folder) }
+    }
+
+    /**
+     * Saves the scan into a file, to go on with [restore] after the app has been ended, also with a
+     * newer minor version of the library. The scan goes on; a cancelled one cannot be saved.
+     */
+    fun save(file: File) = Native.sessionSave(this, handle.now, Native.text(file.path))
+
+    /** Limits the work on each photo from now on. */
+    fun setBudget(budget: Budget) = Native.sessionSetBudget(
+        this, handle.now, budget.seconds ?: -1f, budget.maxSteps, budget.stopWhenInvisible,
+    )
+
+    /** Holds the fit; photos are still taken in. */
+    fun pause() = Native.sessionPause(this, handle.now)
+
+    /** Goes on after [pause]. */
+    fun resume() = Native.sessionResume(this, handle.now)
+
+    /** Ends the fit; photos are refused from now on, maps stay available. */
+    fun cancel() = Native.sessionCancel(this, handle.now)
+
+    /**
+     * Ends the session, whatever it is doing; no callback comes afterwards. Waits for one that is
+     * running on another thread: hold no lock that it takes.
+     */
+    override fun close() = handle.close()
+
+    companion object {
+        /**
+         * Goes on with a scan that [save] has written. Of the options count threads, models and
+         * memory limit; the rest is in the file.
+         */
+        @JvmStatic
+        @JvmOverloads
+        fun restore(
+            file: File,
+            listener: Listener? = null,
+            options: ScanOptions = ScanOptions(),
+        ) = MaterialScanner(options, listener, file)
+
+        /** Version of the native library. */
+        @JvmStatic val version: String get() = String(Native.version(), Charsets.UTF_8)
+
+        /** Whether the native library was built with a feature. */
+        @JvmStatic
+        fun has(feature: Feature): Boolean = Native.features() and feature.code != 0L
+    }
+}

@@ -1,0 +1,126 @@
+package org.svbrdf.scanner
+
+import java.io.IOException
+import java.lang.ref.WeakReference
+import java.nio.ByteBuffer
+import java.util.concurrent.ConcurrentHashMap
+import java.util.concurrent.atomic.AtomicLong
+
+/**
+ * The functions of `scanner_jni.c`, and what it calls. `owner` is the object that owns the handle:
+ * it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
+ */
+internal object Native {
+    init {
+        System.loadLibrary("svbrdf_jni")
+    }
+
+    @JvmStatic external fun version(): ByteArray
+    @JvmStatic external fun features(): Long
+
+    @JvmStatic external fun sessionCreate(
+        ints: IntArray, seed: Long, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
+        camera: DoubleArray?, flashOffset: DoubleArray?, memoryLimit: Long, state: ByteArray?,
+        owner: Any, models: Long, id: Long,
+    ): Long
+    @JvmStatic external fun sessionDestroy(handle: Long)
+    @JvmStatic external fun sessionPush(
+        owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
+        levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, cameraMm: FloatArray?,
+        lightMm: FloatArray?, report: DoubleArray,
+    ): ByteArray?
+    @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
+    @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionLight(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
+    @JvmStatic external fun sessionPause(owner: Any, handle: Long)
+    @JvmStatic external fun sessionResume(owner: Any, handle: Long)
+    @JvmStatic external fun sessionCancel(owner: Any, handle: Long)
+    @JvmStatic external fun sessionSetBudget(
+        owner: Any, handle: Long, seconds: Float, maxSteps: Int, stopWhenInvisible: Boolean,
+    )
+    @JvmStatic external fun sessionSave(owner: Any, handle: Long, path: ByteArray)
+
+    @JvmStatic external fun mapsSize(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun mapsCopy(
+        owner: Any, handle: Long, map: Int, format: Int, out: ByteBuffer, bytes: Long,
+    )
+    @JvmStatic external fun mapsExport(owner: Any, handle: Long, path: ByteArray)
+    @JvmStatic external fun mapsDestroy(handle: Long)
+
+    @JvmStatic external fun modelsFromMemory(
+        decoder: ByteBuffer, encoder: ByteBuffer, photo: ByteBuffer,
+    ): Long
+    @JvmStatic external fun modelsFromFolder(path: ByteArray): Long
+    @JvmStatic external fun modelsDestroy(handle: Long)
+
+    /** Text for the library. */
+    fun text(text: String): ByteArray = (text + '\u0000').toByteArray(Charsets.UTF_8)
+
+    /** The exception for a status. */
+    @JvmStatic
+    fun failure(status: Int, message: ByteArray): Throwable {
+        val text = String(message, Charsets.UTF_8)
+        return when (status) {
+            INVALID_ARGUMENT -> IllegalArgumentException(text)
+            INVALID_HANDLE -> IllegalStateException("closed")
+            IO -> IOException(text)
+            else -> ScannerException(Fault.of(status), text)
+        }
+    }
+
+    const val INVALID_ARGUMENT = -1
+    const val INVALID_HANDLE = -2
+    const val IO = -4
+
+    // Callbacks name their session by a number: one that comes late finds nobody.
+    private val scanners = ConcurrentHashMap<Long, WeakReference<MaterialScanner>>()
+    private val ids = AtomicLong()
+
+    fun register(scanner: MaterialScanner): Long {
+        val id = ids.incrementAndGet()
+        scanners[id] = WeakReference(scanner)
+        return id
+    }
+
+    fun unregister(id: Long) {
+        scanners.remove(id)
+    }
+
+    /** How many sessions with a listener are open. */
+    val registered: Int get() = scanners.size
+
+    private inline fun call(id: Long, body: (MaterialScanner, MaterialScanner.Listener) -> Unit) {
+        val scanner = scanners[id]?.get() ?: return
+        val listener = scanner.listener ?: return
+        try {
+            body(scanner, listener)
+        } catch (thrown: Throwable) {
+            if (scanner.closed) {
+                return // By another thread, under the listener's feet.
+            }
+            // As for any thread: the platform's handler decides. Nothing runs through C.
+            val thread = Thread.currentThread()
+            thread.uncaughtExceptionHandler.uncaughtException(thread, thrown)
+        }
+    }
+
+    @JvmStatic
+    fun onProgress(id: Long, values: DoubleArray) = call(id) { scanner, listener ->
+        if (scanner.created()) {
+            listener.onProgress(scanner, Progress.of(values))
+        }
+    }
+
+    @JvmStatic
+    fun onMaps(id: Long) = call(id) { scanner, listener ->
+        if (scanner.created()) {
+            listener.onMaps(scanner)
+        }
+    }
+
+    @JvmStatic
+    fun onLog(id: Long, level: Int, line: ByteArray) = call(id) { _, listener ->
+        listener.onLog(LogLevel.of(level), String(line, Charsets.UTF_8))
+    }
+}

@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# What the checks of android-example need beside Debian 12's own packages, into
+# target/android-tools: a Kotlin compiler (from npm) and Android's class library with dx (from
+# Debian 11, which had them last; unpacked, not installed).
+set -euo pipefail
+cd "$(dirname "$0")/.."
+tools=${CARGO_TARGET_DIR:-target}/android-tools
+kotlin=2.4.20
+
+if [ ! -f "$tools/kotlinc/lib/kotlin-compiler.jar" ]; then
+  work=$(mktemp -d)
+  trap 'rm -rf "$work"' EXIT
+  (cd "$work" && npm pack --silent "kotlin-compiler@$kotlin" >/dev/null && tar xzf kotlin-compiler-*.tgz)
+  mkdir -p "$tools"
+  rm -rf "$tools/kotlinc"
+  mv "$work/package" "$tools/kotlinc"
+fi
+
+if [ ! -f "$tools/root/usr/share/java/com.android.dx.jar" ]; then
+  mkdir -p "$tools/apt/lists/partial" "$tools/apt/cache/archives/partial"
+  apt=$(cd "$tools/apt" && pwd)
+  echo "deb http://deb.debian.org/debian bullseye main" > "$apt/sources.list"
+  options=(-o "Dir::Etc::SourceList=$apt/sources.list" -o Dir::Etc::SourceParts=-
+           -o "Dir::State::Lists=$apt/lists" -o "Dir::Cache=$apt/cache" -o APT::Sandbox::User=)
+  apt-get "${options[@]}" update -q
+  (cd "$apt" && apt-get "${options[@]}" download -q libandroid-23-java dalvik-exchange)
+  mkdir -p "$tools/root"
+  for package in "$apt"/*.deb; do
+    dpkg -x "$package" "$tools/root"
+  done
+  rm -rf "$apt"
+fi
