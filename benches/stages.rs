@@ -75,7 +75,7 @@ impl Bench {
             _ => format!("{:.3}", v / scale),
         };
         println!(
-            "{name:<34} {:>9.2} {:>9.2} {:>8} {:>8} {:>8} {:>10.2} {:>8.2} {:>8.2}",
+            "{name:<34} {:>9.2} {:>9.2} {:>8} {:>8} {:>8} {:>10.2} {:>8.2}",
             1e3 * times[0],
             1e3 * times[times.len() / 2],
             count(work.multiply_adds, 1e9),
