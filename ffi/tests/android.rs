@@ -4,6 +4,7 @@
 #![cfg(target_os = "linux")]
 
 #[allow(dead_code)] // What clients in C need.
+#[path = "clients/common.rs"]
 mod common;
 
 use std::env;
