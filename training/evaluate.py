@@ -117,9 +117,12 @@ def capture(truth, frames, seed=3):
 
 
 def start_maps(photo, radiance, camera, light):
-    weight = torch.ones_like(radiance[:, 0, :1])
+    """Maps of the photo network from all photos [B, N, 3, S, S]."""
+    batch, count = radiance.shape[:2]
+    weight = torch.ones_like(radiance[:, :, :1])
+    flat = [x.flatten(0, 1) for x in (radiance, weight, camera, light)]
     with torch.no_grad():
-        return photo(photo_input(radiance[:, 0], weight, camera[:, 0], light[:, 0]))
+        return photo(photo_input(*flat).unflatten(0, (batch, count)))
 
 
 def fit(encoder, decoder, start, radiance, camera, light, rate, iterations, residual=False,
@@ -217,6 +220,7 @@ def main():
         radiance, camera, light = capture(truth, n)
         draw = torch.compile(render, dynamic=False)
         start = start_maps(photo, radiance, camera, light)
+        show(f"photo network N={n}", errors(start, truth))
         for rate in args.rates:
             for count in args.iterations:
                 maps, loss = fit(encoder, decoder, start, radiance, camera, light, rate, count, args.residual, draw=draw)

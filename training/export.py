@@ -25,7 +25,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from networks import SLOPE, STRIDE, PhotoNetwork, multiply_accumulates
+from networks import SLOPE, STRIDE, OnePhoto, PhotoNetwork, multiply_accumulates
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
 
@@ -172,7 +172,8 @@ def main():
     photo, photo_steps, photo_samples = load_ema(PhotoNetwork(), args.photo)
     encoder = round_to_half(contiguous(autoencoder.encoder.folded()))
     decoder = round_to_half(contiguous(autoencoder.decoder))
-    photo = round_to_half(contiguous(photo))
+    network = round_to_half(contiguous(photo))
+    photo = OnePhoto(network)
 
     print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code", STRIDE))
     print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
@@ -222,7 +223,7 @@ def main():
     if args.packs:
         from evaluate import prior_statistics
 
-        manifest["statistics"] = prior_statistics(args.packs, encoder, decoder, photo)
+        manifest["statistics"] = prior_statistics(args.packs, encoder, decoder, network)
     with open(path("manifest.json"), "w") as f:
         json.dump(manifest, f, indent=2)
         f.write("\n")

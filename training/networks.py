@@ -235,15 +235,17 @@ def principal_start(encoder, decoder, maps, weight):
 
 
 class PhotoNetwork(nn.Module):
-    """Photo with geometry [B, 10, H, W] -> encoded maps [B, 9, H, W].
+    """Photos with geometry [B, N, 10, H, W] -> encoded maps [B, 9, H, W].
 
     U-Net from 1/2 to 1/32 resolution; the globally pooled bottleneck is fed
-    back at three levels. H, W: multiples of 32.
+    back at three levels. Every photo goes down alone; the features of all
+    photos are pooled at each level, half of the channels by their maximum, half
+    by their mean: any number of photos in any order. H, W: multiples of 32.
     """
 
     def __init__(self, widths=(24, 48, 72, 128, 160)):
         super().__init__()
-        a, b, c, d, e = widths
+        a, b, c, d, e = self.widths = widths
         self.down1 = nn.Conv2d(10, a, 4, 2, 1)  # 1/2
         self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
         self.down3 = nn.Conv2d(b, c, 4, 2, 1)  # 1/8
@@ -270,13 +272,19 @@ class PhotoNetwork(nn.Module):
         with torch.no_grad():
             self.out.weight.mul_(0.3)
 
-    def forward(self, photo):
+    def features(self, photo):
+        """[B, 10, H, W] -> five levels [B, widths[i], H / 2^(i+1), W / 2^(i+1)]."""
         act = lambda x: F.leaky_relu(x, SLOPE)
         x1 = act(self.down1(photo))
         x2 = self.down2(x1)
         x3 = self.res3(self.down3(act(x2)))
         x4 = self.res4(self.down4(act(x3)))
         x5 = self.res5(self.down5(act(x4)))
+        return x1, x2, x3, x4, x5
+
+    def maps(self, x1, x2, x3, x4, x5):
+        """Pooled features -> encoded maps."""
+        act = lambda x: F.leaky_relu(x, SLOPE)
         g = act(self.global1(F.adaptive_avg_pool2d(act(x5), 1)))
         y = act(x5 + self.global5(g))
         y = act(self.mix5(y) + x5)
@@ -286,6 +294,29 @@ class PhotoNetwork(nn.Module):
         y = act(self.up1(act(y)))
         y = act(self.mix1(torch.cat([y, x1], 1)))
         return torch.tanh(self.out(y).float())
+
+    def forward(self, photos):
+        batch, count = photos.shape[:2]
+        flat = photos.flatten(0, 1).contiguous(memory_format=torch.channels_last)
+        pooled = []
+        for x in self.features(flat):
+            if count > 1:
+                half = x.shape[1] // 2
+                x = x.unflatten(0, (batch, count))
+                x = torch.cat([x[:, :, :half].amax(1), x[:, :, half:].mean(1)], 1)
+            pooled.append(x)
+        return self.maps(*pooled)
+
+
+class OnePhoto(nn.Module):
+    """PhotoNetwork for one photo [B, 10, H, W]: what the library runs."""
+
+    def __init__(self, network):
+        super().__init__()
+        self.network = network
+
+    def forward(self, photo):
+        return self.network.maps(*self.network.features(photo))
 
 
 class PaperEncoder(nn.Module):

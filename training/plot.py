@@ -19,7 +19,9 @@ def main():
     for axis, name, title in zip(axes, ("autoencoder", "photo"), ("auto-encoder", "photo network")):
         with open(os.path.join(args.work, f"{name}.jsonl")) as f:
             rows = [json.loads(line) for line in f]
-        for key in ("maps", "render", "smooth"):
+        # photo network: 1 photo, 8 photos, between
+        keys = [k + n for k in ("maps", "render", "smooth") for n in ("", "1", "N", "8")]
+        for key in keys:
             points = [(r["samples"] / 1000, r[key]) for r in rows if key in r]
             if not points:
                 continue

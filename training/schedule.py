@@ -90,20 +90,21 @@ class Run:
                 if v.dtype.is_floating_point:
                     self.ema[k].lerp_(v.float(), 1 - decay)
         for k, v in values.items():
-            self.sums[k] = self.sums.get(k, 0.0) + float(v)
-        self.count += 1
+            total, count = self.sums.get(k, (0.0, 0))
+            self.sums[k] = (total + float(v), count + 1)
+        self.count += batch
         if self.stop:  # SIGTERM: save and leave
             self.save()
             sys.exit(0)
         if self.step % 50 == 0:
             now = time.time()
-            row = {k: round(v / self.count, 5) for k, v in self.sums.items()}
+            row = {k: round(total / count, 5) for k, (total, count) in sorted(self.sums.items())}
             row.update(
                 step=self.step,
                 samples=self.samples,
                 minutes=round((self.seconds + now - self.mark) / 60, 2),
                 lr=round(self.learning_rate(), 6),
-                rate=round(batch * self.count / (now - self.started), 1),
+                rate=round(self.count / (now - self.started), 1),
             )
             self.started = now
             with open(self.log_path, "a") as f:

@@ -1,4 +1,4 @@
-"""Train the photo network: one flash photo with its geometry -> maps.
+"""Train the photo network: one to eight flash photos with their geometry -> maps.
 
 Photos are rendered from random materials with random (known) camera and flash
 positions, then degraded: exposure error, ambient light, noise, blur,
@@ -6,6 +6,7 @@ saturation, holes without data.
 """
 
 import math
+import os
 
 import torch
 from torch.nn import functional as F
@@ -20,7 +21,7 @@ from renderer import (
     random_configurations,
     render,
 )
-from schedule import Run, arguments
+from schedule import Run, arguments, load_ema
 from train_autoencoder import CHANNEL_WEIGHT, losses
 
 
@@ -69,21 +70,34 @@ def degrade(radiance, e):
     return radiance, weight * soft
 
 
-def make_example(x, draw=render):
-    """Maps [B, 9, H, W] -> network input [B, 10, H, W] of a random photo."""
-    camera, light = photo_configurations(x.shape[0], x.device)
+# How many photos an example has, and how often
+COUNTS = {1: 0.4, 2: 0.18, 3: 0.12, 4: 0.12, 6: 0.09, 8: 0.09}
+
+
+def make_example(x, draw=render, count=1):
+    """Maps [B, 9, H, W] -> network input [B, count, 10, H, W] of random photos,
+    most often the first near the top view."""
+    x = x.repeat_interleave(count, 0)
+    first = photo_configurations(len(x), x.device)
+    other = photo_configurations(len(x), x.device, top_fraction=0.25)
+    is_first = (torch.arange(len(x), device=x.device) % count == 0)[:, None]
+    camera, light = (torch.where(is_first, a, b) for a, b in zip(first, other))
     radiance = draw(x, camera[:, None], light[:, None])[:, 0]
     radiance, weight = degrade(radiance, x)
-    return photo_input(radiance, weight, camera, light)
+    return photo_input(radiance, weight, camera, light).unflatten(0, (-1, count))
 
 
 def main():
     parser = arguments(__doc__, batch=16, lr=1.2e-3)
     parser.add_argument("--render-weight", type=float, default=0.5)
+    parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     pool = MaterialPool(args.packs, args.device)
-    model = PhotoNetwork().to(args.device).to(memory_format=torch.channels_last).train()
+    model = PhotoNetwork()
+    if args.init and not os.path.exists(os.path.join(args.work, "photo.pt")):
+        load_ema(model, args.init)
+    model = model.to(args.device).to(memory_format=torch.channels_last).train()
     run = Run("photo", model, args)
     draw, compute, change = render, losses, augment
     if not args.no_compile:
@@ -93,16 +107,21 @@ def main():
     while run.progress < 1:
         fine = run.progress >= args.fine_from
         size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
+        count = int(run.rng.choice(list(COUNTS), p=list(COUNTS.values())))
+        if count > 1:  # as costly as one photo each
+            batch = max(1, 3 * batch // (2 * count))
         with torch.no_grad():
             x = pool.batch(batch, size, run.rng, change)
-            photo = make_example(x, draw)
+            photos = make_example(x, draw, count)
         with torch.autocast(kind, torch.bfloat16):
-            y = model(photo.to(memory_format=torch.channels_last))
+            y = model(photos)
         y = y.float().contiguous()
         camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)
         maps, rendering = compute(y, x, camera, light, weight)
         loss = maps + args.render_weight * rendering
-        run.update(loss, batch, {"maps": maps.detach(), "render": rendering.detach()})
+        values = {"maps": maps.detach(), "render": rendering.detach()}
+        values = {k + (str(count) if count in (1, 8) else "N"): v for k, v in values.items()}
+        run.update(loss, batch, values)
     run.save()
 
 
