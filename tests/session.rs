@@ -97,7 +97,7 @@ fn maps_come_at_once_and_improve_with_every_photograph() {
     println!("error of novel renderings: {errors:?}");
     // The first fit may trade what one photograph cannot tell; further ones must pay.
     assert!(errors[2] < errors[1] && errors[3] < errors[2], "{errors:?}");
-    assert!(errors[3] < 0.5 * errors[0], "{errors:?}");
+    assert!(errors[3] < 0.6 * errors[0], "{errors:?}");
 }
 
 #[test]
