@@ -1,0 +1,147 @@
+//! Lights and a common ambient light, corrected against the photographs.
+//!
+//! A light direction that is wrong by some degrees, or light from elsewhere, explains itself badly by
+//! maps that all photographs share: with three photographs and more, what each one disagrees about
+//! tells where its light was. Each light turns about the centre of the sample by two small angles;
+//! the ambient light is one number, a share of the flash's irradiance.
+//!
+//! Maps would slowly follow wrong lights if each were fitted in turn. So a grid of texels is fitted
+//! together with the lights, as in bundle adjustment: Gauss-Newton on the posterior of
+//! [`crate::refinement`] by reweighted least squares, each texel's nine unknowns eliminated (Schur
+//! complement). The maps themselves stay as they are.
+
+mod problem;
+#[cfg(test)]
+mod tests;
+
+use crate::Svbrdf;
+use crate::observation::{Falloff, Observation, View};
+use crate::refinement::Prior;
+use problem::{Problem, State};
+
+/// Photographs below which lights and maps cannot be told apart.
+pub const LEAST_PHOTOGRAPHS: usize = 3;
+
+/// Options of [`refine_lights`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Steps of Gauss-Newton.
+    pub steps: usize,
+    /// Whether lights turn; otherwise only the ambient light is found.
+    pub turn: bool,
+    /// Expected error of a light's direction, radians.
+    pub direction_sigma: f64,
+    /// Expected ambient irradiance, as a share of the flash's.
+    pub ambient_sigma: f64,
+    /// Texels that count as independent, to weigh those sigmas against: errors of the model
+    /// are alike all over a sample.
+    pub independent_texels: f64,
+    /// Expected error of the maps' estimate.
+    pub prior: Prior,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            steps: 6,
+            turn: true,
+            direction_sigma: 0.05,
+            ambient_sigma: 0.05,
+            independent_texels: 1000.0,
+            prior: Prior::default(),
+        }
+    }
+}
+
+/// What is believed of the lights: corrections of what was given.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Correction {
+    /// Two angles per photograph, radians.
+    pub turns: Vec<[f64; 2]>,
+    /// Ambient irradiance as a share of the flash's.
+    pub ambient: f64,
+}
+
+impl Correction {
+    /// The view of photograph `index` with its light turned and the ambient light added to what
+    /// was `given`.
+    pub fn apply(&self, given: &View, index: usize) -> View {
+        let turn = self.turns.get(index).copied().unwrap_or_default();
+        corrected(given, turn, self.ambient)
+    }
+
+    /// Largest difference to another, in units of the options' sigmas.
+    pub fn distance(&self, other: &Self, options: &Options) -> f64 {
+        let turns = self.turns.iter().enumerate().flat_map(|(i, turn)| {
+            let before = other.turns.get(i).copied().unwrap_or_default();
+            [turn[0] - before[0], turn[1] - before[1]]
+        });
+        let turns = turns.fold(0.0f64, |m, d| m.max(d.abs())) / options.direction_sigma;
+        turns.max((self.ambient - other.ambient).abs() / options.ambient_sigma)
+    }
+}
+
+/// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
+/// estimate that [`Options::prior`] belongs to. Returns whether the correction changed.
+/// Observations (whose own views do not matter) and maps have one size; with fewer than
+/// [`LEAST_PHOTOGRAPHS`] nothing happens.
+pub fn refine_lights(
+    maps: &Svbrdf,
+    prior_mean: &Svbrdf,
+    observations: &[Observation],
+    given: &[View],
+    options: &Options,
+    correction: &mut Correction,
+) -> bool {
+    let count = observations.len().min(given.len());
+    if count < LEAST_PHOTOGRAPHS {
+        return false;
+    }
+    correction.turns.resize(count, [0.0; 2]);
+    let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
+    let mut state = State { texels: problem.start.clone(), correction: correction.clone() };
+    let mut changed = false;
+    for _ in 0..options.steps {
+        problem.update_noise(&state);
+        let before = problem.cost(&state);
+        let Some(step) = problem.step(&state) else { break };
+        let mut length = 1.0;
+        let mut value = before;
+        for _ in 0..4 {
+            let next = state.moved(&step, length);
+            value = problem.cost(&next);
+            if value < before {
+                state = next;
+                changed = true;
+                break;
+            }
+            length *= 0.4;
+        }
+        if before - value < 2e-3 * before {
+            break;
+        }
+    }
+    if changed {
+        *correction = state.correction;
+    }
+    changed
+}
+
+/// The light turned about the centre of the sample, ambient light added.
+fn corrected(given: &View, turn: [f64; 2], ambient: f64) -> View {
+    let light = glam::Vec3::from(given.light_mm).as_dvec3();
+    let (u, v) = light.normalize_or(glam::DVec3::Z).any_orthonormal_pair();
+    let turn = glam::DQuat::from_scaled_axis(u * turn[0] + v * turn[1]);
+    let white = match given.falloff {
+        Falloff::None { power } => power,
+        Falloff::InverseSquare { power_mm2 } => {
+            power_mm2.map(|p| p / light.length_squared().max(1.0) as f32)
+        }
+    };
+    let mut view = *given;
+    view.light_mm = (turn * light).as_vec3().into();
+    for (a, w) in view.ambient.iter_mut().zip(white) {
+        *a += ambient as f32 * w / std::f32::consts::PI;
+    }
+    view
+}

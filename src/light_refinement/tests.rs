@@ -1,0 +1,143 @@
+use nalgebra::{DMatrix, DVector};
+
+use super::problem::SharedSystem;
+use super::*;
+use crate::random::Random;
+use crate::render;
+use crate::svbrdf::{CHANNELS, channel};
+
+const SIDE: usize = 96;
+
+/// Bumpy, with glossy and matt patches.
+fn material() -> Svbrdf {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    for y in 0..SIDE {
+        for x in 0..SIDE {
+            let i = y * SIDE + x;
+            let (u, v) = (x as f32 / 9.0, y as f32 / 7.0);
+            maps.plane_mut(channel::SLOPE_X)[i] = 0.2 * u.sin() * v.cos();
+            maps.plane_mut(channel::SLOPE_Y)[i] = 0.15 * (u + v).cos();
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[i] = 0.25 + 0.1 * (u * 0.7).sin();
+                maps.plane_mut(channel::SPECULAR + c)[i] = 0.05 + 0.02 * v.sin();
+            }
+            maps.plane_mut(channel::ROUGHNESS)[i] = 0.4 + 0.15 * (0.5 * (u - v)).sin();
+        }
+    }
+    maps
+}
+
+fn capture(maps: &Svbrdf, ambient: f32) -> (Vec<Observation>, Vec<View>) {
+    let mut random = Random::new(4);
+    let (mut observations, mut views) = (Vec::new(), Vec::new());
+    for _ in 0..6 {
+        let at = random.direction(0.6).map(|v| 120.0 * v as f32);
+        let view = View {
+            sample_mm: [100.0; 2],
+            camera_mm: at,
+            light_mm: at,
+            falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+            ambient: [ambient; 3],
+        };
+        let mut radiance = vec![0.0; 3 * maps.texels()];
+        render::render(maps, &view, &mut radiance);
+        let (width, height) = (maps.width(), maps.height());
+        let weight = vec![1.0; maps.texels()];
+        observations.push(Observation::new(width, height, view, &radiance, &weight).unwrap());
+        views.push(View { ambient: [0.0; 3], ..view });
+    }
+    (observations, views)
+}
+
+fn spoiled(maps: &Svbrdf) -> Svbrdf {
+    let mut maps = maps.clone();
+    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r += 0.05);
+    for c in channel::DIFFUSE..channel::ROUGHNESS {
+        maps.plane_mut(c).iter_mut().for_each(|a| *a *= 1.1);
+    }
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        maps.plane_mut(c).iter_mut().for_each(|s| *s *= 0.7);
+    }
+    maps
+}
+
+#[test]
+fn lights_are_found_together_with_the_texels() {
+    let maps = material();
+    let (observations, mut given) = capture(&maps, 0.0);
+    let truth: Vec<_> = given.iter().map(|v| glam::Vec3::from(v.light_mm)).collect();
+    for (i, view) in given.iter_mut().enumerate() {
+        let error = if i % 2 == 0 { [0.05, -0.02] } else { [-0.03, 0.04] };
+        *view = corrected(view, error, 0.0);
+    }
+    let start = spoiled(&maps);
+    let mut correction = Correction::default();
+    let options = Options { steps: 12, ..Options::default() };
+    assert!(refine_lights(&start, &start, &observations, &given, &options, &mut correction));
+    let errors = truth.iter().enumerate().map(|(i, truth)| {
+        let found = glam::Vec3::from(correction.apply(&given[i], i).light_mm);
+        found.angle_between(*truth).to_degrees()
+    });
+    // what all lights share, slanted normals explain as well: from six photographs half remains
+    let mean = errors.sum::<f32>() / truth.len() as f32;
+    assert!(mean < 2.0, "{mean} degrees, 3 at the start");
+}
+
+#[test]
+fn ambient_light_is_found_without_turning_lights() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.04);
+    let mut correction = Correction::default();
+    let options = Options { steps: 12, turn: false, ..Options::default() };
+    refine_lights(&maps, &maps, &observations, &given, &options, &mut correction);
+    assert!((correction.ambient - 0.04).abs() < 0.01, "{}", correction.ambient);
+    assert!(correction.turns.iter().flatten().all(|&t| t == 0.0));
+}
+
+#[test]
+fn true_lights_stay() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.0);
+    let mut correction = Correction::default();
+    let options = Options::default();
+    refine_lights(&maps, &maps, &observations, &given, &options, &mut correction);
+    let zero = Correction { turns: vec![[0.0; 2]; given.len()], ambient: 0.0 };
+    assert!(correction.distance(&zero, &options) < 0.02, "{correction:?}");
+}
+
+#[test]
+fn the_step_descends_as_its_gradient_says() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.03);
+    let options = Options::default();
+    let start = spoiled(&maps);
+    let problem = Problem::new(&start, &start, &observations, &given, &options);
+    let turns = vec![[0.03, -0.02]; given.len()];
+    let state =
+        State { texels: problem.start.clone(), correction: Correction { turns, ambient: 0.01 } };
+    let linear = problem.linearise(&state);
+    let step = problem.step(&state).unwrap();
+    // the derivative of the cost along the step, from the systems' gradients
+    let mut shared = SharedSystem {
+        matrix: DMatrix::zeros(problem.shared(), problem.shared()),
+        gradient: DVector::zeros(problem.shared()),
+    };
+    let n = problem.texels();
+    let mut slope = 0.0;
+    for t in 0..n {
+        let system = problem.texel_system(t, &state, &linear, Some(&mut shared));
+        slope += (0..CHANNELS).map(|c| system.gradient[c] * step.texels[c * n + t]).sum::<f64>();
+    }
+    let [by_turn, by_ambient] = problem.shared_precision();
+    for (i, by) in step.correction.turns.iter().flatten().enumerate() {
+        let at = state.correction.turns[i / 2][i % 2];
+        slope += (shared.gradient[i] + by_turn * at) * by;
+    }
+    slope += (shared.gradient[2 * given.len()] + by_ambient * state.correction.ambient)
+        * step.correction.ambient;
+    let length = 1e-3;
+    let difference = (problem.cost(&state.moved(&step, length)) - problem.cost(&state)) / length;
+    // one-sided differences inside, in single precision
+    assert!((difference - slope).abs() < 0.05 * slope.abs(), "{difference} {slope}");
+    assert!(slope < 0.0);
+}
