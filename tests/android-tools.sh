@@ -1,16 +1,20 @@
 #!/usr/bin/env bash
 # What the checks of android-example need beside Debian 12's own packages, into
-# target/android-tools: a Kotlin compiler (from npm) and Android's class library with dx (from
+# target/android-tools: a Kotlin compiler (npm has it) and Android's class library with dx (from
 # Debian 11, which had them last; unpacked, not installed).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools=${CARGO_TARGET_DIR:-target}/android-tools
 kotlin=2.4.20
+kotlin_sha256=c23dab400d7ce5ea8b6c909947c0ca5454189e4bb1108695b5f464500e5e950f
 
 if [ ! -f "$tools/kotlinc/lib/kotlin-compiler.jar" ]; then
   work=$(mktemp -d)
   trap 'rm -rf "$work"' EXIT
-  (cd "$work" && npm pack --silent "kotlin-compiler@$kotlin" >/dev/null && tar xzf kotlin-compiler-*.tgz)
+  curl -sSfL -o "$work/kotlin.tgz" \
+    "https://registry.npmjs.org/kotlin-compiler/-/kotlin-compiler-$kotlin.tgz"
+  echo "$kotlin_sha256  $work/kotlin.tgz" | sha256sum --check --quiet
+  tar xzf "$work/kotlin.tgz" -C "$work"
   mkdir -p "$tools"
   rm -rf "$tools/kotlinc"
   mv "$work/package" "$tools/kotlinc"

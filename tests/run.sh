@@ -17,11 +17,10 @@ if [ ${#packages[@]} -gt 0 ]; then
   DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"
 fi
 
-
 # For android-example; its tests are skipped where these cannot be had.
 android=()
 command -v javac >/dev/null || android+=(default-jdk-headless)
-command -v npm >/dev/null || android+=(npm)
+command -v curl >/dev/null || android+=(curl ca-certificates)
 for tool in aapt zipalign apksigner; do
   command -v "$tool" >/dev/null || android+=("$tool")
 done
