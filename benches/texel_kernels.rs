@@ -57,7 +57,7 @@ fn observe(maps: &Svbrdf, i: usize) -> Observation {
     let mut radiance = vec![0.0; 3 * maps.texels()];
     render::render(maps, &view, &mut radiance);
     let weight = vec![1.0; maps.texels()];
-    Observation { width: SIZE, height: SIZE, view, radiance, weight }
+    Observation::new(SIZE, SIZE, view, &radiance, &weight).expect("planes of this size")
 }
 
 /// Prints the least time of several runs.

@@ -98,11 +98,11 @@ impl Networks {
     /// When the sides are not multiples of 32 (after halving), or the network is broken.
     pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
         let mut small = None;
-        for _ in 0..photo_halvings(observation.height, observation.width)? {
+        for _ in 0..photo_halvings(observation.height(), observation.width())? {
             small = Some(small.as_ref().unwrap_or(observation).downsampled());
         }
         let observation = small.as_ref().unwrap_or(observation);
-        let (h, w) = (observation.height, observation.width);
+        let (h, w) = (observation.height(), observation.width());
         let encoded = self.photo.run(h, w, photo_input(observation))?;
         if encoded.len() != CHANNELS * h * w {
             return Err(self.photo.fault("the result has an unexpected size"));
@@ -188,7 +188,7 @@ pub(crate) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -
 /// The photo network's ten planes: logarithm of `pi * BRDF * NoL` (RGB), unit directions to the
 /// camera and to the light, weight.
 fn photo_input(observation: &Observation) -> Vec<f32> {
-    let (h, w) = (observation.height, observation.width);
+    let (h, w) = (observation.height(), observation.width());
     let n = h * w;
     let view = &observation.view;
     let mut planes = vec![-1.0; PHOTO_CHANNELS * n];
@@ -197,10 +197,10 @@ fn photo_input(observation: &Observation) -> Vec<f32> {
             let i = y * w + x;
             let at = view.texel_mm(w, h, x, y);
             let irradiance = irradiance(view, at);
-            let weight = observation.weight[i].clamp(0.0, 1.0);
+            let weight = observation.weight(i);
             if weight > 0.0 {
                 for c in 0..3 {
-                    let radiance = observation.radiance[c * n + i].abs();
+                    let radiance = observation.radiance(c, i).abs();
                     planes[c * n + i] = log_encode(std::f32::consts::PI * radiance / irradiance[c]);
                 }
             }
@@ -329,13 +329,9 @@ mod tests {
             ambient: [0.0; 3],
         };
         // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one was not seen.
-        let observation = Observation {
-            width: 2,
-            height: 2,
-            view,
-            radiance: vec![0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2],
-            weight: vec![0.5, 1.0, 1.0, 0.0],
-        };
+        let radiance = [0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2];
+        let weight = [0.4, 1.0, 1.0, 0.0];
+        let observation = Observation::new(2, 2, view, &radiance, &weight).unwrap();
         let planes = photo_input(&observation);
         let close = |c: usize, i: usize, expected: f32| {
             let found = planes[4 * c + i];
@@ -350,7 +346,7 @@ mod tests {
         close(1, 2, 1.0);
         close(2, 0, 1.0); // no light in a channel: infinitely bright
         close(0, 3, -1.0);
-        close(9, 0, 0.5);
+        close(9, 0, 0.4);
         close(9, 3, 0.0);
         // texel 3 (x = 5, y = -2.5) looks straight up to the camera, texel 0 to the light
         close(5, 3, 1.0);

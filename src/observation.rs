@@ -3,7 +3,11 @@
 
 use std::ops::Range;
 
+use half::f16;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+
+use crate::{Error, Result};
 
 /// How the light's strength depends on distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,25 +67,123 @@ impl View {
 }
 
 /// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
+///
+/// A capture has many of them at full resolution, so they are kept small: radiance as half floats
+/// (11 bits, finer than a camera's noise), weight as one byte.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Texels in a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
+    width: usize,
+    height: usize,
     /// Camera and light.
     pub view: View,
-    /// Three planes (R, G, B) of `width * height` radiances in the units of [`View`]. A
-    /// *negative* value `-v` marks a saturated measurement: the true radiance is at least `v`.
-    pub radiance: Vec<f32>,
-    /// Weight of each texel, 0 (not seen) to 1: validity times foreshortening.
-    pub weight: Vec<f32>,
+    radiance: Vec<f16>,
+    weight: Vec<u8>,
 }
 
 impl Observation {
+    /// From three planes (R, G, B) of `width * height` radiances in the units of [`View`], and the
+    /// weight of each texel, 0 (not seen) to 1: validity times foreshortening. A *negative*
+    /// radiance `-v` marks a saturated measurement: the true one is at least `v`. Texels with
+    /// values that are not finite get weight 0.
+    ///
+    /// # Errors
+    /// When lengths do not fit the size.
+    pub fn new(
+        width: usize,
+        height: usize,
+        view: View,
+        radiance: &[f32],
+        weight: &[f32],
+    ) -> Result<Self> {
+        let n = width * height;
+        if (radiance.len(), weight.len()) != (3 * n, n) {
+            let message = format!(
+                "{} radiances and {} weights, {} and {n} expected",
+                radiance.len(),
+                weight.len(),
+                3 * n
+            );
+            return Err(Error::argument("observation", message));
+        }
+        let mut packed = vec![f16::ZERO; 3 * n];
+        pack_radiances(radiance, &mut packed);
+        let weigh = |i: usize| {
+            let finite = (0..3).all(|c| radiance[c * n + i].is_finite());
+            if finite { pack_weight(weight[i]) } else { 0 }
+        };
+        Ok(Self { width, height, view, radiance: packed, weight: (0..n).map(weigh).collect() })
+    }
+
+    /// From planes as they are kept.
+    pub(crate) fn from_packed(
+        width: usize,
+        height: usize,
+        view: View,
+        radiance: Vec<f16>,
+        weight: Vec<u8>,
+    ) -> Self {
+        debug_assert_eq!((radiance.len(), weight.len()), (3 * width * height, width * height));
+        Self { width, height, view, radiance, weight }
+    }
+
+    /// Texels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
     /// Texels in a plane.
     pub fn texels(&self) -> usize {
         self.width * self.height
+    }
+
+    /// Radiance of channel `c` of a texel; negative where saturated.
+    pub fn radiance(&self, c: usize, texel: usize) -> f32 {
+        self.radiance[c * self.texels() + texel].to_f32()
+    }
+
+    /// Weight of a texel, 0 to 1.
+    pub fn weight(&self, texel: usize) -> f32 {
+        f32::from(self.weight[texel]) / 255.0
+    }
+
+    /// Sum of all weights.
+    pub fn total_weight(&self) -> f64 {
+        self.weight.iter().map(|&w| u64::from(w)).sum::<u64>() as f64 / 255.0
+    }
+
+    /// Radiances and weights.
+    #[cfg(test)]
+    pub(crate) fn planes(&self) -> (Vec<f32>, Vec<f32>) {
+        let radiance = self.radiance.iter().map(|v| v.to_f32()).collect();
+        (radiance, (0..self.texels()).map(|i| self.weight(i)).collect())
+    }
+
+    /// Another one with these changed.
+    #[cfg(test)]
+    pub(crate) fn changed(&self, change: impl FnOnce(&mut [f32], &mut [f32])) -> Self {
+        let (mut radiance, mut weight) = self.planes();
+        change(&mut radiance, &mut weight);
+        Self::new(self.width, self.height, self.view, &radiance, &weight).unwrap()
+    }
+
+    /// Three planes of radiances as they are kept.
+    pub(crate) fn packed_radiance(&self) -> &[f16] {
+        &self.radiance
+    }
+
+    /// The same, to be changed; texels that are not finite must have no weight.
+    pub(crate) fn packed_radiance_mut(&mut self) -> &mut [f16] {
+        &mut self.radiance
+    }
+
+    /// Weights in units of 1/255.
+    pub(crate) fn packed_weight(&self) -> &[u8] {
+        &self.weight
     }
 
     /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
@@ -93,30 +195,130 @@ impl Observation {
         let (w, h) = (self.width, self.height);
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
         let (w2, h2) = (w / 2, h / 2);
-        let mut weight = vec![0.0; w2 * h2];
-        let mut radiance = vec![0.0; 3 * w2 * h2];
+        let mut weight = vec![0; w2 * h2];
+        let mut radiance = vec![f16::ZERO; 3 * w2 * h2];
         let four = |y: usize, x: usize| {
             let corner = 2 * y * w + 2 * x;
             [corner, corner + 1, corner + w, corner + w + 1]
         };
         weight.par_chunks_mut(w2).enumerate().for_each(|(y, row)| {
             for (x, out) in row.iter_mut().enumerate() {
-                *out = 0.25 * four(y, x).iter().map(|&i| self.weight[i]).sum::<f32>();
+                let sum = four(y, x).iter().map(|&i| u16::from(self.weight[i])).sum::<u16>();
+                *out = sum.div_ceil(4) as u8;
             }
         });
-        radiance.par_chunks_mut(w2).enumerate().for_each(|(row, out)| {
-            let (c, y) = (row / h2, row % h2);
-            let plane = &self.radiance[c * w * h..(c + 1) * w * h];
-            for (x, (out, quarter)) in out.iter_mut().zip(&weight[y * w2..]).enumerate() {
-                let (four, sum) = (four(y, x), 4.0 * quarter);
-                if sum <= 0.0 {
-                    continue;
+        let buffers = || (vec![0.0; 2 * w], vec![0.0; w2]);
+        radiance.par_chunks_mut(w2).enumerate().for_each_init(
+            buffers,
+            |(two, mean), (row, out)| {
+                let (c, y) = (row / h2, row % h2);
+                let from = c * w * h + 2 * y * w;
+                self.radiance[from..from + 2 * w].convert_to_f32_slice(two);
+                for (x, mean) in mean.iter_mut().enumerate() {
+                    let corner = 2 * x;
+                    let texels = [corner, corner + 1, corner + w, corner + w + 1];
+                    let weights = four(y, x).map(|i| f32::from(self.weight[i]));
+                    let values = texels.map(|i| two[i]);
+                    let (mut sum, mut total, mut saturated) = (0.0, 0.0, false);
+                    for (value, weight) in values.into_iter().zip(weights) {
+                        sum += weight * value.abs();
+                        total += weight;
+                        saturated |= weight > 0.0 && value < 0.0;
+                    }
+                    *mean = if total <= 0.0 { 0.0 } else { sum / total };
+                    if saturated {
+                        *mean = -*mean;
+                    }
                 }
-                let mean = four.iter().map(|&i| self.weight[i] * plane[i].abs()).sum::<f32>() / sum;
-                let saturated = four.iter().any(|&i| self.weight[i] > 0.0 && plane[i] < 0.0);
-                *out = if saturated { -mean } else { mean };
-            }
-        });
+                pack_radiances(mean, out);
+            },
+        );
         Self { width: w2, height: h2, view: self.view, radiance, weight }
+    }
+}
+
+/// A weight as it is kept: what is seen at all stays so.
+pub(crate) fn pack_weight(weight: f32) -> u8 {
+    (255.0 * weight).clamp(0.0, 255.0).ceil() as u8
+}
+
+/// Radiances as they are kept: numbers too large for half floats become the largest, what is
+/// not a number zero, and no saturated value loses its sign.
+pub(crate) fn pack_radiances(from: &[f32], to: &mut [f16]) {
+    const BLOCK: usize = 64;
+    let mut block = [0.0; BLOCK];
+    for (from, to) in from.chunks(BLOCK).zip(to.chunks_mut(BLOCK)) {
+        for (limited, &v) in block.iter_mut().zip(from) {
+            let size = v.abs().clamp(LEAST, f16::MAX.to_f32_const());
+            *limited = if v == 0.0 || v.is_nan() { 0.0 } else { size.copysign(v) };
+        }
+        to.convert_from_f32_slice(&block[..from.len()]);
+    }
+}
+
+/// The least normal half float.
+const LEAST: f32 = 6.103_515_6e-5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const VIEW: View = View {
+        sample_mm: [100.0; 2],
+        camera_mm: [0.0, 0.0, 200.0],
+        light_mm: [5.0, 0.0, 200.0],
+        falloff: Falloff::None { power: [1.0; 3] },
+        ambient: [0.0; 3],
+    };
+
+    #[test]
+    fn values_keep_eleven_bits_and_their_sign() {
+        let radiance = [0.731, -0.25, 1e-9, -1e-9, 1e9, 0.0, -0.0, f32::NAN, 1.0, 0.5, 0.1, 7.0];
+        let weight = [1.0, 0.5, 1e-4, 0.9];
+        let o = Observation::new(4, 1, VIEW, &radiance, &weight).unwrap();
+        for (i, &v) in radiance.iter().enumerate() {
+            let kept = o.radiance(i / 4, i % 4);
+            match v {
+                v if v.is_nan() => assert_eq!(kept, 0.0),
+                v if v.abs() < 1e-5 => assert!(kept.abs() < 1e-4 && (kept < 0.0) == (v < 0.0)),
+                v if v > 1e5 => assert_eq!(kept, 65504.0),
+                v => assert!((kept - v).abs() <= v.abs() / 2048.0, "{v}: {kept}"),
+            }
+        }
+        assert!(o.weight(0) == 1.0 && o.weight(2) > 0.0, "seen texels stay seen");
+        assert_eq!(o.weight(3), 0.0, "its green is not a number");
+        assert!(Observation::new(4, 2, VIEW, &radiance, &weight).is_err());
+    }
+
+    #[test]
+    fn halving_keeps_weighted_means() {
+        let (w, h) = (12, 6);
+        let mut random = Random::new(8);
+        let mut numbers =
+            |n: usize| -> Vec<f32> { (0..n).map(|_| random.uniform() as f32).collect() };
+        let (mut radiance, mut weight) = (numbers(3 * w * h), numbers(w * h));
+        weight[0] = 0.0;
+        for i in [2, 3, w + 2, w + 3] {
+            weight[i] = 0.0;
+        }
+        radiance[4] = -1.0;
+        let o = Observation::new(w, h, VIEW, &radiance, &weight).unwrap();
+        let half = o.downsampled();
+        assert_eq!((half.width(), half.height()), (w / 2, h / 2));
+        for c in 0..3 {
+            for i in 0..half.texels() {
+                let corner = 2 * (i / (w / 2)) * w + 2 * (i % (w / 2));
+                let four = [corner, corner + 1, corner + w, corner + w + 1];
+                let sum: f32 = four.iter().map(|&i| o.weight(i)).sum();
+                let mean = four.iter().map(|&i| o.weight(i) * o.radiance(c, i).abs()).sum::<f32>();
+                // one unit of a weight; rounding of a half float
+                assert!((half.weight(i) - sum / 4.0).abs() < 1.0 / 255.0);
+                let found = half.radiance(c, i).abs();
+                assert!((found - mean / sum.max(1e-9)).abs() < 1e-3 * found.max(0.1));
+                assert_eq!(half.radiance(c, i) < 0.0, c == 0 && i == 2, "saturation spreads");
+            }
+        }
+        assert_eq!(half.weight(1), 0.0);
     }
 }

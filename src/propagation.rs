@@ -95,7 +95,7 @@ fn strip_information(
     rows: &Range<usize>,
     mut sums: [&mut [f32]; 2],
 ) {
-    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+    let (width, height) = (maps.width(), maps.height());
     let texels = rows.start * width..rows.end * width;
     let mut base = Svbrdf::new(width, rows.len());
     for c in 0..CHANNELS {
@@ -120,14 +120,13 @@ fn strip_information(
         }
         let [base, moved @ ..] = &images;
         for (sum, moved) in sums.iter_mut().zip(moved) {
-            for ((t, sum), &weight) in
-                sum.iter_mut().enumerate().zip(&observation.weight[texels.clone()])
-            {
+            for (t, sum) in sum.iter_mut().enumerate() {
+                let weight = observation.weight(texels.start + t);
                 if weight > 0.0 {
                     let mut square = 0.0;
                     for c in 0..3 {
                         // Saturated pixels tell too little to count.
-                        if observation.radiance[c * n + texels.start + t] >= 0.0 {
+                        if observation.radiance(c, texels.start + t) >= 0.0 {
                             let i = c * m + t;
                             let change = ((moved[i] + 0.01) / (base[i] + 0.01)).ln() / STEP;
                             square += change * change;
@@ -291,7 +290,7 @@ mod tests {
         let mut radiance = vec![0.0; 3 * SIDE * SIDE];
         render(truth, &view, &mut radiance);
         let weight = vec![1.0; SIDE * SIDE];
-        Observation { width: SIDE, height: SIDE, view, radiance, weight }
+        Observation::new(SIDE, SIDE, view, &radiance, &weight).unwrap()
     }
 
     #[test]
@@ -316,8 +315,7 @@ mod tests {
     fn nothing_seen_nothing_moved() {
         let mut maps = truth();
         let before = maps.clone();
-        let mut observation = observation(&maps);
-        observation.weight.fill(0.0);
+        let observation = observation(&maps).changed(|_, weight| weight.fill(0.0));
         propagate(&mut maps, &[observation]).unwrap();
         let most = |(a, b): (&f32, &f32)| (a - b).abs();
         let difference = maps.planes().iter().zip(before.planes()).map(most).fold(0.0f32, f32::max);

@@ -1,7 +1,7 @@
 //! Eight `f32` at a time: the vector type of the texel kernels, and the choice of instruction set.
 //!
 //! A kernel is written once, generic over [`Lanes`], and [`dispatch`]ed: on x86-64 to AVX2 with
-//! fused multiply-add where the processor has them, else to plain arrays, which compilers turn
+//! fused multiply-add and half floats where the processor has them, else to plain arrays, which compilers turn
 //! into SSE2 or NEON. Sixteen lanes spilled registers and were several times slower.
 //!
 //! This is the one module with `unsafe`: AVX2 intrinsics and the call that enters code compiled
@@ -27,6 +27,10 @@ pub(crate) trait Lanes:
     fn splat(x: f32) -> Self;
     /// From an array.
     fn from_array(a: [f32; LANES]) -> Self;
+    /// From the bits of half floats.
+    fn from_halves(a: [u16; LANES]) -> Self;
+    /// From bytes.
+    fn from_bytes(a: [u8; LANES]) -> Self;
     /// To an array.
     fn to_array(self) -> [f32; LANES];
     /// `self * b + c`, with one rounding where that is as fast as two.
@@ -111,6 +115,25 @@ pub(crate) trait Lanes:
         }
     }
 
+    /// The first eight half floats of `x`, none of them infinite; where there are fewer, zeros
+    /// follow.
+    #[inline(always)]
+    fn load_halves(x: &[u16]) -> Self {
+        match x.first_chunk() {
+            Some(full) => Self::from_halves(*full),
+            None => Self::from_halves(padded(x, 0)),
+        }
+    }
+
+    /// The first eight bytes of `x`, zeros where there are fewer.
+    #[inline(always)]
+    fn load_bytes(x: &[u8]) -> Self {
+        match x.first_chunk() {
+            Some(full) => Self::from_bytes(*full),
+            None => Self::from_bytes(padded(x, 0)),
+        }
+    }
+
     /// Writes the first lanes, as many as fit.
     #[inline(always)]
     fn store(self, x: &mut [f32]) {
@@ -143,7 +166,7 @@ pub(crate) trait Lanes:
 
 #[cold]
 #[inline(never)]
-fn padded(x: &[f32], fill: f32) -> [f32; LANES] {
+fn padded<T: Copy>(x: &[T], fill: T) -> [T; LANES] {
     let mut a = [fill; LANES];
     a[..x.len()].copy_from_slice(x);
     a
@@ -161,12 +184,15 @@ pub(crate) trait Kernel {
 /// Runs a kernel with the best instruction set of this processor.
 pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-        #[target_feature(enable = "avx2,fma")]
+    if is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("f16c")
+    {
+        #[target_feature(enable = "avx2,fma,f16c")]
         fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
             kernel.run::<Avx2>()
         }
-        // SAFETY: the processor has both features.
+        // SAFETY: the processor has these features.
         return unsafe { with_avx2(kernel) };
     }
     kernel.run::<Portable>()
@@ -197,6 +223,19 @@ impl Lanes for Portable {
     #[inline(always)]
     fn from_array(a: [f32; LANES]) -> Self {
         Self(a)
+    }
+    #[inline(always)]
+    fn from_halves(a: [u16; LANES]) -> Self {
+        // The exponents differ by 112; subnormal numbers come out right as well.
+        let power = f32::from_bits((127 + 112) << 23);
+        Self(lane_by_lane!(i => {
+            let size = f32::from_bits(u32::from(a[i] & 0x7FFF) << 13) * power;
+            f32::from_bits(size.to_bits() | (u32::from(a[i] & 0x8000) << 16))
+        }))
+    }
+    #[inline(always)]
+    fn from_bytes(a: [u8; LANES]) -> Self {
+        Self(lane_by_lane!(i => f32::from(a[i])))
     }
     #[inline(always)]
     fn to_array(self) -> [f32; LANES] {
@@ -284,7 +323,7 @@ use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     // SAFETY of every block below: values of this type exist only inside `dispatch`, which has
-    // checked that the processor has AVX2 and FMA; loads and stores go through whole arrays.
+    // checked that the processor has AVX2, FMA and F16C; loads and stores go through whole arrays.
     use super::*;
     use std::arch::x86_64::*;
 
@@ -300,6 +339,17 @@ mod avx2 {
         #[inline(always)]
         fn from_array(a: [f32; LANES]) -> Self {
             Self(unsafe { _mm256_loadu_ps(a.as_ptr()) })
+        }
+        #[inline(always)]
+        fn from_halves(a: [u16; LANES]) -> Self {
+            Self(unsafe { _mm256_cvtph_ps(_mm_loadu_si128(a.as_ptr().cast())) })
+        }
+        #[inline(always)]
+        fn from_bytes(a: [u8; LANES]) -> Self {
+            Self(unsafe {
+                let bytes = _mm_cvtsi64_si128(i64::from_le_bytes(a));
+                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+            })
         }
         #[inline(always)]
         fn to_array(self) -> [f32; LANES] {
@@ -479,6 +529,43 @@ mod tests {
                         (v as f64 - want).abs() <= tolerance * scale,
                         "row {row}, lane {i}: {v} for {want}"
                     );
+                }
+            }
+        }
+    }
+
+    struct Stored([u16; LANES], [u8; LANES]);
+
+    impl Kernel for Stored {
+        type Output = [[f32; LANES]; 4];
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> Self::Output {
+            [
+                V::from_halves(self.0),
+                V::from_bytes(self.1),
+                V::load_halves(&self.0[..5]),
+                V::load_bytes(&self.1[..5]),
+            ]
+            .map(V::to_array)
+        }
+    }
+
+    #[test]
+    fn every_finite_half_float_and_byte_is_exact() {
+        for first in (0..=u16::MAX).step_by(LANES) {
+            let halves: [u16; LANES] = std::array::from_fn(|i| first + i as u16);
+            let bytes = halves.map(|h| h as u8);
+            for stored in [dispatch(Stored(halves, bytes)), Stored(halves, bytes).run::<Portable>()]
+            {
+                for i in 0..LANES {
+                    let half = half::f16::from_bits(halves[i]);
+                    let [value, byte, cut, cut_byte] = stored.map(|lanes| lanes[i]);
+                    assert_eq!(byte, f32::from(bytes[i]));
+                    assert_eq!(cut_byte, if i < 5 { byte } else { 0.0 });
+                    if half.is_finite() {
+                        assert_eq!(value.to_bits(), half.to_f32().to_bits(), "{half}");
+                        assert_eq!(cut, if i < 5 { value } else { 0.0 });
+                    }
                 }
             }
         }

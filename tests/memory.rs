@@ -31,8 +31,8 @@ fn the_estimate_of_memory_holds() {
                 Settings { resolution, memory_limit_bytes: Some(1), ..Default::default() };
             match Session::with_networks(scene(), settings, networks.clone()) {
                 Err(Error::MemoryLimit { needed, .. }) => {
-                    // 16 bytes a texel, doubled, and once more for the levels below.
-                    needed + (photos as u64 - 1) * 32 * (resolution * resolution) as u64
+                    // 7 bytes a texel, and as much again for the levels below.
+                    needed + (photos as u64 - 1) * 14 * (resolution * resolution) as u64
                 }
                 _ => panic!("a byte is not enough"),
             }

@@ -25,7 +25,8 @@ fn observation(maps: &Svbrdf) -> Observation {
         View { sample_mm: [100.0; 2], camera_mm: at, light_mm: at, falloff, ambient: [0.0; 3] };
     let mut radiance = vec![0.0; 3 * maps.texels()];
     render::render(maps, &view, &mut radiance);
-    Observation { width: SIDE, height: SIDE, view, radiance, weight: vec![1.0; maps.texels()] }
+    let weight = vec![1.0; maps.texels()];
+    Observation::new(SIDE, SIDE, view, &radiance, &weight).unwrap()
 }
 
 /// One test: other tests would allocate at the same time.

@@ -26,17 +26,33 @@ pub(super) struct Level {
     /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
     detail: Vec<f32>,
     maps: Svbrdf,
+    /// Whether the code has moved since the maps were written.
+    stale: bool,
+    /// What the steps work with; made when needed.
+    tools: Option<Box<Tools>>,
+}
+
+/// The large buffers.
+#[derive(Debug)]
+struct Tools {
     gradient: Vec<f32>,
     code_gradient: Vec<f32>,
     workspace: Workspace,
 }
 
+impl Tools {
+    fn new(networks: &Networks, maps: &Svbrdf, code: usize) -> Result<Box<Self>> {
+        let decoder = networks.decoder();
+        let stride = decoder.stride();
+        let workspace = Workspace::new(decoder, maps.height() / stride, maps.width() / stride)?;
+        let gradient = vec![0.0; CHANNELS * maps.texels()];
+        Ok(Box::new(Self { gradient, code_gradient: vec![0.0; code], workspace }))
+    }
+}
+
 impl Level {
     pub fn new(networks: &Networks, start: &Svbrdf, options: &FitOptions) -> Result<Self> {
         let code = networks.encode(start)?;
-        let decoder = networks.decoder();
-        let stride = decoder.stride();
-        let workspace = Workspace::new(decoder, start.height() / stride, start.width() / stride)?;
         let mut anchor = encoded_maps(start);
         anchor.truncate(2 * start.texels());
         let square = anchor.iter().map(|v| v * v).sum::<f32>() / anchor.len() as f32;
@@ -46,9 +62,8 @@ impl Level {
             adam: Adam::new(code.len()),
             detail: vec![0.0; CHANNELS * start.texels()],
             maps: start.clone(),
-            gradient: vec![0.0; CHANNELS * start.texels()],
-            code_gradient: vec![0.0; code.len()],
-            workspace,
+            stale: false,
+            tools: None,
             code,
         };
         level.restart(networks, start, options)?;
@@ -63,15 +78,29 @@ impl Level {
         start: &Svbrdf,
         options: &FitOptions,
     ) -> Result<()> {
-        let decoded = networks.decoder().forward(&self.code, &mut self.workspace)?;
+        let mut tools = self.take_tools(networks)?;
+        let decoded = networks.decoder().forward(&self.code, &mut tools.workspace)?;
         if options.keep_detail {
             let start = encoded_maps(start);
             for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
                 *detail = start - decoded;
             }
         }
-        self.write_maps();
+        self.write_maps(&tools);
+        self.tools = Some(tools);
         Ok(())
+    }
+
+    /// Gives the large buffers back until they are needed again.
+    pub fn release(&mut self) {
+        self.tools = None;
+    }
+
+    fn take_tools(&mut self, networks: &Networks) -> Result<Box<Tools>> {
+        match self.tools.take() {
+            Some(tools) => Ok(tools),
+            None => Tools::new(networks, &self.maps, self.code.len()),
+        }
     }
 
     /// What [`Level::restore`] needs; the maps must be up to date with the code.
@@ -136,10 +165,14 @@ impl Level {
         &self.maps
     }
 
-    /// Decodes the code as it is now.
+    /// Brings the maps up to the code.
     pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
-        networks.decoder().forward(&self.code, &mut self.workspace)?;
-        self.write_maps();
+        if self.stale {
+            let mut tools = self.take_tools(networks)?;
+            networks.decoder().forward(&self.code, &mut tools.workspace)?;
+            self.write_maps(&tools);
+            self.tools = Some(tools);
+        }
         Ok(())
     }
 
@@ -151,23 +184,29 @@ impl Level {
         rate: f32,
         options: &FitOptions,
     ) -> Result<f64> {
-        self.refresh(networks)?;
-        let loss = render::loss_and_gradient(&self.maps, observations, &mut self.gradient);
+        let mut tools = self.take_tools(networks)?;
+        networks.decoder().forward(&self.code, &mut tools.workspace)?;
+        self.write_maps(&tools);
+        let loss = render::loss_and_gradient(&self.maps, observations, &mut tools.gradient);
         if !loss.is_finite() {
             return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
         }
         // The first photographs are ambiguous, not just noisy: the prior fades with their square.
         let photographs = observations.len().max(1) as f32;
-        self.encode_gradient(options.prior_weight / (photographs * photographs));
-        networks.decoder().vjp(&mut self.workspace, &self.gradient, &mut self.code_gradient)?;
-        self.adam.step(&mut self.code, &self.code_gradient, rate, options.betas);
+        self.encode_gradient(&mut tools, options.prior_weight / (photographs * photographs));
+        let Tools { gradient, code_gradient, workspace } = &mut *tools;
+        networks.decoder().vjp(workspace, gradient, code_gradient)?;
+        self.adam.step(&mut self.code, code_gradient, rate, options.betas);
+        self.stale = true;
+        self.tools = Some(tools);
         Ok(loss)
     }
 
     /// Natural parameters of `decoded + detail`, within their ranges.
-    fn write_maps(&mut self) {
+    fn write_maps(&mut self, tools: &Tools) {
+        self.stale = false;
         let n = self.maps.texels();
-        let (decoded, detail) = (self.workspace.encoded(), &self.detail);
+        let (decoded, detail) = (tools.workspace.encoded(), &self.detail);
         self.maps.planes_mut().par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
             let (low, high) = encoded_range(c);
             plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, out)| {
@@ -183,11 +222,12 @@ impl Level {
     /// Turns the gradient with respect to natural parameters into that with respect to the
     /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
     /// counts.
-    fn encode_gradient(&mut self, prior_weight: f32) {
+    fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32) {
         let n = self.maps.texels();
-        let (decoded, detail, anchor) = (self.workspace.encoded(), &self.detail, &self.anchor);
+        let Tools { gradient, workspace, .. } = tools;
+        let (decoded, detail, anchor) = (workspace.encoded(), &self.detail, &self.anchor);
         let pull = prior_weight / (n as f32 * self.deviation * self.deviation);
-        self.gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+        gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
             let (low, high) = encoded_range(c);
             plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, gradient)| {
                 let at = c * n + i * CHUNK;

@@ -119,26 +119,24 @@ impl LatentFit {
     pub fn new(
         networks: Arc<Networks>,
         start: &Svbrdf,
-        observation: Observation,
+        observation: &Observation,
         options: FitOptions,
     ) -> Result<Self> {
-        let longest = observation.width.max(observation.height);
+        let (width, height) = (observation.width(), observation.height());
+        let longest = width.max(height);
         let mut halvings = 0;
         while longest >> halvings > COARSEST_TEXELS {
             halvings += 1;
         }
         let multiple = networks.decoder().stride() << halvings;
         let fits = |n: usize| n > 0 && n.is_multiple_of(multiple);
-        if !fits(observation.width) || !fits(observation.height) {
+        if !fits(width) || !fits(height) {
             return Err(Error::argument(
                 "observation",
-                format!(
-                    "{}x{} texels, multiples of {multiple} expected",
-                    observation.width, observation.height
-                ),
+                format!("{width}x{height} texels, multiples of {multiple} expected"),
             ));
         }
-        let coarse = [observation.width >> halvings, observation.height >> halvings];
+        let coarse = [width >> halvings, height >> halvings];
         let mut fitted = 1;
         while fitted <= halvings && longest >> (halvings - fitted) <= options.finest_texels {
             fitted += 1;
@@ -159,32 +157,23 @@ impl LatentFit {
     ///
     /// # Errors
     /// When its size is not that of the first.
-    pub fn add_observation(&mut self, observation: Observation) -> Result<()> {
+    pub fn add_observation(&mut self, observation: &Observation) -> Result<()> {
         let [width, height] = self.size();
-        let texels = observation.width * observation.height;
-        if [observation.width, observation.height] != [width, height]
-            || observation.radiance.len() != 3 * texels
-            || observation.weight.len() != texels
-        {
+        let found = [observation.width(), observation.height()];
+        if found != [width, height] {
             return Err(Error::argument(
                 "observation",
-                format!(
-                    "{}x{} texels, {width}x{height} expected",
-                    observation.width, observation.height
-                ),
+                format!("{}x{} texels, {width}x{height} expected", found[0], found[1]),
             ));
         }
         self.settle_current()?;
-        let mut observation = observation;
-        for halving in 0..=self.halvings {
-            let stage = self.halvings - halving;
-            let next = (stage > 0).then(|| observation.downsampled());
-            if let Some(stage) = self.stages.get_mut(stage) {
-                stage.observations.push(observation);
+        let mut small = None;
+        for stage in (0..=self.halvings).rev() {
+            if stage < self.halvings {
+                small = Some(small.as_ref().unwrap_or(observation).downsampled());
             }
-            match next {
-                Some(next) => observation = next,
-                None => break,
+            if let Some(stage) = self.stages.get_mut(stage) {
+                stage.observations.push(small.as_ref().unwrap_or(observation).clone());
             }
         }
         self.current = 0;
@@ -197,10 +186,7 @@ impl LatentFit {
     ///
     /// # Errors
     /// When a size is not that of the first.
-    pub fn set_observations(
-        &mut self,
-        observations: impl IntoIterator<Item = Observation>,
-    ) -> Result<()> {
+    pub fn set_observations(&mut self, observations: &[Observation]) -> Result<()> {
         let old: Vec<_> =
             self.stages.iter_mut().map(|s| std::mem::take(&mut s.observations)).collect();
         for observation in observations {
@@ -293,6 +279,11 @@ impl LatentFit {
         }
         if self.done >= steps {
             self.settle_current()?;
+            if self.stages.len() > 1
+                && let Some(level) = &mut self.stages[self.current].level
+            {
+                level.release();
+            }
             if self.current + 1 < self.stages.len() {
                 self.current += 1;
                 self.done = 0;

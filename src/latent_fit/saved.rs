@@ -80,7 +80,8 @@ impl LatentFit {
         options: FitOptions,
     ) -> Result<Self> {
         let first = observations.first().ok_or(Error::NoMaps)?;
-        let longest = first.width.max(first.height);
+        let (width, height) = (first.width(), first.height());
+        let longest = width.max(height);
         let mut halvings = 0;
         while longest >> halvings > COARSEST_TEXELS {
             halvings += 1;
@@ -98,7 +99,7 @@ impl LatentFit {
         }
         let mut made = Vec::with_capacity(stages.len());
         for (i, stage) in stages.into_iter().enumerate() {
-            let size = [first.width, first.height].map(|n| n >> (halvings - i));
+            let size = [width, height].map(|n| n >> (halvings - i));
             let fits = |maps: &Svbrdf| [maps.width(), maps.height()] == size;
             let all = stage.level.iter().map(|l| &l.maps).chain(&stage.carried);
             if !all.into_iter().all(fits) {
@@ -112,7 +113,7 @@ impl LatentFit {
         }
         let mut fit = Self { networks, options, stages: made, current: 0, done: 0, loss, halvings };
         for observation in observations {
-            fit.add_observation(observation.clone())?;
+            fit.add_observation(observation)?;
         }
         (fit.current, fit.done) = (current, done);
         Ok(fit)

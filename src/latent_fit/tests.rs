@@ -34,14 +34,14 @@ pub(super) fn photograph(truth: &Svbrdf, camera: [f32; 3]) -> Observation {
         falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
         ambient: [0.0; 3],
     };
-    let n = truth.texels();
-    let mut radiance = vec![0.0; 3 * n];
+    let mut radiance = vec![0.0; 3 * truth.texels()];
     render::render(truth, &view, &mut radiance);
     for v in &mut radiance {
         *v = if *v >= 1.0 { -1.0 } else { *v };
     }
     let (width, height) = (truth.width(), truth.height());
-    Observation { width, height, view, radiance, weight: vec![1.0; n] }
+    let weight = vec![1.0; truth.texels()];
+    Observation::new(width, height, view, &radiance, &weight).unwrap()
 }
 
 pub(super) const TOP: [f32; 3] = [0.0, 0.0, 107.0];
@@ -55,7 +55,7 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
     let start = networks.photo_maps(&top).unwrap();
     let before = render::loss(&start, std::slice::from_ref(&top));
     let options = FitOptions { steps: 40, global_correction: false, ..FitOptions::default() };
-    let mut fit = LatentFit::new(networks, &start, top.clone(), options).unwrap();
+    let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
     for (a, b) in fit.maps().planes().iter().zip(start.planes()) {
         // through the square-root encoding and back
         assert!((a - b).abs() < 1e-5);
@@ -68,7 +68,7 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
     assert!(after < 0.7 * before, "{before} -> {after}");
     let both = [top, side.clone()];
     let before = render::loss(&fit.maps(), &both);
-    fit.add_observation(side).unwrap();
+    fit.add_observation(&side).unwrap();
     assert!(!fit.is_settled());
     while !fit.step().unwrap().settled {}
     let after = render::loss(&fit.maps(), &both);
@@ -86,7 +86,7 @@ fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
     let start = networks.photo_maps(&top).unwrap();
     assert_eq!(start.width(), 256);
     let options = FitOptions { steps: 2, fine_steps: 2, ..FitOptions::default() };
-    let mut fit = LatentFit::new(networks, &start, top, options).unwrap();
+    let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
     assert_eq!(fit.maps().width(), 512);
     let mut levels = Vec::new();
     loop {
@@ -98,7 +98,7 @@ fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
     }
     assert_eq!(levels, [0, 1, 1, 1]);
     let fine = fit.maps();
-    fit.add_observation(photograph(&truth, SIDE)).unwrap();
+    fit.add_observation(&photograph(&truth, SIDE)).unwrap();
     // nothing has moved yet: the fine maps are still there
     let difference = fine
         .planes()
@@ -129,7 +129,7 @@ fn the_same_steps_give_the_same_bits_whatever_the_threads() {
         pool.install(|| {
             let start = networks.photo_maps(&top).unwrap();
             let options = FitOptions { steps: 5, ..FitOptions::default() };
-            let mut fit = LatentFit::new(networks.clone(), &start, top.clone(), options).unwrap();
+            let mut fit = LatentFit::new(networks.clone(), &start, &top, options).unwrap();
             while !fit.step().unwrap().settled {}
             fit.maps()
         })
@@ -142,15 +142,13 @@ fn the_same_steps_give_the_same_bits_whatever_the_threads() {
 fn black_and_unseen_photographs_do_not_break_the_fit() {
     let networks = networks();
     let truth = material(32);
-    let mut black = photograph(&truth, TOP);
-    black.radiance.fill(0.0);
+    let black = photograph(&truth, TOP).changed(|radiance, _| radiance.fill(0.0));
     let start = networks.photo_maps(&black).unwrap();
     let options = FitOptions { steps: 5, ..FitOptions::default() };
-    let mut fit = LatentFit::new(networks, &start, black, options).unwrap();
+    let mut fit = LatentFit::new(networks, &start, &black, options).unwrap();
     while !fit.step().unwrap().settled {}
-    let mut unseen = photograph(&truth, SIDE);
-    unseen.weight.fill(0.0);
-    fit.add_observation(unseen).unwrap();
+    let unseen = photograph(&truth, SIDE).changed(|_, weight| weight.fill(0.0));
+    fit.add_observation(&unseen).unwrap();
     while !fit.step().unwrap().settled {}
     assert!(fit.maps().planes().iter().all(|v| v.is_finite()));
 }
@@ -161,9 +159,9 @@ fn sizes_that_do_not_fit_are_errors() {
     let top = photograph(&material(64), TOP);
     let options = FitOptions::default();
     let odd = photograph(&material(40), TOP);
-    assert!(LatentFit::new(networks.clone(), &material(40), odd.clone(), options.clone()).is_err());
-    assert!(LatentFit::new(networks.clone(), &material(48), top.clone(), options.clone()).is_err());
-    let mut fit = LatentFit::new(networks, &material(32), top, options).unwrap();
-    assert!(fit.add_observation(odd).is_err());
+    assert!(LatentFit::new(networks.clone(), &material(40), &odd, options.clone()).is_err());
+    assert!(LatentFit::new(networks.clone(), &material(48), &top, options.clone()).is_err());
+    let mut fit = LatentFit::new(networks, &material(32), &top, options).unwrap();
+    assert!(fit.add_observation(&odd).is_err());
     assert_eq!(fit.size(), [64, 64]);
 }

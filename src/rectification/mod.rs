@@ -9,13 +9,15 @@ mod mapping;
 mod resample;
 mod sampler;
 
+use half::f16;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use crate::Rejection;
 use crate::calibration::photometry::Radiometry;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Falloff, Observation, View, pack_radiances, pack_weight};
 
 use mapping::{LANES, Mapping, Positions};
 pub use resample::from_rectified;
@@ -126,8 +128,8 @@ fn rectify_filtered(
     let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);
     let response = Response::new(radiometry, camera);
     let texels = width * height;
-    let mut radiance = vec![0.0; 3 * texels];
-    let mut weight = vec![0.0; texels];
+    let mut radiance = vec![f16::ZERO; 3 * texels];
+    let mut weight = vec![0; texels];
     let (mut seen, mut clipped) = (0, 0);
     if texels > 0 {
         let (red, rest) = radiance.split_at_mut(texels);
@@ -139,11 +141,25 @@ fn rectify_filtered(
             .zip(blue.par_chunks_mut(band))
             .zip(weight.par_chunks_mut(band))
             .enumerate()
-            .map(|(i, (((red, green), blue), weight))| {
-                let mut band = Band { planes: [red, green, blue], weight, row: i * LANES, width };
-                band.fill(photo, &mapping, &response, &view, filter);
-                band.seen_and_clipped()
-            })
+            .map_init(
+                || vec![0.0; 4 * band],
+                |values, (i, (((red, green), blue), weight))| {
+                    let n = weight.len();
+                    let values = &mut values[..4 * n];
+                    values.fill(0.0);
+                    let (planes, weights) = values.split_at_mut(3 * n);
+                    let mut band = Band { planes, weight: weights, row: i * LANES, width };
+                    band.fill(photo, &mapping, &response, &view, filter);
+                    let counts = band.seen_and_clipped();
+                    for (plane, packed) in planes.chunks(n).zip([red, green, blue]) {
+                        pack_radiances(plane, packed);
+                    }
+                    for (packed, &w) in weight.iter_mut().zip(&*weights) {
+                        *packed = pack_weight(w);
+                    }
+                    counts
+                },
+            )
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     }
 
@@ -155,7 +171,7 @@ fn rectify_filtered(
     if share > MAX_CLIPPED {
         return Err(Rejection::Clipped { share });
     }
-    Ok(Observation { width, height, view, radiance, weight })
+    Ok(Observation::from_packed(width, height, view, radiance, weight))
 }
 
 /// Brings an observation made with one radiometry to another of the same photo, as when later
@@ -171,7 +187,7 @@ pub fn update_radiometry(
     old: &Radiometry,
     new: &Radiometry,
 ) {
-    let (width, height) = (observation.width, observation.height);
+    let (width, height) = (observation.width(), observation.height());
     let texels = width * height;
     if texels == 0 {
         return;
@@ -182,26 +198,29 @@ pub fn update_radiometry(
     };
     let mappings = [mapping(old), mapping(new)];
     let (from, to) = (Response::new(old, camera), Response::new(new, camera));
-    let (red, rest) = observation.radiance.split_at_mut(texels);
+    let (red, rest) = observation.packed_radiance_mut().split_at_mut(texels);
     let (green, blue) = rest.split_at_mut(texels);
+    let buffers = || (vec![0.0; width], vec![0.0; width]);
     red.par_chunks_mut(width)
         .zip(green.par_chunks_mut(width))
         .zip(blue.par_chunks_mut(width))
         .enumerate()
-        .for_each(|(y, ((red, green), blue))| {
-            let planes = [red, green, blue];
+        .for_each_init(buffers, |(ratios, values), (y, ((red, green), blue))| {
             let mut positions = [Positions::default(), Positions::default()];
             for x0 in (0..width).step_by(LANES) {
                 for (mapping, positions) in mappings.iter().zip(&mut positions) {
                     mapping.project(x0, 0.5, y as f64 + 0.5, positions);
                 }
                 for lane in 0..LANES.min(width - x0) {
-                    let ratio =
+                    ratios[x0 + lane] =
                         to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
-                    for c in 0..3 {
-                        planes[c][x0 + lane] *= ratio * (to.gain[c] / from.gain[c]);
-                    }
                 }
+            }
+            for (c, plane) in [red, green, blue].into_iter().enumerate() {
+                let gain = to.gain[c] / from.gain[c];
+                plane.convert_to_f32_slice(values);
+                values.iter_mut().zip(&*ratios).for_each(|(v, ratio)| *v *= ratio * gain);
+                pack_radiances(values, plane);
             }
         });
     let mut light = pose.to_board(new.flash_offset_mm);
@@ -254,7 +273,8 @@ impl Response {
 
 /// [`LANES`] rows of the result.
 struct Band<'a> {
-    planes: [&'a mut [f32]; 3],
+    /// Three planes.
+    planes: &'a mut [f32],
     weight: &'a mut [f32],
     /// First row.
     row: usize,
@@ -322,11 +342,11 @@ impl Band<'_> {
 
     /// Texels with weight, and of these the ones saturated in all channels.
     fn seen_and_clipped(&self) -> (usize, usize) {
-        let (mut seen, mut clipped) = (0, 0);
+        let (mut seen, mut clipped, n) = (0, 0, self.weight.len());
         for (i, &weight) in self.weight.iter().enumerate() {
             let here = weight > 0.0;
             seen += usize::from(here);
-            clipped += usize::from(here && self.planes.iter().all(|plane| plane[i] < 0.0));
+            clipped += usize::from(here && (0..3).all(|c| self.planes[c * n + i] < 0.0));
         }
         (seen, clipped)
     }
@@ -359,7 +379,7 @@ impl Band<'_> {
         }
 
         let per_sample = 1.0 / (nx * ny) as f32;
-        let start = y * self.width + x0;
+        let (start, n) = (y * self.width + x0, self.weight.len());
         let weights = Weights::new(view, mapping, row + 0.5);
         for lane in 0..columns {
             let weight = weights.at(x0 + lane);
@@ -372,7 +392,7 @@ impl Band<'_> {
                 // Catmull-Rom undershoots at edges; a sign means saturation.
                 let value = sums[lane][c].max(0.0) * scale * response.gain[c];
                 let saturated = flags[lane] & (1 << c) != 0;
-                self.planes[c][start + lane] = if saturated { -value } else { value };
+                self.planes[c * n + start + lane] = if saturated { -value } else { value };
             }
         }
     }

@@ -147,7 +147,7 @@ pub fn refine(
     maps.clamp();
     let (width, height) = (maps.width(), maps.height());
     let prepared = Prepared::new(maps, observations);
-    let weights: f64 = observations.iter().flat_map(|o| &o.weight).map(|&w| w as f64).sum();
+    let weights: f64 = observations.iter().map(Observation::total_weight).sum();
     let loss_before = render::loss(maps, observations);
     let mut report = Report { steps: 0, loss_before, loss_after: loss_before, stopped: false };
     let mut model = Model {

@@ -3,7 +3,6 @@
 use super::Model;
 use crate::loss::{EPSILON, OffsetPair};
 use crate::reflectance::{Directions, Lobes, Material};
-use crate::render::Prepared;
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 use std::f32::consts::FRAC_1_PI;
@@ -84,12 +83,6 @@ fn prior_cost<V: Lanes>(model: &Model, x: &[V; CHANNELS], mean: &[V; CHANNELS]) 
     sum
 }
 
-#[inline(always)]
-fn load_observed<V: Lanes>(observation: &Prepared, c: usize, texels: &Range<usize>) -> V {
-    let first = c * observation.weight.len();
-    V::load(&observation.radiance[first + texels.start..first + texels.end], 0.0)
-}
-
 /// Objective and weighted log-L1 loss of coordinates `x`.
 #[inline(always)]
 pub(super) fn cost<V: Lanes>(
@@ -105,13 +98,13 @@ pub(super) fn cost<V: Lanes>(
     for observation in model.observations {
         let view = &observation.view;
         let lobes = Lobes::new(&material, &Directions::new(view, column, row));
-        let weight = V::load(&observation.weight[texels.clone()], 0.0);
+        let weight = observation.load_weight(&texels);
         for c in 0..3 {
             let (brdf, _) = lobes.brdf(&material, c);
             let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
             let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
-            let observed = load_observed(observation, c, &texels);
+            let observed = observation.load_radiance(c, &texels);
             let residual = Residual::new(model, rendered, observed, weight);
             cost += residual.cost;
             loss += residual.loss;
@@ -139,7 +132,7 @@ impl<V: Lanes> NormalEquations<V> {
             let view = &observation.view;
             let directions = Directions::new(view, column, row);
             let lobes = Lobes::new(&material, &directions);
-            let weight = V::load(&observation.weight[texels.clone()], 0.0);
+            let weight = observation.load_weight(&texels);
             let by_normal = lobes.by_normal(&material, &directions, one, zero);
             let lobe_by_slopes = material.by_slopes(by_normal);
             let by_normal = lobes.by_normal(&material, &directions, zero, one);
@@ -152,7 +145,7 @@ impl<V: Lanes> NormalEquations<V> {
                 let irradiance = lobes.irradiance * power;
                 let surround = (material.diffuse[c] + material.specular[c]) * ambient;
                 let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
-                let observed = load_observed(observation, c, &texels);
+                let observed = observation.load_radiance(c, &texels);
                 let residual = Residual::new(model, rendered, observed, weight);
                 cost += residual.cost;
                 loss += residual.loss;

@@ -59,7 +59,7 @@ fn photographs(folder: &Path) -> Vec<Observation> {
                 falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
                 ambient: [0.0; 3],
             };
-            Observation { width: size, height: size, view, radiance, weight: vec![1.0; n] }
+            Observation::new(size, size, view, &radiance, &vec![1.0; n]).unwrap()
         })
         .collect()
 }

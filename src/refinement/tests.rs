@@ -56,7 +56,7 @@ pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -
                 *v *= (sigma * gauss(&mut r)).exp();
             }
             let weight = vec![1.0; truth.texels()];
-            Observation { width: truth.width(), height: truth.height(), view, radiance, weight }
+            Observation::new(truth.width(), truth.height(), view, &radiance, &weight).unwrap()
         })
         .collect()
 }
@@ -144,7 +144,7 @@ fn no_nearby_texel_is_more_probable() {
             render::render(maps, &photo.view, &mut rendered);
             for c in 0..3 {
                 let at = c * maps.texels() + i;
-                let (r, o) = (rendered[at] as f64, photo.radiance[at] as f64);
+                let (r, o) = (rendered[at] as f64, photo.radiance(c, i) as f64);
                 let residual = crate::loss::log_residual(r, o);
                 sum += crate::loss::huber(residual, options.huber as f64) / noise;
             }
@@ -179,10 +179,10 @@ fn unseen_texels_keep_the_prior_mean() {
     let start = perturbed(&truth, SIGMA, 14);
     let mut photos = photographs(&truth, 2, 0.0, 15);
     for photo in &mut photos {
-        for i in 0..50 {
-            photo.weight[i] = 0.0;
-            photo.radiance[i] = f32::NAN;
-        }
+        *photo = photo.changed(|radiance, weight| {
+            weight[..50].fill(0.0);
+            radiance[..50].fill(f32::NAN);
+        });
     }
     let mut clamped = start.clone();
     clamped.clamp();
@@ -204,13 +204,14 @@ fn unseen_texels_keep_the_prior_mean() {
 fn explained_saturation_does_not_pull() {
     let truth = truth(16, 16);
     let mut photos = photographs(&truth, 4, 0.0, 17);
-    for v in photos.iter_mut().flat_map(|p| &mut p.radiance) {
-        if *v > 0.4 {
-            *v = -0.4;
-        }
+    for photo in &mut photos {
+        *photo = photo.changed(|radiance, _| {
+            radiance.iter_mut().filter(|v| **v > 0.4).for_each(|v| *v = -0.4);
+        });
     }
     let (maps, report) = run(&truth, &photos, &Options::default());
-    assert!(report.loss_before < 1e-6 && report.loss_after < 1e-6, "{report:?}");
+    // half floats err by up to 1/4096, on average half of that
+    assert!(report.loss_before < 1.5e-4 && report.loss_after < 1.5e-4, "{report:?}");
     assert!(errors(&maps, &truth).iter().all(|&e| e <= 1e-3));
 }
 

@@ -47,8 +47,7 @@ pub fn loss(maps: &Svbrdf, observations: &[Observation]) -> f64 {
 pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: &mut [f32]) -> f64 {
     assert_eq!(gradient.len(), maps.planes().len(), "nine planes of {} texels", maps.texels());
     let prepared = Prepared::new(maps, observations);
-    let weight: f64 =
-        observations.par_iter().map(|o| sum(&o.weight)).collect::<Vec<_>>().iter().sum();
+    let weight: f64 = observations.iter().map(Observation::total_weight).sum();
     if weight <= 0.0 {
         gradient.fill(0.0);
         return 0.0;
@@ -64,17 +63,6 @@ pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: 
         })
         .collect();
     scale * total(&rows)[0]
-}
-
-/// Sum in double precision, in eight interleaved parts so that it is not bound by latency.
-fn sum(values: &[f32]) -> f64 {
-    let mut parts = [0.0_f64; LANES];
-    for chunk in values.chunks(LANES) {
-        for (part, &v) in parts.iter_mut().zip(chunk) {
-            *part += v as f64;
-        }
-    }
-    parts.iter().sum()
 }
 
 fn total(rows: &[[f64; 2]]) -> [f64; 2] {
@@ -181,17 +169,16 @@ impl<V: Lanes> Gradient<V> {
         directions: &Directions<V>,
         texels: std::ops::Range<usize>,
     ) -> [V; 2] {
-        let (zero, n) = (V::splat(0.0), observation.weight.len());
+        let zero = V::splat(0.0);
         let material = &self.material;
         let view = &observation.view;
         let lobes = Lobes::new(material, directions);
-        let weight = V::load(&observation.weight[texels.clone()], 0.0);
+        let weight = observation.load_weight::<V>(&texels);
 
         let mut pairs = [OffsetPair { rendered: zero, observed: zero }; 3];
         let mut brdfs = [(zero, zero); 3];
         for c in 0..3 {
-            let plane = &observation.radiance[c * n..(c + 1) * n];
-            let observed = V::load(&plane[texels.clone()], 0.0);
+            let observed = observation.load_radiance::<V>(c, &texels);
             brdfs[c] = lobes.brdf(material, c);
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
             let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);

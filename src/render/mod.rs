@@ -14,7 +14,9 @@ use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf};
 use crate::{Error, Result};
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows that one task works on.
 pub(crate) const BAND_ROWS: usize = 4;
@@ -48,10 +50,10 @@ pub(crate) fn bands<const PLANES: usize>(
 
 /// An error where an observation has not the maps' size.
 pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
-    let (width, height, n) = (maps.width(), maps.height(), maps.texels());
+    let (width, height) = (maps.width(), maps.height());
     for o in observations {
-        if (o.width, o.height, o.radiance.len(), o.weight.len()) != (width, height, 3 * n, n) {
-            let message = format!("{}x{} texels, expected {width}x{height}", o.width, o.height);
+        if (o.width(), o.height()) != (width, height) {
+            let message = format!("{}x{} texels, expected {width}x{height}", o.width(), o.height());
             return Err(Error::argument("observations", message));
         }
     }
@@ -61,8 +63,10 @@ pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) ->
 /// Observations with their views prepared for one size of maps.
 pub(crate) struct Prepared<'a> {
     pub view: TexelView,
-    pub radiance: &'a [f32],
-    pub weight: &'a [f32],
+    /// Bits of half floats.
+    radiance: &'a [u16],
+    /// In units of 1/255.
+    weight: &'a [u8],
 }
 
 impl<'a> Prepared<'a> {
@@ -73,17 +77,30 @@ impl<'a> Prepared<'a> {
             .iter()
             .map(|o| {
                 assert_eq!(
-                    (o.width, o.height, o.radiance.len(), o.weight.len()),
-                    (maps.width(), maps.height(), 3 * maps.texels(), maps.texels()),
+                    (o.width(), o.height()),
+                    (maps.width(), maps.height()),
                     "an observation must have the maps' size"
                 );
                 Self {
-                    view: TexelView::new(&o.view, o.width, o.height),
-                    radiance: &o.radiance,
-                    weight: &o.weight,
+                    view: TexelView::new(&o.view, o.width(), o.height()),
+                    radiance: o.packed_radiance().reinterpret_cast(),
+                    weight: o.packed_weight(),
                 }
             })
             .collect()
+    }
+
+    /// Weights of some texels, at most eight.
+    #[inline(always)]
+    pub fn load_weight<V: Lanes>(&self, texels: &Range<usize>) -> V {
+        V::load_bytes(&self.weight[texels.clone()]) * V::splat(1.0 / 255.0)
+    }
+
+    /// Radiances of some texels, at most eight.
+    #[inline(always)]
+    pub fn load_radiance<V: Lanes>(&self, c: usize, texels: &Range<usize>) -> V {
+        let first = c * self.weight.len();
+        V::load_halves(&self.radiance[first + texels.start..first + texels.end])
     }
 }
 

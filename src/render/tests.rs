@@ -58,8 +58,8 @@ fn random_observation(maps: &Svbrdf, seed: u64) -> Observation {
             *v = -*v;
         }
     }
-    let weight = (0..maps.texels()).map(|_| (1.5 * r() - 0.25).clamp(0.0, 1.0)).collect();
-    Observation { width: maps.width(), height: maps.height(), view, radiance, weight }
+    let weight: Vec<f32> = (0..maps.texels()).map(|_| (1.5 * r() - 0.25).clamp(0.0, 1.0)).collect();
+    Observation::new(maps.width(), maps.height(), view, &radiance, &weight).unwrap()
 }
 
 /// Radiance and its derivatives of one texel in double precision.
@@ -182,17 +182,17 @@ fn loss_and_gradient_agree_with_double_precision() {
         let value = loss_and_gradient(&maps, &observations, &mut gradient);
         assert!((value - loss(&maps, &observations)).abs() <= 1e-6 * value);
 
-        let weights: f64 = observations.iter().flat_map(|o| &o.weight).map(|&w| w as f64).sum();
+        let weights: f64 = observations.iter().map(Observation::total_weight).sum();
         let mut want_value = 0.0;
         for y in 0..h {
             for x in 0..w {
                 let i = y * w + x;
                 let (mut want, mut scale) = ([0.0; 9], 1e-9);
                 for o in &observations {
-                    let weight = o.weight[i] as f64;
+                    let weight = o.weight(i) as f64;
                     let (rendered, jacobian) = texel_oracle(&maps, &o.view, x, y);
                     for c in 0..3 {
-                        let observed = o.radiance[c * w * h + i] as f64;
+                        let observed = o.radiance(c, i) as f64;
                         want_value += weight * log_l1(rendered[c], observed);
                         let slope = weight * log_l1_derivative(rendered[c], observed);
                         for k in 0..9 {
@@ -245,30 +245,28 @@ fn the_gradient_is_the_adjoint_of_the_loss() {
 #[test]
 fn explained_saturation_and_unseen_texels_have_no_gradient() {
     let maps = random_maps(16, 4, 1);
-    let mut observation = random_observation(&maps, 9);
+    let observation = random_observation(&maps, 9);
     let mut rendered = vec![0.0; 3 * maps.texels()];
     render(&maps, &observation.view, &mut rendered);
-    for (o, r) in observation.radiance.iter_mut().zip(&rendered) {
-        *o = -0.9 * r;
-    }
-    for i in 0..maps.texels() {
-        observation.weight[i] = if i % 3 == 0 { 0.0 } else { 1.0 };
-        if i % 3 == 0 {
-            observation.radiance[i] = f32::NAN;
+    let unseen = |i: usize| (i % maps.texels()).is_multiple_of(3);
+    let observation = observation.changed(|radiance, weight| {
+        for (i, (o, r)) in radiance.iter_mut().zip(&rendered).enumerate() {
+            *o = if unseen(i) { f32::NAN } else { -0.9 * r };
         }
-    }
+        for (i, w) in weight.iter_mut().enumerate() {
+            *w = if unseen(i) { 0.0 } else { 1.0 };
+        }
+    });
     let mut gradient = vec![1.0; 9 * maps.texels()];
     let value = loss_and_gradient(&maps, std::slice::from_ref(&observation), &mut gradient);
     assert_eq!(value, 0.0);
     assert!(gradient.iter().all(|&g| g == 0.0));
     // The same measurements above the rendering do pull.
-    for (i, o) in observation.radiance.iter_mut().enumerate() {
-        *o = if (i % maps.texels()).is_multiple_of(3) {
-            f32::NAN
-        } else {
-            -1.2 * rendered[i] - 0.01
-        };
-    }
+    let observation = observation.changed(|radiance, _| {
+        for (i, o) in radiance.iter_mut().enumerate() {
+            *o = if unseen(i) { f32::NAN } else { -1.2 * rendered[i] - 0.01 };
+        }
+    });
     let value = loss_and_gradient(&maps, &[observation], &mut gradient);
     assert!(value > 0.05 && gradient.iter().all(|g| g.is_finite()));
     for i in 0..maps.texels() {

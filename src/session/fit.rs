@@ -19,7 +19,7 @@ use crate::{Error, Result, Svbrdf};
 /// Maps of the first photograph at its own resolution, before any optimisation.
 pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Result<Svbrdf> {
     let mut maps = networks.photo_maps(observation)?;
-    while maps.width() < observation.width {
+    while maps.width() < observation.width() {
         maps = maps.upsampled();
     }
     maps.clamp();
@@ -66,7 +66,6 @@ pub(super) struct Fit {
     /// Views of the observations before their correction.
     pub(super) given: Vec<View>,
     pub(super) correction: Correction,
-    pub(super) start: Option<Arc<Svbrdf>>,
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,
     /// The latest finished maps at full resolution.
@@ -110,7 +109,6 @@ impl Fit {
             free_lights: false,
             given: Vec::new(),
             correction: Correction::default(),
-            start: None,
             latent: None,
             stage: Stage::Done,
             maps: None,
@@ -145,30 +143,34 @@ impl Fit {
             self.given.push(observation.view);
             observation.view = self.correction.apply(&observation.view, self.observations.len());
         }
-        self.observations.push(observation.clone());
-        if let Some(start) = start {
-            self.maps = Some(Svbrdf::clone(&start));
-            self.start = Some(start);
+        if let Some(start) = &start {
+            self.maps = Some(Svbrdf::clone(start));
         }
-        let start = self.start.as_ref().ok_or(Error::NoMaps)?;
+        if self.maps.is_none() {
+            return Err(Error::NoMaps);
+        }
         self.stage = match self.method {
             Method::Classic => Stage::Classic,
             Method::Deep => {
                 match &mut self.latent {
                     None => {
-                        self.latent = Some(LatentFit::new(
-                            self.networks.clone(),
-                            start,
-                            observation,
-                            FitOptions::default(),
-                        )?);
+                        let start = start.ok_or(Error::NoMaps)?;
+                        let options = FitOptions::default();
+                        let networks = self.networks.clone();
+                        self.latent =
+                            Some(LatentFit::new(networks, &start, &observation, options)?);
                     }
-                    Some(latent) if updates.is_empty() => latent.add_observation(observation)?,
-                    Some(latent) => latent.set_observations(self.observations.iter().cloned())?,
+                    Some(latent) => {
+                        if !updates.is_empty() {
+                            latent.set_observations(&self.observations)?;
+                        }
+                        latent.add_observation(&observation)?;
+                    }
                 }
                 Stage::Latent
             }
         };
+        self.observations.push(observation);
         if let Some(maps) = &self.maps {
             self.loss = render::loss(maps, &self.observations) as f32;
         }
@@ -280,7 +282,7 @@ impl Fit {
         };
         let options = FitOptions::default();
         let maps = latent.coarse_maps();
-        let longest = first.width.max(first.height);
+        let longest = first.width().max(first.height());
         let finest = maps.width().max(maps.height()) >= longest.min(options.finest_texels);
         if !finest {
             return false;

@@ -6,13 +6,14 @@ use crate::latent_fit::FitOptions;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 
-/// Bytes of a texel of a rectified photograph.
-const OBSERVATION: u64 = 16;
+/// Bytes of a texel of a rectified photograph: half floats, and a weight of one byte.
+const OBSERVATION: u64 = 7;
 /// Bytes of a texel of maps.
 const MAPS: u64 = 4 * CHANNELS as u64;
-/// Sets of maps at full resolution that are alive at the same time: start, published, those of the
-/// fit, and what the refinement works with.
-const MAP_SETS: u64 = 7;
+/// Sets of maps at full resolution that are alive at the same time while the code is fitted (the
+/// published, the latest finished, those being interpolated), and during the refinement.
+const MAP_SETS_FITTING: u64 = 4;
+const MAP_SETS_REFINING: u64 = 7;
 /// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
 const FITTED: u64 = 700;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
@@ -33,9 +34,13 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
         }
         level /= 2;
     }
-    // Held by the session and, while later photographs better earlier ones, once more.
-    let each = OBSERVATION * (2 * full + 2 * fitted);
-    BASE + MAP_SETS * MAPS * full + FITTED * fitted + photographs as u64 * each + kept
+    // Halved ones once more while later photographs better them.
+    let each = OBSERVATION * (full + 2 * fitted);
+    // A fit of several levels gives its large buffers back before the refinement.
+    let buffers = FITTED * fitted;
+    let fitting = buffers + MAP_SETS_FITTING * MAPS * full;
+    let refining = MAP_SETS_REFINING * MAPS * full + if fitted > full { 0 } else { buffers };
+    BASE + fitting.max(refining) + photographs as u64 * each + kept
 }
 
 /// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.

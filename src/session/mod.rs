@@ -328,8 +328,8 @@ impl Session {
                 seconds_left: None,
                 settled: fit.is_done(),
             };
-            if let Some(maps) = &fit.start {
-                state.publish(maps.clone());
+            if let Some(maps) = &fit.maps {
+                state.publish(Arc::new(maps.clone()));
             }
         }
         Self::start(scene, settings, networks, intake, pool, shared, fit, meter)

@@ -188,12 +188,12 @@ fn compare(capture: &Capture, maps: &Maps, observations: &[Observation], form: F
         for y in (3..SIZE - 3).step_by(3) {
             for x in (3..SIZE - 3).step_by(3) {
                 let i = y * SIZE + x;
-                if o.weight[i] <= 0.0 {
+                if o.weight(i) <= 0.0 {
                     continue;
                 }
                 let rendered = maps.radiance(o, x, y, form);
                 for c in 0..3 {
-                    let v = f64::from(o.radiance[c * SIZE * SIZE + i]);
+                    let v = f64::from(o.radiance(c, i));
                     if v > 0.0 {
                         differences.push((v - rendered[c]).abs() / rendered[c].max(1e-3));
                         ratios.push(v / rendered[c].max(1e-3));
@@ -219,8 +219,8 @@ fn bright_ratios(maps: &Maps, observations: &[Observation], form: Form) -> [Vec<
             for x in (6..SIZE - 6).step_by(3) {
                 let i = y * SIZE + x;
                 for c in 0..3 {
-                    let v = f64::from(o.radiance[c * SIZE * SIZE + i]);
-                    if v.abs() > 0.5 && o.weight[i] > 0.0 {
+                    let v = f64::from(o.radiance(c, i));
+                    if v.abs() > 0.5 && o.weight(i) > 0.0 {
                         let rendered = maps.radiance(o, x, y, form)[c];
                         ratios[usize::from(v > 0.0)].push(rendered / v.abs());
                     }
@@ -292,7 +292,10 @@ fn true_maps_reproduce_the_rectified_photos() {
             };
             truth.push(with(&capture.true_radiometry(i)));
             estimated.push(with(&calibrator.radiometry(i).unwrap()));
-            let clipped = truth[i].radiance.iter().filter(|v| **v < 0.0).count();
+            let values = 0..3 * SIZE * SIZE;
+            let clipped = values
+                .filter(|v| truth[i].radiance(v / (SIZE * SIZE), v % (SIZE * SIZE)) < 0.0)
+                .count();
             shares.push((100.0 * clipped as f64 / (3 * SIZE * SIZE) as f64).round());
         }
         println!("{name}: saturated share of the sample per frame (%): {shares:?}");

@@ -123,6 +123,12 @@ impl Writer {
         }
     }
 
+    /// Half floats as they are.
+    pub(super) fn radiances(&mut self, values: &[f16]) {
+        self.0.reserve(2 * values.len());
+        values.iter().for_each(|v| self.0.extend_from_slice(&v.to_le_bytes()));
+    }
+
     pub(super) fn bytes(&mut self, values: &[u8]) {
         self.0.extend_from_slice(values);
     }
@@ -255,7 +261,7 @@ impl<'a> Reader<'a> {
     /// A finite number.
     pub(super) fn f64(&mut self) -> Result<f64> {
         let value = f64::from_bits(self.u64()?);
-        if value.is_finite() { Ok(value) } else { Err(damaged("a value is not a number")) }
+        if value.is_finite() { Ok(value) } else { Err(damaged(NOT_A_NUMBER)) }
     }
 
     /// Any number, infinite ones and NaN included.
@@ -319,6 +325,17 @@ impl<'a> Reader<'a> {
         bytes.as_chunks::<2>().0.iter().map(|&b| finite(f16::from_le_bytes(b).to_f32())).collect()
     }
 
+    pub(super) fn radiances(&mut self, count: usize) -> Result<Vec<f16>> {
+        let bytes = self.take(count.saturating_mul(2))?;
+        let halves = bytes.as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b));
+        let checked = |h: f16| if h.is_finite() { Ok(h) } else { Err(damaged(NOT_A_NUMBER)) };
+        halves.map(checked).collect()
+    }
+
+    pub(super) fn bytes(&mut self, count: usize) -> Result<&[u8]> {
+        self.take(count)
+    }
+
     pub(super) fn text(&mut self) -> Result<String> {
         let count = self.count(1)?;
         let text = std::str::from_utf8(self.take(count)?);
@@ -326,8 +343,10 @@ impl<'a> Reader<'a> {
     }
 }
 
+const NOT_A_NUMBER: &str = "a value is not a number";
+
 fn finite(value: f32) -> Result<f32> {
-    if value.is_finite() { Ok(value) } else { Err(damaged("a value is not a number")) }
+    if value.is_finite() { Ok(value) } else { Err(damaged(NOT_A_NUMBER)) }
 }
 
 #[cfg(test)]

@@ -149,7 +149,7 @@ pub(super) fn read(
     let (mut observations, mut views) = (Vec::new(), Vec::new());
     for r in sections.all(OBSERVATION) {
         let (observation, given) = read_observation(r)?;
-        if (observation.width, observation.height) != (size, size) {
+        if (observation.width(), observation.height()) != (size, size) {
             return Err(damaged("a photograph is not of the session's resolution"));
         }
         views.push(given.unwrap_or(observation.view));
@@ -177,7 +177,6 @@ pub(super) fn read(
     let mut fit = Fit::new(networks.clone(), settings);
     (fit.given, fit.correction) = (views, Correction { turns, ambient });
     fit.observations = observations;
-    fit.start = maps.clone().map(Arc::new);
     (fit.maps, fit.latent) = (maps, latent);
     (fit.stage, fit.propagated, fit.cut) = (stage, propagated, cut);
     (fit.loss, fit.steps_at_level) = (loss, steps_at_level);
@@ -276,25 +275,22 @@ fn read_stage(r: &mut Reader) -> Result<SavedStage> {
 
 /// A photograph, and its view before lights were corrected.
 fn write_observation(w: &mut Writer, observation: &Observation, given: Option<&View>) {
-    w.u32(observation.width as u32);
-    w.u32(observation.height as u32);
+    w.u32(observation.width() as u32);
+    w.u32(observation.height() as u32);
     write_view(w, &observation.view);
     w.option(given, write_view);
-    w.halves(&observation.radiance);
-    w.halves(&observation.weight);
+    w.radiances(observation.packed_radiance());
+    w.bytes(observation.packed_weight());
 }
 
 fn read_observation(mut r: Reader) -> Result<(Observation, Option<View>)> {
     let (width, height) = read_size(&mut r)?;
     let view = read_view(&mut r)?;
     let given = r.option(read_view)?;
-    let radiance = r.halves(3 * width * height)?;
-    let weight = r.halves(width * height)?;
+    let radiance = r.radiances(3 * width * height)?;
+    let weight = r.bytes(width * height)?.to_vec();
     r.end()?;
-    if weight.iter().any(|w| !(0.0..=1.0).contains(w)) {
-        return Err(damaged("a photograph's weights are none"));
-    }
-    Ok((Observation { width, height, view, radiance, weight }, given))
+    Ok((Observation::from_packed(width, height, view, radiance, weight), given))
 }
 
 fn write_view(w: &mut Writer, view: &View) {

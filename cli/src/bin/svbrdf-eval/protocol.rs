@@ -145,13 +145,9 @@ pub fn photographs(
                     }
                 }
             }
-            Observation {
-                width: SIDE,
-                height: SIDE,
-                view: view(at, told, gain, 0.0),
-                radiance,
-                weight: vec![1.0; n],
-            }
+            let view = view(at, told, gain, 0.0);
+            Observation::new(SIDE, SIDE, view, &radiance, &vec![1.0; n])
+                .expect("planes have this size")
         })
         .collect()
 }
@@ -169,7 +165,9 @@ pub fn gain_of_share(truth: &Svbrdf, count: usize, seed: u64, share: f32) -> f32
     let conditions = Conditions { levels: None, ..Conditions::new(0.0) };
     let mut values: Vec<f32> = photographs(truth, count, seed, &conditions)
         .iter()
-        .flat_map(|o| o.radiance.iter().step_by(7).copied())
+        .flat_map(|o| {
+            (0..3 * o.texels()).step_by(7).map(|i| o.radiance(i / o.texels(), i % o.texels()))
+        })
         .collect();
     values.sort_by(f32::total_cmp);
     let index = ((1.0 - share) * (values.len() - 1) as f32) as usize;
