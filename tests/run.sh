@@ -8,7 +8,9 @@ cd "$(dirname "$0")/.."
 packages=()
 pkg-config --exists opencv4 2>/dev/null || packages+=(pkg-config libopencv-dev)
 ls /usr/lib/llvm-*/lib/libclang.so* >/dev/null 2>&1 || packages+=(clang libclang-dev)
-command -v cc >/dev/null || packages+=(build-essential)
+for tool in gcc g++ make; do
+  command -v "$tool" >/dev/null || { packages+=(build-essential); break; }
+done
 command -v valgrind >/dev/null || packages+=(valgrind)
 command -v cmake >/dev/null || packages+=(cmake)
 if [ ${#packages[@]} -gt 0 ]; then
