@@ -132,6 +132,8 @@ fn the_binding_works_on_the_desktop_jvm() {
     java.args(["900", "java", "-Xcheck:jni", "-Xmx512m", "-cp"])
         .arg(class_path(&[&classes, stdlib, coroutines]))
         .arg(format!("-Djava.library.path={}", dir.display()))
+        // else file names are ASCII
+        .env("LC_ALL", "C.UTF-8")
         .arg("org.svbrdf.scanner.ScannerTestKt")
         .args([dir, &root().join("include/svbrdf.h"), &out]);
     let done = run(&mut java);
