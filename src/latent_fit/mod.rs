@@ -358,7 +358,8 @@ impl LatentFit {
     /// since; or the ones below, interpolated.
     fn finer(&self, stage: usize, below: &Svbrdf) -> Svbrdf {
         let own = self.stages.get(stage).and_then(|s| s.level.as_ref());
-        let (Some(own), Some(carried)) = (own, &self.stages[stage - 1].carried) else {
+        let carried = self.stages.get(stage - 1).and_then(|s| s.carried.as_ref());
+        let (Some(own), Some(carried)) = (own, carried) else {
             return below.upsampled();
         };
         let mut change = below.clone();

@@ -165,3 +165,23 @@ fn sizes_that_do_not_fit_are_errors() {
     assert!(fit.add_observation(&odd).is_err());
     assert_eq!(fit.size(), [64, 64]);
 }
+
+#[test]
+fn resolutions_far_above_the_finest_fitted_are_interpolated() {
+    let networks = networks();
+    let truth = material(1024);
+    let top = photograph(&truth, TOP);
+    let start = networks.photo_maps(&top).unwrap();
+    let options = FitOptions {
+        steps: 1,
+        finest_texels: 256,
+        global_correction: false,
+        ..FitOptions::default()
+    };
+    let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
+    while !fit.step().unwrap().settled {}
+    let maps = fit.maps();
+    assert_eq!([maps.width(), maps.height()], [1024, 1024]);
+    assert_eq!(fit.coarse_maps().width(), 256);
+    assert!(maps.planes().iter().all(|v| v.is_finite()));
+}
