@@ -9,8 +9,8 @@ use crate::geometry::{Camera, Pose};
 
 /// The sheet counts as planned unless squared residuals fall by this much, over noise variance, and
 /// by this share.
-const GAIN_MIN: f64 = 40.0;
-const GAIN_SHARE_MIN: f64 = 0.03;
+const GAIN_MIN: f64 = 25.0;
+const GAIN_SHARE_MIN: f64 = 0.02;
 
 /// A fit with the sheet free.
 pub(super) struct Bent {

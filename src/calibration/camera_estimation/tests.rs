@@ -352,7 +352,9 @@ fn a_stretched_and_bent_sheet_is_found() {
                 bent[0],
                 bent[1]
             );
-            assert!(bent[0] < 0.35 * flat[0] && bent[1] < 0.5 * flat[1], "{name} {known} {frames}");
+            // Of an unknown camera three photographs do not always tell what is paper, what lens.
+            let most = if known { 0.3 } else { 0.8 };
+            assert!(bent[0] < 0.3 * flat[0] && bent[1] < most * flat[1], "{name} {known} {frames}");
             // The priors are wider than these deviations; 12 numbers of a normal distribution.
             assert!(worst < 4.5, "{name} {known} {frames}: {worst}");
         }
