@@ -9,10 +9,9 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{Random, Sample, Scene, looking_at};
-use glam::DVec2;
+use common::{Random, Scene, charuco, looking_at, ring};
 use std::time::Instant;
-use svbrdf::calibration::{Hole, LumaImage, Target, TargetKind, detect, estimate_pose};
+use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Camera;
 
@@ -41,35 +40,20 @@ fn camera() -> Camera {
 }
 
 fn scene(target: &Target, tilt: f64, distance: f64, noise: f64, blur_px: f64) -> Scene {
-    Scene {
-        target: target.clone(),
-        camera: camera(),
-        pose: looking_at(tilt, 40.0, 100.0, distance),
-        sample: Sample::Textured,
-        blur_px,
-        motion_px: DVec2::ZERO,
-        noise,
-        glare: Vec::new(),
-        occluders: Vec::new(),
-        shadow: None,
-        exposure: 0.7,
-        seed: 5,
-    }
+    let pose = looking_at(tilt, 40.0, 100.0, distance);
+    Scene { blur_px, noise, ..Scene::new(target.clone(), camera(), pose, 5) }
 }
 
 fn main() {
-    let ring = Target::default();
-    let hole = Hole { row_start: 2, col_start: 2, row_end: 15, col_end: 14 };
-    let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 7.2 };
-    let two_wide = Target { square_mm: 10.0, hole, ..Target::default() };
-    let markers = Target { kind, ..two_wide.clone() };
+    let default = Target::default();
+    let (two_wide, markers) = (ring(17, 16, 2), charuco(17, 16, 2));
     let boards = [
-        ("three wide, 10 degrees", scene(&ring, 10.0, 230.0, 0.01, 1.5)),
-        ("three wide, 45 degrees", scene(&ring, 45.0, 230.0, 0.01, 1.5)),
+        ("three wide, 10 degrees", scene(&default, 10.0, 230.0, 0.01, 1.5)),
+        ("three wide, 45 degrees", scene(&default, 45.0, 230.0, 0.01, 1.5)),
         ("two wide, 30 degrees", scene(&two_wide, 30.0, 200.0, 0.01, 1.5)),
         ("markers, 30 degrees", scene(&markers, 30.0, 200.0, 0.01, 1.5)),
-        ("three wide, noisy", scene(&ring, 30.0, 230.0, 0.08, 1.5)),
-        ("three wide, far, noisy", scene(&ring, 50.0, 700.0, 0.08, 1.5)),
+        ("three wide, noisy", scene(&default, 30.0, 230.0, 0.08, 1.5)),
+        ("three wide, far, noisy", scene(&default, 50.0, 700.0, 0.08, 1.5)),
     ];
     println!("{:24} {:>8} {:>8} {:>8} {:>8}", "photo", "luma", "detect", "pose", "sum, ms");
     for (name, scene) in &boards {
@@ -99,7 +83,7 @@ fn main() {
         ),
     ];
     for (name, linear) in &nothing {
-        measure(name, &eight_bits(linear), &ring);
+        measure(name, &eight_bits(linear), &default);
     }
 }
 

@@ -3,7 +3,8 @@
 //! `cargo run --release --example evaluate_captures -- CAPTURE_DIR... [key=value ...]`
 //!
 //! A `CAPTURE_DIR` holds `capture.json` and the true maps in `truth/`. Keys: `photos` (1,2,4,8),
-//! `methods` (first, latent, deep, classic), `resolution` (256), `threads` (0: up to 4).
+//! `methods` (first, latent, deep, classic), `resolution` (256), `threads` (0: up to 4), `camera`
+//! (`given`, `withheld`: camera and flash are estimated).
 //! `first` are the maps before any optimisation, `latent` those without refinement.
 
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use svbrdf::Svbrdf;
 use svbrdf::capture::Capture;
 use svbrdf::comparison::{Differences, compare};
 use svbrdf::export::{read_maps, resized};
-use svbrdf::session::{Method, Pushed, Session, Settings};
+use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -39,8 +40,14 @@ fn evaluate(
     photos: &[usize],
     methods: &[&str],
     base: &Settings,
+    withheld: bool,
 ) -> Result<(), Failure> {
-    let capture = Capture::load(folder)?;
+    let mut capture = Capture::load(folder)?;
+    if let Scene::Board { camera, flash_offset_mm, .. } = &mut capture.scene
+        && withheld
+    {
+        (*camera, *flash_offset_mm) = (None, None);
+    }
     let truth = read_maps(folder.join("truth"))?;
     let truth = resized(&truth, base.resolution, base.resolution);
     println!("\n{}", folder.display());
@@ -91,6 +98,7 @@ fn evaluate(
 fn main() -> Result<(), Failure> {
     let mut folders = Vec::new();
     let mut base = Settings::default();
+    let mut withheld = false;
     let (mut photos, mut methods) = (vec![1, 2, 4, 8], "first,latent,deep,classic".to_owned());
     for argument in std::env::args().skip(1) {
         match argument.split_once('=') {
@@ -102,6 +110,7 @@ fn main() -> Result<(), Failure> {
             Some(("methods", v)) => methods = v.to_owned(),
             Some(("resolution", v)) => base.resolution = v.parse()?,
             Some(("threads", v)) => base.threads = v.parse()?,
+            Some(("camera", v)) => withheld = v == "withheld",
             Some((key, _)) => return Err(format!("{key}: no such key").into()),
         }
     }
@@ -110,7 +119,7 @@ fn main() -> Result<(), Failure> {
     }
     let methods: Vec<&str> = methods.split(',').collect();
     for folder in &folders {
-        evaluate(folder, &photos, &methods, &base)?;
+        evaluate(folder, &photos, &methods, &base, withheld)?;
     }
     Ok(())
 }

@@ -4,10 +4,10 @@
 mod captures;
 mod common;
 
-use common::{Random, Sample, Scene, looking_at};
+use common::{Random, Scene, charuco, looking_at};
 use glam::{DVec2, UVec2};
 use svbrdf::Rejection;
-use svbrdf::calibration::{Hole, LumaImage, Target, TargetKind, detect, estimate_pose};
+use svbrdf::calibration::{LumaImage, Target, TargetKind, detect, estimate_pose};
 use svbrdf::geometry::{Camera, Pose};
 
 /// A photograph with its truth.
@@ -114,9 +114,7 @@ fn check(view: &View) -> (usize, usize) {
 }
 
 fn rendered(tilt: f64, roll: f64, seed: u64) -> View {
-    let hole = Hole { row_start: 2, col_start: 2, row_end: 15, col_end: 14 };
-    let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 7.2 };
-    let target = Target { kind, square_mm: 10.0, hole, ..Target::default() };
+    let target = charuco(17, 16, 2);
     let camera = Camera {
         width: 1440,
         height: 1080,
@@ -127,20 +125,9 @@ fn rendered(tilt: f64, roll: f64, seed: u64) -> View {
         distortion: [0.08, -0.12, 5e-4, -4e-4, 0.0],
     };
     let azimuth = 360.0 * Random::new(seed).uniform();
-    let scene = Scene {
-        target: target.clone(),
-        camera,
-        pose: looking_at(tilt, azimuth, roll, 195.0),
-        sample: Sample::Textured,
-        blur_px: 0.7,
-        motion_px: DVec2::ZERO,
-        noise: 0.01,
-        glare: Vec::new(),
-        occluders: Vec::new(),
-        shadow: None,
-        exposure: 0.7,
-        seed,
-    };
+    let pose = looking_at(tilt, azimuth, roll, 195.0);
+    let scene =
+        Scene { blur_px: 0.7, noise: 0.01, ..Scene::new(target.clone(), camera, pose, seed) };
     let name = format!("{tilt} degrees, turned {roll}");
     View { name, luma: scene.luma(), target, camera, pose: scene.pose }
 }

@@ -170,6 +170,8 @@ fn camera_and_light_go_on_as_well() {
         };
         push(&straight, 0);
         push(&straight, 1);
+        // The restored session waits too.
+        straight.set_budget(Budget { steps: Some(0), ..Budget::default() }).unwrap();
         let state = straight.save().unwrap();
         println!("two photographs of {} px: {} bytes", 2016 * 1512, state.len());
         let restored = restore(&state);

@@ -3,10 +3,10 @@
 
 mod common;
 
-use common::{Random, Sample, Scene, looking_at};
+use common::{Random, Sample, Scene, charuco, looking_at, ring};
 use glam::{DVec2, DVec3};
 use svbrdf::Rejection;
-use svbrdf::calibration::{Hole, LumaImage, Target, TargetKind, detect, estimate_pose};
+use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
 use svbrdf::geometry::Camera;
 
 fn camera(distortion: [f64; 5]) -> Camera {
@@ -16,21 +16,6 @@ fn camera(distortion: [f64; 5]) -> Camera {
 const MILD: [f64; 5] = [0.08, -0.12, 5e-4, -4e-4, 0.0];
 const STRONG: [f64; 5] = [-0.25, 0.08, 1e-3, -1e-3, 0.0];
 
-fn ring(rows: u32, cols: u32, wide: u32) -> Target {
-    Target {
-        rows,
-        cols,
-        square_mm: 10.0,
-        hole: Hole { row_start: wide, col_start: wide, row_end: rows - wide, col_end: cols - wide },
-        ..Target::default()
-    }
-}
-
-fn charuco(rows: u32, cols: u32, wide: u32) -> Target {
-    let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".to_owned(), marker_mm: 7.0 };
-    Target { kind, ..ring(rows, cols, wide) }
-}
-
 fn scene(target: Target, tilt: f64, seed: u64) -> Scene {
     let mut random = Random::new(seed);
     let camera = camera(MILD);
@@ -38,20 +23,7 @@ fn scene(target: Target, tilt: f64, seed: u64) -> Scene {
     let side = f64::from(target.rows.max(target.cols)) * target.square_mm;
     let distance = camera.fy * side / (0.85 * f64::from(camera.height));
     let pose = looking_at(tilt, 360.0 * random.uniform(), 360.0 * random.uniform(), distance);
-    Scene {
-        target,
-        camera,
-        pose,
-        sample: Sample::Textured,
-        blur_px: 0.6,
-        motion_px: DVec2::ZERO,
-        noise: 0.008,
-        glare: Vec::new(),
-        occluders: Vec::new(),
-        shadow: None,
-        exposure: 0.7,
-        seed,
-    }
+    Scene::new(target, camera, pose, seed)
 }
 
 /// Corners found, corners in view, RMS error in px; panics when a label is wrong.

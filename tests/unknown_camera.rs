@@ -110,6 +110,11 @@ fn camera_flash_and_ambient_come_from_the_photographs() {
             last = [view.max(normal), flash, ambient.abs()];
         }
         println!("  focal sigma {:.2} px", session.camera_sigma().unwrap()[0]);
+        // These prints are as planned.
+        let paper = session.paper().unwrap();
+        println!("  {paper:?}");
+        assert!((paper.paper.aspect - 1.0).abs() < 1e-3);
+        assert!(paper.paper.bow_mm.iter().all(|b| b.abs() < 0.1));
         if last[0] > VIEW_DEG_MAX || last[1] > FLASH_MM_MAX || last[2] > AMBIENT_MAX {
             faults.push((name, last));
         }

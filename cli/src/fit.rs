@@ -99,10 +99,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let camera_sigma = session
         .camera_sigma()
         .map(|s| json!({ "fx": s[0], "fy": s[1], "cx": s[2], "cy": s[3], "distortion": s[4..] }));
+    let paper = session.paper().map(|p| {
+        json!({ "aspect": p.paper.aspect, "bow_mm": p.paper.bow_mm,
+                "aspect_sigma": p.sigma[0], "bow_sigma_mm": p.sigma[1..] })
+    });
     let report = json!({
         "frames": rows,
         "camera": camera,
         "camera_uncertainty": camera_sigma,
+        "paper": paper,
         "flash": flash,
         "next_view": next_view,
         "ambient_fraction": session.ambient_fraction(),

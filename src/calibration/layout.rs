@@ -217,11 +217,11 @@ impl<'a> Layout<'a> {
         let phantoms_max = PHANTOM_SHARE_MAX * piece.len() as f64;
         for turn in 0..4 {
             let turned: Vec<IVec2> = piece.iter().map(|n| rotate(n.at, turn)).collect();
-            let low = turned.iter().fold(IVec2::MAX, |a, b| a.min(*b));
-            let high = turned.iter().fold(IVec2::MIN, |a, b| a.max(*b));
-            // One phantom row or column on each side is allowed for.
-            for dy in -low.y..=size.y - high.y {
-                for dx in -low.x..=size.x - high.x {
+            // Phantoms may stick out on any side.
+            let (left, right) = extent(turned.iter().map(|at| at.x), phantoms_max as usize);
+            let (top, bottom) = extent(turned.iter().map(|at| at.y), phantoms_max as usize);
+            for dy in -top..=size.y - bottom {
+                for dx in -left..=size.x - right {
                     let shift = IVec2::new(dx, dy);
                     let phantoms = turned.iter().zip(piece).filter(|(at, node)| {
                         let p = **at + shift;
@@ -404,6 +404,13 @@ impl<'a> Layout<'a> {
 fn smallest_side(model: &BoardModel, grid: DVec2) -> f64 {
     let cell = model.cell(grid);
     cell.x_axis.length().min(cell.y_axis.length())
+}
+
+/// Least and greatest of the numbers when so many are left out at each end.
+fn extent(values: impl Iterator<Item = i32>, left_out: usize) -> (i32, i32) {
+    let mut sorted: Vec<i32> = values.collect();
+    sorted.sort_unstable();
+    (sorted[left_out], sorted[sorted.len() - 1 - left_out])
 }
 
 /// Quarter turns clockwise as displayed.

@@ -17,7 +17,8 @@
 //!
 //! # Camera
 //! [`estimate_camera`] finds intrinsics and distortion from the corners of one or more photographs;
-//! what these do not tell stays at what [`CameraPrior`] expects.
+//! what these do not tell stays at what [`CameraPrior`] expects. A print that is stretched or bent
+//! ([`Paper`]) is estimated with it, or with a given camera by [`estimate_paper`].
 
 mod blur;
 mod board_model;
@@ -29,16 +30,21 @@ mod layout;
 mod luma;
 mod marker_reading;
 mod markers;
+mod paper;
 pub mod photometry;
 mod pose;
 mod projection;
 mod subpixel;
 mod target;
 
-pub use camera_estimation::{CameraEstimate, CameraPrior, ViewEstimate, estimate_camera};
+pub use camera_estimation::{
+    CameraEstimate, CameraPrior, ViewEstimate, estimate_camera, estimate_camera_and_paper,
+    estimate_paper,
+};
 pub use detector::{Corner, Detection, detect};
 pub use luma::LumaImage;
 pub use markers::Marker;
-pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose};
+pub use paper::{Paper, PaperEstimate};
+pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose, estimate_pose_on_paper};
 pub use projection::Projection;
 pub use target::{Hole, Patch, Target, TargetKind, TopLeft};

@@ -5,6 +5,7 @@
 //! the photograph is refused rather than guessed.
 
 use super::detector::Corner;
+use super::paper::{Paper, Sheet};
 use super::projection::{Projection, moved};
 use super::target::{Target, TargetKind};
 use crate::Rejection;
@@ -58,6 +59,19 @@ pub fn estimate_pose(
     target: &Target,
     corners: &[Corner],
 ) -> Result<PoseEstimate, Rejection> {
+    estimate_pose_on_paper(camera, target, &Paper::default(), corners)
+}
+
+/// As [`estimate_pose`], where the printed sheet differs from its plan.
+///
+/// # Errors
+/// As [`estimate_pose`].
+pub fn estimate_pose_on_paper(
+    camera: &Camera,
+    target: &Target,
+    paper: &Paper,
+    corners: &[Corner],
+) -> Result<PoseEstimate, Rejection> {
     let expected = target.corners().len() as u32;
     let too_few = |found: usize, needed: usize| Rejection::TooFewCorners {
         found: found as u32,
@@ -71,12 +85,13 @@ pub fn estimate_pose(
     if corners.len() < inliers_min {
         return Err(too_few(corners.len(), inliers_min));
     }
-    let board: Vec<DVec2> =
-        corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
+    let sheet = Sheet::new(target, *paper);
+    let board: Vec<DVec3> =
+        corners.iter().map(|c| sheet.at(target.grid_mm(c.row.into(), c.col.into()))).collect();
     let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
     let finite = |p: &DVec2| p.is_finite() && camera.undistort(*p).is_finite();
     let unknown = Rejection::PoseUncertain { rms_px: f32::INFINITY };
-    if camera.fault().is_some() || !px.iter().all(finite) {
+    if camera.fault().is_some() || !paper.is_plausible() || !px.iter().all(finite) {
         return Err(unknown);
     }
     let problem = Problem { camera, board: &board, px: &px };
@@ -144,7 +159,7 @@ fn typical_cell(camera: &Camera, target: &Target, pose: &Pose) -> f64 {
 
 struct Problem<'a> {
     camera: &'a Camera,
-    board: &'a [DVec2],
+    board: &'a [DVec3],
     px: &'a [DVec2],
 }
 
@@ -160,7 +175,7 @@ pub(super) struct Fit {
 
 /// The (at most two) poses that nearly explain corners at board positions (mm), refined, the
 /// better first.
-pub(super) fn pose_minima(camera: &Camera, board: &[DVec2], px: &[DVec2]) -> Vec<Fit> {
+pub(super) fn pose_minima(camera: &Camera, board: &[DVec3], px: &[DVec2]) -> Vec<Fit> {
     let problem = Problem { camera, board, px };
     let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();
     minima.retain(|fit| fit.median.is_finite());
@@ -179,7 +194,9 @@ impl Problem<'_> {
     /// A pose from the homography, and its mirror image about the line of sight.
     fn start_poses(&self) -> Vec<Pose> {
         let rays: Vec<DVec2> = self.px.iter().map(|p| self.camera.undistort(*p)).collect();
-        let Some(homography) = robust_homography(self.board, &rays) else { return Vec::new() };
+        // A bent sheet is nearly a plane.
+        let plane: Vec<DVec2> = self.board.iter().map(|b| b.truncate()).collect();
+        let Some(homography) = robust_homography(&plane, &rays) else { return Vec::new() };
         let h = homography.0;
         let scale = 2.0 / (h.x_axis.length() + h.y_axis.length());
         let scale = if h.z_axis.z < 0.0 { -scale } else { scale };
@@ -192,7 +209,7 @@ impl Problem<'_> {
             (sum - difference) * std::f64::consts::FRAC_1_SQRT_2,
         );
         let first = Pose { rotation: DMat3::from_cols(x, y, x.cross(y)), translation };
-        let middle = self.board.iter().sum::<DVec2>() / self.board.len() as f64;
+        let middle = plane.iter().sum::<DVec2>() / plane.len() as f64;
         let centre = first.transform(middle.extend(0.0));
         let sight = centre.normalize();
         let normal = first.rotation.z_axis;
@@ -262,8 +279,8 @@ impl Problem<'_> {
     }
 
     fn residuals(&self, pose: &Pose) -> Vec<f64> {
-        let residual = |(b, p): (&DVec2, &DVec2)| {
-            let projected = self.camera.project(pose.transform(b.extend(0.0)));
+        let residual = |(b, p): (&DVec3, &DVec2)| {
+            let projected = self.camera.project(pose.transform(*b));
             projected.map_or(f64::INFINITY, |q| q.distance(*p))
         };
         self.board.iter().zip(self.px).map(residual).collect()
@@ -282,9 +299,7 @@ impl Problem<'_> {
         let mut normal = SMatrix::zeros();
         let mut gradient = SVector::zeros();
         for ((b, p), _) in self.board.iter().zip(self.px).zip(inliers).filter(|(_, i)| **i) {
-            let Some(projection) = Projection::of(self.camera, pose, b.extend(0.0)) else {
-                continue;
-            };
+            let Some(projection) = Projection::of(self.camera, pose, *b) else { continue };
             let error = projection.px - *p;
             for (row, e) in projection.by_pose.iter().zip([error.x, error.y]) {
                 let row = SVector::<f64, 6>::from(*row);

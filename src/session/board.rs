@@ -12,7 +12,8 @@ use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
 };
 use crate::calibration::{
-    self, CameraEstimate, CameraPrior, Corner, LumaImage, PoseEstimate, Target,
+    self, CameraEstimate, CameraPrior, Corner, LumaImage, Paper, PaperEstimate, PoseEstimate,
+    Target,
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -26,6 +27,9 @@ const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
 const MOVED_PX: f64 = 0.03;
 /// The same for the camera's position, relative to its distance.
 const MOVED_SHARE: f64 = 3e-4;
+/// A given camera's photographs after which the sheet of paper is taken as known, at the earliest
+/// and at the latest.
+const PAPER_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
 /// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
 /// little.
 const CROP_SHARE: f64 = 0.05;
@@ -129,6 +133,7 @@ enum Intrinsics {
 pub(super) struct BoardIntake {
     target: Target,
     intrinsics: Intrinsics,
+    paper: PaperEstimate,
     photometry: PhotometricCalibrator,
     frames: Vec<Frame>,
 }
@@ -136,7 +141,7 @@ pub(super) struct BoardIntake {
 /// An accepted photograph.
 pub(super) struct Frame {
     pub(super) corners: Vec<Corner>,
-    /// For another rectification, where the camera is estimated.
+    /// For another rectification, while camera or paper are not settled.
     pub(super) kept: Option<Arc<Kept>>,
     /// Latest estimate.
     pub(super) pose: Pose,
@@ -149,8 +154,9 @@ pub(super) struct Frame {
 struct Solved {
     camera: Camera,
     estimate: Option<CameraEstimate>,
+    paper: PaperEstimate,
     new: PoseEstimate,
-    /// Poses of the earlier photographs, where the camera changed.
+    /// Poses of the earlier photographs, where camera or paper changed.
     earlier: Option<Vec<(Pose, f64)>>,
 }
 
@@ -176,7 +182,8 @@ impl BoardIntake {
         };
         let photometry = PhotometricCalibrator::new(target.clone(), flash);
         let intrinsics = camera.map_or(Intrinsics::Estimated(None), Intrinsics::Given);
-        Ok(Self { target, intrinsics, photometry, frames: Vec::new() })
+        let paper = PaperEstimate::default();
+        Ok(Self { target, intrinsics, paper, photometry, frames: Vec::new() })
     }
 
     pub(super) fn camera(&self) -> Option<Camera> {
@@ -191,6 +198,10 @@ impl BoardIntake {
             Intrinsics::Given(_) => None,
             Intrinsics::Estimated(estimate) => estimate.as_ref().map(|e| e.sigma()),
         }
+    }
+
+    pub(super) fn paper(&self) -> PaperEstimate {
+        self.paper
     }
 
     pub(super) fn poses(&self) -> Vec<BoardPose> {
@@ -219,6 +230,7 @@ impl BoardIntake {
     pub(super) fn resume(
         &mut self,
         estimate: Option<CameraEstimate>,
+        paper: PaperEstimate,
         frames: Vec<(Frame, Squares)>,
     ) {
         if let Some(estimate) = estimate {
@@ -227,6 +239,7 @@ impl BoardIntake {
         let (frames, squares): (Vec<Frame>, Vec<Squares>) = frames.into_iter().unzip();
         self.photometry.resume(frames.iter().map(|f| f.pose).zip(squares));
         self.frames = frames;
+        self.paper = paper;
     }
 
     /// Bytes of the parts of photographs kept.
@@ -293,47 +306,99 @@ impl BoardIntake {
             .enumerate()
             .filter_map(|(i, f)| f.update(i, &camera, photometry.radiometry(i)?, sample_mm))
             .collect();
-        let kept = matches!(self.intrinsics, Intrinsics::Estimated(_))
-            .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm)));
+        let kept = self.may_move().then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm)));
         let rms_px = solved.new.rms_px;
         self.frames.push(Frame { corners, kept, pose, rms_px, used: (camera, pose, radiometry) });
         if let Some(estimate) = solved.estimate {
             self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
         }
         self.photometry = photometry;
+        self.paper = solved.paper;
+        self.settle_paper();
         Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, hints })
     }
 
     /// Camera and poses from all photographs so far and a new one.
     fn solve(&self, photo: &Photo, corners: &[Corner]) -> std::result::Result<Solved, Rejection> {
-        let pose_of = |camera: &Camera, corners: &[Corner]| {
-            calibration::estimate_pose(camera, &self.target, corners)
-        };
         let earlier = match &self.intrinsics {
-            Intrinsics::Given(camera) => {
-                let new = pose_of(camera, corners)?;
-                return Ok(Solved { camera: *camera, estimate: None, new, earlier: None });
-            }
+            Intrinsics::Given(camera) => return self.solve_given(camera, corners),
             Intrinsics::Estimated(estimate) => estimate.as_deref(),
         };
         let mut all: Vec<&[Corner]> = self.frames.iter().map(|f| f.corners.as_slice()).collect();
         all.push(corners);
         let prior = CameraPrior::of_photo(photo);
         let start = earlier.map(|e| &e.camera);
-        let estimate = calibration::estimate_camera(&self.target, &all, &prior, start)?;
-        let new = pose_of(&estimate.camera, corners)?;
+        let estimate = calibration::estimate_camera_and_paper(&self.target, &all, &prior, start)?;
+        let (camera, paper) = (estimate.camera, estimate.paper);
+        let new = self.pose_of(&camera, &paper.paper, corners)?;
         // The minority goes: a new photograph that the others contradict, never most of them.
         let lost = estimate.views.iter().filter(|v| !v.used).count();
         if 2 * lost >= estimate.views.len() || estimate.views.last().is_some_and(|v| !v.used) {
             return Err(Rejection::PoseUncertain { rms_px: new.rms_px as f32 });
         }
-        let poses =
-            self.frames.iter().map(|frame| match pose_of(&estimate.camera, &frame.corners) {
-                Ok(pose) => (pose.pose, pose.rms_px),
-                Err(_) => (frame.pose, frame.rms_px),
-            });
-        let poses = poses.collect();
-        Ok(Solved { camera: estimate.camera, estimate: Some(estimate), new, earlier: Some(poses) })
+        let earlier = Some(self.earlier_poses(&camera, &paper.paper));
+        Ok(Solved { camera, estimate: Some(estimate), paper, new, earlier })
+    }
+
+    /// Pose of a new photograph, and what it changes about the paper.
+    fn solve_given(
+        &self,
+        camera: &Camera,
+        corners: &[Corner],
+    ) -> std::result::Result<Solved, Rejection> {
+        let known = self.paper;
+        let new = self.pose_of(camera, &known.paper, corners)?;
+        let as_known = Solved { camera: *camera, estimate: None, paper: known, new, earlier: None };
+        if self.frames.is_empty() || !self.may_move() {
+            return Ok(as_known);
+        }
+        let mut views: Vec<(&[Corner], Pose)> =
+            self.frames.iter().map(|f| (f.corners.as_slice(), f.pose)).collect();
+        views.push((corners, as_known.new.pose));
+        let paper = calibration::estimate_paper(camera, &self.target, &views);
+        match self.pose_of(camera, &paper.paper, corners) {
+            Ok(new) if paper.paper != known.paper => {
+                let earlier = Some(self.earlier_poses(camera, &paper.paper));
+                Ok(Solved { paper, new, earlier, ..as_known })
+            }
+            Ok(_) => Ok(Solved { paper, ..as_known }),
+            Err(_) => Ok(as_known),
+        }
+    }
+
+    fn pose_of(
+        &self,
+        camera: &Camera,
+        paper: &Paper,
+        corners: &[Corner],
+    ) -> std::result::Result<PoseEstimate, Rejection> {
+        calibration::estimate_pose_on_paper(camera, &self.target, paper, corners)
+    }
+
+    /// Poses of the earlier photographs and what they leave, px.
+    fn earlier_poses(&self, camera: &Camera, paper: &Paper) -> Vec<(Pose, f64)> {
+        let pose = |frame: &Frame| match self.pose_of(camera, paper, &frame.corners) {
+            Ok(pose) => (pose.pose, pose.rms_px),
+            Err(_) => (frame.pose, frame.rms_px),
+        };
+        self.frames.iter().map(pose).collect()
+    }
+
+    /// Whether later photographs may change camera, paper and poses.
+    fn may_move(&self) -> bool {
+        matches!(self.intrinsics, Intrinsics::Estimated(_))
+            || self.frames.iter().all(|frame| frame.kept.is_some())
+    }
+
+    /// Lets go of the photographs of a given camera once the sheet of paper is known.
+    fn settle_paper(&mut self) {
+        let photos = self.frames.len();
+        let enough = photos >= *PAPER_PHOTOS.start() && self.paper.is_settled();
+        if matches!(self.intrinsics, Intrinsics::Given(_))
+            && (enough || photos >= *PAPER_PHOTOS.end())
+        {
+            self.frames.iter_mut().for_each(|frame| frame.kept = None);
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::board::{BoardIntake, Update};
 use super::{BoardPose, Hint, RectifiedFalloff, Scene};
+use crate::calibration::PaperEstimate;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{Falloff, Observation, View};
@@ -59,6 +60,11 @@ impl Intake {
     /// Standard deviations of an estimated camera's nine numbers.
     pub(super) fn camera_sigma(&self) -> Option<[f64; 9]> {
         self.board()?.camera_sigma()
+    }
+
+    /// The printed sheet, for photographs of a board.
+    pub(super) fn paper(&self) -> Option<PaperEstimate> {
+        Some(self.board()?.paper())
     }
 
     /// Poses as known now.

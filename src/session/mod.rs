@@ -27,7 +27,7 @@ use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
 use self::state::StateWriter;
 use self::worker::{Command, Shared};
-use crate::calibration::Target;
+use crate::calibration::{PaperEstimate, Target};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
@@ -54,7 +54,9 @@ pub enum Scene {
         /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
         /// with each one. Earlier photographs are then rectified anew where that moves them, for
         /// which the session keeps the part of each that shows the sample as it is stored: about a
-        /// quarter of a photograph that shows the whole board (10 MB of a 12-megapixel one).
+        /// quarter of a photograph that shows the whole board (10 MB of a 12-megapixel one). With a
+        /// given camera it does so until it knows the sheet of paper, for seven photographs at
+        /// most.
         camera: Option<Camera>,
         /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
         /// photographs tell it.
@@ -513,8 +515,15 @@ impl Session {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera_sigma()
     }
 
-    /// Poses of the accepted photographs as known now: with a camera that is estimated, later
-    /// photographs better the poses of earlier ones. Empty for rectified photographs.
+    /// How the board's print differs from its plan, as used, and how well that is known: stretched
+    /// by the printer, bent. As planned until two photographs and more say otherwise clearly.
+    /// `None` for rectified photographs.
+    pub fn paper(&self) -> Option<PaperEstimate> {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).paper()
+    }
+
+    /// Poses of the accepted photographs as known now: later photographs better what is known of
+    /// paper and camera, and by that the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
     }

@@ -3,7 +3,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use glam::{DMat3, DVec2, DVec3};
-use svbrdf::calibration::{LumaImage, Target, TargetKind};
+use svbrdf::calibration::{Hole, LumaImage, Paper, Target, TargetKind};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 
@@ -38,7 +38,26 @@ pub struct Scene {
     pub shadow: Option<(DVec2, DVec2, f64)>,
     /// Level of white.
     pub exposure: f64,
+    /// How the print differs from its plan.
+    pub paper: Paper,
     pub seed: u64,
+}
+
+/// A ring so many squares wide.
+pub fn ring(rows: u32, cols: u32, wide: u32) -> Target {
+    Target {
+        rows,
+        cols,
+        square_mm: 10.0,
+        hole: Hole { row_start: wide, col_start: wide, row_end: rows - wide, col_end: cols - wide },
+        ..Target::default()
+    }
+}
+
+/// The same with markers.
+pub fn charuco(rows: u32, cols: u32, wide: u32) -> Target {
+    let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".to_owned(), marker_mm: 7.2 };
+    Target { kind, ..ring(rows, cols, wide) }
 }
 
 pub struct Random(u64);
@@ -76,6 +95,43 @@ pub fn looking_at(tilt_deg: f64, azimuth_deg: f64, roll_deg: f64, distance: f64)
 }
 
 impl Scene {
+    /// A sharp, well exposed photograph with a little noise.
+    pub fn new(target: Target, camera: Camera, pose: Pose, seed: u64) -> Self {
+        Self {
+            target,
+            camera,
+            pose,
+            sample: Sample::Textured,
+            blur_px: 0.6,
+            motion_px: DVec2::ZERO,
+            noise: 0.008,
+            glare: Vec::new(),
+            occluders: Vec::new(),
+            shadow: None,
+            exposure: 0.7,
+            paper: Paper::default(),
+            seed,
+        }
+    }
+
+    /// Height of the sheet at a point of the board's plane, mm: parabolas across the board, their
+    /// mean over the corners 0. The sample lies flat.
+    fn height(&self) -> impl Fn(DVec2) -> f64 {
+        let t = &self.target;
+        let half = 0.5 * t.square_mm * DVec2::new(t.cols.into(), t.rows.into());
+        let square = move |p: DVec2| (p / half) * (p / half);
+        let corners = t.corners();
+        let sum: DVec2 = corners.iter().map(|&(r, c)| square(t.grid_mm(r.into(), c.into()))).sum();
+        let mean = sum / corners.len() as f64;
+        let low = t.grid_mm(t.hole.row_end.into(), t.hole.col_start.into());
+        let high = t.grid_mm(t.hole.row_start.into(), t.hole.col_end.into());
+        let bow = DVec2::from_array(self.paper.bow_mm);
+        move |p| {
+            let inside = p.cmpgt(low).all() && p.cmplt(high).all();
+            if inside { 0.0 } else { bow.dot(square(p) - mean) }
+        }
+    }
+
     /// Albedo at a point of the board's plane, mm.
     fn albedo(&self, p: DVec2) -> f64 {
         let t = &self.target;
@@ -132,10 +188,16 @@ impl Scene {
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
         let centre = self.pose.camera_centre();
         let to_board = self.pose.rotation.transpose();
-        // Point of the board's plane that a pixel sees.
+        let (height, aspect) = (self.height(), self.paper.aspect);
+        let steps = if self.paper.bow_mm == [0.0; 2] { 0 } else { 5 };
+        // Planned position of the point that a pixel sees.
         let seen = |ray: DVec2| {
             let d = to_board * ray.extend(1.0);
-            (d.z < -1e-6).then(|| (centre - d * (centre.z / d.z)).truncate())
+            let at = |z: f64| (centre + d * ((z - centre.z) / d.z)).truncate();
+            (d.z < -1e-6).then(|| {
+                let p = (0..steps).fold(at(0.0), |p, _| at(height(p)));
+                DVec2::new(p.x, p.y / aspect)
+            })
         };
         let d0 = self.pose.translation.length();
         let mut data = vec![0.0f32; w * h];
@@ -274,7 +336,7 @@ impl Scene {
 
     /// True pixel of a grid point.
     pub fn corner_px(&self, row: u32, col: u32) -> DVec2 {
-        let p = self.target.grid_mm(row.into(), col.into()).extend(0.0);
+        let p = self.paper.place(&self.target, self.target.grid_mm(row.into(), col.into()));
         self.camera.project(self.pose.transform(p)).unwrap_or(DVec2::splat(-1e6))
     }
 

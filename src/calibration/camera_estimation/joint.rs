@@ -1,25 +1,30 @@
-//! Levenberg-Marquardt over intrinsics and all poses.
+//! Levenberg-Marquardt over intrinsics, paper and all poses.
 //!
 //! Poses enter only their own view's equations: the normal matrix is an arrow, and each step solves
-//! the 9 x 9 Schur complement of the intrinsics, so that the cost grows linearly with views.
+//! the 12 x 12 Schur complement of what the views share, so that the cost grows linearly with
+//! views.
 
+use super::super::paper::{PARAMETERS, Sheet};
 use super::super::projection::{Projection, moved};
 use super::prior::CameraPrior;
 use crate::geometry::{Camera, Pose};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use nalgebra::{Const, SMatrix, SVector};
 
 /// fx, fy, cx, cy, k1, k2, p1, p2, k3.
 pub(super) const INTRINSICS: usize = 9;
 pub(super) type Intrinsics = SVector<f64, INTRINSICS>;
-type Square = SMatrix<f64, INTRINSICS, INTRINSICS>;
+/// Intrinsics, then the paper's aspect and bows.
+pub(super) const SHARED: usize = INTRINSICS + PARAMETERS;
+type Shared = SVector<f64, SHARED>;
+type Square = SMatrix<f64, SHARED, SHARED>;
 
 const ITERATIONS: usize = 100;
 
 /// Corners of one photograph.
 #[derive(Debug, Clone)]
 pub(super) struct View {
-    /// Positions on the board, mm.
+    /// Planned positions on the board, mm.
     pub board: Vec<DVec2>,
     /// Where they were found, px.
     pub px: Vec<DVec2>,
@@ -31,17 +36,17 @@ pub(super) struct View {
 
 impl View {
     /// Distance of each corner from its projection, px; infinite where it does not project.
-    pub fn residuals(&self, camera: &Camera, pose: &Pose) -> Vec<f64> {
+    pub fn residuals(&self, camera: &Camera, sheet: &Sheet, pose: &Pose) -> Vec<f64> {
         let residual = |(b, p): (&DVec2, &DVec2)| {
-            let projected = camera.project(pose.transform(b.extend(0.0)));
+            let projected = camera.project(pose.transform(sheet.at(*b)));
             projected.map_or(f64::INFINITY, |q| q.distance(*p))
         };
         self.board.iter().zip(&self.px).map(residual).collect()
     }
 
     /// Sum of squared distances of the corners that take part.
-    pub fn cost(&self, camera: &Camera, pose: &Pose) -> f64 {
-        let residuals = self.residuals(camera, pose).into_iter().zip(&self.inliers);
+    pub fn cost(&self, camera: &Camera, sheet: &Sheet, pose: &Pose) -> f64 {
+        let residuals = self.residuals(camera, sheet, pose).into_iter().zip(&self.inliers);
         residuals.filter(|(_, inlier)| **inlier).map(|(r, _)| r * r).sum()
     }
 
@@ -50,24 +55,25 @@ impl View {
     }
 }
 
-/// A camera and a pose for each view.
+/// A camera, the printed sheet, and a pose for each view.
 #[derive(Debug, Clone)]
 pub(super) struct State {
     pub camera: Camera,
+    pub sheet: Sheet,
     pub poses: Vec<Pose>,
 }
 
-/// The equations of one view, its pose eliminated from those of the intrinsics.
+/// The equations of one view, its pose to be eliminated from what the views share.
 struct Block {
     pose: SMatrix<f64, 6, 6>,
-    mixed: SMatrix<f64, INTRINSICS, 6>,
+    mixed: SMatrix<f64, SHARED, 6>,
     gradient: SVector<f64, 6>,
 }
 
 /// Normal equations of the whole problem.
 struct Equations {
-    intrinsics: Square,
-    gradient: Intrinsics,
+    shared: Square,
+    gradient: Shared,
     blocks: Vec<Option<Block>>,
 }
 
@@ -77,20 +83,23 @@ pub(super) struct Problem<'a> {
     pub views: &'a [View],
     /// Standard deviation of a corner's coordinate that the prior is weighed against, px.
     pub noise_px: f64,
+    /// Which of the shared values may move.
+    pub free: [bool; SHARED],
 }
 
 impl Problem<'_> {
     /// Squared residuals, px², with the prior's in units of the noise.
     pub fn cost(&self, state: &State) -> f64 {
-        let prior: f64 = self.prior.terms(&state.camera).map(|(d, _)| d * d).sum();
+        let camera: f64 = self.prior.terms(&state.camera).map(|(d, _)| d * d).sum();
+        let paper: f64 = state.sheet.paper.deviations().iter().map(|(d, _)| d * d).sum();
         let corners: f64 = self
             .views
             .iter()
             .zip(&state.poses)
             .filter(|(view, _)| view.used)
-            .map(|(view, pose)| view.cost(&state.camera, pose))
+            .map(|(view, pose)| view.cost(&state.camera, &state.sheet, pose))
             .sum();
-        corners + self.noise_px * self.noise_px * prior
+        corners + self.noise_px * self.noise_px * (camera + paper)
     }
 
     /// The nearest minimum.
@@ -119,12 +128,12 @@ impl Problem<'_> {
         state
     }
 
-    /// Covariance of the intrinsics for corners of the assumed noise, poses marginalised; zero for
+    /// Covariance of the shared values for corners of the assumed noise, poses marginalised; zero for
     /// those that are fixed. `None` where they are not determined.
     pub fn covariance(&self, state: &State) -> Option<Square> {
         let (schur, _, _) = self.equations(state).eliminated(0.0)?;
         let mut inverse = schur.cholesky()?.inverse();
-        for (i, free) in self.prior.free().into_iter().enumerate() {
+        for (i, free) in self.free.into_iter().enumerate() {
             if !free {
                 inverse.row_mut(i).fill(0.0);
                 inverse.column_mut(i).fill(0.0);
@@ -134,12 +143,17 @@ impl Problem<'_> {
     }
 
     fn equations(&self, state: &State) -> Equations {
-        let mut intrinsics = Square::zeros();
-        let mut gradient = Intrinsics::zeros();
+        let mut shared = Square::zeros();
+        let mut gradient = Shared::zeros();
         let weight = self.noise_px * self.noise_px;
         for (deviation, row) in self.prior.terms(&state.camera) {
-            intrinsics += row * row.transpose() * weight;
+            let row = row.push(0.0).push(0.0).push(0.0);
+            shared += row * row.transpose() * weight;
             gradient += row * (deviation * weight);
+        }
+        for (i, (deviation, slope)) in state.sheet.paper.deviations().into_iter().enumerate() {
+            shared[(INTRINSICS + i, INTRINSICS + i)] += slope * slope * weight;
+            gradient[INTRINSICS + i] += slope * deviation * weight;
         }
         let mut blocks = Vec::with_capacity(self.views.len());
         for (view, pose) in self.views.iter().zip(&state.poses) {
@@ -154,43 +168,50 @@ impl Problem<'_> {
             };
             let corners = view.board.iter().zip(&view.px).zip(&view.inliers);
             for ((board, px), _) in corners.filter(|(_, inlier)| **inlier) {
-                let Some(p) = Projection::of(&state.camera, pose, board.extend(0.0)) else {
-                    continue;
-                };
+                let point = state.sheet.at(*board);
+                let Some(p) = Projection::of(&state.camera, pose, point) else { continue };
+                let slopes = state.sheet.slopes(*board).map(|s| pose.rotation * s);
                 let error = p.px - *px;
                 for (k, e) in [error.x, error.y].into_iter().enumerate() {
-                    let by_camera = Intrinsics::from(p.by_intrinsics[k]);
+                    let [.., gx, gy, gz] = p.by_pose[k];
+                    let by_point = DVec3::new(gx, gy, gz);
+                    let by_shared = Shared::from_fn(|i, _| match i.checked_sub(INTRINSICS) {
+                        None => p.by_intrinsics[k][i],
+                        Some(i) => by_point.dot(slopes[i]),
+                    });
                     let by_pose = SVector::<f64, 6>::from(p.by_pose[k]);
-                    intrinsics += by_camera * by_camera.transpose();
-                    gradient += by_camera * e;
+                    shared += by_shared * by_shared.transpose();
+                    gradient += by_shared * e;
                     block.pose += by_pose * by_pose.transpose();
-                    block.mixed += by_camera * by_pose.transpose();
+                    block.mixed += by_shared * by_pose.transpose();
                     block.gradient += by_pose * e;
                 }
             }
             blocks.push(Some(block));
         }
-        for (i, free) in self.prior.free().into_iter().enumerate() {
+        for (i, free) in self.free.into_iter().enumerate() {
             if !free {
-                intrinsics.row_mut(i).fill(0.0);
-                intrinsics.column_mut(i).fill(0.0);
-                intrinsics[(i, i)] = 1.0;
+                shared.row_mut(i).fill(0.0);
+                shared.column_mut(i).fill(0.0);
+                shared[(i, i)] = 1.0;
                 gradient[i] = 0.0;
                 for block in blocks.iter_mut().flatten() {
                     block.mixed.row_mut(i).fill(0.0);
                 }
             }
         }
-        Equations { intrinsics, gradient, blocks }
+        Equations { shared, gradient, blocks }
     }
 
     fn step(&self, state: &State, equations: &Equations, damping: f64) -> Option<State> {
         let (schur, right, factors) = equations.eliminated(damping)?;
         let delta = -schur.cholesky()?.solve(&right);
         let camera = stepped(&state.camera, &delta);
-        if camera.fault().is_some() {
+        let paper = state.sheet.paper.moved(&std::array::from_fn(|i| delta[INTRINSICS + i]));
+        if camera.fault().is_some() || !paper.is_plausible() {
             return None;
         }
+        let sheet = Sheet { paper, ..state.sheet };
         let mut poses = state.poses.clone();
         for ((pose, block), factor) in poses.iter_mut().zip(&equations.blocks).zip(&factors) {
             if let (Some(block), Some(factor)) = (block, factor) {
@@ -198,17 +219,17 @@ impl Problem<'_> {
                 *pose = moved(pose, &(-factor.solve(&right)).into());
             }
         }
-        Some(State { camera, poses })
+        Some(State { camera, sheet, poses })
     }
 }
 
 type PoseFactor = nalgebra::Cholesky<f64, Const<6>>;
 
 impl Equations {
-    /// Matrix and right side for the intrinsics alone, and the factors of the poses' blocks.
-    fn eliminated(&self, damping: f64) -> Option<(Square, Intrinsics, Vec<Option<PoseFactor>>)> {
-        let mut schur = self.intrinsics;
-        for i in 0..INTRINSICS {
+    /// Matrix and right side for what is shared alone, and the factors of the poses' blocks.
+    fn eliminated(&self, damping: f64) -> Option<(Square, Shared, Vec<Option<PoseFactor>>)> {
+        let mut schur = self.shared;
+        for i in 0..SHARED {
             schur[(i, i)] *= 1.0 + damping;
         }
         let mut right = self.gradient;
@@ -233,7 +254,7 @@ impl Equations {
 }
 
 /// The camera after a step.
-fn stepped(camera: &Camera, delta: &Intrinsics) -> Camera {
+fn stepped(camera: &Camera, delta: &Shared) -> Camera {
     let mut next = *camera;
     next.fx += delta[0];
     next.fy += delta[1];
@@ -247,8 +268,10 @@ fn stepped(camera: &Camera, delta: &Intrinsics) -> Camera {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::paper::Paper;
+    use super::super::super::target::Target;
     use super::*;
-    use glam::{DMat3, DVec3};
+    use glam::DMat3;
 
     /// Gradient of cost and prior, and the Gauss-Newton matrix's use of them, by differences.
     #[test]
@@ -267,7 +290,8 @@ mod tests {
             rotation: DMat3::from_axis_angle(DVec3::new(1.0, x, 0.1).normalize(), 2.8),
             translation: DVec3::new(5.0, -8.0, 250.0),
         };
-        let state = State { camera, poses: vec![pose(0.1), pose(-0.3)] };
+        let sheet = Sheet::new(&Target::default(), Paper { aspect: 1.01, bow_mm: [0.7, -1.5] });
+        let state = State { camera, sheet, poses: vec![pose(0.1), pose(-0.3)] };
         let board: Vec<DVec2> = (0..30)
             .map(|i| DVec2::new(f64::from(i % 6) - 2.5, f64::from(i / 6) - 2.0) * 20.0)
             .collect();
@@ -284,14 +308,20 @@ mod tests {
                 used: true,
             })
             .collect();
-        let problem = Problem { prior: &prior, views: &views, noise_px: 0.3 };
+        let free = [true; SHARED];
+        let problem = Problem { prior: &prior, views: &views, noise_px: 0.3, free };
         let equations = problem.equations(&state);
-        let size = [1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-6, 1e-6, 1e-5];
-        for i in 0..INTRINSICS {
+        let size = [1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-6, 1e-6, 1e-5, 1e-6, 1e-4, 1e-4];
+        for i in 0..SHARED {
             let at = |h: f64| {
-                let mut delta = Intrinsics::zeros();
+                let mut delta = Shared::zeros();
                 delta[i] = h;
-                problem.cost(&State { camera: stepped(&camera, &delta), ..state.clone() })
+                let paper = sheet.paper.moved(&std::array::from_fn(|i| delta[INTRINSICS + i]));
+                problem.cost(&State {
+                    camera: stepped(&camera, &delta),
+                    sheet: Sheet { paper, ..sheet },
+                    ..state.clone()
+                })
             };
             let slope = (at(size[i]) - at(-size[i])) / (4.0 * size[i]);
             let analytic = equations.gradient[i];
@@ -316,20 +346,20 @@ mod tests {
         // The reduced system gives the same step as the full one.
         let (schur, right, _) = equations.eliminated(0.0).unwrap();
         let delta = -schur.cholesky().unwrap().solve(&right);
-        let n = INTRINSICS + 12;
+        let n = SHARED + 12;
         let mut full = nalgebra::DMatrix::zeros(n, n);
         let mut g = nalgebra::DVector::zeros(n);
-        full.view_mut((0, 0), (9, 9)).copy_from(&equations.intrinsics);
-        g.rows_mut(0, 9).copy_from(&equations.gradient);
+        full.view_mut((0, 0), (SHARED, SHARED)).copy_from(&equations.shared);
+        g.rows_mut(0, SHARED).copy_from(&equations.gradient);
         for (k, block) in equations.blocks.iter().flatten().enumerate() {
-            let at = INTRINSICS + 6 * k;
+            let at = SHARED + 6 * k;
             full.view_mut((at, at), (6, 6)).copy_from(&block.pose);
-            full.view_mut((0, at), (9, 6)).copy_from(&block.mixed);
-            full.view_mut((at, 0), (6, 9)).copy_from(&block.mixed.transpose());
+            full.view_mut((0, at), (SHARED, 6)).copy_from(&block.mixed);
+            full.view_mut((at, 0), (6, SHARED)).copy_from(&block.mixed.transpose());
             g.rows_mut(at, 6).copy_from(&block.gradient);
         }
         let expected = -full.cholesky().unwrap().solve(&g);
-        for i in 0..INTRINSICS {
+        for i in 0..SHARED {
             assert!((delta[i] - expected[i]).abs() < 1e-6 * (1e-3 + expected[i].abs()), "{i}");
         }
     }

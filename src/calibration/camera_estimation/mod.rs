@@ -12,18 +12,25 @@
 //!   principal point from a slight tilt: both stay at what [`CameraPrior`] expects.
 //! * One tilted photograph tells the focal length; distortion as far as corners reach.
 //! * Three photographs and more from different sides tell all that maps need.
+//!
+//! # Paper
+//! Two photographs and more tell how the print differs from its plan, too ([`Paper`]): one stretch
+//! and two bows join the refinement. They stay at 0 unless that explains the corners clearly worse.
 
+mod bending;
 mod joint;
 mod prior;
 mod start;
 
 use super::detector::Corner;
-use super::pose::pose_minima;
+use super::paper::{Paper, PaperEstimate, Sheet};
+use super::pose::{Fit, pose_minima};
 use super::target::Target;
 use crate::Rejection;
 use crate::geometry::{Camera, Pose};
-use glam::DVec2;
-use joint::{INTRINSICS, Problem, State, View};
+pub use bending::estimate_paper;
+use glam::{DVec2, DVec3};
+use joint::{INTRINSICS, Problem, SHARED, State, View};
 pub use prior::CameraPrior;
 
 /// Corners below which a photograph is not used.
@@ -55,6 +62,8 @@ pub struct CameraEstimate {
     /// Covariance of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, from the residuals' variance and the
     /// prior; zero for values that were kept.
     pub covariance: [[f64; 9]; 9],
+    /// The printed sheet; as planned where it was not estimated.
+    pub paper: PaperEstimate,
     /// Root mean square distance of the corners that took part from their projections, px.
     pub rms_px: f64,
     /// One for each photograph given, in their order.
@@ -93,6 +102,29 @@ pub fn estimate_camera(
     prior: &CameraPrior,
     start: Option<&Camera>,
 ) -> Result<CameraEstimate, Rejection> {
+    estimate(target, views, prior, start, false)
+}
+
+/// As [`estimate_camera`], with the printed sheet where two photographs and more tell it.
+///
+/// # Errors
+/// As [`estimate_camera`].
+pub fn estimate_camera_and_paper(
+    target: &Target,
+    views: &[&[Corner]],
+    prior: &CameraPrior,
+    start: Option<&Camera>,
+) -> Result<CameraEstimate, Rejection> {
+    estimate(target, views, prior, start, true)
+}
+
+fn estimate(
+    target: &Target,
+    views: &[&[Corner]],
+    prior: &CameraPrior,
+    start: Option<&Camera>,
+    with_paper: bool,
+) -> Result<CameraEstimate, Rejection> {
     let uncertain = |rms: f64| Rejection::PoseUncertain { rms_px: rms as f32 };
     if !prior.is_valid() {
         return Err(uncertain(f64::INFINITY));
@@ -106,36 +138,54 @@ pub fn estimate_camera(
         });
     }
     let starts = start::cameras(&given, prior, start);
+    let flat = Sheet::new(target, Paper::default());
+    let free = freedom(prior.free(), false);
     let best = starts
         .iter()
-        .filter_map(|camera| first_minimum(&given, prior, camera))
+        .filter_map(|camera| first_minimum(&given, prior, flat, camera))
         .min_by(|a, b| a.1.total_cmp(&b.1));
     let Some((mut state, _)) = best else { return Err(uncertain(f64::INFINITY)) };
     let mut noise_px = NOISE_PX;
     for _ in 0..ROUNDS {
         let mut changed = trim(&mut given, &state);
         noise_px = noise(&given, &state);
-        state = Problem { prior, views: &given, noise_px }.minimise(state);
+        state = Problem { prior, views: &given, noise_px, free }.minimise(state);
         changed |= turn_poses(&given, &mut state);
         if !changed {
             break;
         }
     }
-    let problem = Problem { prior, views: &given, noise_px };
-    let state = problem.minimise(state);
+    let mut state = Problem { prior, views: &given, noise_px, free }.minimise(state);
+    let mut paper = PaperEstimate::default();
+    let mut free = free;
+    if with_paper && let Some(bent) = bending::bend(&given, &state, prior, prior.free()) {
+        paper = bent.estimate;
+        if bent.is_clear {
+            (given, state) = (bent.views, bent.state);
+            free = freedom(prior.free(), true);
+        }
+    }
     noise_px = noise(&given, &state);
     let rms = rms(&given, &state);
     let long = f64::from(prior.camera.width.max(prior.camera.height));
     if rms.is_nan() || rms > RMS_MAX_PX.max(RMS_MAX_SIDE * long) {
         return Err(uncertain(rms));
     }
-    let covariance = Problem { prior, views: &given, noise_px }
+    let covariance = Problem { prior, views: &given, noise_px, free }
         .covariance(&state)
         .ok_or_else(|| uncertain(rms))?;
     let covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
     let views = given.into_iter().zip(state.poses);
-    let views = views.map(|(view, pose)| finished(view, pose, &state.camera)).collect();
-    Ok(CameraEstimate { camera: state.camera, covariance, rms_px: rms, views })
+    let views =
+        views.map(|(view, pose)| finished(view, pose, &state.camera, &state.sheet)).collect();
+    Ok(CameraEstimate { camera: state.camera, covariance, paper, rms_px: rms, views })
+}
+
+/// What may move.
+fn freedom(camera: [bool; INTRINSICS], paper: bool) -> [bool; SHARED] {
+    let mut free = [paper; SHARED];
+    free[..INTRINSICS].copy_from_slice(&camera);
+    free
 }
 
 fn view(target: &Target, corners: &[Corner]) -> View {
@@ -150,11 +200,16 @@ fn view(target: &Target, corners: &[Corner]) -> View {
 }
 
 /// The minimum next to a starting camera and its robust cost, for comparing starts.
-fn first_minimum(views: &[View], prior: &CameraPrior, camera: &Camera) -> Option<(State, f64)> {
+fn first_minimum(
+    views: &[View],
+    prior: &CameraPrior,
+    sheet: Sheet,
+    camera: &Camera,
+) -> Option<(State, f64)> {
     let mut poses = Vec::with_capacity(views.len());
     let mut views = views.to_vec();
     for view in &mut views {
-        let pose = if view.used { best_pose(view, camera) } else { None };
+        let pose = if view.used { best_pose(view, camera, &sheet) } else { None };
         view.used = pose.is_some();
         poses.push(
             pose.unwrap_or(Pose { rotation: glam::DMat3::IDENTITY, translation: glam::DVec3::Z }),
@@ -163,14 +218,15 @@ fn first_minimum(views: &[View], prior: &CameraPrior, camera: &Camera) -> Option
     if !views.iter().any(|v| v.used) {
         return None;
     }
-    let problem = Problem { prior, views: &views, noise_px: NOISE_PX };
-    let state = problem.minimise(State { camera: *camera, poses });
+    let free = freedom(prior.free(), false);
+    let problem = Problem { prior, views: &views, noise_px: NOISE_PX, free };
+    let state = problem.minimise(State { camera: *camera, sheet, poses });
     let limit = 10.0 * NOISE_PX;
     let corners: f64 = views
         .iter()
         .zip(&state.poses)
         .filter(|(view, _)| view.used)
-        .flat_map(|(view, pose)| view.residuals(&state.camera, pose))
+        .flat_map(|(view, pose)| view.residuals(&state.camera, &sheet, pose))
         .map(|r| (r.min(limit) / NOISE_PX).powi(2))
         .sum();
     let prior: f64 = prior.terms(&state.camera).map(|(d, _)| d * d).sum();
@@ -178,8 +234,13 @@ fn first_minimum(views: &[View], prior: &CameraPrior, camera: &Camera) -> Option
     cost.is_finite().then_some((state, cost))
 }
 
-fn best_pose(view: &View, camera: &Camera) -> Option<Pose> {
-    pose_minima(camera, &view.board, &view.px).first().map(|fit| fit.pose)
+fn minima(view: &View, camera: &Camera, sheet: &Sheet) -> Vec<Fit> {
+    let placed: Vec<DVec3> = view.board.iter().map(|b| sheet.at(*b)).collect();
+    pose_minima(camera, &placed, &view.px)
+}
+
+fn best_pose(view: &View, camera: &Camera, sheet: &Sheet) -> Option<Pose> {
+    minima(view, camera, sheet).first().map(|fit| fit.pose)
 }
 
 /// Leaves corners and photographs out that do not fit the others; whether that changed anything.
@@ -189,7 +250,7 @@ fn trim(views: &mut [View], state: &State) -> bool {
     let residuals: Vec<Vec<f64>> = views
         .iter()
         .zip(&state.poses)
-        .map(|(view, pose)| view.residuals(&state.camera, pose))
+        .map(|(view, pose)| view.residuals(&state.camera, &state.sheet, pose))
         .collect();
     let mut spread = Vec::with_capacity(views.len());
     for (view, residuals) in views.iter().zip(&residuals) {
@@ -224,10 +285,11 @@ fn trim(views: &mut [View], state: &State) -> bool {
 fn turn_poses(views: &[View], state: &mut State) -> bool {
     let mut changed = false;
     for (view, pose) in views.iter().zip(&mut state.poses) {
-        let now = view.cost(&state.camera, pose);
-        for fit in pose_minima(&state.camera, &view.board, &view.px) {
+        let (camera, sheet) = (&state.camera, &state.sheet);
+        let now = view.cost(camera, sheet, pose);
+        for fit in minima(view, camera, sheet) {
             let turn = (fit.pose.rotation.z_axis - pose.rotation.z_axis).length();
-            if turn > 0.02 && view.cost(&state.camera, &fit.pose) < 0.98 * now {
+            if turn > 0.02 && view.cost(camera, sheet, &fit.pose) < 0.98 * now {
                 *pose = fit.pose;
                 changed = true;
                 break;
@@ -241,7 +303,7 @@ fn turn_poses(views: &[View], state: &mut State) -> bool {
 fn totals(views: &[View], state: &State) -> (usize, f64) {
     let used = views.iter().zip(&state.poses).filter(|(view, _)| view.used);
     used.fold((0, 0.0), |(count, sum), (view, pose)| {
-        (count + view.inlier_count(), sum + view.cost(&state.camera, pose))
+        (count + view.inlier_count(), sum + view.cost(&state.camera, &state.sheet, pose))
     })
 }
 
@@ -258,12 +320,12 @@ fn noise(views: &[View], state: &State) -> f64 {
     (sum / freedom.max(1) as f64).sqrt().max(NOISE_MIN_PX)
 }
 
-fn finished(mut view: View, pose: Pose, camera: &Camera) -> ViewEstimate {
+fn finished(mut view: View, pose: Pose, camera: &Camera, sheet: &Sheet) -> ViewEstimate {
     let mut pose = Some(pose);
     if !view.used {
         // Left out of the estimate, yet seen by the camera it gave.
-        pose = best_pose(&view, camera);
-        let residuals = pose.map(|p| view.residuals(camera, &p)).unwrap_or_default();
+        pose = best_pose(&view, camera, sheet);
+        let residuals = pose.map(|p| view.residuals(camera, sheet, &p)).unwrap_or_default();
         let mut sorted = residuals.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
@@ -275,8 +337,8 @@ fn finished(mut view: View, pose: Pose, camera: &Camera) -> ViewEstimate {
             .map(|(i, _)| residuals.get(i).is_some_and(|r| *r <= limit))
             .collect();
     }
-    let rms_px =
-        pose.map_or(f64::INFINITY, |p| (view.cost(camera, &p) / view.inlier_count() as f64).sqrt());
+    let rms = |p: Pose| (view.cost(camera, sheet, &p) / view.inlier_count() as f64).sqrt();
+    let rms_px = pose.map_or(f64::INFINITY, rms);
     ViewEstimate { pose, used: view.used, rms_px, inliers: view.inliers }
 }
 

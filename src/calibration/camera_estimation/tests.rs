@@ -40,10 +40,21 @@ impl Noise {
 }
 
 fn corners(camera: &Camera, pose: &Pose, noise_px: f64, noise: &mut Noise) -> Vec<Corner> {
+    corners_on(&Paper::default(), camera, pose, noise_px, noise)
+}
+
+fn corners_on(
+    paper: &Paper,
+    camera: &Camera,
+    pose: &Pose,
+    noise_px: f64,
+    noise: &mut Noise,
+) -> Vec<Corner> {
     let target = Target::default();
+    let sheet = Sheet::new(&target, *paper);
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height)) - 1.0;
     let seen = target.corners().into_iter().filter_map(|(row, col)| {
-        let p = target.grid_mm(row.into(), col.into()).extend(0.0);
+        let p = sheet.at(target.grid_mm(row.into(), col.into()));
         let px = camera.project(pose.transform(p))?;
         let px = px + DVec2::new(noise.normal(), noise.normal()) * noise_px;
         let inside = px.cmpge(DVec2::ZERO).all() && px.cmple(size).all();
@@ -266,4 +277,103 @@ fn unusable_corners_are_refused() {
     // One bad photograph among good ones is left out.
     let found = estimate_camera(&target, &[&good, &nonsense, &good[..5]], &prior, None).unwrap();
     assert!(found.views[0].used && !found.views[1].used && !found.views[2].used);
+}
+
+/// Views of a sheet: from the top and from up to 45 degrees off, turned as one walks round.
+fn walk(frames: u32, noise: &mut Noise) -> Vec<Pose> {
+    let pose = |k: u32| {
+        let (k, tilt) = (f64::from(k), if k == 0 { 0.05 } else { 0.25 + 0.5 * noise.uniform() });
+        pose(tilt, 2.4 * k + noise.uniform(), 0.4 * k, 280.0 + 60.0 * noise.uniform())
+    };
+    (0..frames).map(pose).collect()
+}
+
+/// Median and largest error of the view, degrees, of flat and of estimated paper; how the estimates
+/// lie off the truth, in their standard deviations.
+fn paper_errors(paper: &Paper, frames: u32, known: bool, draws: u32) -> ([[f64; 2]; 2], f64) {
+    let target = Target::default();
+    let mut noise = Noise(17 + u64::from(frames));
+    let (mut errors, mut worst) = ([Vec::new(), Vec::new()], 0.0f64);
+    for _ in 0..draws {
+        let poses = walk(frames, &mut noise);
+        let seen: Vec<_> =
+            poses.iter().map(|p| corners_on(paper, &truth(), p, 0.1, &mut noise)).collect();
+        let on = |paper: &Paper, camera: &Camera| -> Vec<Pose> {
+            let pose = |c: &Vec<Corner>| {
+                super::super::pose::estimate_pose_on_paper(camera, &target, paper, c).unwrap().pose
+            };
+            seen.iter().map(pose).collect()
+        };
+        let slices: Vec<&[Corner]> = seen.iter().map(Vec::as_slice).collect();
+        let prior = CameraPrior::ordinary(2016, 1512);
+        let (plain, camera, found) = if known {
+            let views: Vec<_> =
+                slices.iter().copied().zip(on(&Paper::default(), &truth())).collect();
+            (truth(), truth(), estimate_paper(&truth(), &target, &views))
+        } else {
+            let plain = estimate_camera(&target, &slices, &prior, None).unwrap();
+            let both = estimate_camera_and_paper(&target, &slices, &prior, None).unwrap();
+            (plain.camera, both.camera, both.paper)
+        };
+        for (list, found) in
+            errors.iter_mut().zip([on(&Paper::default(), &plain), on(&found.paper, &camera)])
+        {
+            list.extend(found.iter().zip(&poses).map(|(f, p)| view_angle_deg(f, p)));
+        }
+        let [x, y] = [0, 1].map(|i| found.paper.bow_mm[i] - paper.bow_mm[i]);
+        for (error, sigma) in [found.paper.aspect - paper.aspect, x, y].into_iter().zip(found.sigma)
+        {
+            worst = worst.max(error.abs() / sigma);
+        }
+    }
+    let summary = errors.map(|mut list| {
+        list.sort_by(f64::total_cmp);
+        [list[list.len() / 2], list[list.len() - 1]]
+    });
+    (summary, worst)
+}
+
+#[test]
+fn a_stretched_and_bent_sheet_is_found() {
+    let sheets = [
+        ("aspect 0.5 %", Paper { aspect: 1.005, ..Paper::default() }),
+        ("bow 1 mm", Paper { bow_mm: [1.0, 0.0], ..Paper::default() }),
+        ("both", Paper { aspect: 0.995, bow_mm: [0.0, -1.0] }),
+    ];
+    println!("paper         camera   photos  flat median max  estimated median max  worst sigmas");
+    for (name, paper) in sheets {
+        for (known, frames) in [(true, 2), (true, 4), (false, 3), (false, 6)] {
+            let ([flat, bent], worst) = paper_errors(&paper, frames, known, 8);
+            println!(
+                "{name:12}  {}  {frames:6}  {:.4} {:.4}  {:.4} {:.4}  {worst:.1}",
+                if known { "given  " } else { "unknown" },
+                flat[0],
+                flat[1],
+                bent[0],
+                bent[1]
+            );
+            // Of an unknown camera three photographs do not always tell what is paper, what lens.
+            let most = if known { 0.3 } else { 0.8 };
+            assert!(bent[0] < 0.3 * flat[0] && bent[1] < most * flat[1], "{name} {known} {frames}");
+            // The priors are wider than these deviations; 12 numbers of a normal distribution.
+            assert!(worst < 4.5, "{name} {known} {frames}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn a_flat_sheet_stays_flat() {
+    for known in [true, false] {
+        for frames in [2, 5] {
+            let ([flat, bent], _) = paper_errors(&Paper::default(), frames, known, 10);
+            // The same sheet: the same numbers but for the last refinement.
+            assert!((flat[1] - bent[1]).abs() < 1e-6, "{known} {frames}: {flat:?} {bent:?}");
+        }
+    }
+    // One photograph cannot tell.
+    let bent = Paper { aspect: 1.005, bow_mm: [2.0, 0.0] };
+    let pose = pose(0.5, 1.0, 0.0, 300.0);
+    let seen = corners_on(&bent, &truth(), &pose, 0.1, &mut Noise(1));
+    let found = estimate_paper(&truth(), &Target::default(), &[(&seen, pose)]);
+    assert_eq!(found, PaperEstimate::default());
 }

@@ -9,7 +9,7 @@ use super::damaged;
 use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
 use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
-use crate::calibration::{CameraEstimate, Corner};
+use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
 use crate::geometry::Pose;
 use crate::session::Scene;
@@ -19,6 +19,8 @@ use crate::session::intake::Intake;
 const INTAKE: &Tag = b"INTK";
 /// One for each photograph of a board.
 const FRAME: &Tag = b"FRAM";
+/// Since 1.1; without it the sheet is as planned.
+const PAPER: &Tag = b"PAPR";
 
 pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
     match intake {
@@ -33,6 +35,11 @@ pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
                     w.f64(estimate.rms_px);
                 });
             });
+            state.section(PAPER, |w| {
+                let PaperEstimate { paper, sigma } = board.paper();
+                w.f64s(&[paper.aspect, paper.bow_mm[0], paper.bow_mm[1]]);
+                w.f64s(&sigma);
+            });
             for (frame, squares) in board.frames_and_squares() {
                 state.section(FRAME, |w| write_frame(w, frame, squares));
             }
@@ -46,14 +53,16 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
     match &mut intake {
         Intake::Rectified { power_mm2, .. } => *power_mm2 = r.option(Reader::three_f32s)?,
         Intake::Board(board) => {
+            let paper = sections.all(PAPER).next().map(read_paper).transpose()?.unwrap_or_default();
             let estimate = r.option(|r| {
                 let camera = read_camera(r)?;
                 let flat: [f64; 81] = r.f64s()?;
                 let covariance = std::array::from_fn(|i| std::array::from_fn(|j| flat[9 * i + j]));
-                Ok(CameraEstimate { camera, covariance, rms_px: r.f64()?, views: Vec::new() })
+                let rms_px = r.f64()?;
+                Ok(CameraEstimate { camera, covariance, paper, rms_px, views: Vec::new() })
             })?;
             let frames = sections.all(FRAME).map(read_frame).collect::<Result<Vec<_>>>()?;
-            resume(board, estimate, frames)?;
+            resume(board, estimate, paper, frames)?;
         }
     }
     r.end()?;
@@ -63,12 +72,13 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
 fn resume(
     board: &mut BoardIntake,
     estimate: Option<CameraEstimate>,
+    paper: PaperEstimate,
     frames: Vec<(Frame, Squares)>,
 ) -> Result<()> {
     let estimated = board.camera().is_none();
     let camera = estimate.as_ref().map(|e| e.camera).or(board.camera());
     let fits = |frame: &Frame| {
-        frame.kept.is_some() == estimated
+        (frame.kept.is_some() || !estimated)
             && camera.is_some_and(|c| (c.width, c.height) == frame.picture_size())
     };
     if estimate.is_some() != (estimated && !frames.is_empty())
@@ -76,8 +86,19 @@ fn resume(
     {
         return Err(damaged("photographs and camera do not fit each other"));
     }
-    board.resume(estimate, frames);
+    board.resume(estimate, paper, frames);
     Ok(())
+}
+
+fn read_paper(mut r: Reader) -> Result<PaperEstimate> {
+    let [aspect, x, y] = r.f64s()?;
+    let paper = Paper { aspect, bow_mm: [x, y] };
+    let sigma: [f64; 3] = r.f64s()?;
+    r.end()?;
+    if !paper.is_plausible() || sigma.iter().any(|s| *s < 0.0) {
+        return Err(damaged("a sheet of paper is none"));
+    }
+    Ok(PaperEstimate { paper, sigma })
 }
 
 fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
