@@ -308,8 +308,15 @@ fn the_default_board_of_the_binding_is_the_librarys() {
     let t = Target::default();
     let hole = &t.hole;
     let expected = format!(
-        "val DEFAULT = Board({}, {}, {}, {}, {}, {}, {})",
-        t.rows, t.cols, t.square_mm, hole.row_start, hole.col_start, hole.row_end, hole.col_end
+        "val DEFAULT = Board({}, {}, {}, {}, {}, {}, {}, patches = {})",
+        t.rows,
+        t.cols,
+        t.square_mm,
+        hole.row_start,
+        hole.col_start,
+        hole.row_end,
+        hole.col_end,
+        t.patches
     );
     let file = example().join("scanner/src/main/kotlin/org/svbrdf/scanner/ScanOptions.kt");
     assert!(fs::read_to_string(file).unwrap().contains(&expected), "{expected}");
