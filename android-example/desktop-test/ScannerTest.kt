@@ -199,7 +199,8 @@ fun hints() {
         verify(odd.hints == setOf(Hint.NOT_LINEAR) && odd.overWhite!! > 0.2f) { "$odd" }
         val found = scanner.camera!!
         verify(Math.abs(found.camera.fx / camera.fx - 1) < 0.1) { "${found.camera}" }
-        verify(found.sigma!![0] > 0.0) { "${found.sigma!![0]}" }
+        val sigma = found.sigma!!
+        verify(sigma[0] > 0.0) { "${sigma[0]}" }
         throws<IllegalArgumentException>("focal") {
             scanner.push(linear, PhotoInfo(focal35mm = Float.NaN))
         }
