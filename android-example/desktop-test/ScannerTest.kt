@@ -120,9 +120,9 @@ fun captureToMaps() {
         verify(scanner.camera!!.sigma == null) { "a given camera" }
         verify(scanner.pose(1).translationMm[2] > 50.0) { "pose" }
         throws<IllegalArgumentException>("index") { scanner.pose(2) }
-        // All of its light was there without the flash.
+        // All of its light was there without the flash: no board is left.
         val dark = scanner.push(photo(0), PhotoInfo(ambient = photo(0))) as Pushed.Rejected
-        verify(dark.reason == Rejection.TOO_DARK && dark.measured < 0.01f) { "$dark" }
+        verify(dark.reason == Rejection.BOARD_NOT_FOUND && dark.measured == 0f) { "$dark" }
         verify(dark.blurDirectionDeg == null && dark.limit == 0f) { "$dark" }
         throws<IllegalArgumentException>("ambient") {
             scanner.push(photo(0), PhotoInfo(ambient = gray()))

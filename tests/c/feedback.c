@@ -164,9 +164,9 @@ static void ambient_light(const picture *first)
     CHECK(info.ambient == NULL && info.ambient_exposure == 0.0f);
     info.ambient = &ambient;
 
-    /* Nothing but ambient light: what is left is black. */
+    /* Nothing but ambient light: what is left is black, but for a highlight that is clipped. */
     report = push(session, &image, &info, SVBRDF_REJECTED);
-    CHECK(report.rejection == SVBRDF_REJECTION_TOO_DARK);
+    CHECK(report.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     /* No ambient light: nothing changes. */
     ambient.planes[0].data = dark;
     report = push(session, &image, &info, SVBRDF_OK);
@@ -182,7 +182,7 @@ static void ambient_light(const picture *first)
         lamp[i] = 3.0f;
     }
     report = push(session, &image, &info, SVBRDF_REJECTED);
-    CHECK(report.rejection == SVBRDF_REJECTION_TOO_DARK);
+    CHECK(report.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     info.ambient_exposure = 1e5f;
     push(session, &image, &info, SVBRDF_OK);
     lamp[n / 2] = NAN;
