@@ -94,7 +94,11 @@ fn sanitizers_find_nothing() {
     let dir = workplace();
     let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
     for (compiler, language, tests) in [
-        ("gcc", "c", &["bad-arguments", "maps", "lifecycle", "threads", "races", "state", "capture"][..]),
+        (
+            "gcc",
+            "c",
+            &["bad-arguments", "maps", "lifecycle", "threads", "races", "state", "capture"][..],
+        ),
         ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
     ] {
         let program = compile(dir.path(), compiler, language, &flags);
