@@ -69,6 +69,11 @@
 #define SVBRDF_FEATURE_RAW 4
 
 /**
+ * Bytes of svbrdf_frame_report.advice.
+ */
+#define SVBRDF_ADVICE_BYTES 256
+
+/**
  * Bytes made by the library.
  */
 typedef struct svbrdf_buffer svbrdf_buffer;
@@ -206,6 +211,15 @@ typedef struct svbrdf_board {
      * For ChArUco: OpenCV's dictionary name, e.g. "DICT_4X4_250"; needed during the call only.
      */
     const char *dictionary;
+    /**
+     * Whether black, gray and white patches are printed below the ring as `svbrdf board` does, 0
+     * or 1: they tell whether photos are linear. Default: 1; set 0 for boards from elsewhere.
+     */
+    uint32_t patches;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
 } svbrdf_board;
 
 /**
@@ -417,6 +431,12 @@ typedef struct svbrdf_session_options {
 typedef uint32_t svbrdf_rejection;
 
 /**
+ * Things to tell about an accepted photo: bits. Some may be added: svbrdf_frame_report.advice has
+ * words for all.
+ */
+typedef uint32_t svbrdf_hints;
+
+/**
  * What became of a photo.
  */
 typedef struct svbrdf_frame_report {
@@ -460,6 +480,39 @@ typedef struct svbrdf_frame_report {
      * The timestamp that was given with the photo.
      */
     int64_t timestamp_ns;
+    /**
+     * Things to tell about an accepted photo: bits of SVBRDF_HINT_.
+     */
+    svbrdf_hints hints;
+    /**
+     * For SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0.
+     */
+    uint32_t same_view_as;
+    /**
+     * For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+     */
+    float over_white;
+    /**
+     * What was measured of a rejected photo. Too few corners: how many were found; pose uncertain:
+     * reprojection error, px; blurred: width of edges (one sigma), px; too dark: level of white,
+     * 1 is full scale; clipped: share of pixels; too grazing: degrees off the top; sample outside:
+     * share of the sample seen; 0 for other reasons.
+     */
+    float measured;
+    /**
+     * What it would have had to reach (corners) or to stay below (degrees); otherwise 0.
+     */
+    float limit;
+    /**
+     * For a blurred photo: direction of the blur, degrees clockwise from the photo's x axis, 0 to
+     * 180; negative: soft all round, as out of focus.
+     */
+    float blur_direction_deg;
+    /**
+     * What to tell the user, in English, UTF-8: why a photo was rejected, or the hints of an
+     * accepted one; empty where there is nothing to tell.
+     */
+    char advice[SVBRDF_ADVICE_BYTES];
 } svbrdf_frame_report;
 
 /**
@@ -643,7 +696,48 @@ typedef struct svbrdf_frame_info {
      * Handed back in the report and named in the log, e.g. to tell which photo it was.
      */
     int64_t timestamp_ns;
+    /**
+     * The same view without flash, or NULL: it is subtracted in linear light. Same size as the
+     * photo; the camera must not have moved. Nothing of it is kept.
+     */
+    const struct svbrdf_image *ambient;
+    /**
+     * Relative exposure of that; 0: as the photo's.
+     */
+    float ambient_exposure;
+    /**
+     * Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
+     * camera that is estimated it is where the search begins.
+     */
+    float focal_35mm;
 } svbrdf_frame_info;
+
+/**
+ * Where the next photo tells most: from where highlights reach slopes of the sample that they have
+ * not swept.
+ */
+typedef struct svbrdf_next_view {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when the rest is known: a session of a board with a photo.
+     */
+    uint32_t known;
+    /**
+     * Angle off the top, degrees.
+     */
+    float tilt_deg;
+    /**
+     * Side to go to: degrees counter-clockwise from the board's +X, seen from the top.
+     */
+    float azimuth_deg;
+    /**
+     * Unit vector from the sample towards the camera, board frame.
+     */
+    float direction[3];
+} svbrdf_next_view;
 
 /**
  * 3 bytes a pixel.
@@ -833,7 +927,7 @@ typedef struct svbrdf_frame_info {
 #define SVBRDF_LOG_ERROR 1
 
 /**
- * A photo was rejected.
+ * A photo was rejected, or there is a hint about it.
  */
 #define SVBRDF_LOG_WARNING 2
 
@@ -926,6 +1020,22 @@ typedef struct svbrdf_frame_info {
  * It holds values that are not numbers.
  */
 #define SVBRDF_REJECTION_NOT_FINITE 12
+
+/**
+ * Something that this version of the header does not know.
+ */
+#define SVBRDF_HINT_OTHER 1
+
+/**
+ * An earlier photo has nearly the same view.
+ */
+#define SVBRDF_HINT_NOTHING_NEW 2
+
+/**
+ * The board's black or gray does not come out as linear values do: a tone curve is on, or
+ * svbrdf_image.transfer is wrong.
+ */
+#define SVBRDF_HINT_NOT_LINEAR 4
 
 /**
  * Nothing: no photo yet, or the fit has settled on all photos so far.
@@ -1181,6 +1291,11 @@ svbrdf_status svbrdf_frame_info_init(struct svbrdf_frame_info *info, size_t size
 svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
 
 /**
+ * Fills a view with zeros: pass sizeof(svbrdf_next_view).
+ */
+svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
+
+/**
  * Fills a progress with defaults: pass sizeof(svbrdf_progress).
  */
 svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size);
@@ -1281,6 +1396,32 @@ svbrdf_status svbrdf_session_progress(const struct svbrdf_session *session,
 svbrdf_status svbrdf_session_light(const struct svbrdf_session *session,
                                    double *flash_offset_mm,
                                    float *ambient_fraction);
+
+/**
+ * Where the next photo tells most. Waits for a push in progress.
+ */
+svbrdf_status svbrdf_session_next_view(const struct svbrdf_session *session,
+                                       struct svbrdf_next_view *view);
+
+/**
+ * The camera as used: given, or estimated from the photos so far; all zeros before the first photo
+ * tells and for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
+ * (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros. Waits for a push in progress.
+ */
+svbrdf_status svbrdf_session_camera(const struct svbrdf_session *session,
+                                    struct svbrdf_camera *camera,
+                                    double *sigma);
+
+/**
+ * Pose of an accepted photo of a board as known now: with a camera that is estimated, later photos
+ * better those of earlier ones. `index` counts the accepted photos from 0. Results as in
+ * svbrdf_frame_report; each may be NULL. Waits for a push in progress.
+ */
+svbrdf_status svbrdf_session_pose(const struct svbrdf_session *session,
+                                  uint32_t index,
+                                  double *rotation,
+                                  double *translation_mm,
+                                  double *reprojection_rms_px);
 
 /**
  * The maps as they are now; SVBRDF_NO_MAPS before the first accepted photo. Answered at once, also

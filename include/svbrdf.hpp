@@ -230,11 +230,23 @@ struct Pushed {
     bool accepted;
     /// Why not: one of SVBRDF_REJECTION_.
     svbrdf_rejection rejection;
-    /// Why not, for the user.
+    /// What to tell the user: why not, or hints about an accepted photo; empty without any.
     std::string advice;
-    /// Pose and figures.
+    /// Pose, hints and figures.
     svbrdf_frame_report report;
+    /// Whether a hint was given: one of SVBRDF_HINT_.
+    bool has(svbrdf_hints hint) const noexcept { return (report.hints & hint) != 0; }
     explicit operator bool() const noexcept { return accepted; }
+};
+
+/// Where the board lies in a photo.
+struct Pose {
+    /// From the board to the camera, row by row.
+    std::array<double, 9> rotation{};
+    /// Board origin in the camera frame, mm.
+    std::array<double, 3> translation_mm{};
+    /// Error of the board's corners, px.
+    double reprojection_rms_px = 0.0;
 };
 
 /// Functions a session calls on its own thread (log also on yours). They may use the session's
@@ -355,6 +367,25 @@ public:
         check(svbrdf_session_light(get(), light.first.data(), &light.second));
         return light;
     }
+    /// Where the next photo tells most; nothing before the first one and for rectified photos.
+    std::optional<svbrdf_next_view> next_view() const {
+        svbrdf_next_view view = make(svbrdf_next_view_init);
+        check(svbrdf_session_next_view(get(), &view));
+        return view.known == 1 ? std::make_optional(view) : std::nullopt;
+    }
+    /// The camera as used, given or estimated; nothing before a photo tells and for rectified ones.
+    std::optional<svbrdf_camera> camera() const {
+        svbrdf_camera camera = make(svbrdf_camera_init);
+        check(svbrdf_session_camera(get(), &camera, nullptr));
+        return camera.width > 0 ? std::make_optional(camera) : std::nullopt;
+    }
+    /// Pose of an accepted photo of a board as known now.
+    Pose pose(std::uint32_t index) const {
+        Pose pose;
+        check(svbrdf_session_pose(get(), index, pose.rotation.data(), pose.translation_mm.data(),
+                                  &pose.reprojection_rms_px));
+        return pose;
+    }
     void export_to(const std::string& path) const {
         check(svbrdf_session_export(get(), path.c_str()));
     }
@@ -381,10 +412,10 @@ private:
     }
     static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {
         if (status == SVBRDF_REJECTED) {
-            return {false, report.rejection, svbrdf_last_error_message(), report};
+            return {false, report.rejection, report.advice, report};
         }
         check(status);
-        return {true, SVBRDF_REJECTION_NONE, {}, report};
+        return {true, SVBRDF_REJECTION_NONE, report.advice, report};
     }
     template <typename Call>
     static void guarded(Call call) noexcept {

@@ -97,12 +97,14 @@ fun captureToMaps() {
     MaterialScanner(options, listener).use { scanner ->
         verify(scanner.snapshot() == null) { "maps before the first photo" }
         throws<IllegalStateException>("no photo") { scanner.export(out) }
+        verify(scanner.nextView == null && scanner.camera!!.camera == camera) { "before photos" }
         for (i in 0..1) {
             val info = PhotoInfo(1f, Flash.TORCH, 1000L + i)
             val pushed = scanner.push(photo(i, direct = i == 0), info)
             verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
             verify(pushed.timestampNs == 1000L + i) { "$pushed" }
             verify((pushed as Pushed.Accepted).reprojectionRmsPx < 0.5) { "$pushed" }
+            verify(pushed.hints.isEmpty() && pushed.advice.isEmpty()) { "$pushed" }
             // The sample's centre is where the pose says, and all corners are in the picture.
             val pose = pushed.pose!!
             verify(pose.angle < 1.0 && pose.cameraMm[2] > 50.0) { "${pose.angle}" }
@@ -110,6 +112,20 @@ fun captureToMaps() {
                 val (u, v) = pose.project(camera, x, y)!!
                 verify(u in 0.0..2015.0 && v in 0.0..1511.0) { "$u $v" }
             }
+        }
+        val next = scanner.nextView!!
+        verify(next.tiltDeg in 0f..60f && next.azimuthDeg in 0f..360f) { "$next" }
+        val up = Math.cos(Math.toRadians(next.tiltDeg.toDouble()))
+        verify(Math.abs(next.direction[2] - up) < 1e-5) { "$next" }
+        verify(scanner.camera!!.sigma == null) { "a given camera" }
+        verify(scanner.pose(1).translationMm[2] > 50.0) { "pose" }
+        throws<IllegalArgumentException>("index") { scanner.pose(2) }
+        // All of its light was there without the flash: no board is left.
+        val dark = scanner.push(photo(0), PhotoInfo(ambient = photo(0))) as Pushed.Rejected
+        verify(dark.reason == Rejection.BOARD_NOT_FOUND && dark.measured == 0f) { "$dark" }
+        verify(dark.blurDirectionDeg == null && dark.limit == 0f) { "$dark" }
+        throws<IllegalArgumentException>("ambient") {
+            scanner.push(photo(0), PhotoInfo(ambient = gray()))
         }
         // Flat gray: no board; the scanner goes on.
         val pixels = ByteBuffer.allocateDirect(3 * 2016 * 1512)
@@ -161,6 +177,33 @@ fun captureToMaps() {
     verify(lines.any { it.startsWith("WARNING") }) { "$lines" }
     for (file in listOf("normal", "diffuse", "specular", "roughness", "preview")) {
         verify(ImageIO.read(File(out, "$file.png")) != null) { file }
+    }
+}
+
+/** What is told about photos that are accepted. */
+fun hints() {
+    MaterialScanner(options).use { scanner ->
+        scanner.pause()
+        scanner.push(photo(0))
+        val again = scanner.push(photo(0)) as Pushed.Accepted
+        verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { "$again" }
+        verify(again.advice.startsWith("photo 1 has") && again.overWhite == null) { "$again" }
+    }
+    // No camera given; encoded values said to be linear.
+    MaterialScanner(options.copy(camera = null)).use { scanner ->
+        scanner.pause()
+        verify(scanner.camera == null) { "no photo has told" }
+        val encoded = photo(0)
+        val linear = Photo(PixelFormat.RGB8, 2016, 1512, encoded.planes, Transfer.LINEAR)
+        val odd = scanner.push(linear, PhotoInfo(focal35mm = 26.6f)) as Pushed.Accepted
+        verify(odd.hints == setOf(Hint.NOT_LINEAR) && odd.overWhite!! > 0.2f) { "$odd" }
+        val found = scanner.camera!!
+        verify(Math.abs(found.camera.fx / camera.fx - 1) < 0.1) { "${found.camera}" }
+        val sigma = found.sigma!!
+        verify(sigma[0] > 0.0) { "${sigma[0]}" }
+        throws<IllegalArgumentException>("focal") {
+            scanner.push(linear, PhotoInfo(focal35mm = Float.NaN))
+        }
     }
 }
 
@@ -270,6 +313,7 @@ fun layouts() {
         MaterialScanner(small).use { scanner ->
             val pushed = scanner.pushRectified(photo, above, above)
             verify(pushed is Pushed.Accepted && pushed.pose == null) { "$pushed" }
+            verify(scanner.nextView == null && scanner.camera == null) { "photos from the top" }
         }
     }
 }
@@ -479,6 +523,7 @@ fun codesOfTheHeader() {
         "LOG_" to LogLevel.entries.associate { it.name to it.code },
         "STATE_" to ScanState.entries.associate { it.name to it.code },
         "REJECTION_" to Rejection.entries.associate { it.name to it.code } + ("NONE" to 0),
+        "HINT_" to Hint.entries.associate { it.name to it.code },
         "" to Fault.entries.associate { it.name to it.code } +
             mapOf(
                 "INVALID_ARGUMENT" to Native.INVALID_ARGUMENT, "IO" to Native.IO,
@@ -505,6 +550,7 @@ fun main(arguments: Array<String>) {
     val tests = listOf<Pair<String, () -> Unit>>(
         "codes of the header" to ::codesOfTheHeader,
         "capture to maps" to ::captureToMaps,
+        "hints" to ::hints,
         "bad input" to ::badInput,
         "layouts" to ::layouts,
         "models" to ::models,

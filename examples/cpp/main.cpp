@@ -35,6 +35,18 @@ private:
     std::mutex mutex_;
 };
 
+// Where to take the next photo from, as a sentence.
+std::string next_view(const svbrdf::Session& session) {
+    const auto view = session.next_view();
+    if (!view) {
+        return {};
+    }
+    char text[100];
+    std::snprintf(text, sizeof text, "next: %.0f degrees off the top, towards %.0f degrees",
+                  static_cast<double>(view->tilt_deg), static_cast<double>(view->azimuth_deg));
+    return text;
+}
+
 svbrdf::Session begin(const svbrdf::Capture& capture, const std::filesystem::path& state,
                       Terminal& terminal) {
     svbrdf::Callbacks callbacks;
@@ -67,11 +79,14 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
     // Rejected photos are looked at again after an interruption; they are few.
     for (std::uint32_t i = session.progress().frames; i < capture.frames(); i++) {
         const std::string name = "photo " + std::to_string(i + 1);
+        std::string hints;
         try {
-            if (const auto pushed = session.push(capture, i); !pushed) {
+            const auto pushed = session.push(capture, i);
+            if (!pushed) {
                 terminal.line(name + " cannot be used: " + pushed.advice);
                 continue;
             }
+            hints = pushed.advice;
         } catch (const svbrdf::Error& fault) {
             if (fault.status() != SVBRDF_INVALID_ARGUMENT) {
                 throw;
@@ -81,7 +96,10 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
         }
         used++;
         session.wait();
-        terminal.line(name + " is in the maps");
+        terminal.line(name + " is in the maps" + (hints.empty() ? "" : "; " + hints));
+        if (const std::string next = next_view(session); !next.empty()) {
+            terminal.line("  " + next);
+        }
         session.save(state.string());
     }
     if (!session.snapshot()) {

@@ -1,13 +1,16 @@
 //! Options of a session and of a photo.
 
 use std::ffi::{CStr, c_char, c_void};
+use std::mem::offset_of;
 
 use engine::calibration::{Hole, Target, TargetKind, TopLeft};
+use engine::frame::Photo;
 use engine::geometry::Camera;
 use engine::observation::Falloff;
 use engine::session::{Method, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use glam::DVec3;
 
+use crate::image::svbrdf_image;
 use crate::models::svbrdf_models;
 use crate::reports::svbrdf_progress;
 use crate::session::svbrdf_session;
@@ -53,6 +56,11 @@ pub struct svbrdf_board {
     pub marker_mm: f64,
     /// For ChArUco: OpenCV's dictionary name, e.g. "DICT_4X4_250"; needed during the call only.
     pub dictionary: *const c_char,
+    /// Whether black, gray and white patches are printed below the ring as `svbrdf board` does, 0
+    /// or 1: they tell whether photos are linear. Default: 1; set 0 for boards from elsewhere.
+    pub patches: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 impl Default for svbrdf_board {
@@ -73,10 +81,12 @@ impl Default for svbrdf_board {
             black_albedo: target.black_albedo,
             marker_mm: 0.0,
             dictionary: std::ptr::null(),
+            patches: target.patches.into(),
+            reserved: 0,
         }
     }
 }
-versioned!(svbrdf_board, size_of::<svbrdf_board>());
+versioned!(svbrdf_board, offset_of!(svbrdf_board, patches));
 
 /// Fills a board with the default one (A4, 17 x 16 squares of 11.5 mm): pass
 /// sizeof(svbrdf_board).
@@ -126,7 +136,7 @@ impl svbrdf_board {
             white_albedo: self.white_albedo,
             black_albedo: self.black_albedo,
             top_left: if white { TopLeft::White } else { TopLeft::Black },
-            patches: false,
+            patches: truth("svbrdf_board.patches", self.patches)?,
         })
     }
 }
@@ -169,6 +179,13 @@ impl Default for svbrdf_camera {
 }
 versioned!(svbrdf_camera, size_of::<svbrdf_camera>());
 
+impl svbrdf_camera {
+    pub(crate) fn new(camera: Camera) -> Self {
+        let Camera { width, height, fx, fy, cx, cy, distortion } = camera;
+        Self { size: size_of::<Self>(), width, height, fx, fy, cx, cy, distortion }
+    }
+}
+
 /// Fills a camera with zeros: pass sizeof(svbrdf_camera).
 ///
 /// # Safety
@@ -209,7 +226,7 @@ pub const SVBRDF_FALLOFF_NONE: svbrdf_falloff = 3;
 pub type svbrdf_log_level = u32;
 /// A fault.
 pub const SVBRDF_LOG_ERROR: svbrdf_log_level = 1;
-/// A photo was rejected.
+/// A photo was rejected, or there is a hint about it.
 pub const SVBRDF_LOG_WARNING: svbrdf_log_level = 2;
 /// What happens.
 pub const SVBRDF_LOG_INFO: svbrdf_log_level = 3;
@@ -453,6 +470,14 @@ pub struct svbrdf_frame_info {
     pub flash: svbrdf_flash,
     /// Handed back in the report and named in the log, e.g. to tell which photo it was.
     pub timestamp_ns: i64,
+    /// The same view without flash, or NULL: it is subtracted in linear light. Same size as the
+    /// photo; the camera must not have moved. Nothing of it is kept.
+    pub ambient: *const svbrdf_image,
+    /// Relative exposure of that; 0: as the photo's.
+    pub ambient_exposure: f32,
+    /// Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
+    /// camera that is estimated it is where the search begins.
+    pub focal_35mm: f32,
 }
 
 impl Default for svbrdf_frame_info {
@@ -462,10 +487,13 @@ impl Default for svbrdf_frame_info {
             exposure: 1.0,
             flash: SVBRDF_FLASH_UNKNOWN,
             timestamp_ns: 0,
+            ambient: std::ptr::null(),
+            ambient_exposure: 0.0,
+            focal_35mm: 0.0,
         }
     }
 }
-versioned!(svbrdf_frame_info, size_of::<svbrdf_frame_info>());
+versioned!(svbrdf_frame_info, offset_of!(svbrdf_frame_info, ambient));
 
 /// Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info).
 ///
@@ -494,6 +522,31 @@ impl svbrdf_frame_info {
         if info.flash > SVBRDF_FLASH_TORCH {
             return Err(unknown("svbrdf_frame_info.flash", info.flash));
         }
+        if !(info.focal_35mm.is_finite() && info.focal_35mm >= 0.0) {
+            return Err(Fault::argument("focal_35mm: a length in mm, or 0, is expected"));
+        }
         Ok(info)
+    }
+
+    /// The photo of a call.
+    ///
+    /// # Safety
+    /// `ambient` is NULL or what the header says; as [`svbrdf_image::photo`].
+    pub(crate) unsafe fn photo(&self, image: &svbrdf_image) -> Result<Photo, Fault> {
+        // SAFETY: the caller vouches for the planes.
+        let photo = unsafe { image.photo(self.exposure) }?;
+        let focal = (self.focal_35mm > 0.0).then_some(self.focal_35mm);
+        let photo = photo.with_focal_35mm(focal);
+        if self.ambient.is_null() {
+            return Ok(photo);
+        }
+        let exposure = match self.ambient_exposure {
+            0.0 => self.exposure,
+            other => other,
+        };
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        let ambient = unsafe { versioned::read(self.ambient).and_then(|i| i.photo(exposure)) };
+        let ambient = ambient.map_err(|fault| fault.about("ambient"))?;
+        Ok(photo.without_ambient(&ambient)?)
     }
 }

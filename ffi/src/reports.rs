@@ -1,7 +1,10 @@
-//! What callers are told: photos, progress.
+//! What callers are told: photos, where to go next, progress.
+
+use std::ffi::c_char;
+use std::mem::offset_of;
 
 use engine::Rejection;
-use engine::session::{Accepted, Progress};
+use engine::session::{Accepted, Hint, NextView, Progress};
 
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
@@ -53,6 +56,43 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
     }
 }
 
+/// Things to tell about an accepted photo: bits. Some may be added: svbrdf_frame_report.advice has
+/// words for all.
+pub type svbrdf_hints = u32;
+/// Something that this version of the header does not know.
+pub const SVBRDF_HINT_OTHER: svbrdf_hints = 1;
+/// An earlier photo has nearly the same view.
+pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
+/// The board's black or gray does not come out as linear values do: a tone curve is on, or
+/// svbrdf_image.transfer is wrong.
+pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
+
+/// Bytes of svbrdf_frame_report.advice.
+pub const SVBRDF_ADVICE_BYTES: usize = 256;
+
+/// What was measured and the limit it did not keep, see [`svbrdf_frame_report`].
+fn measured(rejection: &Rejection) -> (f32, f32) {
+    match *rejection {
+        Rejection::TooFewCorners { found, needed, .. } => (found as f32, needed as f32),
+        Rejection::PoseUncertain { rms_px } => (rms_px, 0.0),
+        Rejection::Blurred { blur_px, .. } => (blur_px, 0.0),
+        Rejection::TooDark { level } => (level, 0.0),
+        Rejection::Clipped { share } | Rejection::SampleOutside { share } => (share, 0.0),
+        Rejection::TooGrazing { degrees, limit } => (degrees, limit),
+        _ => (0.0, 0.0),
+    }
+}
+
+/// Text with a NUL at its end, as much of it as there is room for.
+fn text(text: &str) -> [c_char; SVBRDF_ADVICE_BYTES] {
+    let end = text.floor_char_boundary(SVBRDF_ADVICE_BYTES - 1);
+    let mut out = [0; SVBRDF_ADVICE_BYTES];
+    for (to, from) in out.iter_mut().zip(text[..end].bytes()) {
+        *to = c_char::from_ne_bytes([from]);
+    }
+    out
+}
+
 /// What became of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -77,6 +117,25 @@ pub struct svbrdf_frame_report {
     pub maps_seconds: f64,
     /// The timestamp that was given with the photo.
     pub timestamp_ns: i64,
+    /// Things to tell about an accepted photo: bits of SVBRDF_HINT_.
+    pub hints: svbrdf_hints,
+    /// For SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0.
+    pub same_view_as: u32,
+    /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+    pub over_white: f32,
+    /// What was measured of a rejected photo. Too few corners: how many were found; pose uncertain:
+    /// reprojection error, px; blurred: width of edges (one sigma), px; too dark: level of white,
+    /// 1 is full scale; clipped: share of pixels; too grazing: degrees off the top; sample outside:
+    /// share of the sample seen; 0 for other reasons.
+    pub measured: f32,
+    /// What it would have had to reach (corners) or to stay below (degrees); otherwise 0.
+    pub limit: f32,
+    /// For a blurred photo: direction of the blur, degrees clockwise from the photo's x axis, 0 to
+    /// 180; negative: soft all round, as out of focus.
+    pub blur_direction_deg: f32,
+    /// What to tell the user, in English, UTF-8: why a photo was rejected, or the hints of an
+    /// accepted one; empty where there is nothing to tell.
+    pub advice: [c_char; SVBRDF_ADVICE_BYTES],
 }
 
 impl Default for svbrdf_frame_report {
@@ -92,10 +151,17 @@ impl Default for svbrdf_frame_report {
             reprojection_rms_px: 0.0,
             maps_seconds: 0.0,
             timestamp_ns: 0,
+            hints: 0,
+            same_view_as: 0,
+            over_white: 0.0,
+            measured: 0.0,
+            limit: 0.0,
+            blur_direction_deg: -1.0,
+            advice: [0; SVBRDF_ADVICE_BYTES],
         }
     }
 }
-versioned!(svbrdf_frame_report, size_of::<svbrdf_frame_report>());
+versioned!(svbrdf_frame_report, offset_of!(svbrdf_frame_report, hints));
 
 impl svbrdf_frame_report {
     pub(crate) fn accepted(accepted: &Accepted, timestamp_ns: i64) -> Self {
@@ -112,11 +178,38 @@ impl svbrdf_frame_report {
             report.rotation = pose.rotation.transpose().to_cols_array();
             report.translation_mm = pose.translation.to_array();
         }
+        for hint in &accepted.hints {
+            report.hints |= match *hint {
+                Hint::NothingNew { index } => {
+                    report.same_view_as = index as u32;
+                    SVBRDF_HINT_NOTHING_NEW
+                }
+                Hint::NotLinear { ratio, .. } => {
+                    report.over_white = ratio;
+                    SVBRDF_HINT_NOT_LINEAR
+                }
+                _ => SVBRDF_HINT_OTHER,
+            };
+        }
+        report.advice = text(&words(&accepted.hints));
         report
     }
 
     pub(crate) fn rejected(rejection: &Rejection, timestamp_ns: i64) -> Self {
-        Self { rejection: rejection_code(rejection), timestamp_ns, ..Self::default() }
+        let (measured, limit) = measured(rejection);
+        let blur_direction_deg = match *rejection {
+            Rejection::Blurred { direction_deg: Some(degrees), .. } => degrees,
+            _ => -1.0,
+        };
+        Self {
+            rejection: rejection_code(rejection),
+            timestamp_ns,
+            measured,
+            limit,
+            blur_direction_deg,
+            advice: text(&rejection.to_string()),
+            ..Self::default()
+        }
     }
 }
 
@@ -131,6 +224,62 @@ pub unsafe extern "C" fn svbrdf_frame_report_init(
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(report, size) })
+}
+
+/// Hints as the user may read them.
+pub(crate) fn words(hints: &[Hint]) -> String {
+    hints.iter().map(Hint::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// Where the next photo tells most: from where highlights reach slopes of the sample that they have
+/// not swept.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_next_view {
+    /// Size of this struct.
+    pub size: usize,
+    /// 1 when the rest is known: a session of a board with a photo.
+    pub known: u32,
+    /// Angle off the top, degrees.
+    pub tilt_deg: f32,
+    /// Side to go to: degrees counter-clockwise from the board's +X, seen from the top.
+    pub azimuth_deg: f32,
+    /// Unit vector from the sample towards the camera, board frame.
+    pub direction: [f32; 3],
+}
+
+impl Default for svbrdf_next_view {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            known: 0,
+            tilt_deg: 0.0,
+            azimuth_deg: 0.0,
+            direction: [0.0; 3],
+        }
+    }
+}
+versioned!(svbrdf_next_view, size_of::<svbrdf_next_view>());
+
+impl svbrdf_next_view {
+    pub(crate) fn new(view: Option<NextView>) -> Self {
+        let Some(view) = view else { return Self::default() };
+        let NextView { direction, tilt_deg, azimuth_deg } = view;
+        Self { known: 1, tilt_deg, azimuth_deg, direction, ..Self::default() }
+    }
+}
+
+/// Fills a view with zeros: pass sizeof(svbrdf_next_view).
+///
+/// # Safety
+/// `view` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_next_view_init(
+    view: *mut svbrdf_next_view,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(view, size) })
 }
 
 /// What a session is doing.
@@ -217,4 +366,62 @@ pub unsafe extern "C" fn svbrdf_progress_init(
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(progress, size) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn advice(report: &svbrdf_frame_report) -> String {
+        let bytes = report.advice.iter().take_while(|c| **c != 0).map(|c| c.to_ne_bytes()[0]);
+        String::from_utf8(bytes.collect()).unwrap()
+    }
+
+    #[test]
+    fn figures_of_rejections_are_told() {
+        let told = |rejection| {
+            let report = svbrdf_frame_report::rejected(&rejection, 7);
+            assert_eq!((advice(&report), report.timestamp_ns), (rejection.to_string(), 7));
+            (report.measured, report.limit, report.blur_direction_deg)
+        };
+        let blurred = |direction_deg| Rejection::Blurred { blur_px: 3.5, direction_deg };
+        assert_eq!(told(blurred(Some(30.0))), (3.5, 0.0, 30.0));
+        assert_eq!(told(blurred(None)), (3.5, 0.0, -1.0));
+        assert_eq!(told(Rejection::TooGrazing { degrees: 71.0, limit: 65.0 }), (71.0, 65.0, -1.0));
+        let corners = Rejection::TooFewCorners { found: 31, expected: 72, needed: 40 };
+        assert_eq!(told(corners), (31.0, 40.0, -1.0));
+        assert_eq!(told(Rejection::SampleOutside { share: 0.5 }), (0.5, 0.0, -1.0));
+        assert_eq!(told(Rejection::BoardNotFound), (0.0, 0.0, -1.0));
+    }
+
+    #[test]
+    fn hints_of_accepted_photos_are_told() {
+        let told = |hints| {
+            let accepted = Accepted {
+                index: 9,
+                pose: None,
+                reprojection_rms_px: None,
+                maps_seconds: 0.1,
+                hints,
+            };
+            svbrdf_frame_report::accepted(&accepted, 0)
+        };
+        let report = told(vec![
+            Hint::NothingNew { index: 4 },
+            Hint::NotLinear { what: "gray", ratio: 0.52 },
+        ]);
+        assert_eq!(report.hints, SVBRDF_HINT_NOTHING_NEW | SVBRDF_HINT_NOT_LINEAR);
+        assert_eq!((report.same_view_as, report.over_white), (4, 0.52));
+        let words = advice(&report);
+        assert!(words.starts_with("photo 5 has") && words.contains("gray is 0.520"), "{words}");
+        let plain = told(Vec::new());
+        assert_eq!((plain.hints, advice(&plain)), (0, String::new()));
+    }
+
+    #[test]
+    fn long_words_are_cut_between_characters() {
+        let long = "\u{e4}".repeat(200);
+        let report = svbrdf_frame_report { advice: text(&long), ..Default::default() };
+        assert_eq!(advice(&report), "\u{e4}".repeat(127));
+    }
 }

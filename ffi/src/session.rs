@@ -17,12 +17,12 @@ use crate::maps::{self, svbrdf_maps};
 use crate::models;
 use crate::notifier::{self, Callbacks};
 use crate::options::{
-    SVBRDF_FLASH_OFF, SVBRDF_LOG_ERROR, SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING, svbrdf_frame_info,
-    svbrdf_session_options,
+    SVBRDF_FLASH_OFF, SVBRDF_LOG_ERROR, SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING, svbrdf_camera,
+    svbrdf_frame_info, svbrdf_session_options,
 };
 use crate::reports::{
     SVBRDF_STATE_CANCELLED, SVBRDF_STATE_FAILED, SVBRDF_STATE_FITTING, SVBRDF_STATE_PAUSED,
-    SVBRDF_STATE_READY, svbrdf_frame_report, svbrdf_progress,
+    SVBRDF_STATE_READY, svbrdf_frame_report, svbrdf_next_view, svbrdf_progress, words,
 };
 use crate::status::{
     Fault, SVBRDF_FAILED, SVBRDF_REJECTED, SVBRDF_TIMEOUT, entry, panic_text, svbrdf_status,
@@ -252,7 +252,7 @@ unsafe fn push(
             Pushed::Rejected(Rejection::LightNotVisible)
         } else {
             // SAFETY: as above.
-            let photo = unsafe { image.photo(info.exposure) }?;
+            let photo = unsafe { info.photo(&image) }?;
             take(&live.session, &photo)?
         };
         // SAFETY: `size` bytes are there.
@@ -277,6 +277,11 @@ pub(crate) unsafe fn tell(
                 let (index, seconds) = (accepted.index, accepted.maps_seconds);
                 format!("photo {timestamp_ns} accepted as number {index} in {seconds:.2} s")
             });
+            if !accepted.hints.is_empty() {
+                live.callbacks.log(SVBRDF_LOG_WARNING, || {
+                    format!("photo {timestamp_ns}: {}", words(&accepted.hints))
+                });
+            }
             (Ok(()), svbrdf_frame_report::accepted(accepted, timestamp_ns))
         }
         Pushed::Rejected(rejection) => {
@@ -350,6 +355,93 @@ pub unsafe extern "C" fn svbrdf_session_light(
             }
             if !ambient_fraction.is_null() {
                 ambient_fraction.write_unaligned(live.session.ambient_fraction());
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Where the next photo tells most. Waits for a push in progress.
+///
+/// # Safety
+/// `view` is NULL or initialised by svbrdf_next_view_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_next_view(
+    session: *const svbrdf_session,
+    view: *mut svbrdf_next_view,
+) -> svbrdf_status {
+    look(session, |live| {
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(view) }?;
+        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let next = svbrdf_next_view::new(live.session.next_view());
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(view, size, next) };
+        Ok(())
+    })
+}
+
+/// The camera as used: given, or estimated from the photos so far; all zeros before the first photo
+/// tells and for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
+/// (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros. Waits for a push in progress.
+///
+/// # Safety
+/// `camera` is NULL or initialised by svbrdf_camera_init(); `sigma` is NULL or has nine writable
+/// numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_camera(
+    session: *const svbrdf_session,
+    camera: *mut svbrdf_camera,
+    sigma: *mut f64,
+) -> svbrdf_status {
+    look(session, |live| {
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(camera) }?;
+        let size = size.ok_or_else(|| Fault::argument("camera: NULL given"))?;
+        let used = live.session.camera().map_or_else(Default::default, svbrdf_camera::new);
+        let spread = live.session.camera_sigma().unwrap_or_default();
+        // SAFETY: `size` bytes are there, and the caller vouches for the nine numbers.
+        unsafe {
+            versioned::write(camera, size, used);
+            if !sigma.is_null() {
+                sigma.cast::<[f64; 9]>().write_unaligned(spread);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Pose of an accepted photo of a board as known now: with a camera that is estimated, later photos
+/// better those of earlier ones. `index` counts the accepted photos from 0. Results as in
+/// svbrdf_frame_report; each may be NULL. Waits for a push in progress.
+///
+/// # Safety
+/// Each result is NULL or writable: nine numbers, three, one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_pose(
+    session: *const svbrdf_session,
+    index: u32,
+    rotation: *mut f64,
+    translation_mm: *mut f64,
+    reprojection_rms_px: *mut f64,
+) -> svbrdf_status {
+    look(session, |live| {
+        let poses = live.session.poses();
+        let board = poses.get(index as usize).ok_or_else(|| {
+            Fault::argument(format!("index: {index} given, poses there are: {}", poses.len()))
+        })?;
+        let rows = board.pose.rotation.transpose().to_cols_array();
+        // SAFETY: the caller vouches for what is not NULL.
+        unsafe {
+            if !rotation.is_null() {
+                rotation.cast::<[f64; 9]>().write_unaligned(rows);
+            }
+            if !translation_mm.is_null() {
+                let translation = board.pose.translation.to_array();
+                translation_mm.cast::<[f64; 3]>().write_unaligned(translation);
+            }
+            if !reprojection_rms_px.is_null() {
+                reprojection_rms_px.write_unaligned(board.reprojection_rms_px);
             }
         }
         Ok(())

@@ -51,6 +51,11 @@ impl Fault {
         Self { status, message: message.into() }
     }
 
+    /// The same, told of a part of the arguments.
+    pub(crate) fn about(self, part: &str) -> Self {
+        Self { message: format!("{part}: {}", self.message), ..self }
+    }
+
     pub(crate) fn argument(message: impl Into<String>) -> Self {
         Self::new(SVBRDF_INVALID_ARGUMENT, message)
     }

@@ -140,7 +140,7 @@ fn the_binding_works_on_the_desktop_jvm() {
     let said =
         [done.stdout, done.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat();
     println!("{said}");
-    assert_eq!(said.matches("done: ").count(), 11, "{said}");
+    assert_eq!(said.matches("done: ").count(), 12, "{said}");
     // What -Xcheck:jni complains about.
     assert!(!said.contains("WARNING in native") && !said.contains("WARNING: JNI"), "{said}");
     assert!(!said.contains("FATAL"), "{said}");
@@ -310,8 +310,15 @@ fn the_default_board_of_the_binding_is_the_librarys() {
     let t = Target::default();
     let hole = &t.hole;
     let expected = format!(
-        "val DEFAULT = Board({}, {}, {}, {}, {}, {}, {})",
-        t.rows, t.cols, t.square_mm, hole.row_start, hole.col_start, hole.row_end, hole.col_end
+        "val DEFAULT = Board({}, {}, {}, {}, {}, {}, {}, patches = {})",
+        t.rows,
+        t.cols,
+        t.square_mm,
+        hole.row_start,
+        hole.col_start,
+        hole.row_end,
+        hole.col_end,
+        t.patches
     );
     let file = example().join("scanner/src/main/kotlin/org/svbrdf/scanner/ScanOptions.kt");
     assert!(fs::read_to_string(file).unwrap().contains(&expected), "{expected}");

@@ -171,7 +171,7 @@ pub fn run(data: &[u8]) {
 }
 
 fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
-    let choice = bytes.u8() % 24;
+    let choice = bytes.u8() % 28;
     // SAFETY: every pointer is NULL or to something alive of the size said.
     let status = unsafe {
         match choice {
@@ -185,16 +185,23 @@ fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
                 world.add(status, session);
                 status
             }
-            2 | 3 => {
+            2 | 3 | 24 => {
                 let session = world.pick(bytes);
                 let image = image(bytes, pixels);
                 let positions = [bytes.f32(), bytes.f32(), bytes.f32()];
                 let mut report = svbrdf_frame_report::default();
-                let info = svbrdf_frame_info {
+                let mut info = svbrdf_frame_info {
                     exposure: bytes.f32(),
                     flash: bytes.u32(),
                     ..Default::default()
                 };
+                let ambient;
+                if choice == 24 {
+                    ambient = self::image(bytes, pixels);
+                    info.ambient = &raw const ambient;
+                    (info.ambient_exposure, info.focal_35mm) = (bytes.f32(), bytes.f32());
+                    report.size = bytes.usize().min(size_of::<svbrdf_frame_report>());
+                }
                 if world.photos >= MAX_PHOTOS {
                     return;
                 }
@@ -291,6 +298,25 @@ fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
                 let status = svbrdf_capture_open(c"/nowhere".as_ptr(), &raw mut capture);
                 world.add(status, capture);
                 status
+            }
+            25 => {
+                let mut view = svbrdf_next_view {
+                    size: bytes.usize().min(size_of::<svbrdf_next_view>()),
+                    ..Default::default()
+                };
+                svbrdf_session_next_view(world.pick(bytes), &raw mut view)
+            }
+            26 => {
+                let mut camera = svbrdf_camera::default();
+                let mut sigma = [0.0; 9];
+                let sigma = if bytes.u8() < 128 { sigma.as_mut_ptr() } else { ptr::null_mut() };
+                svbrdf_session_camera(world.pick(bytes), &raw mut camera, sigma)
+            }
+            27 => {
+                let mut rms = 0.0;
+                let (session, index) = (world.pick(bytes), bytes.u32());
+                let none = ptr::null_mut();
+                svbrdf_session_pose(session, index, none, none, &raw mut rms)
             }
             _ => svbrdf_session_push_capture(
                 world.pick(bytes),

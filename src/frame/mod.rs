@@ -291,7 +291,9 @@ impl Photo {
         }
         let photo =
             Self::from_linear(self.width, self.height, rgb, self.exposure, self.saturation)?;
-        Ok(photo.with_focal_35mm(self.focal_35mm))
+        // Comparing has turned what is not a number into zeros.
+        let finite = self.finite && ambient.finite;
+        Ok(Self { finite, focal_35mm: self.focal_35mm, ..photo })
     }
 
     /// Interleaved linear RGB of every pixel, row by row: a copy four times the size of 8 bits.
@@ -407,6 +409,8 @@ mod tests {
         assert_eq!(less.exposure(), 2.0);
         let other = Photo::from_linear(1, 2, vec![0.1; 6], 1.0, 1.0).unwrap();
         assert!(flash.without_ambient(&other).is_err());
+        let broken = photo([f32::NAN, 0.1, 0.1, 0.1, 0.1, 0.1], 2.0);
+        assert!(less.is_finite() && !flash.without_ambient(&broken).unwrap().is_finite());
     }
 
     #[test]

@@ -3,12 +3,7 @@
 
 #include <math.h>
 
-typedef struct {
-    unsigned char *rgb;
-    unsigned width, height;
-} picture;
-
-static picture read_ppm(const char *folder, const char *name)
+picture read_ppm(const char *folder, const char *name)
 {
     picture p;
     char path[4096];
@@ -59,37 +54,43 @@ static void on_log(void *user, svbrdf_log_level level, const char *message)
     printf("log: %s\n", message);
 }
 
-/* The board and camera of the bundled capture. */
-static svbrdf_session *create(counts *c)
+void board_options(svbrdf_session_options *options, svbrdf_board *board, svbrdf_camera *camera)
 {
     static const double flash[3] = {4.9223925516757925, 7.8090039183605695, 0.0};
+    OK(svbrdf_board_init(board, sizeof *board));
+    CHECK(board->patches == 1); /* the default one has them, this one has not */
+    board->patches = 0;
+    board->rows = 19;
+    board->cols = 14;
+    board->square_mm = 10.0;
+    board->hole_row_start = 3;
+    board->hole_col_start = 2;
+    board->hole_row_end = 16;
+    board->hole_col_end = 12;
+    OK(svbrdf_camera_init(camera, sizeof *camera));
+    camera->width = 2016;
+    camera->height = 1512;
+    camera->fx = 1493.9383274679394;
+    camera->fy = 1492.8832900664995;
+    camera->cx = 1014.8386867404545;
+    camera->cy = 755.2944690154574;
+    camera->distortion[0] = 0.0421587926023828;
+    camera->distortion[1] = -0.042918096580716374;
+    OK(svbrdf_session_options_init(options, sizeof *options));
+    options->sample_mm[0] = options->sample_mm[1] = 88.0f;
+    options->threads = 2;
+    options->board = board;
+    options->camera = camera;
+    options->flash_offset_mm = flash;
+}
+
+static svbrdf_session *create(counts *c)
+{
     svbrdf_session_options options;
     svbrdf_board board;
     svbrdf_camera camera;
     svbrdf_session *session = NULL;
-    OK(svbrdf_board_init(&board, sizeof board));
-    board.rows = 19;
-    board.cols = 14;
-    board.square_mm = 10.0;
-    board.hole_row_start = 3;
-    board.hole_col_start = 2;
-    board.hole_row_end = 16;
-    board.hole_col_end = 12;
-    OK(svbrdf_camera_init(&camera, sizeof camera));
-    camera.width = 2016;
-    camera.height = 1512;
-    camera.fx = 1493.9383274679394;
-    camera.fy = 1492.8832900664995;
-    camera.cx = 1014.8386867404545;
-    camera.cy = 755.2944690154574;
-    camera.distortion[0] = 0.0421587926023828;
-    camera.distortion[1] = -0.042918096580716374;
-    OK(svbrdf_session_options_init(&options, sizeof options));
-    options.sample_mm[0] = options.sample_mm[1] = 88.0f;
-    options.threads = 2;
-    options.board = &board;
-    options.camera = &camera;
-    options.flash_offset_mm = flash;
+    board_options(&options, &board, &camera);
     options.on_progress = on_progress;
     options.on_maps = on_maps;
     options.on_log = on_log;
@@ -98,7 +99,7 @@ static svbrdf_session *create(counts *c)
     return session;
 }
 
-static void rgb8(svbrdf_image *image, const picture *p)
+void rgb8(svbrdf_image *image, const picture *p)
 {
     OK(svbrdf_image_init(image, sizeof *image));
     image->format = SVBRDF_PIXEL_RGB8;
@@ -139,7 +140,8 @@ void test_board(const char *folder)
     EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_REJECTED);
     CHECK(strstr(svbrdf_last_error_message(), "too dark") != NULL);
     CHECK(report.accepted == 0 && report.rejection == SVBRDF_REJECTION_TOO_DARK);
-    CHECK(report.timestamp_ns == 41);
+    CHECK(report.timestamp_ns == 41 && report.measured < 0.01f);
+    CHECK(strcmp(report.advice, svbrdf_last_error_message()) == 0);
     free(black);
     rgb8(&image, &photo);
     info.flash = SVBRDF_FLASH_OFF;
@@ -153,6 +155,7 @@ void test_board(const char *folder)
     free(photo.rgb); /* Nothing of it is kept. */
     CHECK(report.accepted == 1 && report.index == 0 && report.has_pose == 1);
     CHECK(report.rejection == SVBRDF_REJECTION_NONE && report.timestamp_ns == 42);
+    CHECK(report.hints == 0 && report.advice[0] == '\0' && report.measured == 0.0f);
     CHECK(report.reprojection_rms_px > 0.0 && report.reprojection_rms_px < 1.0);
     CHECK(report.translation_mm[2] > 50.0 && report.translation_mm[2] < 1000.0);
     /* Row 2 of the rotation is the camera's axis in the board frame: it looks down. */

@@ -40,6 +40,18 @@ void rectified_options(svbrdf_session_options *options);
 /* Pushes a gray rectified photo. */
 svbrdf_status push_gray(svbrdf_session *session, int level);
 
+typedef struct {
+    unsigned char *rgb;
+    unsigned width, height;
+} picture;
+
+/* A photo of the bundled capture, to be freed. */
+picture read_ppm(const char *folder, const char *name);
+/* It as 8-bit sRGB. */
+void rgb8(svbrdf_image *image, const picture *p);
+/* Options with board, camera and flash of the bundled capture. */
+void board_options(svbrdf_session_options *options, svbrdf_board *board, svbrdf_camera *camera);
+
 void test_board(const char *folder);
 void test_layouts(const char *folder);
 void test_maps(const char *folder);
@@ -49,5 +61,7 @@ void test_threads(const char *folder);
 void test_state(const char *folder);
 void test_capture(const char *folder);
 void test_faults(const char *folder);
+void test_feedback(const char *folder);
+void test_races(const char *folder);
 
 #endif

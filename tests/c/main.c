@@ -48,7 +48,8 @@ int main(int argc, char **argv)
         {"maps", test_maps},           {"bad-arguments", test_bad_arguments},
         {"lifecycle", test_lifecycle}, {"threads", test_threads},
         {"state", test_state},         {"capture", test_capture},
-        {"faults", test_faults},
+        {"faults", test_faults},       {"feedback", test_feedback},
+        {"races", test_races},
     };
     size_t i;
     CHECK(argc == 3);

@@ -75,6 +75,7 @@ void board(const std::string& folder) {
     board.hole_col_start = 2;
     board.hole_row_end = 16;
     board.hole_col_end = 12;
+    board.patches = 0;
     auto camera = svbrdf::make(svbrdf_camera_init);
     camera.width = 2016;
     camera.height = 1512;
@@ -104,13 +105,27 @@ void board(const std::string& folder) {
         ++logged;
     };
     svbrdf::Session session(options, callbacks);
-    CHECK(!session.snapshot());
+    CHECK(!session.snapshot() && !session.next_view());
     session.pause();
+    std::optional<Picture> first;
     for (const char* name : {"/00.ppm", "/01.ppm"}) {
         const Picture photo = read_ppm(folder + name);
         const auto pushed = session.push(photo.view());
         CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
+        CHECK(!pushed.has(SVBRDF_HINT_NOTHING_NEW));
+        first = first ? first : photo;
     }
+    const auto next = session.next_view();
+    CHECK(next && next->direction[2] > 0.5f && next->tilt_deg < 60.0f);
+    CHECK(session.camera() && std::abs(session.camera()->fx - camera.fx) < 1e-9);
+    CHECK(session.pose(1).translation_mm[2] > 50.0 && session.pose(1).reprojection_rms_px < 1.0);
+    CHECK(thrown([&] { session.pose(2); }) == SVBRDF_INVALID_ARGUMENT);
+    // All of its light was there without the flash: no board is left.
+    const auto without = first->view();
+    auto info = svbrdf::make(svbrdf_frame_info_init);
+    info.ambient = &without;
+    const auto nothing_left = session.push(first->view(), &info);
+    CHECK(!nothing_left && nothing_left.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     Picture black = gray();
     const auto refused = session.push(black.view());
     CHECK(!refused && refused.rejection == SVBRDF_REJECTION_WRONG_SIZE);
@@ -215,7 +230,10 @@ void capture(const std::string& folder) {
     svbrdf::Session session(capture, svbrdf::make(svbrdf_session_options_init));
     session.pause();
     CHECK(session.push(capture, 0));
-    CHECK(session.snapshot());
+    const auto again = session.push(capture, 0);
+    CHECK(again && again.has(SVBRDF_HINT_NOTHING_NEW) && again.report.same_view_as == 0);
+    CHECK(again.advice.find("photo 1 has") == 0);
+    CHECK(session.snapshot() && session.next_view());
     CHECK(thrown([&] { session.push(capture, 99); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(thrown([] { svbrdf::Capture none("/nowhere"); }) == SVBRDF_IO);
 }
@@ -229,6 +247,7 @@ void bad_arguments(const std::string&) {
     auto image = gray().view();
     image.planes[0].data = nullptr;
     CHECK(thrown([&] { session.push_rectified(image, above, above); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(!session.next_view() && !session.camera());
     CHECK(thrown([&] { session.export_to("/nowhere"); }) == SVBRDF_NO_MAPS);
     svbrdf::Session other = std::move(session);
     CHECK(thrown([&] { session.pause(); }) == SVBRDF_INVALID_HANDLE);

@@ -70,6 +70,14 @@ fn a_photo_in_every_layout_gives_the_same_pose() {
 }
 
 #[test]
+fn photos_are_told_about() {
+    let dir = workplace();
+    write_photos(dir.path(), 2);
+    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    run(&mut client(&program, "feedback", dir.path()));
+}
+
+#[test]
 fn a_cpp_client_streams_a_capture() {
     if !has("g++") {
         return;
@@ -86,7 +94,11 @@ fn sanitizers_find_nothing() {
     let dir = workplace();
     let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
     for (compiler, language, tests) in [
-        ("gcc", "c", &["bad-arguments", "maps", "lifecycle", "threads", "state", "capture"][..]),
+        (
+            "gcc",
+            "c",
+            &["bad-arguments", "maps", "lifecycle", "threads", "races", "state", "capture"][..],
+        ),
         ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
     ] {
         let program = compile(dir.path(), compiler, language, &flags);

@@ -66,9 +66,55 @@ fn the_cmake_example_builds_and_streams_a_capture() {
     println!("{}", text.replace('\r', "\n"));
     assert!(text.contains("photo 2 cannot be used: too dark"));
     assert!(text.contains("2 photos, maps in"));
+    assert!(text.contains("degrees off the top"), "where to go next");
     assert!(out.join("normal.png").is_file() && !out.join("session.state").exists());
     let wrong = Command::new(build.join("svbrdf-stream")).arg("/nowhere").arg(&out).output();
     assert_eq!(wrong.unwrap().status.code(), Some(1));
+}
+
+/// Code blocks of a language in `docs/embedding.md`.
+fn examples(language: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(root().join("docs/embedding.md")).unwrap();
+    let opening = format!("```{language}\n");
+    let blocks = text.split(&opening).skip(1);
+    blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn the_examples_of_the_documentation_compile() {
+    let dir = tempfile::tempdir().unwrap();
+    let check = |compiler: &str, flags: &[&str], name: &str, source: String| {
+        if !has(compiler) {
+            return;
+        }
+        let path = dir.path().join(name);
+        std::fs::write(&path, source).unwrap();
+        run(Command::new(compiler)
+            .args(["-fsyntax-only", "-Wall", "-Wextra", "-Werror"])
+            .args(flags)
+            .arg("-I")
+            .arg(root().join("include"))
+            .arg(path));
+    };
+    let fragment = "#include \"svbrdf.h\"\nvoid example(svbrdf_session_options options, \
+                    svbrdf_session *session, svbrdf_status *s)\n{\nsvbrdf_status status = 0;\n";
+    let mut whole = 0;
+    for (i, block) in examples("c").into_iter().enumerate() {
+        let source = if block.starts_with("#include") {
+            whole += 1;
+            block
+        } else {
+            format!("{fragment}{block}\n(void)options; *s = status;\n}}\n")
+        };
+        check("gcc", &["-std=c99"], &format!("{i}.c"), source);
+    }
+    for (i, block) in examples("cpp").into_iter().enumerate() {
+        whole += 1;
+        let photo = "#include <cstdint>\nstruct Photo { const std::uint8_t* data; \
+                     std::uint32_t width, height; };\n";
+        check("g++", &["-std=c++17"], &format!("{i}.cpp"), format!("{photo}{block}"));
+    }
+    assert!(whole >= 2);
 }
 
 #[test]

@@ -19,8 +19,9 @@ static jmethodID failure, on_progress, on_maps, on_log;
 static pthread_key_t attached;
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 18, PROGRESS = 8 };
-enum { OPTION_INTS = 6, OPTION_FLOATS = 5, BOARD = 12, CAMERA = 11 };
+enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROGRESS = 8 };
+enum { OPTION_INTS = 6, OPTION_FLOATS = 5, BOARD = 13, CAMERA = 11, SIGMA = 9 };
+enum { VIEW = 6, POSE = 13 };
 
 static jbyteArray to_bytes(JNIEnv *env, const char *text)
 {
@@ -250,6 +251,7 @@ static int read_board(JNIEnv *env, jdoubleArray array, svbrdf_board *board)
     board->white_albedo = v[9];
     board->black_albedo = v[10];
     board->marker_mm = v[11];
+    board->patches = whole(v[12]);
     return 0;
 }
 
@@ -397,14 +399,17 @@ static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     return 0;
 }
 
-/* NULL: accepted; otherwise the sentence for the user. */
+/* What to tell the user; empty where there is nothing to tell. */
 static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
-                               jfloatArray camera_mm, jfloatArray light_mm, jdoubleArray out)
+                               jfloatArray camera_mm, jfloatArray light_mm, jintArray dark_ints,
+                               jobjectArray dark_planes, jlongArray dark_layout,
+                               jfloatArray dark_levels, jfloat dark_exposure, jfloat focal_35mm,
+                               jdoubleArray out)
 {
     svbrdf_session *session = HANDLE(svbrdf_session, handle);
-    svbrdf_image image;
+    svbrdf_image image, dark;
     svbrdf_frame_info info;
     svbrdf_frame_report report;
     svbrdf_status status;
@@ -419,6 +424,14 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     info.exposure = exposure;
     info.flash = (svbrdf_flash)flash;
     info.timestamp_ns = timestamp;
+    info.focal_35mm = focal_35mm;
+    if (dark_ints != NULL) {
+        if (read_image(env, dark_ints, dark_planes, dark_layout, dark_levels, &dark)) {
+            return NULL;
+        }
+        info.ambient = &dark;
+        info.ambient_exposure = dark_exposure;
+    }
     svbrdf_frame_report_init(&report, sizeof report);
     if (camera_mm != NULL || light_mm != NULL) {
         if (read_floats(env, camera_mm, 3, camera) || read_floats(env, light_mm, 3, light)) {
@@ -440,11 +453,14 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     memcpy(values + 13, report.translation_mm, sizeof report.translation_mm);
     values[16] = report.reprojection_rms_px;
     values[17] = report.maps_seconds;
+    values[18] = report.hints;
+    values[19] = report.same_view_as;
+    values[20] = (jdouble)report.over_white;
+    values[21] = (jdouble)report.measured;
+    values[22] = (jdouble)report.limit;
+    values[23] = (jdouble)report.blur_direction_deg;
     (*env)->SetDoubleArrayRegion(env, out, 0, REPORT, values);
-    if ((*env)->ExceptionCheck(env)) {
-        return NULL;
-    }
-    return status == SVBRDF_OK ? NULL : to_bytes(env, svbrdf_last_error_message());
+    return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
 }
 
 static jboolean session_wait(JNIEnv *env, jclass class, jobject owner, jlong handle, jlong limit)
@@ -479,6 +495,55 @@ static void session_light(JNIEnv *env, jclass class, jobject owner, jlong handle
     if (!raise(env, svbrdf_session_light(HANDLE(svbrdf_session, handle), values, &ambient))) {
         values[3] = (jdouble)ambient;
         (*env)->SetDoubleArrayRegion(env, out, 0, 4, values);
+    }
+}
+
+static void session_next_view(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                              jdoubleArray out)
+{
+    svbrdf_next_view view;
+    jdouble values[VIEW];
+    int i;
+    (void)class, (void)owner;
+    svbrdf_next_view_init(&view, sizeof view);
+    if (!raise(env, svbrdf_session_next_view(HANDLE(svbrdf_session, handle), &view))) {
+        values[0] = view.known;
+        values[1] = (jdouble)view.tilt_deg;
+        values[2] = (jdouble)view.azimuth_deg;
+        for (i = 0; i < 3; ++i) {
+            values[3 + i] = (jdouble)view.direction[i];
+        }
+        (*env)->SetDoubleArrayRegion(env, out, 0, VIEW, values);
+    }
+}
+
+static void session_camera(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                           jdoubleArray out)
+{
+    svbrdf_camera camera;
+    jdouble v[CAMERA + SIGMA];
+    (void)class, (void)owner;
+    svbrdf_camera_init(&camera, sizeof camera);
+    if (!raise(env, svbrdf_session_camera(HANDLE(svbrdf_session, handle), &camera, v + CAMERA))) {
+        v[0] = camera.width;
+        v[1] = camera.height;
+        v[2] = camera.fx;
+        v[3] = camera.fy;
+        v[4] = camera.cx;
+        v[5] = camera.cy;
+        memcpy(v + 6, camera.distortion, sizeof camera.distortion);
+        (*env)->SetDoubleArrayRegion(env, out, 0, CAMERA + SIGMA, v);
+    }
+}
+
+static void session_pose(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
+                         jdoubleArray out)
+{
+    jdouble v[POSE];
+    (void)class, (void)owner;
+    if (!raise(env, svbrdf_session_pose(HANDLE(svbrdf_session, handle), (uint32_t)index, v, v + 9,
+                                        v + 12))) {
+        (*env)->SetDoubleArrayRegion(env, out, 0, POSE, v);
     }
 }
 
@@ -624,10 +689,14 @@ static const JNINativeMethod methods[] = {
     METHOD("features", "()J", features),
     METHOD("sessionCreate", "([IJ[F[D[B[D[DJ[B" OWNER "JJ)J", session_create),
     METHOD("sessionDestroy", "(J)V", session_destroy),
-    METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[D)[B", session_push),
+    METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
+           session_push),
     METHOD("sessionWait", "(" OWNER "JJ)Z", session_wait),
     METHOD("sessionProgress", "(" OWNER "J[D)V", session_progress),
     METHOD("sessionLight", "(" OWNER "J[D)V", session_light),
+    METHOD("sessionNextView", "(" OWNER "J[D)V", session_next_view),
+    METHOD("sessionCamera", "(" OWNER "J[D)V", session_camera),
+    METHOD("sessionPose", "(" OWNER "JI[D)V", session_pose),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),

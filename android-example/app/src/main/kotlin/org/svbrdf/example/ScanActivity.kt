@@ -20,9 +20,11 @@ import java.util.concurrent.Executors
 import java.util.concurrent.RejectedExecutionException
 import java.util.zip.ZipEntry
 import java.util.zip.ZipOutputStream
+import kotlin.math.roundToInt
 import org.svbrdf.scanner.Board
 import org.svbrdf.scanner.Flash
 import org.svbrdf.scanner.Gltf
+import org.svbrdf.scanner.Hint
 import org.svbrdf.scanner.LogLevel
 import org.svbrdf.scanner.MaterialMaps
 import org.svbrdf.scanner.MaterialScanner
@@ -325,7 +327,8 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
             is Pushed.Accepted -> {
                 runOnUiThread { overlay.show(pushed.pose, intrinsics, shot.camera.orientation) }
                 val degrees = Math.toDegrees(pushed.pose?.angle ?: 0.0).toInt()
-                getString(R.string.accepted, pushed.index + 1, degrees, next(pushed.index + 1)) to true
+                val more = (words(pushed) + next(session)).joinToString(" ")
+                getString(R.string.accepted, pushed.index + 1, degrees, more) to true
             }
             is Pushed.Rejected -> {
                 runOnUiThread { overlay.show(null, null, 0) }
@@ -337,19 +340,35 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         }
     }
 
-    private fun next(photos: Int): String = getString(
-        when {
-            photos == 1 -> R.string.next_side
-            photos < 5 -> R.string.next_round
-            else -> R.string.enough
-        },
-    )
+    /** From where the highlight reaches what it has not swept. */
+    private fun next(session: MaterialScanner): List<String> {
+        val view = session.nextView ?: return emptyList()
+        val side = resources.getStringArray(R.array.sides)[(view.azimuthDeg / 45).roundToInt() % 8]
+        val there = when (view.tiltDeg) {
+            0f -> getString(R.string.next_top)
+            else -> getString(R.string.next_side, view.tiltDeg.roundToInt(), side)
+        }
+        val enough = if (session.progress.photos < ENOUGH) "" else getString(R.string.enough)
+        return listOf(enough, there).filter { it.isNotEmpty() }
+    }
+
+    /** What an accepted photo could do better. */
+    private fun words(accepted: Pushed.Accepted): List<String> = accepted.hints.map { hint ->
+        when (hint) {
+            Hint.NOTHING_NEW ->
+                getString(R.string.hint_nothing_new, (accepted.sameViewAs ?: 0) + 1)
+            Hint.NOT_LINEAR -> getString(R.string.hint_not_linear)
+            Hint.OTHER -> accepted.advice
+        }
+    }
 
     /** Words for the reasons that a user can do something about; the library's own for the rest. */
     private fun words(rejected: Pushed.Rejected): String = when (rejected.reason) {
         Rejection.BOARD_NOT_FOUND, Rejection.TOO_FEW_CORNERS -> getString(R.string.advice_board)
         Rejection.POSE_UNCERTAIN -> getString(R.string.advice_pose)
-        Rejection.BLURRED -> getString(R.string.advice_blurred)
+        Rejection.BLURRED -> getString(
+            if (rejected.blurDirectionDeg == null) R.string.advice_blurred else R.string.advice_moved,
+        )
         Rejection.TOO_DARK -> getString(R.string.advice_dark)
         Rejection.CLIPPED -> getString(R.string.advice_clipped)
         Rejection.TOO_GRAZING -> getString(R.string.advice_grazing)
@@ -444,7 +463,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         uris.drop(1).forEach { clip.addItem(ClipData.Item(it)) }
         intent.clipData = clip
         startActivity(Intent.createChooser(intent, getString(R.string.share)))
-        feedback.text = next(photos)
+        feedback.setText(if (photos < ENOUGH) R.string.next_round else R.string.enough)
     }
 
     private companion object {
@@ -459,5 +478,8 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         /** Raw values are the most faithful, and slow: a dozen megapixels. */
         const val RAW = false
         const val PREVIEW_TEXELS = 256
+
+        /** Photos that make good maps. */
+        const val ENOUGH = 5
     }
 }

@@ -117,6 +117,25 @@ enum class Rejection(internal val code: Int) {
     }
 }
 
+/** Something to tell about a photo that was accepted; [Pushed.Accepted.advice] has the words. */
+enum class Hint(internal val code: Int) {
+    /** Something that a newer library may tell. */
+    OTHER(1),
+
+    /** An earlier photo has nearly the same view: [Pushed.Accepted.sameViewAs]. */
+    NOTHING_NEW(2),
+
+    /** The board's grays are not those of a linear photo: a tone curve is on. */
+    NOT_LINEAR(4);
+
+    internal companion object {
+        fun of(bits: Int): Set<Hint> {
+            val known = entries.filter { bits and it.code != 0 }.toSet()
+            return if (bits and 7.inv() != 0) known + OTHER else known
+        }
+    }
+}
+
 /** What kind of fault a [ScannerException] is. */
 enum class Fault(internal val code: Int) {
     /** The scanner was cancelled or closed meanwhile. */

@@ -107,6 +107,32 @@ class MaterialScanner private constructor(
             return Light(values.copyOf(3), values[3].toFloat())
         }
 
+    /** Where the next photo tells most; null before the first one and for photos from the top. */
+    val nextView: NextView?
+        get() {
+            val v = DoubleArray(NextView.SIZE)
+            Native.sessionNextView(this, handle.now, v)
+            return NextView.of(v)
+        }
+
+    /** The camera as used; null before a photo tells, and for photos from the top. */
+    val camera: UsedCamera?
+        get() {
+            val v = DoubleArray(UsedCamera.SIZE)
+            Native.sessionCamera(this, handle.now, v)
+            return UsedCamera.of(v)
+        }
+
+    /**
+     * Where the board lay in an accepted photo, as known now: with an estimated camera later photos
+     * better the poses of earlier ones.
+     */
+    fun pose(index: Int): Pose {
+        val v = DoubleArray(13)
+        Native.sessionPose(this, handle.now, index, v)
+        return Pose(v.copyOf(9), v.copyOfRange(9, 12))
+    }
+
     /** The maps as they are now; null before the first accepted photo. */
     fun snapshot(): MaterialMaps? {
         val maps = Native.sessionSnapshot(this, handle.now)

@@ -27,11 +27,16 @@ internal object Native {
     @JvmStatic external fun sessionPush(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, cameraMm: FloatArray?,
-        lightMm: FloatArray?, report: DoubleArray,
-    ): ByteArray?
+        lightMm: FloatArray?, darkInts: IntArray?, darkPlanes: Array<ByteBuffer>?,
+        darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
+        report: DoubleArray,
+    ): ByteArray
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
     @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionLight(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionNextView(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionCamera(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionPose(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)
     @JvmStatic external fun sessionResume(owner: Any, handle: Long)

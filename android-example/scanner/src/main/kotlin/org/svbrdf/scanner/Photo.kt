@@ -52,6 +52,26 @@ class Photo @JvmOverloads constructor(
         cameraMm: FloatArray?,
         lightMm: FloatArray?,
     ): Pushed {
+        val photo = numbers()
+        val dark = info.ambient?.numbers()
+        val report = DoubleArray(Pushed.SIZE)
+        val advice = Native.sessionPush(
+            scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels, info.exposure,
+            info.flash.code, info.timestampNs, cameraMm, lightMm, dark?.ints, dark?.buffers,
+            dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, report,
+        )
+        return Pushed.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
+    }
+
+    /** What crosses to the library. */
+    private class Numbers(
+        val ints: IntArray,
+        val buffers: Array<ByteBuffer>,
+        val layout: LongArray,
+        val levels: FloatArray,
+    )
+
+    private fun numbers(): Numbers {
         require(planes.size in 1..3) { "Photo.planes: one or three planes expected" }
         val ints = intArrayOf(
             format.code, width, height, transfer.code, rotation, yuvMatrix.code,
@@ -66,12 +86,7 @@ class Photo @JvmOverloads constructor(
             layout[4 * i + 2] = plane.rowStride.toLong()
             layout[4 * i + 3] = plane.pixelStride.toLong()
         }
-        val report = DoubleArray(Pushed.SIZE)
-        val advice = Native.sessionPush(
-            scanner, handle, ints, buffers, layout, levels(), info.exposure, info.flash.code,
-            info.timestampNs, cameraMm, lightMm, report,
-        )
-        return Pushed.of(report, advice, info.timestampNs)
+        return Numbers(ints, buffers, layout, levels())
     }
 
     private fun levels(): FloatArray {
@@ -132,4 +147,12 @@ data class PhotoInfo @JvmOverloads constructor(
     val flash: Flash = Flash.UNKNOWN,
     /** Handed back with the result. */
     val timestampNs: Long = 0,
+    /**
+     * The same view without flash, which is subtracted in linear light: same size, camera unmoved.
+     */
+    val ambient: Photo? = null,
+    /** Its exposure on the scale of [exposure]; 0: the photo's. */
+    val ambientExposure: Float = 0f,
+    /** Focal length as for 35 mm film, mm, for a camera that is estimated; 0: not known. */
+    val focal35mm: Float = 0f,
 )

@@ -18,6 +18,14 @@ sealed class Pushed {
         /** Seconds from the call to maps being available. */
         val mapsSeconds: Double,
         override val timestampNs: Long,
+        /** What the user may want to know about it. */
+        val hints: Set<Hint> = emptySet(),
+        /** The hints as English sentences; empty without any. */
+        val advice: String = "",
+        /** For [Hint.NOTHING_NEW]: index of the photo with nearly the same view. */
+        val sameViewAs: Int? = null,
+        /** For [Hint.NOT_LINEAR]: value of the board's black or gray over that of its white. */
+        val overWhite: Float? = null,
     ) : Pushed()
 
     /** The photo cannot be used; nothing has changed. */
@@ -26,21 +34,78 @@ sealed class Pushed {
         /** Why, and what helps: an English sentence with the photo's own figures. */
         val advice: String,
         override val timestampNs: Long,
+        /**
+         * What was measured: corners found, error or blur in px, level of white, share clipped or
+         * seen, degrees off the top; 0 for other reasons. See `svbrdf_frame_report` in svbrdf.h.
+         */
+        val measured: Float = 0f,
+        /** For corners and degrees: what was needed, or still useful; otherwise 0. */
+        val limit: Float = 0f,
+        /**
+         * For [Rejection.BLURRED]: direction of the blur, degrees clockwise from the photo's x axis;
+         * null: soft all round, as out of focus.
+         */
+        val blurDirectionDeg: Float? = null,
     ) : Pushed()
 
     internal companion object {
-        const val SIZE = 18
+        const val SIZE = 24
 
-        fun of(report: DoubleArray, advice: ByteArray?, timestampNs: Long): Pushed {
-            if (advice != null) {
-                val reason = Rejection.of(report[1].toInt())
-                return Rejected(reason, String(advice, Charsets.UTF_8), timestampNs)
+        fun of(report: DoubleArray, advice: String, timestampNs: Long): Pushed {
+            if (report[0] != 1.0) {
+                val direction = report[23].toFloat().takeIf { it >= 0f }
+                return Rejected(
+                    Rejection.of(report[1].toInt()), advice, timestampNs, report[21].toFloat(),
+                    report[22].toFloat(), direction,
+                )
             }
             val pose = when (report[3]) {
                 1.0 -> Pose(report.copyOfRange(4, 13), report.copyOfRange(13, 16))
                 else -> null
             }
-            return Accepted(report[2].toInt(), pose, report[16], report[17], timestampNs)
+            val hints = Hint.of(report[18].toInt())
+            return Accepted(
+                report[2].toInt(), pose, report[16], report[17], timestampNs, hints, advice,
+                report[19].toInt().takeIf { Hint.NOTHING_NEW in hints },
+                report[20].toFloat().takeIf { Hint.NOT_LINEAR in hints },
+            )
+        }
+    }
+}
+
+/** Where the next photo tells most: from there the highlight reaches what it has not swept. */
+data class NextView(
+    /** Angle off the top, degrees. */
+    val tiltDeg: Float,
+    /** Side to go to: degrees counter-clockwise from the board's right, seen from the top. */
+    val azimuthDeg: Float,
+    /** Unit vector from the sample towards the camera, board frame. */
+    val direction: List<Float>,
+) {
+    internal companion object {
+        const val SIZE = 6
+
+        fun of(v: DoubleArray): NextView? {
+            if (v[0] != 1.0) {
+                return null
+            }
+            return NextView(v[1].toFloat(), v[2].toFloat(), List(3) { v[3 + it].toFloat() })
+        }
+    }
+}
+
+/** The camera as used, given or estimated. */
+class UsedCamera internal constructor(
+    val camera: Camera,
+    /** Standard deviations of fx, fy, cx, cy (px), k1, k2, p1, p2, k3; null: it was given. */
+    val sigma: DoubleArray?,
+) {
+    internal companion object {
+        const val SIZE = 20
+
+        fun of(v: DoubleArray): UsedCamera? {
+            val sigma = v.copyOfRange(11, 20).takeIf { values -> values.any { it != 0.0 } }
+            return if (v[0] == 0.0) null else UsedCamera(Camera.of(v), sigma)
         }
     }
 }

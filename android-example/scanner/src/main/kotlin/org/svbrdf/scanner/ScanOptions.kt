@@ -76,17 +76,19 @@ data class Board @JvmOverloads constructor(
     val dictionary: String? = null,
     /** Side of a marker, mm. */
     val markerMm: Double = 0.0,
+    /** Whether gray patches are printed below the ring as `svbrdf board` does. */
+    val patches: Boolean = false,
 ) {
     internal fun numbers() = doubleArrayOf(
         if (dictionary == null) 1.0 else 2.0, rows.toDouble(), cols.toDouble(),
         holeRowStart.toDouble(), holeColStart.toDouble(), holeRowEnd.toDouble(),
         holeColEnd.toDouble(), if (topLeftWhite) 1.0 else 0.0, squareMm, whiteAlbedo, blackAlbedo,
-        markerMm,
+        markerMm, if (patches) 1.0 else 0.0,
     )
 
     companion object {
         /** The board that `svbrdf board` prints on A4; its hole is 115 x 126.5 mm. */
-        @JvmField val DEFAULT = Board(17, 16, 11.5, 3, 3, 14, 13)
+        @JvmField val DEFAULT = Board(17, 16, 11.5, 3, 3, 14, 13, patches = true)
     }
 }
 
@@ -107,6 +109,12 @@ data class Camera @JvmOverloads constructor(
     internal fun numbers() = doubleArrayOf(
         width.toDouble(), height.toDouble(), fx, fy, cx, cy, k1, k2, p1, p2, k3,
     )
+
+    internal companion object {
+        fun of(v: DoubleArray) = Camera(
+            v[0].toInt(), v[1].toInt(), v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10],
+        )
+    }
 }
 
 /** Light of photos from the top. [power]: three numbers, see `SVBRDF_FALLOFF_` in svbrdf.h. */
