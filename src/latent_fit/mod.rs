@@ -33,10 +33,14 @@ pub use saved::{SavedFit, SavedLevel, SavedStage};
 /// Texels a side up to which the first level goes.
 pub(crate) const COARSEST_TEXELS: usize = 256;
 
+/// Photographs that add their steps, at most.
+const MOST_FRESH: usize = 8;
+
 /// Options of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
-    /// Steps of the coarsest level after each photograph.
+    /// Steps of the coarsest level after each photograph. Of photographs that come before the fit
+    /// has settled, up to eight add their steps.
     pub steps: usize,
     /// Steps of each finer level after each photograph.
     pub fine_steps: usize,
@@ -97,6 +101,8 @@ pub struct LatentFit {
     current: usize,
     /// Steps done at the current level since the latest photograph.
     done: usize,
+    /// Photographs since the fit had settled.
+    fresh: usize,
     loss: f64,
     /// Halvings from the observations' size to the coarsest level.
     halvings: usize,
@@ -147,8 +153,16 @@ impl LatentFit {
             .map(|_| Stage { observations: Vec::new(), level: None, carried: None })
             .collect();
         stages[0].level = Some(level);
-        let mut fit =
-            Self { networks, options, stages, current: 0, done: 0, loss: f64::NAN, halvings };
+        let mut fit = Self {
+            networks,
+            options,
+            stages,
+            current: 0,
+            done: 0,
+            fresh: 0,
+            loss: f64::NAN,
+            halvings,
+        };
         fit.add_observation(observation)?;
         Ok(fit)
     }
@@ -167,6 +181,7 @@ impl LatentFit {
             ));
         }
         self.settle_current()?;
+        self.fresh = if self.is_settled() { 1 } else { self.fresh + 1 };
         let mut small = None;
         for stage in (0..=self.halvings).rev() {
             if stage < self.halvings {
@@ -187,6 +202,9 @@ impl LatentFit {
     /// # Errors
     /// When a size is not that of the first.
     pub fn set_observations(&mut self, observations: &[Observation]) -> Result<()> {
+        let count = |stages: &[Stage]| stages[0].observations.len();
+        let new = observations.len().saturating_sub(count(&self.stages));
+        let fresh = new + if self.is_settled() { 0 } else { self.fresh };
         let old: Vec<_> =
             self.stages.iter_mut().map(|s| std::mem::take(&mut s.observations)).collect();
         for observation in observations {
@@ -197,6 +215,7 @@ impl LatentFit {
                 return Err(error);
             }
         }
+        self.fresh = fresh;
         Ok(())
     }
 
@@ -319,7 +338,8 @@ impl LatentFit {
     }
 
     fn steps(&self, stage: usize) -> usize {
-        if stage == 0 { self.options.steps } else { self.options.fine_steps }
+        let fresh = self.fresh.clamp(1, MOST_FRESH);
+        if stage == 0 { fresh * self.options.steps } else { self.options.fine_steps }
     }
 
     fn report(&self) -> StepReport {

@@ -111,11 +111,12 @@ impl LatentFit {
             };
             made.push(Stage { observations: Vec::new(), level, carried: stage.carried });
         }
-        let mut fit = Self { networks, options, stages: made, current: 0, done: 0, loss, halvings };
+        let mut fit =
+            Self { networks, options, stages: made, current: 0, done: 0, fresh: 0, loss, halvings };
         for observation in observations {
             fit.add_observation(observation)?;
         }
-        (fit.current, fit.done) = (current, done);
+        (fit.current, fit.done, fit.fresh) = (current, done, 1);
         Ok(fit)
     }
 }

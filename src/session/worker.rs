@@ -311,6 +311,7 @@ impl Worker<'_> {
                 Command::Wake => {}
             }
         }
-        !self.shared.cancelled.load(Ordering::Relaxed)
+        // A new photograph makes the rest of the step idle work.
+        self.pending.is_empty() && !self.shared.cancelled.load(Ordering::Relaxed)
     }
 }
