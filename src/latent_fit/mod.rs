@@ -288,7 +288,8 @@ impl LatentFit {
             let options = &self.options;
             let rate =
                 if self.current == 0 { options.learning_rate } else { options.fine_learning_rate };
-            let progress = self.done as f32 / steps as f32;
+            // A restored fit may have done more than what one photograph asks for.
+            let progress = (self.done as f32 / steps as f32).min(1.0);
             let rate = rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
             let stage = &mut self.stages[self.current];
             if let Some(level) = &mut stage.level {

@@ -185,3 +185,26 @@ fn resolutions_far_above_the_finest_fitted_are_interpolated() {
     assert_eq!(fit.coarse_maps().width(), 256);
     assert!(maps.planes().iter().all(|v| v.is_finite()));
 }
+
+#[test]
+fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
+    let networks = networks();
+    let truth = material(32);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let start = networks.photo_maps(&top).unwrap();
+    let options = FitOptions { steps: 3, global_correction: false, ..FitOptions::default() };
+    let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
+    let steps_to_settle = |fit: &mut LatentFit| {
+        let mut steps = 1;
+        while !fit.step().unwrap().settled {
+            steps += 1;
+        }
+        steps
+    };
+    fit.add_observation(&side).unwrap();
+    assert_eq!(steps_to_settle(&mut fit), 6, "two came at once");
+    fit.add_observation(&side).unwrap();
+    assert_eq!(steps_to_settle(&mut fit), 3, "one alone");
+    fit.set_observations(&[top, side.clone(), side]).unwrap();
+    assert_eq!(steps_to_settle(&mut fit), 3, "known ones again: as one");
+}

@@ -19,7 +19,7 @@ use crate::session::intake::Intake;
 const INTAKE: &Tag = b"INTK";
 /// One for each photograph of a board.
 const FRAME: &Tag = b"FRAM";
-/// Since 1.1; without it the sheet is as planned.
+/// Without it the sheet is as planned.
 const PAPER: &Tag = b"PAPR";
 
 pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
