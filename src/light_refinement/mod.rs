@@ -6,9 +6,14 @@
 //! the ambient light is one number, a share of the flash's irradiance.
 //!
 //! Maps would slowly follow wrong lights if each were fitted in turn. So a grid of texels is fitted
-//! together with the lights, as in bundle adjustment: Gauss-Newton on the posterior of
+//! together with the lights, as in bundle adjustment: Levenberg-Marquardt on the posterior of
 //! [`crate::refinement`] by reweighted least squares, each texel's nine unknowns eliminated (Schur
 //! complement). The maps themselves stay as they are.
+//!
+//! The estimate that the texels are held to came from the same photographs: what wrong lights did
+//! to it, they did everywhere. So it may be off by an [`Offset`], one constant per coordinate. And a
+//! sample is flat: its mean slope is nearly zero, which light directions that only slanted normals
+//! could explain do not survive.
 
 mod problem;
 #[cfg(test)]
@@ -17,15 +22,22 @@ mod tests;
 use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
 use crate::refinement::Prior;
-use problem::{Problem, State};
+use crate::svbrdf::CHANNELS;
+use problem::{Problem, State, is_albedo};
 
 /// Photographs below which lights and maps cannot be told apart.
 pub const LEAST_PHOTOGRAPHS: usize = 3;
 
+/// Least and greatest damping of the texels' equations: with more, texels hold the lights where
+/// they are.
+const DAMPING: (f64, f64) = (1e-6, 0.01);
+/// Relative gain of a step that is not worth another.
+const CONVERGED: f64 = 3e-4;
+
 /// Options of [`refine_lights`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Steps of Gauss-Newton.
+    /// Steps of Levenberg and Marquardt, at most.
     pub steps: usize,
     /// Whether lights turn; otherwise only the ambient light is found.
     pub turn: bool,
@@ -43,7 +55,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            steps: 6,
+            steps: 20,
             turn: true,
             direction_sigma: 0.05,
             ambient_sigma: 0.05,
@@ -81,8 +93,31 @@ impl Correction {
     }
 }
 
+/// By how much an estimate's coordinates (slopes, square roots of albedos, roughness) are off
+/// everywhere.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Offset(pub [f64; CHANNELS]);
+
+impl Offset {
+    /// The estimate without it.
+    pub fn apply(&self, maps: &mut Svbrdf) {
+        for (c, by) in self.0.into_iter().enumerate() {
+            let by = by as f32;
+            for value in maps.plane_mut(c) {
+                *value = if is_albedo(c) {
+                    (value.max(0.0).sqrt() + by).max(0.0).powi(2)
+                } else {
+                    *value + by
+                };
+            }
+        }
+        maps.clamp();
+    }
+}
+
 /// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
-/// estimate that [`Options::prior`] belongs to. Returns whether the correction changed.
+/// estimate that [`Options::prior`] belongs to, which is off by `offset`. Returns whether the
+/// correction and the offset changed.
 /// Observations (whose own views do not matter) and maps have one size; with fewer than
 /// [`LEAST_PHOTOGRAPHS`] nothing happens.
 pub fn refine_lights(
@@ -92,6 +127,7 @@ pub fn refine_lights(
     given: &[View],
     options: &Options,
     correction: &mut Correction,
+    offset: &mut Offset,
 ) -> bool {
     let count = observations.len().min(given.len());
     if count < LEAST_PHOTOGRAPHS {
@@ -99,30 +135,33 @@ pub fn refine_lights(
     }
     correction.turns.resize(count, [0.0; 2]);
     let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
-    let mut state = State { texels: problem.start.clone(), correction: correction.clone() };
+    let (texels, correction_now) = (problem.start.clone(), correction.clone());
+    let mut state = State { texels, correction: correction_now, offset: offset.0 };
     let mut changed = false;
+    let mut damping = DAMPING.1;
     for _ in 0..options.steps {
         problem.update_noise(&state);
         let before = problem.cost(&state);
-        let Some(step) = problem.step(&state) else { break };
-        let mut length = 1.0;
-        let mut value = before;
-        for _ in 0..4 {
-            let next = state.moved(&step, length);
-            value = problem.cost(&next);
-            if value < before {
-                state = next;
-                changed = true;
+        let Some(step) = problem.step(&state, damping) else { break };
+        let (least, most) = DAMPING;
+        let tried = [1.0, 0.3].map(|length| (length, state.moved(&step, length)));
+        let tried = tried.into_iter().map(|(length, s)| (length, problem.cost(&s), s));
+        let best = tried.min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((length, value, next)) = best.filter(|b| b.1 < before) else {
+            if damping == most {
                 break;
             }
-            length *= 0.4;
-        }
-        if before - value < 2e-3 * before {
+            damping = (30.0 * damping).min(most);
+            continue;
+        };
+        (state, changed) = (next, true);
+        damping = (damping * if length == 1.0 { 0.2 } else { 2.0 }).clamp(least, most);
+        if before - value < CONVERGED * before {
             break;
         }
     }
     if changed {
-        *correction = state.correction;
+        (*correction, offset.0) = (state.correction, state.offset);
     }
     changed
 }

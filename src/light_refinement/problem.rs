@@ -12,7 +12,7 @@ use crate::svbrdf::{CHANNELS, RANGE, channel};
 /// Texels a side that are looked at, at most.
 const TEXELS: usize = 64;
 /// Differences by which derivatives are formed: radians, share, coordinates of a texel.
-const ANGLE: f64 = 2e-3;
+const ANGLE: f64 = 1e-3;
 const SHARE: f64 = 2e-3;
 const COORDINATE: f64 = 1e-3;
 /// Largest residual below which the loss counts as quadratic; less where the noise is less.
@@ -23,21 +23,24 @@ const NOISE: (f64, f64) = (0.001, 0.1);
 const LONGEST_STEP: f64 = 0.06;
 const LONGEST_TURN: f64 = 0.3;
 const MOST_AMBIENT: f64 = 0.4;
-/// Longest step of a texel's coordinate; damping of its equations.
+/// Longest step of a texel's coordinate.
 const LONGEST_COORDINATE: f64 = 0.2;
-const DAMPING: f64 = 0.01;
 /// As in the loss.
 const EPSILON: f32 = 0.01;
 /// Least square root of an albedo: at zero its derivative would vanish for good.
 const LEAST_ROOT: f64 = 0.005;
+/// Expected mean slope of a sample's piece: at least, and relative to the slopes' deviation.
+const FLATNESS: (f64, f64) = (0.005, 0.12);
 /// Texels of a task.
 const CHUNK: usize = 256;
 
-/// Unknowns: nine planes of texel coordinates (see [`crate::refinement`]), lights.
+/// Unknowns: nine planes of texel coordinates (see [`crate::refinement`]), lights, and by how much
+/// the coordinates of the estimate are off everywhere.
 #[derive(Clone)]
 pub(super) struct State {
     pub(super) texels: Vec<f64>,
     pub(super) correction: Correction,
+    pub(super) offset: [f64; CHANNELS],
 }
 
 impl State {
@@ -61,11 +64,12 @@ impl State {
                 turns: at.turns.iter().zip(&by.turns).map(turn).collect(),
                 ambient: (at.ambient + length * by.ambient).clamp(0.0, MOST_AMBIENT),
             },
+            offset: std::array::from_fn(|c| self.offset[c] + length * step.offset[c]),
         }
     }
 }
 
-fn is_albedo(c: usize) -> bool {
+pub(super) fn is_albedo(c: usize) -> bool {
     (channel::DIFFUSE..channel::ROUGHNESS).contains(&c)
 }
 
@@ -80,6 +84,9 @@ pub(super) struct Problem<'a> {
     height: usize,
     pub(super) start: Vec<f64>,
     prior_mean: Vec<f64>,
+    /// Mean slopes of the estimate, and the precisions of the truth's, which is flat.
+    mean_slope: [f64; 2],
+    flatness: [f64; 2],
     given: &'a [View],
     /// From the grid's own texel centres to those it was taken from, mm.
     offset_mm: Vec<[f32; 2]>,
@@ -158,11 +165,20 @@ impl<'a> Problem<'a> {
             total += weight.iter().map(|&w| f64::from(w)).sum::<f64>();
             weights.push(weight);
         }
+        let prior_mean = grid(prior_mean);
+        let moments = [channel::SLOPE_X, channel::SLOPE_Y].map(|c| {
+            let slopes = &prior_mean[c * w * h..][..w * h];
+            let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+            let square = slopes.iter().map(|s| (s - mean).powi(2)).sum::<f64>();
+            (mean, (square / slopes.len() as f64).sqrt())
+        });
         Self {
             width: w,
             height: h,
             start: grid(maps),
-            prior_mean: grid(prior_mean),
+            prior_mean,
+            mean_slope: moments.map(|m| m.0),
+            flatness: moments.map(|m| (FLATNESS.0 + FLATNESS.1 * m.1).powi(-2)),
             given,
             offset_mm: given.iter().map(offset).collect(),
             logs,
@@ -223,11 +239,26 @@ impl<'a> Problem<'a> {
         self.noise = (loss / free).clamp(NOISE.0, NOISE.1);
     }
 
+    /// Texels that count as one.
+    fn scale(&self) -> f64 {
+        self.texels() as f64 / self.options.independent_texels
+    }
+
     /// Weights of the squares of a turn and of the ambient light.
     pub(super) fn shared_precision(&self) -> [f64; 2] {
-        let Options { direction_sigma, ambient_sigma, independent_texels, .. } = *self.options;
-        let scale = self.texels() as f64 / independent_texels;
-        [scale / direction_sigma.powi(2), scale / ambient_sigma.powi(2)]
+        let Options { direction_sigma, ambient_sigma, .. } = *self.options;
+        [self.scale() / direction_sigma.powi(2), self.scale() / ambient_sigma.powi(2)]
+    }
+
+    /// Negative logarithm of the prior of the estimate's offset: half of the first times the square
+    /// of the offset, plus half of the second times that of the offset plus the third.
+    pub(super) fn offset_prior(&self, c: usize) -> [f64; 3] {
+        let own = self.scale() * self.precision(c);
+        match c {
+            channel::SLOPE_X => [own, self.scale() * self.flatness[0], self.mean_slope[0]],
+            channel::SLOPE_Y => [own, self.scale() * self.flatness[1], self.mean_slope[1]],
+            _ => [own, 0.0, 0.0],
+        }
     }
 
     /// Negative logarithm of the posterior.
@@ -239,10 +270,16 @@ impl<'a> Problem<'a> {
         let turns: f64 = state.correction.turns.iter().flatten().map(|t| t * t).sum();
         let n = self.texels();
         let prior = state.texels.iter().zip(&self.prior_mean).enumerate();
-        let prior: f64 =
-            prior.map(|(i, (x, mean))| self.precision(i / n) * (x - mean).powi(2)).sum();
+        let prior: f64 = prior
+            .map(|(i, (x, mean))| self.precision(i / n) * (x - mean - state.offset[i / n]).powi(2))
+            .sum();
+        let offset = |(c, by): (usize, &f64)| {
+            let [own, flat, mean] = self.offset_prior(c);
+            own * by.powi(2) + flat * (by + mean).powi(2)
+        };
+        let offset: f64 = state.offset.iter().enumerate().map(offset).sum();
         let shared = by_turn * turns + by_ambient * state.correction.ambient.powi(2);
-        self.sum(state, huber) / self.noise + 0.5 * (prior + shared)
+        self.sum(state, huber) / self.noise + 0.5 * (prior + offset + shared)
     }
 
     fn huber(&self) -> f64 {
@@ -257,26 +294,25 @@ impl<'a> Problem<'a> {
         let n = self.texels();
         let value = self.renderings(state);
         let Correction { turns, ambient } = &state.correction;
-        let slopes = |moved: Vec<f32>, value: &[f32], by: f64| -> Vec<f32> {
-            moved.iter().zip(value).map(|(m, v)| (m - v) / by as f32).collect()
+        let slopes = |ahead: &[f32], behind: &[f32], by: f64| -> Vec<f32> {
+            ahead.iter().zip(behind).map(|(a, b)| (a - b) / by as f32).collect()
         };
+        // central differences: lobes are narrow
         let by_texel = (0..CHANNELS)
             .map(|c| {
-                // away from the end of the range
-                let mut coordinates = state.texels.clone();
-                let high = coordinate_range(c).1;
-                let mut signs = vec![1.0f32; n];
-                for (x, sign) in coordinates[c * n..][..n].iter_mut().zip(&mut signs) {
-                    if *x + COORDINATE > high {
-                        *sign = -1.0;
-                    }
-                    *x += COORDINATE * f64::from(*sign);
+                let (low, high) = coordinate_range(c);
+                let (mut ahead, mut behind) = (state.texels.clone(), state.texels.clone());
+                let mut scale = vec![0.0; n];
+                for (i, scale) in scale.iter_mut().enumerate() {
+                    let (a, b) = (&mut ahead[c * n + i], &mut behind[c * n + i]);
+                    (*a, *b) = ((*a + COORDINATE).min(high), (*b - COORDINATE).max(low));
+                    *scale = (2.0 * COORDINATE / (*a - *b)) as f32;
                 }
-                let maps = self.maps(&coordinates);
+                let (ahead, behind) = (self.maps(&ahead), self.maps(&behind));
                 let of = |i: usize| {
-                    let moved = self.rendering(&maps, i, turns[i], *ambient);
-                    let mut slopes = slopes(moved, &value[i], COORDINATE);
-                    slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= signs[j % n]);
+                    let at = |maps| self.rendering(maps, i, turns[i], *ambient);
+                    let mut slopes = slopes(&at(&ahead), &at(&behind), 2.0 * COORDINATE);
+                    slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= scale[j % n]);
                     slopes
                 };
                 (0..value.len()).map(of).collect()
@@ -286,20 +322,25 @@ impl<'a> Problem<'a> {
         let by_light = (0..value.len())
             .map(|i| {
                 let [u, v] = turns[i];
-                let moved = [
-                    (self.rendering(&maps, i, [u + ANGLE, v], *ambient), ANGLE),
-                    (self.rendering(&maps, i, [u, v + ANGLE], *ambient), ANGLE),
-                    (self.rendering(&maps, i, [u, v], ambient + SHARE), SHARE),
-                ];
-                moved.map(|(moved, by)| slopes(moved, &value[i], by))
+                let at = |u: f64, v: f64| self.rendering(&maps, i, [u, v], *ambient);
+                let ambient = self.rendering(&maps, i, [u, v], ambient + SHARE);
+                [
+                    slopes(&at(u + ANGLE, v), &at(u - ANGLE, v), 2.0 * ANGLE),
+                    slopes(&at(u, v + ANGLE), &at(u, v - ANGLE), 2.0 * ANGLE),
+                    slopes(&ambient, &value[i], SHARE),
+                ]
             })
             .collect();
         Linearised { value, by_texel, by_light }
     }
 
-    /// Shared unknowns: two per photograph, the ambient light.
+    /// Shared unknowns: two per photograph, the estimate's offset, the ambient light.
     pub(super) fn shared(&self) -> usize {
-        2 * self.logs.len() + 1
+        self.first_offset() + CHANNELS + 1
+    }
+
+    pub(super) fn first_offset(&self) -> usize {
+        2 * self.logs.len()
     }
 
     /// Equations of a texel; what it says of the shared unknowns alone is added to `shared`.
@@ -308,6 +349,7 @@ impl<'a> Problem<'a> {
         t: usize,
         state: &State,
         linear: &Linearised,
+        damping: f64,
         mut shared: Option<&mut SharedSystem>,
     ) -> TexelSystem {
         let n = self.texels();
@@ -342,15 +384,36 @@ impl<'a> Problem<'a> {
         }
         for c in 0..CHANNELS {
             let precision = self.precision(c);
-            block[(c, c)] += precision + DAMPING * block[(c, c)];
-            gradient[c] += precision * (state.texels[c * n + t] - self.prior_mean[c * n + t]);
+            let at = self.first_offset() + c;
+            let away = state.texels[c * n + t] - self.prior_mean[c * n + t] - state.offset[c];
+            block[(c, c)] += precision + damping * block[(c, c)];
+            gradient[c] += precision * away;
+            coupling[at][c] -= precision;
+            if let Some(shared) = shared.as_deref_mut() {
+                shared.matrix[(at, at)] += precision;
+                shared.gradient[at] -= precision * away;
+            }
+        }
+        for c in 0..CHANNELS {
+            // A coordinate that would leave its range stays out of the step, or all others would be
+            // off by what its step is cut.
+            let (low, high) = coordinate_range(c);
+            let x = state.texels[c * n + t];
+            if (x <= low && gradient[c] > 0.0) || (x >= high && gradient[c] < 0.0) {
+                block.row_mut(c).fill(0.0);
+                block.column_mut(c).fill(0.0);
+                block[(c, c)] = 1.0;
+                gradient[c] = 0.0;
+                coupling.iter_mut().for_each(|column| column[c] = 0.0);
+            }
         }
         let inverse = block.try_inverse().unwrap_or_default();
         TexelSystem { inverse, gradient, coupling }
     }
 
-    /// The step of Gauss-Newton; nothing when the equations cannot be solved.
-    pub(super) fn step(&self, state: &State) -> Option<State> {
+    /// The step of Levenberg and Marquardt, with texels' equations damped relative to their
+    /// diagonal; nothing when the equations cannot be solved.
+    pub(super) fn step(&self, state: &State, damping: f64) -> Option<State> {
         let n = self.texels();
         let linear = self.linearise(state);
         let empty = SharedSystem {
@@ -363,7 +426,7 @@ impl<'a> Problem<'a> {
             .map(|&first| {
                 let mut shared = empty.clone();
                 for t in first..(first + CHUNK).min(n) {
-                    let system = self.texel_system(t, state, &linear, Some(&mut shared));
+                    let system = self.texel_system(t, state, &linear, damping, Some(&mut shared));
                     for (b, column) in system.coupling.iter().enumerate() {
                         let solved = system.inverse * column;
                         shared.gradient[b] -= solved.dot(&system.gradient);
@@ -388,8 +451,14 @@ impl<'a> Problem<'a> {
         }
         sum.matrix[(last, last)] += by_ambient;
         sum.gradient[last] += by_ambient * state.correction.ambient;
+        for (c, by) in state.offset.iter().enumerate() {
+            let [own, flat, mean] = self.offset_prior(c);
+            let at = self.first_offset() + c;
+            sum.matrix[(at, at)] += own + flat;
+            sum.gradient[at] += own * by + flat * (by + mean);
+        }
         if !self.options.turn {
-            for i in 0..last {
+            for i in 0..self.first_offset() {
                 sum.matrix.row_mut(i).fill(0.0);
                 sum.matrix.column_mut(i).fill(0.0);
                 sum.matrix[(i, i)] = 1.0;
@@ -413,7 +482,7 @@ impl<'a> Problem<'a> {
             .flat_map_iter(|&first| {
                 let linear = &linear;
                 (first..(first + CHUNK).min(n)).map(move |t| {
-                    let system = self.texel_system(t, state, linear, None);
+                    let system = self.texel_system(t, state, linear, damping, None);
                     let moved = system.coupling.iter().zip(shared.iter());
                     let gradient = moved.fold(system.gradient, |g, (column, by)| g + column * *by);
                     -(system.inverse * gradient)
@@ -427,6 +496,7 @@ impl<'a> Problem<'a> {
             }
         }
         let turns = (0..self.logs.len()).map(|i| [shared[2 * i], shared[2 * i + 1]]).collect();
-        Some(State { texels, correction: Correction { turns, ambient: shared[last] } })
+        let offset = std::array::from_fn(|c| shared[self.first_offset() + c]);
+        Some(State { texels, correction: Correction { turns, ambient: shared[last] }, offset })
     }
 }

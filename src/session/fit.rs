@@ -9,7 +9,7 @@ use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
-use crate::light_refinement::{self, Correction, LEAST_PHOTOGRAPHS, refine_lights};
+use crate::light_refinement::{self, Correction, LEAST_PHOTOGRAPHS, Offset, refine_lights};
 use crate::observation::{Observation, View};
 use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
@@ -308,7 +308,7 @@ impl Fit {
         let full = refinement::Options::default();
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let mut corrections = if corrects { 0..AMBIENT_ROUNDS + LIGHT_ROUNDS } else { 0..0 };
-        let mut cut = None;
+        let (mut cut, mut offset) = (None, Offset::default());
         loop {
             let next = corrections.next();
             let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { full.steps };
@@ -316,7 +316,8 @@ impl Fit {
             let mut trend = Trend::new(options.steps, 1);
             let mut stopped = false;
             let this = &*self;
-            let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
+            let mut deep = this.maps.clone().ok_or(Error::NoMaps)?;
+            offset.apply(&mut deep);
             let mut after = |step: usize, loss: f64| {
                 stopped |= !between(this, meter);
                 cut = after_step(meter, &mut trend, step, options.steps, loss);
@@ -329,7 +330,7 @@ impl Fit {
             let prior = Prior::default();
             let observations = &this.observations;
             let report =
-                refinement::refine(&mut maps, deep, &prior, observations, &options, &mut after)?;
+                refinement::refine(&mut maps, &deep, &prior, observations, &options, &mut after)?;
             self.loss = report.loss_after as f32;
             let Some(round) = next else { break };
             if stopped || cut == Some(Cut::Budget) {
@@ -339,7 +340,12 @@ impl Fit {
             cut = None;
             let turn = round >= AMBIENT_ROUNDS;
             let agrees = turn && self.loss < AGREEMENT;
-            if agrees || (!self.correct_lights(&maps, turn) && turn) {
+            let moved = !agrees && self.correct_lights(&maps, turn, &mut offset);
+            if moved {
+                // narrow lobes do not find back from where wrong lights took them
+                maps = self.maps.clone().ok_or(Error::NoMaps)?;
+                offset.apply(&mut maps);
+            } else if turn {
                 corrections = 0..0;
             }
         }
@@ -349,13 +355,14 @@ impl Fit {
     }
 
     /// Corrects lights for maps; whether that was worth another refinement.
-    fn correct_lights(&mut self, maps: &Svbrdf, turn: bool) -> bool {
+    fn correct_lights(&mut self, maps: &Svbrdf, turn: bool, offset: &mut Offset) -> bool {
         let options = light_refinement::Options { turn, ..Default::default() };
         let before = self.correction.clone();
         let views = &self.given;
         let Some(deep) = &self.maps else { return false };
         let correction = &mut self.correction;
-        if !refine_lights(maps, deep, &self.observations, views, &options, correction) {
+        let observations = &self.observations;
+        if !refine_lights(maps, deep, observations, views, &options, correction, offset) {
             return false;
         }
         for (i, (observation, given)) in self.observations.iter_mut().zip(views).enumerate() {
