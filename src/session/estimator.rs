@@ -47,6 +47,11 @@ impl Estimator {
         Ok(())
     }
 
+    /// Photographs added.
+    pub fn frames(&self) -> usize {
+        self.fit.frames()
+    }
+
     /// Fits until nothing is left to do; returns the maps.
     ///
     /// # Errors

@@ -2,8 +2,10 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Instant;
 
 use svbrdf::comparison::compare;
+use svbrdf::export::resized;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::session::{Estimator, Method};
@@ -11,7 +13,7 @@ use svbrdf::svbrdf::channel;
 use svbrdf::{Result, Svbrdf, classic};
 
 use crate::Arguments;
-use crate::protocol::{Conditions, Crop, gain_of_share, photographs};
+use crate::protocol::{Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
 
 /// Chooses places and noise of a crop's photographs.
@@ -178,6 +180,46 @@ pub fn start(
     report.print(None);
     Ok(())
 }
+
+pub fn resolution(
+    arguments: &Arguments,
+    networks: &Arc<Networks>,
+    sides: &[usize],
+    count: usize,
+) -> Result<()> {
+    let largest = sides.iter().copied().max().unwrap_or(0);
+    let materials = whole(arguments, largest.min(LEAST_SIDE))?;
+    let mut report = Report::new(arguments.verbose);
+    let mut seconds = vec![[0.0; 2]; sides.len()];
+    for (index, material) in materials.iter().enumerate() {
+        for (&side, seconds) in sides.iter().zip(&mut seconds) {
+            let truth = resized(&material.truth, side, side);
+            let conditions = Conditions::new(arguments.noise);
+            let observations = photographs(&truth, count, seed(index), &conditions);
+            let start = Instant::now();
+            let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+            for observation in observations {
+                estimator.add(observation)?;
+                seconds[0] +=
+                    if estimator.frames() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
+                estimator.settle()?;
+            }
+            let maps = estimator.settle()?;
+            seconds[1] += start.elapsed().as_secs_f64();
+            report.add(&material.name, &side.to_string(), &compare(&maps, &truth)?);
+        }
+    }
+    report.print(None);
+    println!("\n| texels a side | first maps, s | all photographs, one by one, s |\n|---|---|---|");
+    for (side, seconds) in sides.iter().zip(seconds) {
+        let [first, all] = seconds.map(|s| s / materials.len().max(1) as f64);
+        println!("| {side} | {first:.2} | {all:.1} |");
+    }
+    Ok(())
+}
+
+/// Texels a side from which on materials take part in a comparison of resolutions.
+const LEAST_SIDE: usize = 1024;
 
 /// Height and width of the code of a crop.
 const SIDE_OF_CODE: [usize; 2] = [16, 16];

@@ -76,6 +76,15 @@ enum Table {
         #[arg(long, value_delimiter = ',', default_value = "1,2,5")]
         photos: Vec<usize>,
     },
+    /// Error and time by the size of the maps, of whole materials
+    Resolution {
+        /// Texels a side
+        #[arg(long, value_delimiter = ',', default_value = "256,512,1024,2048")]
+        sides: Vec<usize>,
+        /// Number of photographs
+        #[arg(long, default_value_t = 5)]
+        photos: usize,
+    },
 }
 
 fn run(arguments: &Arguments) -> svbrdf::Result<()> {
@@ -83,16 +92,21 @@ fn run(arguments: &Arguments) -> svbrdf::Result<()> {
         Some(folder) => Networks::from_folder(folder)?,
         None => Networks::embedded()?,
     });
-    let crops = protocol::crops(arguments)?;
+    let crops = || protocol::crops(arguments);
     match &arguments.table {
         Table::Photos { photos, no_classic } => {
-            experiments::photos(arguments, &networks, &crops, photos, !no_classic)
+            experiments::photos(arguments, &networks, &crops()?, photos, !no_classic)
         }
         Table::Disturbances { photos } => {
-            experiments::disturbances(arguments, &networks, &crops, *photos)
+            experiments::disturbances(arguments, &networks, &crops()?, *photos)
         }
-        Table::Exposure { photos } => experiments::exposure(arguments, &networks, &crops, *photos),
-        Table::Start { photos } => experiments::start(arguments, &networks, &crops, photos),
+        Table::Exposure { photos } => {
+            experiments::exposure(arguments, &networks, &crops()?, *photos)
+        }
+        Table::Start { photos } => experiments::start(arguments, &networks, &crops()?, photos),
+        Table::Resolution { sides, photos } => {
+            experiments::resolution(arguments, &networks, sides, *photos)
+        }
     }
 }
 

@@ -56,20 +56,31 @@ impl Conditions {
     }
 }
 
-/// Crops of all materials that the arguments select.
-pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
+/// Maps of all materials that the arguments select.
+fn materials(arguments: &Arguments) -> Result<Vec<(String, Svbrdf)>> {
     let folder = &arguments.materials;
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let mut folders: Vec<_> =
         entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.is_dir()).collect();
     folders.sort();
-    let mut crops = Vec::new();
+    let mut materials = Vec::new();
     for folder in folders.iter().step_by(arguments.every.max(1)) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if arguments.only.as_ref().is_some_and(|part| !name.contains(part)) {
             continue;
         }
-        let maps = read_maps(folder)?;
+        materials.push((name, read_maps(folder)?));
+    }
+    if materials.is_empty() {
+        return Err(Error::argument("materials", format!("{}: none found", folder.display())));
+    }
+    Ok(materials)
+}
+
+/// Crops of all materials that the arguments select.
+pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
+    let mut crops = Vec::new();
+    for (name, maps) in materials(arguments)? {
         let (w, h) = (maps.width(), maps.height());
         if w < SIDE || h < SIDE {
             return Err(Error::argument("materials", format!("{name}: smaller than {SIDE}")));
@@ -84,23 +95,32 @@ pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
             four[..usize::from(arguments.crops)].to_vec()
         };
         for (i, corner) in corners.into_iter().enumerate() {
-            crops.push(Crop { name: format!("{name} {i}"), truth: crop(&maps, corner)? });
+            crops.push(Crop { name: format!("{name} {i}"), truth: crop(&maps, corner, SIDE)? });
         }
-    }
-    if crops.is_empty() {
-        return Err(Error::argument("materials", format!("{}: none found", folder.display())));
     }
     Ok(crops)
 }
 
-fn crop(maps: &Svbrdf, [left, top]: [usize; 2]) -> Result<Svbrdf> {
-    let mut planes = Vec::with_capacity(CHANNELS * SIDE * SIDE);
+/// The materials that have at least `least` texels a side, whole: the square in their middle.
+pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
+    let square = |(name, maps): (String, Svbrdf)| {
+        let (w, h) = (maps.width(), maps.height());
+        let side = w.min(h);
+        let truth = crop(&maps, [(w - side) / 2, (h - side) / 2], side)?;
+        Ok(Crop { name, truth })
+    };
+    let large = |(_, maps): &(String, Svbrdf)| maps.width().min(maps.height()) >= least;
+    materials(arguments)?.into_iter().filter(large).map(square).collect()
+}
+
+fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
+    let mut planes = Vec::with_capacity(CHANNELS * side * side);
     for c in 0..CHANNELS {
-        for row in maps.plane(c).chunks_exact(maps.width()).skip(top).take(SIDE) {
-            planes.extend_from_slice(&row[left..left + SIDE]);
+        for row in maps.plane(c).chunks_exact(maps.width()).skip(top).take(side) {
+            planes.extend_from_slice(&row[left..left + side]);
         }
     }
-    Svbrdf::from_planes(SIDE, SIDE, planes)
+    Svbrdf::from_planes(side, side, planes)
 }
 
 fn view(camera: [f32; 3], light: [f32; 3], gain: f32, ambient: f32) -> View {
@@ -146,7 +166,7 @@ pub fn photographs(
                 }
             }
             let view = view(at, told, gain, 0.0);
-            Observation::new(SIDE, SIDE, view, &radiance, &vec![1.0; n])
+            Observation::new(truth.width(), truth.height(), view, &radiance, &vec![1.0; n])
                 .expect("planes have this size")
         })
         .collect()
