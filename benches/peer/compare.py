@@ -192,11 +192,13 @@ def peer(arguments, photos):
     return curve, code_step, map_step
 
 
-def library(arguments, photos):
-    """Loss of the library's maps, wall and processor seconds of its whole process."""
+def library(arguments, photos, steps=None):
+    """Loss of the library's maps, wall and processor seconds of its whole process; ``steps``: its
+    limit for each photograph."""
     with tempfile.TemporaryDirectory() as out:
         command = [arguments.svbrdf, "fit", arguments.capture, "--out", out, "--quiet"]
         command += ["--frames", str(arguments.photos), "--threads", str(arguments.threads)]
+        command += [] if steps is None else ["--steps", str(steps)]
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         subprocess.run(command, check=True)
         wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -256,6 +258,19 @@ def main():
     else:
         print(f"time at equal loss, peer / library: {equal / wall:.1f}")
     print(f"loss at the library's time, peer / library: {curve.at(wall) / loss:.2f}")
+    reached = curve.rows[-1][3]
+    for steps in (2, 4, 6, 8, 12, 16, 24, 32):
+        first = library(arguments, photos, steps)
+        if first[0] <= reached:
+            second = library(arguments, photos, steps)
+            wall, processor = (first[1] + second[1]) / 2, (first[2] + second[2]) / 2
+            print(f"to the peer's last loss ({reached:.5f}), with {steps} steps for each photograph "
+                  f"({first[0]:.5f}, {wall:.2f} s wall, {processor:.2f} s processor), the peer's whole "
+                  f"schedule / library{extrapolated}: {whole[0] / wall:.0f} wall, "
+                  f"{whole[1] / processor:.0f} processor")
+            break
+    else:
+        print("with few steps the library does not reach the peer's last loss")
     if arguments.curve:
         with open(arguments.curve, "w") as f:
             f.write("stage,step,seconds,loss\n")

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::capture::{Capture, Frame, read_camera};
 use svbrdf::export::{check_writable, write_atomic, write_maps, write_preview};
-use svbrdf::session::{Accepted, Method, Pushed, Session, Settings};
+use svbrdf::session::{Accepted, Budget, Method, Pushed, Session, Settings};
 
 use crate::failure::{Failure, Result};
 
@@ -35,6 +35,9 @@ pub struct Arguments {
     /// Leave out the per-texel refinement
     #[arg(long)]
     no_refine: bool,
+    /// Steps of the optimisers on each photo, at most: fewer are faster and coarser
+    #[arg(long, value_name = "N")]
+    steps: Option<u32>,
     /// Threads; 0: one per core, at most 4
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -65,6 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ..Settings::default()
     };
     let session = Session::new(capture.scene.clone(), settings)?;
+    session.set_budget(Budget { steps: arguments.steps, ..Budget::default() })?;
     let used = arguments.frames.map_or(capture.frames.len(), |n| n as usize);
     let frames = &capture.frames[..used.min(capture.frames.len())];
     let bar = progress_bar(arguments.quiet);
