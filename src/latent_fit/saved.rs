@@ -15,6 +15,8 @@ pub struct SavedFit {
     pub current: usize,
     /// Steps done at that level since the latest photograph.
     pub done: usize,
+    /// Photographs that came since the fit was last settled.
+    pub fresh: usize,
     /// Mean log-L1 of the latest step; not a number before the first.
     pub loss: f64,
     /// Levels from the coarsest on.
@@ -64,7 +66,13 @@ impl LatentFit {
             carried: s.carried.clone(),
         };
         let stages = self.stages.iter().map(save).collect();
-        SavedFit { current: self.current, done: self.done, loss: self.loss, stages }
+        SavedFit {
+            current: self.current,
+            done: self.done,
+            fresh: self.fresh,
+            loss: self.loss,
+            stages,
+        }
     }
 
     /// Goes on from a saved fit with its photographs. Without `same_networks` the codes are found
@@ -86,7 +94,7 @@ impl LatentFit {
         while longest >> halvings > COARSEST_TEXELS {
             halvings += 1;
         }
-        let SavedFit { current, done, loss, stages } = saved;
+        let SavedFit { current, done, fresh, loss, stages } = saved;
         let fault = |message: &str| Err(Error::argument("fit", message));
         if stages.is_empty() || stages.len() > halvings + 1 || current >= stages.len() {
             return fault("levels that the resolution has are expected");
@@ -116,7 +124,7 @@ impl LatentFit {
         for observation in observations {
             fit.add_observation(observation)?;
         }
-        (fit.current, fit.done, fit.fresh) = (current, done, 1);
+        (fit.current, fit.done, fit.fresh) = (current, done, fresh);
         Ok(fit)
     }
 }

@@ -83,7 +83,8 @@ pub(in crate::session) fn write(
     if let Some(latent) = &fit.latent {
         let mut saved = latent.save();
         if !pending.is_empty() {
-            (saved.current, saved.done) = (0, 0);
+            let before = if latent.is_settled() { 0 } else { saved.fresh };
+            (saved.current, saved.done, saved.fresh) = (0, 0, before + pending.len());
         }
         let probe = probe(&fit.networks);
         state.section(LATENT, |w| {
@@ -224,6 +225,7 @@ fn read_coarse(r: &mut Reader) -> Result<Svbrdf> {
 fn write_latent(w: &mut Writer, saved: &SavedFit) {
     w.u32(saved.current as u32);
     w.u32(saved.done as u32);
+    w.u32(saved.fresh as u32);
     w.f64(saved.loss);
     w.u32(saved.stages.len() as u32);
     for stage in &saved.stages {
@@ -249,11 +251,12 @@ fn read_latent(
 ) -> Result<LatentFit> {
     let count = r.count(4)?;
     let same_networks = same(&r.f32s(count)?, &probe(networks));
-    let (current, done, loss) = (r.u32()? as usize, r.u32()? as usize, r.any_f64()?);
+    let [current, done, fresh] = [r.u32()?, r.u32()?, r.u32()?].map(|n| n as usize);
+    let loss = r.any_f64()?;
     let count = r.count(2)?;
     let stages = (0..count).map(|_| read_stage(&mut r)).collect::<Result<_>>()?;
     r.end()?;
-    let saved = SavedFit { current, done, loss, stages };
+    let saved = SavedFit { current, done, fresh, loss, stages };
     LatentFit::restore(networks.clone(), saved, observations, same_networks, FitOptions::default())
         .map_err(as_damage)
 }
