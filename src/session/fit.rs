@@ -35,6 +35,8 @@ const STEPS_BEFORE_CORRECTION: usize = 4;
 const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
 const LIGHT_TOLERANCE: f64 = 0.02;
+/// Change of a light, in units of its expected error, by which the latent fit before was led astray.
+const MISLEADING: f64 = 0.4;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +81,8 @@ pub(super) struct Fit {
     /// before the latest.
     pub(super) steps_at_level: u32,
     previous: Option<Svbrdf>,
+    /// Whether the latent code was fitted anew with these photographs' corrected lights.
+    relit: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,6 +121,7 @@ impl Fit {
             cut: None,
             steps_at_level: 0,
             previous: None,
+            relit: false,
         }
     }
 
@@ -133,7 +138,7 @@ impl Fit {
     /// Adds a photograph.
     pub(super) fn add(&mut self, frame: NewFrame) -> Result<()> {
         let NewFrame { mut observation, start, updates } = frame;
-        (self.cut, self.steps_at_level, self.previous) = (None, 0, None);
+        (self.cut, self.steps_at_level, self.previous, self.relit) = (None, 0, None, false);
         for update in &updates {
             if let Some(earlier) = self.observations.get_mut(update.index()) {
                 update.apply(earlier);
@@ -207,9 +212,16 @@ impl Fit {
         match self.stage {
             Stage::Latent => fraction = self.latent_step(meter)?,
             Stage::Refine if meter.exhausted(1.0) => self.end(Some(Cut::Budget)),
-            Stage::Refine => self.refine(meter, between)?,
+            Stage::Refine => {
+                self.refine(meter, between)?;
+                fraction = if self.is_done() { 1.0 } else { 0.0 };
+            }
             Stage::Classic => self.classic(meter, between)?,
             Stage::Done => {}
+        }
+        if self.relit {
+            // The second fit is not foreseen in the first one's share.
+            fraction = LATENT_SHARE + (1.0 - LATENT_SHARE) * fraction;
         }
         Ok(Step { loss: self.loss, fraction, done: self.is_done() })
     }
@@ -309,6 +321,7 @@ impl Fit {
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let mut corrections = if corrects { 0..AMBIENT_ROUNDS + LIGHT_ROUNDS } else { 0..0 };
         let (mut cut, mut offset) = (None, Offset::default());
+        let given = self.correction.clone();
         loop {
             let next = corrections.next();
             let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { full.steps };
@@ -350,7 +363,14 @@ impl Fit {
             }
         }
         (self.maps, self.propagated) = (Some(maps), false);
-        self.end(cut);
+        let moved = self.correction.distance(&given, &light_refinement::Options::default());
+        if moved > MISLEADING && !self.relit && cut.is_none() {
+            self.latent.as_mut().ok_or(Error::NoMaps)?.set_observations(&self.observations)?;
+            (self.stage, self.relit) = (Stage::Latent, true);
+            (self.steps_at_level, self.previous) = (0, None);
+        } else {
+            self.end(cut);
+        }
         Ok(())
     }
 
