@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::calibration::{
-    CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Target, detect, estimate_camera,
+    CameraEstimate, CameraPrior, Corner, Detection, LumaImage, PaperEstimate, Target, detect,
+    estimate_camera_and_paper,
 };
 use svbrdf::export::write_atomic;
 use svbrdf::frame::{Encoding, Photo};
@@ -88,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(focal) = arguments.focal {
         prior = prior.with_focal(focal, 0.03);
     }
-    let estimate = estimate_camera(&targets[0], &found, &prior, None)
+    let estimate = estimate_camera_and_paper(&targets[0], &found, &prior, None)
         .map_err(|reason| nothing(&format!("no camera explains the photos: {reason}")))?;
     let value = report(&images, &estimate);
     let text = serde_json::to_string_pretty(&value).map_err(|e| Failure::Other(e.to_string()))?;
@@ -187,6 +188,7 @@ fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
         .collect();
     let camera = &estimate.camera;
     let sigma = estimate.sigma();
+    let PaperEstimate { paper, sigma: spread } = estimate.paper;
     json!({
         "width": camera.width,
         "height": camera.height,
@@ -202,6 +204,12 @@ fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
             "cx": sigma[2],
             "cy": sigma[3],
             "distortion": sigma[4..],
+        },
+        "paper": {
+            "aspect": paper.aspect,
+            "bow_mm": paper.bow_mm,
+            "aspect_sigma": spread[0],
+            "bow_sigma_mm": spread[1..],
         },
         "images": rows,
     })
