@@ -16,9 +16,13 @@
 //! and two slopes of a texel each have their own share. Blocks without detail, or with a highlight
 //! in one photograph, count little by themselves.
 //!
+//! Steep slopes whose sides differ from what lies between them still move apparent edges towards the
+//! camera, as depth would. Colour (red over blue) hardly knows of slopes: where it has detail, what
+//! brightness wishes beyond it counts as that error.
+//!
 //! # Significance
-//! The spread of the blocks' own wishes gives the standard deviation. The sample counts as lying in
-//! the board's plane unless the photographs contradict that clearly.
+//! The standard deviation is that of the blocks' own wishes, and how far octaves disagree. The sample
+//! counts as lying in the board's plane unless the photographs contradict that clearly.
 
 mod detail;
 
@@ -30,8 +34,10 @@ use rayon::prelude::*;
 
 /// Octaves of detail.
 const LEVELS: usize = 4;
-/// Brightness, colour.
+/// Brightness, and red over blue.
 const CHANNELS: usize = 2;
+const BRIGHTNESS: usize = 0;
+const COLOUR: usize = 1;
 /// Heights that are looked for, mm.
 pub const RANGE_MM: [f64; 2] = [-5.0, 20.0];
 /// Most photographs compared: those most different.
@@ -47,7 +53,7 @@ const UNKNOWN_MM: f64 = 5.0;
 /// The sample counts as lying in the board's plane unless the height is so many standard deviations
 /// and so many mm from 0 (paper is a tenth thick, and slopes lit from one side imitate some), and
 /// blocks gain this much information, with so many standard deviations of their gains.
-const SIGMAS: f64 = 5.0;
+const SIGMAS: f64 = 4.0;
 const LEAST_MM: f64 = 0.3;
 const GAIN_MIN: f64 = 25.0;
 const GAIN_SIGMAS: f64 = 4.0;
@@ -98,22 +104,23 @@ impl Views<'_> {
             return None;
         }
         let start = self.coarse(spread);
-        let (mut weight, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for channel in 0..CHANNELS {
-            if let Some(Wish { mm, sigma_mm }) = self.fine(channel, start, spread) {
-                let own = sigma_mm.powi(-2);
-                weight += own;
-                sum += own * mm;
-                squares += own * mm * mm;
-            }
+        let wish = |channel| self.fine(channel, start, spread);
+        let (mut brightness, colour) = (wish(BRIGHTNESS), wish(COLOUR));
+        if let (Some(brightness), Some(colour)) = (&mut brightness, &colour) {
+            // Slopes lit from one side move what is bright, hardly what is coloured.
+            let discord = brightness.mm - colour.mm;
+            brightness.sigma_mm = brightness.sigma_mm.hypot(discord);
+        }
+        let (mut weight, mut sum) = (0.0, 0.0);
+        for Wish { mm, sigma_mm } in brightness.into_iter().chain(colour) {
+            weight += sigma_mm.powi(-2);
+            sum += sigma_mm.powi(-2) * mm;
         }
         if weight <= 0.0 {
             return None;
         }
         let mm = sum / weight;
-        // Channels that disagree by more than they expect.
-        let excess = (squares - sum * mm).max(1.0);
-        let sigma_mm = (excess / weight).sqrt().min(UNKNOWN_MM);
+        let sigma_mm = weight.sqrt().recip();
         let is_clear = mm.abs() > (SIGMAS * sigma_mm).max(LEAST_MM) && self.is_gain(mm);
         Some(ElevationEstimate { mm: if is_clear { mm } else { 0.0 }, sigma_mm })
     }
