@@ -59,6 +59,8 @@ const GAIN_MIN: f64 = 25.0;
 const GAIN_SIGMAS: f64 = 4.0;
 /// Least difference of parallaxes that tells a height.
 const SPREAD_MIN: f64 = 0.05;
+/// Texels that are far from a peak.
+const FAR: f64 = 3.0;
 /// Heights followed beyond the coarse octaves.
 const PEAKS: usize = 3;
 /// Detail below this is none (logarithms): noise, interpolation.
@@ -121,7 +123,8 @@ impl Views<'_> {
         }
         let mm = sum / weight;
         let sigma_mm = weight.sqrt().recip();
-        let is_clear = mm.abs() > (SIGMAS * sigma_mm).max(LEAST_MM) && self.is_gain(mm);
+        let is_clear = mm.abs() > (SIGMAS * sigma_mm).max(LEAST_MM)
+            && (0..CHANNELS).any(|c| self.is_gain(c, mm, 0.0));
         Some(ElevationEstimate { mm: if is_clear { mm } else { 0.0 }, sigma_mm })
     }
 
@@ -155,10 +158,14 @@ impl Views<'_> {
     fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<Wish> {
         let texel = self.texel_mm(0) / spread;
         let all = |h: f64| (0..LEVELS).map(|l| self.information(channel, l, h)).sum::<f64>();
-        let (mut mm, _) = climb(near, 3.0 * texel, 0.75 * texel, &all);
+        let (mut mm, _) = climb(near, FAR * texel, 0.75 * texel, &all);
         for reach in [0.5 * texel, 0.25 * texel] {
             let [low, here, high] = [mm - reach, mm, mm + reach].map(all);
             mm += vertex(low, here, high, reach)?.clamp(-reach, reach);
+        }
+        // Noise has peaks too.
+        if ![-FAR, FAR].iter().all(|far| self.is_gain(channel, mm, mm + far * texel)) {
+            return None;
         }
         // What blocks and octaves wish beyond that.
         let reach = 0.25 * texel;
@@ -181,17 +188,15 @@ impl Views<'_> {
         (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(Wish { mm, sigma_mm })
     }
 
-    /// Whether blocks agree that a height is better than 0.
-    fn is_gain(&self, mm: f64) -> bool {
+    /// Whether blocks of a channel agree that a height is better than another one.
+    fn is_gain(&self, channel: usize, mm: f64, other_mm: f64) -> bool {
         let (mut sum, mut squares) = (0.0, 0.0);
-        for channel in 0..CHANNELS {
-            for level in 0..LEVELS {
-                let before = self.blocks(channel, level, 0.0);
-                let after = self.blocks(channel, level, mm);
-                for (before, after) in before.iter().zip(after) {
-                    sum += before - after;
-                    squares += (before - after) * (before - after);
-                }
+        for level in 0..LEVELS {
+            let before = self.blocks(channel, level, other_mm);
+            let after = self.blocks(channel, level, mm);
+            for (before, after) in before.iter().zip(after) {
+                sum += before - after;
+                squares += (before - after) * (before - after);
             }
         }
         sum > (GAIN_SIGMAS * squares.sqrt()).max(GAIN_MIN)

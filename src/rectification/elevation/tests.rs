@@ -51,7 +51,7 @@ fn the_height_is_that_of_the_surface() {
             let e = found(&details[..n]);
             // A twentieth of a texel: photographs and texels are sampled differently.
             assert!((e.mm - mm).abs() < 0.02, "{mm} from {n}: {e:?}");
-            assert!(e.sigma_mm < 0.02, "{mm} from {n}: {e:?}");
+            assert!(e.sigma_mm < 0.05, "{mm} from {n}: {e:?}");
         }
     }
 }
@@ -73,7 +73,7 @@ fn a_surface_in_the_plane_or_without_texture_stays_at_0() {
     let texture = waves(7);
     let plane = details(0.0, |_, p| 0.4 + 0.8 * texture(p));
     assert_eq!(found(&plane).mm, 0.0);
-    assert!(found(&plane).sigma_mm < 0.02);
+    assert!(found(&plane).sigma_mm < 0.05);
     let plain = details(4.0, |_, p| 0.4 + 1e-3 * p.x);
     assert_eq!(found(&plain).mm, 0.0);
     assert!(found(&plain).sigma_mm > 1.0);
