@@ -423,6 +423,11 @@ typedef struct svbrdf_session_options {
      * SVBRDF_MEMORY_LIMIT.
      */
     uint64_t memory_limit_bytes;
+    /**
+     * For a board: height of the sample's surface above the printed side, -5 to 20 mm; NaN:
+     * estimated from the photos. Default: NaN.
+     */
+    double elevation_mm;
 } svbrdf_session_options;
 
 /**
@@ -738,6 +743,50 @@ typedef struct svbrdf_next_view {
      */
     float direction[3];
 } svbrdf_next_view;
+
+/**
+ * The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
+ * photos and more contradict that clearly.
+ */
+typedef struct svbrdf_paper {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when the rest means something: a session of a board.
+     */
+    uint32_t known;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * Scale of the print along Y relative to that along X, which is as planned.
+     */
+    double aspect;
+    /**
+     * Its standard deviation.
+     */
+    double aspect_sigma;
+    /**
+     * How far the board's left and right edges rise above its middle, and its upper and lower
+     * edges, mm.
+     */
+    double bow_mm[2];
+    /**
+     * Their standard deviations, mm.
+     */
+    double bow_sigma_mm[2];
+    /**
+     * Height of the sample's surface above the board's plane, mm.
+     */
+    double elevation_mm;
+    /**
+     * Its standard deviation, mm; 0 where the height was given.
+     */
+    double elevation_sigma_mm;
+} svbrdf_paper;
 
 /**
  * 3 bytes a pixel.
@@ -1296,6 +1345,11 @@ svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_
 svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
 
 /**
+ * Fills a paper with that of a plan: pass sizeof(svbrdf_paper).
+ */
+svbrdf_status svbrdf_paper_init(struct svbrdf_paper *paper, size_t size);
+
+/**
  * Fills a progress with defaults: pass sizeof(svbrdf_progress).
  */
 svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size);
@@ -1411,6 +1465,12 @@ svbrdf_status svbrdf_session_next_view(const struct svbrdf_session *session,
 svbrdf_status svbrdf_session_camera(const struct svbrdf_session *session,
                                     struct svbrdf_camera *camera,
                                     double *sigma);
+
+/**
+ * The printed sheet and the sample's height above it, as used. Waits for a push in progress.
+ */
+svbrdf_status svbrdf_session_paper(const struct svbrdf_session *session,
+                                   struct svbrdf_paper *paper);
 
 /**
  * Pose of an accepted photo of a board as known now: with a camera that is estimated, later photos

@@ -379,6 +379,12 @@ public:
         check(svbrdf_session_camera(get(), &camera, nullptr));
         return camera.width > 0 ? std::make_optional(camera) : std::nullopt;
     }
+    /// The printed sheet and the sample's height above it; nothing for rectified photos.
+    std::optional<svbrdf_paper> paper() const {
+        svbrdf_paper paper = make(svbrdf_paper_init);
+        check(svbrdf_session_paper(get(), &paper));
+        return paper.known == 1 ? std::make_optional(paper) : std::nullopt;
+    }
     /// Pose of an accepted photo of a board as known now.
     Pose pose(std::uint32_t index) const {
         Pose pose;

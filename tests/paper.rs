@@ -35,7 +35,8 @@ fn view_error_deg(found: &Pose, truth: &Pose) -> f64 {
 
 /// A session that only calibrates.
 fn session(target: &Target, camera: Option<Camera>) -> Session {
-    let scene = Shown::Board { target: target.clone(), camera, flash_offset_mm: None };
+    let scene =
+        Shown::Board { target: target.clone(), camera, flash_offset_mm: None, elevation_mm: None };
     let settings = Settings { method: Method::Classic, ..Settings::default() };
     let session = Session::new(scene, settings).unwrap();
     session.pause();

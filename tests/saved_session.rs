@@ -159,7 +159,12 @@ fn camera_and_light_go_on_as_well() {
     let capture = capture.unwrap();
     let Scene::Board { target, camera, .. } = capture.scene.clone() else { panic!("no board") };
     for camera in [None, camera] {
-        let scene = Scene::Board { target: target.clone(), camera, flash_offset_mm: None };
+        let scene = Scene::Board {
+            target: target.clone(),
+            camera,
+            flash_offset_mm: None,
+            elevation_mm: None,
+        };
         let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
         let straight = Session::with_networks(scene, settings, networks()).unwrap();
         // Without the fit: this is about what happens before it.

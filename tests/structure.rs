@@ -48,7 +48,7 @@ const TABLE: &[(&str, &[&str])] = &[
             "svbrdf",
         ],
     ),
-    ("capture", &["calibration", "frame", "geometry", "observation", "session"]),
+    ("capture", &["calibration", "frame", "geometry", "observation", "rectification", "session"]),
 ];
 
 /// Files that may say `unsafe`: the SIMD dispatch and the one call into the matrix product.

@@ -118,6 +118,7 @@ fun captureToMaps() {
         val up = Math.cos(Math.toRadians(next.tiltDeg.toDouble()))
         verify(Math.abs(next.direction[2] - up) < 1e-5) { "$next" }
         verify(scanner.camera!!.sigma == null) { "a given camera" }
+        verify(scanner.paper!!.aspect == 1.0 && scanner.paper!!.elevationMm == 0.0) { "flat" }
         verify(scanner.pose(1).translationMm[2] > 50.0) { "pose" }
         throws<IllegalArgumentException>("index") { scanner.pose(2) }
         // All of its light was there without the flash: no board is left.

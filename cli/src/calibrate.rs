@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::calibration::{
-    CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Target, detect, estimate_camera,
+    CameraEstimate, CameraPrior, Corner, Detection, LumaImage, PaperEstimate, Target, detect,
+    estimate_camera, estimate_camera_and_paper,
 };
 use svbrdf::export::write_atomic;
 use svbrdf::frame::{Encoding, Photo};
@@ -90,7 +91,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let estimate = estimate_camera(&targets[0], &found, &prior, None)
         .map_err(|reason| nothing(&format!("no camera explains the photos: {reason}")))?;
-    let value = report(&images, &estimate);
+    // The camera is that of a flat print as planned, which most are; what differs is told beside it.
+    let paper = estimate_camera_and_paper(&targets[0], &found, &prior, Some(&estimate.camera))
+        .map_or_else(|_| PaperEstimate::default(), |both| both.paper);
+    let value = report(&images, &estimate, &paper);
     let text = serde_json::to_string_pretty(&value).map_err(|e| Failure::Other(e.to_string()))?;
     if let Some(out) = &arguments.out {
         write_atomic(out, format!("{text}\n").as_bytes())?;
@@ -163,7 +167,7 @@ fn usual_size(images: &[Image]) -> (u32, u32) {
     first.map_or((0, 0), |i| i.size)
 }
 
-fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
+fn report(images: &[Image], estimate: &CameraEstimate, paper: &PaperEstimate) -> Value {
     let mut views = estimate.views.iter();
     let rows: Vec<Value> = images
         .iter()
@@ -187,6 +191,7 @@ fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
         .collect();
     let camera = &estimate.camera;
     let sigma = estimate.sigma();
+    let PaperEstimate { paper, sigma: spread } = paper;
     json!({
         "width": camera.width,
         "height": camera.height,
@@ -202,6 +207,12 @@ fn report(images: &[Image], estimate: &CameraEstimate) -> Value {
             "cx": sigma[2],
             "cy": sigma[3],
             "distortion": sigma[4..],
+        },
+        "paper": {
+            "aspect": paper.aspect,
+            "bow_mm": paper.bow_mm,
+            "aspect_sigma": spread[0],
+            "bow_sigma_mm": spread[1..],
         },
         "images": rows,
     })

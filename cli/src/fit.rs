@@ -107,11 +107,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         json!({ "aspect": p.paper.aspect, "bow_mm": p.paper.bow_mm,
                 "aspect_sigma": p.sigma[0], "bow_sigma_mm": p.sigma[1..] })
     });
+    let elevation = session.elevation().map(|e| json!({ "mm": e.mm, "sigma_mm": e.sigma_mm }));
     let report = json!({
         "frames": rows,
         "camera": camera,
         "camera_uncertainty": camera_sigma,
         "paper": paper,
+        "elevation": elevation,
         "flash": flash,
         "next_view": next_view,
         "ambient_fraction": session.ambient_fraction(),

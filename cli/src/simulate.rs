@@ -13,6 +13,7 @@ use svbrdf::export::{check_writable, read_maps, write_atomic, write_maps};
 use svbrdf::frame::Encoding;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::observation::{Falloff, View};
+use svbrdf::rectification::elevation::RANGE_MM;
 use svbrdf::render::render;
 
 use crate::failure::{Failure, Result};
@@ -27,6 +28,9 @@ const DISTANCE_MM: f64 = 260.0;
 const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 /// Albedo of the paper between board and sample and round the board.
 const BACKGROUND: f64 = 0.3;
+/// Sides of a raised sample, and heights at which they are looked for.
+const SIDE_RADIANCE: f64 = 0.05;
+const SIDE_STEPS: u32 = 8;
 /// Samples along each side of a pixel.
 const SUPERSAMPLING: u32 = 3;
 
@@ -45,6 +49,9 @@ pub struct Arguments {
     /// Seed of poses and noise
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Height of the sample's surface above the board, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
+    elevation: f64,
 }
 
 fn camera() -> Camera {
@@ -82,6 +89,7 @@ struct Setup<'a> {
     target: Target,
     camera: Camera,
     pose: Pose,
+    elevation_mm: f64,
     light: DVec3,
     power_mm2: f64,
     sample_mm: [f32; 2],
@@ -89,29 +97,39 @@ struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    fn new(maps: &'a Svbrdf, pose: Pose) -> Self {
+    fn new(maps: &'a Svbrdf, pose: Pose, elevation_mm: f64) -> Self {
         let power_mm2 = PI * DISTANCE_MM * DISTANCE_MM;
         let light = pose.to_board(FLASH_MM);
         let sample_mm = sample_size(maps, SAMPLE_MM);
+        let up = DVec3::Z * elevation_mm;
         let view = View {
             sample_mm,
-            camera_mm: pose.camera_centre().as_vec3().to_array(),
-            light_mm: light.as_vec3().to_array(),
+            camera_mm: (pose.camera_centre() - up).as_vec3().to_array(),
+            light_mm: (light - up).as_vec3().to_array(),
             falloff: Falloff::InverseSquare { power_mm2: [power_mm2 as f32; 3] },
             ambient: [0.0; 3],
         };
         let mut radiance = vec![0.0; 3 * maps.texels()];
         render(maps, &view, &mut radiance);
         let (target, camera) = (Target::default(), camera());
-        Self { maps, target, camera, pose, light, power_mm2, sample_mm, radiance }
+        Self { maps, target, camera, pose, elevation_mm, light, power_mm2, sample_mm, radiance }
     }
 
-    /// Radiance towards the camera of a point of the board's plane.
-    fn radiance(&self, p: DVec2) -> [f64; 3] {
+    /// Radiance from where a ray from the camera ends: sample, its sides, or the board.
+    fn radiance(&self, eye: DVec3, ray: DVec3) -> [f64; 3] {
+        let at = |z: f64| (eye + ray * ((z - eye.z) / ray.z)).truncate();
         let [w, h] = self.sample_mm.map(f64::from);
-        if p.x.abs() < 0.5 * w && p.y.abs() < 0.5 * h {
-            return self.sample(p.x / w + 0.5, 0.5 - p.y / h);
+        let on_sample = |p: DVec2| p.x.abs() < 0.5 * w && p.y.abs() < 0.5 * h;
+        let top = at(self.elevation_mm);
+        if on_sample(top) {
+            return self.sample(top.x / w + 0.5, 0.5 - top.y / h);
         }
+        if (0..SIDE_STEPS)
+            .any(|i| on_sample(at(self.elevation_mm * f64::from(i) / f64::from(SIDE_STEPS))))
+        {
+            return [SIDE_RADIANCE; 3];
+        }
+        let p = at(0.0);
         let target = &self.target;
         let row = (0.5 * f64::from(target.rows) - p.y / target.square_mm).floor() as i64;
         let col = (0.5 * f64::from(target.cols) + p.x / target.square_mm).floor() as i64;
@@ -154,8 +172,7 @@ impl<'a> Setup<'a> {
             let p = centre + DVec2::new(offset(i) / self.camera.fx, offset(j) / self.camera.fy);
             let ray = back * p.extend(1.0);
             if ray.z < -1e-9 {
-                let hit = origin - ray * (origin.z / ray.z);
-                let value = self.radiance(hit.truncate());
+                let value = self.radiance(origin, ray);
                 (0..3).for_each(|c| sum[c] += value[c]);
             }
         }
@@ -186,6 +203,11 @@ fn photograph(setup: &Setup, seed: u64) -> image::RgbImage {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    let [low, high] = RANGE_MM;
+    if !(low..=high).contains(&arguments.elevation) {
+        let mm = arguments.elevation;
+        return Err(Failure::Input(format!("--elevation {mm}: {low} to {high} mm expected")));
+    }
     let maps = read_maps(&arguments.maps).map_err(Failure::input)?;
     let out = &arguments.out;
     for dir in [out.clone(), out.join("frames"), out.join("truth")] {
@@ -194,7 +216,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut random = Random::new(arguments.seed);
     let (mut frames, mut poses) = (Vec::new(), Vec::new());
     for index in 0..arguments.frames {
-        let setup = Setup::new(&maps, pose(index, &mut random));
+        let setup = Setup::new(&maps, pose(index, &mut random), arguments.elevation);
         let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(index.into());
         let mut bytes = std::io::Cursor::new(Vec::new());
         photograph(&setup, seed)
@@ -209,7 +231,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }));
     }
     write_maps(out.join("truth"), &maps)?;
-    write_json(out.join("truth/truth.json"), &json!({ "frames": poses }))?;
+    write_json(
+        out.join("truth/truth.json"),
+        &json!({ "frames": poses, "elevation_mm": arguments.elevation }),
+    )?;
     let (target, sample) = (Target::default(), sample_size(&maps, SAMPLE_MM));
     let hole = &target.hole;
     let capture = json!({

@@ -299,6 +299,9 @@ pub struct svbrdf_session_options {
     /// by all sessions) not counted; 0: any amount. What would need more is answered with
     /// SVBRDF_MEMORY_LIMIT.
     pub memory_limit_bytes: u64,
+    /// For a board: height of the sample's surface above the printed side, -5 to 20 mm; NaN:
+    /// estimated from the photos. Default: NaN.
+    pub elevation_mm: f64,
 }
 
 impl Default for svbrdf_session_options {
@@ -325,10 +328,11 @@ impl Default for svbrdf_session_options {
             on_log: None,
             user_data: std::ptr::null_mut(),
             memory_limit_bytes: 0,
+            elevation_mm: f64::NAN,
         }
     }
 }
-versioned!(svbrdf_session_options, size_of::<svbrdf_session_options>());
+versioned!(svbrdf_session_options, offset_of!(svbrdf_session_options, elevation_mm));
 
 /// Fills options with defaults: pass sizeof(svbrdf_session_options).
 ///
@@ -423,7 +427,8 @@ impl svbrdf_session_options {
                     distortion: camera.distortion,
                 });
                 let flash_offset_mm = flash.map(DVec3::from_array);
-                Ok(Scene::Board { target, camera, flash_offset_mm })
+                let elevation_mm = Some(self.elevation_mm).filter(|mm| !mm.is_nan());
+                Ok(Scene::Board { target, camera, flash_offset_mm, elevation_mm })
             }
             SVBRDF_SCENE_RECTIFIED => Ok(Scene::Rectified { falloff: self.falloff()? }),
             other => Err(unknown("scene", other)),

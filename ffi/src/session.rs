@@ -22,7 +22,8 @@ use crate::options::{
 };
 use crate::reports::{
     SVBRDF_STATE_CANCELLED, SVBRDF_STATE_FAILED, SVBRDF_STATE_FITTING, SVBRDF_STATE_PAUSED,
-    SVBRDF_STATE_READY, svbrdf_frame_report, svbrdf_next_view, svbrdf_progress, words,
+    SVBRDF_STATE_READY, svbrdf_frame_report, svbrdf_next_view, svbrdf_paper, svbrdf_progress,
+    words,
 };
 use crate::status::{
     Fault, SVBRDF_FAILED, SVBRDF_REJECTED, SVBRDF_TIMEOUT, entry, panic_text, svbrdf_status,
@@ -407,6 +408,25 @@ pub unsafe extern "C" fn svbrdf_session_camera(
                 sigma.cast::<[f64; 9]>().write_unaligned(spread);
             }
         }
+        Ok(())
+    })
+}
+
+/// The printed sheet and the sample's height above it, as used. Waits for a push in progress.
+///
+/// # Safety
+/// `paper` is NULL or initialised by svbrdf_paper_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_paper(
+    session: *const svbrdf_session,
+    paper: *mut svbrdf_paper,
+) -> svbrdf_status {
+    look(session, |live| {
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(paper) }?;
+        let size = size.ok_or_else(|| Fault::argument("paper: NULL given"))?;
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(paper, size, svbrdf_paper::of(&live.session)) };
         Ok(())
     })
 }

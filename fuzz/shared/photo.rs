@@ -20,7 +20,12 @@ pub fn run(data: &[u8]) -> bool {
     }
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
-    let scene = Scene::Board { target: Target::default(), camera: None, flash_offset_mm: None };
+    let scene = Scene::Board {
+        target: Target::default(),
+        camera: None,
+        flash_offset_mm: None,
+        elevation_mm: None,
+    };
     let settings = Settings { threads: 1, ..Settings::default() };
     let session = Session::with_networks(scene, settings, networks.clone()).expect("defaults");
     session.pause();

@@ -11,6 +11,7 @@ use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 use crate::frame::{Encoding, Photo};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
+use crate::rectification::elevation;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
 use document::{Node, parse_json, read_json};
@@ -154,7 +155,19 @@ fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {
         None => None,
         Some(node) => Some(DVec3::from_array(position(&node.get("offset_mm"))?)),
     };
-    Ok(Scene::Board { target, camera, flash_offset_mm })
+    let elevation_mm = match root.get("sample").get("elevation_mm").optional() {
+        None => None,
+        Some(node) => {
+            let [low, high] = elevation::RANGE_MM;
+            let expected = "a height above the board in mm, -5 to 20";
+            let mm = node.number(expected)?;
+            if !(low..=high).contains(&mm) {
+                return Err(node.fault(expected));
+            }
+            Some(mm)
+        }
+    };
+    Ok(Scene::Board { target, camera, flash_offset_mm, elevation_mm })
 }
 
 fn rectified_scene(root: &Node) -> Result<Scene> {

@@ -62,7 +62,7 @@ fn a_board_capture_is_read() {
     let dir = folder(&board_capture().to_string());
     let capture = Capture::load(dir.path()).unwrap();
     assert_eq!(capture.sample_mm, [100.0, 80.0]);
-    let Scene::Board { target, camera, flash_offset_mm } = &capture.scene else { panic!() };
+    let Scene::Board { target, camera, flash_offset_mm, .. } = &capture.scene else { panic!() };
     assert_eq!((target.rows, target.cols, target.square_mm), (17, 16, 10.0));
     assert_eq!(target.hole, Hole { row_start: 2, col_start: 2, row_end: 15, col_end: 14 });
     assert_eq!(target.top_left, TopLeft::Black);
@@ -85,7 +85,9 @@ fn optional_parts_may_be_missing() {
     let camera = camera.unwrap();
     assert_eq!((camera.distortion, flash_offset_mm), ([0.0; 5], None));
     let unknown = load(&with(board_capture(), "/camera", Value::Null)).unwrap().scene;
-    assert!(matches!(unknown, Scene::Board { camera: None, .. }));
+    assert!(matches!(unknown, Scene::Board { camera: None, elevation_mm: None, .. }));
+    let raised = load(&with(board_capture(), "/sample/elevation_mm", json!(4.5))).unwrap().scene;
+    assert!(matches!(raised, Scene::Board { elevation_mm: Some(mm), .. } if mm == 4.5));
     // A camera handed over takes the place of the file's, also of a missing one.
     let other = Camera { fx: 1000.0, ..camera };
     for value in [with(board_capture(), "/camera", Value::Null), board_capture()] {
@@ -165,6 +167,8 @@ fn faults_name_file_field_and_expectation() {
         ("/board/hole_squares", json!([0, 0, 17, 16]), "board.hole_squares", "inner corners"),
         ("/board/white_albedo", json!(1.5), "board.white_albedo", "albedo"),
         ("/board/top_left", json!("grey"), "board.top_left", "white"),
+        ("/sample/elevation_mm", json!("high"), "sample.elevation_mm", "a height above"),
+        ("/sample/elevation_mm", json!(50), "sample.elevation_mm", "-5 to 20"),
         ("/camera", json!([1]), "camera", "object"),
         ("/camera/fx", null.clone(), "camera.fx", "number of pixels"),
         ("/camera/fx", json!("NaN"), "camera.fx", "finite number"),

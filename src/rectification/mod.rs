@@ -5,6 +5,7 @@
 //! averaged. Values stay linear throughout; the photo's response ([`Radiometry`]) turns them into
 //! radiance.
 
+pub mod elevation;
 mod mapping;
 mod resample;
 mod sampler;

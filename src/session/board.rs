@@ -19,6 +19,7 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification;
+use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
 
 /// Where the flash of an unknown camera may be, mm: in the plane of its lens.
@@ -27,9 +28,13 @@ const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
 const MOVED_PX: f64 = 0.03;
 /// The same for the camera's position, relative to its distance.
 const MOVED_SHARE: f64 = 3e-4;
-/// A given camera's photographs after which the sheet of paper is taken as known, at the earliest
+/// The same for another height of the sample, texels.
+const MOVED_TEXELS: f64 = 0.1;
+/// Maps of a sample that is moved by more than this are no start any more, texels.
+const RESTART_TEXELS: f64 = 1.0;
+/// A given camera's photographs after which paper and sample are taken as known, at the earliest
 /// and at the latest.
-const PAPER_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
+const SETTLING_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
 /// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
 /// little.
 const CROP_SHARE: f64 = 0.05;
@@ -39,9 +44,9 @@ const CROP_PX: f64 = 24.0;
 #[derive(Debug, Clone)]
 pub(super) enum Update {
     /// Light and response.
-    Radiometry { index: usize, camera: Camera, pose: Pose, old: Radiometry, new: Radiometry },
-    /// Camera, pose and light.
-    Geometry { index: usize, kept: Arc<Kept>, camera: Camera, pose: Pose, radiometry: Radiometry },
+    Radiometry { index: usize, used: Used, new: Radiometry },
+    /// Camera, pose, height and light.
+    Geometry { index: usize, kept: Arc<Kept>, used: Used },
 }
 
 impl Update {
@@ -55,19 +60,28 @@ impl Update {
     /// Brings the photograph's observation up to date.
     pub(super) fn apply(&self, observation: &mut Observation) {
         match self {
-            Self::Radiometry { camera, pose, old, new, .. } => {
-                rectification::update_radiometry(observation, camera, pose, 0.0, old, new);
+            Self::Radiometry { used, new, .. } => {
+                let Used { camera, pose, radiometry, elevation_mm } = used;
+                let height_mm = *elevation_mm as f32;
+                rectification::update_radiometry(
+                    observation,
+                    camera,
+                    pose,
+                    height_mm,
+                    radiometry,
+                    new,
+                );
             }
-            Self::Geometry { kept, camera, pose, radiometry, .. } => {
+            Self::Geometry { kept, used, .. } => {
                 let (width, height) = (observation.width(), observation.height());
                 let sample_mm = observation.view.sample_mm;
-                let camera = kept.camera(camera);
-                let again = rectification::rectify(
+                let again = rectification::rectify_raised(
                     &kept.photo,
-                    &camera,
-                    pose,
-                    radiometry,
+                    &kept.camera(&used.camera),
+                    &used.pose,
+                    &used.radiometry,
                     sample_mm,
+                    used.elevation_mm as f32,
                     width,
                     height,
                 );
@@ -89,13 +103,20 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    fn new(photo: &Photo, camera: &Camera, pose: &Pose, sample_mm: [f32; 2]) -> Self {
+    /// The sample is somewhere within `heights_mm` above the board's plane.
+    fn new(
+        photo: &Photo,
+        camera: &Camera,
+        pose: &Pose,
+        sample_mm: [f32; 2],
+        heights_mm: [f64; 2],
+    ) -> Self {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         // Distortion bends edges: points along them.
-        for i in 0..=8 {
-            for j in 0..=8 {
-                let (x, y) = (f64::from(i) / 8.0 - 0.5, f64::from(j) / 8.0 - 0.5);
-                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), 0.0);
+        for i in 0..9 * 9 {
+            let (x, y) = (f64::from(i % 9) / 8.0 - 0.5, f64::from(i / 9) / 8.0 - 0.5);
+            for z in heights_mm {
+                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), z);
                 if let Some(px) = camera.project(pose.transform(p)) {
                     (low, high) = (low.min(px), high.max(px));
                 }
@@ -134,20 +155,41 @@ pub(super) struct BoardIntake {
     target: Target,
     intrinsics: Intrinsics,
     paper: PaperEstimate,
+    /// Whether the caller has said how high the sample lies.
+    stated: bool,
+    elevation: ElevationEstimate,
     photometry: PhotometricCalibrator,
     frames: Vec<Frame>,
+}
+
+/// What an observation was made with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Used {
+    pub(super) camera: Camera,
+    pub(super) pose: Pose,
+    pub(super) radiometry: Radiometry,
+    pub(super) elevation_mm: f64,
+}
+
+/// Details of a photograph and what they were made with.
+pub(super) struct Seen {
+    camera: Camera,
+    pose: Pose,
+    /// `None` where the photograph shows too little of the sample.
+    detail: Option<Detail>,
 }
 
 /// An accepted photograph.
 pub(super) struct Frame {
     pub(super) corners: Vec<Corner>,
-    /// For another rectification, while camera or paper are not settled.
+    /// For another rectification, while camera, paper or sample are not settled.
     pub(super) kept: Option<Arc<Kept>>,
+    /// Made from that when needed.
+    pub(super) seen: Option<Arc<Seen>>,
     /// Latest estimate.
     pub(super) pose: Pose,
     pub(super) rms_px: f64,
-    /// What the observation was made with.
-    pub(super) used: (Camera, Pose, Radiometry),
+    pub(super) used: Used,
 }
 
 /// Camera and poses with a new photograph.
@@ -166,6 +208,7 @@ impl BoardIntake {
         target: Target,
         camera: Option<Camera>,
         flash_offset_mm: Option<DVec3>,
+        elevation_mm: Option<f64>,
     ) -> Result<Self> {
         if let Some((field, expected)) = target.fault() {
             return Err(Error::argument("board", format!("{field}: expected {expected}")));
@@ -180,10 +223,23 @@ impl BoardIntake {
             Some(offset) => FlashOffset::Known(offset),
             None => FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: FLASH_SIGMA_MM },
         };
+        if let Some(mm) = elevation_mm
+            && !(elevation::RANGE_MM[0]..=elevation::RANGE_MM[1]).contains(&mm)
+        {
+            let [low, high] = elevation::RANGE_MM;
+            let expected = format!("{mm} given; {low} to {high} mm expected");
+            return Err(Error::argument("elevation_mm", expected));
+        }
+        let stated = elevation_mm.is_some();
+        let elevation = match elevation_mm {
+            Some(mm) => ElevationEstimate { mm, sigma_mm: 0.0 },
+            None => ElevationEstimate::default(),
+        };
         let photometry = PhotometricCalibrator::new(target.clone(), flash);
         let intrinsics = camera.map_or(Intrinsics::Estimated(None), Intrinsics::Given);
         let paper = PaperEstimate::default();
-        Ok(Self { target, intrinsics, paper, photometry, frames: Vec::new() })
+        let frames = Vec::new();
+        Ok(Self { target, intrinsics, paper, stated, elevation, photometry, frames })
     }
 
     pub(super) fn camera(&self) -> Option<Camera> {
@@ -202,6 +258,10 @@ impl BoardIntake {
 
     pub(super) fn paper(&self) -> PaperEstimate {
         self.paper
+    }
+
+    pub(super) fn elevation(&self) -> ElevationEstimate {
+        self.elevation
     }
 
     pub(super) fn poses(&self) -> Vec<BoardPose> {
@@ -231,6 +291,7 @@ impl BoardIntake {
         &mut self,
         estimate: Option<CameraEstimate>,
         paper: PaperEstimate,
+        elevation: Option<ElevationEstimate>,
         frames: Vec<(Frame, Squares)>,
     ) {
         if let Some(estimate) = estimate {
@@ -240,12 +301,17 @@ impl BoardIntake {
         self.photometry.resume(frames.iter().map(|f| f.pose).zip(squares));
         self.frames = frames;
         self.paper = paper;
+        if let Some(elevation) = elevation.filter(|_| !self.stated) {
+            self.elevation = elevation;
+        }
     }
 
-    /// Bytes of the parts of photographs kept.
+    /// Bytes of the parts of photographs kept and of their details.
     pub(super) fn kept_bytes(&self) -> u64 {
         let kept = self.frames.iter().filter_map(|f| f.kept.as_ref());
-        kept.map(|k| k.photo.stored_bytes() as u64).sum()
+        let seen = self.frames.iter().filter_map(|f| f.seen.as_ref()?.detail.as_ref());
+        kept.map(|k| k.photo.stored_bytes() as u64).sum::<u64>()
+            + seen.map(Detail::bytes).sum::<u64>()
     }
 
     /// Calibrates and rectifies a photograph. Everything is computed on copies and kept on success
@@ -281,12 +347,22 @@ impl BoardIntake {
             photometry.set_poses(&poses);
         }
         let radiometry = photometry.push(photo, &camera, &pose)?;
-        let observation = rectification::rectify(
+        let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
+        let kept = self
+            .may_move()
+            .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm)));
+        let (seen, elevation) = match &kept {
+            Some(kept) if !self.stated => self.measure(kept, &solved, sample_mm, resolution),
+            _ => (Vec::new(), self.elevation),
+        };
+        let elevation_mm = elevation.mm;
+        let observation = rectification::rectify_raised(
             photo,
             &camera,
             &pose,
             &radiometry,
             sample_mm,
+            elevation_mm as f32,
             resolution,
             resolution,
         )?;
@@ -300,22 +376,66 @@ impl BoardIntake {
                 (frame.pose, frame.rms_px) = (*pose, *rms_px);
             }
         }
-        let updates = self
-            .frames
-            .iter_mut()
-            .enumerate()
-            .filter_map(|(i, f)| f.update(i, &camera, photometry.radiometry(i)?, sample_mm))
-            .collect();
-        let kept = self.may_move().then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm)));
+        let update = |(index, frame): (usize, &mut Frame)| {
+            let radiometry = photometry.radiometry(index)?;
+            let latest = Used { camera, pose: frame.pose, radiometry, elevation_mm };
+            frame.update(index, latest, sample_mm)
+        };
+        let updates = self.frames.iter_mut().enumerate().filter_map(update).collect();
         let rms_px = solved.new.rms_px;
-        self.frames.push(Frame { corners, kept, pose, rms_px, used: (camera, pose, radiometry) });
+        let used = Used { camera, pose, radiometry, elevation_mm };
+        self.frames.push(Frame { corners, kept, seen: None, pose, rms_px, used });
+        for (frame, seen) in self.frames.iter_mut().zip(seen) {
+            frame.seen = Some(seen);
+        }
+        let change = self.shift_mm(elevation.mm, sample_mm) / texel_mm(sample_mm, resolution);
+        let restart = change > RESTART_TEXELS;
+        self.elevation = elevation;
         if let Some(estimate) = solved.estimate {
             self.intrinsics = Intrinsics::Estimated(Some(Box::new(estimate)));
         }
         self.photometry = photometry;
         self.paper = solved.paper;
-        self.settle_paper();
-        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, hints })
+        self.settle(sample_mm, resolution);
+        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, restart, hints })
+    }
+
+    /// Details of all photographs and of a new one, and the height of the sample that they tell.
+    fn measure(
+        &self,
+        kept: &Kept,
+        solved: &Solved,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> (Vec<Arc<Seen>>, ElevationEstimate) {
+        let camera = solved.camera;
+        let see = |kept: &Kept, camera: Camera, pose: Pose| {
+            let detail = Detail::new(&kept.photo, &kept.camera(&camera), &pose, sample_mm);
+            Arc::new(Seen { camera, pose, detail })
+        };
+        let mut all: Vec<Arc<Seen>> = Vec::with_capacity(self.frames.len() + 1);
+        for (i, frame) in self.frames.iter().enumerate() {
+            let Some(kept) = &frame.kept else { return (Vec::new(), self.elevation) };
+            // As long as the observation stays, so do its details.
+            let pose = solved.earlier.as_ref().map_or(frame.pose, |e| e[i].0);
+            let Used { elevation_mm, .. } = frame.used;
+            let latest = Used { camera, pose, elevation_mm, ..frame.used };
+            let Used { camera, pose, .. } =
+                if moves(&frame.used, &latest, sample_mm) { latest } else { frame.used };
+            all.push(match &frame.seen {
+                Some(seen) if (seen.camera, seen.pose) == (camera, pose) => seen.clone(),
+                _ => see(kept, camera, pose),
+            });
+        }
+        all.push(see(kept, camera, solved.new.pose));
+        let details: Vec<&Detail> = all.iter().filter_map(|s| s.detail.as_ref()).collect();
+        let mut estimate = elevation::estimate(&details);
+        let slope = all.iter().map(|s| steepest(&s.pose, sample_mm)).fold(0.0, f64::max);
+        let change = slope * (estimate.mm - self.elevation.mm).abs();
+        if change <= MOVED_TEXELS * texel_mm(sample_mm, resolution) {
+            estimate.mm = self.elevation.mm;
+        }
+        (all, estimate)
     }
 
     /// Camera and poses from all photographs so far and a new one.
@@ -390,14 +510,26 @@ impl BoardIntake {
             || self.frames.iter().all(|frame| frame.kept.is_some())
     }
 
-    /// Lets go of the photographs of a given camera once the sheet of paper is known.
-    fn settle_paper(&mut self) {
+    /// How far another height moves points of the sample in photographs so far, at most, mm.
+    fn shift_mm(&self, elevation_mm: f64, sample_mm: [f32; 2]) -> f64 {
+        let slopes = self.frames.iter().map(|f| steepest(&f.pose, sample_mm));
+        slopes.fold(0.0, f64::max) * (elevation_mm - self.elevation.mm).abs()
+    }
+
+    /// Lets go of the photographs of a given camera once paper and sample are known.
+    fn settle(&mut self, sample_mm: [f32; 2], resolution: usize) {
         let photos = self.frames.len();
-        let enough = photos >= *PAPER_PHOTOS.start() && self.paper.is_settled();
+        let slope = self.frames.iter().map(|f| steepest(&f.pose, sample_mm)).fold(0.0, f64::max);
+        let well = MOVED_TEXELS * texel_mm(sample_mm, resolution) / slope.max(0.1);
+        let enough = photos >= *SETTLING_PHOTOS.start()
+            && self.paper.is_settled()
+            && self.elevation.sigma_mm < well;
         if matches!(self.intrinsics, Intrinsics::Given(_))
-            && (enough || photos >= *PAPER_PHOTOS.end())
+            && (enough || photos >= *SETTLING_PHOTOS.end())
         {
-            self.frames.iter_mut().for_each(|frame| frame.kept = None);
+            for frame in &mut self.frames {
+                (frame.kept, frame.seen) = (None, None);
+            }
         }
     }
 }
@@ -405,54 +537,58 @@ impl BoardIntake {
 impl Frame {
     /// Width and height of the whole photograph, px.
     pub(super) fn picture_size(&self) -> (u32, u32) {
-        (self.used.0.width, self.used.0.height)
+        (self.used.camera.width, self.used.camera.height)
     }
 
     /// What the fit must do to use the latest estimates; remembers that it will.
-    fn update(
-        &mut self,
-        index: usize,
-        camera: &Camera,
-        radiometry: Radiometry,
-        sample_mm: [f32; 2],
-    ) -> Option<Update> {
-        let (old_camera, old_pose, old) = self.used;
+    fn update(&mut self, index: usize, latest: Used, sample_mm: [f32; 2]) -> Option<Update> {
+        let old = self.used;
         if let Some(kept) = &self.kept
-            && moves(&old_camera, &old_pose, camera, &self.pose, sample_mm)
+            && moves(&old, &latest, sample_mm)
         {
-            let (kept, camera, pose) = (kept.clone(), *camera, self.pose);
-            self.used = (camera, pose, radiometry);
-            return Some(Update::Geometry { index, kept, camera, pose, radiometry });
+            self.used = latest;
+            return Some(Update::Geometry { index, kept: kept.clone(), used: latest });
         }
-        self.used.2 = radiometry;
-        (radiometry != old).then_some(Update::Radiometry {
+        self.used.radiometry = latest.radiometry;
+        (latest.radiometry != old.radiometry).then_some(Update::Radiometry {
             index,
-            camera: old_camera,
-            pose: old_pose,
-            old,
-            new: radiometry,
+            used: old,
+            new: latest.radiometry,
         })
     }
 }
 
+/// Middle and corners of the sample at a height, board frame.
+fn marks(sample_mm: [f32; 2], height_mm: f64) -> [DVec3; 5] {
+    [(0.0, 0.0), (-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].map(|(x, y)| {
+        DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), height_mm)
+    })
+}
+
 /// Whether the sample lies elsewhere in the photograph, or is seen from elsewhere.
-fn moves(
-    old_camera: &Camera,
-    old_pose: &Pose,
-    camera: &Camera,
-    pose: &Pose,
-    sample_mm: [f32; 2],
-) -> bool {
-    let (from, to) = (old_pose.camera_centre(), pose.camera_centre());
+fn moves(old: &Used, new: &Used, sample_mm: [f32; 2]) -> bool {
+    let (from, to) = (old.pose.camera_centre(), new.pose.camera_centre());
     if from.distance(to) > MOVED_SHARE * to.length() {
         return true;
     }
-    [(0.0, 0.0), (-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].into_iter().any(|(x, y)| {
-        let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), 0.0);
-        let then = old_camera.project(old_pose.transform(p));
-        let now = camera.project(pose.transform(p));
+    let (then, now) = (marks(sample_mm, old.elevation_mm), marks(sample_mm, new.elevation_mm));
+    then.into_iter().zip(now).any(|(then, now)| {
+        let then = old.camera.project(old.pose.transform(then));
+        let now = new.camera.project(new.pose.transform(now));
         !matches!((then, now), (Some(a), Some(b)) if a.distance(b) <= MOVED_PX)
     })
+}
+
+/// How far a point of the sample moves in the board's plane per height of the sample, at most.
+fn steepest(pose: &Pose, sample_mm: [f32; 2]) -> f64 {
+    let eye = pose.camera_centre();
+    let slope = |p: DVec3| (eye - p).truncate().length() / eye.z;
+    marks(sample_mm, 0.0).into_iter().map(slope).fold(0.0, f64::max)
+}
+
+/// Shorter side of a texel, mm.
+fn texel_mm(sample_mm: [f32; 2], resolution: usize) -> f64 {
+    f64::from(sample_mm[0].min(sample_mm[1])) / resolution as f64
 }
 
 /// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
@@ -506,7 +642,7 @@ mod tests {
         let photo = Photo::from_linear(camera.width, camera.height, photo, 1.0, 10.0).unwrap();
         // The first guess is a little off.
         let guess = Camera { fx: 480.0, fy: 480.0, distortion: [0.0; 5], ..camera };
-        let kept = Kept::new(&photo, &guess, &pose, sample_mm);
+        let kept = Kept::new(&photo, &guess, &pose, sample_mm, elevation::RANGE_MM);
         let share = f64::from(kept.photo.width() * kept.photo.height())
             / f64::from(photo.width() * photo.height());
         assert!(share < 0.35, "{share}");
@@ -514,13 +650,8 @@ mod tests {
             rectification::rectify(&photo, camera, &pose, radiometry, sample_mm, 64, 64).unwrap()
         };
         let mut observation = at(&guess, &radiometry(1.0));
-        let update = Update::Geometry {
-            index: 3,
-            kept: Arc::new(kept),
-            camera,
-            pose,
-            radiometry: radiometry(1.3),
-        };
+        let used = Used { camera, pose, radiometry: radiometry(1.3), elevation_mm: 0.0 };
+        let update = Update::Geometry { index: 3, kept: Arc::new(kept), used };
         assert_eq!(update.index(), 3);
         update.apply(&mut observation);
         let fresh = at(&camera, &radiometry(1.3));
@@ -537,12 +668,18 @@ mod tests {
     #[test]
     fn small_changes_leave_the_rectified_photograph() {
         let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
-        let seen = |c: &Camera, p: &Pose| moves(&camera, &pose, c, p, [100.0, 100.0]);
+        let used = Used { camera, pose, radiometry: radiometry(1.0), elevation_mm: 1.0 };
+        let seen = |c: &Camera, p: &Pose| {
+            moves(&used, &Used { camera: *c, pose: *p, ..used }, [100.0, 100.0])
+        };
         assert!(!seen(&camera, &pose));
         assert!(!seen(&Camera { cx: camera.cx + 0.02, ..camera }, &pose));
         assert!(seen(&Camera { cx: camera.cx + 0.05, ..camera }, &pose));
         // Further away with a longer lens: the picture hardly changes, the view does.
         let far = Pose { translation: pose.translation * 1.001, ..pose };
         assert!(seen(&Camera { fx: camera.fx * 1.001, fy: camera.fy * 1.001, ..camera }, &far));
+        // A higher sample; 0.01 mm of height are less than 0.01 px.
+        let raised = |mm| moves(&used, &Used { elevation_mm: mm, ..used }, [100.0, 100.0]);
+        assert!(raised(1.2) && !raised(1.01));
     }
 }

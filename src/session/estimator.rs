@@ -42,7 +42,7 @@ impl Estimator {
             (false, Some(maps)) => Some(Arc::new(maps)),
             (false, None) => Some(Arc::new(first_maps(&self.networks, &observation)?)),
         };
-        self.fit.add(NewFrame { observation, start, updates: Vec::new() })?;
+        self.fit.add(NewFrame { observation, start, updates: Vec::new(), restart: false })?;
         self.begun = true;
         Ok(())
     }

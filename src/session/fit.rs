@@ -55,6 +55,8 @@ pub(super) struct NewFrame {
     pub(super) observation: Observation,
     pub(super) start: Option<Arc<Svbrdf>>,
     pub(super) updates: Vec<Update>,
+    /// Earlier ones lie so far elsewhere now that the maps so far are no start any more.
+    pub(super) restart: bool,
 }
 
 /// A fit to all photographs so far, in steps.
@@ -137,7 +139,7 @@ impl Fit {
 
     /// Adds a photograph.
     pub(super) fn add(&mut self, frame: NewFrame) -> Result<()> {
-        let NewFrame { mut observation, start, updates } = frame;
+        let NewFrame { mut observation, start, updates, restart } = frame;
         (self.cut, self.steps_at_level, self.previous, self.relit) = (None, 0, None, false);
         for update in &updates {
             if let Some(earlier) = self.observations.get_mut(update.index()) {
@@ -154,6 +156,9 @@ impl Fit {
         if self.maps.is_none() {
             return Err(Error::NoMaps);
         }
+        if restart {
+            self.restart()?;
+        }
         self.stage = match self.method {
             Method::Classic => Stage::Classic,
             Method::Deep => {
@@ -166,7 +171,7 @@ impl Fit {
                             Some(LatentFit::new(networks, &start, &observation, options)?);
                     }
                     Some(latent) => {
-                        if !updates.is_empty() {
+                        if !updates.is_empty() && !restart {
                             latent.set_observations(&self.observations)?;
                         }
                         latent.add_observation(&observation)?;
@@ -179,6 +184,22 @@ impl Fit {
         if let Some(maps) = &self.maps {
             self.loss = render::loss(maps, &self.observations) as f32;
         }
+        Ok(())
+    }
+
+    /// Begins anew with the photographs as they are now.
+    fn restart(&mut self) -> Result<()> {
+        let Some(first) = self.observations.first() else { return Ok(()) };
+        let start = first_maps(&self.networks, first)?;
+        if self.latent.is_some() {
+            let (networks, options) = (self.networks.clone(), FitOptions::default());
+            let mut latent = LatentFit::new(networks, &start, first, options)?;
+            for observation in &self.observations[1..] {
+                latent.add_observation(observation)?;
+            }
+            self.latent = Some(latent);
+        }
+        (self.maps, self.propagated) = (Some(start), false);
         Ok(())
     }
 

@@ -11,6 +11,7 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{Falloff, Observation, View};
 use crate::rectification;
+use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result};
 
 /// A photograph ready for the fit.
@@ -20,6 +21,8 @@ pub(super) struct Taken {
     pub(super) rms_px: Option<f64>,
     /// What is known better of earlier photographs.
     pub(super) updates: Vec<Update>,
+    /// Whether they move the sample by more than a texel.
+    pub(super) restart: bool,
     pub(super) hints: Vec<Hint>,
 }
 
@@ -33,8 +36,9 @@ impl Intake {
     /// Checks the scene.
     pub(super) fn new(scene: Scene) -> Result<Self> {
         match scene {
-            Scene::Board { target, camera, flash_offset_mm } => {
-                Ok(Self::Board(Box::new(BoardIntake::new(target, camera, flash_offset_mm)?)))
+            Scene::Board { target, camera, flash_offset_mm, elevation_mm } => {
+                let board = BoardIntake::new(target, camera, flash_offset_mm, elevation_mm)?;
+                Ok(Self::Board(Box::new(board)))
             }
             Scene::Rectified { falloff } => Ok(Self::Rectified { falloff, power_mm2: None }),
         }
@@ -65,6 +69,11 @@ impl Intake {
     /// The printed sheet, for photographs of a board.
     pub(super) fn paper(&self) -> Option<PaperEstimate> {
         Some(self.board()?.paper())
+    }
+
+    /// The sample's height above the board, for photographs of one.
+    pub(super) fn elevation(&self) -> Option<ElevationEstimate> {
+        Some(self.board()?.elevation())
     }
 
     /// Poses as known now.
@@ -136,6 +145,7 @@ impl Intake {
                     pose: None,
                     rms_px: None,
                     updates: Vec::new(),
+                    restart: false,
                     hints: Vec::new(),
                 }))
             }

@@ -32,6 +32,7 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
 use crate::observation::Falloff;
+use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result, Svbrdf};
 
 /// How maps are found from photographs.
@@ -54,13 +55,16 @@ pub enum Scene {
         /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
         /// with each one. Earlier photographs are then rectified anew where that moves them, for
         /// which the session keeps the part of each that shows the sample as it is stored: about a
-        /// quarter of a photograph that shows the whole board (10 MB of a 12-megapixel one). With a
-        /// given camera it does so until it knows the sheet of paper, for seven photographs at
-        /// most.
+        /// third of a photograph that shows the whole board (12 MB of a 12-megapixel one). With a
+        /// given camera it does so until it knows the sheet of paper and the sample's height, for
+        /// seven photographs at most.
         camera: Option<Camera>,
         /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
         /// photographs tell it.
         flash_offset_mm: Option<DVec3>,
+        /// Height of the sample's surface above the printed side of the board, mm; `None`:
+        /// estimated from two photographs on, 0 unless they contradict that clearly.
+        elevation_mm: Option<f64>,
     },
     /// Photographs already rectified to the top view, camera and light given with each.
     Rectified {
@@ -429,8 +433,8 @@ impl Session {
             index
         };
         self.shared.notify();
-        let Taken { observation, updates, .. } = taken;
-        let frame = Box::new(NewFrame { observation, start, updates });
+        let Taken { observation, updates, restart, .. } = taken;
+        let frame = Box::new(NewFrame { observation, start, updates, restart });
         if self.commands.send(Command::Frame(frame)).is_err() {
             self.usable()?;
             return Err(Error::Cancelled);
@@ -520,6 +524,13 @@ impl Session {
     /// `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).paper()
+    }
+
+    /// Height of the sample's surface above the board, as used, and how well it is known. 0 until
+    /// two photographs and more say otherwise clearly; what the scene states, without a standard
+    /// deviation, where it does. `None` for rectified photographs.
+    pub fn elevation(&self) -> Option<ElevationEstimate> {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).elevation()
     }
 
     /// Poses of the accepted photographs as known now: later photographs better what is known of

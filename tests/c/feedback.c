@@ -35,6 +35,7 @@ static void accepted_photos(const picture *first, const picture *second)
     svbrdf_frame_report report, again;
     svbrdf_next_view next;
     svbrdf_camera camera;
+    svbrdf_paper paper;
     svbrdf_image image;
     double sigma[9], rotation[9], translation[3], rms = 0.0;
     int i;
@@ -69,6 +70,13 @@ static void accepted_photos(const picture *first, const picture *second)
     CHECK(camera.width == 2016 && fabs(camera.fx - 1493.938) < 1e-3 && sigma[0] == 0.0);
     EXPECT(svbrdf_session_camera(session, NULL, sigma), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_next_view(session, NULL), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_paper_init(&paper, sizeof paper));
+    CHECK(paper.known == 0 && paper.aspect == 1.0);
+    OK(svbrdf_session_paper(session, &paper));
+    CHECK(paper.known == 1 && paper.aspect == 1.0 && paper.bow_mm[0] == 0.0);
+    CHECK(paper.aspect_sigma > 0.0 && paper.bow_sigma_mm[1] > 0.0);
+    CHECK(paper.elevation_mm == 0.0 && paper.elevation_sigma_mm > 0.0);
+    EXPECT(svbrdf_session_paper(session, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_session_pose(session, 2, rotation, translation, &rms));
     CHECK(memcmp(rotation, again.rotation, sizeof rotation) == 0);
     for (i = 0; i < 3; i++) {
@@ -87,6 +95,24 @@ static void accepted_photos(const picture *first, const picture *second)
     report = push(session, &image, NULL, SVBRDF_OK);
     CHECK(report.hints == SVBRDF_HINT_NOT_LINEAR && report.over_white > 0.2f);
     CHECK(strstr(report.advice, "not linear") != NULL);
+    OK(svbrdf_session_destroy(session));
+}
+
+/* A height that is stated is used. */
+static void raised_sample(void)
+{
+    svbrdf_session_options options;
+    svbrdf_session *session = NULL;
+    svbrdf_paper paper;
+    OK(svbrdf_session_options_init(&options, sizeof options));
+    CHECK(isnan(options.elevation_mm));
+    options.elevation_mm = 99.0;
+    EXPECT(svbrdf_session_create(&options, &session), SVBRDF_INVALID_ARGUMENT);
+    options.elevation_mm = 2.5;
+    OK(svbrdf_session_create(&options, &session));
+    OK(svbrdf_paper_init(&paper, sizeof paper));
+    OK(svbrdf_session_paper(session, &paper));
+    CHECK(paper.elevation_mm == 2.5 && paper.elevation_sigma_mm == 0.0);
     OK(svbrdf_session_destroy(session));
 }
 
@@ -255,6 +281,7 @@ void test_feedback(const char *folder)
 {
     picture first = read_ppm(folder, "00.ppm"), second = read_ppm(folder, "01.ppm");
     accepted_photos(&first, &second);
+    raised_sample();
     unknown_camera(&first);
     rejected_photos(&first);
     ambient_light(&first);

@@ -88,14 +88,17 @@ static void *poll(void *unused)
 {
     svbrdf_progress progress;
     svbrdf_next_view next;
+    svbrdf_paper paper;
     double offset[3];
     float ambient;
     (void)unused;
     OK(svbrdf_progress_init(&progress, sizeof progress));
     OK(svbrdf_next_view_init(&next, sizeof next));
+    OK(svbrdf_paper_init(&paper, sizeof paper));
     while (!value(&over)) {
         expect_any(svbrdf_session_progress(session_, &progress));
         expect_any(svbrdf_session_next_view(session_, &next));
+        expect_any(svbrdf_session_paper(session_, &paper));
         expect_any(svbrdf_session_light(session_, offset, &ambient));
         expect_any(svbrdf_session_wait(session_, 1));
         usleep(500);

@@ -118,6 +118,7 @@ void board(const std::string& folder) {
     const auto next = session.next_view();
     CHECK(next && next->direction[2] > 0.5f && next->tilt_deg < 60.0f);
     CHECK(session.camera() && std::abs(session.camera()->fx - camera.fx) < 1e-9);
+    CHECK(session.paper() && session.paper()->aspect == 1.0 && session.paper()->elevation_mm == 0.0);
     CHECK(session.pose(1).translation_mm[2] > 50.0 && session.pose(1).reprojection_rms_px < 1.0);
     CHECK(thrown([&] { session.pose(2); }) == SVBRDF_INVALID_ARGUMENT);
     // All of its light was there without the flash: no board is left.
@@ -247,7 +248,7 @@ void bad_arguments(const std::string&) {
     auto image = gray().view();
     image.planes[0].data = nullptr;
     CHECK(thrown([&] { session.push_rectified(image, above, above); }) == SVBRDF_INVALID_ARGUMENT);
-    CHECK(!session.next_view() && !session.camera());
+    CHECK(!session.next_view() && !session.camera() && !session.paper());
     CHECK(thrown([&] { session.export_to("/nowhere"); }) == SVBRDF_NO_MAPS);
     svbrdf::Session other = std::move(session);
     CHECK(thrown([&] { session.pause(); }) == SVBRDF_INVALID_HANDLE);

@@ -245,6 +245,11 @@ impl<'a> Reader<'a> {
         Ok(taken)
     }
 
+    /// Whether every field has been read.
+    pub(super) fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
     /// Every field has been read.
     pub(super) fn end(self) -> Result<()> {
         if self.bytes.is_empty() || self.newer_minor {

@@ -12,8 +12,9 @@ use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
 use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
 use crate::geometry::Pose;
+use crate::rectification::elevation::{self, ElevationEstimate};
 use crate::session::Scene;
-use crate::session::board::{BoardIntake, Frame, Kept};
+use crate::session::board::{BoardIntake, Frame, Kept, Used};
 use crate::session::intake::Intake;
 
 const INTAKE: &Tag = b"INTK";
@@ -21,6 +22,8 @@ const INTAKE: &Tag = b"INTK";
 const FRAME: &Tag = b"FRAM";
 /// Without it the sheet is as planned.
 const PAPER: &Tag = b"PAPR";
+/// Without it the sample lies in the board's plane.
+const ELEVATION: &Tag = b"ELEV";
 
 pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
     match intake {
@@ -39,6 +42,10 @@ pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
                 let PaperEstimate { paper, sigma } = board.paper();
                 w.f64s(&[paper.aspect, paper.bow_mm[0], paper.bow_mm[1]]);
                 w.f64s(&sigma);
+            });
+            state.section(ELEVATION, |w| {
+                let ElevationEstimate { mm, sigma_mm } = board.elevation();
+                w.f64s(&[mm, sigma_mm]);
             });
             for (frame, squares) in board.frames_and_squares() {
                 state.section(FRAME, |w| write_frame(w, frame, squares));
@@ -62,7 +69,8 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
                 Ok(CameraEstimate { camera, covariance, paper, rms_px, views: Vec::new() })
             })?;
             let frames = sections.all(FRAME).map(read_frame).collect::<Result<Vec<_>>>()?;
-            resume(board, estimate, paper, frames)?;
+            let elevation = sections.all(ELEVATION).next().map(read_elevation).transpose()?;
+            resume(board, estimate, paper, elevation, frames)?;
         }
     }
     r.end()?;
@@ -73,6 +81,7 @@ fn resume(
     board: &mut BoardIntake,
     estimate: Option<CameraEstimate>,
     paper: PaperEstimate,
+    elevation: Option<ElevationEstimate>,
     frames: Vec<(Frame, Squares)>,
 ) -> Result<()> {
     let estimated = board.camera().is_none();
@@ -86,7 +95,7 @@ fn resume(
     {
         return Err(damaged("photographs and camera do not fit each other"));
     }
-    board.resume(estimate, paper, frames);
+    board.resume(estimate, paper, elevation, frames);
     Ok(())
 }
 
@@ -101,6 +110,19 @@ fn read_paper(mut r: Reader) -> Result<PaperEstimate> {
     Ok(PaperEstimate { paper, sigma })
 }
 
+fn read_elevation(mut r: Reader) -> Result<ElevationEstimate> {
+    let [mm, sigma_mm] = r.f64s()?;
+    r.end()?;
+    if !is_height(mm) || sigma_mm < 0.0 {
+        return Err(damaged("a height is none"));
+    }
+    Ok(ElevationEstimate { mm, sigma_mm })
+}
+
+fn is_height(mm: f64) -> bool {
+    (elevation::RANGE_MM[0]..=elevation::RANGE_MM[1]).contains(&mm)
+}
+
 fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
     w.u32(frame.corners.len() as u32);
     for corner in &frame.corners {
@@ -110,7 +132,7 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
     }
     write_pose(w, &frame.pose);
     w.f64(frame.rms_px);
-    let (camera, pose, radiometry) = &frame.used;
+    let Used { camera, pose, radiometry, elevation_mm } = &frame.used;
     write_camera(w, camera);
     write_pose(w, pose);
     write_radiometry(w, radiometry);
@@ -129,6 +151,7 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
         w.u32(kept.corner[1]);
         write_photo(w, &kept.photo);
     });
+    w.f64(*elevation_mm);
 }
 
 fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
@@ -138,8 +161,9 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
         Ok(Corner { row, col, px: DVec2::from_array(r.f64s()?) })
     };
     let corners = (0..count).map(|_| corner(&mut r)).collect::<Result<_>>()?;
-    let (pose, rms_px) = (read_pose(&mut r)?, r.f64()?);
-    let used = (read_camera(&mut r)?, read_pose(&mut r)?, read_radiometry(&mut r)?);
+    let (latest, rms_px) = (read_pose(&mut r)?, r.f64()?);
+    let (camera, pose, radiometry) =
+        (read_camera(&mut r)?, read_pose(&mut r)?, read_radiometry(&mut r)?);
     let squares = read_squares(&mut r)?;
     let kept = r.option(|r| {
         let corner = [r.u32()?, r.u32()?];
@@ -147,7 +171,7 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
         let inside = |from: u32, count: u32, size: u32| {
             from.checked_add(count).is_some_and(|end| end <= size)
         };
-        let (camera, photo) = (&used.0, &kept.photo);
+        let photo = &kept.photo;
         if inside(corner[0], photo.width(), camera.width)
             && inside(corner[1], photo.height(), camera.height)
         {
@@ -156,8 +180,13 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
             Err(damaged("a part of a photograph lies outside of it"))
         }
     })?;
+    let elevation_mm = if r.is_empty() { 0.0 } else { r.f64()? };
     r.end()?;
-    Ok((Frame { corners, kept, pose, rms_px, used }, squares))
+    if !is_height(elevation_mm) {
+        return Err(damaged("a height is none"));
+    }
+    let used = Used { camera, pose, radiometry, elevation_mm };
+    Ok((Frame { corners, kept, seen: None, pose: latest, rms_px, used }, squares))
 }
 
 fn read_squares(r: &mut Reader) -> Result<Squares> {

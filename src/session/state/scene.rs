@@ -60,11 +60,12 @@ pub(super) fn as_damage(fault: Error) -> Error {
 
 pub(super) fn write(w: &mut Writer, scene: &Scene) {
     match scene {
-        Scene::Board { target, camera, flash_offset_mm } => {
+        Scene::Board { target, camera, flash_offset_mm, elevation_mm } => {
             w.u8(1);
             write_target(w, target);
             w.option(*camera, |w, c| write_camera(w, &c));
             w.option(*flash_offset_mm, |w, v| w.f64s(&v.to_array()));
+            w.option(*elevation_mm, Writer::f64);
         }
         Scene::Rectified { falloff } => {
             w.u8(2);
@@ -85,7 +86,9 @@ pub(super) fn read(mut r: Reader) -> Result<Scene> {
             let target = read_target(&mut r)?;
             let camera = r.option(read_camera)?;
             let flash_offset_mm = r.option(|r| r.f64s().map(DVec3::from_array))?;
-            Scene::Board { target, camera, flash_offset_mm }
+            // Earlier ones knew of no height.
+            let elevation_mm = if r.is_empty() { Some(0.0) } else { r.option(Reader::f64)? };
+            Scene::Board { target, camera, flash_offset_mm, elevation_mm }
         }
         2 => {
             let (kind, power) = (r.u8()?, r.three_f32s()?);

@@ -21,7 +21,7 @@ static pthread_key_t attached;
 /* Lengths of the arrays that Native.kt hands over. */
 enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROGRESS = 8 };
 enum { OPTION_INTS = 6, OPTION_FLOATS = 5, BOARD = 13, CAMERA = 11, SIGMA = 9 };
-enum { VIEW = 6, POSE = 13 };
+enum { VIEW = 6, PAPER = 9, POSE = 13 };
 
 static jbyteArray to_bytes(JNIEnv *env, const char *text)
 {
@@ -536,6 +536,24 @@ static void session_camera(JNIEnv *env, jclass class, jobject owner, jlong handl
     }
 }
 
+static void session_paper(JNIEnv *env, jclass class, jobject owner, jlong handle, jdoubleArray out)
+{
+    svbrdf_paper paper;
+    jdouble v[PAPER];
+    (void)class, (void)owner;
+    svbrdf_paper_init(&paper, sizeof paper);
+    if (!raise(env, svbrdf_session_paper(HANDLE(svbrdf_session, handle), &paper))) {
+        v[0] = paper.known;
+        v[1] = paper.aspect;
+        v[2] = paper.aspect_sigma;
+        memcpy(v + 3, paper.bow_mm, sizeof paper.bow_mm);
+        memcpy(v + 5, paper.bow_sigma_mm, sizeof paper.bow_sigma_mm);
+        v[7] = paper.elevation_mm;
+        v[8] = paper.elevation_sigma_mm;
+        (*env)->SetDoubleArrayRegion(env, out, 0, PAPER, v);
+    }
+}
+
 static void session_pose(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
                          jdoubleArray out)
 {
@@ -696,6 +714,7 @@ static const JNINativeMethod methods[] = {
     METHOD("sessionLight", "(" OWNER "J[D)V", session_light),
     METHOD("sessionNextView", "(" OWNER "J[D)V", session_next_view),
     METHOD("sessionCamera", "(" OWNER "J[D)V", session_camera),
+    METHOD("sessionPaper", "(" OWNER "J[D)V", session_paper),
     METHOD("sessionPose", "(" OWNER "JI[D)V", session_pose),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),

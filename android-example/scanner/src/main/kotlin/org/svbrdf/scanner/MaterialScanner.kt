@@ -123,6 +123,14 @@ class MaterialScanner private constructor(
             return UsedCamera.of(v)
         }
 
+    /** The printed sheet and the sample's height above it; null for photos from the top. */
+    val paper: Paper?
+        get() {
+            val v = DoubleArray(Paper.SIZE)
+            Native.sessionPaper(this, handle.now, v)
+            return Paper.of(v)
+        }
+
     /**
      * Where the board lay in an accepted photo, as known now: with an estimated camera later photos
      * better the poses of earlier ones.

@@ -36,6 +36,7 @@ internal object Native {
     @JvmStatic external fun sessionLight(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionNextView(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionCamera(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun sessionPaper(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionPose(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)

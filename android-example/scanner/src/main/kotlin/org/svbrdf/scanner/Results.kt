@@ -110,6 +110,30 @@ class UsedCamera internal constructor(
     }
 }
 
+/** The printed sheet and the sample on it: as planned unless the photos contradict that clearly. */
+data class Paper(
+    /** Scale of the print along Y relative to that along X, and its standard deviation. */
+    val aspect: Double,
+    val aspectSigma: Double,
+    /** Rise of the left and right edges, and of the upper and lower ones, mm. */
+    val bowMm: List<Double>,
+    val bowSigmaMm: List<Double>,
+    /** Height of the sample's surface above the board, mm, and its standard deviation. */
+    val elevationMm: Double,
+    val elevationSigmaMm: Double,
+) {
+    internal companion object {
+        const val SIZE = 9
+
+        fun of(v: DoubleArray): Paper? {
+            if (v[0] != 1.0) {
+                return null
+            }
+            return Paper(v[1], v[2], listOf(v[3], v[4]), listOf(v[5], v[6]), v[7], v[8])
+        }
+    }
+}
+
 /** From board (mm, X right, Y up, Z out) to camera (x right, y down, z forward). */
 class Pose internal constructor(
     /** Row by row. */

@@ -1,0 +1,428 @@
+//! How high the sample's surface lies above the board's plane, from the photographs themselves.
+//!
+//! # Method
+//! A point of the sample at height `h` appears in the board's plane where the line from the camera
+//! through it meets that plane: `x' = f + (x - f) z / (z - h)`, with the camera at height `z` above
+//! its foot `f`. Each photograph rectified to the board's plane is thus a photograph of the raised
+//! sample scaled about a point of its own: registration has one unknown.
+//!
+//! Photographs of a rough glossy surface from different sides differ in more than scale: slopes are
+//! bright on the side of the flash, highlights wander. So nothing is asked of the values but that
+//! they tell about each other: details (octaves of log radiance, which gain and fall-off do not
+//! reach) of all photographs are compared in blocks, small enough for one direction of light, by the
+//! determinant of their correlation matrix. Minus half its logarithm is the information that
+//! Gaussian variables share: it is greatest where the photographs are registered, whatever sign and
+//! size the relation between two of them has, and with four and more it does not mind that albedo
+//! and two slopes of a texel each have their own share. Blocks without detail, or with a highlight
+//! in one photograph, count little by themselves.
+//!
+//! Steep slopes whose sides differ from what lies between them still move apparent edges towards the
+//! camera, as depth would. Colour (red over blue) hardly knows of slopes: where it has detail, what
+//! brightness wishes beyond it counts as that error.
+//!
+//! # Significance
+//! The standard deviation is that of the blocks' own wishes, and how far octaves disagree. The sample
+//! counts as lying in the board's plane unless the photographs contradict that clearly.
+
+mod detail;
+
+pub(crate) use detail::Detail;
+
+use detail::Band;
+use glam::DVec2;
+use rayon::prelude::*;
+
+/// Octaves of detail.
+const LEVELS: usize = 4;
+/// Brightness, and red over blue.
+const CHANNELS: usize = 2;
+const BRIGHTNESS: usize = 0;
+const COLOUR: usize = 1;
+/// Heights that are looked for, mm.
+pub const RANGE_MM: [f64; 2] = [-5.0, 20.0];
+/// Most photographs compared: those most different.
+const MOST_PHOTOGRAPHS: usize = 8;
+/// Texels at the edge that know too much of what lies beside the sample.
+const BORDER: usize = 5;
+/// Side of a block, texels.
+const BLOCK: usize = 32;
+/// Texels that a filtered value is shared by.
+const CORRELATED: f64 = 9.0;
+/// Standard deviation of what nobody knows, mm.
+const UNKNOWN_MM: f64 = 5.0;
+/// The sample counts as lying in the board's plane unless the height is so many standard deviations
+/// and so many mm from 0 (paper is a tenth thick, and slopes lit from one side imitate some), and
+/// blocks gain this much information, with so many standard deviations of their gains.
+const SIGMAS: f64 = 4.0;
+const LEAST_MM: f64 = 0.3;
+const GAIN_MIN: f64 = 25.0;
+const GAIN_SIGMAS: f64 = 4.0;
+/// Least difference of parallaxes that tells a height.
+const SPREAD_MIN: f64 = 0.05;
+/// Texels that are far from a peak.
+const FAR: f64 = 3.0;
+/// Heights followed beyond the coarse octaves.
+const PEAKS: usize = 3;
+/// Detail below this is none (logarithms): noise, interpolation.
+const FLOOR: f64 = 0.005;
+
+/// Height of the sample's surface above the board's plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ElevationEstimate {
+    /// Height, mm; 0 unless the photographs contradict that clearly.
+    pub mm: f64,
+    /// Standard deviation, mm.
+    pub sigma_mm: f64,
+}
+
+impl Default for ElevationEstimate {
+    /// In the board's plane, as far as is known.
+    fn default() -> Self {
+        Self { mm: 0.0, sigma_mm: UNKNOWN_MM }
+    }
+}
+
+/// The height that photographs tell.
+pub(crate) fn estimate(details: &[&Detail]) -> ElevationEstimate {
+    let views = Views { details: most_different(details) };
+    views.estimate().unwrap_or_default()
+}
+
+/// What one channel tells.
+struct Wish {
+    mm: f64,
+    sigma_mm: f64,
+}
+
+/// Photographs to be compared.
+struct Views<'a> {
+    details: Vec<&'a Detail>,
+}
+
+impl Views<'_> {
+    fn estimate(&self) -> Option<ElevationEstimate> {
+        let spread = spread(&self.details);
+        if self.details.len() < 2 || spread < SPREAD_MIN {
+            return None;
+        }
+        let start = self.coarse(spread);
+        let wish = |channel| self.fine(channel, start, spread);
+        let (mut brightness, colour) = (wish(BRIGHTNESS), wish(COLOUR));
+        if let (Some(brightness), Some(colour)) = (&mut brightness, &colour) {
+            // Slopes lit from one side move what is bright, hardly what is coloured.
+            let discord = brightness.mm - colour.mm;
+            brightness.sigma_mm = brightness.sigma_mm.hypot(discord);
+        }
+        let (mut weight, mut sum) = (0.0, 0.0);
+        for Wish { mm, sigma_mm } in brightness.into_iter().chain(colour) {
+            weight += sigma_mm.powi(-2);
+            sum += sigma_mm.powi(-2) * mm;
+        }
+        if weight <= 0.0 {
+            return None;
+        }
+        let mm = sum / weight;
+        let sigma_mm = weight.sqrt().recip();
+        let is_clear = mm.abs() > (SIGMAS * sigma_mm).max(LEAST_MM)
+            && (0..CHANNELS).any(|c| self.is_gain(c, mm, 0.0));
+        Some(ElevationEstimate { mm: if is_clear { mm } else { 0.0 }, sigma_mm })
+    }
+
+    /// Best height for the coarse octaves, anywhere in the range.
+    fn coarse(&self, spread: f64) -> f64 {
+        let both = |levels: std::ops::Range<usize>, h: f64| -> f64 {
+            let level =
+                |l: usize| (0..CHANNELS).map(move |c| self.information(c, l, h)).sum::<f64>();
+            levels.map(level).sum()
+        };
+        let [low, high] = RANGE_MM;
+        let step = 0.5 * self.texel_mm(2) / spread;
+        let count = ((high - low) / step).ceil().clamp(8.0, 100.0) as usize;
+        let step = (high - low) / count as f64;
+        let grid: Vec<(f64, f64)> =
+            (0..=count).map(|i| low + i as f64 * step).map(|h| (h, both(2..LEVELS, h))).collect();
+        let is_peak = |&i: &usize| {
+            (i == 0 || grid[i - 1].1 <= grid[i].1) && (i == count || grid[i + 1].1 < grid[i].1)
+        };
+        let mut peaks: Vec<(f64, f64)> = (0..=count).filter(is_peak).map(|i| grid[i]).collect();
+        peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
+        peaks.truncate(PEAKS);
+        peaks.push((0.0, 0.0));
+        let found = peaks.iter().map(|&(h, _)| {
+            climb(h, step, 0.5 * self.texel_mm(1) / spread, &|h| both(1..LEVELS, h))
+        });
+        found.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |best| best.0)
+    }
+
+    /// Best height for all octaves of a channel near another one; `None` where it shows none.
+    fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<Wish> {
+        let texel = self.texel_mm(0) / spread;
+        let all = |h: f64| (0..LEVELS).map(|l| self.information(channel, l, h)).sum::<f64>();
+        let (mut mm, _) = climb(near, FAR * texel, 0.75 * texel, &all);
+        for reach in [0.5 * texel, 0.25 * texel] {
+            let [low, here, high] = [mm - reach, mm, mm + reach].map(all);
+            mm += vertex(low, here, high, reach)?.clamp(-reach, reach);
+        }
+        // Noise has peaks too.
+        if ![-FAR, FAR].iter().all(|far| self.is_gain(channel, mm, mm + far * texel)) {
+            return None;
+        }
+        // What blocks and octaves wish beyond that.
+        let reach = 0.25 * texel;
+        let (mut push, mut bend, mut discord) = (0.0, 0.0, 0.0_f64);
+        for level in 0..LEVELS {
+            let [low, here, high] =
+                [mm - reach, mm, mm + reach].map(|h| self.blocks(channel, level, h));
+            let mut own = 0.0;
+            for ((low, here), high) in low.iter().zip(&here).zip(&high) {
+                push += ((high - low) / (2.0 * reach)).powi(2);
+                own += (low + high - 2.0 * here) / (reach * reach);
+            }
+            bend += own;
+            let [low, here, high] = [low, here, high].map(|b| -b.iter().sum::<f64>());
+            if let Some(wish) = vertex(low, here, high, reach) {
+                discord = discord.max(wish.abs() - 2.0 / own.sqrt());
+            }
+        }
+        let sigma_mm = (push.sqrt() / bend).hypot(discord);
+        (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(Wish { mm, sigma_mm })
+    }
+
+    /// Whether blocks of a channel agree that a height is better than another one.
+    fn is_gain(&self, channel: usize, mm: f64, other_mm: f64) -> bool {
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for level in 0..LEVELS {
+            let before = self.blocks(channel, level, other_mm);
+            let after = self.blocks(channel, level, mm);
+            for (before, after) in before.iter().zip(after) {
+                sum += before - after;
+                squares += (before - after) * (before - after);
+            }
+        }
+        sum > (GAIN_SIGMAS * squares.sqrt()).max(GAIN_MIN)
+    }
+
+    /// Size of a texel, mm.
+    fn texel_mm(&self, level: usize) -> f64 {
+        let first = self.details[0];
+        first.sample_mm[0] / first.channels[0][level].width as f64
+    }
+
+    /// Information that the photographs share.
+    fn information(&self, channel: usize, level: usize, h: f64) -> f64 {
+        -self.blocks(channel, level, h).iter().sum::<f64>()
+    }
+
+    fn blocks(&self, channel: usize, level: usize, h: f64) -> Vec<f64> {
+        blocks(&self.details, channel, level, h)
+    }
+}
+
+/// Where the parabola through three values at a distance has its maximum, if it has one.
+fn vertex(low: f64, here: f64, high: f64, distance: f64) -> Option<f64> {
+    let bend = low + high - 2.0 * here;
+    (bend < 0.0).then(|| 0.5 * distance * (low - high) / bend)
+}
+
+/// The best of heights within `reach` at steps of at most `step`.
+fn climb(h: f64, reach: f64, step: f64, value: &dyn Fn(f64) -> f64) -> (f64, f64) {
+    let n = (reach / step).ceil() as i32;
+    let step = reach / f64::from(n);
+    (-n..=n)
+        .map(|i| h + f64::from(i) * step)
+        .filter(|h| (RANGE_MM[0]..=RANGE_MM[1]).contains(h))
+        .map(|h| (h, value(h)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((h, f64::NEG_INFINITY))
+}
+
+/// How far a point of the sample moves per height.
+fn parallax(detail: &Detail) -> DVec2 {
+    detail.camera_mm.truncate() / detail.camera_mm.z
+}
+
+/// Largest difference of two photographs' parallaxes.
+fn spread(details: &[&Detail]) -> f64 {
+    let pairs = details.iter().flat_map(|a| details.iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| parallax(a).distance(parallax(b))).fold(0.0, f64::max)
+}
+
+/// The first, then always the one furthest from those chosen.
+fn most_different<'a>(details: &[&'a Detail]) -> Vec<&'a Detail> {
+    if details.len() <= MOST_PHOTOGRAPHS {
+        return details.to_vec();
+    }
+    let mut chosen = vec![details[0]];
+    while chosen.len() < MOST_PHOTOGRAPHS {
+        let distance = |d: &Detail| {
+            let each = chosen.iter().map(|c| parallax(c).distance(parallax(d)));
+            each.fold(f64::INFINITY, f64::min)
+        };
+        let next = details.iter().max_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let Some(next) = next else { break };
+        chosen.push(next);
+    }
+    chosen
+}
+
+/// Half the logarithm of the determinant of each block's correlations, times its independent
+/// values, at a height.
+fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64> {
+    let Band { width, height, .. } = details[0].channels[channel][level];
+    let across = cuts(width);
+    let down = cuts(height);
+    let columns = across.len() - 1;
+    (0..columns * (down.len() - 1))
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, i| {
+            let (x, y) = (i % columns, i / columns);
+            block(
+                details,
+                channel,
+                level,
+                h,
+                [across[x], across[x + 1]],
+                [down[y], down[y + 1]],
+                scratch,
+            )
+        })
+        .collect()
+}
+
+/// Borders of blocks along a side.
+fn cuts(texels: usize) -> Vec<usize> {
+    let inner = texels - 2 * BORDER;
+    let count = ((inner as f64 / BLOCK as f64).round() as usize).max(1);
+    (0..=count).map(|i| BORDER + i * inner / count).collect()
+}
+
+/// Room to work in.
+#[derive(Default)]
+struct Scratch {
+    patches: Vec<f32>,
+    matrix: Vec<f64>,
+    row: Vec<f32>,
+    taps: Vec<Option<(usize, [f32; 4])>>,
+}
+
+fn block(
+    details: &[&Detail],
+    channel: usize,
+    level: usize,
+    h: f64,
+    x: [usize; 2],
+    y: [usize; 2],
+    scratch: &mut Scratch,
+) -> f64 {
+    let (columns, rows) = (x[1] - x[0], y[1] - y[0]);
+    let (texels, n) = (columns * rows, details.len());
+    let Scratch { patches, matrix, row, taps } = scratch;
+    patches.clear();
+    patches.resize(n * texels, 0.0);
+    for (detail, patch) in details.iter().zip(patches.chunks_mut(texels)) {
+        warp(detail, &detail.channels[channel][level], h, [x[0], y[0]], columns, row, taps, patch);
+    }
+    let patch = |i: usize| &patches[i * texels..][..texels];
+    matrix.clear();
+    matrix.resize(n * n, 0.0);
+    for i in 0..n {
+        for j in 0..=i {
+            matrix[i * n + j] = dot(patch(i), patch(j)) / texels as f64;
+        }
+    }
+    let spread: [f64; MOST_PHOTOGRAPHS] = std::array::from_fn(|i| {
+        let own = if i < n { matrix[i * n + i] } else { 0.0 };
+        (own + FLOOR * FLOOR).sqrt()
+    });
+    // Cholesky's factor of the correlation matrix, in place.
+    let mut log = 0.0;
+    for i in 0..n {
+        for j in 0..=i {
+            let own = if i == j { 1.0 } else { matrix[i * n + j] / (spread[i] * spread[j]) };
+            let rest: f64 = (0..j).map(|k| matrix[i * n + k] * matrix[j * n + k]).sum();
+            matrix[i * n + j] = if i == j {
+                let square = (own - rest).max(1e-9);
+                log += square.ln();
+                square.sqrt()
+            } else {
+                (own - rest) / matrix[j * n + j]
+            };
+        }
+    }
+    0.5 * log * texels as f64 / CORRELATED
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0_f32; 16];
+    let (a_chunks, b_chunks) = (a.chunks_exact(16), b.chunks_exact(16));
+    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a_chunks.zip(b_chunks) {
+        for k in 0..16 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    f64::from(sums.iter().sum::<f32>() + rest)
+}
+
+/// Details at a height, of a block of texels; 0 where they were not seen. Catmull-Rom: linear
+/// interpolation would smooth between texels, and so make height 0 special.
+fn warp(
+    detail: &Detail,
+    band: &Band,
+    h: f64,
+    corner: [usize; 2],
+    columns: usize,
+    row: &mut Vec<f32>,
+    taps: &mut Vec<Option<(usize, [f32; 4])>>,
+    out: &mut [f32],
+) {
+    let eye = detail.camera_mm;
+    let scale = eye.z / (eye.z - h);
+    let [mm_x, mm_y] = detail.sample_mm;
+    let (w, hh) = (band.width as f64, band.height as f64);
+    // Foot of the camera in texels.
+    let foot = [(eye.x / mm_x + 0.5) * w - 0.5, (0.5 - eye.y / mm_y) * hh - 0.5];
+    let source = |foot: f64, i: usize| foot + (i as f64 - foot) * scale;
+    taps.clear();
+    taps.extend((0..columns).map(|i| cubic(source(foot[0], corner[0] + i), band.width)));
+    let mut firsts = taps.iter().flatten().map(|t| t.0);
+    let Some(left) = firsts.next() else { return };
+    let right = firsts.last().unwrap_or(left) + 4;
+    row.clear();
+    row.resize(right - left, 0.0);
+    for (j, out) in out.chunks_mut(columns).enumerate() {
+        let Some((first, t)) = cubic(source(foot[1], corner[1] + j), band.height) else {
+            continue;
+        };
+        let line = |k: usize| &band.values[(first + k) * band.width..][left..right];
+        let (a, b, c, d) = (line(0), line(1), line(2), line(3));
+        for ((((row, a), b), c), d) in row.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            *row = t[0] * a + t[1] * b + t[2] * c + t[3] * d;
+        }
+        for (out, taps) in out.iter_mut().zip(&*taps) {
+            if let Some((first, t)) = taps {
+                let r = &row[first - left..][..4];
+                *out = t[0] * r[0] + t[1] * r[1] + t[2] * r[2] + t[3] * r[3];
+            }
+        }
+    }
+}
+
+/// First of four neighbours and their weights; `None` where one is missing.
+fn cubic(at: f64, size: usize) -> Option<(usize, [f32; 4])> {
+    let below = at.floor();
+    if !(below >= 1.0 && below + 2.0 < size as f64) {
+        return None;
+    }
+    let t = (at - below) as f32;
+    let weights = [
+        t * (-0.5 + t * (1.0 - 0.5 * t)),
+        1.0 + t * t * (-2.5 + 1.5 * t),
+        t * (0.5 + t * (2.0 - 1.5 * t)),
+        t * t * (-0.5 + 0.5 * t),
+    ];
+    Some((below as usize - 1, weights))
+}
+
+#[cfg(test)]
+mod tests;
