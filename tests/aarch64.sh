@@ -11,7 +11,7 @@ rustc=/usr/bin/rustc
 has() { [ "$(dpkg-query -W -f '${Status}' "$1" 2>/dev/null)" = "install ok installed" ]; }
 packages=()
 for package in rustc-web rust-web-src gcc-aarch64-linux-gnu qemu-user-static clang-19 llvm-19 \
-               libstd-rust-web-dev:arm64 libc6:arm64; do
+               libstd-rust-web-dev:arm64 libc6:arm64 libc6-dev-arm64-cross; do
   has "$package" || packages+=("$package")
 done
 if [ ${#packages[@]} -gt 0 ]; then

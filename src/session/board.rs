@@ -352,7 +352,10 @@ impl BoardIntake {
             .may_move()
             .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm)));
         let (seen, elevation) = match &kept {
-            Some(kept) if !self.stated => self.measure(kept, &solved, sample_mm, resolution),
+            // one photograph tells nothing, and its maps are waited for
+            Some(kept) if !self.stated && !self.frames.is_empty() => {
+                self.measure(kept, &solved, sample_mm, resolution)
+            }
             _ => (Vec::new(), self.elevation),
         };
         let elevation_mm = elevation.mm;

@@ -49,8 +49,9 @@ fn the_height_is_that_of_the_surface() {
         let details = details(mm, |_, p| 0.4 + 0.8 * texture(p));
         for n in [2, 3] {
             let e = found(&details[..n]);
-            // A twentieth of a texel: photographs and texels are sampled differently.
-            assert!((e.mm - mm).abs() < 0.02, "{mm} from {n}: {e:?}");
+            // It moves points by about half as much, which is a twentieth of a texel: photographs
+            // and texels are sampled differently.
+            assert!((e.mm - mm).abs() < 0.04, "{mm} from {n}: {e:?}");
             assert!(e.sigma_mm < 0.05, "{mm} from {n}: {e:?}");
         }
     }
