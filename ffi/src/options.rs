@@ -332,7 +332,7 @@ impl Default for svbrdf_session_options {
         }
     }
 }
-versioned!(svbrdf_session_options, offset_of!(svbrdf_session_options, elevation_mm));
+versioned!(svbrdf_session_options, size_of::<svbrdf_session_options>());
 
 /// Fills options with defaults: pass sizeof(svbrdf_session_options).
 ///
