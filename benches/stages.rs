@@ -108,7 +108,7 @@ fn main() -> Result<(), Failure> {
 fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/captures/tile");
     let capture = Capture::load(&folder)?;
-    let Scene::Board { target, camera: Some(camera), flash_offset_mm: Some(flash) } =
+    let Scene::Board { target, camera: Some(camera), flash_offset_mm: Some(flash), .. } =
         capture.scene.clone()
     else {
         return Err("a board and a known camera are expected".into());

@@ -47,6 +47,7 @@ pub enum Method {
 
 /// What the photographs show, fixed for a session.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)] // there is one for each session
 pub enum Scene {
     /// Photographs of a board round the sample.
     Board {

@@ -211,7 +211,8 @@ pub fn maps(material: Material, n: usize) -> Svbrdf {
         let z = |x: usize, y: usize| height[y.min(n - 1) * n + x.min(n - 1)];
         let dx = (z(x + 1, y) - z(x.saturating_sub(1), y)) / (2.0 * mm);
         let dy = (z(x, y.saturating_sub(1)) - z(x, y + 1)) / (2.0 * mm);
-        (set(0, i, -dx), set(1, i, -dy));
+        set(0, i, -dx);
+        set(1, i, -dy);
         let (diffuse, specular, roughness) = match material {
             Material::Tiles => {
                 let t = tile(i);

@@ -90,7 +90,7 @@ impl Field {
             seen += 1;
         }
         let mean = (total / (3.0 * f64::from(seen))) as f32;
-        if !(mean > 0.0) {
+        if mean.is_nan() || mean <= 0.0 {
             return None;
         }
         let field = |value: &dyn Fn([f32; 3]) -> f32| {

@@ -53,7 +53,7 @@ const UNKNOWN_MM: f64 = 5.0;
 /// The sample counts as lying in the board's plane unless the height is so many standard deviations
 /// and so many mm from 0 (paper is a tenth thick, and slopes lit from one side imitate some), and
 /// blocks gain this much information, with so many standard deviations of their gains.
-const SIGMAS: f64 = 4.0;
+pub const SIGMAS: f64 = 4.0;
 const LEAST_MM: f64 = 0.3;
 const GAIN_MIN: f64 = 25.0;
 const GAIN_SIGMAS: f64 = 4.0;
@@ -387,7 +387,7 @@ fn warp(
     taps.extend((0..columns).map(|i| cubic(source(foot[0], corner[0] + i), band.width)));
     let mut firsts = taps.iter().flatten().map(|t| t.0);
     let Some(left) = firsts.next() else { return };
-    let right = firsts.last().unwrap_or(left) + 4;
+    let right = firsts.next_back().unwrap_or(left) + 4;
     row.clear();
     row.resize(right - left, 0.0);
     for (j, out) in out.chunks_mut(columns).enumerate() {
