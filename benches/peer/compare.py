@@ -1,7 +1,7 @@
 """The paper's optimiser in PyTorch against `svbrdf fit`: same photographs, same networks, one run.
 
     compare.py --svbrdf target/release/svbrdf --capture CAPTURE [--photos 5] [--threads 2]
-               [--steps 4000] [--map-steps 200] [--curve curve.csv]
+               [--steps 4000] [--map-steps 200] [--reach 0.0113] [--curve curve.csv]
 
 CAPTURE holds rectified photographs without fall-off (`"rectified": true`, `"falloff": "none"`).
 The peer starts from the same photo network, encodes its maps, and runs Adam on the code (rate 1e-3,
@@ -227,6 +227,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--steps", type=int, default=4000)
     parser.add_argument("--map-steps", type=int, default=200)
+    parser.add_argument("--reach", type=float, help="loss of the peer's whole schedule, known from another run")
     parser.add_argument("--curve", help="file for the peer's losses")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
@@ -258,7 +259,7 @@ def main():
     else:
         print(f"time at equal loss, peer / library: {equal / wall:.1f}")
     print(f"loss at the library's time, peer / library: {curve.at(wall) / loss:.2f}")
-    reached = curve.rows[-1][3]
+    reached = arguments.reach or curve.rows[-1][3]
     for steps in (2, 4, 6, 8, 12, 16, 24, 32):
         first = library(arguments, photos, steps)
         if first[0] <= reached:

@@ -55,7 +55,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            steps: 20,
+            steps: 12,
             turn: true,
             direction_sigma: 0.05,
             ambient_sigma: 0.05,

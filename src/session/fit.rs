@@ -29,6 +29,9 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
 /// Corrections of the ambient light alone, then of lights and ambient light, at most.
 const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
+/// Photographs below which lights stay as given: a texel's nine parameters explain most of what
+/// fewer say, and lights would follow what noise and model leave.
+const LEAST_TO_TURN: usize = 8;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
 /// Mean log-L1 below which the photographs agree with each other: their lights are right.
@@ -340,7 +343,9 @@ impl Fit {
         (self.maps, self.propagated) = (Some(maps.clone()), true);
         let full = refinement::Options::default();
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
-        let mut corrections = if corrects { 0..AMBIENT_ROUNDS + LIGHT_ROUNDS } else { 0..0 };
+        let turns = self.observations.len() >= LEAST_TO_TURN;
+        let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
+        let mut corrections = if corrects { 0..rounds } else { 0..0 };
         let (mut cut, mut offset) = (None, Offset::default());
         let given = self.correction.clone();
         loop {
