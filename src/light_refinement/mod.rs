@@ -31,6 +31,9 @@ pub const LEAST_PHOTOGRAPHS: usize = 3;
 /// Least and greatest damping of the texels' equations: with more, texels hold the lights where
 /// they are.
 const DAMPING: (f64, f64) = (1e-6, 0.01);
+/// What turned lights must bring the mean residual down to: with less, they follow noise and what
+/// the model cannot say.
+const EVIDENCE: f64 = 0.6;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 3e-4;
 
@@ -117,7 +120,7 @@ impl Offset {
 
 /// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
 /// estimate that [`Options::prior`] belongs to, which is off by `offset`. Returns whether the
-/// correction and the offset changed.
+/// correction and the offset changed: lights turn only where that explains much of the residuals.
 /// Observations (whose own views do not matter) and maps have one size; with fewer than
 /// [`LEAST_PHOTOGRAPHS`] nothing happens.
 pub fn refine_lights(
@@ -138,6 +141,7 @@ pub fn refine_lights(
     let (texels, correction_now) = (problem.start.clone(), correction.clone());
     let mut state = State { texels, correction: correction_now, offset: offset.0 };
     let mut changed = false;
+    let loss = problem.loss(&state);
     let mut damping = DAMPING.1;
     for _ in 0..options.steps {
         problem.update_noise(&state);
@@ -159,6 +163,9 @@ pub fn refine_lights(
         if before - value < CONVERGED * before {
             break;
         }
+    }
+    if options.turn && problem.loss(&state) > EVIDENCE * loss {
+        return false;
     }
     if changed {
         (*correction, offset.0) = (state.correction, state.offset);

@@ -231,10 +231,15 @@ impl<'a> Problem<'a> {
         sum
     }
 
+    /// Mean residual.
+    pub(super) fn loss(&self, state: &State) -> f64 {
+        self.sum(state, f64::abs) / self.total
+    }
+
     /// The scale of the residuals, as the refinement estimates it: texels take up some.
     pub(super) fn update_noise(&mut self, state: &State) {
         let photographs = self.total / (3 * self.texels()) as f64;
-        let loss = self.sum(state, f64::abs) / self.total;
+        let loss = self.loss(state);
         let free = 1.0 - 2.0 / photographs.max(LEAST_PHOTOGRAPHS as f64);
         self.noise = (loss / free).clamp(NOISE.0, NOISE.1);
     }
