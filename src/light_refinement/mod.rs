@@ -58,7 +58,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            steps: 12,
+            steps: 20,
             turn: true,
             direction_sigma: 0.05,
             ambient_sigma: 0.05,
