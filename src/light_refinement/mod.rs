@@ -19,6 +19,8 @@ mod problem;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
+
 use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
 use crate::refinement::Prior;
@@ -27,6 +29,9 @@ use problem::{Problem, State, is_albedo};
 
 /// Photographs below which lights and maps cannot be told apart.
 pub const LEAST_PHOTOGRAPHS: usize = 3;
+/// Photographs below which lights should not turn: a texel's nine parameters explain most of what
+/// fewer say, and lights would follow what noise and model leave.
+pub const LEAST_TO_TURN: usize = 8;
 
 /// Least and greatest damping of the texels' equations: with more, texels hold the lights where
 /// they are.
@@ -103,7 +108,11 @@ pub struct Offset(pub [f64; CHANNELS]);
 
 impl Offset {
     /// The estimate without it.
-    pub fn apply(&self, maps: &mut Svbrdf) {
+    pub fn applied<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
+        if *self == Self::default() {
+            return Cow::Borrowed(maps);
+        }
+        let mut maps = maps.clone();
         for (c, by) in self.0.into_iter().enumerate() {
             let by = by as f32;
             for value in maps.plane_mut(c) {
@@ -115,6 +124,7 @@ impl Offset {
             }
         }
         maps.clamp();
+        Cow::Owned(maps)
     }
 }
 
@@ -138,8 +148,8 @@ pub fn refine_lights(
     }
     correction.turns.resize(count, [0.0; 2]);
     let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
-    let (texels, correction_now) = (problem.start.clone(), correction.clone());
-    let mut state = State { texels, correction: correction_now, offset: offset.0 };
+    let texels = problem.start.clone();
+    let mut state = State { texels, correction: correction.clone(), offset: offset.0 };
     let mut changed = false;
     let loss = problem.loss(&state);
     let mut damping = DAMPING.1;

@@ -61,6 +61,18 @@ fn spoiled(maps: &Svbrdf) -> Svbrdf {
     maps
 }
 
+/// From an estimate that is taken for right as a whole.
+fn refined(
+    start: &Svbrdf,
+    observations: &[Observation],
+    given: &[View],
+    options: &Options,
+    correction: &mut Correction,
+) -> bool {
+    let offset = &mut Offset::default();
+    refine_lights(start, start, observations, given, options, correction, offset)
+}
+
 #[test]
 fn lights_are_found_together_with_the_texels() {
     let maps = material();
@@ -73,15 +85,7 @@ fn lights_are_found_together_with_the_texels() {
     let start = spoiled(&maps);
     let mut correction = Correction::default();
     let options = Options { steps: 12, ..Options::default() };
-    assert!(refine_lights(
-        &start,
-        &start,
-        &observations,
-        &given,
-        &options,
-        &mut correction,
-        &mut Offset::default()
-    ));
+    assert!(refined(&start, &observations, &given, &options, &mut correction));
     let errors = truth.iter().enumerate().map(|(i, truth)| {
         let found = glam::Vec3::from(correction.apply(&given[i], i).light_mm);
         found.angle_between(*truth).to_degrees()
@@ -97,15 +101,7 @@ fn ambient_light_is_found_without_turning_lights() {
     let (observations, given) = capture(&maps, 0.04);
     let mut correction = Correction::default();
     let options = Options { steps: 12, turn: false, ..Options::default() };
-    refine_lights(
-        &maps,
-        &maps,
-        &observations,
-        &given,
-        &options,
-        &mut correction,
-        &mut Offset::default(),
-    );
+    refined(&maps, &observations, &given, &options, &mut correction);
     assert!((correction.ambient - 0.04).abs() < 0.01, "{}", correction.ambient);
     assert!(correction.turns.iter().flatten().all(|&t| t == 0.0));
 }
@@ -131,8 +127,7 @@ fn an_estimate_that_took_ambient_light_for_albedo_is_found_out() {
     );
     assert!((correction.ambient - 0.08).abs() < 0.005, "{}", correction.ambient);
     let before = rms(&estimate, &maps);
-    offset.apply(&mut estimate);
-    let after = rms(&estimate, &maps);
+    let after = rms(&offset.applied(&estimate), &maps);
     assert!(after < 0.5 * before, "{before} {after}");
 }
 
@@ -149,15 +144,7 @@ fn true_lights_stay() {
     let (observations, given) = capture(&maps, 0.0);
     let mut correction = Correction::default();
     let options = Options::default();
-    refine_lights(
-        &maps,
-        &maps,
-        &observations,
-        &given,
-        &options,
-        &mut correction,
-        &mut Offset::default(),
-    );
+    refined(&maps, &observations, &given, &options, &mut correction);
     let zero = Correction { turns: vec![[0.0; 2]; given.len()], ambient: 0.0 };
     assert!(correction.distance(&zero, &options) < 0.02, "{correction:?}");
 }

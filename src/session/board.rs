@@ -432,11 +432,7 @@ impl BoardIntake {
         }
         all.push(see(kept, camera, solved.new.pose));
         let details: Vec<&Detail> = all.iter().filter_map(|s| s.detail.as_ref()).collect();
-        let mut estimate = elevation::estimate(&details);
-        if estimate.mm == 0.0 && self.elevation.mm.abs() < elevation::SIGMAS * estimate.sigma_mm {
-            // A photograph that leaves it open does not take back what others told.
-            estimate = self.elevation;
-        }
+        let mut estimate = elevation::estimate(&details, self.elevation);
         let slope = all.iter().map(|s| steepest(&s.pose, sample_mm)).fold(0.0, f64::max);
         let change = slope * (estimate.mm - self.elevation.mm).abs();
         if change <= MOVED_TEXELS * texel_mm(sample_mm, resolution) {

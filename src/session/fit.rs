@@ -9,7 +9,9 @@ use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
-use crate::light_refinement::{self, Correction, LEAST_PHOTOGRAPHS, Offset, refine_lights};
+use crate::light_refinement::{
+    self, Correction, LEAST_PHOTOGRAPHS, LEAST_TO_TURN, Offset, refine_lights,
+};
 use crate::observation::{Observation, View};
 use crate::propagation::propagate;
 use crate::refinement::{self, Prior};
@@ -29,9 +31,6 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
 /// Corrections of the ambient light alone, then of lights and ambient light, at most.
 const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
-/// Photographs below which lights stay as given: a texel's nine parameters explain most of what
-/// fewer say, and lights would follow what noise and model leave.
-const LEAST_TO_TURN: usize = 8;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
 /// Mean log-L1 below which the photographs agree with each other: their lights are right.
@@ -355,8 +354,8 @@ impl Fit {
             let mut trend = Trend::new(options.steps, 1);
             let mut stopped = false;
             let this = &*self;
-            let mut deep = this.maps.clone().ok_or(Error::NoMaps)?;
-            offset.apply(&mut deep);
+            let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
+            let deep = offset.applied(deep);
             let mut after = |step: usize, loss: f64| {
                 stopped |= !between(this, meter);
                 cut = after_step(meter, &mut trend, step, options.steps, loss);
@@ -382,8 +381,8 @@ impl Fit {
             let moved = !agrees && self.correct_lights(&maps, turn, &mut offset);
             if moved {
                 // narrow lobes do not find back from where wrong lights took them
-                maps = self.maps.clone().ok_or(Error::NoMaps)?;
-                offset.apply(&mut maps);
+                let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
+                maps = offset.applied(deep).into_owned();
             } else if turn {
                 corrections = 0..0;
             }

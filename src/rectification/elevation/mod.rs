@@ -53,7 +53,7 @@ const UNKNOWN_MM: f64 = 5.0;
 /// The sample counts as lying in the board's plane unless the height is so many standard deviations
 /// and so many mm from 0 (paper is a tenth thick, and slopes lit from one side imitate some), and
 /// blocks gain this much information, with so many standard deviations of their gains.
-pub const SIGMAS: f64 = 4.0;
+const SIGMAS: f64 = 4.0;
 const LEAST_MM: f64 = 0.3;
 const GAIN_MIN: f64 = 25.0;
 const GAIN_SIGMAS: f64 = 4.0;
@@ -82,10 +82,13 @@ impl Default for ElevationEstimate {
     }
 }
 
-/// The height that photographs tell.
-pub(crate) fn estimate(details: &[&Detail]) -> ElevationEstimate {
+/// The height that photographs tell. Photographs that leave it open do not take back what was known
+/// `before` the latest.
+pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> ElevationEstimate {
     let views = Views { details: most_different(details) };
-    views.estimate().unwrap_or_default()
+    let estimate = views.estimate().unwrap_or_default();
+    let is_open = estimate.mm == 0.0 && before.mm.abs() < SIGMAS * estimate.sigma_mm;
+    if before.mm != 0.0 && is_open { before } else { estimate }
 }
 
 /// What one channel tells.
@@ -289,9 +292,12 @@ fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64>
         .collect()
 }
 
-/// Borders of blocks along a side.
+/// Borders of blocks along a side; of a narrow sample's coarse octaves nothing is left.
 fn cuts(texels: usize) -> Vec<usize> {
-    let inner = texels - 2 * BORDER;
+    let inner = texels.saturating_sub(2 * BORDER);
+    if inner == 0 {
+        return vec![BORDER];
+    }
     let count = ((inner as f64 / BLOCK as f64).round() as usize).max(1);
     (0..=count).map(|i| BORDER + i * inner / count).collect()
 }

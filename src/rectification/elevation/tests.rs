@@ -27,19 +27,27 @@ fn views() -> [Pose; 3] {
 
 /// Photographs of a surface at a height: radiance of a point in a view.
 fn details(mm: f64, radiance: impl Fn(usize, DVec2) -> f64 + Sync) -> Vec<Detail> {
+    details_of(SAMPLE_MM, mm, radiance)
+}
+
+fn details_of(
+    sample_mm: [f32; 2],
+    mm: f64,
+    radiance: impl Fn(usize, DVec2) -> f64 + Sync,
+) -> Vec<Detail> {
     let camera = camera();
     let detail = |(view, pose): (usize, &Pose)| {
         let translation = pose.transform(DVec3::Z * mm);
         let raised = Pose { translation, ..*pose };
         let rgb = photograph(&camera, &raised, 2, |p, _| [radiance(view, p); 3]);
         let photo = Photo::from_linear(camera.width, camera.height, rgb, 1.0, 9.0).unwrap();
-        Detail::new(&photo, &camera, pose, SAMPLE_MM).unwrap()
+        Detail::new(&photo, &camera, pose, sample_mm).unwrap()
     };
     views().iter().enumerate().map(detail).collect()
 }
 
 fn found(details: &[Detail]) -> ElevationEstimate {
-    estimate(&details.iter().collect::<Vec<_>>())
+    estimate(&details.iter().collect::<Vec<_>>(), ElevationEstimate::default())
 }
 
 #[test]
@@ -85,6 +93,26 @@ fn a_surface_in_the_plane_or_without_texture_stays_at_0() {
     assert_eq!(found(&plane[..1]), ElevationEstimate::default());
     let same = [plane[0].clone(), plane[0].clone()];
     assert_eq!(found(&same), ElevationEstimate::default());
+}
+
+#[test]
+fn what_is_open_does_not_take_back_what_is_known() {
+    let known = ElevationEstimate { mm: 3.0, sigma_mm: 0.01 };
+    let plain = details(4.0, |_, p| 0.4 + 1e-3 * p.x);
+    assert_eq!(estimate(&plain.iter().collect::<Vec<_>>(), known), known);
+    let texture = waves(7);
+    let plane = details(0.0, |_, p| 0.4 + 0.8 * texture(p));
+    assert_eq!(estimate(&plane.iter().collect::<Vec<_>>(), known).mm, 0.0);
+}
+
+#[test]
+fn narrow_samples_have_no_coarse_octaves() {
+    let texture = waves(9);
+    for sample_mm in [[100.0, 12.0], [12.0, 100.0]] {
+        let details = details_of(sample_mm, 2.0, |_, p| 0.4 + 0.8 * texture(p));
+        let e = found(&details);
+        assert!(e.mm == 0.0 || (e.mm - 2.0).abs() < 0.2, "{sample_mm:?}: {e:?}");
+    }
 }
 
 #[test]

@@ -110,7 +110,12 @@ pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
         Ok(Crop { name, truth })
     };
     let large = |(_, maps): &(String, Svbrdf)| maps.width().min(maps.height()) >= least;
-    materials(arguments)?.into_iter().filter(large).map(square).collect()
+    let crops: Vec<_> =
+        materials(arguments)?.into_iter().filter(large).map(square).collect::<Result<_>>()?;
+    if crops.is_empty() {
+        return Err(Error::argument("materials", format!("none has {least} texels a side")));
+    }
+    Ok(crops)
 }
 
 fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
