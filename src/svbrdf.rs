@@ -235,6 +235,20 @@ fn double_row(row: &[f32], out: &mut [f32]) {
     }
 }
 
+/// Cuts planes of `width * height` values into bands of `rows` rows.
+pub(crate) fn bands<const PLANES: usize>(
+    data: &mut [f32],
+    width: usize,
+    height: usize,
+    rows: usize,
+) -> Vec<[&mut [f32]; PLANES]> {
+    let mut planes: Vec<_> =
+        data.chunks_mut(width * height).map(|plane| plane.chunks_mut(rows * width)).collect();
+    (0..height.div_ceil(rows))
+        .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -192,13 +192,14 @@ def peer(arguments, photos):
     return curve, code_step, map_step
 
 
-def library(arguments, photos, steps=None):
+def library(arguments, photos, steps=None, at_once=False):
     """Loss of the library's maps, wall and processor seconds of its whole process; ``steps``: its
-    limit for each photograph."""
+    limit for each fit. A fit after each photograph, or one to all of them (``at_once``)."""
     with tempfile.TemporaryDirectory() as out:
         command = [arguments.svbrdf, "fit", arguments.capture, "--out", out, "--quiet"]
         command += ["--frames", str(arguments.photos), "--threads", str(arguments.threads)]
         command += [] if steps is None else ["--steps", str(steps)]
+        command += ["--at-once"] if at_once else []
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         subprocess.run(command, check=True)
         wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -260,18 +261,19 @@ def main():
         print(f"time at equal loss, peer / library: {equal / wall:.1f}")
     print(f"loss at the library's time, peer / library: {curve.at(wall) / loss:.2f}")
     reached = arguments.reach or curve.rows[-1][3]
-    for steps in (2, 4, 6, 8, 12, 16, 24, 32):
-        first = library(arguments, photos, steps)
-        if first[0] <= reached:
-            second = library(arguments, photos, steps)
-            wall, processor = (first[1] + second[1]) / 2, (first[2] + second[2]) / 2
-            print(f"to the peer's last loss ({reached:.5f}), with {steps} steps for each photograph "
-                  f"({first[0]:.5f}, {wall:.2f} s wall, {processor:.2f} s processor), the peer's whole "
-                  f"schedule / library{extrapolated}: {whole[0] / wall:.0f} wall, "
-                  f"{whole[1] / processor:.0f} processor")
-            break
-    else:
-        print("with few steps the library does not reach the peer's last loss")
+    for at_once in (False, True):
+        for steps in range(2, 49, 2):
+            first = library(arguments, photos, steps, at_once)
+            if first[0] <= reached:
+                break
+        else:
+            print("with few steps the library does not reach the peer's last loss")
+            continue
+        second = library(arguments, photos, steps, at_once)
+        wall, processor = (first[1] + second[1]) / 2, (first[2] + second[2]) / 2
+        print(f"to the peer's last loss ({reached:.5f}), {'all photographs at once' if at_once else 'one by one'}, "
+              f"{steps} steps a fit ({first[0]:.5f}, {wall:.2f} s wall, {processor:.2f} s processor), the peer's "
+              f"whole schedule / library{extrapolated}: {whole[0] / wall:.0f} wall, {whole[1] / processor:.0f} processor")
     if arguments.curve:
         with open(arguments.curve, "w") as f:
             f.write("stage,step,seconds,loss\n")

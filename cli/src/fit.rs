@@ -38,6 +38,9 @@ pub struct Arguments {
     /// Steps of the optimisers on each photo, at most: fewer are faster and coarser
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
+    /// Take all photos in before the fit begins: faster, a little coarser
+    #[arg(long)]
+    at_once: bool,
     /// Threads; 0: one per core, at most 4
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -73,14 +76,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let frames = &capture.frames[..used.min(capture.frames.len())];
     let bar = progress_bar(arguments.quiet);
     let mut rows = Vec::new();
+    if arguments.at_once {
+        session.pause();
+    }
     for (index, frame) in frames.iter().enumerate() {
-        let row = take(&session, frame, index, &bar)?;
+        let taken = Instant::now();
+        let mut row = take(&session, frame, index)?;
+        if row["status"] == "accepted" && !arguments.at_once {
+            fit(&session, &format!("photo {index}"), &bar)?;
+            add_losses(&mut row, &session);
+            row["seconds"] = json!(taken.elapsed().as_secs_f64());
+        }
         if !arguments.quiet {
             bar.suspend(|| eprintln!("{}", line(&row, frame, frames.len())));
         }
         rows.push(row);
     }
-    bar.finish_and_clear();
     if rows.iter().all(|row| row["status"] == "rejected") {
         let reasons: Vec<String> =
             rows.iter().zip(frames).map(|(r, f)| line(r, f, frames.len())).collect();
@@ -91,6 +102,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             reasons.join("\n")
         )));
     }
+    if arguments.at_once {
+        session.resume();
+        fit(&session, "all photos", &bar)?;
+        rows.iter_mut().for_each(|row| add_losses(row, &session));
+        if !arguments.quiet {
+            let (loss, seconds) = (session.progress().loss, begun.elapsed().as_secs_f64());
+            bar.suspend(|| eprintln!("fit: loss {loss:.4}, {seconds:.1} s in all"));
+        }
+    }
+    bar.finish_and_clear();
     let maps = session.snapshot()?;
     write_maps(&arguments.out, &maps)?;
     write_preview(arguments.out.join("preview.png"), &maps, capture.sample_mm)?;
@@ -133,8 +154,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Pushes a photo and waits for the fit; the row of the report.
-fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Result<Value> {
+/// Pushes a photo; the row of the report.
+fn take(session: &Session, frame: &Frame, index: usize) -> Result<Value> {
     let begun = Instant::now();
     let rejected = |reason: &str, hint: String| {
         json!({ "index": index, "status": "rejected", "reason": reason, "hint": hint,
@@ -155,15 +176,6 @@ fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Re
         Pushed::Accepted(accepted) => accepted,
         Pushed::Rejected(reason) => return Ok(rejected(reason.code(), reason.to_string())),
     };
-    std::thread::scope(|scope| {
-        let waiting = scope.spawn(|| session.wait());
-        while !waiting.is_finished() {
-            show(session, index, bar);
-            std::thread::sleep(Duration::from_millis(40));
-        }
-        waiting.join().unwrap_or_else(|_| Err(Error::Internal("waiting failed".into())))
-    })?;
-    let progress = session.progress();
     let Accepted { pose, reprojection_rms_px, maps_seconds, hints, .. } = accepted;
     let hints: Vec<Value> =
         hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() })).collect();
@@ -174,12 +186,32 @@ fn take(session: &Session, frame: &Frame, index: usize, bar: &ProgressBar) -> Re
         "rotation": rotation,
         "translation_mm": pose.map(|p| p.translation.to_array()),
         "reprojection_rms_px": reprojection_rms_px,
-        "loss_before": progress.loss_before,
-        "loss_after": progress.loss,
         "seconds": begun.elapsed().as_secs_f64(),
         "first_maps_seconds": maps_seconds,
         "hints": hints,
     }))
+}
+
+/// Waits for the fit.
+fn fit(session: &Session, what: &str, bar: &ProgressBar) -> Result<()> {
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| session.wait());
+        while !waiting.is_finished() {
+            show(session, what, bar);
+            std::thread::sleep(Duration::from_millis(40));
+        }
+        waiting.join().unwrap_or_else(|_| Err(Error::Internal("waiting failed".into())))
+    })?;
+    Ok(())
+}
+
+/// What the fit made of an accepted photo, and of those before.
+fn add_losses(row: &mut Value, session: &Session) {
+    if row["status"] == "accepted" {
+        let progress = session.progress();
+        row["loss_before"] = json!(progress.loss_before);
+        row["loss_after"] = json!(progress.loss);
+    }
 }
 
 /// Later photos better the poses of earlier ones where the camera is estimated.
@@ -204,10 +236,10 @@ fn progress_bar(quiet: bool) -> ProgressBar {
     bar
 }
 
-fn show(session: &Session, index: usize, bar: &ProgressBar) {
+fn show(session: &Session, what: &str, bar: &ProgressBar) {
     let progress = session.progress();
     let left = progress.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
-    bar.set_message(format!("photo {index}, loss {:.4}{left}", progress.loss));
+    bar.set_message(format!("{what}, loss {:.4}{left}", progress.loss));
     bar.set_position((1000.0 * progress.fraction) as u64);
 }
 
@@ -223,12 +255,11 @@ fn line(row: &Value, frame: &Frame, count: usize) -> String {
         let hints = row["hints"].as_array().into_iter().flatten();
         let hints: String =
             hints.filter_map(|h| Some(format!("; {}", h["hint"].as_str()?))).collect();
-        format!(
-            "{place}: accepted, loss {:.4} -> {:.4}, {:.1} s{hints}",
-            number("loss_before"),
-            number("loss_after"),
-            number("seconds")
-        )
+        let losses = match (row["loss_before"].as_f64(), row["loss_after"].as_f64()) {
+            (Some(before), Some(after)) => format!("loss {before:.4} -> {after:.4}, "),
+            _ => String::new(),
+        };
+        format!("{place}: accepted, {losses}{:.1} s{hints}", number("seconds"))
     } else {
         let text = |key: &str| row[key].as_str().unwrap_or_default();
         format!("{place}: rejected ({}): {}", text("reason"), text("hint"))

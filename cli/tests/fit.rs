@@ -92,6 +92,35 @@ fn a_bad_photo_is_rejected_with_its_reason_and_the_others_count() {
 }
 
 #[test]
+fn all_photos_at_once_are_fitted_together() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    let maps = ["first", "second"].map(|name| {
+        let out = dir.path().join(name);
+        succeed(&[
+            "fit",
+            text(&capture),
+            "--out",
+            text(&out),
+            "--at-once",
+            "--steps",
+            "4",
+            "--quiet",
+        ]);
+        let report = std::fs::read_to_string(out.join("report.json")).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        for frame in report["frames"].as_array().unwrap() {
+            assert_eq!(frame["status"], "accepted");
+            // one fit to all of them
+            assert_eq!(frame["loss_after"], report["frames"][0]["loss_after"]);
+            assert!(frame["loss_after"].as_f64() < frame["loss_before"].as_f64(), "{frame}");
+        }
+        std::fs::read(out.join("maps.exr")).unwrap()
+    });
+    assert_eq!(maps[0], maps[1]);
+}
+
+#[test]
 fn a_capture_of_bad_photos_only_exits_with_2_and_leaves_no_maps() {
     let dir = tempfile::tempdir().unwrap();
     let capture = capture(dir.path());

@@ -89,6 +89,24 @@ mod tests {
         }
     }
 
+    /// `cargo test --release --lib gemm -- --ignored --nocapture`: what the decoder's speed is compared
+    /// with (`examples/decoder_speed.rs`).
+    #[test]
+    #[ignore = "a measurement"]
+    fn speed_of_a_large_product() {
+        let n = 1024;
+        let (a, b, mut c) = (vec![0.5; n * n], vec![0.25; n * n], vec![0.0; n * n]);
+        let shape = Shape { m: n, n, k: n, a_stride: n, c_stride: n };
+        let mut least = f64::MAX;
+        for _ in 0..20 {
+            let start = std::time::Instant::now();
+            multiply(shape, &a, &b, &mut c, false);
+            least = least.min(start.elapsed().as_secs_f64());
+        }
+        assert!(c.iter().all(|&v| v == 128.0));
+        println!("{n} cubed, one thread: {:.0} GFLOP/s", 2e-9 * (n as f64).powi(3) / least);
+    }
+
     #[test]
     #[should_panic(expected = "left matrix too short")]
     fn a_short_slice_is_refused() {

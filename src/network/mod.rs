@@ -17,11 +17,11 @@
 //! `leaky_relu`, `save` and `add` (a residual round a convolution), and at the end
 //! `depth_to_space`, `tanh`.
 
-mod activation;
 mod container;
 mod gemm;
 mod graph;
 mod kernels;
+mod texels;
 mod workspace;
 
 #[cfg(test)]
@@ -35,7 +35,7 @@ use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 use container::Container;
 use graph::{Graph, Node};
-use kernels::{Finish, Size, Target, backward_block, forward_block};
+use kernels::{Finish, Target, backward_block, forward_block};
 pub use workspace::Workspace;
 use workspace::{ScratchPool, Tensors};
 
@@ -90,7 +90,7 @@ impl Decoder {
             let (done, rest) = nodes.split_at_mut(i);
             self.forward_node(i, done, &mut rest[0], scratch);
         }
-        write_maps(&nodes[nodes.len() - 1], graph.block, encoded);
+        texels::write_maps(&nodes[nodes.len() - 1], graph.block, encoded);
         Ok(&workspace.encoded)
     }
 
@@ -110,7 +110,7 @@ impl Decoder {
         let graph = &self.graph;
         let (nodes, encoded, scratch) = workspace.parts();
         let last = nodes.len() - 1;
-        read_gradient(&mut nodes[last], graph.block, encoded, gradient);
+        texels::read_gradient(&mut nodes[last], graph.block, encoded, gradient);
         for i in (1..=last).rev() {
             self.backward_node(i, nodes, scratch);
         }
@@ -235,62 +235,13 @@ impl Decoder {
             };
             add(out, &before.used_after);
             if before.leaky {
-                // the sign of a leaky ReLU's result is that of its argument
+                // The sign of a leaky ReLU's result is that of its argument; no branch, so that
+                // this becomes vector code.
                 for (o, &v) in out.iter_mut().zip(&value[range.clone()]) {
-                    *o *= if v > 0.0 { 1.0 } else { slope };
+                    *o *= f32::from(u8::from(v > 0.0)).max(slope);
                 }
             }
             add(out, &before.used_before);
         });
     }
-}
-
-/// Rows of maps per task.
-const MAP_ROWS: usize = 32;
-
-/// Channels in blocks to texels, tanh, planes.
-fn write_maps(last: &Tensors, block: usize, encoded: &mut [f32]) {
-    let Size { height, width } = last.size;
-    let channels = CHANNELS * block * block;
-    let (rows, length) = (height * block, width * block);
-    encoded.par_chunks_mut(rows * length).enumerate().for_each(|(c, plane)| {
-        plane.par_chunks_mut(MAP_ROWS * length).enumerate().for_each(|(b, part)| {
-            for (r, row) in part.chunks_exact_mut(length).enumerate() {
-                let y = b * MAP_ROWS + r;
-                let source = &last.value[(y / block) * width * channels..][..width * channels];
-                for dx in 0..block {
-                    let channel = c * block * block + (y % block) * block + dx;
-                    for x in 0..width {
-                        row[x * block + dx] = source[x * channels + channel];
-                    }
-                }
-                for v in row {
-                    *v = activation::tanh(*v);
-                }
-            }
-        });
-    });
-}
-
-/// The transpose of [`write_maps`] at its last result.
-fn read_gradient(last: &mut Tensors, block: usize, encoded: &[f32], gradient: &[f32]) {
-    let Size { height, width } = last.size;
-    let channels = CHANNELS * block * block;
-    let length = width * block;
-    let texels = height * block * length;
-    last.gradient.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
-        for c in 0..CHANNELS {
-            for dy in 0..block {
-                let start = c * texels + (y * block + dy) * length;
-                let (value, slope) = (&encoded[start..][..length], &gradient[start..][..length]);
-                for dx in 0..block {
-                    let channel = c * block * block + dy * block + dx;
-                    for x in 0..width {
-                        let (e, g) = (value[x * block + dx], slope[x * block + dx]);
-                        row[x * channels + channel] = g * (1.0 - e * e);
-                    }
-                }
-            }
-        }
-    });
 }

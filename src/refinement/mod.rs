@@ -22,9 +22,9 @@
 mod normal_equations;
 
 use crate::observation::Observation;
-use crate::render::{self, BAND_ROWS, Prepared, bands, check_observations};
+use crate::render::{self, BAND_ROWS, Prepared, check_observations};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, channel};
+use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
 use normal_equations::{NormalEquations, cost};
 use rayon::prelude::*;
@@ -161,9 +161,9 @@ pub fn refine(
         if weights <= 0.0 {
             break;
         }
-        let sums: Vec<f64> = bands::<CHANNELS>(maps.planes_mut(), width, height)
+        let sums: Vec<f64> = bands::<CHANNELS>(maps.planes_mut(), width, height, BAND_ROWS)
             .into_par_iter()
-            .zip(bands::<1>(&mut damping, width, height))
+            .zip(bands::<1>(&mut damping, width, height, BAND_ROWS))
             .enumerate()
             .map(|(band, (planes, [damping]))| {
                 let first_row = band * BAND_ROWS;

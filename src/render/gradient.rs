@@ -1,12 +1,12 @@
 //! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
 //! Jacobians are stored.
 
-use super::{BAND_ROWS, Prepared, bands, load_texels};
+use super::{BAND_ROWS, Prepared, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::observation::Observation;
 use crate::reflectance::{Directions, Lobes, Material};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, Svbrdf, channel};
+use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
@@ -53,7 +53,7 @@ pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: 
         return 0.0;
     }
     let scale = 1.0 / (3.0 * weight);
-    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps.width(), maps.height())
+    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps.width(), maps.height(), BAND_ROWS)
         .into_par_iter()
         .enumerate()
         .map(|(band, sink)| {

@@ -12,7 +12,7 @@ pub use gradient::{loss, loss_and_gradient};
 use crate::observation::{Observation, View};
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, Svbrdf};
+use crate::svbrdf::{CHANNELS, Svbrdf, bands};
 use crate::{Error, Result};
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
@@ -28,24 +28,11 @@ pub(crate) const BAND_ROWS: usize = 4;
 pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
     assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
     let view = TexelView::new(view, maps.width(), maps.height());
-    bands::<3>(out, maps.width(), maps.height()).into_par_iter().enumerate().for_each(
+    bands::<3>(out, maps.width(), maps.height(), BAND_ROWS).into_par_iter().enumerate().for_each(
         |(band, out)| {
             dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
         },
     );
-}
-
-/// Cuts planes of `width * height` values into bands of [`BAND_ROWS`] rows.
-pub(crate) fn bands<const PLANES: usize>(
-    data: &mut [f32],
-    width: usize,
-    height: usize,
-) -> Vec<[&mut [f32]; PLANES]> {
-    let mut planes: Vec<_> =
-        data.chunks_mut(width * height).map(|plane| plane.chunks_mut(BAND_ROWS * width)).collect();
-    (0..height.div_ceil(BAND_ROWS))
-        .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
-        .collect()
 }
 
 /// An error where an observation has not the maps' size.

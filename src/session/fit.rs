@@ -371,6 +371,9 @@ impl Fit {
                 refinement::refine(&mut maps, &deep, &prior, observations, &options, &mut after)?;
             self.loss = report.loss_after as f32;
             let Some(round) = next else { break };
+            if meter.exhausted(1.0) {
+                cut = Some(Cut::Budget);
+            }
             if stopped || cut == Some(Cut::Budget) {
                 break;
             }
