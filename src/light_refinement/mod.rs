@@ -41,6 +41,9 @@ const DAMPING: (f64, f64) = (1e-6, 0.01);
 const EVIDENCE: f64 = 0.6;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 3e-4;
+/// An ambient light that is looked for alone and changes by less than this for so many steps is
+/// found, whatever else still moves.
+const STILL: (f64, usize) = (1e-4, 4);
 
 /// Options of [`refine_lights`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,6 +156,7 @@ pub fn refine_lights(
     let mut changed = false;
     let loss = problem.loss(&state);
     let mut damping = DAMPING.1;
+    let mut still = 0;
     for _ in 0..options.steps {
         problem.update_noise(&state);
         let before = problem.cost(&state);
@@ -168,9 +172,11 @@ pub fn refine_lights(
             damping = (30.0 * damping).min(most);
             continue;
         };
+        let moved = (next.correction.ambient - state.correction.ambient).abs();
+        still = if moved < STILL.0 { still + 1 } else { 0 };
         (state, changed) = (next, true);
         damping = (damping * if length == 1.0 { 0.2 } else { 2.0 }).clamp(least, most);
-        if before - value < CONVERGED * before {
+        if before - value < CONVERGED * before || !options.turn && still >= STILL.1 {
             break;
         }
     }

@@ -99,11 +99,11 @@ pub(super) struct Problem<'a> {
 }
 
 /// Logarithms of renderings of all photographs, and their derivatives by each plane of
-/// coordinates, both angles and the ambient light.
+/// coordinates, and by each photograph's [`Problem::unknowns`].
 pub(super) struct Linearised {
     value: Vec<Vec<f32>>,
     by_texel: Vec<Vec<Vec<f32>>>,
-    by_light: Vec<[Vec<f32>; 3]>,
+    by_light: Vec<Vec<Vec<f32>>>,
 }
 
 type Block = SMatrix<f64, CHANNELS, CHANNELS>;
@@ -111,10 +111,10 @@ type Column = SVector<f64, CHANNELS>;
 
 /// The equations of one texel.
 pub(super) struct TexelSystem {
-    inverse: Block,
+    block: Block,
     pub(super) gradient: Column,
-    /// One column per shared unknown.
-    coupling: Vec<Column>,
+    /// Coordinates that stay where they are.
+    held: [bool; CHANNELS],
 }
 
 /// The equations of what all texels share.
@@ -329,38 +329,47 @@ impl<'a> Problem<'a> {
                 let [u, v] = turns[i];
                 let at = |u: f64, v: f64| self.rendering(&maps, i, [u, v], *ambient);
                 let ambient = self.rendering(&maps, i, [u, v], ambient + SHARE);
-                [
+                let ambient = slopes(&ambient, &value[i], SHARE);
+                if !self.options.turn {
+                    return vec![ambient];
+                }
+                vec![
                     slopes(&at(u + ANGLE, v), &at(u - ANGLE, v), 2.0 * ANGLE),
                     slopes(&at(u, v + ANGLE), &at(u, v - ANGLE), 2.0 * ANGLE),
-                    slopes(&ambient, &value[i], SHARE),
+                    ambient,
                 ]
             })
             .collect();
         Linearised { value, by_texel, by_light }
     }
 
-    /// Shared unknowns: two per photograph, the estimate's offset, the ambient light.
+    /// Shared unknowns: two per photograph if lights turn, the estimate's offset, the ambient light.
     pub(super) fn shared(&self) -> usize {
         self.first_offset() + CHANNELS + 1
     }
 
     pub(super) fn first_offset(&self) -> usize {
-        2 * self.logs.len()
+        if self.options.turn { 2 * self.logs.len() } else { 0 }
     }
 
-    /// Equations of a texel; what it says of the shared unknowns alone is added to `shared`.
-    pub(super) fn texel_system(
+    /// The shared unknowns of a photograph's light: its two angles if it turns, the ambient light.
+    fn unknowns(&self, index: usize) -> impl Iterator<Item = usize> + Clone + use<> {
+        let turns = if self.options.turn { 2 * index..2 * index + 2 } else { 0..0 };
+        turns.chain([self.shared() - 1])
+    }
+
+    /// Equations of a texel; `each` gets every residual's photograph and place, its weight, itself
+    /// and its derivatives by the texel's coordinates.
+    fn texel_system(
         &self,
         t: usize,
         state: &State,
         linear: &Linearised,
         damping: f64,
-        mut shared: Option<&mut SharedSystem>,
+        mut each: impl FnMut(usize, usize, f64, f64, &Column),
     ) -> TexelSystem {
         let n = self.texels();
         let (mut block, mut gradient) = (Block::zeros(), Column::zeros());
-        let ambient = self.shared() - 1;
-        let mut coupling = vec![Column::zeros(); self.shared()];
         for i in 0..self.logs.len() {
             for j in [t, n + t, 2 * n + t] {
                 let weight = f64::from(self.weights[i][j]);
@@ -370,50 +379,95 @@ impl<'a> Problem<'a> {
                 let residual = f64::from(linear.value[i][j] - self.logs[i][j]);
                 let weight = weight / (residual.abs().max(self.huber()) * self.noise);
                 let row = Column::from_fn(|c, _| f64::from(linear.by_texel[c][i][j]));
-                let light = linear.by_light[i].each_ref().map(|v| f64::from(v[j]));
-                block += weight * row * row.transpose();
-                gradient += weight * residual * row;
-                let unknowns = [2 * i, 2 * i + 1, ambient];
-                for (unknown, by) in unknowns.into_iter().zip(light) {
-                    coupling[unknown] += weight * by * row;
-                }
-                if let Some(shared) = shared.as_deref_mut() {
-                    for (a, x) in unknowns.into_iter().zip(light) {
-                        shared.gradient[a] += weight * x * residual;
-                        for (b, y) in unknowns.into_iter().zip(light) {
-                            shared.matrix[(a, b)] += weight * x * y;
-                        }
-                    }
-                }
+                block.syger(weight, &row, &row, 1.0);
+                gradient.axpy(weight * residual, &row, 1.0);
+                each(i, j, weight, residual, &row);
             }
         }
+        block.fill_upper_triangle_with_lower_triangle();
+        let mut held = [false; CHANNELS];
         for c in 0..CHANNELS {
             let precision = self.precision(c);
-            let at = self.first_offset() + c;
-            let away = state.texels[c * n + t] - self.prior_mean[c * n + t] - state.offset[c];
             block[(c, c)] += precision + damping * block[(c, c)];
-            gradient[c] += precision * away;
-            coupling[at][c] -= precision;
-            if let Some(shared) = shared.as_deref_mut() {
-                shared.matrix[(at, at)] += precision;
-                shared.gradient[at] -= precision * away;
-            }
-        }
-        for c in 0..CHANNELS {
+            gradient[c] += precision * self.away(t, c, state);
             // A coordinate that would leave its range stays out of the step, or all others would be
             // off by what its step is cut.
             let (low, high) = coordinate_range(c);
             let x = state.texels[c * n + t];
-            if (x <= low && gradient[c] > 0.0) || (x >= high && gradient[c] < 0.0) {
-                block.row_mut(c).fill(0.0);
-                block.column_mut(c).fill(0.0);
-                block[(c, c)] = 1.0;
-                gradient[c] = 0.0;
+            held[c] = (x <= low && gradient[c] > 0.0) || (x >= high && gradient[c] < 0.0);
+        }
+        for c in (0..CHANNELS).filter(|&c| held[c]) {
+            block.row_mut(c).fill(0.0);
+            block.column_mut(c).fill(0.0);
+            block[(c, c)] = 1.0;
+            gradient[c] = 0.0;
+        }
+        TexelSystem { block, gradient, held }
+    }
+
+    /// How far a texel's coordinate is from the estimate without its offset.
+    fn away(&self, t: usize, c: usize, state: &State) -> f64 {
+        let at = c * self.texels() + t;
+        state.texels[at] - self.prior_mean[at] - state.offset[c]
+    }
+
+    /// Equations of a texel. What it says of the shared unknowns alone is added to `shared`, what
+    /// couples it to each of them to `coupling`.
+    pub(super) fn coupled_system(
+        &self,
+        t: usize,
+        state: &State,
+        linear: &Linearised,
+        damping: f64,
+        shared: &mut SharedSystem,
+        coupling: &mut [Column],
+    ) -> TexelSystem {
+        coupling.fill(Column::zeros());
+        let system = self.texel_system(t, state, linear, damping, |i, j, weight, residual, row| {
+            let lights = self.unknowns(i).zip(&linear.by_light[i]);
+            for (a, x) in lights.clone().map(|(a, x)| (a, f64::from(x[j]))) {
+                coupling[a].axpy(weight * x, row, 1.0);
+                shared.gradient[a] += weight * x * residual;
+                for (b, y) in lights.clone() {
+                    shared.matrix[(a, b)] += weight * x * f64::from(y[j]);
+                }
+            }
+        });
+        for c in 0..CHANNELS {
+            let (at, precision) = (self.first_offset() + c, self.precision(c));
+            coupling[at][c] -= precision;
+            shared.matrix[(at, at)] += precision;
+            shared.gradient[at] -= precision * self.away(t, c, state);
+            if system.held[c] {
                 coupling.iter_mut().for_each(|column| column[c] = 0.0);
             }
         }
-        let inverse = block.try_inverse().unwrap_or_default();
-        TexelSystem { inverse, gradient, coupling }
+        system
+    }
+
+    /// The step of a texel when the shared unknowns make theirs.
+    fn texel_step(
+        &self,
+        t: usize,
+        state: &State,
+        linear: &Linearised,
+        damping: f64,
+        shared: &DVector<f64>,
+    ) -> Column {
+        let mut change = Column::zeros();
+        let system = self.texel_system(t, state, linear, damping, |i, j, weight, _, row| {
+            let lights = self.unknowns(i).zip(&linear.by_light[i]);
+            let by: f64 = lights.map(|(a, x)| shared[a] * f64::from(x[j])).sum();
+            change.axpy(weight * by, row, 1.0);
+        });
+        for c in 0..CHANNELS {
+            change[c] -= self.precision(c) * shared[self.first_offset() + c];
+            if system.held[c] {
+                change[c] = 0.0;
+            }
+        }
+        let gradient = system.gradient + change;
+        system.block.cholesky().map_or(Column::zeros(), |factor| -factor.solve(&gradient))
     }
 
     /// The step of Levenberg and Marquardt, with texels' equations damped relative to their
@@ -430,12 +484,16 @@ impl<'a> Problem<'a> {
             .par_iter()
             .map(|&first| {
                 let mut shared = empty.clone();
+                let mut coupling = vec![Column::zeros(); self.shared()];
                 for t in first..(first + CHUNK).min(n) {
-                    let system = self.texel_system(t, state, &linear, damping, Some(&mut shared));
-                    for (b, column) in system.coupling.iter().enumerate() {
-                        let solved = system.inverse * column;
+                    let system =
+                        self.coupled_system(t, state, &linear, damping, &mut shared, &mut coupling);
+                    let Some(factor) = system.block.cholesky() else { continue };
+                    let inverse = factor.inverse();
+                    for (b, column) in coupling.iter().enumerate() {
+                        let solved = inverse * column;
                         shared.gradient[b] -= solved.dot(&system.gradient);
-                        for (a, other) in system.coupling.iter().enumerate() {
+                        for (a, other) in coupling.iter().enumerate() {
                             shared.matrix[(a, b)] -= other.dot(&solved);
                         }
                     }
@@ -450,9 +508,11 @@ impl<'a> Problem<'a> {
         }
         let [by_turn, by_ambient] = self.shared_precision();
         let last = self.shared() - 1;
-        for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
-            sum.matrix[(i, i)] += by_turn;
-            sum.gradient[i] += by_turn * turn;
+        if self.options.turn {
+            for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
+                sum.matrix[(i, i)] += by_turn;
+                sum.gradient[i] += by_turn * turn;
+            }
         }
         sum.matrix[(last, last)] += by_ambient;
         sum.gradient[last] += by_ambient * state.correction.ambient;
@@ -461,14 +521,6 @@ impl<'a> Problem<'a> {
             let at = self.first_offset() + c;
             sum.matrix[(at, at)] += own + flat;
             sum.gradient[at] += own * by + flat * (by + mean);
-        }
-        if !self.options.turn {
-            for i in 0..self.first_offset() {
-                sum.matrix.row_mut(i).fill(0.0);
-                sum.matrix.column_mut(i).fill(0.0);
-                sum.matrix[(i, i)] = 1.0;
-                sum.gradient[i] = 0.0;
-            }
         }
         let mut shared = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
         if state.correction.ambient + shared[last] < 0.0 {
@@ -486,12 +538,8 @@ impl<'a> Problem<'a> {
             .par_iter()
             .flat_map_iter(|&first| {
                 let linear = &linear;
-                (first..(first + CHUNK).min(n)).map(move |t| {
-                    let system = self.texel_system(t, state, linear, damping, None);
-                    let moved = system.coupling.iter().zip(shared.iter());
-                    let gradient = moved.fold(system.gradient, |g, (column, by)| g + column * *by);
-                    -(system.inverse * gradient)
-                })
+                (first..(first + CHUNK).min(n))
+                    .map(move |t| self.texel_step(t, state, linear, damping, shared))
             })
             .collect();
         let mut texels = vec![0.0; CHANNELS * n];
@@ -500,7 +548,11 @@ impl<'a> Problem<'a> {
                 texels[c * n + t] = step[c];
             }
         }
-        let turns = (0..self.logs.len()).map(|i| [shared[2 * i], shared[2 * i + 1]]).collect();
+        let turn = |i: usize| match self.options.turn {
+            true => [shared[2 * i], shared[2 * i + 1]],
+            false => [0.0; 2],
+        };
+        let turns = (0..self.logs.len()).map(turn).collect();
         let offset = std::array::from_fn(|c| shared[self.first_offset() + c]);
         Some(State { texels, correction: Correction { turns, ambient: shared[last] }, offset })
     }

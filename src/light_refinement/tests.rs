@@ -1,4 +1,4 @@
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SVector};
 
 use super::problem::SharedSystem;
 use super::*;
@@ -168,9 +168,10 @@ fn the_step_descends_as_its_gradient_says() {
         gradient: DVector::zeros(problem.shared()),
     };
     let n = problem.texels();
+    let mut coupling = vec![SVector::zeros(); problem.shared()];
     let mut slope = 0.0;
     for t in 0..n {
-        let system = problem.texel_system(t, &state, &linear, 0.01, Some(&mut shared));
+        let system = problem.coupled_system(t, &state, &linear, 0.01, &mut shared, &mut coupling);
         slope += (0..CHANNELS).map(|c| system.gradient[c] * step.texels[c * n + t]).sum::<f64>();
     }
     let [by_turn, by_ambient] = problem.shared_precision();

@@ -344,7 +344,7 @@ impl Fit {
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let turns = self.observations.len() >= LEAST_TO_TURN;
         let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
-        let mut corrections = if corrects { 0..rounds } else { 0..0 };
+        let mut corrections = 0..if corrects { rounds } else { 0 };
         let (mut cut, mut offset) = (None, Offset::default());
         let given = self.correction.clone();
         loop {
@@ -386,8 +386,9 @@ impl Fit {
                 // narrow lobes do not find back from where wrong lights took them
                 let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
                 maps = offset.applied(deep).into_owned();
-            } else if turn {
-                corrections = 0..0;
+            } else {
+                // nothing to correct: on to turning, or to the end
+                corrections = if turn { 0..0 } else { AMBIENT_ROUNDS..rounds };
             }
         }
         (self.maps, self.propagated) = (Some(maps), false);
