@@ -41,9 +41,11 @@ const DAMPING: (f64, f64) = (1e-6, 0.01);
 const EVIDENCE: f64 = 0.6;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 3e-4;
-/// An ambient light that is looked for alone and changes by less than this for so many steps is
-/// found, whatever else still moves.
-const STILL: (f64, usize) = (1e-4, 4);
+/// Changes of an ambient light that is looked for alone, and of the estimate's offset, which are
+/// nothing; after so many such steps both are found, whatever texels still do.
+const STILL_AMBIENT: f64 = 1e-4;
+const STILL_OFFSET: f64 = 5e-4;
+const STILL_STEPS: usize = 2;
 
 /// Options of [`refine_lights`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,11 +174,10 @@ pub fn refine_lights(
             damping = (30.0 * damping).min(most);
             continue;
         };
-        let moved = (next.correction.ambient - state.correction.ambient).abs();
-        still = if moved < STILL.0 { still + 1 } else { 0 };
+        still = if is_still(&state, &next) { still + 1 } else { 0 };
         (state, changed) = (next, true);
         damping = (damping * if length == 1.0 { 0.2 } else { 2.0 }).clamp(least, most);
-        if before - value < CONVERGED * before || !options.turn && still >= STILL.1 {
+        if before - value < CONVERGED * before || (!options.turn && still >= STILL_STEPS) {
             break;
         }
     }
@@ -187,6 +188,13 @@ pub fn refine_lights(
         (*correction, offset.0) = (state.correction, state.offset);
     }
     changed
+}
+
+/// Whether ambient light and offset hardly changed.
+fn is_still(before: &State, after: &State) -> bool {
+    let ambient = (after.correction.ambient - before.correction.ambient).abs();
+    let mut offsets = after.offset.iter().zip(&before.offset);
+    ambient < STILL_AMBIENT && offsets.all(|(a, b)| (a - b).abs() < STILL_OFFSET)
 }
 
 /// The light turned about the centre of the sample, ambient light added.
