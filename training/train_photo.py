@@ -70,8 +70,8 @@ def degrade(radiance, e):
     return radiance, weight * soft
 
 
-# How many photos an example has, and how often: mostly one, as the library uses the network
-COUNTS = {1: 0.7, 2: 0.1, 3: 0.06, 4: 0.06, 6: 0.04, 8: 0.04}
+# How many photos an example has, and how often
+COUNTS = {1: 0.4, 2: 0.18, 3: 0.12, 4: 0.12, 6: 0.09, 8: 0.09}
 
 
 def make_example(x, draw=render, count=1):
