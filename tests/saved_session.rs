@@ -112,9 +112,11 @@ fn going_on_after_restoring_is_going_on() {
         assert_eq!(again.progress().frames, 3);
         let off = difference(&again.snapshot().unwrap(), &straight.snapshot().unwrap());
         println!("{method:?}: saved three times differs by {off}, a photograph by {moved}");
-        // The baseline has no prior: what the photographs cannot tell follows their noise.
-        let tolerance = if method == Method::Deep { TOLERANCE } else { 0.3 * moved };
-        assert!(off < tolerance && off < 0.3 * moved, "{off}, {moved}");
+        // Half floats lose 1/2048 of the latent fit's maps, of which steps along the signs of residuals
+        // make more: 0.0015 to 0.006, depending on where the fit was saved. The baseline has no prior:
+        // what the photographs cannot tell follows their noise.
+        let tolerance = if method == Method::Deep { 0.15 } else { 0.3 } * moved;
+        assert!(off < tolerance, "{off}, {moved}");
     }
 }
 
