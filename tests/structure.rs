@@ -19,7 +19,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("reflectance", &["simd", "svbrdf", "observation"]),
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
-    ("network", &["svbrdf"]),
+    ("network", &["simd", "svbrdf"]),
     ("initial_estimate", &["network", "observation", "svbrdf"]),
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
