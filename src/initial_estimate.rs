@@ -346,7 +346,7 @@ mod tests {
         close(1, 2, 1.0);
         close(2, 0, 1.0); // no light in a channel: infinitely bright
         close(0, 3, -1.0);
-        close(9, 0, 0.4);
+        close(9, 0, 3.0 / 7.0);
         close(9, 3, 0.0);
         // texel 3 (x = 5, y = -2.5) looks straight up to the camera, texel 0 to the light
         close(5, 3, 1.0);

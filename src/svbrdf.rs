@@ -236,12 +236,12 @@ fn double_row(row: &[f32], out: &mut [f32]) {
 }
 
 /// Cuts planes of `width * height` values into bands of `rows` rows.
-pub(crate) fn bands<const PLANES: usize>(
-    data: &mut [f32],
+pub(crate) fn bands<const PLANES: usize, T>(
+    data: &mut [T],
     width: usize,
     height: usize,
     rows: usize,
-) -> Vec<[&mut [f32]; PLANES]> {
+) -> Vec<[&mut [T]; PLANES]> {
     let mut planes: Vec<_> =
         data.chunks_mut(width * height).map(|plane| plane.chunks_mut(rows * width)).collect();
     (0..height.div_ceil(rows))

@@ -22,7 +22,7 @@ pub(super) fn write_maps(last: &Tensors, block: usize, encoded: &mut [f32]) {
     let Size { height, width } = last.size;
     let channels = CHANNELS * block * block;
     let source = last.value.par_chunks(ROWS * width * channels);
-    bands::<CHANNELS>(encoded, width * block, height * block, ROWS * block)
+    bands::<CHANNELS, _>(encoded, width * block, height * block, ROWS * block)
         .into_par_iter()
         .zip(source)
         .for_each(|(planes, source)| dispatch(WriteBand { source, width, block, planes }));

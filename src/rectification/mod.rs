@@ -10,15 +10,14 @@ mod mapping;
 mod resample;
 mod sampler;
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use crate::Rejection;
 use crate::calibration::photometry::Radiometry;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
-use crate::observation::{Falloff, Observation, View, pack_radiances, pack_weight};
+use crate::observation::{self, Falloff, Observation, View, pack_weight};
+use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};
 pub use resample::from_rectified;
@@ -129,34 +128,28 @@ fn rectify_filtered(
     let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);
     let response = Response::new(radiometry, camera);
     let texels = width * height;
-    let mut radiance = vec![f16::ZERO; 3 * texels];
-    let mut weight = vec![0; texels];
+    let mut packed = vec![0; 3 * texels];
     let (mut seen, mut clipped) = (0, 0);
     if texels > 0 {
-        let (red, rest) = radiance.split_at_mut(texels);
-        let (green, blue) = rest.split_at_mut(texels);
         let band = LANES * width;
-        (seen, clipped) = red
-            .par_chunks_mut(band)
-            .zip(green.par_chunks_mut(band))
-            .zip(blue.par_chunks_mut(band))
-            .zip(weight.par_chunks_mut(band))
+        (seen, clipped) = bands::<3, _>(&mut packed, width, height, LANES)
+            .into_par_iter()
             .enumerate()
             .map_init(
-                || vec![0.0; 4 * band],
-                |values, (i, (((red, green), blue), weight))| {
-                    let n = weight.len();
+                || (vec![0.0; 4 * band], vec![0; band]),
+                |(values, codes), (i, packed)| {
+                    let n = packed[0].len();
                     let values = &mut values[..4 * n];
                     values.fill(0.0);
                     let (planes, weights) = values.split_at_mut(3 * n);
                     let mut band = Band { planes, weight: weights, row: i * LANES, width };
                     band.fill(photo, &mapping, &response, &view, filter);
                     let counts = band.seen_and_clipped();
-                    for (plane, packed) in planes.chunks(n).zip([red, green, blue]) {
-                        pack_radiances(plane, packed);
+                    for (code, &weight) in codes.iter_mut().zip(&*weights) {
+                        *code = pack_weight(weight);
                     }
-                    for (packed, &w) in weight.iter_mut().zip(&*weights) {
-                        *packed = pack_weight(w);
+                    for (c, packed) in packed.into_iter().enumerate() {
+                        observation::pack(&planes[c * n..(c + 1) * n], codes, c, packed);
                     }
                     counts
                 },
@@ -172,7 +165,7 @@ fn rectify_filtered(
     if share > MAX_CLIPPED {
         return Err(Rejection::Clipped { share });
     }
-    Ok(Observation::from_packed(width, height, view, radiance, weight))
+    Ok(Observation::from_packed(width, height, view, packed))
 }
 
 /// Brings an observation made with one radiometry to another of the same photo, as when later
@@ -199,14 +192,11 @@ pub fn update_radiometry(
     };
     let mappings = [mapping(old), mapping(new)];
     let (from, to) = (Response::new(old, camera), Response::new(new, camera));
-    let (red, rest) = observation.packed_radiance_mut().split_at_mut(texels);
-    let (green, blue) = rest.split_at_mut(texels);
-    let buffers = || (vec![0.0; width], vec![0.0; width]);
-    red.par_chunks_mut(width)
-        .zip(green.par_chunks_mut(width))
-        .zip(blue.par_chunks_mut(width))
+    let buffers = || (vec![0.0; width], vec![0.0; width], vec![0; width]);
+    bands::<3, _>(observation.packed_mut(), width, height, 1)
+        .into_par_iter()
         .enumerate()
-        .for_each_init(buffers, |(ratios, values), (y, ((red, green), blue))| {
+        .for_each_init(buffers, |(ratios, values, weights), (y, rows)| {
             let mut positions = [Positions::default(), Positions::default()];
             for x0 in (0..width).step_by(LANES) {
                 for (mapping, positions) in mappings.iter().zip(&mut positions) {
@@ -217,11 +207,14 @@ pub fn update_radiometry(
                         to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
                 }
             }
-            for (c, plane) in [red, green, blue].into_iter().enumerate() {
+            for (x, weight) in weights.iter_mut().enumerate() {
+                *weight = observation::unpack_weight(std::array::from_fn(|c| rows[c][x]));
+            }
+            for (c, row) in rows.into_iter().enumerate() {
                 let gain = to.gain[c] / from.gain[c];
-                plane.convert_to_f32_slice(values);
+                observation::unpack(row, values);
                 values.iter_mut().zip(&*ratios).for_each(|(v, ratio)| *v *= ratio * gain);
-                pack_radiances(values, plane);
+                observation::pack(values, weights, c, row);
             }
         });
     let mut light = pose.to_board(new.flash_offset_mm);

@@ -244,14 +244,12 @@ fn weights_are_the_cosine_inside_the_photo_and_zero_outside() {
             };
             if margin(3.0) {
                 let cos = (eye - point).normalize().z;
-                // a weight is kept in units of 1/255, rounded up
-                assert!(
-                    (f64::from(weight) - cos - 0.002).abs() < 0.002 + 1e-5
-                        && (value - 0.5).abs() < 1e-5
-                );
+                // a weight is kept in sevenths, a value to 0.1 %
+                assert!((f64::from(weight) - cos).abs() <= 0.5 / 7.0 + 1e-5);
+                assert!((value - 0.5).abs() < 5e-4);
                 inside += 1;
             } else if !margin(0.0) {
-                assert!(weight == 0.0 && value == 0.0);
+                assert!(weight == 0.0 && value < 1e-7);
                 outside += 1;
             }
         }
@@ -358,7 +356,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
     let ((updated, weight), (expected, expected_weight)) = (updated.planes(), expected.planes());
     assert_eq!(weight, expected_weight);
     for (a, b) in updated.iter().zip(&expected) {
-        assert!((a - b).abs() <= 1.01e-3 * b.abs(), "{a} {b}"); // half floats rounded twice
+        assert!((a - b).abs() <= 3e-3 * b.abs(), "{a} {b}"); // three roundings of 0.1 %
     }
 }
 

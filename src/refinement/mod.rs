@@ -22,13 +22,14 @@
 mod normal_equations;
 
 use crate::observation::Observation;
-use crate::render::{self, BAND_ROWS, Prepared, check_observations};
+use crate::reflectance::Directions;
+use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
 use normal_equations::{NormalEquations, cost};
 use rayon::prelude::*;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 /// How far an estimate is expected to be off, per parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,9 +162,9 @@ pub fn refine(
         if weights <= 0.0 {
             break;
         }
-        let sums: Vec<f64> = bands::<CHANNELS>(maps.planes_mut(), width, height, BAND_ROWS)
+        let sums: Vec<f64> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
             .into_par_iter()
-            .zip(bands::<1>(&mut damping, width, height, BAND_ROWS))
+            .zip(bands::<1, _>(&mut damping, width, height, BAND_ROWS))
             .enumerate()
             .map(|(band, (planes, [damping]))| {
                 let first_row = band * BAND_ROWS;
@@ -231,6 +232,7 @@ impl Kernel for StepBand<'_> {
     fn run<V: Lanes>(self) -> f64 {
         let width = self.prior_mean.width();
         let mut sum = 0.0;
+        let mut directions = vec![Directions::none(); self.model.observations.len()];
         for r in 0..self.damping.len() / width {
             let row = self.first_row + r;
             let mut row_sum = V::splat(0.0);
@@ -248,7 +250,9 @@ impl Kernel for StepBand<'_> {
                 );
                 let mut damping = V::load(&self.damping[here.clone()], 1.0);
                 let (mut x, mean) = (coordinates(x), coordinates(mean));
-                row_sum += step(self.model, &mut x, &mean, &mut damping, column, row, width);
+                find_directions(self.model.observations, column, row, &mut directions);
+                let texels = row * width + column..row * width + end;
+                row_sum += step(self.model, &mut x, &mean, &mut damping, &directions, texels);
                 damping.store(&mut self.damping[here.clone()]);
                 for c in 0..CHANNELS {
                     let squared = (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
@@ -270,12 +274,10 @@ fn step<V: Lanes>(
     x: &mut [V; CHANNELS],
     mean: &[V; CHANNELS],
     damping: &mut V,
-    column: usize,
-    row: usize,
-    width: usize,
+    directions: &[Directions<V>],
+    texels: Range<usize>,
 ) -> V {
-    let texels = row * width + column..row * width + (column + LANES).min(width);
-    let (equations, start) = NormalEquations::new(model, x, mean, column, row, texels.clone());
+    let (equations, start) = NormalEquations::new(model, x, mean, directions, texels.clone());
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
     let [mut best, mut loss] = start;
     let mut waiting = one;
@@ -286,7 +288,7 @@ fn step<V: Lanes>(
             let (low, high) = limits(c);
             trial[c] = (from[c] + delta[c].clamp(-MAX_STEP, MAX_STEP)).clamp(low, high);
         }
-        let [cost, trial_loss] = cost(model, &trial, mean, column, row, texels.clone());
+        let [cost, trial_loss] = cost(model, &trial, mean, directions, texels.clone());
         // 1 where the texel waited for a better value and this is one.
         let taken = best.if_greater(cost, waiting, zero);
         for c in 0..CHANNELS {

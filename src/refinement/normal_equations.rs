@@ -89,15 +89,14 @@ pub(super) fn cost<V: Lanes>(
     model: &Model,
     x: &[V; CHANNELS],
     mean: &[V; CHANNELS],
-    column: usize,
-    row: usize,
+    directions: &[Directions<V>],
     texels: Range<usize>,
 ) -> [V; 2] {
     let material = Material::new(&natural(x));
     let (mut cost, mut loss) = (prior_cost(model, x, mean), V::splat(0.0));
-    for observation in model.observations {
+    for (observation, directions) in model.observations.iter().zip(directions) {
         let view = &observation.view;
-        let lobes = Lobes::new(&material, &Directions::new(view, column, row));
+        let lobes = Lobes::new(&material, directions);
         let weight = observation.load_weight(&texels);
         for c in 0..3 {
             let (brdf, _) = lobes.brdf(&material, c);
@@ -120,22 +119,20 @@ impl<V: Lanes> NormalEquations<V> {
         model: &Model,
         x: &[V; CHANNELS],
         mean: &[V; CHANNELS],
-        column: usize,
-        row: usize,
+        directions: &[Directions<V>],
         texels: Range<usize>,
     ) -> (Self, [V; 2]) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let material = Material::new(&natural(x));
         let mut equations = Self::of_prior(model, x, mean);
         let (mut cost, mut loss) = (prior_cost(model, x, mean), zero);
-        for observation in model.observations {
+        for (observation, directions) in model.observations.iter().zip(directions) {
             let view = &observation.view;
-            let directions = Directions::new(view, column, row);
-            let lobes = Lobes::new(&material, &directions);
+            let lobes = Lobes::new(&material, directions);
             let weight = observation.load_weight(&texels);
-            let by_normal = lobes.by_normal(&material, &directions, one, zero);
+            let by_normal = lobes.by_normal(&material, directions, one, zero);
             let lobe_by_slopes = material.by_slopes(by_normal);
-            let by_normal = lobes.by_normal(&material, &directions, zero, one);
+            let by_normal = lobes.by_normal(&material, directions, zero, one);
             let irradiance_by_slopes = material.by_slopes(by_normal);
             let lobe_by_roughness = lobes.log_specular_by_roughness(&material);
             for c in 0..3 {

@@ -210,8 +210,8 @@ fn explained_saturation_does_not_pull() {
         });
     }
     let (maps, report) = run(&truth, &photos, &Options::default());
-    // half floats err by up to 1/4096, on average half of that
-    assert!(report.loss_before < 1.5e-4 && report.loss_after < 1.5e-4, "{report:?}");
+    // radiances err by up to 1/1024, on average a third of that
+    assert!(report.loss_before < 4e-4 && report.loss_after < 4e-4, "{report:?}");
     assert!(errors(&maps, &truth).iter().all(|&e| e <= 1e-3));
 }
 

@@ -111,6 +111,13 @@ pub(crate) struct Directions<V> {
 }
 
 impl<V: Lanes> Directions<V> {
+    /// To be overwritten.
+    pub fn none() -> Self {
+        let zero = V::splat(0.0);
+        let three = [zero; 3];
+        Self { light: three, view: three, half: three, fresnel: zero, attenuation: zero }
+    }
+
     /// Texels `column ..` of a row.
     #[inline(always)]
     pub fn new(view: &TexelView, column: usize, row: usize) -> Self {

@@ -1,7 +1,7 @@
 //! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
 //! Jacobians are stored.
 
-use super::{BAND_ROWS, Prepared, load_texels};
+use super::{BAND_ROWS, Prepared, find_directions, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::observation::Observation;
 use crate::reflectance::{Directions, Lobes, Material};
@@ -53,15 +53,16 @@ pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: 
         return 0.0;
     }
     let scale = 1.0 / (3.0 * weight);
-    let rows: Vec<[f64; 2]> = bands::<CHANNELS>(gradient, maps.width(), maps.height(), BAND_ROWS)
-        .into_par_iter()
-        .enumerate()
-        .map(|(band, sink)| {
-            let first_row = band * BAND_ROWS;
-            let scale = scale as f32;
-            dispatch(LossBand { maps, observations: &prepared, first_row, scale, sink })
-        })
-        .collect();
+    let rows: Vec<[f64; 2]> =
+        bands::<CHANNELS, _>(gradient, maps.width(), maps.height(), BAND_ROWS)
+            .into_par_iter()
+            .enumerate()
+            .map(|(band, sink)| {
+                let first_row = band * BAND_ROWS;
+                let scale = scale as f32;
+                dispatch(LossBand { maps, observations: &prepared, first_row, scale, sink })
+            })
+            .collect();
     scale * total(&rows)[0]
 }
 
@@ -111,6 +112,7 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
         let (width, height) = (self.maps.width(), self.maps.height());
         let rows = BAND_ROWS.min(height - self.first_row);
         let mut sums = [0.0; 2];
+        let mut directions = vec![Directions::none(); self.observations.len()];
         for r in 0..rows {
             let row = self.first_row + r;
             // A row's sum in single precision: at most a few thousand values a lane.
@@ -120,9 +122,9 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
                 let texels = row * width + column..row * width + end;
                 let parameters = load_texels(self.maps, texels.start, texels.end);
                 let mut gradient = Gradient::new(&parameters);
-                for observation in self.observations {
-                    let directions = Directions::new(&observation.view, column, row);
-                    let [l, w] = gradient.add::<S>(observation, &directions, texels.clone());
+                find_directions(self.observations, column, row, &mut directions);
+                for (observation, directions) in self.observations.iter().zip(&directions) {
+                    let [l, w] = gradient.add::<S>(observation, directions, texels.clone());
                     row_sums[0] += l;
                     row_sums[1] += w;
                 }

@@ -9,12 +9,11 @@ mod gradient;
 
 pub use gradient::{loss, loss_and_gradient};
 
-use crate::observation::{Observation, View};
+use crate::observation::{FULL_WEIGHT, Observation, Packed, View};
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands};
 use crate::{Error, Result};
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -28,11 +27,12 @@ pub(crate) const BAND_ROWS: usize = 4;
 pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
     assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
     let view = TexelView::new(view, maps.width(), maps.height());
-    bands::<3>(out, maps.width(), maps.height(), BAND_ROWS).into_par_iter().enumerate().for_each(
-        |(band, out)| {
+    bands::<3, _>(out, maps.width(), maps.height(), BAND_ROWS)
+        .into_par_iter()
+        .enumerate()
+        .for_each(|(band, out)| {
             dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
-        },
-    );
+        });
 }
 
 /// An error where an observation has not the maps' size.
@@ -50,16 +50,14 @@ pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) ->
 /// Observations with their views prepared for one size of maps.
 pub(crate) struct Prepared<'a> {
     pub view: TexelView,
-    /// Bits of half floats.
-    radiance: &'a [u16],
-    /// In units of 1/255.
-    weight: &'a [u8],
+    packed: [&'a [Packed]; 3],
 }
 
 impl<'a> Prepared<'a> {
     /// # Panics
     /// When an observation has not the maps' size.
     pub fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Vec<Self> {
+        let n = maps.texels();
         observations
             .iter()
             .map(|o| {
@@ -70,8 +68,7 @@ impl<'a> Prepared<'a> {
                 );
                 Self {
                     view: TexelView::new(&o.view, o.width(), o.height()),
-                    radiance: o.packed_radiance().reinterpret_cast(),
-                    weight: o.packed_weight(),
+                    packed: std::array::from_fn(|c| &o.packed()[c * n..(c + 1) * n]),
                 }
             })
             .collect()
@@ -80,14 +77,30 @@ impl<'a> Prepared<'a> {
     /// Weights of some texels, at most eight.
     #[inline(always)]
     pub fn load_weight<V: Lanes>(&self, texels: &Range<usize>) -> V {
-        V::load_bytes(&self.weight[texels.clone()]) * V::splat(1.0 / 255.0)
+        let lacks = V::load_lowest(self.packed.map(|plane| &plane[texels.clone()]));
+        let full = f32::from(FULL_WEIGHT);
+        (V::splat(full) - lacks) * V::splat(1.0 / full)
     }
 
     /// Radiances of some texels, at most eight.
     #[inline(always)]
     pub fn load_radiance<V: Lanes>(&self, c: usize, texels: &Range<usize>) -> V {
-        let first = c * self.weight.len();
-        V::load_halves(&self.radiance[first + texels.start..first + texels.end])
+        V::load_halves(&self.packed[c][texels.clone()])
+    }
+}
+
+/// Directions of eight texels in every photograph. They are found before anything else of these
+/// texels: roots and divisions of several photographs then overlap, where a photograph after the
+/// other is one chain longer than processors look ahead.
+#[inline(always)]
+pub(crate) fn find_directions<V: Lanes>(
+    observations: &[Prepared],
+    column: usize,
+    row: usize,
+    out: &mut [Directions<V>],
+) {
+    for (out, observation) in out.iter_mut().zip(observations) {
+        *out = Directions::new(&observation.view, column, row);
     }
 }
 

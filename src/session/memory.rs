@@ -6,8 +6,8 @@ use crate::latent_fit::FitOptions;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 
-/// Bytes of a texel of a rectified photograph: half floats, and a weight of one byte.
-const OBSERVATION: u64 = 7;
+/// Bytes of a texel of a rectified photograph: three half floats that hold its weight as well.
+const OBSERVATION: u64 = 6;
 /// Bytes of a texel of maps.
 const MAPS: u64 = 4 * CHANNELS as u64;
 /// Sets of maps at full resolution that are alive at the same time while the code is fitted (the

@@ -7,6 +7,7 @@
 
 use half::f16;
 
+use crate::observation::Packed;
 use crate::{Error, Result, StateFault};
 
 /// First bytes of a saved session.
@@ -123,8 +124,8 @@ impl Writer {
         }
     }
 
-    /// Half floats as they are.
-    pub(super) fn radiances(&mut self, values: &[f16]) {
+    /// Radiances and weights as they are.
+    pub(super) fn packed(&mut self, values: &[Packed]) {
         self.0.reserve(2 * values.len());
         values.iter().for_each(|v| self.0.extend_from_slice(&v.to_le_bytes()));
     }
@@ -330,15 +331,13 @@ impl<'a> Reader<'a> {
         bytes.as_chunks::<2>().0.iter().map(|&b| finite(f16::from_le_bytes(b).to_f32())).collect()
     }
 
-    pub(super) fn radiances(&mut self, count: usize) -> Result<Vec<f16>> {
+    pub(super) fn packed(&mut self, count: usize) -> Result<Vec<Packed>> {
         let bytes = self.take(count.saturating_mul(2))?;
-        let halves = bytes.as_chunks::<2>().0.iter().map(|&b| f16::from_le_bytes(b));
-        let checked = |h: f16| if h.is_finite() { Ok(h) } else { Err(damaged(NOT_A_NUMBER)) };
-        halves.map(checked).collect()
-    }
-
-    pub(super) fn bytes(&mut self, count: usize) -> Result<&[u8]> {
-        self.take(count)
+        let values = bytes.as_chunks::<2>().0.iter().map(|&b| Packed::from_le_bytes(b));
+        let checked = |v: Packed| {
+            if f16::from_bits(v).is_finite() { Ok(v) } else { Err(damaged(NOT_A_NUMBER)) }
+        };
+        values.map(checked).collect()
     }
 
     pub(super) fn text(&mut self) -> Result<String> {

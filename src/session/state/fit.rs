@@ -282,18 +282,16 @@ fn write_observation(w: &mut Writer, observation: &Observation, given: Option<&V
     w.u32(observation.height() as u32);
     write_view(w, &observation.view);
     w.option(given, write_view);
-    w.radiances(observation.packed_radiance());
-    w.bytes(observation.packed_weight());
+    w.packed(observation.packed());
 }
 
 fn read_observation(mut r: Reader) -> Result<(Observation, Option<View>)> {
     let (width, height) = read_size(&mut r)?;
     let view = read_view(&mut r)?;
     let given = r.option(read_view)?;
-    let radiance = r.radiances(3 * width * height)?;
-    let weight = r.bytes(width * height)?.to_vec();
+    let packed = r.packed(3 * width * height)?;
     r.end()?;
-    Ok((Observation::from_packed(width, height, view, radiance, weight), given))
+    Ok((Observation::from_packed(width, height, view, packed), given))
 }
 
 fn write_view(w: &mut Writer, view: &View) {
