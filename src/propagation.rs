@@ -43,33 +43,85 @@ pub fn propagate(maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> 
     crate::render::check_observations(maps, observations)?;
     let information = information(maps, observations);
     let members = Membership::new(maps);
-    // roughness, then the three specular albedos
-    for plane in 0..4 {
-        let kind = plane.min(1);
-        let (c, seen) = if plane == 0 {
-            (channel::ROUGHNESS, &information[0])
-        } else {
-            (channel::SPECULAR + plane - 1, &information[1])
-        };
-        let own = DEVIATION[kind].powi(-2);
-        let values: Vec<f32> = match kind {
-            0 => maps.plane(c).to_vec(),
-            _ => maps.plane(c).iter().map(|v| v.max(0.0).sqrt()).collect(),
-        };
+    for gloss in Gloss::all() {
+        let (seen, own) = (&information[gloss.kind], gloss.own());
+        let values = gloss.read(maps);
         let groups = members.statistics(&values, |t| seen[t] / (seen[t] + own));
-        maps.plane_mut(c).par_iter_mut().enumerate().for_each(|(t, out)| {
-            let (mut precision, mut sum) = (seen[t] + own, (seen[t] + own) * values[t]);
-            for (share, group) in members.shares[t].iter().zip(&groups) {
-                let share = share * group.precision;
-                precision += share;
-                sum += share * group.mean;
-            }
-            let value = sum / precision;
-            *out = if kind == 0 { value } else { value * value };
+        gloss.write(maps, |t| {
+            let [precision, sum] = members.told(t, &groups);
+            let trusted = seen[t] + own;
+            (sum + trusted * values[t]) / (precision + trusted)
         });
     }
     maps.clamp();
     Ok(())
+}
+
+/// Moves roughness and specular albedo of an estimate by what a refinement from there has found
+/// of texels of like diffuse albedo, as far as the photographs told it: the mean for another
+/// refinement. Where a highlight has shown that the estimate is too smooth, it is too smooth beside
+/// the highlight as well.
+///
+/// # Errors
+/// When sizes differ.
+pub fn propagate_corrections(
+    estimate: &mut Svbrdf,
+    refined: &Svbrdf,
+    observations: &[Observation],
+) -> Result<()> {
+    crate::render::check_observations(estimate, observations)?;
+    crate::render::check_observations(refined, observations)?;
+    let information = information(refined, observations);
+    let members = Membership::new(refined);
+    for gloss in Gloss::all() {
+        let (seen, own) = (&information[gloss.kind], gloss.own());
+        let values = gloss.read(estimate);
+        let mut corrections = gloss.read(refined);
+        corrections.iter_mut().zip(&values).for_each(|(v, before)| *v -= before);
+        let groups = members.statistics(&corrections, |t| seen[t] / (seen[t] + own));
+        gloss.write(estimate, |t| {
+            let [precision, sum] = members.told(t, &groups);
+            values[t] + sum / (precision + own)
+        });
+    }
+    estimate.clamp();
+    Ok(())
+}
+
+/// A plane of what highlights tell: roughness, or the root of a specular albedo.
+#[derive(Clone, Copy)]
+struct Gloss {
+    plane: usize,
+    /// Of [`DEVIATION`] and of [`information`].
+    kind: usize,
+}
+
+impl Gloss {
+    fn all() -> [Self; 4] {
+        let specular = |c: usize| Self { plane: channel::SPECULAR + c, kind: 1 };
+        [Self { plane: channel::ROUGHNESS, kind: 0 }, specular(0), specular(1), specular(2)]
+    }
+
+    /// Precision of the fit where nothing was seen.
+    fn own(self) -> f32 {
+        DEVIATION[self.kind].powi(-2)
+    }
+
+    fn read(self, maps: &Svbrdf) -> Vec<f32> {
+        let plane = maps.plane(self.plane).iter();
+        if self.kind == 0 {
+            plane.copied().collect()
+        } else {
+            plane.map(|v| v.max(0.0).sqrt()).collect()
+        }
+    }
+
+    fn write(self, maps: &mut Svbrdf, value: impl Fn(usize) -> f32 + Sync) {
+        maps.plane_mut(self.plane).par_iter_mut().enumerate().for_each(|(t, out)| {
+            let value = value(t).max(0.0);
+            *out = if self.kind == 0 { value } else { value * value };
+        });
+    }
 }
 
 /// Precision that the photographs give roughness and root specular albedo of every texel, by
@@ -180,6 +232,17 @@ impl Membership {
             })
             .collect();
         Self { shares, groups: centres.len() }
+    }
+
+    /// Precision and precision times mean of what a texel's groups say.
+    fn told(&self, texel: usize, groups: &[Group]) -> [f32; 2] {
+        let (mut precision, mut sum) = (0.0, 0.0);
+        for (share, group) in self.shares[texel].iter().zip(groups) {
+            let share = share * group.precision;
+            precision += share;
+            sum += share * group.mean;
+        }
+        [precision, sum]
     }
 
     /// Mean and precision of a plane in each group, texels weighing as `trust` (0 to 1) says.
@@ -307,6 +370,29 @@ mod tests {
         for (t, (v, r)) in
             maps.plane(channel::ROUGHNESS).iter().zip(truth.plane(channel::ROUGHNESS)).enumerate()
         {
+            assert!((v - r).abs() < 0.12, "{t}: {v} {r}");
+        }
+    }
+
+    #[test]
+    fn a_correction_under_the_highlight_reaches_its_colour() {
+        let refined = truth();
+        let mut estimate = truth();
+        let observation = observation(&refined);
+        let red = |t: usize| (t % SIDE / 8).is_multiple_of(2);
+        let wrong = |t: usize| if red(t) { 0.25 } else { 0.0 };
+        for (t, v) in estimate.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
+            *v += wrong(t);
+        }
+        // the refinement has mended what lies under the light, left of the middle
+        let mut found = refined.clone();
+        for (t, v) in found.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
+            *v += if t % SIDE > SIDE / 2 { wrong(t) } else { 0.0 };
+        }
+        propagate_corrections(&mut estimate, &found, &[observation]).unwrap();
+        let pairs =
+            estimate.plane(channel::ROUGHNESS).iter().zip(refined.plane(channel::ROUGHNESS));
+        for (t, (v, r)) in pairs.enumerate() {
             assert!((v - r).abs() < 0.12, "{t}: {v} {r}");
         }
     }

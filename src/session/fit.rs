@@ -13,7 +13,7 @@ use crate::light_refinement::{
     self, Correction, LEAST_PHOTOGRAPHS, LEAST_TO_TURN, Offset, refine_lights,
 };
 use crate::observation::{Observation, View};
-use crate::propagation::propagate;
+use crate::propagation::{propagate, propagate_corrections};
 use crate::refinement::{self, Prior};
 use crate::render;
 use crate::{Error, Result, Svbrdf};
@@ -33,6 +33,11 @@ const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
+/// Photographs from which on what the refinement has found is told to texels alike, for another
+/// refinement of so many steps, and how often. Fewer photographs' corrections are too uncertain.
+const LEAST_TO_TELL: usize = 5;
+const TELLING_ROUNDS: usize = 2;
+const STEPS_AFTER_TELLING: usize = 4;
 /// Mean log-L1 below which the photographs agree with each other: their lights are right.
 const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
@@ -59,6 +64,15 @@ pub(super) struct NewFrame {
     pub(super) updates: Vec<Update>,
     /// Earlier ones lie so far elsewhere now that the maps so far are no start any more.
     pub(super) restart: bool,
+}
+
+/// How a refinement ended.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ended {
+    loss: f32,
+    /// By the caller.
+    stopped: bool,
+    cut: Option<Cut>,
 }
 
 /// A fit to all photographs so far, in steps.
@@ -340,45 +354,28 @@ impl Fit {
         }
         // What is saved meanwhile is the state before.
         (self.maps, self.propagated) = (Some(maps.clone()), true);
-        let full = refinement::Options::default();
+        let steps = refinement::Options::default().steps;
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let turns = self.observations.len() >= LEAST_TO_TURN;
         let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
         let mut corrections = 0..if corrects { rounds } else { 0 };
-        let (mut cut, mut offset) = (None, Offset::default());
+        let mut offset = Offset::default();
         let given = self.correction.clone();
-        loop {
+        let mut ended = loop {
             let next = corrections.next();
-            let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { full.steps };
-            let options = refinement::Options { steps, ..full };
-            let mut trend = Trend::new(options.steps, 1);
-            let mut stopped = false;
-            let this = &*self;
-            let deep = this.maps.as_ref().ok_or(Error::NoMaps)?;
-            let deep = offset.applied(deep);
-            let mut after = |step: usize, loss: f64| {
-                stopped |= !between(this, meter);
-                cut = after_step(meter, &mut trend, step, options.steps, loss);
-                if !stopped && cut.is_none() {
-                    ControlFlow::Continue(())
-                } else {
-                    ControlFlow::Break(())
-                }
-            };
-            let prior = Prior::default();
-            let observations = &this.observations;
-            let report =
-                refinement::refine(&mut maps, &deep, &prior, observations, &options, &mut after)?;
-            self.loss = report.loss_after as f32;
-            let Some(round) = next else { break };
+            let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { steps };
+            let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
+            let mean = offset.applied(deep);
+            let mut ended = self.refine_once(&mut maps, &mean, steps, meter, between)?;
+            self.loss = ended.loss;
+            let Some(round) = next else { break ended };
             if meter.exhausted(1.0) {
-                cut = Some(Cut::Budget);
-            }
-            if stopped || cut == Some(Cut::Budget) {
-                break;
+                ended.cut = Some(Cut::Budget);
             }
             // little left to see here does not mean that the lights are right
-            cut = None;
+            if ended.stopped || ended.cut == Some(Cut::Budget) {
+                break ended;
+            }
             let turn = round >= AMBIENT_ROUNDS;
             let agrees = turn && self.loss < AGREEMENT;
             let moved = !agrees && self.correct_lights(&maps, turn, &mut offset);
@@ -390,7 +387,20 @@ impl Fit {
                 // nothing to correct: on to turning, or to the end
                 corrections = if turn { 0..0 } else { AMBIENT_ROUNDS..rounds };
             }
+        };
+        if self.observations.len() >= LEAST_TO_TELL {
+            for _ in 0..TELLING_ROUNDS {
+                if ended.stopped || ended.cut.is_some() {
+                    break;
+                }
+                let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
+                let mut mean = offset.applied(deep).into_owned();
+                propagate_corrections(&mut mean, &maps, &self.observations)?;
+                ended = self.refine_once(&mut maps, &mean, STEPS_AFTER_TELLING, meter, between)?;
+                self.loss = ended.loss;
+            }
         }
+        let cut = ended.cut;
         (self.maps, self.propagated) = (Some(maps), false);
         let moved = self.correction.distance(&given, &light_refinement::Options::default());
         if moved > MISLEADING && !self.relit && cut.is_none() {
@@ -401,6 +411,33 @@ impl Fit {
             self.end(cut);
         }
         Ok(())
+    }
+
+    /// Refines maps around `mean`.
+    fn refine_once(
+        &self,
+        maps: &mut Svbrdf,
+        mean: &Svbrdf,
+        steps: usize,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<Ended> {
+        let options = refinement::Options { steps, ..Default::default() };
+        let mut trend = Trend::new(steps, 1);
+        let mut ended = Ended::default();
+        let mut after = |step: usize, loss: f64| {
+            ended.stopped |= !between(self, meter);
+            ended.cut = after_step(meter, &mut trend, step, steps, loss);
+            if !ended.stopped && ended.cut.is_none() {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        };
+        let (prior, observations) = (Prior::default(), &self.observations);
+        let report = refinement::refine(maps, mean, &prior, observations, &options, &mut after)?;
+        ended.loss = report.loss_after as f32;
+        Ok(ended)
     }
 
     /// Corrects lights for maps; whether that was worth another refinement.
