@@ -174,6 +174,17 @@ impl Observation {
         f32::from(self.packed_weight(texel)) / f32::from(FULL_WEIGHT)
     }
 
+    /// Radiances (three planes) and weights of some texels.
+    pub(crate) fn read(&self, texels: &Range<usize>, radiance: &mut [f32], weight: &mut [f32]) {
+        let (n, count) = (self.texels(), texels.len());
+        for (c, plane) in radiance.chunks_mut(count).enumerate() {
+            unpack(&self.packed[c * n + texels.start..c * n + texels.end], plane);
+        }
+        for (weight, texel) in weight.iter_mut().zip(texels.clone()) {
+            *weight = self.weight(texel);
+        }
+    }
+
     fn packed_weight(&self, texel: usize) -> u8 {
         unpack_weight(std::array::from_fn(|c| self.packed[c * self.texels() + texel]))
     }

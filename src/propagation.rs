@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::loss::EPSILON;
 use crate::observation::Observation;
 use crate::render::render;
 use crate::svbrdf::{CHANNELS, channel};
@@ -165,30 +166,33 @@ fn strip_information(
     }
     let m = texels.len();
     let mut images = [vec![0.0; 3 * m], vec![0.0; 3 * m], vec![0.0; 3 * m]];
+    let (mut measured, mut weight) = (vec![0.0; 3 * m], vec![0.0; m]);
     for observation in observations {
         let view = observation.view.of_rows(rows, height);
         for (maps, image) in [&base, &rougher, &brighter].into_iter().zip(&mut images) {
             render(maps, &view, image);
         }
+        observation.read(&texels, &mut measured, &mut weight);
         let [base, moved @ ..] = &images;
         for (sum, moved) in sums.iter_mut().zip(moved) {
-            for (t, sum) in sum.iter_mut().enumerate() {
-                let weight = observation.weight(texels.start + t);
-                if weight > 0.0 {
-                    let mut square = 0.0;
-                    for c in 0..3 {
-                        // Saturated pixels tell too little to count.
-                        if observation.radiance(c, texels.start + t) >= 0.0 {
-                            let i = c * m + t;
-                            let change = ((moved[i] + 0.01) / (base[i] + 0.01)).ln() / STEP;
-                            square += change * change;
-                        }
-                    }
-                    *sum += weight * square / (3.0 * NOISE * NOISE);
+            for c in 0..3 {
+                let channel = c * m..(c + 1) * m;
+                let rendered = base[channel.clone()].iter().zip(&moved[channel.clone()]);
+                let photograph = measured[channel].iter().zip(&weight);
+                for ((sum, (a, b)), (measured, weight)) in
+                    sum.iter_mut().zip(rendered).zip(photograph)
+                {
+                    // half the difference of the logarithms, to second order
+                    let change = (b - a) / (a + b + 2.0 * EPSILON);
+                    // Saturated pixels tell too little to count.
+                    let weight = if *measured >= 0.0 { *weight } else { 0.0 };
+                    *sum += weight * change * change;
                 }
             }
         }
     }
+    let scale = 4.0 / (3.0 * NOISE * NOISE * STEP * STEP);
+    sums.iter_mut().for_each(|sum| sum.iter_mut().for_each(|v| *v *= scale));
 }
 
 /// How much each texel belongs to each group.

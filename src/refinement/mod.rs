@@ -14,7 +14,9 @@
 //! (diffuse, specular) is eliminated first (Schur complement), and 3x3 is left. What the
 //! photographs cannot see stays at the prior mean: without it, noise would drift along such
 //! directions while the loss falls. The scale `noise` is estimated along with the maps, one for all
-//! texels: the better the photographs agree, the less the prior counts.
+//! texels: the better the photographs agree, the less the prior counts. So is the sigma of slopes,
+//! where a material turns out to be bumpier than the prior expects (the step of
+//! expectation-maximisation: the mean of squared deviations and remaining variances).
 //!
 //! Coordinates are slopes, *square roots* of albedos, and roughness, so that a sigma means about
 //! the same for dark and bright materials.
@@ -116,6 +118,9 @@ pub struct Report {
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f32 = 0.01;
 
+/// How much wider than the prior's the slopes' deviations may be assumed.
+const MAX_WIDENING: f32 = 4.0;
+
 /// Longest step of a parameter.
 const MAX_STEP: f32 = 0.3;
 
@@ -162,7 +167,7 @@ pub fn refine(
         if weights <= 0.0 {
             break;
         }
-        let sums: Vec<f64> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
+        let sums: Vec<[f64; 2]> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
             .into_par_iter()
             .zip(bands::<1, _>(&mut damping, width, height, BAND_ROWS))
             .enumerate()
@@ -172,7 +177,16 @@ pub fn refine(
             })
             .collect();
         report.steps = step;
-        report.loss_after = sums.iter().sum::<f64>() / (3.0 * weights);
+        let total = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        report.loss_after = total[0] / (3.0 * weights);
+        // Lanes beyond a row's end deviate as the prior says.
+        let slopes = 2 * height * width.next_multiple_of(LANES);
+        let variance = (total[1] / slopes as f64) as f32;
+        let widest = (MAX_WIDENING * MAX_WIDENING).recip();
+        for (precision, sigma) in model.precision[..2].iter_mut().zip(prior.sigma) {
+            let least = (sigma * sigma).recip();
+            *precision = variance.recip().clamp(widest * least, least);
+        }
         let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
         model.inverse_noise = noise.recip();
         if after(step, report.loss_after).is_break() {
@@ -225,17 +239,18 @@ struct StepBand<'a> {
 }
 
 impl Kernel for StepBand<'_> {
-    /// Sum of the weighted log-L1 losses after the step.
-    type Output = f64;
+    /// Sum of the weighted log-L1 losses after the step, and of the expected squares of both
+    /// slopes' deviations from the prior mean before it.
+    type Output = [f64; 2];
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> f64 {
+    fn run<V: Lanes>(self) -> [f64; 2] {
         let width = self.prior_mean.width();
-        let mut sum = 0.0;
+        let mut sum = [0.0; 2];
         let mut directions = vec![Directions::none(); self.model.observations.len()];
         for r in 0..self.damping.len() / width {
             let row = self.first_row + r;
-            let mut row_sum = V::splat(0.0);
+            let mut row_sum = [V::splat(0.0); 2];
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
                 let here = r * width + column..r * width + end;
@@ -252,7 +267,8 @@ impl Kernel for StepBand<'_> {
                 let (mut x, mean) = (coordinates(x), coordinates(mean));
                 find_directions(self.model.observations, column, row, &mut directions);
                 let texels = row * width + column..row * width + end;
-                row_sum += step(self.model, &mut x, &mean, &mut damping, &directions, texels);
+                let sums = step(self.model, &mut x, &mean, &mut damping, &directions, texels);
+                row_sum.iter_mut().zip(sums).for_each(|(a, b)| *a += b);
                 damping.store(&mut self.damping[here.clone()]);
                 for c in 0..CHANNELS {
                     let squared = (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
@@ -260,14 +276,17 @@ impl Kernel for StepBand<'_> {
                     value.store(&mut self.planes[c][here.clone()]);
                 }
             }
-            sum += row_sum.sum();
+            for (a, b) in sum.iter_mut().zip(row_sum) {
+                *a += b.sum();
+            }
         }
         sum
     }
 }
 
 /// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
-/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it.
+/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it, and the
+/// expected square of the slopes' deviations before it.
 #[inline(always)]
 fn step<V: Lanes>(
     model: &Model,
@@ -276,8 +295,14 @@ fn step<V: Lanes>(
     damping: &mut V,
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> V {
+) -> [V; 2] {
     let (equations, start) = NormalEquations::new(model, x, mean, directions, texels.clone());
+    let [mut deviation, second] = equations.slope_variances();
+    deviation += second;
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        let from_mean = x[c] - mean[c];
+        deviation = from_mean.mul_add(from_mean, deviation);
+    }
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
     let [mut best, mut loss] = start;
     let mut waiting = one;
@@ -304,7 +329,7 @@ fn step<V: Lanes>(
             break;
         }
     }
-    loss
+    [loss, deviation]
 }
 
 #[inline(always)]

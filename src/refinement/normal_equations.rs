@@ -218,6 +218,51 @@ impl<V: Lanes> NormalEquations<V> {
         own.gradient[1] = ws.mul_add(residual, own.gradient[1]);
     }
 
+    /// Variances of the two slopes under the quadratic model.
+    #[inline(always)]
+    pub fn slope_variances(&self) -> [V; 2] {
+        let mut a = self.shape;
+        for c in 0..3 {
+            self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        // The inverse's diagonal by cofactors.
+        let [pp, pq, pr, qq, qr, rr] = a;
+        let by_pp = qq.mul_add(rr, -(qr * qr));
+        let by_qq = pp.mul_add(rr, -(pr * pr));
+        let by_pq = pr.mul_add(qr, -(pq * rr));
+        let by_pr = pq.mul_add(qr, -(pr * qq));
+        let determinant = pp.mul_add(by_pp, pq.mul_add(by_pq, pr * by_pr));
+        let scale = determinant.max(pp * qq * rr * V::splat(1e-6)).reciprocal();
+        [by_pp * scale, by_qq * scale]
+    }
+
+    /// Takes a colour out of the equations of the shape; answers its inverse and that times its
+    /// mixed terms.
+    #[inline(always)]
+    fn eliminate(&self, c: usize, raise: V, a: &mut [V; 6]) -> ([V; 3], [[V; 3]; 2]) {
+        let zero = V::splat(0.0);
+        let colour = &self.colour[c];
+        let (d, s, o) = (colour.own[0] * raise, colour.own[2] * raise, colour.own[1]);
+        // d s - o² > 0 by Cauchy-Schwarz and the prior; the bound guards against rounding.
+        let determinant = d.mul_add(s, -(o * o)).max(d * s * V::splat(1e-6));
+        let scale = determinant.reciprocal();
+        let inverse = [s * scale, -(o * scale), d * scale];
+        let [md, ms] = colour.mixed;
+        let (mut td, mut ts) = ([zero; 3], [zero; 3]);
+        for i in 0..3 {
+            td[i] = inverse[0].mul_add(md[i], inverse[1] * ms[i]);
+            ts[i] = inverse[1].mul_add(md[i], inverse[2] * ms[i]);
+        }
+        let mut k = 0;
+        for i in 0..3 {
+            for j in i..3 {
+                a[k] = a[k] - md[i].mul_add(td[j], ms[i] * ts[j]);
+                k += 1;
+            }
+        }
+        (inverse, [td, ts])
+    }
+
     /// The step to the minimum with the diagonal raised by the factor `1 + damping`: colours are
     /// eliminated, the 3x3 system of the shape is solved by LDL^T, colours follow.
     #[inline(always)]
@@ -229,27 +274,11 @@ impl<V: Lanes> NormalEquations<V> {
         let mut b = [-self.shape_gradient[0], -self.shape_gradient[1], -self.shape_gradient[2]];
         let mut inverses = [[zero; 3]; 3];
         for c in 0..3 {
-            let colour = &self.colour[c];
-            let (d, s, o) = (colour.own[0] * raise, colour.own[2] * raise, colour.own[1]);
-            // d s - o² > 0 by Cauchy-Schwarz and the prior; the bound guards against rounding.
-            let determinant = d.mul_add(s, -(o * o)).max(d * s * V::splat(1e-6));
-            let scale = determinant.reciprocal();
-            let inverse = [s * scale, -(o * scale), d * scale];
+            let (inverse, [td, ts]) = self.eliminate(c, raise, &mut a);
             inverses[c] = inverse;
-            let [md, ms] = colour.mixed;
-            let mut td = [zero; 3];
-            let mut ts = [zero; 3];
+            let gradient = self.colour[c].gradient;
             for i in 0..3 {
-                td[i] = inverse[0].mul_add(md[i], inverse[1] * ms[i]);
-                ts[i] = inverse[1].mul_add(md[i], inverse[2] * ms[i]);
-            }
-            let mut k = 0;
-            for i in 0..3 {
-                for j in i..3 {
-                    a[k] = a[k] - md[i].mul_add(td[j], ms[i] * ts[j]);
-                    k += 1;
-                }
-                b[i] += td[i].mul_add(colour.gradient[0], ts[i] * colour.gradient[1]);
+                b[i] += td[i].mul_add(gradient[0], ts[i] * gradient[1]);
             }
         }
         // Pivots are positive but for rounding.
