@@ -15,8 +15,8 @@
 //! photographs cannot see stays at the prior mean: without it, noise would drift along such
 //! directions while the loss falls. The scale `noise` is estimated along with the maps, one for all
 //! texels: the better the photographs agree, the less the prior counts. So is the sigma of slopes,
-//! where a material turns out to be bumpier than the prior expects (the step of
-//! expectation-maximisation: the mean of squared deviations and remaining variances).
+//! where a material turns out to be bumpier than the prior expects: squared deviations by the
+//! number of slopes that the photographs determine (MacKay, *Bayesian interpolation*, 1992).
 //!
 //! Coordinates are slopes, *square roots* of albedos, and roughness, so that a sigma means about
 //! the same for dark and bright materials.
@@ -161,13 +161,14 @@ pub fn refine(
         inverse_noise: options.noise.recip(),
         huber: options.huber,
         precision: prior.sigma.map(|s| (s * s).recip()),
+        widening: 1.0,
     };
     let mut damping = vec![FIRST_DAMPING; maps.texels()];
     for step in 1..=options.steps {
         if weights <= 0.0 {
             break;
         }
-        let sums: Vec<[f64; 2]> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
+        let sums: Vec<[f64; 3]> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
             .into_par_iter()
             .zip(bands::<1, _>(&mut damping, width, height, BAND_ROWS))
             .enumerate()
@@ -177,16 +178,10 @@ pub fn refine(
             })
             .collect();
         report.steps = step;
-        let total = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        let total =
+            sums.iter().fold([0.0; 3], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
         report.loss_after = total[0] / (3.0 * weights);
-        // Lanes beyond a row's end deviate as the prior says.
-        let slopes = 2 * height * width.next_multiple_of(LANES);
-        let variance = (total[1] / slopes as f64) as f32;
-        let widest = (MAX_WIDENING * MAX_WIDENING).recip();
-        for (precision, sigma) in model.precision[..2].iter_mut().zip(prior.sigma) {
-            let least = (sigma * sigma).recip();
-            *precision = variance.recip().clamp(widest * least, least);
-        }
+        model.widen_slopes(&prior.sigma, total[1], total[2]);
         let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
         model.inverse_noise = noise.recip();
         if after(step, report.loss_after).is_break() {
@@ -228,6 +223,22 @@ struct Model<'a> {
     huber: f32,
     /// 1 / sigma².
     precision: [f32; CHANNELS],
+    /// Variance of slopes in units of the prior's.
+    widening: f32,
+}
+
+impl Model<'_> {
+    /// Widens the prior of slopes to what was found: sums of squared deviations in sigmas, and of
+    /// the shares of the slopes that the photographs determine.
+    fn widen_slopes(&mut self, sigma: &[f32; CHANNELS], squares: f64, determined: f64) {
+        if determined > 0.0 {
+            let found = f64::from(self.widening) * squares / determined;
+            self.widening = (found as f32).clamp(1.0, MAX_WIDENING * MAX_WIDENING);
+        }
+        for (precision, sigma) in self.precision[..2].iter_mut().zip(sigma) {
+            *precision = (sigma * sigma * self.widening).recip();
+        }
+    }
 }
 
 struct StepBand<'a> {
@@ -239,18 +250,18 @@ struct StepBand<'a> {
 }
 
 impl Kernel for StepBand<'_> {
-    /// Sum of the weighted log-L1 losses after the step, and of the expected squares of both
-    /// slopes' deviations from the prior mean before it.
-    type Output = [f64; 2];
+    /// Sums of the weighted log-L1 losses after the step, and of what [`Model::widen_slopes`] needs
+    /// of before it.
+    type Output = [f64; 3];
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> [f64; 2] {
+    fn run<V: Lanes>(self) -> [f64; 3] {
         let width = self.prior_mean.width();
-        let mut sum = [0.0; 2];
+        let mut sum = [0.0; 3];
         let mut directions = vec![Directions::none(); self.model.observations.len()];
         for r in 0..self.damping.len() / width {
             let row = self.first_row + r;
-            let mut row_sum = [V::splat(0.0); 2];
+            let mut row_sum = [V::splat(0.0); 3];
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
                 let here = r * width + column..r * width + end;
@@ -285,8 +296,9 @@ impl Kernel for StepBand<'_> {
 }
 
 /// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
-/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it, and the
-/// expected square of the slopes' deviations before it.
+/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it, and
+/// of before it the squares of the slopes' deviations from the mean in sigmas, and how many of the
+/// two slopes the photographs determine.
 #[inline(always)]
 fn step<V: Lanes>(
     model: &Model,
@@ -295,13 +307,15 @@ fn step<V: Lanes>(
     damping: &mut V,
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> [V; 2] {
+) -> [V; 3] {
     let (equations, start) = NormalEquations::new(model, x, mean, directions, texels.clone());
-    let [mut deviation, second] = equations.slope_variances();
-    deviation += second;
-    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-        let from_mean = x[c] - mean[c];
-        deviation = from_mean.mul_add(from_mean, deviation);
+    let (mut squares, mut determined) = (V::splat(0.0), V::splat(0.0));
+    let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
+    for (c, variance) in slopes.into_iter().zip(equations.slope_variances()) {
+        let precision = V::splat(model.precision[c]);
+        let deviation = x[c] - mean[c];
+        squares = (deviation * deviation).mul_add(precision, squares);
+        determined += V::splat(1.0) - variance * precision;
     }
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
     let [mut best, mut loss] = start;
@@ -329,7 +343,7 @@ fn step<V: Lanes>(
             break;
         }
     }
-    [loss, deviation]
+    [loss, squares, determined]
 }
 
 #[inline(always)]

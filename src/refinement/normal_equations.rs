@@ -320,3 +320,57 @@ impl<V: Lanes> NormalEquations<V> {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use crate::simd::{Kernel, LANES, dispatch};
+
+    /// The slopes' variances, and the same from solutions for gradients of one.
+    struct Both;
+
+    impl Kernel for Both {
+        type Output = [[f32; LANES]; 4];
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> Self::Output {
+            let model = Model {
+                observations: &[],
+                inverse_noise: 20.0,
+                huber: 0.02,
+                precision: [100.0; CHANNELS],
+                widening: 1.0,
+            };
+            let x = [V::splat(0.3); CHANNELS];
+            let mut equations = NormalEquations::of_prior(&model, &x, &x);
+            let mut random = Random::new(21);
+            let mut any =
+                || V::from_array(std::array::from_fn(|_| 4.0 * random.uniform() as f32 - 2.0));
+            for i in 0..12 {
+                let shape = [any(), any(), any()];
+                equations.add(i % 3, shape, [any(), any()], any(), V::splat(50.0));
+            }
+            let [by_p, by_q] = equations.slope_variances();
+            for colour in &mut equations.colour {
+                colour.gradient = [V::splat(0.0); 2];
+            }
+            let mut solved = [V::splat(0.0); 2];
+            for (i, solved) in solved.iter_mut().enumerate() {
+                equations.shape_gradient = [V::splat(0.0); 3];
+                equations.shape_gradient[i] = V::splat(-1.0);
+                *solved = equations.solve(V::splat(0.0))[i];
+            }
+            [by_p, by_q, solved[0], solved[1]].map(V::to_array)
+        }
+    }
+
+    #[test]
+    fn slope_variances_are_the_inverse_s_diagonal() {
+        let [by_p, by_q, p, q] = dispatch(Both);
+        for i in 0..LANES {
+            // single precision, condition of a few hundred
+            assert!((by_p[i] - p[i]).abs() < 1e-4 * p[i], "{} {}", by_p[i], p[i]);
+            assert!((by_q[i] - q[i]).abs() < 1e-4 * q[i], "{} {}", by_q[i], q[i]);
+        }
+    }
+}

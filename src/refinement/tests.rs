@@ -113,6 +113,33 @@ fn noisy_photographs_improve_every_map() {
     }
 }
 
+/// Slopes that deviate three times as much as the prior expects are found as if it had expected
+/// that: better than without widening by a margin, and the noise is not taken for slopes.
+#[test]
+fn bumpier_slopes_than_expected_are_found() {
+    let truth = truth(32, 13);
+    let mut start = perturbed(&truth, 0.5 * SIGMA, 14);
+    let mut r = noise(15);
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        start.plane_mut(c).iter_mut().for_each(|v| *v += 3.0 * SIGMA * gauss(&mut r));
+    }
+    let photos = photographs(&truth, 5, 0.03, 16);
+    let known = Prior { sigma: Prior::from_estimates([(&start, &truth)]).unwrap().sigma };
+    let slopes = |prior: &Prior| {
+        let mut maps = start.clone();
+        let go_on = &mut |_, _| ControlFlow::Continue(());
+        refine(&mut maps, &start, prior, &photos, &Options::default(), go_on).unwrap();
+        errors(&maps, &truth)[0]
+    };
+    let mut narrow = known;
+    narrow.sigma[..2].fill(SIGMA);
+    let (found, best) = (slopes(&narrow), slopes(&known));
+    assert!(found < 1.1 * best, "{found} {best}");
+    // a prior that may not widen this far shows what widening is worth
+    narrow.sigma[..2].fill(SIGMA / MAX_WIDENING);
+    assert!(found < 0.8 * slopes(&narrow), "{found} {}", slopes(&narrow));
+}
+
 /// One photograph cannot tell nine parameters: what it does not see must stay where it was.
 #[test]
 fn one_photograph_does_no_harm() {
