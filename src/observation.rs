@@ -70,7 +70,7 @@ impl View {
 /// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
 ///
 /// A capture has many of them at full resolution, so they are kept small: six bytes a texel, see
-/// [`Packed`].
+/// `Packed`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     width: usize,
