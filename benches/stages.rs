@@ -22,7 +22,7 @@ use svbrdf::frame::{Encoding, Photo};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
 use svbrdf::observation::Observation;
-use svbrdf::propagation::propagate;
+use svbrdf::propagation::{choose_glosses, propagate};
 use svbrdf::rectification::rectify;
 use svbrdf::session::{Scene, Session, Settings};
 use svbrdf::svbrdf::CHANNELS;
@@ -267,6 +267,12 @@ fn networks_and_optimisers(
     bench.run("propagation, 5 photos", planes(PHOTOS, 2), || {
         refined.clone_from(&maps);
         propagate(&mut refined, observations).expect("sizes agree");
+    });
+    let mut mean = maps.clone();
+    bench.run("kinds of gloss, 5 photos", Work::default(), || {
+        mean.clone_from(&maps);
+        refined.clone_from(&maps);
+        choose_glosses(&mut mean, &mut refined, observations, &mut || true).expect("sizes agree");
     });
     let coarse: Svbrdf = maps.downsampled();
     bench.run("maps doubled", planes(0, 1), || drop(black_box(coarse.upsampled())));

@@ -1,8 +1,6 @@
 //! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
 //! camera and light that produced it.
 
-use std::ops::Range;
-
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 use rayon::prelude::*;
@@ -53,17 +51,6 @@ impl View {
             self.sample_mm[0] * ((x as f32 + 0.5) / width as f32 - 0.5),
             self.sample_mm[1] * (0.5 - (y as f32 + 0.5) / height as f32),
         ]
-    }
-
-    /// The view of some rows of maps of `height` rows, as if they were the sample.
-    pub(crate) fn of_rows(&self, rows: &Range<usize>, height: usize) -> Self {
-        let pitch = self.sample_mm[1] / height as f32;
-        let centre = pitch * (0.5 * height as f32 - 0.5 * (rows.start + rows.end) as f32);
-        let mut view = *self;
-        view.sample_mm[1] = pitch * rows.len() as f32;
-        view.camera_mm[1] -= centre;
-        view.light_mm[1] -= centre;
-        view
     }
 }
 
@@ -172,17 +159,6 @@ impl Observation {
     /// Weight of a texel, 0 to 1.
     pub fn weight(&self, texel: usize) -> f32 {
         f32::from(self.packed_weight(texel)) / f32::from(FULL_WEIGHT)
-    }
-
-    /// Radiances (three planes) and weights of some texels.
-    pub(crate) fn read(&self, texels: &Range<usize>, radiance: &mut [f32], weight: &mut [f32]) {
-        let (n, count) = (self.texels(), texels.len());
-        for (c, plane) in radiance.chunks_mut(count).enumerate() {
-            unpack(&self.packed[c * n + texels.start..c * n + texels.end], plane);
-        }
-        for (weight, texel) in weight.iter_mut().zip(texels.clone()) {
-            *weight = self.weight(texel);
-        }
     }
 
     fn packed_weight(&self, texel: usize) -> u8 {

@@ -265,6 +265,25 @@ impl Lanes for Portable {
     fn sqrt(self) -> Self {
         Self(lane_by_lane!(i => self.0[i].sqrt()))
     }
+    #[cfg(target_arch = "aarch64")]
+    #[inline(always)]
+    fn reciprocal_sqrt(self) -> Self {
+        use std::arch::aarch64::{vld1q_f32, vmulq_f32, vrsqrteq_f32, vrsqrtsq_f32, vst1q_f32};
+        let mut out = [0.0; LANES];
+        for (x, out) in self.0.as_chunks::<4>().0.iter().zip(out.as_chunks_mut::<4>().0) {
+            // SAFETY: every aarch64 target has NEON; a vector is four numbers.
+            unsafe {
+                let x = vld1q_f32(x.as_ptr());
+                // Eight bits, doubled by each step of Newton's method.
+                let mut y = vrsqrteq_f32(x);
+                for _ in 0..2 {
+                    y = vmulq_f32(y, vrsqrtsq_f32(vmulq_f32(x, y), y));
+                }
+                vst1q_f32(out.as_mut_ptr(), y);
+            }
+        }
+        Self(out)
+    }
     #[inline(always)]
     fn if_greater(self, other: Self, yes: Self, no: Self) -> Self {
         Self(lane_by_lane!(i => if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] }))

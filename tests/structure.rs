@@ -24,7 +24,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
     ("light_refinement", &["observation", "refinement", "render", "svbrdf"]),
-    ("propagation", &["loss", "observation", "render", "svbrdf"]),
+    ("propagation", &["observation", "refinement", "render", "svbrdf"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
     ("random", &[]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),

@@ -21,6 +21,7 @@
 //! Coordinates are slopes, *square roots* of albedos, and roughness, so that a sigma means about
 //! the same for dark and bright materials.
 
+mod evidence;
 mod normal_equations;
 
 use crate::observation::Observation;
@@ -29,6 +30,7 @@ use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directio
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
+pub(crate) use evidence::{Evidence, GLOSS, evidence};
 use normal_equations::{NormalEquations, cost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};

@@ -225,15 +225,28 @@ impl<V: Lanes> NormalEquations<V> {
         for c in 0..3 {
             self.eliminate(c, V::splat(1.0), &mut a);
         }
-        // The inverse's diagonal by cofactors.
-        let [pp, pq, pr, qq, qr, rr] = a;
-        let by_pp = qq.mul_add(rr, -(qr * qr));
-        let by_qq = pp.mul_add(rr, -(pr * pr));
-        let by_pq = pr.mul_add(qr, -(pq * rr));
-        let by_pr = pq.mul_add(qr, -(pr * qq));
-        let determinant = pp.mul_add(by_pp, pq.mul_add(by_pq, pr * by_pr));
-        let scale = determinant.max(pp * qq * rr * V::splat(1e-6)).reciprocal();
-        [by_pp * scale, by_qq * scale]
+        let inverse = inverse(a);
+        [inverse[0], inverse[3]]
+    }
+
+    /// Variances of roughness and of the roots of specular albedo under the quadratic model.
+    #[inline(always)]
+    pub fn gloss_variances(&self) -> [V; 4] {
+        let mut a = self.shape;
+        let mut eliminated = [([V::splat(0.0); 3], [[V::splat(0.0); 3]; 2]); 3];
+        for (c, eliminated) in eliminated.iter_mut().enumerate() {
+            *eliminated = self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        let i = inverse(a);
+        let specular = |c: usize| {
+            let (own, [_, [x, y, z]]) = &eliminated[c];
+            let (x, y, z) = (*x, *y, *z);
+            let ix = i[0].mul_add(x, i[1].mul_add(y, i[2] * z));
+            let iy = i[1].mul_add(x, i[3].mul_add(y, i[4] * z));
+            let iz = i[2].mul_add(x, i[4].mul_add(y, i[5] * z));
+            own[2] + x.mul_add(ix, y.mul_add(iy, z * iz))
+        };
+        [i[5], specular(0), specular(1), specular(2)]
     }
 
     /// Takes a colour out of the equations of the shape; answers its inverse and that times its
@@ -321,17 +334,31 @@ impl<V: Lanes> NormalEquations<V> {
     }
 }
 
+/// Inverse of a symmetric positive matrix (pp, pq, pr, qq, qr, rr) by cofactors.
+#[inline(always)]
+fn inverse<V: Lanes>([pp, pq, pr, qq, qr, rr]: [V; 6]) -> [V; 6] {
+    let by_pp = qq.mul_add(rr, -(qr * qr));
+    let by_pq = pr.mul_add(qr, -(pq * rr));
+    let by_pr = pq.mul_add(qr, -(pr * qq));
+    let by_qq = pp.mul_add(rr, -(pr * pr));
+    let by_qr = pq.mul_add(pr, -(pp * qr));
+    let by_rr = pp.mul_add(qq, -(pq * pq));
+    let determinant = pp.mul_add(by_pp, pq.mul_add(by_pq, pr * by_pr));
+    let scale = determinant.max(pp * qq * rr * V::splat(1e-6)).reciprocal();
+    [by_pp, by_pq, by_pr, by_qq, by_qr, by_rr].map(|v| v * scale)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::random::Random;
     use crate::simd::{Kernel, LANES, dispatch};
 
-    /// The slopes' variances, and the same from solutions for gradients of one.
+    /// Variances of slopes and gloss, and the same from solutions for gradients of one.
     struct Both;
 
     impl Kernel for Both {
-        type Output = [[f32; LANES]; 4];
+        type Output = [[[f32; LANES]; 6]; 2];
         #[inline(always)]
         fn run<V: Lanes>(self) -> Self::Output {
             let model = Model {
@@ -350,27 +377,31 @@ mod tests {
                 let shape = [any(), any(), any()];
                 equations.add(i % 3, shape, [any(), any()], any(), V::splat(50.0));
             }
-            let [by_p, by_q] = equations.slope_variances();
-            for colour in &mut equations.colour {
-                colour.gradient = [V::splat(0.0); 2];
-            }
-            let mut solved = [V::splat(0.0); 2];
+            let [p, q] = equations.slope_variances();
+            let [r, by_colours @ ..] = equations.gloss_variances();
+            let mut solved = [V::splat(0.0); 6];
             for (i, solved) in solved.iter_mut().enumerate() {
-                equations.shape_gradient = [V::splat(0.0); 3];
-                equations.shape_gradient[i] = V::splat(-1.0);
-                *solved = equations.solve(V::splat(0.0))[i];
+                let unit = |k: usize| V::splat(if k == i { -1.0 } else { 0.0 });
+                equations.shape_gradient = std::array::from_fn(unit);
+                for (c, colour) in equations.colour.iter_mut().enumerate() {
+                    colour.gradient = [V::splat(0.0), unit(3 + c)];
+                }
+                let order =
+                    [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS, channel::SPECULAR];
+                let c = if i < 3 { order[i] } else { order[3] + i - 3 };
+                *solved = equations.solve(V::splat(0.0))[c];
             }
-            [by_p, by_q, solved[0], solved[1]].map(V::to_array)
+            let [red, green, blue] = by_colours;
+            [[p, q, r, red, green, blue], solved].map(|values| values.map(V::to_array))
         }
     }
 
     #[test]
-    fn slope_variances_are_the_inverse_s_diagonal() {
-        let [by_p, by_q, p, q] = dispatch(Both);
-        for i in 0..LANES {
+    fn variances_are_the_inverse_s_diagonal() {
+        let [variances, solved] = dispatch(Both);
+        for (variance, solved) in variances.as_flattened().iter().zip(solved.as_flattened()) {
             // single precision, condition of a few hundred
-            assert!((by_p[i] - p[i]).abs() < 1e-4 * p[i], "{} {}", by_p[i], p[i]);
-            assert!((by_q[i] - q[i]).abs() < 1e-4 * q[i], "{} {}", by_q[i], q[i]);
+            assert!((variance - solved).abs() < 1e-4 * solved, "{variance} {solved}");
         }
     }
 }

@@ -8,9 +8,9 @@ use crate::{Error, Result, Svbrdf};
 /// How long the fit works on each photograph; the default has no limits.
 ///
 /// A fit that is at its limit settles on the maps that it has, and every photograph begins with the
-/// full budget again. The latent code takes at most four fifths of time and steps, so that the
-/// refinement is not what falls away first. Time during which the fit is paused does not count; it
-/// is measured by a clock that does not jump.
+/// full budget again. The latent code takes at most half of time and steps: a step of the
+/// refinement gains more. Time during which the fit is paused does not count; it is measured by a
+/// clock that does not jump.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Budget {
     /// Seconds of work on each photograph; the step in progress is finished.
@@ -34,8 +34,10 @@ impl Budget {
     }
 }
 
-/// Share of a fit's time that the latent code takes.
-pub(super) const LATENT_SHARE: f32 = 0.8;
+/// Share of a budget that the latent code may take.
+pub(super) const LATENT_BUDGET: f32 = 0.5;
+/// Share of the work without a budget that is the latent code's.
+pub(super) const LATENT_WORK: f32 = 0.7;
 
 /// Work on the latest photograph, against the budget.
 #[derive(Debug, Clone)]
@@ -177,14 +179,14 @@ mod tests {
     fn the_meter_counts_work_and_steps() {
         let budget = Budget { steps: Some(10), ..Budget::default() };
         let mut meter = Meter::new(budget, 0.0, 0);
-        (0..7).for_each(|_| meter.count());
-        assert!(!meter.exhausted(LATENT_SHARE));
+        (0..4).for_each(|_| meter.count());
+        assert!(!meter.exhausted(LATENT_BUDGET));
         meter.count();
-        assert!(meter.exhausted(LATENT_SHARE) && !meter.exhausted(1.0));
+        assert!(meter.exhausted(LATENT_BUDGET) && !meter.exhausted(1.0));
         meter.reset();
-        assert!(!meter.exhausted(LATENT_SHARE) && meter.steps() == 0);
+        assert!(!meter.exhausted(LATENT_BUDGET) && meter.steps() == 0);
         let budget = Budget { seconds: Some(1.0), ..Budget::default() };
-        assert!(Meter::new(budget, 0.9, 0).exhausted(LATENT_SHARE));
+        assert!(Meter::new(budget, 0.9, 0).exhausted(LATENT_BUDGET));
         assert!(!Meter::new(budget, 0.9, 0).exhausted(1.0));
         assert!(!Meter::new(Budget::default(), 1e9, u32::MAX).exhausted(1.0));
         for seconds in [-1.0, f32::NAN, f32::INFINITY] {

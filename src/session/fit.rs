@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::board::Update;
-use super::budget::{LATENT_SHARE, Meter, Trend, predicted_change, visible_change};
+use super::budget::{LATENT_BUDGET, LATENT_WORK, Meter, Trend, predicted_change, visible_change};
 use super::{Method, Settings};
 use crate::classic;
 use crate::initial_estimate::Networks;
@@ -13,7 +13,7 @@ use crate::light_refinement::{
     self, Correction, LEAST_PHOTOGRAPHS, LEAST_TO_TURN, Offset, refine_lights,
 };
 use crate::observation::{Observation, View};
-use crate::propagation::{propagate, propagate_corrections};
+use crate::propagation::{choose_glosses, propagate, propagate_corrections};
 use crate::refinement::{self, Prior};
 use crate::render;
 use crate::{Error, Result, Svbrdf};
@@ -33,6 +33,11 @@ const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
+/// Photographs from which on kinds of gloss compete for the texels after a refinement of so many
+/// steps, so many follow. Fewer photographs do not tell the kinds apart.
+const LEAST_TO_CHOOSE: usize = 3;
+const STEPS_BEFORE_CHOICE: usize = 6;
+const STEPS_AFTER_CHOICE: usize = 2;
 /// Photographs from which on what the refinement has found is told to texels alike, for another
 /// refinement of so many steps, and how often. Fewer photographs' corrections are too uncertain.
 const LEAST_TO_TELL: usize = 5;
@@ -73,6 +78,22 @@ struct Ended {
     /// By the caller.
     stopped: bool,
     cut: Option<Cut>,
+}
+
+impl Ended {
+    /// Ends what would follow where the budget has come to its end.
+    fn checked(mut self, meter: &Meter) -> Self {
+        if !self.stopped && meter.exhausted(1.0) {
+            self.cut = Some(Cut::Budget);
+        }
+        self
+    }
+
+    /// Whether another may follow. That little more of the loss is to be gained does not mean that
+    /// other gloss would not be seen.
+    fn goes_on(&self) -> bool {
+        !self.stopped && self.cut != Some(Cut::Budget)
+    }
 }
 
 /// A fit to all photographs so far, in steps.
@@ -258,7 +279,7 @@ impl Fit {
         }
         if self.relit {
             // The second fit is not foreseen in the first one's share.
-            fraction = LATENT_SHARE + (1.0 - LATENT_SHARE) * fraction;
+            fraction = LATENT_WORK + (1.0 - LATENT_WORK) * fraction;
         }
         Ok(Step { loss: self.loss, fraction, done: self.is_done() })
     }
@@ -293,7 +314,7 @@ impl Fit {
 
     /// A step of the latent fit; the share of all work that is done.
     fn latent_step(&mut self, meter: &mut Meter) -> Result<f32> {
-        let share = if self.refine { LATENT_SHARE } else { 1.0 };
+        let share = if self.refine { LATENT_BUDGET } else { 1.0 };
         let latent = self.latent.as_mut().ok_or(Error::NoMaps)?;
         let (mut settled, mut fraction) = (true, 1.0);
         if meter.exhausted(share) {
@@ -321,7 +342,7 @@ impl Fit {
             (self.maps, self.propagated, self.previous) = (Some(maps), false, None);
             self.stage = if self.refine { Stage::Refine } else { Stage::Done };
         }
-        Ok(if self.refine { fraction * LATENT_SHARE } else { fraction })
+        Ok(if self.refine { fraction * LATENT_WORK } else { fraction })
     }
 
     /// Whether nothing visible is left to do for the latent fit: on its finest level.
@@ -354,14 +375,16 @@ impl Fit {
         }
         // What is saved meanwhile is the state before.
         (self.maps, self.propagated) = (Some(maps.clone()), true);
-        let steps = refinement::Options::default().steps;
+        let chooses = self.observations.len() >= LEAST_TO_CHOOSE;
+        let steps =
+            if chooses { STEPS_BEFORE_CHOICE } else { refinement::Options::default().steps };
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let turns = self.observations.len() >= LEAST_TO_TURN;
         let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
         let mut corrections = 0..if corrects { rounds } else { 0 };
         let mut offset = Offset::default();
         let given = self.correction.clone();
-        let mut ended = loop {
+        let ended = loop {
             let next = corrections.next();
             let steps = if next.is_some() { STEPS_BEFORE_CORRECTION } else { steps };
             let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
@@ -369,11 +392,9 @@ impl Fit {
             let mut ended = self.refine_once(&mut maps, &mean, steps, meter, between)?;
             self.loss = ended.loss;
             let Some(round) = next else { break ended };
-            if meter.exhausted(1.0) {
-                ended.cut = Some(Cut::Budget);
-            }
+            ended = ended.checked(meter);
             // little left to see here does not mean that the lights are right
-            if ended.stopped || ended.cut == Some(Cut::Budget) {
+            if !ended.goes_on() {
                 break ended;
             }
             let turn = round >= AMBIENT_ROUNDS;
@@ -388,22 +409,13 @@ impl Fit {
                 corrections = if turn { 0..0 } else { AMBIENT_ROUNDS..rounds };
             }
         };
-        if self.observations.len() >= LEAST_TO_TELL {
-            for _ in 0..TELLING_ROUNDS {
-                if ended.stopped || ended.cut.is_some() {
-                    break;
-                }
-                let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
-                let mut mean = offset.applied(deep).into_owned();
-                propagate_corrections(&mut mean, &maps, &self.observations)?;
-                ended = self.refine_once(&mut maps, &mean, STEPS_AFTER_TELLING, meter, between)?;
-                self.loss = ended.loss;
-            }
+        let mut cut = ended.cut;
+        if chooses {
+            cut = self.settle_gloss(&mut maps, &offset, ended, meter, between)?;
         }
-        let cut = ended.cut;
         (self.maps, self.propagated) = (Some(maps), false);
         let moved = self.correction.distance(&given, &light_refinement::Options::default());
-        if moved > MISLEADING && !self.relit && cut.is_none() {
+        if moved > MISLEADING && !self.relit && cut != Some(Cut::Budget) {
             self.latent.as_mut().ok_or(Error::NoMaps)?.set_observations(&self.observations)?;
             (self.stage, self.relit) = (Stage::Latent, true);
             (self.steps_at_level, self.previous) = (0, None);
@@ -411,6 +423,42 @@ impl Fit {
             self.end(cut);
         }
         Ok(())
+    }
+
+    /// Chooses among kinds of gloss for maps as refined, tells corrections to texels alike, refining
+    /// after each; what ended that before its time, or the refinement before.
+    fn settle_gloss(
+        &mut self,
+        maps: &mut Svbrdf,
+        offset: &Offset,
+        before: Ended,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<Option<Cut>> {
+        let mut ended = before.checked(meter);
+        let mut cut = ended.cut;
+        if !ended.goes_on() {
+            return Ok(cut);
+        }
+        let mut mean = offset.applied(self.maps.as_ref().ok_or(Error::NoMaps)?).into_owned();
+        let mut go_on = || between(self, meter);
+        if !choose_glosses(&mut mean, maps, &self.observations, &mut go_on)? {
+            return Ok(cut);
+        }
+        ended = self.refine_once(maps, &mean, STEPS_AFTER_CHOICE, meter, between)?;
+        let tells = self.observations.len() >= LEAST_TO_TELL;
+        let rounds = if tells { TELLING_ROUNDS } else { 0 };
+        for _ in 0..rounds {
+            (self.loss, ended) = (ended.loss, ended.checked(meter));
+            cut = ended.cut.or(cut);
+            if !ended.goes_on() {
+                return Ok(cut);
+            }
+            propagate_corrections(&mut mean, maps, &self.observations)?;
+            ended = self.refine_once(maps, &mean, STEPS_AFTER_TELLING, meter, between)?;
+        }
+        self.loss = ended.loss;
+        Ok(ended.cut.or(cut))
     }
 
     /// Refines maps around `mean`.
