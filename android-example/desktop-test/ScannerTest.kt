@@ -496,14 +496,18 @@ fun twoHundredSessions() {
     // Networks are parsed once while a session lives.
     MaterialScanner(small).use {
         sessions(40)
-        System.gc()
-        val before = residentKiB()
-        sessions(200)
-        System.gc()
-        val growth = residentKiB() - before
-        println("200 sessions: $growth KiB more, of ${residentKiB()}")
-        // One leaked set of maps has 2 MiB, a leaked session more.
-        verify(growth < 40 * 1024) { "$growth KiB" }
+        // One leaked set of maps has 2 MiB, a leaked session more. The Java heap and the
+        // allocator's arenas grow as well, but not again and again.
+        val leaks = (1..3).all {
+            System.gc()
+            val before = residentKiB()
+            sessions(200)
+            System.gc()
+            val growth = residentKiB() - before
+            println("200 sessions: $growth KiB more, of ${residentKiB()}")
+            growth >= 40 * 1024
+        }
+        verify(!leaks) { "memory grows with every session" }
     }
     verify(Handle.open == 0 && Native.registered == 0) { "${Handle.open} ${Native.registered}" }
 }
