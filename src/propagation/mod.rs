@@ -9,12 +9,14 @@
 //!
 //! Averages do not help where the fit has settled on a wrong kind of gloss, so from a few
 //! photographs on the kinds that highlights have shown compete for every texel, see
-//! [`choose_glosses`].
+//! [`choose_glosses`]. Slopes are told from texel to texel by [`propagate_slopes`].
 
 mod colours;
 mod kinds;
+mod slopes;
 
 pub use kinds::choose_glosses;
+pub use slopes::propagate_slopes;
 
 use rayon::prelude::*;
 

@@ -49,7 +49,33 @@ pub(crate) fn evidence(
     observations: &[Observation],
     options: &Options,
 ) -> Evidence {
-    let n = maps.texels();
+    let planes = told(maps, mean, prior, observations, options, |planes| Out::Gloss(planes));
+    Evidence { texels: maps.texels(), planes }
+}
+
+/// Precisions of each texel's slopes, the prior's included, whatever its other parameters are:
+/// planes of xx, xy, yy.
+///
+/// # Panics
+/// When sizes differ.
+pub(crate) fn slope_precision(
+    maps: &Svbrdf,
+    mean: &Svbrdf,
+    prior: &Prior,
+    observations: &[Observation],
+    options: &Options,
+) -> Vec<f32> {
+    told(maps, mean, prior, observations, options, |planes| Out::Slopes(planes))
+}
+
+fn told<const PLANES: usize>(
+    maps: &Svbrdf,
+    mean: &Svbrdf,
+    prior: &Prior,
+    observations: &[Observation],
+    options: &Options,
+    out: impl for<'a> Fn([&'a mut [f32]; PLANES]) -> Out<'a> + Sync,
+) -> Vec<f32> {
     let prepared = Prepared::new(maps, observations);
     let model = Model {
         observations: &prepared,
@@ -58,14 +84,23 @@ pub(crate) fn evidence(
         precision: prior.sigma.map(|s| (s * s).recip()),
         widening: 1.0,
     };
-    let mut planes = vec![0.0; 5 * n];
-    bands::<5, _>(&mut planes, maps.width(), maps.height(), BAND_ROWS)
+    let mut planes = vec![0.0; PLANES * maps.texels()];
+    bands::<PLANES, _>(&mut planes, maps.width(), maps.height(), BAND_ROWS)
         .into_par_iter()
         .enumerate()
-        .for_each(|(band, out)| {
-            dispatch(Band { model: &model, maps, mean, first_row: band * BAND_ROWS, out });
+        .for_each(|(band, planes)| {
+            let (first_row, out) = (band * BAND_ROWS, out(planes));
+            dispatch(Band { model: &model, maps, mean, first_row, out });
         });
-    Evidence { texels: n, planes }
+    planes
+}
+
+/// Where a band's answers go.
+enum Out<'a> {
+    /// Precisions of gloss, cost.
+    Gloss([&'a mut [f32]; 5]),
+    /// Precision of slopes.
+    Slopes([&'a mut [f32]; 3]),
 }
 
 struct Band<'a> {
@@ -73,7 +108,7 @@ struct Band<'a> {
     maps: &'a Svbrdf,
     mean: &'a Svbrdf,
     first_row: usize,
-    out: [&'a mut [f32]; 5],
+    out: Out<'a>,
 }
 
 impl Kernel for Band<'_> {
@@ -81,11 +116,12 @@ impl Kernel for Band<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let width = self.maps.width();
-        let mut directions = vec![Directions::none(); self.model.observations.len()];
-        let [mut out @ .., cost_out] = self.out;
-        for r in 0..cost_out.len() / width {
-            let row = self.first_row + r;
+        let Self { model, maps, mean, first_row, mut out } = self;
+        let width = maps.width();
+        let mut directions = vec![Directions::none(); model.observations.len()];
+        let (Out::Gloss([first, ..]) | Out::Slopes([first, ..])) = &out;
+        for r in 0..first.len() / width {
+            let row = first_row + r;
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
                 let (texels, here) =
@@ -93,17 +129,25 @@ impl Kernel for Band<'_> {
                 let load = |maps: &Svbrdf| -> [V; CHANNELS] {
                     coordinates(render::load_texels(maps, texels.start, texels.end))
                 };
-                let (x, mean) = (load(self.maps), load(self.mean));
-                find_directions(self.model.observations, column, row, &mut directions);
+                let (x, mean) = (load(maps), load(mean));
+                find_directions(model.observations, column, row, &mut directions);
                 let (equations, [cost, _]) =
-                    NormalEquations::new(self.model, &x, &mean, &directions, texels);
-                cost.store(&mut cost_out[here.clone()]);
-                for ((variance, out), c) in
-                    equations.gloss_variances().into_iter().zip(out.iter_mut()).zip(GLOSS)
-                {
-                    let all = variance.max(V::splat(1e-9)).reciprocal();
-                    let told = (all - V::splat(self.model.precision[c])).max(V::splat(0.0));
-                    told.store(&mut out[here.clone()]);
+                    NormalEquations::new(model, &x, &mean, &directions, texels);
+                match &mut out {
+                    Out::Gloss([out @ .., cost_out]) => {
+                        cost.store(&mut cost_out[here.clone()]);
+                        let variances = equations.gloss_variances();
+                        for ((variance, out), c) in variances.into_iter().zip(out).zip(GLOSS) {
+                            let all = variance.max(V::splat(1e-9)).reciprocal();
+                            let told = (all - V::splat(model.precision[c])).max(V::splat(0.0));
+                            told.store(&mut out[here.clone()]);
+                        }
+                    }
+                    Out::Slopes(out) => {
+                        for (value, out) in equations.slope_precision().into_iter().zip(out) {
+                            value.store(&mut out[here.clone()]);
+                        }
+                    }
                 }
             }
         }

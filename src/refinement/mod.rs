@@ -30,7 +30,7 @@ use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directio
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
-pub(crate) use evidence::{Evidence, GLOSS, evidence};
+pub(crate) use evidence::{Evidence, GLOSS, evidence, slope_precision};
 use normal_equations::{NormalEquations, cost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -115,6 +115,8 @@ pub struct Report {
     pub loss_after: f64,
     /// Whether the caller ended the refinement early.
     pub stopped: bool,
+    /// The prior, its slopes as wide as the material has shown.
+    pub prior: Prior,
 }
 
 /// Damping of the first step, relative to the diagonal.
@@ -157,7 +159,8 @@ pub fn refine(
     let prepared = Prepared::new(maps, observations);
     let weights: f64 = observations.iter().map(Observation::total_weight).sum();
     let loss_before = render::loss(maps, observations);
-    let mut report = Report { steps: 0, loss_before, loss_after: loss_before, stopped: false };
+    let mut report =
+        Report { steps: 0, loss_before, loss_after: loss_before, stopped: false, prior: *prior };
     let mut model = Model {
         observations: &prepared,
         inverse_noise: options.noise.recip(),
@@ -186,6 +189,9 @@ pub fn refine(
         model.widen_slopes(&prior.sigma, total[1], total[2]);
         let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
         model.inverse_noise = noise.recip();
+        for (wide, sigma) in report.prior.sigma[..2].iter_mut().zip(prior.sigma) {
+            *wide = sigma * model.widening.sqrt();
+        }
         if after(step, report.loss_after).is_break() {
             report.stopped = true;
             break;

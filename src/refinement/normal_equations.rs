@@ -229,6 +229,18 @@ impl<V: Lanes> NormalEquations<V> {
         [inverse[0], inverse[3]]
     }
 
+    /// Precision of the slopes (xx, xy, yy) under the quadratic model, whatever the rest is.
+    #[inline(always)]
+    pub fn slope_precision(&self) -> [V; 3] {
+        let mut a = self.shape;
+        for c in 0..3 {
+            self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        let [pp, pq, pr, qq, qr, rr] = a;
+        let scale = rr.max(self.shape[5] * V::splat(1e-6)).reciprocal();
+        [pp - pr * pr * scale, pq - pr * qr * scale, qq - qr * qr * scale]
+    }
+
     /// Variances of roughness and of the roots of specular albedo under the quadratic model.
     #[inline(always)]
     pub fn gloss_variances(&self) -> [V; 4] {

@@ -13,7 +13,7 @@ use crate::light_refinement::{
     self, Correction, LEAST_PHOTOGRAPHS, LEAST_TO_TURN, Offset, refine_lights,
 };
 use crate::observation::{Observation, View};
-use crate::propagation::{choose_glosses, propagate, propagate_corrections};
+use crate::propagation::{choose_glosses, propagate, propagate_corrections, propagate_slopes};
 use crate::refinement::{self, Prior};
 use crate::render;
 use crate::{Error, Result, Svbrdf};
@@ -33,10 +33,14 @@ const AMBIENT_ROUNDS: usize = 2;
 const LIGHT_ROUNDS: usize = 4;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
-/// Photographs from which on kinds of gloss compete for the texels after a refinement of so many
-/// steps, so many follow. Fewer photographs do not tell the kinds apart.
+/// Photographs from which on slopes are told to texels alike after a refinement of so many steps,
+/// so many follow. In one photograph a slope looks like a darker colour.
+const LEAST_TO_TELL_SLOPES: usize = 2;
+const STEPS_BEFORE_SLOPES: usize = 6;
+const STEPS_AFTER_SLOPES: usize = 4;
+/// Photographs from which on kinds of gloss compete for the texels instead, and so many steps
+/// follow. Fewer photographs do not tell the kinds apart.
 const LEAST_TO_CHOOSE: usize = 3;
-const STEPS_BEFORE_CHOICE: usize = 6;
 const STEPS_AFTER_CHOICE: usize = 2;
 /// Photographs from which on what the refinement has found is told to texels alike, for another
 /// refinement of so many steps, and how often. Fewer photographs' corrections are too uncertain.
@@ -75,6 +79,8 @@ pub(super) struct NewFrame {
 #[derive(Debug, Clone, Copy, Default)]
 struct Ended {
     loss: f32,
+    /// As wide as the material has shown.
+    prior: Prior,
     /// By the caller.
     stopped: bool,
     cut: Option<Cut>,
@@ -375,9 +381,8 @@ impl Fit {
         }
         // What is saved meanwhile is the state before.
         (self.maps, self.propagated) = (Some(maps.clone()), true);
-        let chooses = self.observations.len() >= LEAST_TO_CHOOSE;
-        let steps =
-            if chooses { STEPS_BEFORE_CHOICE } else { refinement::Options::default().steps };
+        let tells = self.observations.len() >= LEAST_TO_TELL_SLOPES;
+        let steps = if tells { STEPS_BEFORE_SLOPES } else { refinement::Options::default().steps };
         let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let turns = self.observations.len() >= LEAST_TO_TURN;
         let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
@@ -410,8 +415,8 @@ impl Fit {
             }
         };
         let mut cut = ended.cut;
-        if chooses {
-            cut = self.settle_gloss(&mut maps, &offset, ended, meter, between)?;
+        if tells {
+            cut = self.tell(&mut maps, &offset, ended, meter, between)?;
         }
         (self.maps, self.propagated) = (Some(maps), false);
         let moved = self.correction.distance(&given, &light_refinement::Options::default());
@@ -425,9 +430,10 @@ impl Fit {
         Ok(())
     }
 
-    /// Chooses among kinds of gloss for maps as refined, tells corrections to texels alike, refining
-    /// after each; what ended that before its time, or the refinement before.
-    fn settle_gloss(
+    /// Tells slopes to texels alike, chooses among kinds of gloss for maps as refined, tells
+    /// corrections to texels alike, refining after each; what ended that before its time, or the
+    /// refinement before.
+    fn tell(
         &mut self,
         maps: &mut Svbrdf,
         offset: &Offset,
@@ -441,11 +447,14 @@ impl Fit {
             return Ok(cut);
         }
         let mut mean = offset.applied(self.maps.as_ref().ok_or(Error::NoMaps)?).into_owned();
+        propagate_slopes(&mut mean, maps, &self.observations, &ended.prior)?;
+        let chooses = self.observations.len() >= LEAST_TO_CHOOSE;
         let mut go_on = || between(self, meter);
-        if !choose_glosses(&mut mean, maps, &self.observations, &mut go_on)? {
+        if chooses && !choose_glosses(&mut mean, maps, &self.observations, &mut go_on)? {
             return Ok(cut);
         }
-        ended = self.refine_once(maps, &mean, STEPS_AFTER_CHOICE, meter, between)?;
+        let steps = if chooses { STEPS_AFTER_CHOICE } else { STEPS_AFTER_SLOPES };
+        ended = self.refine_once(maps, &mean, steps, meter, between)?;
         let tells = self.observations.len() >= LEAST_TO_TELL;
         let rounds = if tells { TELLING_ROUNDS } else { 0 };
         for _ in 0..rounds {
@@ -484,7 +493,7 @@ impl Fit {
         };
         let (prior, observations) = (Prior::default(), &self.observations);
         let report = refinement::refine(maps, mean, &prior, observations, &options, &mut after)?;
-        ended.loss = report.loss_after as f32;
+        (ended.loss, ended.prior) = (report.loss_after as f32, report.prior);
         Ok(ended)
     }
 

@@ -1,0 +1,423 @@
+//! Bumps told from where the photographs show them to where they do not.
+//!
+//! In most materials relief goes with colour (grout is low, the pile of a carpet is dark at its
+//! roots), and a network's bumps are right in shape rather than in height. How strongly is each
+//! material's own matter: what the refinement found is regressed on slopes of the estimate and on
+//! gradients of colour at several scales, each by one factor for the whole material. With the
+//! refinement's normal equations that is the maximum of the factors' marginal likelihood, all
+//! texels' slopes integrated out: where photographs say nothing of a slope it does not count.
+
+use crate::observation::Observation;
+use crate::refinement::{self, Prior, slope_precision};
+use crate::render::check_observations;
+use crate::svbrdf::channel;
+use crate::{Result, Svbrdf};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Radii over which the estimate's slopes are averaged, texels.
+const SLOPE_RADII: [usize; 3] = [0, 1, 3];
+/// Radii over which a colour is averaged before its gradient is taken.
+const COLOUR_RADII: [usize; 4] = [0, 1, 2, 4];
+/// Causes of slopes.
+const CAUSES: usize = SLOPE_RADII.len() + 3 * COLOUR_RADII.len();
+/// Rows worked on at a time.
+const BAND: usize = 32;
+/// Keeps logarithms of dark colours finite.
+const DARK: f32 = 0.02;
+/// Share of their own information by which factors are held at zero.
+const RIDGE: f64 = 1e-3;
+
+type Factors = SVector<f64, CAUSES>;
+
+/// Tells slopes that a refinement has found to texels whose photographs do not show them: moves
+/// the refinement's mean and, as far as the photographs leave it open, the refined maps with it.
+/// `prior` is the one that the refinement ended with.
+///
+/// # Errors
+/// When sizes differ.
+pub fn propagate_slopes(
+    mean: &mut Svbrdf,
+    refined: &mut Svbrdf,
+    observations: &[Observation],
+    prior: &Prior,
+) -> Result<()> {
+    check_observations(mean, observations)?;
+    check_observations(refined, observations)?;
+    let options = refinement::Options::default();
+    let known =
+        Known { precision: slope_precision(refined, mean, prior, observations, &options), prior };
+    let causes = Causes::new(mean, refined);
+    let Some(factors) = regress(&causes, &known, mean, refined) else { return Ok(()) };
+    let width = causes.width;
+    let rows = |plane: usize| plane * BAND * width;
+    let told: Vec<[Vec<f32>; 2]> = causes
+        .bands()
+        .into_par_iter()
+        .map(|band| {
+            let n = band.len() * width;
+            let mut sums = [vec![0.0; n], vec![0.0; n]];
+            let values = causes.of_rows(band);
+            for (i, factor) in factors.iter().enumerate() {
+                for (axis, sums) in sums.iter_mut().enumerate() {
+                    let cause = &values[rows(2 * i + axis)..][..n];
+                    sums.iter_mut().zip(cause).for_each(|(s, v)| *s += *factor as f32 * v);
+                }
+            }
+            sums
+        })
+        .collect();
+    for (axis, plane) in [channel::SLOPE_X, channel::SLOPE_Y].into_iter().enumerate() {
+        mean.plane_mut(plane).par_chunks_mut(BAND * width).zip(&told).for_each(|(out, told)| {
+            out.iter_mut().zip(&told[axis]).for_each(|(out, v)| *out += v);
+        });
+        refined.plane_mut(plane).par_chunks_mut(BAND * width).zip(&told).enumerate().for_each(
+            |(band, (out, [x, y]))| {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out += known.left_open(band * BAND * width + i, [x[i], y[i]])[axis];
+                }
+            },
+        );
+    }
+    mean.clamp();
+    refined.clamp();
+    Ok(())
+}
+
+/// What a refinement knows of slopes.
+struct Known<'a> {
+    /// Planes of xx, xy, yy, the prior's included.
+    precision: Vec<f32>,
+    prior: &'a Prior,
+}
+
+impl Known<'_> {
+    fn prior_precision(&self) -> [f32; 2] {
+        [channel::SLOPE_X, channel::SLOPE_Y].map(|c| self.prior.sigma[c].powi(-2))
+    }
+
+    /// Covariance of a texel's slopes.
+    fn covariance(&self, texel: usize) -> [f32; 3] {
+        let texels = self.precision.len() / 3;
+        let [xx, xy, yy] = [0, 1, 2].map(|i| self.precision[i * texels + texel]);
+        let scale = (xx * yy - xy * xy).max(1e-6 * xx * yy).recip();
+        [yy * scale, -xy * scale, xx * scale]
+    }
+
+    /// How a texel's slopes follow when the prior's mean moves.
+    fn left_open(&self, texel: usize, moved: [f32; 2]) -> [f32; 2] {
+        let ([xx, xy, yy], [px, py]) = (self.covariance(texel), self.prior_precision());
+        let (x, y) = (px * moved[0], py * moved[1]);
+        [xx * x + xy * y, xy * x + yy * y]
+    }
+
+    /// Information of what was found beside the prior's mean: P - P C P, with the prior's
+    /// precision P and the covariance C.
+    fn information(&self, texel: usize) -> [f32; 3] {
+        let ([xx, xy, yy], [px, py]) = (self.covariance(texel), self.prior_precision());
+        [px - px * px * xx, -(px * py * xy), py - py * py * yy]
+    }
+}
+
+/// Factors of the causes that make what was found most probable.
+fn regress(causes: &Causes, known: &Known, mean: &Svbrdf, refined: &Svbrdf) -> Option<Factors> {
+    let width = causes.width;
+    let [px, py] = known.prior_precision();
+    let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
+    let parts: Vec<(SMatrix<f64, CAUSES, CAUSES>, Factors)> = causes
+        .bands()
+        .into_par_iter()
+        .map(|band| {
+            let values = causes.of_rows(band.clone());
+            let n = band.len() * width;
+            let first = band.start * width;
+            let cause = |i: usize| [0, 1].map(|axis| &values[(2 * i + axis) * BAND * width..][..n]);
+            let mut found = [vec![0.0; n], vec![0.0; n]];
+            let mut information = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+            for t in 0..n {
+                for ((found, c), p) in found.iter_mut().zip(slopes).zip([px, py]) {
+                    found[t] = p * (refined.plane(c)[first + t] - mean.plane(c)[first + t]);
+                }
+                for (out, v) in information.iter_mut().zip(known.information(first + t)) {
+                    out[t] = v;
+                }
+            }
+            let (mut matrix, mut right) = (SMatrix::zeros(), Factors::zeros());
+            let (mut wx, mut wy) = (vec![0.0; n], vec![0.0; n]);
+            for i in 0..CAUSES {
+                let [x, y] = cause(i);
+                right[i] = dot(x, &found[0]) + dot(y, &found[1]);
+                for t in 0..n {
+                    wx[t] = information[0][t] * x[t] + information[1][t] * y[t];
+                    wy[t] = information[1][t] * x[t] + information[2][t] * y[t];
+                }
+                for j in i..CAUSES {
+                    let [x, y] = cause(j);
+                    matrix[(j, i)] = dot(x, &wx) + dot(y, &wy);
+                }
+            }
+            (matrix, right)
+        })
+        .collect();
+    // In order: the same for any number of threads.
+    let (mut matrix, mut right) = (SMatrix::zeros(), Factors::zeros());
+    for (m, r) in &parts {
+        matrix += m;
+        right += r;
+    }
+    let least = 1e-9 * matrix.trace();
+    for i in 0..CAUSES {
+        matrix[(i, i)] += RIDGE * matrix[(i, i)] + least;
+    }
+    let factors = matrix.cholesky()?.solve(&right);
+    factors.iter().all(|v| v.is_finite()).then_some(factors)
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a, a_rest) = a.as_chunks::<8>();
+    let (b, b_rest) = b.as_chunks::<8>();
+    for (a, b) in a.iter().zip(b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    f64::from(sums.iter().sum::<f32>() + rest)
+}
+
+/// What slopes may come from: slopes of the estimate, gradients of the logarithm of each colour.
+struct Causes<'a> {
+    width: usize,
+    height: usize,
+    slopes: [&'a [f32]; 2],
+    colours: [Vec<f32>; 3],
+}
+
+impl<'a> Causes<'a> {
+    fn new(mean: &'a Svbrdf, refined: &Svbrdf) -> Self {
+        let colour = |c: usize| {
+            let plane = refined.plane(channel::DIFFUSE + c);
+            plane.par_iter().map(|v| (v + DARK).ln()).collect()
+        };
+        Self {
+            width: mean.width(),
+            height: mean.height(),
+            slopes: [mean.plane(channel::SLOPE_X), mean.plane(channel::SLOPE_Y)],
+            colours: [colour(0), colour(1), colour(2)],
+        }
+    }
+
+    fn bands(&self) -> Vec<Range<usize>> {
+        let end = |first: usize| (first + BAND).min(self.height);
+        (0..self.height).step_by(BAND).map(|first| first..end(first)).collect()
+    }
+
+    /// Each cause's x and y in some rows, planes of [`BAND`] rows one after the other.
+    fn of_rows(&self, rows: Range<usize>) -> Vec<f32> {
+        let stride = BAND * self.width;
+        let mut out = vec![0.0; 2 * CAUSES * stride];
+        let mut planes = out.chunks_exact_mut(stride);
+        let mut next = || planes.next().unwrap_or_default();
+        for radius in SLOPE_RADII {
+            for slopes in self.slopes {
+                let (blurred, first) = self.blurred(slopes, rows.clone(), radius);
+                let inner = &blurred[(rows.start - first) * self.width..];
+                let n = rows.len() * self.width;
+                next()[..n].copy_from_slice(&inner[..n]);
+            }
+        }
+        for radius in COLOUR_RADII {
+            for colour in &self.colours {
+                // one row more on either side
+                let around = rows.start.saturating_sub(1)..(rows.end + 1).min(self.height);
+                let (blurred, first) = self.blurred(colour, around.clone(), radius);
+                let row = |y: usize| &blurred[(y - first) * self.width..][..self.width];
+                let (x, y) = (next(), next());
+                let lines = x.chunks_exact_mut(self.width).zip(y.chunks_exact_mut(self.width));
+                for (line, (x, y)) in rows.clone().zip(lines) {
+                    let here = row(line);
+                    let above = row(line.saturating_sub(1));
+                    let below = row((line + 1).min(self.height - 1));
+                    for c in 0..self.width {
+                        let (left, right) = (c.saturating_sub(1), (c + 1).min(self.width - 1));
+                        x[c] = 0.5 * (here[right] - here[left]);
+                        // rows go down, y up
+                        y[c] = 0.5 * (above[c] - below[c]);
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// Means of means over `radius` texels to each side, right in these rows; and the row that the
+    /// result begins with.
+    fn blurred(&self, plane: &[f32], rows: Range<usize>, radius: usize) -> (Vec<f32>, usize) {
+        let first = rows.start.saturating_sub(2 * radius);
+        let end = (rows.end + 2 * radius).min(self.height);
+        let mut values = plane[first * self.width..end * self.width].to_vec();
+        if radius > 0 {
+            let mut other = vec![0.0; values.len()];
+            for _ in 0..2 {
+                means_along_rows(&values, &mut other, self.width, radius);
+                means_of_rows(&other, &mut values, self.width, radius);
+            }
+        }
+        (values, first)
+    }
+}
+
+fn window(i: usize, n: usize, radius: usize) -> Range<usize> {
+    i.saturating_sub(radius)..(i + radius + 1).min(n)
+}
+
+fn means_along_rows(values: &[f32], out: &mut [f32], width: usize, radius: usize) {
+    for (row, out) in values.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
+        for (i, out) in out.iter_mut().enumerate() {
+            let near = &row[window(i, width, radius)];
+            *out = near.iter().sum::<f32>() / near.len() as f32;
+        }
+    }
+}
+
+fn means_of_rows(values: &[f32], out: &mut [f32], width: usize, radius: usize) {
+    let height = values.len() / width;
+    for (i, out) in out.chunks_exact_mut(width).enumerate() {
+        let near = window(i, height, radius);
+        let scale = (near.len() as f32).recip();
+        out.fill(0.0);
+        for row in near {
+            let row = &values[row * width..][..width];
+            out.iter_mut().zip(row).for_each(|(out, v)| *out += scale * v);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::propagation::tests::photograph;
+    use crate::random::Random;
+    use crate::refinement::refine;
+    use std::ops::ControlFlow;
+
+    const SIDE: usize = 64;
+
+    /// Relief that goes with colour, or not.
+    fn truth(goes_with_colour: bool) -> Svbrdf {
+        let mut maps = Svbrdf::new(SIDE, SIDE);
+        let height = |t: usize, turned: bool| {
+            let (x, y) = ((t % SIDE) as f32, (t / SIDE) as f32);
+            let (x, y) = if turned { (y, -x) } else { (x, y) };
+            (0.5 * x + 0.2 * y).sin() + (0.15 * x - 0.4 * y).sin()
+        };
+        for t in 0..SIDE * SIDE {
+            let shade = 0.25 * (0.3 * height(t, false)).exp();
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[t] = shade;
+            }
+            maps.plane_mut(channel::ROUGHNESS)[t] = 0.6;
+            if t % SIDE > 0 && t % SIDE < SIDE - 1 && t / SIDE > 0 && t / SIDE < SIDE - 1 {
+                let h = |t: usize| height(t, !goes_with_colour);
+                maps.plane_mut(channel::SLOPE_X)[t] = 0.15 * (h(t - 1) - h(t + 1));
+                maps.plane_mut(channel::SLOPE_Y)[t] = 0.15 * (h(t + SIDE) - h(t - SIDE));
+            }
+        }
+        maps
+    }
+
+    /// Error of slopes before and after, of a flat estimate.
+    fn told(truth: &Svbrdf, photographs: &[[f32; 2]]) -> [f32; 2] {
+        let observations: Vec<_> = photographs.iter().map(|&at| photograph(truth, at)).collect();
+        let mut mean = truth.clone();
+        for plane in [channel::SLOPE_X, channel::SLOPE_Y] {
+            mean.plane_mut(plane).fill(0.0);
+        }
+        let mut refined = mean.clone();
+        let (options, go_on) =
+            (refinement::Options::default(), &mut |_, _| ControlFlow::Continue(()));
+        let prior = Prior::default();
+        let report = refine(&mut refined, &mean, &prior, &observations, &options, go_on).unwrap();
+        let before = error(&refined, truth);
+        propagate_slopes(&mut mean, &mut refined, &observations, &report.prior).unwrap();
+        [before, error(&refined, truth)]
+    }
+
+    fn error(maps: &Svbrdf, truth: &Svbrdf) -> f32 {
+        let of = |plane: usize| {
+            let pairs = maps.plane(plane).iter().zip(truth.plane(plane));
+            pairs.map(|(a, b)| (a - b).powi(2)).sum::<f32>()
+        };
+        let squares = of(channel::SLOPE_X) + of(channel::SLOPE_Y);
+        (squares / maps.texels() as f32).sqrt()
+    }
+
+    const PHOTOGRAPHS: [[f32; 2]; 2] = [[0.0, 0.0], [80.0, 20.0]];
+
+    #[test]
+    fn relief_that_goes_with_colour_is_found_by_it() {
+        let [before, after] = told(&truth(true), &PHOTOGRAPHS);
+        assert!(after < 0.5 * before, "{before} {after}");
+    }
+
+    #[test]
+    fn relief_that_does_not_is_left() {
+        let [before, after] = told(&truth(false), &PHOTOGRAPHS);
+        assert!(after < 1.02 * before, "{before} {after}");
+    }
+
+    #[test]
+    fn what_no_photograph_shows_tells_nothing() {
+        let truth = truth(true);
+        let unseen = photograph(&truth, [0.0; 2]).changed(|_, weight| weight.fill(0.0));
+        let mut mean = truth.clone();
+        let mut random = Random::new(3);
+        for v in mean.plane_mut(channel::SLOPE_X) {
+            *v = random.uniform() as f32 - 0.5;
+        }
+        let before = mean.clone();
+        let mut refined = mean.clone();
+        propagate_slopes(&mut mean, &mut refined, &[unseen], &Prior::default()).unwrap();
+        let off = |maps: &Svbrdf| error(maps, &before);
+        assert!(off(&mean) < 1e-4 && off(&refined) < 1e-4, "{} {}", off(&mean), off(&refined));
+    }
+
+    #[test]
+    fn bands_join_without_a_seam() {
+        let maps = truth(true);
+        let causes = Causes::new(&maps, &maps);
+        let width = causes.width;
+        let plane = maps.plane(channel::SLOPE_X);
+        let (all, first) = causes.blurred(plane, 0..SIDE, 4);
+        assert_eq!((all.len(), first), (plane.len(), 0));
+        let (some, first) = causes.blurred(plane, 20..30, 4);
+        for y in 20..30 {
+            for x in 0..width {
+                let (a, b) = (all[y * width + x], some[(y - first) * width + x]);
+                assert!((a - b).abs() < 1e-6, "{x} {y}: {a} {b}");
+            }
+        }
+        // a mean of means of the middle of a ramp is the middle
+        let ramp: Vec<f32> = (0..SIDE * SIDE).map(|t| (t % SIDE) as f32).collect();
+        let (ramp, _) = causes.blurred(&ramp, 0..SIDE, 4);
+        assert!((ramp[5 * width + 30] - 30.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn factors_are_those_of_the_whole_likelihood() {
+        // One texel's marginal likelihood of what was found, by the definition: found - mean is
+        // normal with the prior's covariance less the posterior's.
+        let prior = Prior::default();
+        let known = Known { precision: vec![180.0, 35.0, 140.0], prior: &prior };
+        let [px, py] = known.prior_precision();
+        let data = nalgebra::Matrix2::new(180.0 - px, 35.0, 35.0, 140.0 - py);
+        let wide = nalgebra::Matrix2::new(1.0 / px, 0.0, 0.0, 1.0 / py);
+        let expected = (data.try_inverse().unwrap() + wide).try_inverse().unwrap();
+        let [xx, xy, yy] = known.information(0);
+        for (a, b) in [(xx, expected.m11), (xy, expected.m12), (yy, expected.m22)] {
+            assert!((a - b).abs() < 1e-3 * expected.m11, "{a} {b}");
+        }
+    }
+}
