@@ -22,7 +22,7 @@ use svbrdf::frame::{Encoding, Photo};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
 use svbrdf::observation::Observation;
-use svbrdf::propagation::{choose_glosses, propagate};
+use svbrdf::propagation::{choose_glosses, propagate, propagate_slopes};
 use svbrdf::rectification::rectify;
 use svbrdf::session::{Scene, Session, Settings};
 use svbrdf::svbrdf::CHANNELS;
@@ -273,6 +273,12 @@ fn networks_and_optimisers(
         mean.clone_from(&maps);
         refined.clone_from(&maps);
         choose_glosses(&mut mean, &mut refined, observations, &mut || true).expect("sizes agree");
+    });
+    let prior = refinement::Prior::default();
+    bench.run("slopes told, 5 photos", Work::default(), || {
+        mean.clone_from(&maps);
+        refined.clone_from(&maps);
+        propagate_slopes(&mut mean, &mut refined, observations, &prior).expect("sizes agree");
     });
     let coarse: Svbrdf = maps.downsampled();
     bench.run("maps doubled", planes(0, 1), || drop(black_box(coarse.upsampled())));
