@@ -51,17 +51,14 @@ pub fn propagate_slopes(
     let causes = Causes::new(mean, refined);
     let Some(factors) = regress(&causes, &known, mean, refined) else { return Ok(()) };
     let width = causes.width;
-    let rows = |plane: usize| plane * BAND * width;
     let told: Vec<[Vec<f32>; 2]> = causes
         .bands()
         .into_par_iter()
         .map(|band| {
             let n = band.len() * width;
             let mut sums = [vec![0.0; n], vec![0.0; n]];
-            let values = causes.of_rows(band);
-            for (i, factor) in factors.iter().enumerate() {
-                for (axis, sums) in sums.iter_mut().enumerate() {
-                    let cause = &values[rows(2 * i + axis)..][..n];
+            for (cause, factor) in causes.of_rows(band).iter().zip(&factors) {
+                for (sums, cause) in sums.iter_mut().zip(cause) {
                     sums.iter_mut().zip(cause).for_each(|(s, v)| *s += *factor as f32 * v);
                 }
             }
@@ -129,10 +126,8 @@ fn regress(causes: &Causes, known: &Known, mean: &Svbrdf, refined: &Svbrdf) -> O
         .bands()
         .into_par_iter()
         .map(|band| {
-            let values = causes.of_rows(band.clone());
-            let n = band.len() * width;
-            let first = band.start * width;
-            let cause = |i: usize| [0, 1].map(|axis| &values[(2 * i + axis) * BAND * width..][..n]);
+            let (n, first) = (band.len() * width, band.start * width);
+            let values = causes.of_rows(band);
             let mut found = [vec![0.0; n], vec![0.0; n]];
             let mut information = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
             for t in 0..n {
@@ -146,14 +141,14 @@ fn regress(causes: &Causes, known: &Known, mean: &Svbrdf, refined: &Svbrdf) -> O
             let (mut matrix, mut right) = (SMatrix::zeros(), Factors::zeros());
             let (mut wx, mut wy) = (vec![0.0; n], vec![0.0; n]);
             for i in 0..CAUSES {
-                let [x, y] = cause(i);
+                let [x, y] = &values[i];
                 right[i] = dot(x, &found[0]) + dot(y, &found[1]);
                 for t in 0..n {
                     wx[t] = information[0][t] * x[t] + information[1][t] * y[t];
                     wy[t] = information[1][t] * x[t] + information[2][t] * y[t];
                 }
                 for j in i..CAUSES {
-                    let [x, y] = cause(j);
+                    let [x, y] = &values[j];
                     matrix[(j, i)] = dot(x, &wx) + dot(y, &wy);
                 }
             }
@@ -214,40 +209,39 @@ impl<'a> Causes<'a> {
         (0..self.height).step_by(BAND).map(|first| first..end(first)).collect()
     }
 
-    /// Each cause's x and y in some rows, planes of [`BAND`] rows one after the other.
-    fn of_rows(&self, rows: Range<usize>) -> Vec<f32> {
-        let stride = BAND * self.width;
-        let mut out = vec![0.0; 2 * CAUSES * stride];
-        let mut planes = out.chunks_exact_mut(stride);
-        let mut next = || planes.next().unwrap_or_default();
-        for radius in SLOPE_RADII {
-            for slopes in self.slopes {
+    /// Each cause's x and y in some rows.
+    fn of_rows(&self, rows: Range<usize>) -> Vec<[Vec<f32>; 2]> {
+        let averaged = SLOPE_RADII.into_iter().map(|radius| {
+            self.slopes.map(|slopes| {
                 let (blurred, first) = self.blurred(slopes, rows.clone(), radius);
-                let inner = &blurred[(rows.start - first) * self.width..];
-                let n = rows.len() * self.width;
-                next()[..n].copy_from_slice(&inner[..n]);
-            }
-        }
-        for radius in COLOUR_RADII {
-            for colour in &self.colours {
-                // one row more on either side
-                let around = rows.start.saturating_sub(1)..(rows.end + 1).min(self.height);
-                let (blurred, first) = self.blurred(colour, around.clone(), radius);
-                let row = |y: usize| &blurred[(y - first) * self.width..][..self.width];
-                let (x, y) = (next(), next());
-                let lines = x.chunks_exact_mut(self.width).zip(y.chunks_exact_mut(self.width));
-                for (line, (x, y)) in rows.clone().zip(lines) {
-                    let here = row(line);
-                    let above = row(line.saturating_sub(1));
-                    let below = row((line + 1).min(self.height - 1));
-                    for c in 0..self.width {
-                        let (left, right) = (c.saturating_sub(1), (c + 1).min(self.width - 1));
-                        x[c] = 0.5 * (here[right] - here[left]);
-                        // rows go down, y up
-                        y[c] = 0.5 * (above[c] - below[c]);
-                    }
-                }
-            }
+                blurred[(rows.start - first) * self.width..][..rows.len() * self.width].to_vec()
+            })
+        });
+        let gradients = COLOUR_RADII
+            .into_iter()
+            .flat_map(|radius| self.colours.iter().map(move |colour| (colour, radius)));
+        averaged
+            .chain(gradients.map(|(colour, radius)| self.gradient(colour, rows.clone(), radius)))
+            .collect()
+    }
+
+    /// Differences across a texel of a plane averaged, x to the right and y upwards.
+    fn gradient(&self, plane: &[f32], rows: Range<usize>, radius: usize) -> [Vec<f32>; 2] {
+        let width = self.width;
+        // one row more on either side
+        let around = rows.start.saturating_sub(1)..(rows.end + 1).min(self.height);
+        let (blurred, first) = self.blurred(plane, around, radius);
+        let row = |y: usize| &blurred[(y - first) * width..][..width];
+        let mut out = [0, 1].map(|_| Vec::with_capacity(rows.len() * width));
+        for line in rows {
+            let (here, above) = (row(line), row(line.saturating_sub(1)));
+            let below = row((line + 1).min(self.height - 1));
+            let [x, y] = &mut out;
+            x.extend(
+                (0..width)
+                    .map(|c| 0.5 * (here[(c + 1).min(width - 1)] - here[c.saturating_sub(1)])),
+            );
+            y.extend(above.iter().zip(below).map(|(above, below)| 0.5 * (above - below)));
         }
         out
     }
