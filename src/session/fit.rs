@@ -38,8 +38,8 @@ const STEPS_BEFORE_CORRECTION: usize = 4;
 const LEAST_TO_TELL_SLOPES: usize = 2;
 const STEPS_BEFORE_SLOPES: usize = 6;
 const STEPS_AFTER_SLOPES: usize = 4;
-/// Photographs from which on kinds of gloss compete for the texels instead, and so many steps
-/// follow. Fewer photographs do not tell the kinds apart.
+/// Photographs from which on kinds of gloss compete for the texels as well, before the steps that
+/// follow, which are so many then. Fewer photographs do not tell the kinds apart.
 const LEAST_TO_CHOOSE: usize = 3;
 const STEPS_AFTER_CHOICE: usize = 2;
 /// Photographs from which on what the refinement has found is told to texels alike, for another
