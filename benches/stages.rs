@@ -18,6 +18,7 @@ use svbrdf::Svbrdf;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
+use svbrdf::completion::Incomplete;
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
@@ -279,6 +280,13 @@ fn networks_and_optimisers(
         mean.clone_from(&maps);
         refined.clone_from(&maps);
         propagate_slopes(&mut mean, &mut refined, observations, &prior).expect("sizes agree");
+    });
+    let work = Work { multiply_adds: 1.21e9, ..Work::default() };
+    bench.run("completion, 5 photos", work, || {
+        mean.clone_from(&maps);
+        refined.clone_from(&maps);
+        let fit = Incomplete::new(&maps, &mean, &refined, observations, &prior);
+        fit.and_then(|fit| fit.complete(networks, &mut mean, &mut refined)).expect("sizes agree");
     });
     let coarse: Svbrdf = maps.downsampled();
     bench.run("maps doubled", planes(0, 1), || drop(black_box(coarse.upsampled())));

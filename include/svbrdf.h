@@ -1291,8 +1291,8 @@ svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps, const char *pat
 svbrdf_status svbrdf_maps_destroy(struct svbrdf_maps *maps);
 
 /**
- * Reads models from the contents of decoder.bin, encoder.onnx and photo.onnx. The bytes are not
- * needed after the call. Free with svbrdf_models_destroy().
+ * Reads models from the contents of decoder.bin, encoder.onnx, photo.onnx and completion.onnx. The
+ * bytes are not needed after the call. Free with svbrdf_models_destroy().
  */
 svbrdf_status svbrdf_models_from_memory(const void *decoder,
                                         size_t decoder_bytes,
@@ -1300,11 +1300,13 @@ svbrdf_status svbrdf_models_from_memory(const void *decoder,
                                         size_t encoder_bytes,
                                         const void *photo,
                                         size_t photo_bytes,
+                                        const void *completion,
+                                        size_t completion_bytes,
                                         struct svbrdf_models **out);
 
 /**
- * Reads models from decoder.bin, encoder.onnx and photo.onnx of a folder (UTF-8). Free with
- * svbrdf_models_destroy().
+ * Reads models from decoder.bin, encoder.onnx, photo.onnx and completion.onnx of a folder (UTF-8).
+ * Free with svbrdf_models_destroy().
  */
 svbrdf_status svbrdf_models_from_folder(const char *path, struct svbrdf_models **out);
 

@@ -117,10 +117,12 @@ public:
         return Models(models);
     }
     static Models from_memory(Span<const std::uint8_t> decoder, Span<const std::uint8_t> encoder,
-                              Span<const std::uint8_t> photo) {
+                              Span<const std::uint8_t> photo,
+                              Span<const std::uint8_t> completion) {
         svbrdf_models* models = nullptr;
         check(svbrdf_models_from_memory(decoder.data(), decoder.size(), encoder.data(),
-                                        encoder.size(), photo.data(), photo.size(), &models));
+                                        encoder.size(), photo.data(), photo.size(),
+                                        completion.data(), completion.size(), &models));
         return Models(models);
     }
     svbrdf_models* get() const noexcept { return owner_.get(); }

@@ -23,16 +23,19 @@ const PHOTO_MULTIPLE: usize = 32;
 /// Longest side at which the photo network runs: what it was trained on.
 const PHOTO_TEXELS: usize = 256;
 const PHOTO_CHANNELS: usize = 10;
+/// Planes of what a fit knows, see [`crate::completion`].
+pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
 /// Largest side for which a plan is built, texels.
 const MAX_TEXELS: usize = 4096;
 /// Offset of the logarithm in which the photo network sees radiance.
 const LOG_OFFSET: f32 = 0.01;
 
-/// The three networks: photograph to maps, maps to code, code to maps.
+/// The four networks: photograph to maps, maps to code, code to maps, and what fits leave open.
 pub struct Networks {
     decoder: Decoder,
     encoder: Network,
     photo: Network,
+    completion: Network,
 }
 
 impl Networks {
@@ -46,10 +49,12 @@ impl Networks {
             include_bytes!("../models/decoder.bin"),
             include_bytes!("../models/encoder.onnx"),
             include_bytes!("../models/photo.onnx"),
+            include_bytes!("../models/completion.onnx"),
         )
     }
 
-    /// The networks of a folder with `decoder.bin`, `encoder.onnx` and `photo.onnx`.
+    /// The networks of a folder with `decoder.bin`, `encoder.onnx`, `photo.onnx` and
+    /// `completion.onnx`.
     ///
     /// # Errors
     /// When a file cannot be read or is damaged.
@@ -58,18 +63,29 @@ impl Networks {
             let path = folder.join(name);
             std::fs::read(&path).map_err(|e| Error::io(&path, e))
         };
-        Self::from_bytes(&read("decoder.bin")?, &read("encoder.onnx")?, &read("photo.onnx")?)
+        Self::from_bytes(
+            &read("decoder.bin")?,
+            &read("encoder.onnx")?,
+            &read("photo.onnx")?,
+            &read("completion.onnx")?,
+        )
     }
 
     /// The networks from the contents of their files.
     ///
     /// # Errors
     /// [`Error::Model`] when one is damaged.
-    pub fn from_bytes(decoder: &[u8], encoder: &[u8], photo: &[u8]) -> Result<Self> {
+    pub fn from_bytes(
+        decoder: &[u8],
+        encoder: &[u8],
+        photo: &[u8],
+        completion: &[u8],
+    ) -> Result<Self> {
         Ok(Self {
             decoder: Decoder::from_bytes(decoder)?,
             encoder: Network::parse("encoder", encoder, CHANNELS)?,
             photo: Network::parse("photo", photo, PHOTO_CHANNELS)?,
+            completion: Network::parse("completion", completion, COMPLETION_CHANNELS)?,
         })
     }
 
@@ -134,6 +150,19 @@ impl Networks {
         let encoded = self.decoder.forward(code, &mut workspace)?.to_vec();
         let stride = self.decoder.stride();
         decoded_maps(stride * width, stride * height, encoded)
+    }
+
+    /// How far the means of maps of `[height, width]` texels should move, in sigmas: nine planes.
+    pub(crate) fn complete(
+        &self,
+        features: Vec<f32>,
+        [height, width]: [usize; 2],
+    ) -> Result<Vec<f32>> {
+        let answer = self.completion.run(height, width, features)?;
+        if answer.len() != CHANNELS * height * width {
+            return Err(self.completion.fault("the result has an unexpected size"));
+        }
+        Ok(answer)
     }
 
     fn check_code_size(&self, height: usize, width: usize) -> Result<()> {
@@ -317,6 +346,10 @@ mod tests {
         let (shape, photo) = &vectors["photo"];
         let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
         assert!(difference(&maps, &vectors["maps"].1) < tolerance);
+        let vectors = test_vectors(include_bytes!("../models/completion_test.bin"));
+        let (shape, features) = &vectors["features"];
+        let moves = networks.complete(features.clone(), [shape[2], shape[3]]).unwrap();
+        assert!(difference(&moves, &vectors["moves"].1) < tolerance);
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub mod calibration;
 pub mod capture;
 pub mod classic;
 pub mod comparison;
+pub mod completion;
 pub mod export;
 pub mod frame;
 pub mod geometry;

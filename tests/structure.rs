@@ -25,6 +25,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
     ("light_refinement", &["observation", "refinement", "render", "svbrdf"]),
     ("propagation", &["observation", "refinement", "render", "svbrdf"]),
+    ("completion", &["initial_estimate", "observation", "refinement", "render", "svbrdf"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),
     ("random", &[]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
@@ -34,6 +35,7 @@ const TABLE: &[(&str, &[&str])] = &[
         &[
             "calibration",
             "classic",
+            "completion",
             "frame",
             "geometry",
             "initial_estimate",

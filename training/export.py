@@ -2,10 +2,14 @@
 
     encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
     photo.onnx     photo [1, 10, H, W] -> maps [1, 9, H, W]
+    completion.onnx  features [1, 38, H, W] -> moves [1, 9, H, W]
     decoder.bin    own container, see write_decoder
     *_test.bin     inputs and outputs computed here, to test other
                    implementations against
     manifest.json  names, checksums, prior statistics
+
+The auto-encoder and photo network, or the completion network alone: the others
+in the folder are left.
 
 Weights are stored in 16 bits; the ONNX graphs cast them to float32 and compute
 in float32. All test vectors are computed with the rounded weights.
@@ -25,12 +29,12 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from networks import SLOPE, STRIDE, OnePhoto, PhotoNetwork, multiply_accumulates
+from networks import SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork, multiply_accumulates
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
 
 ALLOWED_OPS = {
-    "Add", "Cast", "Concat", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Mul", "Tanh",
+    "Add", "Cast", "Concat", "Constant", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Mul", "Tanh",
 }
 
 
@@ -155,19 +159,8 @@ def checksum(path):
         return hashlib.sha256(f.read()).hexdigest()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--autoencoder", required=True, help="checkpoint autoencoder.pt")
-    parser.add_argument("--photo", required=True, help="checkpoint photo.pt")
-    parser.add_argument("--out", required=True, help="models folder")
-    parser.add_argument("--version", default=datetime.date.today().isoformat())
-    parser.add_argument("--packs", nargs="*", default=[], help="packs whose held-out materials give the statistics")
-    args = parser.parse_args()
-    torch.manual_seed(0)
-    torch.set_num_threads(2)
-    os.makedirs(args.out, exist_ok=True)
-    path = lambda name: os.path.join(args.out, name)
-
+def export_maps(args, path):
+    """Auto-encoder and photo network; their part of the manifest."""
     autoencoder, ae_steps, ae_samples = load_ema(AutoEncoder(), args.autoencoder)
     photo, photo_steps, photo_samples = load_ema(PhotoNetwork(), args.photo)
     encoder = round_to_half(contiguous(autoencoder.encoder.folded()))
@@ -201,15 +194,9 @@ def main():
             "code_gradient": code.grad.numpy(),
         },
     )
-
-    files = ["decoder.bin", "encoder.onnx", "photo.onnx", "decoder_test.bin", "encoder_test.bin", "photo_test.bin"]
-    manifest = {
-        "format": "svbrdf-models/1",
-        "profile": "phone",
-        "version": args.version,
+    part = {
         "code_channels": decoder.code,
         "stride": STRIDE,
-        "files": {n: {"sha256": checksum(path(n)), "bytes": os.path.getsize(path(n))} for n in files},
         "mac_at_256": {
             "encoder": multiply_accumulates(encoder, torch.rand(1, 9, 256, 256)),
             "decoder": multiply_accumulates(decoder, torch.rand(1, decoder.code, 16, 16)),
@@ -223,11 +210,64 @@ def main():
     if args.packs:
         from evaluate import prior_statistics
 
-        manifest["statistics"] = prior_statistics(args.packs, encoder, decoder, network)
+        part["statistics"] = prior_statistics(args.packs, encoder, decoder, network)
+    return part
+
+
+def export_completion(args, path):
+    """Completion network; its part of the manifest."""
+    network, steps, samples = load_ema(CompletionNetwork(), args.completion)
+    network = round_to_half(contiguous(network))
+    channels = network.down1.in_channels
+    example = torch.rand(1, channels, 64, 64)
+    print("completion", to_onnx(path("completion.onnx"), network, example, "features", "moves", 1))
+    print("completion error", verify(path("completion.onnx"), network, channels, "features"))
+    x = torch.tanh(nn.functional.interpolate(torch.randn(1, channels, 5, 9), (32, 64), mode="bicubic"))
+    with torch.no_grad():
+        write_vectors(path("completion_test.bin"), {"features": x.numpy(), "moves": network(x).numpy()})
+    return {
+        "mac_at_256": {"completion": multiply_accumulates(network, torch.rand(1, channels, 256, 256))},
+        "training": {"completion": {"steps": steps, "samples": samples}},
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--autoencoder", help="checkpoint autoencoder.pt")
+    parser.add_argument("--photo", help="checkpoint photo.pt")
+    parser.add_argument("--completion", help="checkpoint completion.pt")
+    parser.add_argument("--out", required=True, help="models folder")
+    parser.add_argument("--version", default=datetime.date.today().isoformat())
+    parser.add_argument("--packs", nargs="*", default=[], help="packs whose held-out materials give the statistics")
+    args = parser.parse_args()
+    if bool(args.autoencoder) != bool(args.photo) or not (args.photo or args.completion):
+        parser.error("--autoencoder and --photo, or --completion")
+    torch.manual_seed(0)
+    torch.set_num_threads(2)
+    os.makedirs(args.out, exist_ok=True)
+    path = lambda name: os.path.join(args.out, name)
+
+    manifest = {"format": "svbrdf-models/1", "profile": "phone"}
+    if os.path.exists(path("manifest.json")):
+        with open(path("manifest.json")) as f:
+            manifest = json.load(f)
+    manifest["version"] = args.version
+    parts = [export_maps(args, path)] if args.photo else []
+    parts += [export_completion(args, path)] if args.completion else []
+    for part in parts:
+        for key, value in part.items():
+            if key in ("mac_at_256", "training"):
+                manifest.setdefault(key, {}).update(value)
+            else:
+                manifest[key] = value
+    networks = ["decoder.bin", "encoder.onnx", "photo.onnx", "completion.onnx"]
+    tests = ["decoder_test.bin", "encoder_test.bin", "photo_test.bin", "completion_test.bin"]
+    files = [n for n in networks + tests if os.path.exists(path(n))]
+    manifest["files"] = {n: {"sha256": checksum(path(n)), "bytes": os.path.getsize(path(n))} for n in files}
     with open(path("manifest.json"), "w") as f:
         json.dump(manifest, f, indent=2)
         f.write("\n")
-    total = sum(manifest["files"][n]["bytes"] for n in files[:3])
+    total = sum(manifest["files"][n]["bytes"] for n in networks if n in manifest["files"])
     print(f"networks: {total / 1e6:.2f} MB; MAC at 256x256: {manifest['mac_at_256']}")
 
 

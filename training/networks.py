@@ -1,5 +1,5 @@
-"""The networks: SVBRDF encoder and decoder, photo network, and the paper's
-own (large) auto-encoder. All tensors are NCHW; see renderer.py for the maps."""
+"""The networks: SVBRDF encoder and decoder, photo network, completion network, and
+the paper's own (large) auto-encoder. All tensors are NCHW; see renderer.py for the maps."""
 
 import torch
 from torch import nn
@@ -317,6 +317,44 @@ class OnePhoto(nn.Module):
 
     def forward(self, photo):
         return self.network.maps(*self.network.features(photo))
+
+
+class CompletionNetwork(nn.Module):
+    """What a fit knows [B, 43, H, W] (fits.py) -> by how far the mean of its prior
+    should move [B, 9, H, W], in the material's own scales, at most LIMIT.
+
+    U-Net from 1/2 to 1/16 resolution; it starts by moving next to nothing. What
+    kind of a material it is, the fit decides: there is no pooling over all texels.
+    H, W: multiples of 16.
+    """
+
+    LIMIT = 2.0
+
+    def __init__(self, widths=(24, 48, 64, 96)):
+        super().__init__()
+        a, b, c, d = widths
+        self.down1, self.res1 = nn.Conv2d(43, a, 4, 2, 1), Residual(a, 0)  # 1/2
+        self.down2, self.res2 = nn.Conv2d(a, b, 4, 2, 1), Residual(b)  # 1/4
+        self.down3, self.res3 = nn.Conv2d(b, c, 4, 2, 1), Residual(c)  # 1/8
+        self.down4, self.res4 = nn.Conv2d(c, d, 4, 2, 1), Residual(d)  # 1/16
+        self.up3, self.mix3 = nn.ConvTranspose2d(d, c, 4, 2, 1), Residual(c, 0)
+        self.up2, self.mix2 = nn.ConvTranspose2d(c, b, 4, 2, 1), Residual(b, 0)
+        self.up1, self.mix1 = nn.ConvTranspose2d(b, a, 4, 2, 1), Residual(a, 0)
+        self.out = nn.ConvTranspose2d(a, 9, 4, 2, 1)
+        start(self)
+        with torch.no_grad():
+            self.out.weight.mul_(0.02)
+
+    def forward(self, x):
+        act = lambda x: F.leaky_relu(x, SLOPE)
+        x1 = self.res1(self.down1(x))
+        x2 = self.res2(self.down2(act(x1)))
+        x3 = self.res3(self.down3(act(x2)))
+        x4 = self.res4(self.down4(act(x3)))
+        y = self.mix3(self.up3(act(x4)) + x3)
+        y = self.mix2(self.up2(act(y)) + x2)
+        y = self.mix1(self.up1(act(y)) + x1)
+        return self.LIMIT * torch.tanh(self.out(act(y)).float() * (1 / self.LIMIT))
 
 
 def _paper_widths(inner, width):

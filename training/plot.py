@@ -15,9 +15,13 @@ def main():
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.2))
-    for axis, name, title in zip(axes, ("autoencoder", "photo"), ("auto-encoder", "photo network")):
-        with open(os.path.join(args.work, f"{name}.jsonl")) as f:
+    titles = {"autoencoder": "auto-encoder", "photo": "photo network", "completion": "completion network"}
+    logs = {name: os.path.join(args.work, f"{name}.jsonl") for name in titles}
+    logs = {name: path for name, path in logs.items() if os.path.exists(path)}
+    figure, axes = plt.subplots(1, len(logs), figsize=(4.5 * len(logs), 3.2), squeeze=False)
+    for axis, (name, path) in zip(axes[0], logs.items()):
+        title = titles[name]
+        with open(path) as f:
             rows = [json.loads(line) for line in f]
         # photo network: 1 photo, 8 photos, between
         keys = [k + n for k in ("maps", "render", "smooth") for n in ("", "1", "N", "8")]

@@ -1,4 +1,4 @@
-"""What both trainings share: learning-rate schedule, weight averaging,
+"""What all trainings share: learning-rate schedule, weight averaging,
 checkpoints, logging."""
 
 import argparse
@@ -14,9 +14,10 @@ import numpy as np
 import torch
 
 
-def arguments(description, batch, lr):
+def arguments(description, batch, lr, packs=True):
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--packs", nargs="+", required=True, help="pack folders (see data.py, procedural.py)")
+    if packs:
+        parser.add_argument("--packs", nargs="+", required=True, help="pack folders (see data.py, procedural.py)")
     parser.add_argument("--work", default=os.environ.get("SVBRDF_WORK", "."), help="folder of checkpoints and logs")
     parser.add_argument("--minutes", type=float, default=None, help="length of the whole run in training time")
     parser.add_argument("--steps", type=int, default=None, help="length of the whole run in steps (reproducible)")

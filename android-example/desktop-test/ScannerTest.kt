@@ -321,9 +321,10 @@ fun layouts() {
 
 fun models() {
     val folder = File(header.parentFile.parentFile, "models")
-    val bytes = listOf("decoder.bin", "encoder.onnx", "photo.onnx").map { File(folder, it).readBytes() }
+    val bytes = listOf("decoder.bin", "encoder.onnx", "photo.onnx", "completion.onnx")
+        .map { File(folder, it).readBytes() }
     for (models in listOf(
-        ScannerModels.fromFolder(folder), ScannerModels.fromBytes(bytes[0], bytes[1], bytes[2]),
+        ScannerModels.fromFolder(folder), ScannerModels.fromBytes(bytes[0], bytes[1], bytes[2], bytes[3]),
     )) {
         MaterialScanner(small.copy(models = models)).use { scanner ->
             models.close()

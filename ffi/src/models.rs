@@ -61,8 +61,8 @@ unsafe fn hand_out(
     })
 }
 
-/// Reads models from the contents of decoder.bin, encoder.onnx and photo.onnx. The bytes are not
-/// needed after the call. Free with svbrdf_models_destroy().
+/// Reads models from the contents of decoder.bin, encoder.onnx, photo.onnx and completion.onnx. The
+/// bytes are not needed after the call. Free with svbrdf_models_destroy().
 ///
 /// # Safety
 /// Each pointer is NULL or has as many readable bytes as said; `out` is NULL or writable.
@@ -74,25 +74,28 @@ pub unsafe extern "C" fn svbrdf_models_from_memory(
     encoder_bytes: usize,
     photo: *const c_void,
     photo_bytes: usize,
+    completion: *const c_void,
+    completion_bytes: usize,
     out: *mut *mut svbrdf_models,
 ) -> svbrdf_status {
     let read = || {
         // SAFETY: the caller vouches for each pointer and size.
-        let (decoder, encoder, photo) = unsafe {
+        let (decoder, encoder, photo, completion) = unsafe {
             (
                 crate::image::bytes("decoder", decoder, decoder_bytes)?,
                 crate::image::bytes("encoder", encoder, encoder_bytes)?,
                 crate::image::bytes("photo", photo, photo_bytes)?,
+                crate::image::bytes("completion", completion, completion_bytes)?,
             )
         };
-        Ok(Networks::from_bytes(decoder, encoder, photo)?)
+        Ok(Networks::from_bytes(decoder, encoder, photo, completion)?)
     };
     // SAFETY: the caller vouches for `out`.
     unsafe { hand_out(out, read) }
 }
 
-/// Reads models from decoder.bin, encoder.onnx and photo.onnx of a folder (UTF-8). Free with
-/// svbrdf_models_destroy().
+/// Reads models from decoder.bin, encoder.onnx, photo.onnx and completion.onnx of a folder (UTF-8).
+/// Free with svbrdf_models_destroy().
 ///
 /// # Safety
 /// `path` is NULL or a C string; `out` is NULL or writable.

@@ -137,7 +137,7 @@ impl Gloss {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::observation::{Falloff, View};
     use crate::render::render;
@@ -159,7 +159,7 @@ mod tests {
     }
 
     /// A photograph of known maps, 100 mm a side, with camera and light 100 mm above `at`.
-    pub(super) fn photograph(truth: &Svbrdf, at: [f32; 2]) -> Observation {
+    pub(crate) fn photograph(truth: &Svbrdf, at: [f32; 2]) -> Observation {
         let (width, height) = (truth.width(), truth.height());
         let at = [at[0], at[1], 100.0];
         let falloff = Falloff::None { power: [std::f32::consts::PI; 3] };

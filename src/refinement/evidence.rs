@@ -1,6 +1,6 @@
 //! What photographs tell of texels as they are.
 
-use super::normal_equations::NormalEquations;
+use super::normal_equations::{NormalEquations, PAIRS};
 use super::{Model, Options, Prior, coordinates};
 use crate::Svbrdf;
 use crate::observation::Observation;
@@ -68,6 +68,49 @@ pub(crate) fn slope_precision(
     told(maps, mean, prior, observations, options, |planes| Out::Slopes(planes))
 }
 
+/// Covariance of each texel's coordinates given the photographs, in sigmas of the prior.
+#[derive(Debug, Clone)]
+pub(crate) struct Covariance {
+    texels: usize,
+    /// Upper triangle by rows.
+    planes: Vec<f32>,
+}
+
+impl Covariance {
+    /// Of two parameters: 1 on the diagonal where photographs say nothing, 0 where all.
+    pub fn plane(&self, i: usize, j: usize) -> &[f32] {
+        let (i, j) = (i.min(j), i.max(j));
+        let pair = i * CHANNELS - i * (i + 1) / 2 + j;
+        &self.planes[pair * self.texels..][..self.texels]
+    }
+
+    /// All planes, the upper triangle by rows.
+    pub fn planes(&self) -> &[f32] {
+        &self.planes
+    }
+}
+
+/// The covariance of maps around a mean, noise and tails as in the options.
+///
+/// # Panics
+/// When sizes differ.
+pub(crate) fn covariance(
+    maps: &Svbrdf,
+    mean: &Svbrdf,
+    prior: &Prior,
+    observations: &[Observation],
+    options: &Options,
+) -> Covariance {
+    let texels = maps.texels();
+    let mut planes = told(maps, mean, prior, observations, options, |planes| Out::All(planes));
+    let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
+    for ([i, j], plane) in pairs.zip(planes.chunks_exact_mut(texels)) {
+        let scale = (prior.sigma[i] * prior.sigma[j]).recip();
+        plane.iter_mut().for_each(|v| *v *= scale);
+    }
+    Covariance { texels, planes }
+}
+
 fn told<const PLANES: usize>(
     maps: &Svbrdf,
     mean: &Svbrdf,
@@ -96,11 +139,15 @@ fn told<const PLANES: usize>(
 }
 
 /// Where a band's answers go.
+// One a band: its size is nothing beside them.
+#[allow(clippy::large_enum_variant)]
 enum Out<'a> {
     /// Precisions of gloss, cost.
     Gloss([&'a mut [f32]; 5]),
     /// Precision of slopes.
     Slopes([&'a mut [f32]; 3]),
+    /// The covariance.
+    All([&'a mut [f32]; PAIRS]),
 }
 
 struct Band<'a> {
@@ -119,7 +166,7 @@ impl Kernel for Band<'_> {
         let Self { model, maps, mean, first_row, mut out } = self;
         let width = maps.width();
         let mut directions = vec![Directions::none(); model.observations.len()];
-        let (Out::Gloss([first, ..]) | Out::Slopes([first, ..])) = &out;
+        let (Out::Gloss([first, ..]) | Out::Slopes([first, ..]) | Out::All([first, ..])) = &out;
         for r in 0..first.len() / width {
             let row = first_row + r;
             for column in (0..width).step_by(LANES) {
@@ -141,6 +188,11 @@ impl Kernel for Band<'_> {
                             let all = variance.max(V::splat(1e-9)).reciprocal();
                             let told = (all - V::splat(model.precision[c])).max(V::splat(0.0));
                             told.store(&mut out[here.clone()]);
+                        }
+                    }
+                    Out::All(out) => {
+                        for (value, out) in equations.covariance().into_iter().zip(out) {
+                            value.store(&mut out[here.clone()]);
                         }
                     }
                     Out::Slopes(out) => {

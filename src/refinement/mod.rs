@@ -30,7 +30,7 @@ use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directio
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
-pub(crate) use evidence::{Evidence, GLOSS, evidence, slope_precision};
+pub(crate) use evidence::{Covariance, Evidence, GLOSS, covariance, evidence, slope_precision};
 use normal_equations::{NormalEquations, cost};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -220,7 +220,7 @@ fn noise_scale(expected: f32, loss: f64, photographs: f64) -> f32 {
 }
 
 /// Coordinate in which steps are taken, of a natural parameter.
-fn to_coordinate(c: usize, value: f32) -> f32 {
+pub(crate) fn to_coordinate(c: usize, value: f32) -> f32 {
     if (channel::DIFFUSE..channel::ROUGHNESS).contains(&c) { value.max(0.0).sqrt() } else { value }
 }
 

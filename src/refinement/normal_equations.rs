@@ -8,6 +8,12 @@ use crate::svbrdf::{CHANNELS, channel};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
+/// Pairs of parameters, each once.
+pub(super) const PAIRS: usize = CHANNELS * (CHANNELS + 1) / 2;
+
+/// The parameters that colours share.
+const SHAPE: [usize; 3] = [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS];
+
 /// `H d = -g` with H the weighted sum of Jacobian products plus the prior's precision. Normal and
 /// roughness ("shape": p, q, r) are shared by the colours; diffuse and specular root ("colour":
 /// d, s) are each colour's own.
@@ -261,6 +267,24 @@ impl<V: Lanes> NormalEquations<V> {
         [i[5], specular(0), specular(1), specular(2)]
     }
 
+    /// The whole covariance under the quadratic model: upper triangle by rows.
+    #[inline(always)]
+    pub fn covariance(&self) -> [V; PAIRS] {
+        let zero = V::splat(0.0);
+        let mut out = [zero; PAIRS];
+        let mut k = 0;
+        for i in 0..CHANNELS {
+            let mut unit = [zero; CHANNELS];
+            unit[i] = V::splat(1.0);
+            let column = self.solved(V::splat(1.0), &unit);
+            for value in &column[i..] {
+                out[k] = *value;
+                k += 1;
+            }
+        }
+        out
+    }
+
     /// Takes a colour out of the equations of the shape; answers its inverse and that times its
     /// mixed terms.
     #[inline(always)]
@@ -292,18 +316,31 @@ impl<V: Lanes> NormalEquations<V> {
     /// eliminated, the 3x3 system of the shape is solved by LDL^T, colours follow.
     #[inline(always)]
     pub fn solve(&self, damping: V) -> [V; CHANNELS] {
+        let mut right = [V::splat(0.0); CHANNELS];
+        for (i, gradient) in SHAPE.into_iter().zip(self.shape_gradient) {
+            right[i] = -gradient;
+        }
+        for (c, colour) in self.colour.iter().enumerate() {
+            right[channel::DIFFUSE + c] = -colour.gradient[0];
+            right[channel::SPECULAR + c] = -colour.gradient[1];
+        }
+        self.solved(damping + V::splat(1.0), &right)
+    }
+
+    /// Solution for a right-hand side, the diagonal raised by a factor.
+    #[inline(always)]
+    fn solved(&self, raise: V, right: &[V; CHANNELS]) -> [V; CHANNELS] {
         let zero = V::splat(0.0);
-        let raise = damping + V::splat(1.0);
         let h = &self.shape;
         let mut a = [h[0] * raise, h[1], h[2], h[3] * raise, h[4], h[5] * raise];
-        let mut b = [-self.shape_gradient[0], -self.shape_gradient[1], -self.shape_gradient[2]];
+        let mut b = SHAPE.map(|i| right[i]);
         let mut inverses = [[zero; 3]; 3];
         for c in 0..3 {
             let (inverse, [td, ts]) = self.eliminate(c, raise, &mut a);
             inverses[c] = inverse;
-            let gradient = self.colour[c].gradient;
+            let colour = [right[channel::DIFFUSE + c], right[channel::SPECULAR + c]];
             for i in 0..3 {
-                b[i] += td[i].mul_add(gradient[0], ts[i] * gradient[1]);
+                b[i] = b[i] - td[i].mul_add(colour[0], ts[i] * colour[1]);
             }
         }
         // Pivots are positive but for rounding.
@@ -328,16 +365,11 @@ impl<V: Lanes> NormalEquations<V> {
         out[channel::ROUGHNESS] = r;
         for c in 0..3 {
             let colour = &self.colour[c];
-            let rest = [
-                -colour.gradient[0]
-                    - colour.mixed[0][0] * p
-                    - colour.mixed[0][1] * q
-                    - colour.mixed[0][2] * r,
-                -colour.gradient[1]
-                    - colour.mixed[1][0] * p
-                    - colour.mixed[1][1] * q
-                    - colour.mixed[1][2] * r,
-            ];
+            let rest = [0, 1].map(|k| {
+                let [mp, mq, mr] = colour.mixed[k];
+                let own = [channel::DIFFUSE, channel::SPECULAR][k] + c;
+                right[own] - mp * p - mq * q - mr * r
+            });
             let inverse = inverses[c];
             out[channel::DIFFUSE + c] = inverse[0].mul_add(rest[0], inverse[1] * rest[1]);
             out[channel::SPECULAR + c] = inverse[1].mul_add(rest[0], inverse[2] * rest[1]);
@@ -365,14 +397,27 @@ mod tests {
     use super::*;
     use crate::random::Random;
     use crate::simd::{Kernel, LANES, dispatch};
+    use nalgebra::{SMatrix, SVector};
 
-    /// Variances of slopes and gloss, and the same from solutions for gradients of one.
-    struct Both;
+    type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 
-    impl Kernel for Both {
-        type Output = [[[f32; LANES]; 6]; 2];
+    /// What is found with random equations, each for eight texels.
+    struct Found {
+        /// Upper triangles.
+        equations: [[f32; LANES]; PAIRS],
+        covariance: [[f32; LANES]; PAIRS],
+        gradient: [[f32; LANES]; CHANNELS],
+        step: [[f32; LANES]; CHANNELS],
+        slopes: [[f32; LANES]; 2],
+        gloss: [[f32; LANES]; 4],
+    }
+
+    struct Random12;
+
+    impl Kernel for Random12 {
+        type Output = Found;
         #[inline(always)]
-        fn run<V: Lanes>(self) -> Self::Output {
+        fn run<V: Lanes>(self) -> Found {
             let model = Model {
                 observations: &[],
                 inverse_noise: 20.0,
@@ -389,31 +434,76 @@ mod tests {
                 let shape = [any(), any(), any()];
                 equations.add(i % 3, shape, [any(), any()], any(), V::splat(50.0));
             }
-            let [p, q] = equations.slope_variances();
-            let [r, by_colours @ ..] = equations.gloss_variances();
-            let mut solved = [V::splat(0.0); 6];
-            for (i, solved) in solved.iter_mut().enumerate() {
-                let unit = |k: usize| V::splat(if k == i { -1.0 } else { 0.0 });
-                equations.shape_gradient = std::array::from_fn(unit);
-                for (c, colour) in equations.colour.iter_mut().enumerate() {
-                    colour.gradient = [V::splat(0.0), unit(3 + c)];
+            let mut matrix = [[V::splat(0.0); CHANNELS]; CHANNELS];
+            let mut gradient = [V::splat(0.0); CHANNELS];
+            let mut k = 0;
+            for (i, row) in SHAPE.into_iter().enumerate() {
+                gradient[row] = equations.shape_gradient[i];
+                for column in &SHAPE[i..] {
+                    matrix[row][*column] = equations.shape[k];
+                    k += 1;
                 }
-                let order =
-                    [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS, channel::SPECULAR];
-                let c = if i < 3 { order[i] } else { order[3] + i - 3 };
-                *solved = equations.solve(V::splat(0.0))[c];
             }
-            let [red, green, blue] = by_colours;
-            [[p, q, r, red, green, blue], solved].map(|values| values.map(V::to_array))
+            for (c, colour) in equations.colour.iter().enumerate() {
+                let own = [channel::DIFFUSE + c, channel::SPECULAR + c];
+                let [dd, ds, ss] = colour.own;
+                (matrix[own[0]][own[0]], matrix[own[0]][own[1]]) = (dd, ds);
+                matrix[own[1]][own[1]] = ss;
+                for (k, own) in own.into_iter().enumerate() {
+                    gradient[own] = colour.gradient[k];
+                    for (shape, value) in SHAPE.into_iter().zip(colour.mixed[k]) {
+                        matrix[own.min(shape)][own.max(shape)] = value;
+                    }
+                }
+            }
+            let mut upper = [V::splat(0.0); PAIRS];
+            let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
+            pairs.zip(&mut upper).for_each(|([i, j], out)| *out = matrix[i][j]);
+            Found {
+                equations: upper.map(V::to_array),
+                covariance: equations.covariance().map(V::to_array),
+                gradient: gradient.map(V::to_array),
+                step: equations.solve(V::splat(0.0)).map(V::to_array),
+                slopes: equations.slope_variances().map(V::to_array),
+                gloss: equations.gloss_variances().map(V::to_array),
+            }
         }
     }
 
+    fn symmetric(upper: &[[f32; LANES]; PAIRS], lane: usize) -> Matrix {
+        let mut values = upper.iter();
+        let mut out = Matrix::zeros();
+        for i in 0..CHANNELS {
+            for j in i..CHANNELS {
+                out[(i, j)] = f64::from(values.next().unwrap()[lane]);
+                out[(j, i)] = out[(i, j)];
+            }
+        }
+        out
+    }
+
     #[test]
-    fn variances_are_the_inverse_s_diagonal() {
-        let [variances, solved] = dispatch(Both);
-        for (variance, solved) in variances.as_flattened().iter().zip(solved.as_flattened()) {
+    fn step_and_covariance_are_those_of_the_whole_matrix() {
+        let found = dispatch(Random12);
+        for lane in 0..LANES {
+            let inverse = symmetric(&found.equations, lane).try_inverse().unwrap();
             // single precision, condition of a few hundred
-            assert!((variance - solved).abs() < 1e-4 * solved, "{variance} {solved}");
+            let tolerance = 1e-4 * inverse.diagonal().max();
+            let covariance = symmetric(&found.covariance, lane);
+            assert!((covariance - inverse).amax() < tolerance, "{covariance} {inverse}");
+
+            let vector = |values: &[[f32; LANES]; CHANNELS]| {
+                SVector::<f64, CHANNELS>::from_fn(|i, _| f64::from(values[i][lane]))
+            };
+            let (step, expected) = (vector(&found.step), -inverse * vector(&found.gradient));
+            assert!((step - expected).amax() < 1e-4 * expected.amax(), "{step} {expected}");
+
+            let variances = found.slopes.iter().chain(&found.gloss);
+            let gloss = super::super::GLOSS;
+            for (value, i) in variances.zip([0, 1].into_iter().chain(gloss)) {
+                let (value, expected) = (f64::from(value[lane]), inverse[(i, i)]);
+                assert!((value - expected).abs() < 1e-4 * expected, "{value} {expected}");
+            }
         }
     }
 }

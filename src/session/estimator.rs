@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::budget::{Budget, Meter};
 use super::fit::{Fit, NewFrame, first_maps};
 use super::{Method, Settings};
+use crate::completion::Incomplete;
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
@@ -32,6 +33,17 @@ impl Estimator {
         self.start = Some(maps);
     }
 
+    /// Whether lights are only roughly known, so that they and ambient light are corrected: they
+    /// are unless said otherwise. To be called before the first photograph.
+    pub fn correct_lights(&mut self, correct: bool) {
+        self.fit.free_lights = correct;
+    }
+
+    /// Keeps what completions begin with, see [`Estimator::incomplete`].
+    pub fn keep_incomplete(&mut self) {
+        self.fit.keep_incomplete = true;
+    }
+
     /// Adds a photograph; the first sets the size.
     ///
     /// # Errors
@@ -45,6 +57,12 @@ impl Estimator {
         self.fit.add(NewFrame { observation, start, updates: Vec::new(), restart: false })?;
         self.begun = true;
         Ok(())
+    }
+
+    /// What the latest completion began with: recorded fits are what its network learns from.
+    /// `None` before the second photograph.
+    pub fn incomplete(&self) -> Option<&Incomplete> {
+        self.fit.incomplete.as_ref()
     }
 
     /// Photographs added.

@@ -7,6 +7,7 @@ use super::board::Update;
 use super::budget::{LATENT_BUDGET, LATENT_WORK, Meter, Trend, predicted_change, visible_change};
 use super::{Method, Settings};
 use crate::classic;
+use crate::completion::Incomplete;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit};
 use crate::light_refinement::{
@@ -47,6 +48,8 @@ const STEPS_AFTER_CHOICE: usize = 2;
 const LEAST_TO_TELL: usize = 5;
 const TELLING_ROUNDS: usize = 2;
 const STEPS_AFTER_TELLING: usize = 4;
+/// Steps after the network has completed what photographs leave open.
+const STEPS_AFTER_COMPLETION: usize = 4;
 /// Mean log-L1 below which the photographs agree with each other: their lights are right.
 const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
@@ -128,6 +131,9 @@ pub(super) struct Fit {
     previous: Option<Svbrdf>,
     /// Whether the latent code was fitted anew with these photographs' corrected lights.
     relit: bool,
+    /// Whether to keep what the latest completion began with.
+    pub(super) keep_incomplete: bool,
+    pub(super) incomplete: Option<Incomplete>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,6 +173,8 @@ impl Fit {
             steps_at_level: 0,
             previous: None,
             relit: false,
+            keep_incomplete: false,
+            incomplete: None,
         }
     }
 
@@ -431,7 +439,7 @@ impl Fit {
     }
 
     /// Tells slopes to texels alike, chooses among kinds of gloss for maps as refined, tells
-    /// corrections to texels alike, refining after each; what ended that before its time, or the
+    /// corrections to texels alike, completes what is still open, refining after each; what ended that before its time, or the
     /// refinement before.
     fn tell(
         &mut self,
@@ -466,6 +474,19 @@ impl Fit {
             propagate_corrections(&mut mean, maps, &self.observations)?;
             ended = self.refine_once(maps, &mean, STEPS_AFTER_TELLING, meter, between)?;
         }
+        (self.loss, ended) = (ended.loss, ended.checked(meter));
+        cut = ended.cut.or(cut);
+        if !ended.goes_on() {
+            return Ok(cut);
+        }
+        let estimate = offset.applied(self.maps.as_ref().ok_or(Error::NoMaps)?);
+        let incomplete = Incomplete::new(&estimate, &mean, maps, &self.observations, &ended.prior)?;
+        drop(estimate);
+        incomplete.complete(&self.networks, &mut mean, maps)?;
+        if self.keep_incomplete {
+            self.incomplete = Some(incomplete);
+        }
+        ended = self.refine_once(maps, &mean, STEPS_AFTER_COMPLETION, meter, between)?;
         self.loss = ended.loss;
         Ok(ended.cut.or(cut))
     }

@@ -16,6 +16,10 @@ const MAP_SETS_FITTING: u64 = 4;
 const MAP_SETS_REFINING: u64 = 7;
 /// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
 const FITTED: u64 = 700;
+/// Bytes of a texel that the completion network sees, and how many it sees at most: covariances,
+/// features, and what its first layers unfold.
+const COMPLETED: u64 = 1600;
+const MOST_COMPLETED: u64 = 256 * 256;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 const DETECTION: u64 = 16;
 /// Threads, tables, and what the first networks need for a moment.
@@ -39,7 +43,8 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     // A fit of several levels gives its large buffers back before the refinement.
     let buffers = FITTED * fitted;
     let fitting = buffers + MAP_SETS_FITTING * MAPS * full;
-    let refining = MAP_SETS_REFINING * MAPS * full + if fitted > full { 0 } else { buffers };
+    let beside = COMPLETED * full.min(MOST_COMPLETED) + if fitted > full { 0 } else { buffers };
+    let refining = MAP_SETS_REFINING * MAPS * full + beside;
     BASE + fitting.max(refining) + photographs as u64 * each + kept
 }
 

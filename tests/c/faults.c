@@ -90,37 +90,38 @@ static void full_disk(const char *folder)
 
 static void damaged_models(const char *folder)
 {
-    static const char *const names[3] = {"decoder.bin", "encoder.onnx", "photo.onnx"};
-    unsigned char *data[3];
-    size_t bytes[3], i, k;
+    static const char *const names[4] = {"decoder.bin", "encoder.onnx", "photo.onnx",
+                                          "completion.onnx"};
+    unsigned char *data[4];
+    size_t bytes[4], i, k;
     svbrdf_models *models = NULL;
     char path[4096];
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 4; i++) {
         CHECK(snprintf(path, sizeof path, "%s/models/%s", folder, names[i]) < (int)sizeof path);
         data[i] = read_all(path, &bytes[i]);
     }
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 4; i++) {
         const size_t cuts[] = {0, 1, 7, 8, 11, 12, 100, bytes[i] / 3, bytes[i] - 1};
         for (k = 0; k < sizeof cuts / sizeof cuts[0]; k++) {
-            size_t cut[3];
+            size_t cut[4];
             memcpy(cut, bytes, sizeof cut);
             cut[i] = cuts[k];
             EXPECT(svbrdf_models_from_memory(data[0], cut[0], data[1], cut[1], data[2], cut[2],
-                                             &models),
+                                             data[3], cut[3], &models),
                    SVBRDF_BAD_MODEL);
         }
     }
     /* Files in each other's place. */
     EXPECT(svbrdf_models_from_memory(data[1], bytes[1], data[0], bytes[0], data[2], bytes[2],
-                                     &models),
+                                     data[3], bytes[3], &models),
            SVBRDF_BAD_MODEL);
     /* Another version of the decoder's format. */
     data[0][7] = '9';
     EXPECT(svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1], data[2], bytes[2],
-                                     &models),
+                                     data[3], bytes[3], &models),
            SVBRDF_BAD_MODEL);
     CHECK(models == NULL);
-    for (i = 0; i < 3; i++) {
+    for (i = 0; i < 4; i++) {
         free(data[i]);
     }
 }

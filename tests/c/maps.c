@@ -21,27 +21,32 @@ static void read_model(const char *folder, const char *name, void **data, size_t
 
 static svbrdf_models *load_models(const char *folder)
 {
-    void *data[3];
-    size_t bytes[3];
+    void *data[4];
+    size_t bytes[4];
     svbrdf_models *models = NULL;
     char path[4096];
     int i;
     read_model(folder, "decoder.bin", &data[0], &bytes[0]);
     read_model(folder, "encoder.onnx", &data[1], &bytes[1]);
     read_model(folder, "photo.onnx", &data[2], &bytes[2]);
+    read_model(folder, "completion.onnx", &data[3], &bytes[3]);
     /* Cut short. */
     EXPECT(svbrdf_models_from_memory(data[0], bytes[0] / 2, data[1], bytes[1], data[2], bytes[2],
-                                     &models),
+                                     data[3], bytes[3], &models),
            SVBRDF_BAD_MODEL);
     EXPECT(svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1] / 2, data[2], bytes[2],
-                                     &models),
+                                     data[3], bytes[3], &models),
            SVBRDF_BAD_MODEL);
-    EXPECT(svbrdf_models_from_memory(data[0], bytes[0], NULL, 1, data[2], bytes[2], &models),
+    EXPECT(svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1], data[2], bytes[2],
+                                     data[3], bytes[3] / 2, &models),
+           SVBRDF_BAD_MODEL);
+    EXPECT(svbrdf_models_from_memory(data[0], bytes[0], NULL, 1, data[2], bytes[2], data[3],
+                                     bytes[3], &models),
            SVBRDF_INVALID_ARGUMENT);
     CHECK(models == NULL);
     OK(svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1], data[2], bytes[2],
-                                 &models));
-    for (i = 0; i < 3; i++) {
+                                 data[3], bytes[3], &models));
+    for (i = 0; i < 4; i++) {
         free(data[i]);
     }
     OK(svbrdf_models_destroy(models));

@@ -174,7 +174,9 @@ void handles(const std::string& folder) {
     const auto decoder = read_bytes(folder + "/models/decoder.bin");
     const auto encoder = read_bytes(folder + "/models/encoder.onnx");
     const auto photo = read_bytes(folder + "/models/photo.onnx");
-    auto models = svbrdf::Models::from_memory(bytes(decoder), bytes(encoder), bytes(photo));
+    const auto completion = read_bytes(folder + "/models/completion.onnx");
+    auto models = svbrdf::Models::from_memory(bytes(decoder), bytes(encoder), bytes(photo),
+                                              bytes(completion));
     models = svbrdf::Models::from_folder(folder + "/models");
     auto options = rectified();
     options.models = models.get();

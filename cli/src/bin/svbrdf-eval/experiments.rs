@@ -1,16 +1,19 @@
 //! What is tried; every row of a table is a mean over all crops.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use svbrdf::comparison::compare;
+use svbrdf::completion::coordinates;
 use svbrdf::export::resized;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
+use svbrdf::random::Random;
 use svbrdf::session::{Estimator, Method};
 use svbrdf::svbrdf::channel;
-use svbrdf::{Result, Svbrdf, classic};
+use svbrdf::{Error, Result, Svbrdf, classic};
 
 use crate::Arguments;
 use crate::protocol::{Conditions, Crop, gain_of_share, photographs, whole};
@@ -179,6 +182,49 @@ pub fn start(
     }
     report.print(None);
     Ok(())
+}
+
+/// Records what completions begin with and the truth, as half floats: `NAME-SEED-COUNT.f16` (see
+/// [`svbrdf::completion::Incomplete::record`]) and `NAME-SEED-truth.f16`, the same coordinates.
+pub fn fits(
+    networks: &Arc<Networks>,
+    crops: &[Crop],
+    counts: &[usize],
+    out: &Path,
+    chosen: u64,
+) -> Result<()> {
+    std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
+    let most = counts.iter().copied().max().unwrap_or(2);
+    for (index, crop) in crops.iter().enumerate() {
+        let stem = format!("{}-{chosen}", crop.name.replace(' ', "_"));
+        let path = |what: &str| out.join(format!("{stem}-{what}.f16"));
+        if path("truth").exists() {
+            continue;
+        }
+        let mut random = Random::new(7777 * chosen + seed(index));
+        let conditions = Conditions::random(&mut random);
+        let places = 7777 * chosen + seed(index);
+        let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+        estimator.correct_lights(false);
+        estimator.keep_incomplete();
+        let photographs = photographs(&crop.truth, most, places, &conditions);
+        for (i, observation) in photographs.into_iter().enumerate() {
+            estimator.add(observation)?;
+            estimator.settle()?;
+            if let Some(incomplete) = estimator.incomplete().filter(|_| counts.contains(&(i + 1))) {
+                write_halves(&path(&(i + 1).to_string()), &incomplete.record())?;
+            }
+        }
+        write_halves(&path("truth"), &coordinates(&crop.truth))?;
+        eprintln!("{stem}");
+    }
+    Ok(())
+}
+
+fn write_halves(path: &Path, values: &[f32]) -> Result<()> {
+    let bytes: Vec<u8> =
+        values.iter().flat_map(|&v| half::f16::from_f32(v).to_le_bytes()).collect();
+    std::fs::write(path, bytes).map_err(|e| Error::io(path, e))
 }
 
 pub fn resolution(

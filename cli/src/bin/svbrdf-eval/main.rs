@@ -76,6 +76,18 @@ enum Table {
         #[arg(long, value_delimiter = ',', default_value = "1,2,5")]
         photos: Vec<usize>,
     },
+    /// Records of fits, from which the completion network learns (`training/`)
+    Fits {
+        /// Numbers of photographs after which to record
+        #[arg(long, value_delimiter = ',', default_value = "2,3,5,8,12")]
+        photos: Vec<usize>,
+        /// Folder to write; records that it has are left
+        #[arg(long)]
+        out: PathBuf,
+        /// Chooses cameras and noise
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+    },
     /// Error and time by the size of the maps, of whole materials
     Resolution {
         /// Texels a side
@@ -104,6 +116,9 @@ fn run(arguments: &Arguments) -> svbrdf::Result<()> {
             experiments::exposure(arguments, &networks, &crops()?, *photos)
         }
         Table::Start { photos } => experiments::start(arguments, &networks, &crops()?, photos),
+        Table::Fits { photos, out, seed } => {
+            experiments::fits(&networks, &crops()?, photos, out, *seed)
+        }
         Table::Resolution { sides, photos } => {
             experiments::resolution(arguments, &networks, sides, *photos)
         }

@@ -15,8 +15,7 @@ use crate::Arguments;
 const SIDE: usize = 256;
 /// Half the width of the sample, mm.
 const HALF_WIDTH: f32 = 50.0;
-/// Distance of the camera from the plane of the sample, in half widths, and how far it moves to
-/// the sides: the paper's.
+/// The paper's camera, see [`Conditions`].
 const DISTANCE: f32 = 2.146;
 const REACH: f64 = 1.2;
 
@@ -41,6 +40,12 @@ pub struct Conditions {
     pub levels: Option<f32>,
     /// The first photograph from 45 degrees.
     pub oblique: bool,
+    /// Distance of the camera from the plane of the sample, and how far it moves to the sides, half
+    /// widths.
+    pub distance: f32,
+    pub reach: f64,
+    /// Place of the light from the camera, half widths.
+    pub light_beside: [f32; 2],
 }
 
 impl Conditions {
@@ -52,6 +57,24 @@ impl Conditions {
             gain: 1.0,
             levels: Some(65535.0),
             oblique: false,
+            distance: DISTANCE,
+            reach: REACH,
+            light_beside: [0.0; 2],
+        }
+    }
+
+    /// As captures may be: camera, flash, noise and levels drawn at random.
+    pub fn random(random: &mut Random) -> Self {
+        let mut uniform = || random.uniform() as f32;
+        let distance = 1.7 + 1.5 * uniform();
+        let beside = 0.15 * distance * uniform() * uniform();
+        let (sin, cos) = (std::f32::consts::TAU * uniform()).sin_cos();
+        Self {
+            levels: Some(if uniform() < 0.33 { 1023.0 } else { 65535.0 }),
+            distance,
+            reach: f64::from(distance * (0.3 + 0.5 * uniform())),
+            light_beside: [beside * cos, beside * sin],
+            ..Self::new([0.0, 0.01, 0.02, 0.04][(4.0 * uniform()) as usize])
         }
     }
 }
@@ -149,18 +172,19 @@ pub fn photographs(
     let mut errors = Random::new(seed ^ 0x5EED);
     (0..count)
         .map(|i| {
-            let mut side = || (REACH * (2.0 * places.uniform() - 1.0)) as f32;
-            let random = [side(), side(), DISTANCE];
+            let Conditions { gain, ambient, distance, reach, light_beside, .. } = *conditions;
+            let mut side = || (reach * (2.0 * places.uniform() - 1.0)) as f32;
+            let random = [side(), side(), distance];
             let at = match (i, conditions.oblique) {
-                (0, false) => [0.0, 0.0, DISTANCE],
-                (0, true) => [DISTANCE * 0.5f32.sqrt(), 0.0, DISTANCE * 0.5f32.sqrt()],
+                (0, false) => [0.0, 0.0, distance],
+                (0, true) => [distance * 0.5f32.sqrt(), 0.0, distance * 0.5f32.sqrt()],
                 _ => random,
             };
-            let told = tilted(at, conditions.light_degrees, errors.uniform() as f32);
+            let light = [at[0] + light_beside[0], at[1] + light_beside[1], at[2]];
+            let told = tilted(light, conditions.light_degrees, errors.uniform() as f32);
             let n = truth.texels();
             let mut radiance = vec![0.0; 3 * n];
-            let Conditions { gain, ambient, .. } = *conditions;
-            render::render(truth, &view(at, at, gain, ambient), &mut radiance);
+            render::render(truth, &view(at, light, gain, ambient), &mut radiance);
             for v in &mut radiance {
                 *v = (*v * (1.0 + conditions.noise * errors.bell() as f32)).max(0.0);
                 if let Some(levels) = conditions.levels {

@@ -659,15 +659,15 @@ static void maps_destroy(JNIEnv *env, jclass class, jlong handle)
 /* Models. */
 
 static jlong models_from_memory(JNIEnv *env, jclass class, jobject decoder, jobject encoder,
-                                jobject photo)
+                                jobject photo, jobject completion)
 {
-    const jobject buffers[3] = {decoder, encoder, photo};
-    const void *data[3];
-    size_t bytes[3];
+    const jobject buffers[4] = {decoder, encoder, photo, completion};
+    const void *data[4];
+    size_t bytes[4];
     svbrdf_models *models = NULL;
     int i;
     (void)class;
-    for (i = 0; i < 3; ++i) {
+    for (i = 0; i < 4; ++i) {
         data[i] = memory(env, buffers[i], 0, 0);
         if (data[i] == NULL) {
             return 0;
@@ -675,7 +675,7 @@ static jlong models_from_memory(JNIEnv *env, jclass class, jobject decoder, jobj
         bytes[i] = (size_t)(*env)->GetDirectBufferCapacity(env, buffers[i]);
     }
     raise(env, svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1], data[2], bytes[2],
-                                         &models));
+                                         data[3], bytes[3], &models));
     return (jlong)(uintptr_t)models;
 }
 
@@ -726,7 +726,7 @@ static const JNINativeMethod methods[] = {
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),
     METHOD("mapsDestroy", "(J)V", maps_destroy),
-    METHOD("modelsFromMemory", "(" BUFFER BUFFER BUFFER ")J", models_from_memory),
+    METHOD("modelsFromMemory", "(" BUFFER BUFFER BUFFER BUFFER ")J", models_from_memory),
     METHOD("modelsFromFolder", "([B)J", models_from_folder),
     METHOD("modelsDestroy", "(J)V", models_destroy),
 };

@@ -55,7 +55,7 @@ internal object Native {
     @JvmStatic external fun mapsDestroy(handle: Long)
 
     @JvmStatic external fun modelsFromMemory(
-        decoder: ByteBuffer, encoder: ByteBuffer, photo: ByteBuffer,
+        decoder: ByteBuffer, encoder: ByteBuffer, photo: ByteBuffer, completion: ByteBuffer,
     ): Long
     @JvmStatic external fun modelsFromFolder(path: ByteArray): Long
     @JvmStatic external fun modelsDestroy(handle: Long)

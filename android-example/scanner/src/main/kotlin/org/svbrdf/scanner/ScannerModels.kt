@@ -15,14 +15,21 @@ class ScannerModels private constructor(models: Long) : AutoCloseable {
     override fun close() = handle.close()
 
     companion object {
-        /** From the contents of decoder.bin, encoder.onnx and photo.onnx, e.g. of assets. */
+        /** From the contents of the files of the folder `models`, e.g. of assets. */
         @JvmStatic
-        fun fromBytes(decoder: ByteArray, encoder: ByteArray, photo: ByteArray): ScannerModels =
+        fun fromBytes(
+            decoder: ByteArray,
+            encoder: ByteArray,
+            photo: ByteArray,
+            completion: ByteArray,
+        ): ScannerModels =
             ScannerModels(
-                Native.modelsFromMemory(direct(decoder), direct(encoder), direct(photo)),
+                Native.modelsFromMemory(
+                    direct(decoder), direct(encoder), direct(photo), direct(completion),
+                ),
             )
 
-        /** From decoder.bin, encoder.onnx and photo.onnx of a folder. */
+        /** From decoder.bin, encoder.onnx, photo.onnx and completion.onnx of a folder. */
         @JvmStatic
         fun fromFolder(folder: File): ScannerModels =
             ScannerModels(Native.modelsFromFolder(Native.text(folder.path)))
