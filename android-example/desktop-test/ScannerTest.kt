@@ -225,7 +225,7 @@ fun badInput() {
     throws<IllegalArgumentException>("") { MaterialScanner(options.copy(camera = Camera(0, -1, 1.0, 1.0))) }
     throws<IOException>("") { ScannerModels.fromFolder(File("/no/such/\uD83D\uDE00")) }
     val one = ByteArray(1)
-    val damaged = throws<ScannerException>("") { ScannerModels.fromBytes(one, one, one) }
+    val damaged = throws<ScannerException>("") { ScannerModels.fromBytes(one, one, one, one) }
     verify(damaged.fault == Fault.BAD_MODEL) { "${damaged.fault}" }
 
     val scanner = MaterialScanner(small)
