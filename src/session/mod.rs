@@ -436,9 +436,11 @@ impl Session {
         self.shared.notify();
         let Taken { observation, updates, restart, .. } = taken;
         let frame = Box::new(NewFrame { observation, start, updates, restart });
-        if self.commands.send(Command::Frame(frame)).is_err() {
-            self.usable()?;
-            return Err(Error::Cancelled);
+        // Whoever saw the maps may have cancelled already: the photograph counts all the same.
+        if self.commands.send(Command::Frame(frame)).is_err()
+            && let Err(error @ Error::Internal(_)) = self.usable()
+        {
+            return Err(error);
         }
         Ok(Pushed::Accepted(Accepted {
             index,
@@ -591,5 +593,29 @@ impl Drop for Session {
             // Faults of the worker were recorded in the state.
             let _ = worker.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Who waits for maps may cancel as soon as they are there, before the push has returned.
+    #[test]
+    fn a_photograph_counts_that_was_being_taken_in_when_its_session_was_cancelled() {
+        let falloff = RectifiedFalloff::Given(Falloff::None { power: [1.0; 3] });
+        let settings = Settings { sample_mm: [100.0; 2], threads: 1, ..Settings::default() };
+        let session = Session::new(Scene::Rectified { falloff }, settings).unwrap();
+        let photo = Photo::from_linear(64, 64, vec![0.1; 3 * 64 * 64], 1.0, f32::INFINITY).unwrap();
+        let pushed = session.accept(&photo, |intake| {
+            session.cancel();
+            while !session.worker.as_ref().unwrap().is_finished() {
+                std::thread::yield_now();
+            }
+            intake.take_rectified(&photo, [0.0, 0.0, 150.0], [0.0, 0.0, 150.0], [100.0; 2], 256)
+        });
+        assert!(matches!(pushed, Ok(Pushed::Accepted(Accepted { index: 0, .. }))), "{pushed:?}");
+        assert!(session.snapshot().is_ok());
+        assert!(matches!(session.push(&photo), Err(Error::Cancelled)));
     }
 }
