@@ -17,7 +17,7 @@ use crate::initial_estimate::{COMPLETION_CHANNELS, Networks};
 use crate::observation::Observation;
 use crate::refinement::{self, Covariance, Prior, covariance, to_coordinate};
 use crate::render::check_observations;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -239,12 +239,6 @@ fn neighbours(many: usize, factor: usize, few: usize) -> Vec<([usize; 2], f32)> 
         ([first, (first + 1).min(few - 1)], at - first as f32)
     };
     (0..many).map(place).collect()
-}
-
-fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) -> T {
-    (0..times)
-        .fold(None, |small: Option<T>, _| Some(half(small.as_ref().unwrap_or(whole))))
-        .unwrap_or_else(|| whole.clone())
 }
 
 #[cfg(test)]

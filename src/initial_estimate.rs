@@ -15,7 +15,7 @@ use tract_onnx::prelude::*;
 
 use crate::network::{Decoder, Workspace};
 use crate::observation::{Falloff, Observation, View};
-use crate::svbrdf::{CHANNELS, encoding};
+use crate::svbrdf::{CHANNELS, encoding, halved};
 use crate::{Error, Result, Svbrdf};
 
 /// Sides of the photo network's input are multiples of this.
@@ -113,13 +113,10 @@ impl Networks {
     /// # Errors
     /// When the sides are not multiples of 32 (after halving), or the network is broken.
     pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
-        let mut small = None;
-        for _ in 0..photo_halvings(observation.height(), observation.width())? {
-            small = Some(small.as_ref().unwrap_or(observation).downsampled());
-        }
-        let observation = small.as_ref().unwrap_or(observation);
+        let halvings = photo_halvings(observation.height(), observation.width())?;
+        let observation = halved(observation, halvings, Observation::downsampled);
         let (h, w) = (observation.height(), observation.width());
-        let encoded = self.photo.run(h, w, photo_input(observation))?;
+        let encoded = self.photo.run(h, w, photo_input(&observation))?;
         if encoded.len() != CHANNELS * h * w {
             return Err(self.photo.fault("the result has an unexpected size"));
         }
@@ -303,8 +300,9 @@ impl Network {
     fn run(&self, height: usize, width: usize, input: Vec<f32>) -> Result<Vec<f32>> {
         let plan = self.plan(height, width)?;
         let output = guarded(self.name, || {
-            let input = Tensor::from_shape(&[1, self.channels, height, width], &input)?;
-            let output = plan.run(tvec!(input.into()))?;
+            let tensor = Tensor::from_shape(&[1, self.channels, height, width], &input)?;
+            drop(input);
+            let output = plan.run(tvec!(tensor.into()))?;
             Ok(output[0].to_plain_array_view::<f32>()?.iter().copied().collect::<Vec<f32>>())
         })?;
         if output.iter().all(|v| v.is_finite()) {

@@ -225,6 +225,14 @@ impl Svbrdf {
     }
 }
 
+/// Maps or an observation halved so many times by `half`.
+pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) -> T {
+    if times == 0 {
+        return whole.clone();
+    }
+    (1..times).fold(half(whole), |small, _| half(&small))
+}
+
 /// Twice the texels of a row by linear interpolation; ends repeat.
 fn double_row(row: &[f32], out: &mut [f32]) {
     let last = row.len() - 1;

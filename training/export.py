@@ -2,7 +2,7 @@
 
     encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
     photo.onnx     photo [1, 10, H, W] -> maps [1, 9, H, W]
-    completion.onnx  features [1, 38, H, W] -> moves [1, 9, H, W]
+    completion.onnx  features [1, 43, H, W] -> moves [1, 9, H, W]
     decoder.bin    own container, see write_decoder
     *_test.bin     inputs and outputs computed here, to test other
                    implementations against

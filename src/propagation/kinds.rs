@@ -14,6 +14,7 @@ use super::{Gloss, gloss_evidence};
 use crate::observation::Observation;
 use crate::refinement::{self, Prior, evidence, refine};
 use crate::render::check_observations;
+use crate::svbrdf::halved;
 use crate::{Result, Svbrdf};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -116,13 +117,6 @@ impl Coarse {
         let evidence = evidence(&maps, &mean, &prior, &self.observations, &options);
         Ok(smoothed(evidence.cost(), maps.width()))
     }
-}
-
-fn halved<T: Clone>(whole: &T, times: usize, half: impl Fn(&T) -> T) -> T {
-    if times == 0 {
-        return whole.clone();
-    }
-    (1..times).fold(half(whole), |small, _| half(&small))
 }
 
 /// Means of 3x3 texels.

@@ -439,8 +439,8 @@ impl Fit {
     }
 
     /// Tells slopes to texels alike, chooses among kinds of gloss for maps as refined, tells
-    /// corrections to texels alike, completes what is still open, refining after each; what ended that before its time, or the
-    /// refinement before.
+    /// corrections to texels alike, completes what is still open, refining after each; what ended
+    /// that before its time, or the refinement before.
     fn tell(
         &mut self,
         maps: &mut Svbrdf,
