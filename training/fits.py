@@ -53,11 +53,12 @@ class Fits:
         return self.crops([index], [(0, 0)], SIDE)
 
     def batch(self, batch, size, rng):
-        """The same of random crops, turned and mirrored."""
+        """The same of random crops, turned and mirrored, colours exchanged."""
         picks = rng.integers(0, len(self.records), batch)
         corners = rng.integers(0, SIDE - size + 1, (batch, 2))
         planes, sigma, count = self.crops(picks, corners, size)
-        return turned(planes, int(rng.integers(4)), bool(rng.integers(2))), sigma, count
+        planes = turned(planes, int(rng.integers(4)), bool(rng.integers(2)))
+        return *recoloured(planes, sigma, [int(c) for c in rng.permutation(3)]), count
 
     def crops(self, picks, corners, size):
         planes = np.empty((len(picks), PLANES, size, size), np.float16)
@@ -94,6 +95,16 @@ def turned(x, turns, flip):
         for j in range(1, CHANNELS):
             x[:, PAIR[0, j]].neg_()
     return x
+
+
+def recoloured(x, sigma, order):
+    """Planes [B, 81, S, S] and sigmas [B, 9, 1, 1] with red, green and blue in
+    another order."""
+    own = [0, 1, *(2 + c for c in order), *(5 + c for c in order), 8]
+    planes = [first + i for first in (REFINED, ESTIMATE, MEAN) for i in own]
+    planes += [PAIR[own[i], own[j]] for i, j in _upper]
+    planes += [TRUTH + i for i in own]
+    return x[:, planes], sigma[:, own]
 
 
 # Parameters that are measured together

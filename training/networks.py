@@ -333,7 +333,7 @@ class CompletionNetwork(nn.Module):
     def __init__(self, widths=(24, 48, 64, 96)):
         super().__init__()
         a, b, c, d = widths
-        self.down1, self.res1 = nn.Conv2d(43, a, 4, 2, 1), Residual(a, 0)  # 1/2
+        self.down1, self.res1 = nn.Conv2d(43, a, 2, 2), Residual(a, 0)  # 1/2
         self.down2, self.res2 = nn.Conv2d(a, b, 4, 2, 1), Residual(b)  # 1/4
         self.down3, self.res3 = nn.Conv2d(b, c, 4, 2, 1), Residual(c)  # 1/8
         self.down4, self.res4 = nn.Conv2d(c, d, 4, 2, 1), Residual(d)  # 1/16

@@ -8,13 +8,16 @@ themselves.
 """
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import torch
 
 from fits import GROUPS, REFINED, TRUTH, Fits, encoded, features, followed, scales
 from networks import CompletionNetwork
 from renderer import log_l1, random_configurations, render
-from schedule import Run, arguments
+from schedule import Run, arguments, load_ema
 
 # Distance, in sigmas, below which the loss is quadratic
 SOFT = 0.1
@@ -81,21 +84,33 @@ def main():
     parser.add_argument("--fits", nargs="+", required=True, help="folders of recorded fits")
     parser.add_argument("--held-out", nargs="*", default=[], help="the same of other materials, to be measured at the end")
     parser.add_argument("--counts", nargs="+", type=int, default=[2, 3, 5, 8, 12])
-    parser.add_argument("--render-weight", type=float, default=0.5)
+    parser.add_argument("--render-weight", type=float, default=0.3)
+    parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     fits = Fits(args.fits, args.counts)
     print(len(fits), "fits")
-    network = CompletionNetwork().to(args.device).to(memory_format=torch.channels_last).train()
+    network = CompletionNetwork()
+    if args.init and not os.path.exists(os.path.join(args.work, "completion.pt")):
+        load_ema(network, args.init)
+    network = network.to(args.device).to(memory_format=torch.channels_last).train()
     run = Run("completion", network, args)
-    while run.progress < 1:
+    picks = np.random.default_rng([args.seed, run.step])
+
+    def load():
         fine = run.progress >= args.fine_from
-        size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
-        x, sigma, count = (t.to(args.device) for t in fits.batch(batch, size, run.rng))
-        with torch.autocast(torch.device(args.device).type, torch.bfloat16):
-            maps, means, logarithmic, rendering = losses(network, x, sigma, count, args.views, run.rng)
-        loss = maps + 0.05 * means + args.render_weight * (logarithmic + rendering)
-        run.update(loss, batch, {"maps": maps.detach(), "render": rendering.detach()})
+        return fits.batch(max(2, args.batch // 4) if fine else args.batch, 256 if fine else args.size, picks)
+
+    # Records are read while the batch before is learnt from.
+    with ThreadPoolExecutor(1) as reader:
+        following = reader.submit(load)
+        while run.progress < 1:
+            x, sigma, count = (t.to(args.device) for t in following.result())
+            following = reader.submit(load)
+            with torch.autocast(torch.device(args.device).type, torch.bfloat16):
+                maps, means, logarithmic, rendering = losses(network, x, sigma, count, args.views, run.rng)
+            loss = maps + 0.05 * means + args.render_weight * (logarithmic + rendering)
+            run.update(loss, len(x), {"maps": maps.detach(), "render": rendering.detach()})
     run.save()
     if args.held_out:
         network.load_state_dict(run.ema)

@@ -18,7 +18,7 @@ const MAP_SETS_REFINING: u64 = 7;
 const FITTED: u64 = 700;
 /// Bytes of a texel that the completion network sees, and how many it sees at most: covariances,
 /// features, what its first layers unfold, and what is freed without being given back.
-const COMPLETED: u64 = 2400;
+const COMPLETED: u64 = 1800;
 const MOST_COMPLETED: u64 = 256 * 256;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 const DETECTION: u64 = 16;
