@@ -281,7 +281,7 @@ fn networks_and_optimisers(
         refined.clone_from(&maps);
         propagate_slopes(&mut mean, &mut refined, observations, &prior).expect("sizes agree");
     });
-    let work = Work { multiply_adds: 1.21e9, ..Work::default() };
+    let work = Work { multiply_adds: 1.007e9, ..Work::default() };
     bench.run("completion, 5 photos", work, || {
         mean.clone_from(&maps);
         refined.clone_from(&maps);
