@@ -11,11 +11,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rayon::prelude::*;
 use tract_onnx::prelude::*;
 
 use crate::network::{Decoder, Workspace};
-use crate::observation::{Falloff, Observation, View};
-use crate::svbrdf::{CHANNELS, encoding, halved};
+use crate::observation::{Falloff, Observation, View, unpack};
+use crate::svbrdf::{CHANNELS, bands, encoding, halved};
 use crate::{Error, Result, Svbrdf};
 
 /// Sides of the photo network's input are multiples of this.
@@ -215,30 +216,31 @@ pub(crate) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -
 /// camera and to the light, weight.
 fn photo_input(observation: &Observation) -> Vec<f32> {
     let (h, w) = (observation.height(), observation.width());
-    let n = h * w;
-    let view = &observation.view;
+    let (n, view) = (h * w, &observation.view);
     let mut planes = vec![-1.0; PHOTO_CHANNELS * n];
-    for y in 0..h {
+    let rows = bands::<PHOTO_CHANNELS, _>(&mut planes, w, h, 1);
+    let buffer = || vec![0.0; 3 * w];
+    rows.into_par_iter().enumerate().for_each_init(buffer, |radiance, (y, row)| {
+        for (c, radiance) in radiance.chunks_exact_mut(w).enumerate() {
+            unpack(&observation.packed()[c * n + y * w..][..w], radiance);
+        }
         for x in 0..w {
-            let i = y * w + x;
             let at = view.texel_mm(w, h, x, y);
-            let irradiance = irradiance(view, at);
-            let weight = observation.weight(i);
+            let weight = observation.weight(y * w + x);
             if weight > 0.0 {
-                for c in 0..3 {
-                    let radiance = observation.radiance(c, i).abs();
-                    planes[c * n + i] = log_encode(std::f32::consts::PI * radiance / irradiance[c]);
+                for (c, irradiance) in irradiance(view, at).into_iter().enumerate() {
+                    let radiance = radiance[c * w + x].abs();
+                    row[c][x] = log_encode(std::f32::consts::PI * radiance / irradiance);
                 }
             }
             for (first, point) in [(3, view.camera_mm), (6, view.light_mm)] {
-                let direction = direction(point, at);
-                for (c, d) in direction.into_iter().enumerate() {
-                    planes[(first + c) * n + i] = d;
+                for (c, d) in direction(point, at).into_iter().enumerate() {
+                    row[first + c][x] = d;
                 }
             }
-            planes[9 * n + i] = weight;
+            row[9][x] = weight;
         }
-    }
+    });
     planes
 }
 
