@@ -16,7 +16,7 @@ use tract_onnx::prelude::*;
 
 use crate::network::{Decoder, Workspace};
 use crate::observation::{Falloff, Observation, View, unpack};
-use crate::svbrdf::{CHANNELS, bands, encoding, halved};
+use crate::svbrdf::{CHANNELS, bands, channel, encoding, halved};
 use crate::{Error, Result, Svbrdf};
 
 /// Sides of the photo network's input are multiples of this.
@@ -24,8 +24,15 @@ const PHOTO_MULTIPLE: usize = 32;
 /// Longest side at which the photo network runs: what it was trained on.
 const PHOTO_TEXELS: usize = 256;
 const PHOTO_CHANNELS: usize = 10;
+/// Planes of the photo network's input that change their sign when the sample is turned by 180
+/// degrees: x and y of the directions.
+const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
 /// Planes of what a fit knows, see [`crate::completion`].
 pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
+/// Those that change their sign in a half turn: the slopes of three maps.
+const COMPLETION_ODD: [usize; 6] = [0, 1, CHANNELS, CHANNELS + 1, 2 * CHANNELS, 2 * CHANNELS + 1];
+/// Planes of maps that change their sign in a half turn: slopes.
+const MAPS_ODD: [usize; 2] = [channel::SLOPE_X, channel::SLOPE_Y];
 /// Largest side for which a plan is built, texels.
 const MAX_TEXELS: usize = 4096;
 /// Offset of the logarithm in which the photo network sees radiance.
@@ -117,10 +124,7 @@ impl Networks {
         let halvings = photo_halvings(observation.height(), observation.width())?;
         let observation = halved(observation, halvings, Observation::downsampled);
         let (h, w) = (observation.height(), observation.width());
-        let encoded = self.photo.run(h, w, photo_input(&observation))?;
-        if encoded.len() != CHANNELS * h * w {
-            return Err(self.photo.fault("the result has an unexpected size"));
-        }
+        let encoded = self.photo.run_both_ways(h, w, photo_input(&observation), &PHOTO_ODD)?;
         decoded_maps(w, h, encoded)
     }
 
@@ -156,11 +160,7 @@ impl Networks {
         features: Vec<f32>,
         [height, width]: [usize; 2],
     ) -> Result<Vec<f32>> {
-        let answer = self.completion.run(height, width, features)?;
-        if answer.len() != CHANNELS * height * width {
-            return Err(self.completion.fault("the result has an unexpected size"));
-        }
-        Ok(answer)
+        self.completion.run_both_ways(height, width, features, &COMPLETION_ODD)
     }
 
     fn check_code_size(&self, height: usize, width: usize) -> Result<()> {
@@ -313,6 +313,40 @@ impl Network {
             Err(self.fault("the result is not finite"))
         }
     }
+
+    /// The mean of what a graph that answers with the planes of maps says of its input and of the
+    /// same turned by 180 degrees, which changes the sign of the planes `odd`: two guesses are
+    /// better than one, and two threads make them in the time of one.
+    fn run_both_ways(
+        &self,
+        height: usize,
+        width: usize,
+        input: Vec<f32>,
+        odd: &[usize],
+    ) -> Result<Vec<f32>> {
+        let n = height * width;
+        let mut turned = input.clone();
+        half_turn(&mut turned, n, odd);
+        let run = |input| self.run(height, width, input);
+        let (straight, turned) = rayon::join(|| run(input), || run(turned));
+        let (mut mean, mut turned) = (straight?, turned?);
+        if mean.len() != CHANNELS * n {
+            return Err(self.fault("the result has an unexpected size"));
+        }
+        half_turn(&mut turned, n, &MAPS_ODD);
+        mean.iter_mut().zip(turned).for_each(|(a, b)| *a = 0.5 * (*a + b));
+        Ok(mean)
+    }
+}
+
+/// Planes of `n` texels after a turn of the sample by 180 degrees.
+fn half_turn(planes: &mut [f32], n: usize, odd: &[usize]) {
+    for (c, plane) in planes.chunks_exact_mut(n).enumerate() {
+        plane.reverse();
+        if odd.contains(&c) {
+            plane.iter_mut().for_each(|v| *v = -*v);
+        }
+    }
 }
 
 /// Calls into tract; its errors, and its panics on damaged graphs, become [`Error::Model`].
@@ -348,7 +382,7 @@ mod tests {
         assert!(difference(&maps, &vectors["maps"].1) < tolerance);
         let vectors = test_vectors(include_bytes!("../models/completion_test.bin"));
         let (shape, features) = &vectors["features"];
-        let moves = networks.complete(features.clone(), [shape[2], shape[3]]).unwrap();
+        let moves = networks.completion.run(shape[2], shape[3], features.clone()).unwrap();
         assert!(difference(&moves, &vectors["moves"].1) < tolerance);
     }
 
@@ -401,6 +435,30 @@ mod tests {
         assert!(networks.encode(&Svbrdf::new(40, 32)).is_err());
         let code = networks.encode(&Svbrdf::new(64, 32)).unwrap();
         assert_eq!(code.len(), networks.decoder().code_channels() * 4 * 2);
+    }
+
+    #[test]
+    fn a_turned_sample_has_turned_maps() {
+        let networks = networks();
+        let (h, w) = (32, 64);
+        let mut random = crate::random::Random::new(7);
+        let mut planes = |count| (0..count * h * w).map(|_| random.bell() as f32).collect();
+        let photo: Vec<f32> = planes(PHOTO_CHANNELS);
+        let features: Vec<f32> = planes(COMPLETION_CHANNELS);
+        let cases = [
+            (&networks.photo, photo, &PHOTO_ODD[..]),
+            (&networks.completion, features, &COMPLETION_ODD[..]),
+        ];
+        for (network, input, odd) in cases {
+            let mut turned = input.clone();
+            half_turn(&mut turned, h * w, odd);
+            let straight = network.run_both_ways(h, w, input, odd).unwrap();
+            let mut turned = network.run_both_ways(h, w, turned, odd).unwrap();
+            half_turn(&mut turned, h * w, &MAPS_ODD);
+            assert_eq!(straight, turned);
+            let size = straight.iter().fold(0f32, |a, v| a.max(v.abs()));
+            assert!(size > 0.1, "{}", network.name);
+        }
     }
 
     #[test]

@@ -151,19 +151,18 @@ def fit(encoder, decoder, start, radiance, camera, light, rate, iterations, resi
         return (decoder(z) + offset).clamp(-1, 1), float(loss) / len(z)
 
 
-def prior_statistics(packs, encoder, decoder, photo, count=48):
-    """RMS errors on held-out training-pool materials, per encoded channel and
-    per natural parameter, of the photo network (one photo, with the
-    degradations of the training) and of the auto-encoder."""
+def prior_statistics(packs, networks, count=48):
+    """RMS errors of networks (name -> function of encoded maps) on held-out
+    training-pool materials, per encoded channel and per natural parameter."""
     result = {"materials": count, "size": 256}
-    parts = {"photo": [], "autoencoder": []}
+    pairs = {name: [] for name in networks}
     with torch.no_grad():
         for i in range(count // 8):
             truth = held_out_materials(packs, 8, 256, seed=1000 + i)
-            parts["photo"].append((photo(make_example(truth)), truth))
-            parts["autoencoder"].append((decoder(encoder(truth)), truth))
-    for name, pairs in parts.items():
-        a, b = torch.cat([p[0] for p in pairs]), torch.cat([p[1] for p in pairs])
+            for name, network in networks.items():
+                pairs[name].append((network(truth), truth))
+    for name, pair in pairs.items():
+        a, b = torch.cat([p[0] for p in pair]), torch.cat([p[1] for p in pair])
         rms = lambda x, y: [round(float(v), 5) for v in ((x - y) ** 2).mean((0, 2, 3)).sqrt()]
         na, nb = decode_maps(a), decode_maps(b)
         flat = lambda x, y: round(float(((x - y) ** 2).mean().sqrt()), 5)

@@ -8,8 +8,8 @@
                    implementations against
     manifest.json  names, checksums, prior statistics
 
-The auto-encoder and photo network, or the completion network alone: the others
-in the folder are left.
+Auto-encoder, photo network and completion network, or some of them: the others in
+the folder are left.
 
 Weights are stored in 16 bits; the ONNX graphs cast them to float32 and compute
 in float32. All test vectors are computed with the rounded weights.
@@ -29,9 +29,11 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
+from evaluate import prior_statistics
 from networks import SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork, multiply_accumulates
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
+from train_photo import make_example
 
 ALLOWED_OPS = {
     "Add", "Cast", "Concat", "Constant", "Conv", "ConvTranspose", "GlobalAveragePool", "LeakyRelu", "Mul", "Tanh",
@@ -159,28 +161,19 @@ def checksum(path):
         return hashlib.sha256(f.read()).hexdigest()
 
 
-def export_maps(args, path):
-    """Auto-encoder and photo network; their part of the manifest."""
-    autoencoder, ae_steps, ae_samples = load_ema(AutoEncoder(), args.autoencoder)
-    photo, photo_steps, photo_samples = load_ema(PhotoNetwork(), args.photo)
+def export_autoencoder(args, path):
+    """Encoder and decoder; their part of the manifest."""
+    autoencoder, steps, samples = load_ema(AutoEncoder(), args.autoencoder)
     encoder = round_to_half(contiguous(autoencoder.encoder.folded()))
     decoder = round_to_half(contiguous(autoencoder.decoder))
-    network = round_to_half(contiguous(photo))
-    photo = OnePhoto(network)
-
     print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code", STRIDE))
-    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
     write_decoder(path("decoder.bin"), decoder)
     print("encoder error", verify(path("encoder.onnx"), encoder, 9, "maps"))
-    print("photo error", verify(path("photo.onnx"), photo, 10, "photo"))
 
     # test vectors: smooth inputs in a plausible range
     maps = torch.tanh(nn.functional.interpolate(torch.randn(1, 9, 9, 9), (64, 64), mode="bicubic"))
     with torch.no_grad():
         write_vectors(path("encoder_test.bin"), {"maps": maps.numpy(), "code": encoder(maps).numpy()})
-    x = torch.tanh(nn.functional.interpolate(torch.randn(1, 10, 5, 9), (32, 64), mode="bicubic"))
-    with torch.no_grad():
-        write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
     code = torch.randn(1, decoder.code, 3, 4, requires_grad=True)
     out = decoder(code)
     gradient = torch.randn_like(out)
@@ -194,24 +187,38 @@ def export_maps(args, path):
             "code_gradient": code.grad.numpy(),
         },
     )
-    part = {
+    return {
         "code_channels": decoder.code,
         "stride": STRIDE,
         "mac_at_256": {
             "encoder": multiply_accumulates(encoder, torch.rand(1, 9, 256, 256)),
             "decoder": multiply_accumulates(decoder, torch.rand(1, decoder.code, 16, 16)),
-            "photo": multiply_accumulates(photo, torch.rand(1, 10, 256, 256)),
         },
-        "training": {
-            "autoencoder": {"steps": ae_steps, "samples": ae_samples},
-            "photo": {"steps": photo_steps, "samples": photo_samples},
-        },
+        "training": {"autoencoder": {"steps": steps, "samples": samples}},
+        "statistics": statistics(args, autoencoder=lambda truth: decoder(encoder(truth))),
     }
-    if args.packs:
-        from evaluate import prior_statistics
 
-        part["statistics"] = prior_statistics(args.packs, encoder, decoder, network)
-    return part
+
+def export_photo(args, path):
+    """Photo network; its part of the manifest."""
+    network, steps, samples = load_ema(PhotoNetwork(), args.photo)
+    network = round_to_half(contiguous(network))
+    photo = OnePhoto(network)
+    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
+    print("photo error", verify(path("photo.onnx"), photo, 10, "photo"))
+    x = torch.tanh(nn.functional.interpolate(torch.randn(1, 10, 5, 9), (32, 64), mode="bicubic"))
+    with torch.no_grad():
+        write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
+    return {
+        "mac_at_256": {"photo": multiply_accumulates(photo, torch.rand(1, 10, 256, 256))},
+        "training": {"photo": {"steps": steps, "samples": samples}},
+        # one photo, with the degradations of the training
+        "statistics": statistics(args, photo=lambda truth: network(make_example(truth))),
+    }
+
+
+def statistics(args, **networks):
+    return prior_statistics(args.packs, networks) if args.packs else {}
 
 
 def export_completion(args, path):
@@ -240,8 +247,8 @@ def main():
     parser.add_argument("--version", default=datetime.date.today().isoformat())
     parser.add_argument("--packs", nargs="*", default=[], help="packs whose held-out materials give the statistics")
     args = parser.parse_args()
-    if bool(args.autoencoder) != bool(args.photo) or not (args.photo or args.completion):
-        parser.error("--autoencoder and --photo, or --completion")
+    if not (args.autoencoder or args.photo or args.completion):
+        parser.error("nothing to export")
     torch.manual_seed(0)
     torch.set_num_threads(2)
     os.makedirs(args.out, exist_ok=True)
@@ -252,14 +259,15 @@ def main():
         with open(path("manifest.json")) as f:
             manifest = json.load(f)
     manifest["version"] = args.version
-    parts = [export_maps(args, path)] if args.photo else []
+    parts = [export_autoencoder(args, path)] if args.autoencoder else []
+    parts += [export_photo(args, path)] if args.photo else []
     parts += [export_completion(args, path)] if args.completion else []
     for part in parts:
         for key, value in part.items():
-            if key in ("mac_at_256", "training"):
-                manifest.setdefault(key, {}).update(value)
-            else:
+            if not isinstance(value, dict):
                 manifest[key] = value
+            elif value:
+                manifest.setdefault(key, {}).update(value)
     networks = ["decoder.bin", "encoder.onnx", "photo.onnx", "completion.onnx"]
     tests = ["decoder_test.bin", "encoder_test.bin", "photo_test.bin", "completion_test.bin"]
     files = [n for n in networks + tests if os.path.exists(path(n))]

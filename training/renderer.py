@@ -155,19 +155,20 @@ def random_configurations(batch, independent=1, mirror=2, colocated=1, device=No
 
 def photo_configurations(batch, device=None, top_fraction=0.7):
     """Camera and flash positions [B, 3] of hand-held photos: mostly near the
-    top view (1.6-4 half widths away), else up to 55 degrees off; the flash
-    0-12 degrees from the camera."""
+    top view, else up to 55 degrees off; 1.6 (the sample fills the picture) to
+    8 half widths away (a board round it does); the flash 0-12 degrees from the
+    camera, more often close to it."""
     top = torch.rand(batch, device=device) < top_fraction
     off = torch.where(top, 12 * torch.rand(batch, device=device) ** 0.7, 12 + 43 * torch.rand(batch, device=device))
     theta = off * (math.pi / 180)
     phi = 2 * math.pi * torch.rand(batch, device=device)
-    distance = 1.6 * (4.0 / 1.6) ** torch.rand(batch, device=device)
+    distance = 1.6 * (8.0 / 1.6) ** torch.rand(batch, device=device)
     camera = torch.stack(
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], -1
     ) * distance[:, None]
     aim = (torch.rand(batch, 2, device=device) * 2 - 1) * 0.25
     camera = torch.cat([camera[:, :2] + aim, camera[:, 2:]], 1)
-    offset = (12 * math.pi / 180) * torch.rand(batch, device=device).sqrt() * distance
+    offset = (12 * math.pi / 180) * torch.rand(batch, device=device) ** 1.5 * distance
     phi = 2 * math.pi * torch.rand(batch, device=device)
     light = camera + torch.stack(
         [offset * phi.cos(), offset * phi.sin(), 0.3 * offset * torch.randn(batch, device=device)], -1

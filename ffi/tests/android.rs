@@ -177,8 +177,8 @@ fn relit_as_the_library_renders(out: &Path) {
             worst = worst.max(difference);
         }
     }
-    // Rounding is up to 0.5, the table of the curve up to 0.4 in the dark, Fresnel's other form
-    // the rest.
+    // Rounding is up to 0.5, the table of the curve up to 0.4 in the dark, single precision in
+    // narrow lobes the rest.
     let mean = sum / (3 * maps.texels()) as f64;
     assert!(mean < 0.5 && worst < 2.0, "mean {mean}, worst {worst}");
 }

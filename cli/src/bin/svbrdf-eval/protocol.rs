@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 
 use svbrdf::export::read_maps;
+use svbrdf::frame::Encoding;
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::random::Random;
 use svbrdf::render;
@@ -36,8 +37,10 @@ pub struct Conditions {
     pub ambient: f32,
     /// Gain of the sensor, which the fit is told; it saturates at 1.
     pub gain: f32,
-    /// Levels of the sensor; `None`: any value, and no saturation (HDR).
+    /// Levels of the file; `None`: any value, and no saturation (HDR).
     pub levels: Option<f32>,
+    /// Between which values these levels are evenly spread.
+    pub encoding: Encoding,
     /// The first photograph from 45 degrees.
     pub oblique: bool,
     /// Distance of the camera from the plane of the sample, and how far it moves to the sides, half
@@ -56,6 +59,7 @@ impl Conditions {
             ambient: 0.0,
             gain: 1.0,
             levels: Some(65535.0),
+            encoding: Encoding::Linear,
             oblique: false,
             distance: DISTANCE,
             reach: REACH,
@@ -63,14 +67,22 @@ impl Conditions {
         }
     }
 
-    /// As captures may be: camera, flash, noise and levels drawn at random.
+    /// As captures may be: camera (the sample fills the picture, or a board round it does), flash,
+    /// ambient light, noise and levels drawn at random.
     pub fn random(random: &mut Random) -> Self {
         let mut uniform = || random.uniform() as f32;
-        let distance = 1.7 + 1.5 * uniform();
+        let distance = 1.7 * 4.7f32.powf(uniform());
         let beside = 0.15 * distance * uniform() * uniform();
         let (sin, cos) = (std::f32::consts::TAU * uniform()).sin_cos();
+        let (levels, encoding) = match uniform() {
+            0.0..0.4 => (255.0, Encoding::Srgb),
+            0.4..0.6 => (1023.0, Encoding::Linear),
+            _ => (65535.0, Encoding::Linear),
+        };
         Self {
-            levels: Some(if uniform() < 0.33 { 1023.0 } else { 65535.0 }),
+            levels: Some(levels),
+            encoding,
+            ambient: if uniform() < 0.25 { 0.03 * uniform() } else { 0.0 },
             distance,
             reach: f64::from(distance * (0.3 + 0.5 * uniform())),
             light_beside: [beside * cos, beside * sin],
@@ -188,10 +200,10 @@ pub fn photographs(
             for v in &mut radiance {
                 *v = (*v * (1.0 + conditions.noise * errors.bell() as f32)).max(0.0);
                 if let Some(levels) = conditions.levels {
-                    *v = (*v * levels).round() / levels;
-                    if *v >= 1.0 {
-                        *v = -1.0;
-                    }
+                    let stored = conditions.encoding.encode(f64::from(*v)) as f32;
+                    let stored = (stored * levels).round() / levels;
+                    let linear = conditions.encoding.decode(f64::from(stored)) as f32;
+                    *v = if stored >= 1.0 { -1.0 } else { linear };
                 }
             }
             let view = view(at, told, gain, 0.0);

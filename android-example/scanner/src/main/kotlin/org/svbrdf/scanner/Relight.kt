@@ -1,5 +1,6 @@
 package org.svbrdf.scanner
 
+import kotlin.math.exp
 import kotlin.math.max
 import kotlin.math.min
 import kotlin.math.pow
@@ -86,9 +87,9 @@ class Relight(maps: MaterialMaps, step: Int = 1) {
         val k = 0.5f * alpha
         val den = nh * nh * (alpha2 - 1f) + 1f
         val s = alpha2 / (4f * PI * den * den * (nl * (1f - k) + k) * (nv * (1f - k) + k))
-        // Schlick's (1 - vh)^5, without a power.
-        val grazing = max(1f - vh, 0f)
-        val fresnel = grazing * grazing * grazing * grazing * grazing
+        // Schlick's (1 - vh)^5 as the library has it: not quite zero head on, which shows where
+        // specular albedo is as good as zero.
+        val fresnel = exp((-5.55473f * vh - 6.98316f) * vh * LN2)
         var color = 0xff
         for (c in 0..2) {
             val f0 = texels[i + 6 + c]
@@ -102,6 +103,7 @@ class Relight(maps: MaterialMaps, step: Int = 1) {
         const val TEXEL = 10
         const val PI = Math.PI.toFloat()
         const val MIN_COSINE = 1e-3f
+        const val LN2 = 0.6931472f
 
         /** Finer than 8-bit sRGB is anywhere. */
         const val STEPS = 4096
