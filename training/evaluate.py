@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from data import MaterialPool, augment, load_material
+from data import MaterialPool, load_material
 from networks import PhotoNetwork
 from renderer import (
     LOG_OFFSET,
@@ -27,7 +27,7 @@ from renderer import (
 )
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
-from train_photo import degrade, make_example, photo_input
+from train_photo import photo_input
 
 
 def unit_normal(slope):

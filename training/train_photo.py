@@ -5,7 +5,6 @@ positions, then degraded: exposure error, ambient light, noise, blur,
 saturation, holes without data.
 """
 
-import math
 import os
 
 import torch
