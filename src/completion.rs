@@ -326,6 +326,31 @@ mod tests {
     }
 
     #[test]
+    fn features_of_a_turned_sample_are_turned() {
+        use crate::initial_estimate::{COMPLETION_ODD, MAPS_ODD, half_turn};
+        let truth = truth();
+        let (mean, refined, _, prior) = fitted(&truth);
+        let turned = |maps: &Svbrdf| {
+            let mut planes = maps.planes().to_vec();
+            half_turn(&mut planes, SIDE * SIDE, &MAPS_ODD);
+            Svbrdf::from_planes(SIDE, SIDE, planes).unwrap()
+        };
+        let features = |[estimate, mean, refined]: [&Svbrdf; 3], sign: f32| {
+            let maps = if sign < 0.0 { turned(&truth) } else { truth.clone() };
+            let photographs = [[60.0, 15.0], [-40.0, 50.0]]
+                .map(|at: [f32; 2]| photograph(&maps, at.map(|v| sign * v)));
+            let fit = Incomplete::new(estimate, mean, refined, &photographs, &prior).unwrap();
+            fit.features(&fit.scales())
+        };
+        let mut expected = features([&truth, &mean, &refined], 1.0);
+        half_turn(&mut expected, SIDE * SIDE, &COMPLETION_ODD);
+        let found = features([&turned(&truth), &turned(&mean), &turned(&refined)], -1.0);
+        // single precision, through the inverses of the texels' equations
+        let off = found.iter().zip(&expected).fold(0f32, |a, (f, e)| a.max((f - e).abs()));
+        assert!(off < 0.02, "{off}");
+    }
+
+    #[test]
     fn features_are_what_training_makes_of_a_record() {
         let (mean, refined, photographs, prior) = fitted(&truth());
         let mut estimate = mean.clone();
