@@ -23,7 +23,7 @@ use crate::{Error, Result, Svbrdf};
 const PHOTO_MULTIPLE: usize = 32;
 /// Longest side at which the photo network runs: what it was trained on.
 const PHOTO_TEXELS: usize = 256;
-const PHOTO_CHANNELS: usize = 10;
+const PHOTO_CHANNELS: usize = 14;
 /// Planes of the photo network's input that change their sign when the sample is turned by 180
 /// degrees: x and y of the directions.
 const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
@@ -38,6 +38,8 @@ pub(crate) const MAPS_ODD: [usize; 2] = [channel::SLOPE_X, channel::SLOPE_Y];
 const MAX_TEXELS: usize = 4096;
 /// Offset of the logarithm in which the photo network sees radiance.
 const LOG_OFFSET: f32 = 0.01;
+/// Largest radiance that the photo network tells from larger ones.
+const BRIGHTEST: f32 = 100.0;
 
 /// The four networks: photograph to maps, maps to code, code to maps, and what fits leave open.
 pub struct Networks {
@@ -213,8 +215,8 @@ pub(crate) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -
     Ok(maps)
 }
 
-/// The photo network's ten planes: logarithm of `pi * BRDF * NoL` (RGB), unit directions to the
-/// camera and to the light, weight.
+/// The photo network's planes: logarithm of `pi * BRDF * NoL` up to 1 (RGB), unit directions to the
+/// camera and to the light, weight, share of saturated channels, logarithm of what is above 1 (RGB).
 fn photo_input(observation: &Observation) -> Vec<f32> {
     let (h, w) = (observation.height(), observation.width());
     let (n, view) = (h * w, &observation.view);
@@ -228,10 +230,18 @@ fn photo_input(observation: &Observation) -> Vec<f32> {
         for x in 0..w {
             let at = view.texel_mm(w, h, x, y);
             let weight = observation.weight(y * w + x);
-            if weight > 0.0 {
-                for (c, irradiance) in irradiance(view, at).into_iter().enumerate() {
-                    let radiance = radiance[c * w + x].abs();
-                    row[c][x] = log_encode(std::f32::consts::PI * radiance / irradiance);
+            let irradiance = irradiance(view, at);
+            let mut saturated = 0.0;
+            for (c, irradiance) in irradiance.into_iter().enumerate() {
+                if weight > 0.0 {
+                    // saturated: the true value is at least this
+                    let radiance = radiance[c * w + x];
+                    let reflected = std::f32::consts::PI * radiance.abs() / irradiance;
+                    row[c][x] = log_encode(reflected);
+                    row[11 + c][x] = log_excess(reflected);
+                    saturated += if radiance < 0.0 { 1.0 / 3.0 } else { 0.0 };
+                } else {
+                    row[11 + c][x] = 0.0;
                 }
             }
             for (first, point) in [(3, view.camera_mm), (6, view.light_mm)] {
@@ -240,6 +250,7 @@ fn photo_input(observation: &Observation) -> Vec<f32> {
                 }
             }
             row[9][x] = weight;
+            row[10][x] = saturated;
         }
     });
     planes
@@ -266,6 +277,11 @@ fn log_encode(x: f32) -> f32 {
     let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
     let (low, high) = (LOG_OFFSET.ln(), (1.0 + LOG_OFFSET).ln());
     2.0 * ((x + LOG_OFFSET).ln() - low) / (high - low) - 1.0
+}
+
+/// 0 up to 1, then logarithmic up to 1 for [`BRIGHTEST`].
+fn log_excess(x: f32) -> f32 {
+    if x.is_nan() { 0.0 } else { x.clamp(1.0, BRIGHTEST).ln() / BRIGHTEST.ln() }
 }
 
 /// One ONNX graph with an input `[1, channels, height, width]`.
@@ -416,6 +432,13 @@ mod tests {
         close(0, 3, -1.0);
         close(9, 0, 3.0 / 7.0);
         close(9, 3, 0.0);
+        close(10, 1, 1.0 / 3.0);
+        close(10, 0, 0.0);
+        close(11, 0, 0.0);
+        // six times a white diffuse surface: distance² = 25 + 400, irradiance 2000 / 425
+        close(12, 2, (std::f32::consts::PI * 9.0 * 425.0 / 2000.0).ln() / 100.0f32.ln());
+        close(13, 2, 1.0);
+        close(11, 3, 0.0);
         // texel 3 (x = 5, y = -2.5) looks straight up to the camera, texel 0 to the light
         close(5, 3, 1.0);
         close(8, 0, 1.0);

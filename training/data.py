@@ -283,7 +283,7 @@ def augment(e, b_like):
     shifted = roughness + 0.08 * torch.randn(batch, 1, 1, 1, device=device)
     roughness = torch.where((b_like & chance(0.85)) | metal | chance(0.25), remapped, shifted).clamp(0.05, 1.0)
     # a glaze or varnish: smooth waves under an even gloss, so that highlights lie anywhere on the texture
-    glazed = chance(0.2)
+    glazed = chance(0.13)
     smooth = u(0.06, 0.4) + u(0.0, 0.4) * (roughness - mean_r)
     roughness = torch.where(glazed, smooth, roughness).clamp(0.05, 1.0)
     slope = torch.where(glazed, u(0.1, 1.0) * slope + waves(batch, e.shape[-1], device), slope)

@@ -117,10 +117,11 @@ def capture(truth, frames, seed=3):
 
 
 def start_maps(photo, radiance, camera, light):
-    """Maps of the photo network from all photos [B, N, 3, S, S]."""
+    """Maps of the photo network from all photos [B, N, 3, S, S], clamped to 1."""
     batch, count = radiance.shape[:2]
     weight = torch.ones_like(radiance[:, :, :1])
-    flat = [x.flatten(0, 1) for x in (radiance, weight, camera, light)]
+    saturated = (radiance >= 1).float().mean(2, keepdim=True)
+    flat = [x.flatten(0, 1) for x in (radiance, weight, saturated, camera, light)]
     with torch.no_grad():
         return photo(photo_input(*flat).unflatten(0, (batch, count)))
 

@@ -1,7 +1,7 @@
 """Export trained weights to what the library embeds.
 
     encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
-    photo.onnx     photo [1, 10, H, W] -> maps [1, 9, H, W]
+    photo.onnx     photo [1, 14, H, W] -> maps [1, 9, H, W]
     completion.onnx  features [1, 43, H, W] -> moves [1, 9, H, W]
     decoder.bin    own container, see write_decoder
     *_test.bin     inputs and outputs computed here, to test other
@@ -30,7 +30,7 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
 from evaluate import prior_statistics
-from networks import SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork, multiply_accumulates
+from networks import PHOTO_CHANNELS, SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork, multiply_accumulates
 from schedule import load_ema
 from train_autoencoder import AutoEncoder
 from train_photo import make_example
@@ -204,13 +204,13 @@ def export_photo(args, path):
     network, steps, samples = load_ema(PhotoNetwork(), args.photo)
     network = round_to_half(contiguous(network))
     photo = OnePhoto(network)
-    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, 10, 64, 64), "photo", "maps", 1))
-    print("photo error", verify(path("photo.onnx"), photo, 10, "photo"))
-    x = torch.tanh(nn.functional.interpolate(torch.randn(1, 10, 5, 9), (32, 64), mode="bicubic"))
+    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, PHOTO_CHANNELS, 64, 64), "photo", "maps", 1))
+    print("photo error", verify(path("photo.onnx"), photo, PHOTO_CHANNELS, "photo"))
+    x = torch.tanh(nn.functional.interpolate(torch.randn(1, PHOTO_CHANNELS, 5, 9), (32, 64), mode="bicubic"))
     with torch.no_grad():
         write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
     return {
-        "mac_at_256": {"photo": multiply_accumulates(photo, torch.rand(1, 10, 256, 256))},
+        "mac_at_256": {"photo": multiply_accumulates(photo, torch.rand(1, PHOTO_CHANNELS, 256, 256))},
         "training": {"photo": {"steps": steps, "samples": samples}},
         # one photo, with the degradations of the training
         "statistics": statistics(args, photo=lambda truth: network(make_example(truth))),

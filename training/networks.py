@@ -234,8 +234,20 @@ def principal_start(encoder, decoder, maps, weight):
         up[2].bias.copy_(gain * mean)
 
 
+# Planes of a photo with its geometry, see train_photo.photo_input
+PHOTO_CHANNELS = 14
+
+
+def widen_photo_input(state):
+    """Weights of a photo network from when there were fewer planes: the new
+    ones count for nothing to begin with."""
+    weight = state["down1.weight"]
+    missing = PHOTO_CHANNELS - weight.shape[1]
+    return {**state, "down1.weight": F.pad(weight, (0, 0, 0, 0, 0, missing))}
+
+
 class PhotoNetwork(nn.Module):
-    """Photos with geometry [B, N, 10, H, W] -> encoded maps [B, 9, H, W].
+    """Photos with geometry [B, N, PHOTO_CHANNELS, H, W] -> encoded maps [B, 9, H, W].
 
     U-Net from 1/2 to 1/32 resolution; the globally pooled bottleneck is fed
     back at three levels. Every photo goes down alone; the features of all
@@ -246,7 +258,7 @@ class PhotoNetwork(nn.Module):
     def __init__(self, widths=(24, 48, 72, 128, 160)):
         super().__init__()
         a, b, c, d, e = self.widths = widths
-        self.down1 = nn.Conv2d(10, a, 4, 2, 1)  # 1/2
+        self.down1 = nn.Conv2d(PHOTO_CHANNELS, a, 4, 2, 1)  # 1/2
         self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
         self.down3 = nn.Conv2d(b, c, 4, 2, 1)  # 1/8
         self.res3 = Residual(c)
@@ -273,7 +285,7 @@ class PhotoNetwork(nn.Module):
             self.out.weight.mul_(0.3)
 
     def features(self, photo):
-        """[B, 10, H, W] -> five levels [B, widths[i], H / 2^(i+1), W / 2^(i+1)]."""
+        """[B, PHOTO_CHANNELS, H, W] -> five levels [B, widths[i], H / 2^(i+1), W / 2^(i+1)]."""
         act = lambda x: F.leaky_relu(x, SLOPE)
         x1 = act(self.down1(photo))
         x2 = self.down2(x1)
@@ -309,7 +321,7 @@ class PhotoNetwork(nn.Module):
 
 
 class OnePhoto(nn.Module):
-    """PhotoNetwork for one photo [B, 10, H, W]: what the library runs."""
+    """PhotoNetwork for one photo [B, PHOTO_CHANNELS, H, W]: what the library runs."""
 
     def __init__(self, network):
         super().__init__()

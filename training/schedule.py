@@ -42,7 +42,7 @@ class Run:
         self.path = os.path.join(args.work, f"{name}.pt")
         self.log_path = os.path.join(args.work, f"{name}.jsonl")
         os.makedirs(args.work, exist_ok=True)
-        self.optimizer = torch.optim.AdamW(model.parameters(), lr=args.lr, betas=betas, weight_decay=1e-4)
+        self.optimizer = torch.optim.AdamW(model.parameters(), lr=args.lr, betas=betas, weight_decay=1e-4, fused=True)
         self.ema = {k: v.detach().clone().float() for k, v in model.state_dict().items()}
         self.step, self.samples, self.seconds = 0, 0, 0.0
         self.started = self.last_save = time.time()
@@ -129,10 +129,10 @@ class Run:
         os.replace(self.path + ".tmp", self.path)
 
 
-def load_ema(model, path):
-    """Load the averaged weights of a checkpoint into a model; returns
-    (model, steps, samples)."""
+def load_ema(model, path, change=lambda weights: weights):
+    """Load the averaged weights of a checkpoint, changed where asked, into a
+    model; returns (model, steps, samples)."""
     state = torch.load(path, map_location="cpu")
     reference = model.state_dict()
-    model.load_state_dict({k: v.to(reference[k].dtype) for k, v in state["ema"].items()})
+    model.load_state_dict({k: v.to(reference[k].dtype) for k, v in change(state["ema"]).items()})
     return model.eval(), state["step"], state["samples"]

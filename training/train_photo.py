@@ -5,13 +5,14 @@ positions, then degraded: exposure error, ambient light, noise, blur,
 saturation, holes without data.
 """
 
+import math
 import os
 
 import torch
 from torch.nn import functional as F
 
 from data import MaterialPool, augment, smooth_noise
-from networks import PhotoNetwork
+from networks import PhotoNetwork, widen_photo_input
 from renderer import (
     decode_maps,
     directions,
@@ -23,20 +24,36 @@ from renderer import (
 from schedule import Run, arguments, load_ema
 from train_autoencoder import CHANNEL_WEIGHT, losses
 
+# Largest radiance that the network tells from larger ones
+BRIGHTEST = 100.0
 
-def photo_input(radiance, weight, camera, light):
-    """radiance [B, 3, H, W] (irradiance-normalised), weight [B, 1, H, W],
-    camera, light [B, 3] -> network input [B, 10, H, W]."""
+
+def photo_input(radiance, weight, saturated, camera, light):
+    """radiance [B, 3, H, W] (irradiance-normalised), weight and share of
+    saturated channels [B, 1, H, W], camera, light [B, 3] -> network input
+    [B, PHOTO_CHANNELS, H, W]: logarithm of radiance up to 1, directions to the
+    camera and to the light, weight, saturated share, logarithm of what is above 1."""
     height, width = radiance.shape[-2:]
     view = torch.stack(directions(camera, height, width), 1)
     incident = torch.stack(directions(light, height, width), 1)
-    x = torch.where(weight > 0, log_encode(radiance), -torch.ones(1, device=radiance.device))
-    return torch.cat([x, view, incident, weight], 1)
+    seen = weight > 0
+    none = torch.zeros(1, device=radiance.device)
+    x = torch.where(seen, log_encode(radiance), none - 1)
+    excess = torch.where(seen, radiance.clamp(1, BRIGHTEST).log() / math.log(BRIGHTEST), none)
+    return torch.cat([x, view, incident, weight, torch.where(seen, saturated, none), excess], 1)
+
+
+def sensor_limit(u, v):
+    """Where the sensor clips, of two uniform variables: a bit below to above a
+    white diffuse surface for most photos, high or nowhere for the others."""
+    low = 0.5 * 2.6**u
+    high = 1.3 * 6.0**u
+    return torch.where(v < 0.45, low, torch.where(v < 0.65, high, torch.full_like(u, 1e9)))
 
 
 def degrade(radiance, e):
-    """Clean renderings [B, 3, H, W] of maps e -> (radiance, weight) as a
-    capture delivers them."""
+    """Clean renderings [B, 3, H, W] of maps e -> (radiance, weight, share of
+    saturated channels) as a capture delivers them."""
     batch, _, height, width = radiance.shape
     device = radiance.device
 
@@ -56,17 +73,19 @@ def degrade(radiance, e):
     radiance = radiance * torch.exp(0.04 * smooth_noise(batch, max(height, width), device, 3)[..., :height, :width])
     blur = (rand() < 0.3).float() * rand()
     radiance = torch.lerp(radiance, F.avg_pool2d(radiance, 3, 1, 1, count_include_pad=False), blur)
-    # saturation: the sensor clips before the radiance of 1 in some photos
-    limit = torch.where(rand() < 0.4, 0.5 + 0.5 * rand(), torch.ones(1, device=device))
     shot = 0.02 * rand() * radiance.clamp(0, 1).sqrt() + 0.004 * rand()
-    radiance = radiance + shot * torch.randn_like(radiance)
-    radiance = torch.minimum(radiance.clamp_min(0), limit)
+    radiance = (radiance + shot * torch.randn_like(radiance)).clamp_min(0)
+    limit = sensor_limit(rand(), rand())
+    saturated = (radiance >= limit).float().mean(1, keepdim=True)
+    # resampling spreads the mark to neighbours
+    saturated = torch.where(rand() < 0.5, F.max_pool2d(saturated, 3, 1, 1), saturated)
+    radiance = torch.minimum(radiance, limit)
     # holes, sometimes a whole band outside of the photo
     noise = smooth_noise(batch, max(height, width), device, 9)[..., :height, :width]
     level = torch.where(rand() < 0.2, 1.0 + 1.2 * rand(), 9 * torch.ones(1, device=device))
     weight = (noise < level).float()
     soft = torch.where(rand() < 0.2, 0.3 + 0.7 * rand(), torch.ones(1, device=device))
-    return radiance, weight * soft
+    return radiance, weight * soft, saturated
 
 
 # How many photos an example has when it has several, and how often
@@ -84,16 +103,16 @@ def photo_losses(y, x, camera, light, weight):
 
 
 def make_example(x, draw=render, count=1):
-    """Maps [B, 9, H, W] -> network input [B, count, 10, H, W] of random photos,
-    most often the first near the top view."""
+    """Maps [B, 9, H, W] -> network input [B, count, PHOTO_CHANNELS, H, W] of random
+    photos, most often the first near the top view."""
     x = x.repeat_interleave(count, 0)
     first = photo_configurations(len(x), x.device)
     other = photo_configurations(len(x), x.device, top_fraction=0.25)
     is_first = (torch.arange(len(x), device=x.device) % count == 0)[:, None]
     camera, light = (torch.where(is_first, a, b) for a, b in zip(first, other))
     radiance = draw(x, camera[:, None], light[:, None])[:, 0]
-    radiance, weight = degrade(radiance, x)
-    return photo_input(radiance, weight, camera, light).unflatten(0, (-1, count))
+    radiance, weight, saturated = degrade(radiance, x)
+    return photo_input(radiance, weight, saturated, camera, light).unflatten(0, (-1, count))
 
 
 def main():
@@ -106,7 +125,7 @@ def main():
     pool = MaterialPool(args.packs, args.device)
     model = PhotoNetwork()
     if args.init and not os.path.exists(os.path.join(args.work, "photo.pt")):
-        load_ema(model, args.init)
+        load_ema(model, args.init, widen_photo_input)
     model = model.to(args.device).to(memory_format=torch.channels_last).train()
     run = Run("photo", model, args)
     draw, compute, change = render, photo_losses, augment
