@@ -73,9 +73,16 @@ fn difference(a: &Svbrdf, b: &Svbrdf) -> f32 {
     (sum / a.planes().len() as f32).sqrt()
 }
 
+/// Mean absolute difference: about one texel in a hundred stands between two glosses, and a rounding
+/// decides.
+fn mean_difference(a: &Svbrdf, b: &Svbrdf) -> f32 {
+    let sum: f32 = a.planes().iter().zip(b.planes()).map(|(a, b)| (a - b).abs()).sum();
+    sum / a.planes().len() as f32
+}
+
 /// Half floats lose 1/2048 of each photograph, which is noise of that size to a fit of tens of
-/// steps; maps of 8 bits have steps of 1/255.
-const TOLERANCE: f32 = 0.5 / 255.0;
+/// steps; maps of 8 bits have steps of 1/255. Measured were 0.00035 and 0.00053.
+const TOLERANCE: f32 = 0.25 / 255.0;
 
 #[test]
 fn going_on_after_restoring_is_going_on() {
@@ -201,7 +208,7 @@ fn camera_and_light_go_on_as_well() {
             session.wait().unwrap();
             session.snapshot().unwrap()
         });
-        let off = difference(&maps[0], &maps[1]);
+        let off = mean_difference(&maps[0], &maps[1]);
         println!("maps differ by {off}");
         assert!(off < TOLERANCE, "{off}");
     }
