@@ -67,7 +67,7 @@ fn restore(state: &[u8]) -> Session {
     Session::restore(state, networks(), RestoreOptions::default()).unwrap()
 }
 
-/// Root mean square difference per channel group: slopes, albedos, roughness.
+/// Root mean square difference, all planes together.
 fn difference(a: &Svbrdf, b: &Svbrdf) -> f32 {
     let sum: f32 = a.planes().iter().zip(b.planes()).map(|(a, b)| (a - b).powi(2)).sum();
     (sum / a.planes().len() as f32).sqrt()

@@ -168,7 +168,6 @@ class MaterialPool:
         for folder in folders:
             with open(os.path.join(folder, "meta.json")) as f:
                 meta = json.load(f)
-            mode = "c" if self.device.type == "cpu" else None
             levels = [
                 torch.from_numpy(np.load(os.path.join(folder, f"level{s}.npy"))).to(self.device)
                 for s in (SIZE, SIZE // 2)
