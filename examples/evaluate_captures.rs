@@ -4,16 +4,19 @@
 //!
 //! A `CAPTURE_DIR` holds `capture.json` and the true maps in `truth/`. Keys: `photos` (1,2,4,8),
 //! `methods` (first, latent, deep, classic), `resolution` (256), `threads` (0: up to 4), `camera`
-//! (`given`, `withheld`: camera and flash are estimated).
+//! (`given`, `withheld`: camera and flash are estimated), `models` (networks to use instead of the
+//! embedded ones).
 //! `first` are the maps before any optimisation, `latent` those without refinement.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use svbrdf::Svbrdf;
 use svbrdf::capture::Capture;
 use svbrdf::comparison::{Differences, compare};
 use svbrdf::export::{read_maps, resized};
+use svbrdf::initial_estimate::Networks;
 use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
 
 type Failure = Box<dyn std::error::Error>;
@@ -40,6 +43,7 @@ fn evaluate(
     photos: &[usize],
     methods: &[&str],
     base: &Settings,
+    networks: &Arc<Networks>,
     withheld: bool,
 ) -> Result<(), Failure> {
     let mut capture = Capture::load(folder)?;
@@ -60,7 +64,7 @@ fn evaluate(
             refine: name == "deep",
             ..base.clone()
         };
-        let session = Session::new(capture.scene.clone(), settings)?;
+        let session = Session::with_networks(capture.scene.clone(), settings, networks.clone())?;
         let begun = Instant::now();
         let mut accepted = 0;
         for frame in &capture.frames {
@@ -99,6 +103,7 @@ fn main() -> Result<(), Failure> {
     let mut folders = Vec::new();
     let mut base = Settings::default();
     let mut withheld = false;
+    let mut networks = None;
     let (mut photos, mut methods) = (vec![1, 2, 4, 8], "first,latent,deep,classic".to_owned());
     for argument in std::env::args().skip(1) {
         match argument.split_once('=') {
@@ -110,6 +115,7 @@ fn main() -> Result<(), Failure> {
             Some(("methods", v)) => methods = v.to_owned(),
             Some(("resolution", v)) => base.resolution = v.parse()?,
             Some(("threads", v)) => base.threads = v.parse()?,
+            Some(("models", v)) => networks = Some(Networks::from_folder(Path::new(v))?),
             Some(("camera", v)) => withheld = v == "withheld",
             Some((key, _)) => return Err(format!("{key}: no such key").into()),
         }
@@ -118,8 +124,9 @@ fn main() -> Result<(), Failure> {
         return Err("usage: evaluate_captures CAPTURE_DIR... [key=value ...]".into());
     }
     let methods: Vec<&str> = methods.split(',').collect();
+    let networks = Arc::new(networks.map_or_else(Networks::embedded, Ok)?);
     for folder in &folders {
-        evaluate(folder, &photos, &methods, &base, withheld)?;
+        evaluate(folder, &photos, &methods, &base, &networks, withheld)?;
     }
     Ok(())
 }

@@ -272,6 +272,10 @@ def augment(e, b_like):
     metal_f0 = u(0.35, 0.95) * (1 + 0.6 * u(0, 1) * (lum2 / level - 1)) * (1 + u(0.0, 0.9) * (kd / lum2 - 1))
     ks = torch.where(metal, metal_f0, ks)
     kd = torch.where(metal, kd * u(0.0, 0.12), kd)
+    # and some between: bronzed, dusty, or finer than a texel
+    share = torch.where(~metal & chance(0.1), u(0.05, 0.6), torch.zeros(1, device=device))
+    ks = torch.lerp(ks, metal_f0, share)
+    kd = kd * (1 - share)
     ks = ks.clamp(0.01, 0.98)
     # the two albedos share one unit of energy
     kd = torch.minimum(kd, (1.0 - ks).clamp_min(0.0))

@@ -225,23 +225,22 @@ fn pack_conv(w: &[f32], ci: usize, co: usize, k: usize) -> (Vec<Vec<f32>>, Vec<V
     (forward, backward)
 }
 
-/// `[in][out][ky][kx]` to the forward matrices of the four output phases, two rows of taps each
-/// (index `(py * 2 + px) * 2 + ty`; rows (tx, in), columns out), and the four rows of taps of the
-/// gradient (rows (kx, out), columns in).
+/// `[in][out][ky][kx]` to two matrices for the corners between coarse pixels, one per row of pixels
+/// round a corner (rows (tx, in), columns (fine row, fine column, out)), and the four rows of taps of
+/// the gradient (rows (kx, out), columns in).
 ///
-/// Output row `2 y + py` receives input row `y + py + t - 1` through kernel row `3 - py - 2 t`.
+/// The corner above and left of pixel (y, x) has the fine rows `2 y - 1 + r`; each receives coarse row
+/// `y - 1 + t` through kernel row `2 + r - 2 t`; columns likewise.
 fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let at = |i: usize, o: usize, ky: usize, kx: usize| w[((i * co + o) * 4 + ky) * 4 + kx];
-    let mut forward = Vec::with_capacity(8);
-    for (py, px) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        for ty in 0..2 {
-            let mut matrix = Vec::with_capacity(2 * ci * co);
-            for tx in 0..2 {
-                for i in 0..ci {
-                    matrix.extend((0..co).map(|o| at(i, o, 3 - py - 2 * ty, 3 - px - 2 * tx)));
+    let mut forward: [_; 2] = std::array::from_fn(|_| Vec::with_capacity(8 * ci * co));
+    for (ty, matrix) in forward.iter_mut().enumerate() {
+        for tx in 0..2 {
+            for i in 0..ci {
+                for (r, s) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                    matrix.extend((0..co).map(|o| at(i, o, 2 + r - 2 * ty, 2 + s - 2 * tx)));
                 }
             }
-            forward.push(matrix);
         }
     }
     let mut backward: [_; 4] = std::array::from_fn(|_| Vec::with_capacity(4 * ci * co));
@@ -252,5 +251,5 @@ fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<V
             }
         }
     }
-    (forward, backward.into())
+    (forward.into(), backward.into())
 }

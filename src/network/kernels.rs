@@ -6,6 +6,8 @@
 //! contiguous, windows of neighbouring pixels overlap, and a whole block is one matrix product per
 //! row of taps, at the price of one unused result per row.
 
+use std::ops::Range;
+
 use super::gemm::{Shape, multiply};
 use super::graph::{Kind, Node};
 
@@ -24,6 +26,27 @@ pub(super) fn block_rows(height: usize, width: usize) -> usize {
 
 const PIXELS: usize = 160;
 
+impl Kind {
+    /// Rows of the result that the first task and each further one writes, for `rows` of
+    /// [`block_rows`].
+    pub fn task_rows(self, rows: usize) -> (usize, usize) {
+        match self {
+            Self::Input | Self::Conv { .. } => (rows, rows),
+            Self::ConvTranspose => (2 * rows + 1, 2 * rows),
+        }
+    }
+
+    /// The rows that a task works on: of the coarse side, or, enlarging, of the corners between its
+    /// pixels, one more.
+    fn rows_of_task(self, task: usize, rows: usize, height: usize) -> Range<usize> {
+        let (first, end) = (task * rows, (task + 1) * rows);
+        match self {
+            Self::Input | Self::Conv { .. } => first..end.min(height),
+            Self::ConvTranspose => first + usize::from(task > 0)..(end + 1).min(height + 1),
+        }
+    }
+}
+
 /// Size of the tensor on the coarse side of a node (its input) and on the fine side (its result).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Size {
@@ -35,14 +58,17 @@ pub(super) struct Size {
 pub(super) fn scratch_needs(node: &Node, coarse: Size) -> (usize, usize) {
     let rows = block_rows(coarse.height, coarse.width);
     let w = coarse.width;
-    let widest = node.inputs.max(node.outputs);
     match node.kind {
         Kind::Input => (0, 0),
-        Kind::Conv { .. } => (((rows + 2) * (w + 1) + 1) * widest, rows * (w + 1) * widest),
+        Kind::Conv { .. } => {
+            let widest = node.inputs.max(node.outputs);
+            (((rows + 2) * (w + 1) + 1) * widest, rows * (w + 1) * widest)
+        }
         Kind::ConvTranspose => {
             let forward = ((rows + 2) * (w + 1) + 1) * node.inputs;
             let backward = 2 * (rows + 1) * (2 * w + 2) * node.outputs;
-            (forward.max(backward), rows * (w + 1) * widest)
+            let product = ((rows + 1) * 4 * node.outputs).max(rows * node.inputs);
+            (forward.max(backward), product * (w + 1))
         }
     }
 }
@@ -117,12 +143,12 @@ pub(super) struct Target<'a> {
     pub add: Option<&'a [f32]>,
 }
 
-/// Rows `first .. first + rows` of the coarse side: results of [`Node::kind`] for `input`.
+/// Results of [`Node::kind`] for `input`: those of a task that has `rows` of [`block_rows`].
 pub(super) fn forward_block(
     node: &Node,
     input: &[f32],
     coarse: Size,
-    first: usize,
+    task: usize,
     rows: usize,
     finish: &Finish,
     target: &mut Target,
@@ -130,6 +156,8 @@ pub(super) fn forward_block(
 ) {
     let (ci, co) = (node.inputs, node.outputs);
     let w = coarse.width;
+    let range = node.kind.rows_of_task(task, rows, coarse.height);
+    let (first, rows) = (range.start, range.len());
     let Scratch { window, product } = scratch;
     match node.kind {
         Kind::Input => {}
@@ -154,21 +182,24 @@ pub(super) fn forward_block(
             }
         }
         Kind::ConvTranspose => {
+            // Four results lie round each corner between coarse pixels and are sums over the same
+            // window of two by two: one product gives them all.
             let pitch = w + 1;
-            gather(input, coarse, ci, first, rows + 2, 1, window);
+            gather(input, coarse, ci, first, rows + 1, 1, window);
             let shape =
-                Shape { m: (rows - 1) * pitch + w, n: co, k: 2 * ci, a_stride: ci, c_stride: co };
-            for phase in 0..4 {
-                let (py, px) = (phase / 2, phase % 2);
-                for ty in 0..2 {
-                    let from = ((py + ty) * pitch + px) * ci;
-                    let matrix = &node.forward[2 * phase + ty];
-                    multiply(shape, &window[from..], matrix, product, ty > 0);
-                }
-                for y in 0..rows {
-                    for x in 0..w {
-                        let pixel = (2 * y + py) * 2 * w + 2 * x + px;
-                        store(finish, target, &product[(y * pitch + x) * co..][..co], pixel, co);
+                Shape { m: rows * pitch, n: 4 * co, k: 2 * ci, a_stride: ci, c_stride: 4 * co };
+            for (ty, matrix) in node.forward.iter().enumerate() {
+                multiply(shape, &window[ty * pitch * ci..], matrix, product, ty > 0);
+            }
+            let top = (2 * first).saturating_sub(1);
+            for (corner, sums) in product[..rows * pitch * 4 * co].chunks_exact(4 * co).enumerate()
+            {
+                let (y, x) = (2 * (first + corner / pitch), 2 * (corner % pitch));
+                for (i, sums) in sums.chunks_exact(co).enumerate() {
+                    let (y, x) = (y + i / 2, x + i % 2);
+                    // one further up and left; the outermost corners lie on the border
+                    if (1..=2 * coarse.height).contains(&y) && (1..=2 * w).contains(&x) {
+                        store(finish, target, sums, (y - 1 - top) * 2 * w + x - 1, co);
                     }
                 }
             }

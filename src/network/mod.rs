@@ -29,6 +29,7 @@ pub(crate) mod test_vectors;
 #[cfg(test)]
 mod tests;
 
+use rayon::iter;
 use rayon::prelude::*;
 
 use crate::svbrdf::CHANNELS;
@@ -182,31 +183,23 @@ impl Decoder {
         });
         let coarse = input.size;
         let rows = here.rows;
-        let scale = here.size.height / coarse.height;
-        let chunk = rows * scale * here.size.width * node.outputs;
+        let line = here.size.width * node.outputs;
+        let (head, further) = node.kind.task_rows(rows);
+        let head = (head * line).min(here.value.len());
         let keep = here.before.len() == here.value.len();
-        here.value
-            .par_chunks_mut(chunk)
-            .zip(here.before.par_chunks_mut(if keep { chunk } else { 1 }))
-            .enumerate()
-            .for_each(|(block, (out, before))| {
-                let first = block * rows;
-                let range = block * chunk..block * chunk + out.len();
+        let parts =
+            |values, kept: bool| tasks(values, if kept { (head, further * line) } else { (1, 1) });
+        parts(&mut here.value, true).zip(parts(&mut here.before, keep)).enumerate().for_each(
+            |(task, (out, before))| {
+                let start = if task == 0 { 0 } else { head + (task - 1) * further * line };
+                let range = start..start + out.len();
                 let mut target =
                     Target { out, before: keep.then_some(before), add: add.map(|a| &a[range]) };
-                let rows = rows.min(coarse.height - first);
                 let scratch = &mut *scratch.get();
-                forward_block(
-                    node,
-                    &input.value,
-                    coarse,
-                    first,
-                    rows,
-                    &finish,
-                    &mut target,
-                    scratch,
-                );
-            });
+                let input = &input.value;
+                forward_block(node, input, coarse, task, rows, &finish, &mut target, scratch);
+            },
+        );
     }
 
     /// From the gradient of node `i`'s sums to that of the sums of the node before.
@@ -244,4 +237,13 @@ impl Decoder {
             add(out, &before.used_before);
         });
     }
+}
+
+/// The part of the first task, and those of the others.
+fn tasks(
+    values: &mut [f32],
+    (first, further): (usize, usize),
+) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+    let (head, tail) = values.split_at_mut(first);
+    iter::once(head).chain(tail.par_chunks_mut(further))
 }
