@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import os
 
 
@@ -26,7 +27,7 @@ def main():
         # photo network: 1 photo, 8 photos, between
         keys = [k + n for k in ("maps", "render", "smooth") for n in ("", "1", "N", "8")]
         for key in keys:
-            points = [(r["samples"] / 1000, r[key]) for r in rows if key in r]
+            points = [(r["samples"] / 1000, r[key]) for r in rows if math.isfinite(r.get(key, math.inf))]
             if not points:
                 continue
             x, y = zip(*points)
