@@ -1,5 +1,7 @@
 //! The equations of texels and lights.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
@@ -7,6 +9,7 @@ use super::{Correction, LEAST_PHOTOGRAPHS, Options, corrected};
 use crate::Svbrdf;
 use crate::observation::{Observation, View};
 use crate::render;
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, RANGE, channel};
 
 /// Texels a side that are looked at, at most.
@@ -76,6 +79,30 @@ pub(super) fn is_albedo(c: usize) -> bool {
 fn coordinate_range(c: usize) -> (f64, f64) {
     let (low, high) = (f64::from(RANGE[c].0), f64::from(RANGE[c].1));
     if is_albedo(c) { (LEAST_ROOT, high.sqrt()) } else { (low, high) }
+}
+
+/// Coordinates that are found at once.
+const GROUPS: [Range<usize>; 5] = [
+    channel::SLOPE_X..channel::SLOPE_Y,
+    channel::SLOPE_Y..channel::DIFFUSE,
+    channel::DIFFUSE..channel::SPECULAR,
+    channel::SPECULAR..channel::ROUGHNESS,
+    channel::ROUGHNESS..CHANNELS,
+];
+
+/// Radiances to their logarithms.
+struct Logarithms<'a>(&'a mut [f32]);
+
+impl Kernel for Logarithms<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for part in self.0.chunks_mut(LANES) {
+            let radiance = V::load(part, 0.0).max(V::splat(0.0));
+            (radiance + V::splat(EPSILON)).ln().store(part);
+        }
+    }
 }
 
 /// A grid of texels of everything.
@@ -157,7 +184,9 @@ impl<'a> Problem<'a> {
         let mut total = 0.0;
         for o in observations {
             let value = |i: usize| o.radiance(i / (w * h), at(i % (w * h)));
-            logs.push((0..3 * w * h).map(|i| (value(i).max(0.0) + EPSILON).ln()).collect());
+            let mut log: Vec<f32> = (0..3 * w * h).map(value).collect();
+            dispatch(Logarithms(&mut log));
+            logs.push(log);
             let weight = |i: usize| {
                 if value(i) >= 0.0 { o.weight(at(i % (w * h))) } else { 0.0 }
             };
@@ -211,14 +240,15 @@ impl<'a> Problem<'a> {
         }
         let mut out = vec![0.0; 3 * maps.texels()];
         render::render(maps, &view, &mut out);
-        out.iter_mut().for_each(|v| *v = (v.max(0.0) + EPSILON).ln());
+        dispatch(Logarithms(&mut out));
         out
     }
 
     fn renderings(&self, state: &State) -> Vec<Vec<f32>> {
         let maps = self.maps(&state.texels);
         let Correction { turns, ambient } = &state.correction;
-        (0..self.logs.len()).map(|i| self.rendering(&maps, i, turns[i], *ambient)).collect()
+        let each = (0..self.logs.len()).into_par_iter();
+        each.map(|i| self.rendering(&maps, i, turns[i], *ambient)).collect()
     }
 
     /// Sum over photographs and values of weight times `of` the residual.
@@ -302,27 +332,41 @@ impl<'a> Problem<'a> {
         let slopes = |ahead: &[f32], behind: &[f32], by: f64| -> Vec<f32> {
             ahead.iter().zip(behind).map(|(a, b)| (a - b) / by as f32).collect()
         };
-        // central differences: lobes are narrow
-        let by_texel = (0..CHANNELS)
-            .map(|c| {
-                let (low, high) = coordinate_range(c);
-                let (mut ahead, mut behind) = (state.texels.clone(), state.texels.clone());
-                let mut scale = vec![0.0; n];
-                for (i, scale) in scale.iter_mut().enumerate() {
-                    let (a, b) = (&mut ahead[c * n + i], &mut behind[c * n + i]);
-                    (*a, *b) = ((*a + COORDINATE).min(high), (*b - COORDINATE).max(low));
-                    *scale = (2.0 * COORDINATE / (*a - *b)) as f32;
-                }
-                let (ahead, behind) = (self.maps(&ahead), self.maps(&behind));
-                let of = |i: usize| {
-                    let at = |maps| self.rendering(maps, i, turns[i], *ambient);
-                    let mut slopes = slopes(&at(&ahead), &at(&behind), 2.0 * COORDINATE);
-                    slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= scale[j % n]);
-                    slopes
+        // central differences: lobes are narrow; colours of an albedo move at once, as each shows in
+        // its own colour of the rendering only
+        let by_group = |group: &Range<usize>| -> Vec<Vec<Vec<f32>>> {
+            let (mut ahead, mut behind) = (state.texels.clone(), state.texels.clone());
+            let mut scale = vec![0.0; group.len() * n];
+            let planes = group.start * n..group.end * n;
+            let pairs = ahead[planes.clone()].iter_mut().zip(&mut behind[planes]);
+            for (i, ((a, b), scale)) in pairs.zip(&mut scale).enumerate() {
+                let (low, high) = coordinate_range(group.start + i / n);
+                (*a, *b) = ((*a + COORDINATE).min(high), (*b - COORDINATE).max(low));
+                *scale = (2.0 * COORDINATE / (*a - *b)) as f32;
+            }
+            let (ahead, behind) = (self.maps(&ahead), self.maps(&behind));
+            let of = |i: usize| {
+                let at = |maps| self.rendering(maps, i, turns[i], *ambient);
+                let mut slopes = slopes(&at(&ahead), &at(&behind), 2.0 * COORDINATE);
+                slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= scale[j % scale.len()]);
+                slopes
+            };
+            let all: Vec<Vec<f32>> = (0..value.len()).into_par_iter().map(of).collect();
+            if group.len() == 1 {
+                return vec![all];
+            }
+            let own = |colour: usize| {
+                let only = |slopes: &Vec<f32>| {
+                    let mut out = vec![0.0; slopes.len()];
+                    let plane = colour * n..(colour + 1) * n;
+                    out[plane.clone()].copy_from_slice(&slopes[plane]);
+                    out
                 };
-                (0..value.len()).map(of).collect()
-            })
-            .collect();
+                all.iter().map(only).collect()
+            };
+            (0..group.len()).map(own).collect()
+        };
+        let by_texel = GROUPS.par_iter().flat_map_iter(by_group).collect();
         let maps = self.maps(&state.texels);
         let by_light = (0..value.len())
             .map(|i| {
