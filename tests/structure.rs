@@ -23,7 +23,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("initial_estimate", &["network", "observation", "svbrdf"]),
     ("latent_fit", &["initial_estimate", "network", "render", "loss", "svbrdf", "observation"]),
     ("refinement", &["reflectance", "render", "loss", "simd", "svbrdf", "observation"]),
-    ("light_refinement", &["observation", "refinement", "render", "svbrdf"]),
+    ("light_refinement", &["loss", "observation", "refinement", "render", "svbrdf"]),
     ("propagation", &["observation", "refinement", "render", "svbrdf"]),
     ("completion", &["initial_estimate", "observation", "refinement", "render", "svbrdf"]),
     ("classic", &["render", "loss", "svbrdf", "observation"]),

@@ -34,7 +34,8 @@ from torch.nn import functional as F
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, "training"))
-from renderer import LOG_OFFSET, directions, encode_maps, log_encode, render  # noqa: E402
+from renderer import LOG_OFFSET, encode_maps, render  # noqa: E402
+from train_photo import photo_input  # noqa: E402
 
 SIDE = 256
 GAMMA = {"linear": 1.0, "gamma2.2": 2.2}
@@ -122,10 +123,8 @@ def run_onnx(models, name, threads, value):
 def start_maps(models, threads, photos):
     """Encoded maps of the photo network for the first photograph."""
     radiance, weight, camera, light = (p[:, 0] for p in photos)
-    seen = torch.ones_like(radiance[:, :1])
-    view = torch.stack(directions(camera, SIDE, SIDE), 1)
-    incident = torch.stack(directions(light, SIDE, SIDE), 1)
-    return run_onnx(models, "photo", threads, torch.cat([log_encode(radiance), view, incident, seen], 1))
+    seen, saturated = torch.ones_like(radiance[:, :1]), torch.zeros_like(radiance[:, :1])
+    return run_onnx(models, "photo", threads, photo_input(radiance, seen, saturated, camera, light))
 
 
 def loss_of(maps, photos):

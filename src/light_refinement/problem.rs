@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::{Correction, LEAST_PHOTOGRAPHS, Options, corrected};
 use crate::Svbrdf;
+use crate::loss::to_logarithms;
 use crate::observation::{Observation, View};
 use crate::render;
-use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, RANGE, channel};
 
 /// Texels a side that are looked at, at most.
@@ -28,8 +28,6 @@ const LONGEST_TURN: f64 = 0.3;
 const MOST_AMBIENT: f64 = 0.4;
 /// Longest step of a texel's coordinate.
 const LONGEST_COORDINATE: f64 = 0.2;
-/// As in the loss.
-const EPSILON: f32 = 0.01;
 /// Least square root of an albedo: at zero its derivative would vanish for good.
 const LEAST_ROOT: f64 = 0.005;
 /// Expected mean slope of a sample's piece: at least, and relative to the slopes' deviation.
@@ -89,21 +87,6 @@ const GROUPS: [Range<usize>; 5] = [
     channel::SPECULAR..channel::ROUGHNESS,
     channel::ROUGHNESS..CHANNELS,
 ];
-
-/// Radiances to their logarithms.
-struct Logarithms<'a>(&'a mut [f32]);
-
-impl Kernel for Logarithms<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        for part in self.0.chunks_mut(LANES) {
-            let radiance = V::load(part, 0.0).max(V::splat(0.0));
-            (radiance + V::splat(EPSILON)).ln().store(part);
-        }
-    }
-}
 
 /// A grid of texels of everything.
 pub(super) struct Problem<'a> {
@@ -185,7 +168,7 @@ impl<'a> Problem<'a> {
         for o in observations {
             let value = |i: usize| o.radiance(i / (w * h), at(i % (w * h)));
             let mut log: Vec<f32> = (0..3 * w * h).map(value).collect();
-            dispatch(Logarithms(&mut log));
+            to_logarithms(&mut log);
             logs.push(log);
             let weight = |i: usize| {
                 if value(i) >= 0.0 { o.weight(at(i % (w * h))) } else { 0.0 }
@@ -240,7 +223,7 @@ impl<'a> Problem<'a> {
         }
         let mut out = vec![0.0; 3 * maps.texels()];
         render::render(maps, &view, &mut out);
-        dispatch(Logarithms(&mut out));
+        to_logarithms(&mut out);
         out
     }
 
