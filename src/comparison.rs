@@ -90,7 +90,14 @@ fn renderings(a: &Svbrdf, b: &Svbrdf) -> f64 {
             || [vec![0.0; 3 * a.texels()], vec![0.0; 3 * a.texels()]],
             |images, (camera_mm, light_mm)| {
                 let falloff = Falloff::None { power: [PI; 3] };
-                let view = View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3] };
+                let view = View {
+                    sample_mm,
+                    camera_mm,
+                    light_mm,
+                    falloff,
+                    ambient: [0.0; 3],
+                    mirrored: 1.0,
+                };
                 for (maps, image) in [a, b].into_iter().zip(images.iter_mut()) {
                     render(maps, &view, image);
                     image.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));

@@ -411,6 +411,7 @@ mod tests {
             light_mm: [-5.0, 2.5, 20.0],
             falloff: Falloff::InverseSquare { power_mm2: [1000.0, 2000.0, 0.0] },
             ambient: [0.0; 3],
+            mirrored: 1.0,
         };
         // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one was not seen.
         let radiance = [0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2];
@@ -474,6 +475,7 @@ mod tests {
                 light_mm: [sign * 17.0, sign * 25.0, 80.0],
                 falloff: Falloff::InverseSquare { power_mm2: [2e4; 3] },
                 ambient: [0.0; 3],
+                mirrored: 1.0,
             };
             let photograph = Observation::new(w, h, view, radiance, &vec![1.0; w * h]).unwrap();
             networks.photo_maps(&photograph).unwrap().planes().to_vec()

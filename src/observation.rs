@@ -26,7 +26,7 @@ pub enum Falloff {
 
 /// Camera and light of one photograph in the board frame.
 ///
-/// Radiance of a texel: `BRDF * NoL * E(texel) + ambient * (kd + ks)` with `E` from
+/// Radiance of a texel: `BRDF * NoL * E(texel) + ambient * (kd + mirrored * ks)` with `E` from
 /// [`Falloff`]. With `power_mm2 = pi * d²` a white Lambertian texel facing a light at distance `d`
 /// comes out at its albedo: all of a capture's photographs share one such `d`, so that albedos are
 /// absolute and radiances lie near [0, 1].
@@ -40,8 +40,11 @@ pub struct View {
     pub light_mm: [f32; 3],
     /// Strength of the light over distance.
     pub falloff: Falloff,
-    /// Radiance of a uniform surround per channel, in the same units.
+    /// Radiance of a surround per channel, in the same units: its mean, weighted by the cosine.
     pub ambient: [f32; 3],
+    /// Radiance of the surround where the sample mirrors it to the camera, relative to its mean: 1
+    /// where it is uniform.
+    pub mirrored: f32,
 }
 
 impl View {
@@ -304,6 +307,7 @@ mod tests {
         light_mm: [5.0, 0.0, 200.0],
         falloff: Falloff::None { power: [1.0; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
 
     #[test]

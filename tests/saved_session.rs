@@ -44,6 +44,7 @@ fn photo(camera_mm: [f32; 3]) -> Photo {
         light_mm: camera_mm,
         falloff: Falloff::None { power: [PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let n = SIZE * SIZE;
     let mut planes = vec![0.0; 3 * n];

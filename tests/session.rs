@@ -39,6 +39,7 @@ fn view(camera_mm: [f32; 3]) -> View {
         light_mm: camera_mm,
         falloff: Falloff::None { power: [PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     }
 }
 

@@ -69,6 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         light_mm: arguments.light_mm,
         falloff: Falloff::None { power: [PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let mut rgb = vec![0.0; 3 * maps.texels()];
     svbrdf::render::render(&maps, &view, &mut rgb);

@@ -108,6 +108,7 @@ impl<'a> Setup<'a> {
             light_mm: (light - up).as_vec3().to_array(),
             falloff: Falloff::InverseSquare { power_mm2: [power_mm2 as f32; 3] },
             ambient: [0.0; 3],
+            mirrored: 1.0,
         };
         let mut radiance = vec![0.0; 3 * maps.texels()];
         render(maps, &view, &mut radiance);

@@ -31,6 +31,7 @@ fn render_writes_what_the_library_renders() {
         light_mm: [-60.0, 20.0, 200.0],
         falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let mut rgb = vec![0.0; 3 * 256];
     svbrdf::render::render(&maps, &view, &mut rgb);

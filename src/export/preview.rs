@@ -62,6 +62,7 @@ pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2])
             light_mm: light.map(|v| v * unit),
             falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
             ambient: [0.0; 3],
+            mirrored: 1.0,
         };
         render(&maps, &view, &mut radiance);
         put(column, 1, &|i| [0, 1, 2].map(|c| srgb(radiance[c * n + i])));

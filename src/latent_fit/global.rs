@@ -19,9 +19,11 @@ type Correction = [f64; 8];
 const ROUGHNESS: usize = 6;
 const SLOPES: usize = 7;
 
-/// Expected size of each correction; the weight of the prior is that of a loss of this order.
+/// Expected size of each correction; the weight of the prior beside the mean loss, divided by the
+/// number of photographs, is that of a loss of this order: a photograph that shows no highlight has
+/// other ways to agree with a wrong gloss.
 const DEVIATION: Correction = [0.4, 0.4, 0.4, 0.8, 0.8, 0.8, 1.2, 0.5];
-const PRIOR_WEIGHT: f64 = 2e-3;
+const PRIOR_WEIGHT: f64 = 1e-2;
 
 /// Shifts of roughness from which the search begins.
 const STARTS: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
@@ -62,12 +64,14 @@ struct Problem<'a> {
     moved: Svbrdf,
     observations: &'a [Observation],
     gradient: Vec<f32>,
+    prior_weight: f64,
 }
 
 impl<'a> Problem<'a> {
     fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Self {
         let gradient = vec![0.0; CHANNELS * maps.texels()];
-        Self { base: maps.clone(), moved: maps.clone(), observations, gradient }
+        let prior_weight = PRIOR_WEIGHT / observations.len().max(1) as f64;
+        Self { base: maps.clone(), moved: maps.clone(), observations, gradient, prior_weight }
     }
 
     /// Writes the corrected maps to `moved`.
@@ -116,8 +120,8 @@ impl<'a> Problem<'a> {
             gradient[parameter(c)] += sum;
         }
         for ((g, x), sigma) in gradient.iter_mut().zip(correction).zip(DEVIATION) {
-            value += PRIOR_WEIGHT * (x / sigma).powi(2);
-            *g += 2.0 * PRIOR_WEIGHT * x / (sigma * sigma);
+            value += self.prior_weight * (x / sigma).powi(2);
+            *g += 2.0 * self.prior_weight * x / (sigma * sigma);
         }
         (value, gradient)
     }

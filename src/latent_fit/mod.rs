@@ -39,8 +39,11 @@ const MOST_FRESH: usize = 8;
 /// Options of the fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
-    /// Steps of the coarsest level after each photograph. Of photographs that come before the fit
-    /// has settled, up to eight add their steps.
+    /// Steps of the coarsest level after the first photograph: with more, one photograph's highlights
+    /// and shading are explained by gloss and bumps that are not there.
+    pub first_steps: usize,
+    /// Steps of the coarsest level after each further photograph. Of photographs that come before
+    /// the fit has settled, up to eight add their steps.
     pub steps: usize,
     /// Steps of each finer level after each photograph.
     pub fine_steps: usize,
@@ -67,6 +70,7 @@ pub struct FitOptions {
 impl Default for FitOptions {
     fn default() -> Self {
         Self {
+            first_steps: 8,
             steps: 30,
             fine_steps: 15,
             learning_rate: 0.03,
@@ -340,7 +344,11 @@ impl LatentFit {
 
     fn steps(&self, stage: usize) -> usize {
         let fresh = self.fresh.clamp(1, MOST_FRESH);
-        if stage == 0 { fresh * self.options.steps } else { self.options.fine_steps }
+        match (stage, self.stages[0].observations.len()) {
+            (0, ..=1) => self.options.first_steps,
+            (0, _) => fresh * self.options.steps,
+            _ => self.options.fine_steps,
+        }
     }
 
     fn report(&self) -> StepReport {

@@ -33,6 +33,7 @@ pub(super) fn photograph(truth: &Svbrdf, camera: [f32; 3]) -> Observation {
         light_mm: camera,
         falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let mut radiance = vec![0.0; 3 * truth.texels()];
     render::render(truth, &view, &mut radiance);
@@ -54,7 +55,12 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     let start = networks.photo_maps(&top).unwrap();
     let before = render::loss(&start, std::slice::from_ref(&top));
-    let options = FitOptions { steps: 40, global_correction: false, ..FitOptions::default() };
+    let options = FitOptions {
+        first_steps: 40,
+        steps: 40,
+        global_correction: false,
+        ..FitOptions::default()
+    };
     let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
     for (a, b) in fit.maps().planes().iter().zip(start.planes()) {
         // through the square-root encoding and back
@@ -85,7 +91,7 @@ fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
     let top = photograph(&truth, TOP);
     let start = networks.photo_maps(&top).unwrap();
     assert_eq!(start.width(), 256);
-    let options = FitOptions { steps: 2, fine_steps: 2, ..FitOptions::default() };
+    let options = FitOptions { first_steps: 2, steps: 2, fine_steps: 2, ..FitOptions::default() };
     let mut fit = LatentFit::new(networks, &start, &top, options).unwrap();
     assert_eq!(fit.maps().width(), 512);
     let mut levels = Vec::new();
@@ -173,7 +179,7 @@ fn resolutions_far_above_the_finest_fitted_are_interpolated() {
     let top = photograph(&truth, TOP);
     let start = networks.photo_maps(&top).unwrap();
     let options = FitOptions {
-        steps: 1,
+        first_steps: 1,
         finest_texels: 256,
         global_correction: false,
         ..FitOptions::default()

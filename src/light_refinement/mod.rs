@@ -3,7 +3,8 @@
 //! A light direction that is wrong by some degrees, or light from elsewhere, explains itself badly by
 //! maps that all photographs share: with three photographs and more, what each one disagrees about
 //! tells where its light was. Each light turns about the centre of the sample by two small angles;
-//! the ambient light is one number, a share of the flash's irradiance.
+//! the ambient light is one number, a share of the flash's irradiance; and what of a surround a
+//! smooth sample mirrors is one number for each photograph, as it lies elsewhere in each.
 //!
 //! Maps would slowly follow wrong lights if each were fitted in turn. So a grid of texels is fitted
 //! together with the lights, as in bundle adjustment: Levenberg-Marquardt on the posterior of
@@ -33,6 +34,9 @@ pub const LEAST_PHOTOGRAPHS: usize = 3;
 /// fewer say, and lights would follow what noise and model leave.
 pub const LEAST_TO_TURN: usize = 8;
 
+/// Largest logarithm of what is mirrored.
+pub(crate) const MOST_MIRRORED: f64 = 2.0;
+
 /// Least and greatest damping of the texels' equations: with more, texels hold the lights where
 /// they are.
 const DAMPING: (f64, f64) = (1e-6, 0.01);
@@ -41,9 +45,11 @@ const DAMPING: (f64, f64) = (1e-6, 0.01);
 const EVIDENCE: f64 = 0.6;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 3e-4;
-/// Changes of an ambient light that is looked for alone, and of the estimate's offset, which are
-/// nothing; after so many such steps both are found, whatever texels still do.
+/// Changes of an ambient light that is looked for without turning lights, of the logarithm of what
+/// is mirrored, and of the estimate's offset, which are nothing; after so many such steps all are
+/// found, whatever texels still do.
 const STILL_AMBIENT: f64 = 1e-4;
+const STILL_MIRRORED: f64 = 5e-3;
 const STILL_OFFSET: f64 = 5e-4;
 const STILL_STEPS: usize = 2;
 
@@ -52,12 +58,18 @@ const STILL_STEPS: usize = 2;
 pub struct Options {
     /// Steps of Levenberg and Marquardt, at most.
     pub steps: usize,
-    /// Whether lights turn; otherwise only the ambient light is found.
+    /// Whether lights turn.
     pub turn: bool,
+    /// Whether ambient light is looked for that the given views do not have.
+    pub ambient: bool,
+    /// Whether the surround differs from photograph to photograph where the sample mirrors it.
+    pub mirror: bool,
     /// Expected error of a light's direction, radians.
     pub direction_sigma: f64,
     /// Expected ambient irradiance, as a share of the flash's.
     pub ambient_sigma: f64,
+    /// Expected logarithm of [`View::mirrored`].
+    pub mirrored_sigma: f64,
     /// Texels that count as independent, to weigh those sigmas against: errors of the model
     /// are alike all over a sample.
     pub independent_texels: f64,
@@ -70,8 +82,11 @@ impl Default for Options {
         Self {
             steps: 20,
             turn: true,
+            ambient: true,
+            mirror: false,
             direction_sigma: 0.05,
             ambient_sigma: 0.05,
+            mirrored_sigma: 0.5,
             independent_texels: 1000.0,
             prior: Prior::default(),
         }
@@ -85,24 +100,35 @@ pub struct Correction {
     pub turns: Vec<[f64; 2]>,
     /// Ambient irradiance as a share of the flash's.
     pub ambient: f64,
+    /// Logarithm of [`View::mirrored`] per photograph.
+    pub mirrored: Vec<f64>,
 }
 
 impl Correction {
-    /// The view of photograph `index` with its light turned and the ambient light added to what
-    /// was `given`.
+    /// The view of photograph `index` with its light turned, the ambient light added to what
+    /// was `given`, and what of it is mirrored.
     pub fn apply(&self, given: &View, index: usize) -> View {
-        let turn = self.turns.get(index).copied().unwrap_or_default();
-        corrected(given, turn, self.ambient)
+        corrected(given, self.turn(index), self.ambient, self.mirrored(index))
+    }
+
+    fn turn(&self, index: usize) -> [f64; 2] {
+        self.turns.get(index).copied().unwrap_or_default()
+    }
+
+    fn mirrored(&self, index: usize) -> f64 {
+        self.mirrored.get(index).copied().unwrap_or_default()
     }
 
     /// Largest difference to another, in units of the options' sigmas.
     pub fn distance(&self, other: &Self, options: &Options) -> f64 {
         let turns = self.turns.iter().enumerate().flat_map(|(i, turn)| {
-            let before = other.turns.get(i).copied().unwrap_or_default();
+            let before = other.turn(i);
             [turn[0] - before[0], turn[1] - before[1]]
         });
         let turns = turns.fold(0.0f64, |m, d| m.max(d.abs())) / options.direction_sigma;
-        turns.max((self.ambient - other.ambient).abs() / options.ambient_sigma)
+        let mirrored = self.mirrored.iter().enumerate().map(|(i, m)| m - other.mirrored(i));
+        let mirrored = mirrored.fold(0.0f64, |m, d| m.max(d.abs())) / options.mirrored_sigma;
+        turns.max(mirrored).max((self.ambient - other.ambient).abs() / options.ambient_sigma)
     }
 }
 
@@ -152,6 +178,7 @@ pub fn refine_lights(
         return false;
     }
     correction.turns.resize(count, [0.0; 2]);
+    correction.mirrored.resize(count, 0.0);
     let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
     let texels = problem.start.clone();
     let mut state = State { texels, correction: correction.clone(), offset: offset.0 };
@@ -190,15 +217,19 @@ pub fn refine_lights(
     changed
 }
 
-/// Whether ambient light and offset hardly changed.
+/// Whether ambient light, what is mirrored of it, and offset hardly changed.
 fn is_still(before: &State, after: &State) -> bool {
     let ambient = (after.correction.ambient - before.correction.ambient).abs();
     let mut offsets = after.offset.iter().zip(&before.offset);
-    ambient < STILL_AMBIENT && offsets.all(|(a, b)| (a - b).abs() < STILL_OFFSET)
+    let mut mirrored = after.correction.mirrored.iter().zip(&before.correction.mirrored);
+    ambient < STILL_AMBIENT
+        && offsets.all(|(a, b)| (a - b).abs() < STILL_OFFSET)
+        && mirrored.all(|(a, b)| (a - b).abs() < STILL_MIRRORED)
 }
 
-/// The light turned about the centre of the sample, ambient light added.
-fn corrected(given: &View, turn: [f64; 2], ambient: f64) -> View {
+/// The light turned about the centre of the sample, ambient light added, `mirrored` the logarithm of
+/// the view's.
+fn corrected(given: &View, turn: [f64; 2], ambient: f64, mirrored: f64) -> View {
     let light = glam::Vec3::from(given.light_mm).as_dvec3();
     let (u, v) = light.normalize_or(glam::DVec3::Z).any_orthonormal_pair();
     let turn = glam::DQuat::from_scaled_axis(u * turn[0] + v * turn[1]);
@@ -210,6 +241,7 @@ fn corrected(given: &View, turn: [f64; 2], ambient: f64) -> View {
     };
     let mut view = *given;
     view.light_mm = (turn * light).as_vec3().into();
+    view.mirrored = given.mirrored * mirrored.exp() as f32;
     for (a, w) in view.ambient.iter_mut().zip(white) {
         *a += ambient as f32 * w / std::f32::consts::PI;
     }

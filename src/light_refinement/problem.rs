@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
-use super::{Correction, LEAST_PHOTOGRAPHS, Options, corrected};
+use super::{Correction, LEAST_PHOTOGRAPHS, MOST_MIRRORED, Options, corrected};
 use crate::Svbrdf;
 use crate::loss::to_logarithms;
 use crate::observation::{Observation, View};
@@ -14,9 +14,10 @@ use crate::svbrdf::{CHANNELS, RANGE, channel};
 
 /// Texels a side that are looked at, at most.
 const TEXELS: usize = 64;
-/// Differences by which derivatives are formed: radians, share, coordinates of a texel.
+/// Differences by which derivatives are formed: radians, share, logarithm, coordinates of a texel.
 const ANGLE: f64 = 1e-3;
 const SHARE: f64 = 2e-3;
+const LOGARITHM: f64 = 1e-2;
 const COORDINATE: f64 = 1e-3;
 /// Largest residual below which the loss counts as quadratic; less where the noise is less.
 const HUBER: f64 = 0.02;
@@ -58,12 +59,16 @@ impl State {
             let size = to[0].hypot(to[1]);
             to.map(|t| t * (LONGEST_TURN / size.max(LONGEST_TURN)))
         };
+        let mirrored = |(m, by): (&f64, &f64)| {
+            (m + (length * by).clamp(-1.0, 1.0)).clamp(-MOST_MIRRORED, MOST_MIRRORED)
+        };
         let (at, by) = (&self.correction, &step.correction);
         Self {
             texels: self.texels.iter().zip(&step.texels).enumerate().map(texel).collect(),
             correction: Correction {
                 turns: at.turns.iter().zip(&by.turns).map(turn).collect(),
                 ambient: (at.ambient + length * by.ambient).clamp(0.0, MOST_AMBIENT),
+                mirrored: at.mirrored.iter().zip(&by.mirrored).map(mirrored).collect(),
             },
             offset: std::array::from_fn(|c| self.offset[c] + length * step.offset[c]),
         }
@@ -87,6 +92,21 @@ const GROUPS: [Range<usize>; 5] = [
     channel::SPECULAR..channel::ROUGHNESS,
     channel::ROUGHNESS..CHANNELS,
 ];
+
+/// What is believed of one photograph's light, see [`Correction`].
+#[derive(Clone, Copy)]
+struct Light {
+    turn: [f64; 2],
+    ambient: f64,
+    mirrored: f64,
+}
+
+impl Light {
+    fn of(state: &State, index: usize) -> Self {
+        let Correction { turns, ambient, mirrored } = &state.correction;
+        Self { turn: turns[index], ambient: *ambient, mirrored: mirrored[index] }
+    }
+}
 
 /// A grid of texels of everything.
 pub(super) struct Problem<'a> {
@@ -215,8 +235,9 @@ impl<'a> Problem<'a> {
     }
 
     /// Logarithms of a rendering.
-    fn rendering(&self, maps: &Svbrdf, index: usize, turn: [f64; 2], ambient: f64) -> Vec<f32> {
-        let mut view = corrected(&self.given[index], turn, ambient);
+    fn rendering(&self, maps: &Svbrdf, index: usize, light: Light) -> Vec<f32> {
+        let Light { turn, ambient, mirrored } = light;
+        let mut view = corrected(&self.given[index], turn, ambient, mirrored);
         for (axis, offset) in self.offset_mm[index].into_iter().enumerate() {
             view.camera_mm[axis] -= offset;
             view.light_mm[axis] -= offset;
@@ -229,9 +250,8 @@ impl<'a> Problem<'a> {
 
     fn renderings(&self, state: &State) -> Vec<Vec<f32>> {
         let maps = self.maps(&state.texels);
-        let Correction { turns, ambient } = &state.correction;
         let each = (0..self.logs.len()).into_par_iter();
-        each.map(|i| self.rendering(&maps, i, turns[i], *ambient)).collect()
+        each.map(|i| self.rendering(&maps, i, Light::of(state, i))).collect()
     }
 
     /// Sum over photographs and values of weight times `of` the residual.
@@ -262,10 +282,10 @@ impl<'a> Problem<'a> {
         self.texels() as f64 / self.options.independent_texels
     }
 
-    /// Weights of the squares of a turn and of the ambient light.
-    pub(super) fn shared_precision(&self) -> [f64; 2] {
-        let Options { direction_sigma, ambient_sigma, .. } = *self.options;
-        [self.scale() / direction_sigma.powi(2), self.scale() / ambient_sigma.powi(2)]
+    /// Weights of the squares of a turn, of the ambient light, and of what is mirrored.
+    pub(super) fn shared_precision(&self) -> [f64; 3] {
+        let Options { direction_sigma, ambient_sigma, mirrored_sigma, .. } = *self.options;
+        [direction_sigma, ambient_sigma, mirrored_sigma].map(|s| self.scale() / (s * s))
     }
 
     /// Negative logarithm of the prior of the estimate's offset: half of the first times the square
@@ -284,7 +304,8 @@ impl<'a> Problem<'a> {
         let limit = self.huber();
         let huber =
             |r: f64| if r.abs() < limit { r * r / (2.0 * limit) } else { r.abs() - limit / 2.0 };
-        let [by_turn, by_ambient] = self.shared_precision();
+        let [by_turn, by_ambient, by_mirrored] = self.shared_precision();
+        let mirrored: f64 = state.correction.mirrored.iter().map(|m| m * m).sum();
         let turns: f64 = state.correction.turns.iter().flatten().map(|t| t * t).sum();
         let n = self.texels();
         let prior = state.texels.iter().zip(&self.prior_mean).enumerate();
@@ -296,7 +317,9 @@ impl<'a> Problem<'a> {
             own * by.powi(2) + flat * (by + mean).powi(2)
         };
         let offset: f64 = state.offset.iter().enumerate().map(offset).sum();
-        let shared = by_turn * turns + by_ambient * state.correction.ambient.powi(2);
+        let shared = by_turn * turns
+            + by_mirrored * mirrored
+            + by_ambient * state.correction.ambient.powi(2);
         self.sum(state, huber) / self.noise + 0.5 * (prior + offset + shared)
     }
 
@@ -311,7 +334,6 @@ impl<'a> Problem<'a> {
     pub(super) fn linearise(&self, state: &State) -> Linearised {
         let n = self.texels();
         let value = self.renderings(state);
-        let Correction { turns, ambient } = &state.correction;
         let slopes = |ahead: &[f32], behind: &[f32], by: f64| -> Vec<f32> {
             ahead.iter().zip(behind).map(|(a, b)| (a - b) / by as f32).collect()
         };
@@ -329,7 +351,7 @@ impl<'a> Problem<'a> {
             }
             let (ahead, behind) = (self.maps(&ahead), self.maps(&behind));
             let of = |i: usize| {
-                let at = |maps| self.rendering(maps, i, turns[i], *ambient);
+                let at = |maps| self.rendering(maps, i, Light::of(state, i));
                 let mut slopes = slopes(&at(&ahead), &at(&behind), 2.0 * COORDINATE);
                 slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= scale[j % scale.len()]);
                 slopes
@@ -353,36 +375,54 @@ impl<'a> Problem<'a> {
         let maps = self.maps(&state.texels);
         let by_light = (0..value.len())
             .map(|i| {
-                let [u, v] = turns[i];
-                let at = |u: f64, v: f64| self.rendering(&maps, i, [u, v], *ambient);
-                let ambient = self.rendering(&maps, i, [u, v], ambient + SHARE);
-                let ambient = slopes(&ambient, &value[i], SHARE);
-                if !self.options.turn {
-                    return vec![ambient];
+                let here = Light::of(state, i);
+                let at = |light: Light| self.rendering(&maps, i, light);
+                let mut all = Vec::new();
+                if self.options.turn {
+                    let [u, v] = here.turn;
+                    for [du, dv] in [[ANGLE, 0.0], [0.0, ANGLE]] {
+                        let ahead = at(Light { turn: [u + du, v + dv], ..here });
+                        let behind = at(Light { turn: [u - du, v - dv], ..here });
+                        all.push(slopes(&ahead, &behind, 2.0 * ANGLE));
+                    }
                 }
-                vec![
-                    slopes(&at(u + ANGLE, v), &at(u - ANGLE, v), 2.0 * ANGLE),
-                    slopes(&at(u, v + ANGLE), &at(u, v - ANGLE), 2.0 * ANGLE),
-                    ambient,
-                ]
+                if self.options.mirror {
+                    let ahead = at(Light { mirrored: here.mirrored + LOGARITHM, ..here });
+                    all.push(slopes(&ahead, &value[i], LOGARITHM));
+                }
+                if self.options.ambient {
+                    let ahead = at(Light { ambient: here.ambient + SHARE, ..here });
+                    all.push(slopes(&ahead, &value[i], SHARE));
+                }
+                all
             })
             .collect();
         Linearised { value, by_texel, by_light }
     }
 
-    /// Shared unknowns: two per photograph if lights turn, the estimate's offset, the ambient light.
+    /// Shared unknowns: two per photograph if lights turn, one if what is mirrored differs, the
+    /// estimate's offset, the ambient light.
     pub(super) fn shared(&self) -> usize {
         self.first_offset() + CHANNELS + 1
     }
 
-    pub(super) fn first_offset(&self) -> usize {
+    pub(super) fn first_mirrored(&self) -> usize {
         if self.options.turn { 2 * self.logs.len() } else { 0 }
     }
 
-    /// The shared unknowns of a photograph's light: its two angles if it turns, the ambient light.
+    pub(super) fn first_offset(&self) -> usize {
+        self.first_mirrored() + if self.options.mirror { self.logs.len() } else { 0 }
+    }
+
+    /// The shared unknowns of a photograph's light: its two angles if it turns, what is mirrored if
+    /// that differs, the ambient light if it is looked for.
     fn unknowns(&self, index: usize) -> impl Iterator<Item = usize> + Clone + use<> {
         let turns = if self.options.turn { 2 * index..2 * index + 2 } else { 0..0 };
-        turns.chain([self.shared() - 1])
+        let mirrored = self.first_mirrored() + index;
+        let mirrored = if self.options.mirror { mirrored..mirrored + 1 } else { 0..0 };
+        let ambient = self.shared() - 1;
+        let ambient = if self.options.ambient { ambient..ambient + 1 } else { 0..0 };
+        turns.chain(mirrored).chain(ambient)
     }
 
     /// Equations of a texel; `each` gets every residual's photograph and place, its weight, itself
@@ -533,12 +573,19 @@ impl<'a> Problem<'a> {
             sum.matrix += part.matrix;
             sum.gradient += part.gradient;
         }
-        let [by_turn, by_ambient] = self.shared_precision();
+        let [by_turn, by_ambient, by_mirrored] = self.shared_precision();
         let last = self.shared() - 1;
         if self.options.turn {
             for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
                 sum.matrix[(i, i)] += by_turn;
                 sum.gradient[i] += by_turn * turn;
+            }
+        }
+        if self.options.mirror {
+            for (i, mirrored) in state.correction.mirrored.iter().enumerate() {
+                let at = self.first_mirrored() + i;
+                sum.matrix[(at, at)] += by_mirrored;
+                sum.gradient[at] += by_mirrored * mirrored;
             }
         }
         sum.matrix[(last, last)] += by_ambient;
@@ -580,7 +627,13 @@ impl<'a> Problem<'a> {
             false => [0.0; 2],
         };
         let turns = (0..self.logs.len()).map(turn).collect();
+        let mirrored = |i: usize| match self.options.mirror {
+            true => shared[self.first_mirrored() + i],
+            false => 0.0,
+        };
+        let mirrored = (0..self.logs.len()).map(mirrored).collect();
         let offset = std::array::from_fn(|c| shared[self.first_offset() + c]);
-        Some(State { texels, correction: Correction { turns, ambient: shared[last] }, offset })
+        let correction = Correction { turns, ambient: shared[last], mirrored };
+        Some(State { texels, correction, offset })
     }
 }

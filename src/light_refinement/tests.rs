@@ -38,6 +38,7 @@ fn capture(maps: &Svbrdf, ambient: f32) -> (Vec<Observation>, Vec<View>) {
             light_mm: at,
             falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
             ambient: [ambient; 3],
+            mirrored: 1.0,
         };
         let mut radiance = vec![0.0; 3 * maps.texels()];
         render::render(maps, &view, &mut radiance);
@@ -80,7 +81,7 @@ fn lights_are_found_together_with_the_texels() {
     let truth: Vec<_> = given.iter().map(|v| glam::Vec3::from(v.light_mm)).collect();
     for (i, view) in given.iter_mut().enumerate() {
         let error = if i % 2 == 0 { [0.05, -0.02] } else { [-0.03, 0.04] };
-        *view = corrected(view, error, 0.0);
+        *view = corrected(view, error, 0.0, 0.0);
     }
     let start = spoiled(&maps);
     let mut correction = Correction::default();
@@ -139,13 +140,43 @@ fn rms(a: &Svbrdf, b: &Svbrdf) -> f32 {
 }
 
 #[test]
+fn a_room_that_a_metal_mirrors_differently_in_each_photograph_is_found() {
+    let mut maps = material();
+    for c in 0..3 {
+        maps.plane_mut(channel::DIFFUSE + c).fill(0.02);
+        maps.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|v| *v *= 10.0);
+    }
+    let factors = [0.4, 1.5, 0.7, 2.0, 1.0, 0.6];
+    let (mut observations, mut views) = capture(&maps, 0.05);
+    for ((o, view), factor) in observations.iter_mut().zip(&mut views).zip(factors) {
+        o.view.mirrored = factor;
+        let mut radiance = vec![0.0; 3 * maps.texels()];
+        render::render(&maps, &o.view, &mut radiance);
+        let weight = vec![1.0; maps.texels()];
+        *o = Observation::new(SIDE, SIDE, o.view, &radiance, &weight).unwrap();
+        *view = View { mirrored: 1.0, ..o.view };
+    }
+    let (mut correction, mut start) = (Correction::default(), maps.clone());
+    for c in channel::SPECULAR..channel::ROUGHNESS {
+        start.plane_mut(c).iter_mut().for_each(|v| *v *= 0.8);
+    }
+    let options = Options { turn: false, ambient: false, mirror: true, ..Options::default() };
+    assert!(refined(&start, &observations, &views, &options, &mut correction));
+    for (i, factor) in factors.into_iter().enumerate() {
+        let found = correction.apply(&views[i], i).mirrored;
+        assert!((found / factor).ln().abs() < 0.1, "{i}: {found} {factor}");
+    }
+    assert_eq!(correction.ambient, 0.0);
+}
+
+#[test]
 fn true_lights_stay() {
     let maps = material();
     let (observations, given) = capture(&maps, 0.0);
     let mut correction = Correction::default();
     let options = Options::default();
     refined(&maps, &observations, &given, &options, &mut correction);
-    let zero = Correction { turns: vec![[0.0; 2]; given.len()], ambient: 0.0 };
+    let zero = Correction { turns: vec![[0.0; 2]; given.len()], ..Default::default() };
     assert!(correction.distance(&zero, &options) < 0.02, "{correction:?}");
 }
 
@@ -153,13 +184,14 @@ fn true_lights_stay() {
 fn the_step_descends_as_its_gradient_says() {
     let maps = material();
     let (observations, given) = capture(&maps, 0.03);
-    let options = Options::default();
+    let options = Options { mirror: true, ..Options::default() };
     let start = spoiled(&maps);
     let problem = Problem::new(&start, &start, &observations, &given, &options);
     let turns = vec![[0.03, -0.02]; given.len()];
     let texels = problem.start.clone();
     let offset = std::array::from_fn(|c| 0.01 * (c as f64 - 4.0));
-    let state = State { texels, correction: Correction { turns, ambient: 0.01 }, offset };
+    let mirrored = (0..given.len()).map(|i| 0.1 * i as f64 - 0.2).collect();
+    let state = State { texels, correction: Correction { turns, ambient: 0.01, mirrored }, offset };
     let linear = problem.linearise(&state);
     let step = problem.step(&state, 0.01).unwrap();
     // the derivative of the cost along the step, from the systems' gradients
@@ -174,10 +206,14 @@ fn the_step_descends_as_its_gradient_says() {
         let system = problem.coupled_system(t, &state, &linear, 0.01, &mut shared, &mut coupling);
         slope += (0..CHANNELS).map(|c| system.gradient[c] * step.texels[c * n + t]).sum::<f64>();
     }
-    let [by_turn, by_ambient] = problem.shared_precision();
+    let [by_turn, by_ambient, by_mirrored] = problem.shared_precision();
     for (i, by) in step.correction.turns.iter().flatten().enumerate() {
         let at = state.correction.turns[i / 2][i % 2];
         slope += (shared.gradient[i] + by_turn * at) * by;
+    }
+    for (i, by) in step.correction.mirrored.iter().enumerate() {
+        let at = state.correction.mirrored[i];
+        slope += (shared.gradient[problem.first_mirrored() + i] + by_mirrored * at) * by;
     }
     for c in 0..CHANNELS {
         let [own, flat, mean] = problem.offset_prior(c);

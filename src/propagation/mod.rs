@@ -163,8 +163,14 @@ pub(crate) mod tests {
         let (width, height) = (truth.width(), truth.height());
         let at = [at[0], at[1], 100.0];
         let falloff = Falloff::None { power: [std::f32::consts::PI; 3] };
-        let view =
-            View { sample_mm: [100.0; 2], camera_mm: at, light_mm: at, falloff, ambient: [0.0; 3] };
+        let view = View {
+            sample_mm: [100.0; 2],
+            camera_mm: at,
+            light_mm: at,
+            falloff,
+            ambient: [0.0; 3],
+            mirrored: 1.0,
+        };
         let mut radiance = vec![0.0; 3 * truth.texels()];
         render(truth, &view, &mut radiance);
         Observation::new(width, height, view, &radiance, &vec![1.0; truth.texels()]).unwrap()

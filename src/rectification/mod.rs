@@ -123,6 +123,7 @@ fn rectify_filtered(
         light_mm: light.as_vec3().to_array(),
         falloff: Falloff::InverseSquare { power_mm2: radiometry.power_mm2 },
         ambient: radiometry.ambient,
+        mirrored: 1.0,
     };
     let offset = radiometry.flash_offset_mm;
     let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);

@@ -106,7 +106,8 @@ pub(super) fn cost<V: Lanes>(
         let weight = observation.load_weight(&texels);
         for c in 0..3 {
             let (brdf, _) = lobes.brdf(&material, c);
-            let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);
+            let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+                + material.specular[c] * V::splat(view.mirrored[c]);
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
             let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
             let observed = observation.load_radiance(c, &texels);
@@ -144,9 +145,10 @@ impl<V: Lanes> NormalEquations<V> {
             for c in 0..3 {
                 let power = V::splat(view.power[c]);
                 let ambient = V::splat(view.ambient[c]);
+                let mirrored = V::splat(view.mirrored[c]);
                 let (brdf, fresnel) = lobes.brdf(&material, c);
                 let irradiance = lobes.irradiance * power;
-                let surround = (material.diffuse[c] + material.specular[c]) * ambient;
+                let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
                 let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
                 let observed = observation.load_radiance(c, &texels);
                 let residual = Residual::new(model, rendered, observed, weight);
@@ -164,7 +166,7 @@ impl<V: Lanes> NormalEquations<V> {
                 let twice = residual.inverse * V::splat(2.0);
                 let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
                 let by_specular =
-                    irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, ambient);
+                    irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
                 let colour = [
                     by_diffuse * twice * x[channel::DIFFUSE + c],
                     by_specular * twice * x[channel::SPECULAR + c],

@@ -58,6 +58,7 @@ fn photographs(folder: &Path) -> Vec<Observation> {
                 light_mm: point(&frame["light_mm"]),
                 falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
                 ambient: [0.0; 3],
+                mirrored: 1.0,
             };
             Observation::new(size, size, view, &radiance, &vec![1.0; n]).unwrap()
         })

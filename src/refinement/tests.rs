@@ -48,8 +48,14 @@ pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -
             let camera_mm = [offset(), offset(), 107.0];
             let light_mm = [camera_mm[0] + 3.0, camera_mm[1] - 5.0, 107.0];
             let falloff = Falloff::InverseSquare { power_mm2: [3.6e4; 3] };
-            let view =
-                View { sample_mm: [100.0; 2], camera_mm, light_mm, falloff, ambient: [0.005; 3] };
+            let view = View {
+                sample_mm: [100.0; 2],
+                camera_mm,
+                light_mm,
+                falloff,
+                ambient: [0.005; 3],
+                mirrored: 1.0,
+            };
             let mut radiance = vec![0.0; 3 * truth.texels()];
             render::render(truth, &view, &mut radiance);
             for v in &mut radiance {

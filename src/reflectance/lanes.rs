@@ -17,8 +17,10 @@ pub(crate) struct TexelView {
     pub power: [f32; 3],
     inverse_square: f32,
     constant: f32,
-    /// Radiance of the surround.
+    /// Radiance of the surround for the diffuse albedo.
     pub ambient: [f32; 3],
+    /// The same for the specular albedo.
+    pub mirrored: [f32; 3],
 }
 
 impl TexelView {
@@ -37,6 +39,7 @@ impl TexelView {
             inverse_square,
             constant: 1.0 - inverse_square,
             ambient: view.ambient,
+            mirrored: view.ambient.map(|a| a * view.mirrored),
         }
     }
 }

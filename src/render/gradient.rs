@@ -183,7 +183,8 @@ impl<V: Lanes> Gradient<V> {
             let observed = observation.load_radiance::<V>(c, &texels);
             brdfs[c] = lobes.brdf(material, c);
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
-            let ambient = (material.diffuse[c] + material.specular[c]) * V::splat(view.ambient[c]);
+            let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+                + material.specular[c] * V::splat(view.mirrored[c]);
             let rendered = brdfs[c].0.mul_add(irradiance, ambient + V::splat(EPSILON));
             pairs[c] = OffsetPair::new(rendered, observed);
         }
@@ -201,11 +202,12 @@ impl<V: Lanes> Gradient<V> {
                 let by_power = by_radiance * V::splat(view.power[c]);
                 let by_brdf = by_power * lobes.irradiance;
                 let by_ambient = by_radiance * V::splat(view.ambient[c]);
+                let by_mirrored = by_radiance * V::splat(view.mirrored[c]);
                 by_irradiance = by_power.mul_add(brdf, by_irradiance);
                 by_lobe = by_brdf.mul_add(fresnel, by_lobe);
                 self.by_diffuse[c] += by_brdf.mul_add(V::splat(FRAC_1_PI), by_ambient);
                 self.by_specular[c] +=
-                    by_brdf.mul_add(lobes.specular * lobes.one_minus_fresnel, by_ambient);
+                    by_brdf.mul_add(lobes.specular * lobes.one_minus_fresnel, by_mirrored);
             }
             let by_log_lobe = by_lobe * lobes.specular;
             let by_normal = lobes.by_normal(material, directions, by_log_lobe, by_irradiance);

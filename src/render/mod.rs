@@ -1,6 +1,6 @@
 //! Renderings of maps, their distance to photographs, and the gradient of that distance.
 //!
-//! Radiance of a texel: `BRDF * NoL * E + ambient * (kd + ks)`, with `E` from
+//! Radiance of a texel: `BRDF * NoL * E + ambient * (kd + mirrored * ks)`, with `E` from
 //! [`Falloff`](crate::observation::Falloff), not clamped at 1: a photograph's saturation is a mark on
 //! its values, see [`loss`](crate::loss). Rows are shared among rayon's threads; sums are formed in
 //! the same order for any number of them, so results do not depend on it.
@@ -137,8 +137,8 @@ impl Kernel for RenderBand<'_> {
                 let lobes = Lobes::new(&material, &directions);
                 for c in 0..3 {
                     let (brdf, _) = lobes.brdf(&material, c);
-                    let ambient = V::splat(self.view.ambient[c])
-                        * (material.diffuse[c] + material.specular[c]);
+                    let ambient = V::splat(self.view.ambient[c]) * material.diffuse[c]
+                        + V::splat(self.view.mirrored[c]) * material.specular[c];
                     let radiance =
                         brdf.mul_add(lobes.irradiance * V::splat(self.view.power[c]), ambient);
                     radiance.store(&mut self.out[c][r * width + column..r * width + end]);

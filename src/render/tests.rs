@@ -44,7 +44,7 @@ fn random_view(seed: u64) -> View {
         Falloff::InverseSquare { power_mm2: [1.1e5, 1.2e5, 1.0e5] }
     };
     let ambient = [0.02 * r(), 0.02, 0.01];
-    View { sample_mm: [100.0, 80.0], camera_mm, light_mm, falloff, ambient }
+    View { sample_mm: [100.0, 80.0], camera_mm, light_mm, falloff, ambient, mirrored: 1.0 }
 }
 
 fn random_observation(maps: &Svbrdf, seed: u64) -> Observation {
@@ -129,6 +129,7 @@ fn narrow_highlights_keep_their_shape_in_single_precision() {
         light_mm: position,
         falloff,
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let mut out = vec![0.0; 192];
     render(&maps, &view, &mut out);
@@ -161,6 +162,7 @@ fn a_lambertian_plane_comes_out_at_its_albedo() {
             light_mm: position,
             falloff,
             ambient: [0.0; 3],
+            mirrored: 1.0,
         };
         let mut out = vec![0.0; 192];
         render(&maps, &view, &mut out);
@@ -312,6 +314,7 @@ fn the_reference_renderer_is_reproduced() {
         light_mm: [-0.9, 0.4, 2.146],
         falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
         ambient: [0.0; 3],
+        mirrored: 1.0,
     };
     let unit = |v: [f64; 3]| {
         let l = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();

@@ -50,6 +50,9 @@ const TELLING_ROUNDS: usize = 2;
 const STEPS_AFTER_TELLING: usize = 4;
 /// Steps after the network has completed what photographs leave open.
 const STEPS_AFTER_COMPLETION: usize = 4;
+/// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample
+/// shows that a surround is not uniform.
+const LEAST_SURROUND: f32 = 0.01;
 /// Mean log-L1 below which the photographs agree with each other: their lights are right.
 const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
@@ -193,14 +196,17 @@ impl Fit {
         let NewFrame { mut observation, start, updates, restart } = frame;
         (self.cut, self.steps_at_level, self.previous, self.relit) = (None, 0, None, false);
         for update in &updates {
-            if let Some(earlier) = self.observations.get_mut(update.index()) {
+            let index = update.index();
+            let earlier = self.observations.get_mut(index).zip(self.given.get_mut(index));
+            if let Some((earlier, given)) = earlier {
+                earlier.view = *given;
                 update.apply(earlier);
+                *given = earlier.view;
+                earlier.view = self.correction.apply(given, index);
             }
         }
-        if self.free_lights {
-            self.given.push(observation.view);
-            observation.view = self.correction.apply(&observation.view, self.observations.len());
-        }
+        self.given.push(observation.view);
+        observation.view = self.correction.apply(&observation.view, self.observations.len());
         if let Some(start) = &start {
             self.maps = Some(Svbrdf::clone(start));
         }
@@ -372,7 +378,11 @@ impl Fit {
             return false;
         }
         let coarsest = longest <= crate::latent_fit::COARSEST_TEXELS;
-        let steps = if coarsest { options.steps } else { options.fine_steps };
+        let steps = match (coarsest, self.observations.len()) {
+            (true, ..=1) => options.first_steps,
+            (true, _) => options.steps,
+            (false, _) => options.fine_steps,
+        };
         let change = self.previous.as_ref().map(|before| visible_change(before, maps));
         self.previous = Some(maps.clone());
         change.is_some_and(|c| predicted_change(c, self.steps_at_level, steps as u32) < 1.0)
@@ -391,8 +401,9 @@ impl Fit {
         (self.maps, self.propagated) = (Some(maps.clone()), true);
         let tells = self.observations.len() >= LEAST_TO_TELL_SLOPES;
         let steps = if tells { STEPS_BEFORE_SLOPES } else { refinement::Options::default().steps };
-        let corrects = self.free_lights && self.observations.len() >= LEAST_PHOTOGRAPHS;
-        let turns = self.observations.len() >= LEAST_TO_TURN;
+        let corrects = (self.free_lights || self.sees_surround())
+            && self.observations.len() >= LEAST_PHOTOGRAPHS;
+        let turns = self.free_lights && self.observations.len() >= LEAST_TO_TURN;
         let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
         let mut corrections = 0..if corrects { rounds } else { 0 };
         let mut offset = Offset::default();
@@ -427,6 +438,8 @@ impl Fit {
             cut = self.tell(&mut maps, &offset, ended, meter, between)?;
         }
         (self.maps, self.propagated) = (Some(maps), false);
+        // the room leads lobes astray less than a light: another latent fit gains nothing
+        let given = Correction { mirrored: self.correction.mirrored.clone(), ..given };
         let moved = self.correction.distance(&given, &light_refinement::Options::default());
         if moved > MISLEADING && !self.relit && cut != Some(Cut::Budget) {
             self.latent.as_mut().ok_or(Error::NoMaps)?.set_observations(&self.observations)?;
@@ -518,9 +531,19 @@ impl Fit {
         Ok(ended)
     }
 
+    /// Whether ambient light is known to be there that a smooth sample would mirror.
+    fn sees_surround(&self) -> bool {
+        !self.free_lights && self.given.iter().any(|view| view.ambient[1] > LEAST_SURROUND)
+    }
+
     /// Corrects lights for maps; whether that was worth another refinement.
     fn correct_lights(&mut self, maps: &Svbrdf, turn: bool, offset: &mut Offset) -> bool {
-        let options = light_refinement::Options { turn, ..Default::default() };
+        let options = light_refinement::Options {
+            turn,
+            ambient: self.free_lights,
+            mirror: self.sees_surround(),
+            ..Default::default()
+        };
         let before = self.correction.clone();
         let views = &self.given;
         let Some(deep) = &self.maps else { return false };

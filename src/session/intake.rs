@@ -136,7 +136,8 @@ impl Intake {
                 Falloff::InverseSquare { power_mm2: power_mm2.unwrap_or(own_power) }
             }
         };
-        let view = View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3] };
+        let view =
+            View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 };
         match rectification::from_rectified(photo, view, resolution, resolution) {
             Ok(observation) => {
                 power_mm2.get_or_insert(own_power);

@@ -8,7 +8,7 @@ use super::damaged;
 use super::scene::as_damage;
 use crate::initial_estimate::Networks;
 use crate::latent_fit::{FitOptions, LatentFit, SavedFit, SavedLevel, SavedStage};
-use crate::light_refinement::Correction;
+use crate::light_refinement::{Correction, MOST_MIRRORED};
 use crate::network::Workspace;
 use crate::observation::{Falloff, Observation, View};
 use crate::session::fit::{Cut, Fit, NewFrame, Stage};
@@ -73,6 +73,8 @@ pub(in crate::session) fn write(
         w.f64(fit.correction.ambient);
         w.u32(fit.correction.turns.len() as u32);
         fit.correction.turns.iter().for_each(|turn| w.f64s(turn));
+        w.u32(fit.correction.mirrored.len() as u32);
+        w.f64s(&fit.correction.mirrored);
     });
     if let Ok(maps) = fit.maps() {
         state.section(MAPS, |w| {
@@ -145,15 +147,22 @@ pub(super) fn read(
     let ambient = r.f64()?;
     let turns = r.count(16)?;
     let turns = (0..turns).map(|_| r.f64s()).collect::<Result<_>>()?;
+    let mirrored = r.count(8)?;
+    let mirrored = (0..mirrored)
+        .map(|_| Ok(r.f64()?.clamp(-MOST_MIRRORED, MOST_MIRRORED)))
+        .collect::<Result<_>>()?;
+    let correction = Correction { turns, ambient, mirrored };
     r.end()?;
     let size = settings.resolution;
     let (mut observations, mut views) = (Vec::new(), Vec::new());
     for r in sections.all(OBSERVATION) {
-        let (observation, given) = read_observation(r)?;
+        let (mut observation, given) = read_observation(r)?;
         if (observation.width(), observation.height()) != (size, size) {
             return Err(damaged("a photograph is not of the session's resolution"));
         }
         views.push(given.unwrap_or(observation.view));
+        observation.view.mirrored =
+            correction.apply(&observation.view, observations.len()).mirrored;
         observations.push(observation);
     }
     let maps = sections.all(MAPS).next().map(read_maps).transpose()?;
@@ -176,7 +185,7 @@ pub(super) fn read(
         return Err(damaged("photographs, maps and fit do not fit each other"));
     }
     let mut fit = Fit::new(networks.clone(), settings);
-    (fit.given, fit.correction) = (views, Correction { turns, ambient });
+    (fit.given, fit.correction) = (views, correction);
     fit.observations = observations;
     (fit.maps, fit.latent) = (maps, latent);
     (fit.stage, fit.propagated, fit.cut) = (stage, propagated, cut);
@@ -320,7 +329,7 @@ fn read_view(r: &mut Reader) -> Result<View> {
     if sample_mm.iter().chain(&power).any(|v| *v <= 0.0) || camera_mm[2] <= 0.0 {
         return Err(damaged("a photograph's view is none"));
     }
-    Ok(View { sample_mm, camera_mm, light_mm, falloff, ambient })
+    Ok(View { sample_mm, camera_mm, light_mm, falloff, ambient, mirrored: 1.0 })
 }
 
 /// What a decoder makes of a certain code: codes of one decoder mean nothing to another.

@@ -1,5 +1,8 @@
 use super::bytes::{Sections, StateWriter};
 use super::*;
+use crate::Svbrdf;
+use crate::observation::{Falloff, Observation, View};
+use crate::session::fit::NewFrame;
 use crate::session::{RestoreOptions, Session};
 use proptest::prelude::*;
 use std::sync::OnceLock;
@@ -89,6 +92,45 @@ fn nonsense_with_the_right_sums_does_no_harm() {
     }
     println!("{taken} taken, {refused} refused");
     assert!(taken > 0 && refused > 20);
+}
+
+/// A board's photographs in a room that the sample mirrors differently in each.
+#[test]
+fn what_a_sample_mirrors_is_kept() {
+    let (size, networks) = (256, networks());
+    let settings = Settings { resolution: size, ..Settings::default() };
+    let mut fit = Fit::new(networks.clone(), &settings);
+    let mut maps = Svbrdf::new(size, size);
+    maps.planes_mut().fill(0.3);
+    for i in 0..3 {
+        let at = [20.0 * i as f32, 0.0, 250.0];
+        let view = View {
+            sample_mm: [100.0; 2],
+            camera_mm: at,
+            light_mm: at,
+            falloff: Falloff::InverseSquare { power_mm2: [2e5; 3] },
+            ambient: [0.05; 3],
+            mirrored: 1.0,
+        };
+        let radiance = vec![0.2; 3 * size * size];
+        let observation =
+            Observation::new(size, size, view, &radiance, &vec![1.0; size * size]).unwrap();
+        let start = (i == 0).then(|| Arc::new(maps.clone()));
+        fit.add(NewFrame { observation, start, updates: Vec::new(), restart: false }).unwrap();
+    }
+    fit.correction.mirrored = vec![0.3, -0.5, 0.0];
+    let mut state = StateWriter::new();
+    let progress = fit::SavedProgress { loss_before: 0.1, fraction: 0.5, seconds: 1.0, steps: 3 };
+    fit::write(&mut state, &fit, &std::collections::VecDeque::new(), &progress);
+    let bytes = state.finish();
+    let (read, _) = fit::read(&Sections::read(&bytes).unwrap(), &networks, &settings).unwrap();
+    assert_eq!(read.correction, fit.correction);
+    for ((observation, given), log) in
+        read.observations.iter().zip(&read.given).zip(&fit.correction.mirrored)
+    {
+        assert_eq!(given.mirrored, 1.0);
+        assert!((observation.view.mirrored - log.exp() as f32).abs() < 1e-6);
+    }
 }
 
 #[test]
