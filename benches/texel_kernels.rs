@@ -53,7 +53,14 @@ fn observe(maps: &Svbrdf, i: usize) -> Observation {
     let camera_mm = [90.0 * angle.cos(), 90.0 * angle.sin(), 240.0];
     let light_mm = [camera_mm[0] - 4.0, camera_mm[1] + 8.0, camera_mm[2]];
     let falloff = Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * 240.0 * 240.0; 3] };
-    let view = View { sample_mm: [100.0; 2], camera_mm, light_mm, falloff, ambient: [0.01; 3] };
+    let view = View {
+        sample_mm: [100.0; 2],
+        camera_mm,
+        light_mm,
+        falloff,
+        ambient: [0.01; 3],
+        mirrored: 1.0,
+    };
     let mut radiance = vec![0.0; 3 * maps.texels()];
     render::render(maps, &view, &mut radiance);
     let weight = vec![1.0; maps.texels()];
