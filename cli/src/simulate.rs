@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use serde_json::json;
 use svbrdf::Svbrdf;
@@ -15,6 +15,7 @@ use svbrdf::geometry::{Camera, Pose};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::elevation::RANGE_MM;
 use svbrdf::render::render;
+use svbrdf::svbrdf::channel;
 
 use crate::failure::{Failure, Result};
 use crate::render::sample_size;
@@ -31,6 +32,9 @@ const BACKGROUND: f64 = 0.3;
 /// Sides of a raised sample, and heights at which they are looked for.
 const SIDE_RADIANCE: f64 = 0.05;
 const SIDE_STEPS: u32 = 8;
+/// Where the room is brightest, azimuth, and by how much more than its mean at the horizon.
+const ROOM_AZIMUTH: f64 = 0.6;
+const ROOM_CONTRAST: f64 = 0.9;
 /// Samples along each side of a pixel.
 const SUPERSAMPLING: u32 = 3;
 
@@ -52,6 +56,9 @@ pub struct Arguments {
     /// Height of the sample's surface above the board, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation: f64,
+    /// Light of a room that is brighter to one side, as a share of the flash's on the sample
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    ambient: f64,
 }
 
 fn camera() -> Camera {
@@ -93,11 +100,12 @@ struct Setup<'a> {
     light: DVec3,
     power_mm2: f64,
     sample_mm: [f32; 2],
+    ambient: f64,
     radiance: Vec<f32>,
 }
 
 impl<'a> Setup<'a> {
-    fn new(maps: &'a Svbrdf, pose: Pose, elevation_mm: f64) -> Self {
+    fn new(maps: &'a Svbrdf, pose: Pose, elevation_mm: f64, ambient: f64) -> Self {
         let power_mm2 = PI * DISTANCE_MM * DISTANCE_MM;
         let light = pose.to_board(FLASH_MM);
         let sample_mm = sample_size(maps, SAMPLE_MM);
@@ -112,8 +120,22 @@ impl<'a> Setup<'a> {
         };
         let mut radiance = vec![0.0; 3 * maps.texels()];
         render(maps, &view, &mut radiance);
+        if ambient > 0.0 {
+            add_room(maps, &view, ambient, &mut radiance);
+        }
         let (target, camera) = (Target::default(), camera());
-        Self { maps, target, camera, pose, elevation_mm, light, power_mm2, sample_mm, radiance }
+        Self {
+            maps,
+            target,
+            camera,
+            pose,
+            elevation_mm,
+            light,
+            power_mm2,
+            sample_mm,
+            ambient,
+            radiance,
+        }
     }
 
     /// Radiance from where a ray from the camera ends: sample, its sides, or the board.
@@ -142,7 +164,7 @@ impl<'a> Setup<'a> {
         let to_light = self.light - p.extend(0.0);
         let squared = to_light.length_squared();
         let cosine = (to_light.z / squared.sqrt()).max(0.0);
-        [albedo / PI * cosine * self.power_mm2 / squared; 3]
+        [albedo * (cosine * self.power_mm2 / (PI * squared) + self.ambient); 3]
     }
 
     /// The rendered sample between texel centres; `u` and `v` from 0 to 1 from the top left.
@@ -181,6 +203,26 @@ impl<'a> Setup<'a> {
     }
 }
 
+/// Adds what maps reflect of a room: diffuse its mean, specular what lies in the mirrored direction.
+fn add_room(maps: &Svbrdf, view: &View, ambient: f64, radiance: &mut [f32]) {
+    let (w, n) = (maps.width(), maps.texels());
+    let bright = DVec3::new(ROOM_AZIMUTH.cos(), ROOM_AZIMUTH.sin(), 0.0);
+    for i in 0..n {
+        let [x, y] = view.texel_mm(w, maps.height(), i % w, i / w);
+        let slope = |c: usize| f64::from(maps.plane(c)[i]);
+        let normal = DVec3::new(slope(channel::SLOPE_X), slope(channel::SLOPE_Y), 1.0).normalize();
+        let eye = Vec3::from(view.camera_mm) - Vec3::new(x, y, 0.0);
+        let mirrored = (-eye.as_dvec3().normalize()).reflect(normal);
+        // its mean over all directions, weighted by their cosine, is 1
+        let room = 1.0 + ROOM_CONTRAST * mirrored.dot(bright);
+        for c in 0..3 {
+            let diffuse = f64::from(maps.plane(channel::DIFFUSE + c)[i]);
+            let specular = f64::from(maps.plane(channel::SPECULAR + c)[i]);
+            radiance[c * n + i] += (ambient * (diffuse + specular * room)) as f32;
+        }
+    }
+}
+
 /// An 8-bit sRGB picture with shot and read noise; each row has its own random numbers.
 fn photograph(setup: &Setup, seed: u64) -> image::RgbImage {
     let (w, h) = (setup.camera.width, setup.camera.height);
@@ -209,6 +251,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let mm = arguments.elevation;
         return Err(Failure::Input(format!("--elevation {mm}: {low} to {high} mm expected")));
     }
+    if !(0.0..=0.5).contains(&arguments.ambient) {
+        let share = arguments.ambient;
+        return Err(Failure::Input(format!("--ambient {share}: 0 to 0.5 expected")));
+    }
     let maps = read_maps(&arguments.maps).map_err(Failure::input)?;
     let out = &arguments.out;
     for dir in [out.clone(), out.join("frames"), out.join("truth")] {
@@ -217,7 +263,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut random = Random::new(arguments.seed);
     let (mut frames, mut poses) = (Vec::new(), Vec::new());
     for index in 0..arguments.frames {
-        let setup = Setup::new(&maps, pose(index, &mut random), arguments.elevation);
+        let setup =
+            Setup::new(&maps, pose(index, &mut random), arguments.elevation, arguments.ambient);
         let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(index.into());
         let mut bytes = std::io::Cursor::new(Vec::new());
         photograph(&setup, seed)
@@ -234,7 +281,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     write_maps(out.join("truth"), &maps)?;
     write_json(
         out.join("truth/truth.json"),
-        &json!({ "frames": poses, "elevation_mm": arguments.elevation }),
+        &json!({
+            "frames": poses,
+            "elevation_mm": arguments.elevation,
+            "ambient": arguments.ambient,
+        }),
     )?;
     let (target, sample) = (Target::default(), sample_size(&maps, SAMPLE_MM));
     let hole = &target.hole;

@@ -555,6 +555,11 @@ impl Fit {
         for (i, (observation, given)) in self.observations.iter_mut().zip(views).enumerate() {
             observation.view = self.correction.apply(given, i);
         }
+        if !self.free_lights {
+            // With lights that a board tells the estimate is right as a whole: the offset takes up
+            // what the model cannot say.
+            *offset = Offset::default();
+        }
         if let Some(latent) = &mut self.latent {
             latent.set_views(self.observations.iter().map(|o| o.view));
         }
