@@ -68,7 +68,8 @@ pub struct Options {
     pub direction_sigma: f64,
     /// Expected ambient irradiance, as a share of the flash's.
     pub ambient_sigma: f64,
-    /// Expected logarithm of [`View::mirrored`].
+    /// Expected logarithm of [`View::mirrored`]: less than of rooms, as texels share what the model
+    /// cannot say of lobes.
     pub mirrored_sigma: f64,
     /// Texels that count as independent, to weigh those sigmas against: errors of the model
     /// are alike all over a sample.
@@ -86,7 +87,7 @@ impl Default for Options {
             mirror: false,
             direction_sigma: 0.05,
             ambient_sigma: 0.05,
-            mirrored_sigma: 0.5,
+            mirrored_sigma: 0.15,
             independent_texels: 1000.0,
             prior: Prior::default(),
         }
