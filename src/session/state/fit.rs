@@ -147,10 +147,10 @@ pub(super) fn read(
     let ambient = r.f64()?;
     let turns = r.count(16)?;
     let turns = (0..turns).map(|_| r.f64s()).collect::<Result<_>>()?;
-    let mirrored = r.count(8)?;
-    let mirrored = (0..mirrored)
-        .map(|_| Ok(r.f64()?.clamp(-MOST_MIRRORED, MOST_MIRRORED)))
-        .collect::<Result<_>>()?;
+    // Version 1.0 ended here.
+    let mirrored = if r.is_empty() { 0 } else { r.count(8)? };
+    let mirrored = (0..mirrored).map(|_| Ok(r.f64()?.clamp(-MOST_MIRRORED, MOST_MIRRORED)));
+    let mirrored = mirrored.collect::<Result<_>>()?;
     let correction = Correction { turns, ambient, mirrored };
     r.end()?;
     let size = settings.resolution;
