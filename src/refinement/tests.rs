@@ -54,7 +54,7 @@ pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -
                 light_mm,
                 falloff,
                 ambient: [0.005; 3],
-                mirrored: 1.0,
+                mirrored: 1.7,
             };
             let mut radiance = vec![0.0; 3 * truth.texels()];
             render::render(truth, &view, &mut radiance);

@@ -44,7 +44,8 @@ fn random_view(seed: u64) -> View {
         Falloff::InverseSquare { power_mm2: [1.1e5, 1.2e5, 1.0e5] }
     };
     let ambient = [0.02 * r(), 0.02, 0.01];
-    View { sample_mm: [100.0, 80.0], camera_mm, light_mm, falloff, ambient, mirrored: 1.0 }
+    let mirrored = 0.3 + 2.0 * r();
+    View { sample_mm: [100.0, 80.0], camera_mm, light_mm, falloff, ambient, mirrored }
 }
 
 fn random_observation(maps: &Svbrdf, seed: u64) -> Observation {
@@ -84,10 +85,12 @@ fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[
             Falloff::InverseSquare { power_mm2 } => power_mm2[c] as f64 / (distance * distance),
         };
         let ambient = view.ambient[c] as f64;
-        value[c] = value[c] * irradiance + ambient * (parameters[2 + c] + parameters[5 + c]);
+        let mirrored = ambient * view.mirrored as f64;
+        value[c] =
+            value[c] * irradiance + ambient * parameters[2 + c] + mirrored * parameters[5 + c];
         jacobian[c] = jacobian[c].map(|j| j * irradiance);
         jacobian[c][2 + c] += ambient;
-        jacobian[c][5 + c] += ambient;
+        jacobian[c][5 + c] += mirrored;
     }
     (value, jacobian)
 }
