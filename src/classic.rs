@@ -5,10 +5,10 @@
 //! decays along a half cosine, so that the L1 loss settles instead of jumping about its corners.
 
 use crate::observation::Observation;
+use crate::parallel;
 use crate::render::{self, check_observations};
 use crate::svbrdf::{CHANNELS, Svbrdf, encoding};
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// Options of [`fit`].
@@ -86,18 +86,12 @@ pub fn fit(
     for step in 1..=options.steps {
         let loss = render::loss_and_gradient(maps, observations, &mut gradient);
         let rate = Rate::new(options, step, n as f32);
-        maps.planes_mut()
-            .par_chunks_mut(CHUNK)
-            .zip(state.par_chunks_mut(CHUNK))
-            .zip(gradient.par_chunks(CHUNK))
-            .enumerate()
-            .for_each(|(chunk, ((values, state), gradient))| {
-                for (i, ((value, state), g)) in
-                    values.iter_mut().zip(state).zip(gradient).enumerate()
-                {
-                    *value = state.update((chunk * CHUNK + i) / n, *g, &rate);
-                }
-            });
+        let parts = maps.planes_mut().chunks_mut(CHUNK).zip(state.chunks_mut(CHUNK));
+        parallel::parts(parts.zip(gradient.chunks(CHUNK)), |chunk, ((values, state), gradient)| {
+            for (i, ((value, state), g)) in values.iter_mut().zip(state).zip(gradient).enumerate() {
+                *value = state.update((chunk * CHUNK + i) / n, *g, &rate);
+            }
+        });
         report.steps = step;
         if after(step, loss).is_break() {
             report.stopped = true;

@@ -2,9 +2,8 @@
 
 use std::f32::consts::PI;
 
-use rayon::prelude::*;
-
 use crate::observation::{Falloff, View};
+use crate::parallel;
 use crate::random::Random;
 use crate::render::render;
 use crate::svbrdf::channel;
@@ -84,28 +83,20 @@ fn renderings(a: &Svbrdf, b: &Svbrdf) -> f64 {
     let views: Vec<_> = (0..RENDERINGS).map(|_| (position(), position())).collect();
     let longer = a.width().max(a.height()) as f32;
     let sample_mm = [a.width() as f32 / longer, a.height() as f32 / longer];
-    let sums: Vec<f64> = views
-        .into_par_iter()
-        .map_init(
-            || [vec![0.0; 3 * a.texels()], vec![0.0; 3 * a.texels()]],
-            |images, (camera_mm, light_mm)| {
-                let falloff = Falloff::None { power: [PI; 3] };
-                let view = View {
-                    sample_mm,
-                    camera_mm,
-                    light_mm,
-                    falloff,
-                    ambient: [0.0; 3],
-                    mirrored: 1.0,
-                };
-                for (maps, image) in [a, b].into_iter().zip(images.iter_mut()) {
-                    render(maps, &view, image);
-                    image.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
-                }
-                squares(&images[0], &images[1])
-            },
-        )
-        .collect();
+    let sums: Vec<f64> = parallel::map_parts_with(
+        views.into_iter(),
+        || [vec![0.0; 3 * a.texels()], vec![0.0; 3 * a.texels()]],
+        |images, _, (camera_mm, light_mm)| {
+            let falloff = Falloff::None { power: [PI; 3] };
+            let view =
+                View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 };
+            for (maps, image) in [a, b].into_iter().zip(images.iter_mut()) {
+                render(maps, &view, image);
+                image.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+            }
+            squares(&images[0], &images[1])
+        },
+    );
     rms(sums.iter().sum(), RENDERINGS * 3 * a.texels())
 }
 

@@ -15,11 +15,11 @@
 
 use crate::initial_estimate::{COMPLETION_CHANNELS, Networks};
 use crate::observation::Observation;
+use crate::parallel;
 use crate::refinement::{self, Covariance, Prior, covariance, to_coordinate};
 use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Texels along the longer side that the network sees, at most.
@@ -210,10 +210,10 @@ fn move_by(maps: &mut Svbrdf, shift: &Svbrdf) {
     let factor = width / shift.width();
     let across = neighbours(width, factor, shift.width());
     let down = neighbours(height, factor, shift.height());
-    let rows = maps.planes_mut().par_chunks_exact_mut(width).enumerate();
-    rows.for_each_init(
+    parallel::parts_with(
+        maps.planes_mut().chunks_exact_mut(width),
         || vec![0.0; shift.width()],
-        |mixed, (row, out)| {
+        |mixed, row, out| {
             let (c, ([above, below], share)) = (row / height, down[row % height]);
             let line = |y: usize| &shift.plane(c)[y * shift.width()..][..shift.width()];
             for ((mixed, a), b) in mixed.iter_mut().zip(line(above)).zip(line(below)) {

@@ -11,11 +11,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rayon::prelude::*;
 use tract_onnx::prelude::*;
 
 use crate::network::{Decoder, Workspace};
 use crate::observation::{Falloff, Observation, View, unpack};
+use crate::parallel;
 use crate::svbrdf::{CHANNELS, bands, channel, encoding, halved};
 use crate::{Error, Result, Svbrdf};
 
@@ -223,7 +223,7 @@ fn photo_input(observation: &Observation) -> Vec<f32> {
     let mut planes = vec![-1.0; PHOTO_CHANNELS * n];
     let rows = bands::<PHOTO_CHANNELS, _>(&mut planes, w, h, 1);
     let buffer = || vec![0.0; 3 * w];
-    rows.into_par_iter().enumerate().for_each_init(buffer, |radiance, (y, row)| {
+    parallel::parts_with(rows, buffer, |radiance, y, row| {
         for (c, radiance) in radiance.chunks_exact_mut(w).enumerate() {
             unpack(&observation.packed()[c * n + y * w..][..w], radiance);
         }

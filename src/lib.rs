@@ -36,6 +36,7 @@ pub mod light_refinement;
 pub mod loss;
 pub mod network;
 pub mod observation;
+mod parallel;
 pub mod propagation;
 pub mod random;
 pub mod rectification;

@@ -3,8 +3,8 @@
 
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::svbrdf::bands;
 use crate::{Error, Result};
 
@@ -211,9 +211,10 @@ impl Observation {
         let (w2, h2) = (w / 2, h / 2);
         let mut packed = vec![0; 3 * w2 * h2];
         let buffers = || (vec![0.0; 2 * w], vec![0; 2 * w], vec![0.0; w2], vec![0; w2]);
-        bands::<3, _>(&mut packed, w2, h2, 1).into_par_iter().enumerate().for_each_init(
+        parallel::parts_with(
+            bands::<3, _>(&mut packed, w2, h2, 1),
             buffers,
-            |(two, weights, mean, weight), (y, rows)| {
+            |(two, weights, mean, weight), y, rows| {
                 let texels = 2 * y * w..2 * (y + 1) * w;
                 for (weight, i) in weights.iter_mut().zip(texels.clone()) {
                     *weight = self.packed_weight(i);

@@ -1,7 +1,6 @@
 //! The four maps, their encodings and resampling.
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::{Error, Result};
 
 /// Number of parameters of a texel.
@@ -114,7 +113,7 @@ impl Svbrdf {
         let width = self.width;
         let rows = self.height;
         let defaults = [0.0, 0.0, 0.5, 0.5, 0.5, 0.04, 0.04, 0.04, 0.5];
-        self.data.par_chunks_exact_mut(width).enumerate().for_each(|(row, values)| {
+        parallel::parts(self.data.chunks_exact_mut(width), |row, values| {
             let c = row / rows;
             let (low, high) = RANGE[c];
             for v in values {
@@ -188,9 +187,10 @@ impl Svbrdf {
         let (w2, h2) = (2 * w, 2 * h);
         let mut data = vec![0.0; CHANNELS * w2 * h2];
         // Two rows of the result lie round each source row.
-        data.par_chunks_mut(2 * w2).enumerate().for_each_init(
+        parallel::parts_with(
+            data.chunks_mut(2 * w2),
             || vec![0.0; w],
-            |mixed, (pair, out)| {
+            |mixed, pair, out| {
                 let (plane, y) = (pair / h, pair % h);
                 let row = |y: usize| &self.data[(plane * h + y) * w..][..w];
                 let (above, below) = (row(y.saturating_sub(1)), row((y + 1).min(h - 1)));
@@ -214,7 +214,8 @@ impl Svbrdf {
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
         let mut data = vec![0.0; CHANNELS * w * h / 4];
         // Planes have even heights, so pairs of rows do not cross them.
-        data.par_chunks_mut(w / 2).zip(self.data.par_chunks(2 * w)).for_each(|(out, pair)| {
+        let parts = data.chunks_mut(w / 2).zip(self.data.chunks(2 * w));
+        parallel::parts(parts, |_, (out, pair)| {
             let (above, below) = pair.split_at(w);
             let pairs = above.chunks_exact(2).zip(below.chunks_exact(2));
             for (out, (a, b)) in out.iter_mut().zip(pairs) {
@@ -249,12 +250,11 @@ pub(crate) fn bands<const PLANES: usize, T>(
     width: usize,
     height: usize,
     rows: usize,
-) -> Vec<[&mut [T]; PLANES]> {
+) -> impl Iterator<Item = [&mut [T]; PLANES]> {
     let mut planes: Vec<_> =
         data.chunks_mut(width * height).map(|plane| plane.chunks_mut(rows * width)).collect();
     (0..height.div_ceil(rows))
-        .map(|_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
-        .collect()
+        .map(move |_| std::array::from_fn(|p| planes[p].next().unwrap_or_default()))
 }
 
 #[cfg(test)]

@@ -350,15 +350,19 @@ fn what_cannot_be_seen_is_not_fitted() {
     let (eager, thrifty) = (session(Settings::default()), session(Settings::default()));
     thrifty.set_budget(budget).unwrap();
     for i in 0..3 {
-        push(&eager, i);
-        push(&thrifty, i);
-        eager.wait().unwrap();
-        thrifty.wait().unwrap();
+        let took = [&eager, &thrifty].map(|session| {
+            let begun = Instant::now();
+            push(session, i);
+            session.wait().unwrap();
+            begun.elapsed()
+        });
+        let off = difference(&eager.snapshot().unwrap(), &thrifty.snapshot().unwrap());
+        let (all, less) = (eager.progress().loss, thrifty.progress().loss);
+        println!("{} photographs: {off} off, {all} after {took:?}, {less}", i + 1);
+        // At each photograph half a step of 8 bits may be left on either side; a fit that gives up at
+        // once is off by twice that at the first.
+        assert!(off < (i + 1) as f32 / 255.0, "{off}");
     }
-    let off = difference(&eager.snapshot().unwrap(), &thrifty.snapshot().unwrap());
-    println!("{off} off");
-    // Three photographs, at each of which half a step of 8 bits may be left on either side.
-    assert!(off < 3.0 / 255.0, "{off}");
 }
 
 #[test]

@@ -1,11 +1,12 @@
 //! Writing files whole, and single pictures.
 
 use std::fs;
-use std::io::{Cursor, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use image::{DynamicImage, ImageBuffer, ImageFormat};
+use image::codecs::png::PngEncoder;
+use image::{DynamicImage, ImageBuffer};
 
 use super::floats::write_channels;
 use crate::{Error, Result};
@@ -51,11 +52,11 @@ fn temporary_name(path: &Path) -> PathBuf {
 
 /// Encodes a picture as PNG and writes it.
 pub(super) fn write_png(path: &Path, picture: &DynamicImage) -> Result<()> {
-    let mut bytes = Cursor::new(Vec::new());
+    let mut bytes = Vec::new();
     picture
-        .write_to(&mut bytes, ImageFormat::Png)
+        .write_with_encoder(PngEncoder::new(&mut bytes))
         .map_err(|e| Error::Image { path: path.to_owned(), message: e.to_string() })?;
-    write_atomic(path, bytes.get_ref())
+    write_atomic(path, &bytes)
 }
 
 /// A 16-bit RGB picture whose pixel `i` has the channels `value(i)`, each clipped to [0, 1].

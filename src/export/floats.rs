@@ -56,7 +56,8 @@ pub fn read_channels(path: &Path) -> Result<Channels> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     let decode = |e: exr::error::Error| fault(e.to_string());
-    let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(decode)?;
+    let meta =
+        MetaData::read_from_buffered(Cursor::new(bytes.as_slice()), false).map_err(decode)?;
     for header in &meta.headers {
         let size = header.layer_size;
         if size.area() as u64 > MAX_PIXELS {
@@ -72,7 +73,7 @@ pub fn read_channels(path: &Path) -> Result<Channels> {
         .all_channels()
         .first_valid_layer()
         .all_attributes()
-        .from_buffered(Cursor::new(&bytes))
+        .from_buffered(Cursor::new(bytes.as_slice()))
         .map_err(decode)?;
     let layer = image.layer_data;
     let planes = layer.channel_data.list.into_iter();

@@ -15,8 +15,7 @@ pub(crate) use stored::Stored;
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, Plane, Rotation, YuvMatrix};
 pub use encoding::Encoding;
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::{Error, Result};
 
 /// Largest photograph accepted, pixels.
@@ -336,17 +335,22 @@ impl Photo {
     }
 
     /// A value of every pixel; the kind of storage is looked at once.
-    fn map_pixels<T: Send>(&self, f: impl Fn([f32; 3]) -> T + Sync) -> Vec<T> {
+    fn map_pixels<T: Send + Clone + Default>(&self, f: impl Fn([f32; 3]) -> T + Sync) -> Vec<T> {
         match &self.pixels {
             Pixels::U8(data, table) => {
                 let linear = |v: u8| table[usize::from(v)];
-                data.as_chunks::<3>().0.par_iter().map(|p| f(p.map(linear))).collect()
+                let pixels = data.as_chunks::<3>().0;
+                parallel::values(pixels.len(), |i| f(pixels[i].map(linear)))
             }
             Pixels::U16(data, table) => {
                 let linear = |v: u16| table[usize::from(v)];
-                data.as_chunks::<3>().0.par_iter().map(|p| f(p.map(linear))).collect()
+                let pixels = data.as_chunks::<3>().0;
+                parallel::values(pixels.len(), |i| f(pixels[i].map(linear)))
             }
-            Pixels::F32(data) => data.as_chunks::<3>().0.par_iter().map(|p| f(*p)).collect(),
+            Pixels::F32(data) => {
+                let pixels = data.as_chunks::<3>().0;
+                parallel::values(pixels.len(), |i| f(pixels[i]))
+            }
         }
     }
 }

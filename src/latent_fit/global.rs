@@ -5,10 +5,9 @@
 //! free fit would explain a wrong roughness by albedo and normals texel by texel. The loss has
 //! several minima in roughness; the search begins at some of them and keeps the best.
 
-use rayon::prelude::*;
-
 use crate::Svbrdf;
 use crate::observation::Observation;
+use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
 
@@ -78,7 +77,7 @@ impl<'a> Problem<'a> {
     fn apply(&mut self, correction: &Correction) {
         let n = self.base.texels();
         let base = &self.base;
-        self.moved.planes_mut().par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+        parallel::parts(self.moved.planes_mut().chunks_mut(n), |c, plane| {
             let source = base.plane(c);
             let amount = correction[parameter(c)].exp() as f32;
             let (low, high) = RANGE[c];
@@ -102,19 +101,14 @@ impl<'a> Problem<'a> {
             render::loss_and_gradient(&self.moved, self.observations, &mut self.gradient);
         let n = self.moved.texels();
         let moved = &self.moved;
-        let sums: Vec<f64> = self
-            .gradient
-            .par_chunks(n)
-            .enumerate()
-            .map(|(c, gradient)| {
-                let high = if c < channel::DIFFUSE { MAX_SLOPE } else { 1.0 };
-                let products = gradient.iter().zip(moved.plane(c)).map(|(&g, &v)| {
-                    let derivative = if c == channel::ROUGHNESS { v * (1.0 - v) } else { v };
-                    if v.abs() < high { f64::from(g * derivative) } else { 0.0 }
-                });
-                products.sum()
-            })
-            .collect();
+        let sums: Vec<f64> = parallel::map_parts(self.gradient.chunks(n), |c, gradient| {
+            let high = if c < channel::DIFFUSE { MAX_SLOPE } else { 1.0 };
+            let products = gradient.iter().zip(moved.plane(c)).map(|(&g, &v)| {
+                let derivative = if c == channel::ROUGHNESS { v * (1.0 - v) } else { v };
+                if v.abs() < high { f64::from(g * derivative) } else { 0.0 }
+            });
+            products.sum()
+        });
         let mut gradient = [0.0; 8];
         for (c, sum) in sums.into_iter().enumerate() {
             gradient[parameter(c)] += sum;

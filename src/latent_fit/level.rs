@@ -1,13 +1,12 @@
 //! The fit at one resolution: code, detail kept aside, and everything one step needs.
 
-use rayon::prelude::*;
-
 use super::adam::Adam;
 use super::global;
 use super::{FitOptions, SavedLevel};
 use crate::initial_estimate::{Networks, encoded_maps};
 use crate::network::Workspace;
 use crate::observation::Observation;
+use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, encoding};
 use crate::{Error, Result, Svbrdf};
@@ -207,15 +206,13 @@ impl Level {
         self.stale = false;
         let n = self.maps.texels();
         let (decoded, detail) = (tools.workspace.encoded(), &self.detail);
-        self.maps.planes_mut().par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+        parallel::parts(pieces(self.maps.planes_mut(), n), |_, (c, i, out)| {
             let (low, high) = encoded_range(c);
-            plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, out)| {
-                let at = c * n + i * CHUNK;
-                let sums = decoded[at..].iter().zip(&detail[at..]);
-                for (o, (d, r)) in out.iter_mut().zip(sums) {
-                    *o = encoding::decode(c, (d + r).clamp(low, high));
-                }
-            });
+            let at = c * n + i * CHUNK;
+            let sums = decoded[at..].iter().zip(&detail[at..]);
+            for (o, (d, r)) in out.iter_mut().zip(sums) {
+                *o = encoding::decode(c, (d + r).clamp(low, high));
+            }
         });
     }
 
@@ -227,27 +224,33 @@ impl Level {
         let Tools { gradient, workspace, .. } = tools;
         let (decoded, detail, anchor) = (workspace.encoded(), &self.detail, &self.anchor);
         let pull = prior_weight / (n as f32 * self.deviation * self.deviation);
-        gradient.par_chunks_mut(n).enumerate().for_each(|(c, plane)| {
+        parallel::parts(pieces(gradient, n), |_, (c, i, gradient)| {
             let (low, high) = encoded_range(c);
-            plane.par_chunks_mut(CHUNK).enumerate().for_each(|(i, gradient)| {
-                let at = c * n + i * CHUNK;
-                let planes = decoded[at..].iter().zip(&detail[at..]);
-                for (g, (d, r)) in gradient.iter_mut().zip(planes) {
-                    let e = d + r;
-                    // At the lower bound of an albedo the derivative vanishes: a dead end.
-                    *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
-                    let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
-                    *g = if outward { 0.0 } else { *g };
+            let at = c * n + i * CHUNK;
+            let planes = decoded[at..].iter().zip(&detail[at..]);
+            for (g, (d, r)) in gradient.iter_mut().zip(planes) {
+                let e = d + r;
+                // At the lower bound of an albedo the derivative vanishes: a dead end.
+                *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_SLOPE);
+                let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
+                *g = if outward { 0.0 } else { *g };
+            }
+            if pull > 0.0 && c < anchor.len() / n {
+                let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
+                for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
+                    *g += pull * (d + r - a);
                 }
-                if pull > 0.0 && c < anchor.len() / n {
-                    let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
-                    for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
-                        *g += pull * (d + r - a);
-                    }
-                }
-            });
+            }
         });
     }
+}
+
+/// Chunks of planes of `n` values, each with its plane and its place in it.
+fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &mut [f32])> {
+    let of_plane = |(c, plane)| {
+        <[f32]>::chunks_mut(plane, CHUNK).enumerate().map(move |(i, piece)| (c, i, piece))
+    };
+    planes.chunks_mut(n).enumerate().flat_map(of_plane)
 }
 
 /// Least expected error of the start's slopes, encoded. Otherwise it is their own root mean square:

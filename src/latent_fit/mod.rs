@@ -22,16 +22,15 @@ mod tests;
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::initial_estimate::Networks;
 use crate::observation::{Observation, View};
+use crate::parallel;
 use crate::{Error, Result, Svbrdf};
 use level::Level;
 pub use saved::{SavedFit, SavedLevel, SavedStage};
 
 /// Texels a side up to which the first level goes.
-pub(crate) const COARSEST_TEXELS: usize = 256;
+const COARSEST_TEXELS: usize = 256;
 
 /// Photographs that add their steps, at most.
 const MOST_FRESH: usize = 8;
@@ -337,6 +336,16 @@ impl LatentFit {
         self.level(self.current).maps()
     }
 
+    /// Steps that the finest level takes, once it is in work.
+    pub(crate) fn steps_at_finest(&self) -> Option<usize> {
+        (self.current + 1 == self.stages.len()).then(|| self.steps(self.current))
+    }
+
+    /// The photographs so far count as fitted, steps left or not: the next brings its own alone.
+    pub(crate) fn count_as_fitted(&mut self) {
+        self.fresh = 0;
+    }
+
     fn level(&self, stage: usize) -> &Level {
         let started = self.stages[..=stage].iter().rev().find_map(|s| s.level.as_ref());
         started.expect("the coarsest level is made with the fit")
@@ -393,8 +402,11 @@ impl LatentFit {
         };
         let mut change = below.clone();
         let change_to = |to: &mut Svbrdf, other: &Svbrdf, sign: f32| {
-            let both = to.planes_mut().par_iter_mut().zip(other.planes());
-            both.for_each(|(v, other)| *v += sign * other);
+            let width = to.width();
+            let both = to.planes_mut().chunks_mut(width).zip(other.planes().chunks(width));
+            parallel::parts(both, |_, (to, other)| {
+                to.iter_mut().zip(other).for_each(|(v, other)| *v += sign * other);
+            });
         };
         change_to(&mut change, carried, -1.0);
         let mut maps = change.upsampled();

@@ -145,6 +145,29 @@ fn the_same_steps_give_the_same_bits_whatever_the_threads() {
 }
 
 #[test]
+fn photographs_that_were_not_fitted_bring_their_steps_along() {
+    let truth = material(32);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let options = FitOptions { first_steps: 8, steps: 3, ..FitOptions::default() };
+    let mut fit = LatentFit::new(networks(), &truth, &top, options).unwrap();
+    let mut steps_of_the_next = |left_early: bool| {
+        fit.step().unwrap();
+        if left_early {
+            fit.count_as_fitted();
+        }
+        fit.add_observation(&side).unwrap();
+        let mut steps = 1;
+        while !fit.step().unwrap().settled {
+            steps += 1;
+        }
+        fit.add_observation(&side).unwrap();
+        steps
+    };
+    assert_eq!(steps_of_the_next(false), 6);
+    assert_eq!(steps_of_the_next(true), 3);
+}
+
+#[test]
 fn black_and_unseen_photographs_do_not_break_the_fit() {
     let networks = networks();
     let truth = material(32);

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
-use rayon::prelude::*;
 
 use super::{Correction, LEAST_PHOTOGRAPHS, MOST_MIRRORED, Options, corrected};
 use crate::Svbrdf;
 use crate::loss::to_logarithms;
 use crate::observation::{Observation, View};
+use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, channel};
 
@@ -250,8 +250,7 @@ impl<'a> Problem<'a> {
 
     fn renderings(&self, state: &State) -> Vec<Vec<f32>> {
         let maps = self.maps(&state.texels);
-        let each = (0..self.logs.len()).into_par_iter();
-        each.map(|i| self.rendering(&maps, i, Light::of(state, i))).collect()
+        parallel::map(self.logs.len(), |i| self.rendering(&maps, i, Light::of(state, i)))
     }
 
     /// Sum over photographs and values of weight times `of` the residual.
@@ -356,7 +355,7 @@ impl<'a> Problem<'a> {
                 slopes.iter_mut().enumerate().for_each(|(j, s)| *s *= scale[j % scale.len()]);
                 slopes
             };
-            let all: Vec<Vec<f32>> = (0..value.len()).into_par_iter().map(of).collect();
+            let all: Vec<Vec<f32>> = parallel::map(value.len(), of);
             if group.len() == 1 {
                 return vec![all];
             }
@@ -371,7 +370,7 @@ impl<'a> Problem<'a> {
             };
             (0..group.len()).map(own).collect()
         };
-        let by_texel = GROUPS.par_iter().flat_map_iter(by_group).collect();
+        let by_texel = parallel::map_parts(GROUPS.iter(), |_, group| by_group(group)).concat();
         let maps = self.maps(&state.texels);
         let by_light = (0..value.len())
             .map(|i| {
@@ -547,27 +546,24 @@ impl<'a> Problem<'a> {
             gradient: DVector::zeros(self.shared()),
         };
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
-        let parts: Vec<SharedSystem> = chunks
-            .par_iter()
-            .map(|&first| {
-                let mut shared = empty.clone();
-                let mut coupling = vec![Column::zeros(); self.shared()];
-                for t in first..(first + CHUNK).min(n) {
-                    let system =
-                        self.coupled_system(t, state, &linear, damping, &mut shared, &mut coupling);
-                    let Some(factor) = system.block.cholesky() else { continue };
-                    let inverse = factor.inverse();
-                    for (b, column) in coupling.iter().enumerate() {
-                        let solved = inverse * column;
-                        shared.gradient[b] -= solved.dot(&system.gradient);
-                        for (a, other) in coupling.iter().enumerate() {
-                            shared.matrix[(a, b)] -= other.dot(&solved);
-                        }
+        let parts: Vec<SharedSystem> = parallel::map_parts(chunks.iter(), |_, &first| {
+            let mut shared = empty.clone();
+            let mut coupling = vec![Column::zeros(); self.shared()];
+            for t in first..(first + CHUNK).min(n) {
+                let system =
+                    self.coupled_system(t, state, &linear, damping, &mut shared, &mut coupling);
+                let Some(factor) = system.block.cholesky() else { continue };
+                let inverse = factor.inverse();
+                for (b, column) in coupling.iter().enumerate() {
+                    let solved = inverse * column;
+                    shared.gradient[b] -= solved.dot(&system.gradient);
+                    for (a, other) in coupling.iter().enumerate() {
+                        shared.matrix[(a, b)] -= other.dot(&solved);
                     }
                 }
-                shared
-            })
-            .collect();
+            }
+            shared
+        });
         let mut sum = empty;
         for part in parts {
             sum.matrix += part.matrix;
@@ -608,14 +604,11 @@ impl<'a> Problem<'a> {
             shared[last] = ambient;
         }
         let shared = &shared;
-        let steps: Vec<Column> = chunks
-            .par_iter()
-            .flat_map_iter(|&first| {
-                let linear = &linear;
-                (first..(first + CHUNK).min(n))
-                    .map(move |t| self.texel_step(t, state, linear, damping, shared))
-            })
-            .collect();
+        let steps: Vec<Column> = parallel::map_parts(chunks.iter(), |_, &first| {
+            let texels = first..(first + CHUNK).min(n);
+            texels.map(|t| self.texel_step(t, state, &linear, damping, shared)).collect::<Vec<_>>()
+        })
+        .concat();
         let mut texels = vec![0.0; CHANNELS * n];
         for (t, step) in steps.iter().enumerate() {
             for c in 0..CHANNELS {

@@ -29,9 +29,7 @@ pub(crate) mod test_vectors;
 #[cfg(test)]
 mod tests;
 
-use rayon::iter;
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 use container::Container;
@@ -189,8 +187,9 @@ impl Decoder {
         let keep = here.before.len() == here.value.len();
         let parts =
             |values, kept: bool| tasks(values, if kept { (head, further * line) } else { (1, 1) });
-        parts(&mut here.value, true).zip(parts(&mut here.before, keep)).enumerate().for_each(
-            |(task, (out, before))| {
+        parallel::parts(
+            parts(&mut here.value, true).zip(parts(&mut here.before, keep)),
+            |task, (out, before)| {
                 let start = if task == 0 { 0 } else { head + (task - 1) * further * line };
                 let range = start..start + out.len();
                 let mut target =
@@ -213,7 +212,7 @@ impl Decoder {
         let rows = late[0].rows;
         let chunk = rows * coarse.width * node.inputs;
         let slope = if before.leaky { self.graph.slope } else { 1.0 };
-        gradient.par_chunks_mut(chunk).enumerate().for_each(|(block, out)| {
+        parallel::parts(gradient.chunks_mut(chunk), |block, out| {
             let first = block * rows;
             let range = block * chunk..block * chunk + out.len();
             let scratch = &mut *scratch.get();
@@ -240,10 +239,7 @@ impl Decoder {
 }
 
 /// The part of the first task, and those of the others.
-fn tasks(
-    values: &mut [f32],
-    (first, further): (usize, usize),
-) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+fn tasks(values: &mut [f32], (first, further): (usize, usize)) -> impl Iterator<Item = &mut [f32]> {
     let (head, tail) = values.split_at_mut(first);
-    iter::once(head).chain(tail.par_chunks_mut(further))
+    std::iter::once(head).chain(tail.chunks_mut(further))
 }

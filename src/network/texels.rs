@@ -1,9 +1,8 @@
 //! The decoder's last layers: channels in blocks become texels of the maps, through tanh.
 
-use rayon::prelude::*;
-
 use super::kernels::Size;
 use super::workspace::Tensors;
+use crate::parallel;
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, bands};
 
@@ -21,11 +20,12 @@ fn place(channel: usize, block: usize) -> (usize, usize, usize) {
 pub(super) fn write_maps(last: &Tensors, block: usize, encoded: &mut [f32]) {
     let Size { height, width } = last.size;
     let channels = CHANNELS * block * block;
-    let source = last.value.par_chunks(ROWS * width * channels);
-    bands::<CHANNELS, _>(encoded, width * block, height * block, ROWS * block)
-        .into_par_iter()
-        .zip(source)
-        .for_each(|(planes, source)| dispatch(WriteBand { source, width, block, planes }));
+    let source = last.value.chunks(ROWS * width * channels);
+    let parts =
+        bands::<CHANNELS, _>(encoded, width * block, height * block, ROWS * block).zip(source);
+    parallel::parts(parts, |_, (planes, source)| {
+        dispatch(WriteBand { source, width, block, planes });
+    });
 }
 
 struct WriteBand<'a> {
@@ -66,7 +66,7 @@ pub(super) fn read_gradient(last: &mut Tensors, block: usize, encoded: &[f32], g
     let channels = CHANNELS * block * block;
     let length = width * block;
     let texels = height * block * length;
-    last.gradient.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
+    parallel::parts(last.gradient.chunks_mut(width * channels), |y, row| {
         for channel in 0..channels {
             let (c, dy, dx) = place(channel, block);
             let at = c * texels + (y * block + dy) * length;

@@ -1,8 +1,8 @@
 //! Groups of texels of like diffuse colour.
 
 use crate::Svbrdf;
+use crate::parallel;
 use crate::svbrdf::channel;
-use rayon::prelude::*;
 
 /// Groups at most.
 pub(super) const GROUPS: usize = 8;
@@ -39,22 +39,18 @@ impl Membership {
         let stride = (n / SAMPLES).max(1) | 1;
         let samples: Vec<[f32; 3]> = (0..n).step_by(stride).map(root).collect();
         let centres = cluster(&samples);
-        let shares = (0..n)
-            .into_par_iter()
-            .map(|t| {
-                let feature = root(t);
-                let mut row = [0.0; GROUPS];
-                let nearest =
-                    centres.iter().map(|c| distance(c, &feature)).fold(f32::MAX, f32::min);
-                let mut sum = 0.0;
-                for (share, centre) in row.iter_mut().zip(&centres) {
-                    let beyond = distance(centre, &feature) - nearest;
-                    *share = (-0.5 * beyond / (REACH * REACH)).exp();
-                    sum += *share;
-                }
-                row.map(|share| share / sum)
-            })
-            .collect();
+        let shares = parallel::values(n, |t| {
+            let feature = root(t);
+            let mut row = [0.0; GROUPS];
+            let nearest = centres.iter().map(|c| distance(c, &feature)).fold(f32::MAX, f32::min);
+            let mut sum = 0.0;
+            for (share, centre) in row.iter_mut().zip(&centres) {
+                let beyond = distance(centre, &feature) - nearest;
+                *share = (-0.5 * beyond / (REACH * REACH)).exp();
+                sum += *share;
+            }
+            row.map(|share| share / sum)
+        });
         Self { shares, groups: centres.len() }
     }
 
@@ -72,12 +68,9 @@ impl Membership {
     /// Mean and precision of a plane in each group, texels weighing as `trust` (0 to 1) says.
     pub fn statistics(&self, values: &[f32], trust: impl Fn(usize) -> f32 + Sync) -> Vec<Group> {
         // Weight, first and second moment of each group, the same for any number of threads.
-        let parts: Vec<[[f64; 3]; GROUPS]> = self
-            .shares
-            .par_chunks(CHUNK)
-            .zip(values.par_chunks(CHUNK))
-            .enumerate()
-            .map(|(chunk, (shares, values))| {
+        let chunks = self.shares.chunks(CHUNK).zip(values.chunks(CHUNK));
+        let parts: Vec<[[f64; 3]; GROUPS]> =
+            parallel::map_parts(chunks, |chunk, (shares, values)| {
                 let mut sums = [[0.0; 3]; GROUPS];
                 for (i, (shares, &value)) in shares.iter().zip(values).enumerate() {
                     let trust = trust(chunk * CHUNK + i).powi(2);
@@ -88,8 +81,7 @@ impl Membership {
                     }
                 }
                 sums
-            })
-            .collect();
+            });
         let total = |k: usize, moment: usize| parts.iter().map(|p| p[k][moment]).sum::<f64>();
         (0..self.groups)
             .map(|k| {

@@ -13,11 +13,11 @@
 use super::colours::{GROUPS, Membership};
 use super::{Gloss, gloss_evidence};
 use crate::observation::Observation;
+use crate::parallel;
 use crate::refinement::{self, Prior, evidence, refine};
 use crate::render::check_observations;
 use crate::svbrdf::{channel, halved};
 use crate::{Result, Svbrdf};
-use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// Kinds that highlights have shown.
@@ -138,22 +138,19 @@ impl Coarse {
 fn smoothed(values: &[f32], width: usize, members: &Membership) -> Vec<f32> {
     let height = values.len() / width;
     let near = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
-    (0..values.len())
-        .into_par_iter()
-        .map(|t| {
-            let (mut sum, mut total) = (0.0, 0.0);
-            for y in near(t / width, height) {
-                for x in near(t % width, width) {
-                    let u = y * width + x;
-                    let pairs = members.shares[t].iter().zip(&members.shares[u]);
-                    let alike: f32 = pairs.map(|(a, b)| a * b).sum();
-                    sum += alike * values[u];
-                    total += alike;
-                }
+    parallel::values(values.len(), |t| {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for y in near(t / width, height) {
+            for x in near(t % width, width) {
+                let u = y * width + x;
+                let pairs = members.shares[t].iter().zip(&members.shares[u]);
+                let alike: f32 = pairs.map(|(a, b)| a * b).sum();
+                sum += alike * values[u];
+                total += alike;
             }
-            sum / total
-        })
-        .collect()
+        }
+        sum / total
+    })
 }
 
 /// The glosses that the photographs are sure of: k-means, from quantiles of roughness.
@@ -278,16 +275,14 @@ impl Told {
             let (width, height) = (maps.width(), maps.height());
             let [own, others @ ..] = &self.planes;
             for (gloss, others) in Gloss::all().into_iter().zip(others) {
-                maps.plane_mut(gloss.plane).par_chunks_mut(width).enumerate().for_each(
-                    |(y, row)| {
-                        let y = nearest(y, height, self.height);
-                        for (x, out) in row.iter_mut().enumerate() {
-                            let x = nearest(x, width, self.width);
-                            let at = |plane: &[f32]| interpolate(plane, self.width, x, y);
-                            *out = at(own).mul_add(*out, at(others));
-                        }
-                    },
-                );
+                parallel::parts(maps.plane_mut(gloss.plane).chunks_mut(width), |y, row| {
+                    let y = nearest(y, height, self.height);
+                    for (x, out) in row.iter_mut().enumerate() {
+                        let x = nearest(x, width, self.width);
+                        let at = |plane: &[f32]| interpolate(plane, self.width, x, y);
+                        *out = at(own).mul_add(*out, at(others));
+                    }
+                });
             }
             maps.clamp();
         }

@@ -18,9 +18,8 @@ mod slopes;
 pub use kinds::choose_glosses;
 pub use slopes::propagate_slopes;
 
-use rayon::prelude::*;
-
 use crate::observation::Observation;
+use crate::parallel;
 use crate::refinement::{self, Evidence, GLOSS, Prior, evidence};
 use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
@@ -129,9 +128,12 @@ impl Gloss {
     }
 
     fn write(self, maps: &mut Svbrdf, value: impl Fn(usize) -> f32 + Sync) {
-        maps.plane_mut(self.plane).par_iter_mut().enumerate().for_each(|(t, out)| {
-            let value = value(t).max(0.0);
-            *out = if self.is_roughness() { value } else { value * value };
+        let width = maps.width();
+        parallel::parts(maps.plane_mut(self.plane).chunks_mut(width), |y, row| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let value = value(y * width + x).max(0.0);
+                *out = if self.is_roughness() { value } else { value * value };
+            }
         });
     }
 }

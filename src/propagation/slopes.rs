@@ -8,12 +8,12 @@
 //! texels' slopes integrated out: where photographs say nothing of a slope it does not count.
 
 use crate::observation::Observation;
+use crate::parallel;
 use crate::refinement::{self, Prior, slope_precision};
 use crate::render::check_observations;
 use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
 use nalgebra::{SMatrix, SVector};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Radii over which the estimate's slopes are averaged, texels.
@@ -51,31 +51,26 @@ pub fn propagate_slopes(
     let causes = Causes::new(mean, refined);
     let Some(factors) = regress(&causes, &known, mean, refined) else { return Ok(()) };
     let width = causes.width;
-    let told: Vec<[Vec<f32>; 2]> = causes
-        .bands()
-        .into_par_iter()
-        .map(|band| {
-            let n = band.len() * width;
-            let mut sums = [vec![0.0; n], vec![0.0; n]];
-            for (cause, factor) in causes.of_rows(band).iter().zip(&factors) {
-                for (sums, cause) in sums.iter_mut().zip(cause) {
-                    sums.iter_mut().zip(cause).for_each(|(s, v)| *s += *factor as f32 * v);
-                }
+    let told: Vec<[Vec<f32>; 2]> = parallel::map_parts(causes.bands(), |_, band| {
+        let n = band.len() * width;
+        let mut sums = [vec![0.0; n], vec![0.0; n]];
+        for (cause, factor) in causes.of_rows(band).iter().zip(&factors) {
+            for (sums, cause) in sums.iter_mut().zip(cause) {
+                sums.iter_mut().zip(cause).for_each(|(s, v)| *s += *factor as f32 * v);
             }
-            sums
-        })
-        .collect();
+        }
+        sums
+    });
     for (axis, plane) in [channel::SLOPE_X, channel::SLOPE_Y].into_iter().enumerate() {
-        mean.plane_mut(plane).par_chunks_mut(BAND * width).zip(&told).for_each(|(out, told)| {
-            out.iter_mut().zip(&told[axis]).for_each(|(out, v)| *out += v);
+        parallel::parts(mean.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
+            out.iter_mut().zip(&told[band][axis]).for_each(|(out, v)| *out += v);
         });
-        refined.plane_mut(plane).par_chunks_mut(BAND * width).zip(&told).enumerate().for_each(
-            |(band, (out, [x, y]))| {
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out += known.left_open(band * BAND * width + i, [x[i], y[i]])[axis];
-                }
-            },
-        );
+        parallel::parts(refined.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
+            let [x, y] = &told[band];
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += known.left_open(band * BAND * width + i, [x[i], y[i]])[axis];
+            }
+        });
     }
     mean.clamp();
     refined.clamp();
@@ -122,10 +117,8 @@ fn regress(causes: &Causes, known: &Known, mean: &Svbrdf, refined: &Svbrdf) -> O
     let width = causes.width;
     let [px, py] = known.prior_precision();
     let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
-    let parts: Vec<(SMatrix<f64, CAUSES, CAUSES>, Factors)> = causes
-        .bands()
-        .into_par_iter()
-        .map(|band| {
+    let parts: Vec<(SMatrix<f64, CAUSES, CAUSES>, Factors)> =
+        parallel::map_parts(causes.bands(), |_, band| {
             let (n, first) = (band.len() * width, band.start * width);
             let values = causes.of_rows(band);
             let mut found = [vec![0.0; n], vec![0.0; n]];
@@ -153,8 +146,7 @@ fn regress(causes: &Causes, known: &Known, mean: &Svbrdf, refined: &Svbrdf) -> O
                 }
             }
             (matrix, right)
-        })
-        .collect();
+        });
     // In order: the same for any number of threads.
     let (mut matrix, mut right) = (SMatrix::zeros(), Factors::zeros());
     for (m, r) in &parts {
@@ -194,7 +186,7 @@ impl<'a> Causes<'a> {
     fn new(mean: &'a Svbrdf, refined: &Svbrdf) -> Self {
         let colour = |c: usize| {
             let plane = refined.plane(channel::DIFFUSE + c);
-            plane.par_iter().map(|v| (v + DARK).ln()).collect()
+            parallel::values(plane.len(), |t| (plane[t] + DARK).ln())
         };
         Self {
             width: mean.width(),
@@ -204,9 +196,9 @@ impl<'a> Causes<'a> {
         }
     }
 
-    fn bands(&self) -> Vec<Range<usize>> {
+    fn bands(&self) -> impl Iterator<Item = Range<usize>> {
         let end = |first: usize| (first + BAND).min(self.height);
-        (0..self.height).step_by(BAND).map(|first| first..end(first)).collect()
+        (0..self.height).step_by(BAND).map(move |first| first..end(first))
     }
 
     /// Each cause's x and y in some rows.

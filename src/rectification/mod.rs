@@ -10,13 +10,12 @@ mod mapping;
 mod resample;
 mod sampler;
 
-use rayon::prelude::*;
-
 use crate::Rejection;
 use crate::calibration::photometry::Radiometry;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{self, Falloff, Observation, View, pack_weight};
+use crate::parallel;
 use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};
@@ -133,29 +132,27 @@ fn rectify_filtered(
     let (mut seen, mut clipped) = (0, 0);
     if texels > 0 {
         let band = LANES * width;
-        (seen, clipped) = bands::<3, _>(&mut packed, width, height, LANES)
-            .into_par_iter()
-            .enumerate()
-            .map_init(
-                || (vec![0.0; 4 * band], vec![0; band]),
-                |(values, codes), (i, packed)| {
-                    let n = packed[0].len();
-                    let values = &mut values[..4 * n];
-                    values.fill(0.0);
-                    let (planes, weights) = values.split_at_mut(3 * n);
-                    let mut band = Band { planes, weight: weights, row: i * LANES, width };
-                    band.fill(photo, &mapping, &response, &view, filter);
-                    let counts = band.seen_and_clipped();
-                    for (code, &weight) in codes.iter_mut().zip(&*weights) {
-                        *code = pack_weight(weight);
-                    }
-                    for (c, packed) in packed.into_iter().enumerate() {
-                        observation::pack(&planes[c * n..(c + 1) * n], codes, c, packed);
-                    }
-                    counts
-                },
-            )
-            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let counts: Vec<(usize, usize)> = parallel::map_parts_with(
+            bands::<3, _>(&mut packed, width, height, LANES),
+            || (vec![0.0; 4 * band], vec![0; band]),
+            |(values, codes), i, packed| {
+                let n = packed[0].len();
+                let values = &mut values[..4 * n];
+                values.fill(0.0);
+                let (planes, weights) = values.split_at_mut(3 * n);
+                let mut band = Band { planes, weight: weights, row: i * LANES, width };
+                band.fill(photo, &mapping, &response, &view, filter);
+                let counts = band.seen_and_clipped();
+                for (code, &weight) in codes.iter_mut().zip(&*weights) {
+                    *code = pack_weight(weight);
+                }
+                for (c, packed) in packed.into_iter().enumerate() {
+                    observation::pack(&planes[c * n..(c + 1) * n], codes, c, packed);
+                }
+                counts
+            },
+        );
+        (seen, clipped) = counts.iter().fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     }
 
     let share = seen as f32 / texels.max(1) as f32;
@@ -194,30 +191,28 @@ pub fn update_radiometry(
     let mappings = [mapping(old), mapping(new)];
     let (from, to) = (Response::new(old, camera), Response::new(new, camera));
     let buffers = || (vec![0.0; width], vec![0.0; width], vec![0; width]);
-    bands::<3, _>(observation.packed_mut(), width, height, 1)
-        .into_par_iter()
-        .enumerate()
-        .for_each_init(buffers, |(ratios, values, weights), (y, rows)| {
-            let mut positions = [Positions::default(), Positions::default()];
-            for x0 in (0..width).step_by(LANES) {
-                for (mapping, positions) in mappings.iter().zip(&mut positions) {
-                    mapping.project(x0, 0.5, y as f64 + 0.5, positions);
-                }
-                for lane in 0..LANES.min(width - x0) {
-                    ratios[x0 + lane] =
-                        to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
-                }
+    let rows = bands::<3, _>(observation.packed_mut(), width, height, 1);
+    parallel::parts_with(rows, buffers, |(ratios, values, weights), y, rows| {
+        let mut positions = [Positions::default(), Positions::default()];
+        for x0 in (0..width).step_by(LANES) {
+            for (mapping, positions) in mappings.iter().zip(&mut positions) {
+                mapping.project(x0, 0.5, y as f64 + 0.5, positions);
             }
-            for (x, weight) in weights.iter_mut().enumerate() {
-                *weight = observation::unpack_weight(std::array::from_fn(|c| rows[c][x]));
+            for lane in 0..LANES.min(width - x0) {
+                ratios[x0 + lane] =
+                    to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
             }
-            for (c, row) in rows.into_iter().enumerate() {
-                let gain = to.gain[c] / from.gain[c];
-                observation::unpack(row, values);
-                values.iter_mut().zip(&*ratios).for_each(|(v, ratio)| *v *= ratio * gain);
-                observation::pack(values, weights, c, row);
-            }
-        });
+        }
+        for (x, weight) in weights.iter_mut().enumerate() {
+            *weight = observation::unpack_weight(std::array::from_fn(|c| rows[c][x]));
+        }
+        for (c, row) in rows.into_iter().enumerate() {
+            let gain = to.gain[c] / from.gain[c];
+            observation::unpack(row, values);
+            values.iter_mut().zip(&*ratios).for_each(|(v, ratio)| *v *= ratio * gain);
+            observation::pack(values, weights, c, row);
+        }
+    });
     let mut light = pose.to_board(new.flash_offset_mm);
     light.z -= f64::from(height_mm);
     observation.view.light_mm = light.as_vec3().to_array();

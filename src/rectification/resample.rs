@@ -1,10 +1,10 @@
 //! Photographs that show the top view already.
 
-use rayon::prelude::*;
-
 use crate::Rejection;
 use crate::frame::Photo;
 use crate::observation::{FULL_WEIGHT, Observation, View};
+use crate::parallel;
+use crate::svbrdf::bands;
 
 /// Takes a photo that shows exactly the sample's rectangle from the top, row 0 at the +Y edge.
 ///
@@ -28,14 +28,8 @@ pub fn from_rectified(
     let scale = 1.0 / photo.exposure();
     let saturation = photo.saturation();
     let finite = texels == 0 || {
-        let (red, rest) = radiance.split_at_mut(texels);
-        let (green, blue) = rest.split_at_mut(texels);
-        red.par_chunks_mut(width)
-            .zip(green.par_chunks_mut(width))
-            .zip(blue.par_chunks_mut(width))
-            .enumerate()
-            .map(|(y, ((red, green), blue))| {
-                let out = [red, green, blue];
+        let rows_finite: Vec<bool> =
+            parallel::map_parts(bands::<3, _>(&mut radiance, width, height, 1), |y, out| {
                 let mut finite = true;
                 let (first_row, row_weights) = rows.of(y);
                 for x in 0..width {
@@ -60,8 +54,8 @@ pub fn from_rectified(
                     }
                 }
                 finite
-            })
-            .reduce(|| true, |a, b| a && b)
+            });
+        rows_finite.into_iter().all(|finite| finite)
     };
     if !finite {
         return Err(Rejection::NotFinite);

@@ -4,11 +4,11 @@ use super::normal_equations::{NormalEquations, PAIRS};
 use super::{Model, Options, Prior, coordinates};
 use crate::Svbrdf;
 use crate::observation::Observation;
+use crate::parallel;
 use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, bands, channel};
-use rayon::prelude::*;
 
 /// Parameters whose precisions are told: roughness, roots of specular albedo.
 pub(crate) const GLOSS: [usize; 4] =
@@ -128,13 +128,11 @@ fn told<const PLANES: usize>(
         widening: 1.0,
     };
     let mut planes = vec![0.0; PLANES * maps.texels()];
-    bands::<PLANES, _>(&mut planes, maps.width(), maps.height(), BAND_ROWS)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(band, planes)| {
-            let (first_row, out) = (band * BAND_ROWS, out(planes));
-            dispatch(Band { model: &model, maps, mean, first_row, out });
-        });
+    let parts = bands::<PLANES, _>(&mut planes, maps.width(), maps.height(), BAND_ROWS);
+    parallel::parts(parts, |band, planes| {
+        let (first_row, out) = (band * BAND_ROWS, out(planes));
+        dispatch(Band { model: &model, maps, mean, first_row, out });
+    });
     planes
 }
 

@@ -25,6 +25,7 @@ mod evidence;
 mod normal_equations;
 
 use crate::observation::Observation;
+use crate::parallel;
 use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
@@ -32,7 +33,6 @@ use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
 pub(crate) use evidence::{Covariance, Evidence, GLOSS, covariance, evidence, slope_precision};
 use normal_equations::{NormalEquations, cost};
-use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 
 /// How far an estimate is expected to be off, per parameter.
@@ -173,15 +173,17 @@ pub fn refine(
         if weights <= 0.0 {
             break;
         }
-        let sums: Vec<[f64; 3]> = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS)
-            .into_par_iter()
-            .zip(bands::<1, _>(&mut damping, width, height, BAND_ROWS))
-            .enumerate()
-            .map(|(band, (planes, [damping]))| {
-                let first_row = band * BAND_ROWS;
-                dispatch(StepBand { model: &model, prior_mean, first_row, planes, damping })
-            })
-            .collect();
+        let parts =
+            bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS).zip(bands::<1, _>(
+                &mut damping,
+                width,
+                height,
+                BAND_ROWS,
+            ));
+        let sums: Vec<[f64; 3]> = parallel::map_parts(parts, |band, (planes, [damping])| {
+            let first_row = band * BAND_ROWS;
+            dispatch(StepBand { model: &model, prior_mean, first_row, planes, damping })
+        });
         report.steps = step;
         let total =
             sums.iter().fold([0.0; 3], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));

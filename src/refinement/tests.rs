@@ -41,6 +41,17 @@ pub(crate) fn perturbed(truth: &Svbrdf, sigma: f32, seed: u64) -> Svbrdf {
 
 /// Photographs from over the sample, the first from the top; log-normal noise.
 pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -> Vec<Observation> {
+    photographs_in(0.005, truth, count, sigma, seed)
+}
+
+/// Photographs in a room of which white reflects `ambient` of what it reflects of the flash.
+fn photographs_in(
+    ambient: f32,
+    truth: &Svbrdf,
+    count: usize,
+    sigma: f32,
+    seed: u64,
+) -> Vec<Observation> {
     let mut r = noise(seed);
     (0..count)
         .map(|i| {
@@ -53,7 +64,7 @@ pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -
                 camera_mm,
                 light_mm,
                 falloff,
-                ambient: [0.005; 3],
+                ambient: [ambient; 3],
                 mirrored: 1.7,
             };
             let mut radiance = vec![0.0; 3 * truth.texels()];
@@ -164,9 +175,15 @@ fn one_photograph_does_no_harm() {
 /// 0.01 either way must not improve it.
 #[test]
 fn no_nearby_texel_is_more_probable() {
+    for ambient in [0.005, 0.2] {
+        no_nearby_texel_is_more_probable_in(ambient);
+    }
+}
+
+fn no_nearby_texel_is_more_probable_in(ambient: f32) {
     let truth = truth(8, 10);
     let start = perturbed(&truth, SIGMA, 11);
-    let photos = photographs(&truth, 3, 0.03, 12);
+    let photos = photographs_in(ambient, &truth, 3, 0.03, 12);
     let options = Options { steps: 40, ..Default::default() };
     let (maps, report) = run(&start, &photos, &options);
     let noise = noise_scale(options.noise, report.loss_after, 3.0) as f64;

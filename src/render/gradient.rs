@@ -4,10 +4,10 @@
 use super::{BAND_ROWS, Prepared, find_directions, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::observation::Observation;
+use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
-use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 /// Log-L1 loss: mean over photographs, texels and channels of
@@ -21,19 +21,10 @@ use std::f32::consts::FRAC_1_PI;
 /// When an observation has not the maps' size.
 pub fn loss(maps: &Svbrdf, observations: &[Observation]) -> f64 {
     let prepared = Prepared::new(maps, observations);
-    let rows: Vec<[f64; 2]> = (0..maps.height().div_ceil(BAND_ROWS))
-        .into_par_iter()
-        .map(|band| {
-            let first_row = band * BAND_ROWS;
-            dispatch(LossBand {
-                maps,
-                observations: &prepared,
-                first_row,
-                scale: 1.0,
-                sink: NoSink,
-            })
-        })
-        .collect();
+    let rows: Vec<[f64; 2]> = parallel::map(maps.height().div_ceil(BAND_ROWS), |band| {
+        let first_row = band * BAND_ROWS;
+        dispatch(LossBand { maps, observations: &prepared, first_row, scale: 1.0, sink: NoSink })
+    });
     let [sum, weight] = total(&rows);
     if weight > 0.0 { sum / (3.0 * weight) } else { 0.0 }
 }
@@ -53,16 +44,12 @@ pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: 
         return 0.0;
     }
     let scale = 1.0 / (3.0 * weight);
-    let rows: Vec<[f64; 2]> =
-        bands::<CHANNELS, _>(gradient, maps.width(), maps.height(), BAND_ROWS)
-            .into_par_iter()
-            .enumerate()
-            .map(|(band, sink)| {
-                let first_row = band * BAND_ROWS;
-                let scale = scale as f32;
-                dispatch(LossBand { maps, observations: &prepared, first_row, scale, sink })
-            })
-            .collect();
+    let parts = bands::<CHANNELS, _>(gradient, maps.width(), maps.height(), BAND_ROWS);
+    let rows: Vec<[f64; 2]> = parallel::map_parts(parts, |band, sink| {
+        let first_row = band * BAND_ROWS;
+        let scale = scale as f32;
+        dispatch(LossBand { maps, observations: &prepared, first_row, scale, sink })
+    });
     scale * total(&rows)[0]
 }
 

@@ -10,11 +10,11 @@ mod gradient;
 pub use gradient::{loss, loss_and_gradient};
 
 use crate::observation::{FULL_WEIGHT, Observation, Packed, View};
+use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands};
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that one task works on.
@@ -27,12 +27,9 @@ pub(crate) const BAND_ROWS: usize = 4;
 pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
     assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
     let view = TexelView::new(view, maps.width(), maps.height());
-    bands::<3, _>(out, maps.width(), maps.height(), BAND_ROWS)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(band, out)| {
-            dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
-        });
+    parallel::parts(bands::<3, _>(out, maps.width(), maps.height(), BAND_ROWS), |band, out| {
+        dispatch(RenderBand { maps, view: &view, first_row: band * BAND_ROWS, out });
+    });
 }
 
 /// An error where an observation has not the maps' size.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::board::Update;
-use super::budget::{LATENT_BUDGET, LATENT_WORK, Meter, Trend, predicted_change, visible_change};
+use super::budget::{LATENT_BUDGET, LATENT_WORK, Meter, Shown, Trend, predicted_change};
 use super::{Method, Settings};
 use crate::classic;
 use crate::completion::Incomplete;
@@ -131,7 +131,7 @@ pub(super) struct Fit {
     /// Steps of the latent fit at its present level since the latest photograph, and its maps
     /// before the latest.
     pub(super) steps_at_level: u32,
-    previous: Option<Svbrdf>,
+    previous: Option<Shown>,
     /// Whether the latent code was fitted anew with these photographs' corrected lights.
     relit: bool,
     /// Whether to keep what the latest completion began with.
@@ -352,7 +352,9 @@ impl Fit {
             } else if meter.budget.stop_when_invisible && !settled && self.is_still() {
                 settled = true;
                 self.cut = Some(Cut::Invisible);
-                self.latent.as_mut().ok_or(Error::NoMaps)?.refresh()?;
+                let latent = self.latent.as_mut().ok_or(Error::NoMaps)?;
+                latent.refresh()?;
+                latent.count_as_fitted();
             }
         }
         if settled {
@@ -367,24 +369,11 @@ impl Fit {
 
     /// Whether nothing visible is left to do for the latent fit: on its finest level.
     fn is_still(&mut self) -> bool {
-        let (Some(latent), Some(first)) = (&self.latent, self.observations.first()) else {
-            return false;
-        };
-        let options = FitOptions::default();
-        let maps = latent.coarse_maps();
-        let longest = first.width().max(first.height());
-        let finest = maps.width().max(maps.height()) >= longest.min(options.finest_texels);
-        if !finest {
-            return false;
-        }
-        let coarsest = longest <= crate::latent_fit::COARSEST_TEXELS;
-        let steps = match (coarsest, self.observations.len()) {
-            (true, ..=1) => options.first_steps,
-            (true, _) => options.steps,
-            (false, _) => options.fine_steps,
-        };
-        let change = self.previous.as_ref().map(|before| visible_change(before, maps));
-        self.previous = Some(maps.clone());
+        let Some(latent) = &self.latent else { return false };
+        let Some(steps) = latent.steps_at_finest() else { return false };
+        let now = Shown::of(latent.coarse_maps());
+        let change = self.previous.as_ref().map(|before| now.visible_change(before));
+        self.previous = Some(now);
         change.is_some_and(|c| predicted_change(c, self.steps_at_level, steps as u32) < 1.0)
     }
 

@@ -30,7 +30,8 @@ pub(crate) use detail::Detail;
 
 use detail::Band;
 use glam::DVec2;
-use rayon::prelude::*;
+
+use crate::parallel;
 
 /// Octaves of detail.
 const LEVELS: usize = 4;
@@ -275,21 +276,18 @@ fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64>
     let across = cuts(width);
     let down = cuts(height);
     let columns = across.len() - 1;
-    (0..columns * (down.len() - 1))
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, i| {
-            let (x, y) = (i % columns, i / columns);
-            block(
-                details,
-                channel,
-                level,
-                h,
-                [across[x], across[x + 1]],
-                [down[y], down[y + 1]],
-                scratch,
-            )
-        })
-        .collect()
+    parallel::map_with(columns * (down.len() - 1), Scratch::default, |scratch, i| {
+        let (x, y) = (i % columns, i / columns);
+        block(
+            details,
+            channel,
+            level,
+            h,
+            [across[x], across[x + 1]],
+            [down[y], down[y + 1]],
+            scratch,
+        )
+    })
 }
 
 /// Borders of blocks along a side; of a narrow sample's coarse octaves nothing is left.
