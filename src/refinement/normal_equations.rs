@@ -258,15 +258,14 @@ impl<V: Lanes> NormalEquations<V> {
             *eliminated = self.eliminate(c, V::splat(1.0), &mut a);
         }
         let i = inverse(a);
-        let specular = |c: usize| {
-            let (own, [_, [x, y, z]]) = &eliminated[c];
-            let (x, y, z) = (*x, *y, *z);
+        let mut variances = [i[5]; 4];
+        for (variance, (own, [_, [x, y, z]])) in variances[1..].iter_mut().zip(eliminated) {
             let ix = i[0].mul_add(x, i[1].mul_add(y, i[2] * z));
             let iy = i[1].mul_add(x, i[3].mul_add(y, i[4] * z));
             let iz = i[2].mul_add(x, i[4].mul_add(y, i[5] * z));
-            own[2] + x.mul_add(ix, y.mul_add(iy, z * iz))
-        };
-        [i[5], specular(0), specular(1), specular(2)]
+            *variance = own[2] + x.mul_add(ix, y.mul_add(iy, z * iz));
+        }
+        variances
     }
 
     /// The whole covariance under the quadratic model: upper triangle by rows.
@@ -335,7 +334,8 @@ impl<V: Lanes> NormalEquations<V> {
         let zero = V::splat(0.0);
         let h = &self.shape;
         let mut a = [h[0] * raise, h[1], h[2], h[3] * raise, h[4], h[5] * raise];
-        let mut b = SHAPE.map(|i| right[i]);
+        let [p, q, r] = SHAPE;
+        let mut b = [right[p], right[q], right[r]];
         let mut inverses = [[zero; 3]; 3];
         for c in 0..3 {
             let (inverse, [td, ts]) = self.eliminate(c, raise, &mut a);
@@ -367,11 +367,11 @@ impl<V: Lanes> NormalEquations<V> {
         out[channel::ROUGHNESS] = r;
         for c in 0..3 {
             let colour = &self.colour[c];
-            let rest = [0, 1].map(|k| {
-                let [mp, mq, mr] = colour.mixed[k];
-                let own = [channel::DIFFUSE, channel::SPECULAR][k] + c;
-                right[own] - mp * p - mq * q - mr * r
-            });
+            // No closures: those that `map` takes may stay calls, outside of the kernel's features.
+            let mut rest = [right[channel::DIFFUSE + c], right[channel::SPECULAR + c]];
+            for (rest, [mp, mq, mr]) in rest.iter_mut().zip(colour.mixed) {
+                *rest = *rest - mp * p - mq * q - mr * r;
+            }
             let inverse = inverses[c];
             out[channel::DIFFUSE + c] = inverse[0].mul_add(rest[0], inverse[1] * rest[1]);
             out[channel::SPECULAR + c] = inverse[1].mul_add(rest[0], inverse[2] * rest[1]);
