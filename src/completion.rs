@@ -16,7 +16,7 @@
 use crate::initial_estimate::{COMPLETION_CHANNELS, Networks};
 use crate::observation::Observation;
 use crate::parallel;
-use crate::refinement::{self, Covariance, Prior, covariance, to_coordinate};
+use crate::refinement::{self, Covariance, Found, Prior, covariance, to_coordinate};
 use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
@@ -37,6 +37,8 @@ const GROUPS: [Range<usize>; 4] = [0..2, 2..5, 5..8, 8..9];
 const LEAST_SCALE: f32 = 0.02;
 const MOST_SCALE: f32 = 2.0;
 const LEAST_SLOPE: f32 = 0.01;
+/// Photographs from which on they tell how much roughness varies. Fewer take it for specular albedo.
+const LEAST_TO_TELL_ROUGHNESS: usize = 3;
 
 /// A fit before its completion, at the resolution of the network.
 #[derive(Debug, Clone)]
@@ -97,6 +99,30 @@ impl Incomplete {
     pub fn record(&self) -> Vec<f32> {
         let maps = [&self.refined, &self.estimate, &self.mean].into_iter().flat_map(coordinates);
         maps.chain(self.covariance.planes().iter().copied()).chain(self.prior.sigma).collect()
+    }
+
+    /// The prior of the refinement that follows, as narrow as the material: `mean` and `refined` are
+    /// those that this was made of, `noise` what the refinement found. Diffuse albedo keeps its sigma,
+    /// every photograph tells it.
+    ///
+    /// # Panics
+    /// When sizes are not those that this was made of.
+    pub fn narrowed_prior(&self, mean: &Svbrdf, refined: &Svbrdf, noise: f32) -> Prior {
+        let [slopes, _, specular, roughness] = GROUPS;
+        let found = Found {
+            maps: refined,
+            mean,
+            prior: &self.prior,
+            covariance: &self.covariance,
+            noise: noise / refinement::Options::default().noise,
+            columns: self.refined.width(),
+        };
+        let prior = Prior::default();
+        if self.photographs < LEAST_TO_TELL_ROUGHNESS {
+            found.narrowed(&prior, [slopes, specular])
+        } else {
+            found.narrowed(&prior, [slopes, specular, roughness])
+        }
     }
 
     /// How far the material is off its prior's mean where photographs tell, in sigmas: root mean

@@ -23,6 +23,7 @@
 
 mod evidence;
 mod normal_equations;
+mod spread;
 
 use crate::observation::Observation;
 use crate::parallel;
@@ -33,6 +34,7 @@ use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, Svbrdf, bands, channel};
 use crate::{Error, Result};
 pub(crate) use evidence::{Covariance, Evidence, GLOSS, covariance, evidence, slope_precision};
 use normal_equations::{NormalEquations, cost};
+pub(crate) use spread::Found;
 use std::ops::{ControlFlow, Range};
 
 /// How far an estimate is expected to be off, per parameter.
@@ -91,8 +93,8 @@ pub struct Options {
     /// Levenberg-Marquardt steps.
     pub steps: usize,
     /// Expected scale of the log residuals that noise and model leave (mean of absolute values):
-    /// where the estimate of the scale begins. It counts as much as two photographs, and at most
-    /// twice of it is ever assumed.
+    /// where the estimate of the scale begins. It counts as much as two photographs as long as there
+    /// are no more, as a sixth of one from four on; at most twice of it is ever assumed.
     pub noise: f32,
     /// Log residual below which the loss is quadratic.
     pub huber: f32,
@@ -117,10 +119,18 @@ pub struct Report {
     pub stopped: bool,
     /// The prior, its slopes as wide as the material has shown.
     pub prior: Prior,
+    /// Scale of the log residuals that noise and model leave, as found.
+    pub noise: f32,
 }
 
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f32 = 0.01;
+
+/// Residuals of a texel that its parameters take up.
+const FREE: f64 = 6.0;
+
+/// Residuals of a texel that the expected noise counts as at least.
+const LEAST_BELIEF: f64 = 0.5;
 
 /// How much wider than the prior's the slopes' deviations may be assumed.
 const MAX_WIDENING: f32 = 4.0;
@@ -159,8 +169,14 @@ pub fn refine(
     let prepared = Prepared::new(maps, observations);
     let weights: f64 = observations.iter().map(Observation::total_weight).sum();
     let loss_before = render::loss(maps, observations);
-    let mut report =
-        Report { steps: 0, loss_before, loss_after: loss_before, stopped: false, prior: *prior };
+    let mut report = Report {
+        steps: 0,
+        loss_before,
+        loss_after: loss_before,
+        stopped: false,
+        prior: *prior,
+        noise: options.noise,
+    };
     let mut model = Model {
         observations: &prepared,
         inverse_noise: options.noise.recip(),
@@ -189,8 +205,9 @@ pub fn refine(
             sums.iter().fold([0.0; 3], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
         report.loss_after = total[0] / (3.0 * weights);
         model.widen_slopes(&prior.sigma, total[1], total[2]);
-        let noise = noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
-        model.inverse_noise = noise.recip();
+        report.noise =
+            noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
+        model.inverse_noise = report.noise.recip();
         for (wide, sigma) in report.prior.sigma[..2].iter_mut().zip(prior.sigma) {
             *wide = sigma * model.widening.sqrt();
         }
@@ -214,10 +231,10 @@ fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
 /// Scale of the residuals once the parameters' own freedom is taken off: of nine parameters the
 /// prior leaves about six to the photographs. `photographs` is their mean number per texel.
 fn noise_scale(expected: f32, loss: f64, photographs: f64) -> f32 {
-    let (free, belief) = (6.0, 6.0);
     let residuals = 3.0 * photographs;
-    let estimate =
-        (belief * expected as f64 + residuals * loss) / (belief + (residuals - free).max(0.0));
+    let telling = (residuals - FREE).max(0.0);
+    let belief = (FREE - telling).max(LEAST_BELIEF);
+    let estimate = (belief * expected as f64 + residuals * loss) / (belief + telling);
     (estimate as f32).min(2.0 * expected)
 }
 

@@ -4,7 +4,7 @@ use crate::observation::{Falloff, View};
 use crate::render::tests::noise;
 use crate::svbrdf::RANGE;
 
-fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
+pub(crate) fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
     (0..12).map(|_| r()).sum::<f32>() - 6.0
 }
 

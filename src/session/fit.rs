@@ -87,6 +87,7 @@ struct Ended {
     loss: f32,
     /// As wide as the material has shown.
     prior: Prior,
+    noise: f32,
     /// By the caller.
     stopped: bool,
     cut: Option<Cut>,
@@ -484,11 +485,12 @@ impl Fit {
         let estimate = offset.applied(self.maps.as_ref().ok_or(Error::NoMaps)?);
         let incomplete = Incomplete::new(&estimate, &mean, maps, &self.observations, &ended.prior)?;
         drop(estimate);
+        let prior = incomplete.narrowed_prior(&mean, maps, ended.noise);
         incomplete.complete(&self.networks, &mut mean, maps)?;
         if self.keep_incomplete {
             self.incomplete = Some(incomplete);
         }
-        ended = self.refine_once(maps, &mean, STEPS_AFTER_COMPLETION, meter, between)?;
+        ended = self.refine_with(&prior, maps, &mean, STEPS_AFTER_COMPLETION, meter, between)?;
         self.loss = ended.loss;
         Ok(ended.cut.or(cut))
     }
@@ -496,6 +498,19 @@ impl Fit {
     /// Refines maps around `mean`.
     fn refine_once(
         &self,
+        maps: &mut Svbrdf,
+        mean: &Svbrdf,
+        steps: usize,
+        meter: &mut Meter,
+        between: &mut dyn FnMut(&Self, &mut Meter) -> bool,
+    ) -> Result<Ended> {
+        self.refine_with(&Prior::default(), maps, mean, steps, meter, between)
+    }
+
+    /// As [`Fit::refine_once`], with another prior.
+    fn refine_with(
+        &self,
+        prior: &Prior,
         maps: &mut Svbrdf,
         mean: &Svbrdf,
         steps: usize,
@@ -514,9 +529,10 @@ impl Fit {
                 ControlFlow::Break(())
             }
         };
-        let (prior, observations) = (Prior::default(), &self.observations);
-        let report = refinement::refine(maps, mean, &prior, observations, &options, &mut after)?;
-        (ended.loss, ended.prior) = (report.loss_after as f32, report.prior);
+        let observations = &self.observations;
+        let report = refinement::refine(maps, mean, prior, observations, &options, &mut after)?;
+        ended.loss = report.loss_after as f32;
+        (ended.prior, ended.noise) = (report.prior, report.noise);
         Ok(ended)
     }
 
