@@ -3,6 +3,7 @@ use crate::classic;
 use crate::observation::{Falloff, View};
 use crate::render::tests::noise;
 use crate::svbrdf::RANGE;
+use std::f32::consts::PI;
 
 pub(crate) fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
     (0..12).map(|_| r()).sum::<f32>() - 6.0
@@ -111,6 +112,25 @@ fn clean_photographs_are_explained() {
     for i in 0..4 {
         assert!(after[i] < share[i] * before[i], "{before:?} {after:?}");
     }
+}
+
+/// Mean of absolute values of the noise, whatever was expected; two photographs have next to no
+/// residuals to tell it. Of twelve, 36 residuals a texel, estimates of texels' own nine parameters
+/// take their share, which is allowed for roughly: 20 %.
+#[test]
+fn the_scale_of_noise_is_found() {
+    let truth = truth(32, 4);
+    let start = perturbed(&truth, SIGMA, 5);
+    let found = |count, sigma| {
+        run(&start, &photographs(&truth, count, sigma, 6), &Options::default()).1.noise
+    };
+    for sigma in [0.02, 0.05] {
+        let (noise, expected) = (found(12, sigma), sigma * (2.0 / PI).sqrt());
+        assert!((noise / expected - 1.0).abs() < 0.2, "{noise}, expected {expected}");
+    }
+    assert!(found(12, 0.0) < 0.004);
+    let noise = found(2, 0.01);
+    assert!((noise / Options::default().noise - 1.0).abs() < 0.2, "{noise}");
 }
 
 /// Three percent of noise, from two to twenty photographs: every map ends closer than it started,
