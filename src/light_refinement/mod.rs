@@ -26,7 +26,7 @@ use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
 use crate::refinement::Prior;
 use crate::svbrdf::CHANNELS;
-use problem::{Problem, State, is_albedo};
+use problem::{Damping, Problem, State, is_albedo};
 
 /// Photographs below which lights and maps cannot be told apart.
 pub const LEAST_PHOTOGRAPHS: usize = 3;
@@ -37,12 +37,14 @@ pub const LEAST_TO_TURN: usize = 8;
 /// Largest logarithm of what is mirrored.
 pub(crate) const MOST_MIRRORED: f64 = 2.0;
 
-/// Least and greatest damping of the texels' equations: with more, texels hold the lights where
-/// they are.
-const DAMPING: (f64, f64) = (1e-6, 0.01);
+/// Shares of a step of what texels share that are tried.
+const LENGTHS: [f64; 2] = [1.0, 0.3];
 /// What turned lights must bring the mean residual down to: with less, they follow noise and what
 /// the model cannot say.
 const EVIDENCE: f64 = 0.6;
+/// Mean residual that rounding of radiances to half floats leaves, at most: less than that told
+/// nothing of lights.
+const ROUNDING: f64 = 2.5e-4;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 3e-4;
 /// Changes of an ambient light that is looked for without turning lights, of the logarithm of what
@@ -64,7 +66,8 @@ pub struct Options {
     pub ambient: bool,
     /// Whether the surround differs from photograph to photograph where the sample mirrors it.
     pub mirror: bool,
-    /// Expected error of a light's direction, radians.
+    /// Expected error of a light's direction, radians, at most: lights that turn out to be nearly
+    /// right are held narrowly.
     pub direction_sigma: f64,
     /// Expected ambient irradiance, as a share of the flash's.
     pub ambient_sigma: f64,
@@ -185,31 +188,30 @@ pub fn refine_lights(
     let mut state = State { texels, correction: correction.clone(), offset: offset.0 };
     let mut changed = false;
     let loss = problem.loss(&state);
-    let mut damping = DAMPING.1;
+    let mut damping = Damping::new(problem.texels());
     let mut still = 0;
     for _ in 0..options.steps {
-        problem.update_noise(&state);
+        problem.update_scales(&state);
         let before = problem.cost(&state);
-        let Some(step) = problem.step(&state, damping) else { break };
-        let (least, most) = DAMPING;
-        let tried = [1.0, 0.3].map(|length| (length, state.moved(&step, length)));
-        let tried = tried.into_iter().map(|(length, s)| (length, problem.cost(&s), s));
-        let best = tried.min_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((length, value, next)) = best.filter(|b| b.1 < before) else {
-            if damping == most {
-                break;
+        let Some(step) = problem.step(&state, &damping) else { break };
+        let tried = LENGTHS.map(|length| problem.stepped(&state, &step, length));
+        let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let Some(next) = best.filter(|best| best.cost < before) else {
+            if damping.raise() {
+                continue;
             }
-            damping = (30.0 * damping).min(most);
-            continue;
+            break;
         };
-        still = if is_still(&state, &next) { still + 1 } else { 0 };
-        (state, changed) = (next, true);
-        damping = (damping * if length == 1.0 { 0.2 } else { 2.0 }).clamp(least, most);
+        damping.update(&next);
+        let whole = next.length == LENGTHS[0];
+        still = if whole && is_still(&state, &next.state) { still + 1 } else { 0 };
+        let value = next.cost;
+        (state, changed) = (next.state, true);
         if before - value < CONVERGED * before || (!options.turn && still >= STILL_STEPS) {
             break;
         }
     }
-    if options.turn && problem.loss(&state) > EVIDENCE * loss {
+    if options.turn && problem.loss(&state) > (EVIDENCE * loss).min(loss - ROUNDING) {
         return false;
     }
     if changed {

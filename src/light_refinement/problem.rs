@@ -6,9 +6,10 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::{Correction, LEAST_PHOTOGRAPHS, MOST_MIRRORED, Options, corrected};
 use crate::Svbrdf;
-use crate::loss::to_logarithms;
+use crate::loss::{huber, to_logarithms};
 use crate::observation::{Observation, View};
 use crate::parallel;
+use crate::refinement::MIN_ROOT;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, channel};
 
@@ -27,10 +28,19 @@ const NOISE: (f64, f64) = (0.001, 0.1);
 const LONGEST_STEP: f64 = 0.06;
 const LONGEST_TURN: f64 = 0.3;
 const MOST_AMBIENT: f64 = 0.4;
-/// Longest step of a texel's coordinate.
+/// Longest step of a texel's coordinate, and shares of its step that a texel may take.
 const LONGEST_COORDINATE: f64 = 0.2;
-/// Least square root of an albedo: at zero its derivative would vanish for good.
-const LEAST_ROOT: f64 = 0.005;
+const TEXEL_LENGTHS: [f64; 2] = [1.0, 0.3];
+/// What a texel's damping is multiplied by after its whole step, and after less of it; the least
+/// and the greatest: with more, texels hold the lights where they are.
+const EASED: f64 = 0.2;
+const RAISED: f64 = 2.0;
+const DAMPING: (f64, f64) = (1e-6, 0.01);
+const FIRST_DAMPING: f64 = 1e-4;
+/// What every damping is multiplied by when no step descends.
+const REFUSED: f64 = 30.0;
+/// Least error of a light's direction that is expected, radians: however little they have turned.
+const LEAST_DIRECTION: f64 = 0.003;
 /// Expected mean slope of a sample's piece: at least, and relative to the slopes' deviation.
 const FLATNESS: (f64, f64) = (0.005, 0.12);
 /// Texels of a task.
@@ -46,10 +56,11 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn moved(&self, step: &Self, length: f64) -> Self {
+    /// After `length` of a step of what texels share, and `texel_length` of their own.
+    pub(super) fn moved(&self, step: &Self, length: f64, texel_length: f64) -> Self {
         let n = self.texels.len() / CHANNELS;
         let texel = |(i, (from, by)): (usize, (&f64, &f64))| {
-            let by = (length * by).clamp(-LONGEST_COORDINATE, LONGEST_COORDINATE);
+            let by = (texel_length * by).clamp(-LONGEST_COORDINATE, LONGEST_COORDINATE);
             let (low, high) = coordinate_range(i / n);
             (from + by).clamp(low, high)
         };
@@ -81,7 +92,7 @@ pub(super) fn is_albedo(c: usize) -> bool {
 
 fn coordinate_range(c: usize) -> (f64, f64) {
     let (low, high) = (f64::from(RANGE[c].0), f64::from(RANGE[c].1));
-    if is_albedo(c) { (LEAST_ROOT, high.sqrt()) } else { (low, high) }
+    if is_albedo(c) { (f64::from(MIN_ROOT), high.sqrt()) } else { (low, high) }
 }
 
 /// Coordinates that are found at once.
@@ -108,6 +119,39 @@ impl Light {
     }
 }
 
+/// Where a step may lead.
+pub(super) struct Trial {
+    /// How much of the step of what texels share was taken.
+    pub(super) length: f64,
+    pub(super) cost: f64,
+    pub(super) state: State,
+    /// Texels that took less than their whole step.
+    cut: Vec<bool>,
+}
+
+/// Damping of each texel's equations, relative to their diagonal.
+pub(super) struct Damping(pub(super) Vec<f64>);
+
+impl Damping {
+    pub(super) fn new(texels: usize) -> Self {
+        Self(vec![FIRST_DAMPING; texels])
+    }
+
+    pub(super) fn update(&mut self, trial: &Trial) {
+        for (damping, cut) in self.0.iter_mut().zip(&trial.cut) {
+            *damping *= if *cut { RAISED } else { EASED };
+            *damping = damping.clamp(DAMPING.0, DAMPING.1);
+        }
+    }
+
+    /// More for all, as no step descends; whether that is possible.
+    pub(super) fn raise(&mut self) -> bool {
+        let more = self.0.iter().any(|d| *d < DAMPING.1);
+        self.0.iter_mut().for_each(|d| *d = (REFUSED * *d).min(DAMPING.1));
+        more
+    }
+}
+
 /// A grid of texels of everything.
 pub(super) struct Problem<'a> {
     width: usize,
@@ -125,6 +169,8 @@ pub(super) struct Problem<'a> {
     weights: Vec<Vec<f32>>,
     total: f64,
     noise: f64,
+    /// Expected error of a light's direction, as the turns so far show it.
+    direction_sigma: f64,
     options: &'a Options,
 }
 
@@ -217,6 +263,7 @@ impl<'a> Problem<'a> {
             weights,
             total: total.max(1.0),
             noise: 0.05,
+            direction_sigma: options.direction_sigma,
             options,
         }
     }
@@ -268,12 +315,18 @@ impl<'a> Problem<'a> {
         self.sum(state, f64::abs) / self.total
     }
 
-    /// The scale of the residuals, as the refinement estimates it: texels take up some.
-    pub(super) fn update_noise(&mut self, state: &State) {
+    /// The scale of the residuals, as the refinement estimates it: texels take up some. And how wrong
+    /// the lights are: those that turn little are held where they were told, as lights that are all
+    /// farther out, and a sample that bulges, explain photographs nearly as well.
+    pub(super) fn update_scales(&mut self, state: &State) {
         let photographs = self.total / (3 * self.texels()) as f64;
         let loss = self.loss(state);
         let free = 1.0 - 2.0 / photographs.max(LEAST_PHOTOGRAPHS as f64);
         self.noise = (loss / free).clamp(NOISE.0, NOISE.1);
+        let turns = state.correction.turns.as_flattened();
+        let square = turns.iter().map(|t| t * t).sum::<f64>() / turns.len().max(1) as f64;
+        let widest = self.options.direction_sigma;
+        self.direction_sigma = square.sqrt().clamp(LEAST_DIRECTION.min(widest), widest);
     }
 
     /// Texels that count as one.
@@ -283,8 +336,8 @@ impl<'a> Problem<'a> {
 
     /// Weights of the squares of a turn, of the ambient light, and of what is mirrored.
     pub(super) fn shared_precision(&self) -> [f64; 3] {
-        let Options { direction_sigma, ambient_sigma, mirrored_sigma, .. } = *self.options;
-        [direction_sigma, ambient_sigma, mirrored_sigma].map(|s| self.scale() / (s * s))
+        let Options { ambient_sigma, mirrored_sigma, .. } = *self.options;
+        [self.direction_sigma, ambient_sigma, mirrored_sigma].map(|s| self.scale() / (s * s))
     }
 
     /// Negative logarithm of the prior of the estimate's offset: half of the first times the square
@@ -300,26 +353,68 @@ impl<'a> Problem<'a> {
 
     /// Negative logarithm of the posterior.
     pub(super) fn cost(&self, state: &State) -> f64 {
+        self.texel_costs(state).iter().sum::<f64>() + self.shared_cost(state)
+    }
+
+    /// Of each texel: of its residuals, and of the prior of its coordinates.
+    fn texel_costs(&self, state: &State) -> Vec<f64> {
         let limit = self.huber();
-        let huber =
-            |r: f64| if r.abs() < limit { r * r / (2.0 * limit) } else { r.abs() - limit / 2.0 };
+        let mut costs = vec![0.0; self.texels()];
+        for (i, rendered) in self.renderings(state).iter().enumerate() {
+            for plane in rendered
+                .chunks(costs.len())
+                .zip(self.logs[i].chunks(costs.len()))
+                .zip(self.weights[i].chunks(costs.len()))
+            {
+                let ((rendered, logs), weights) = plane;
+                for (((cost, a), b), w) in costs.iter_mut().zip(rendered).zip(logs).zip(weights) {
+                    *cost += f64::from(*w) * huber(f64::from(a - b), limit) / self.noise;
+                }
+            }
+        }
+        for c in 0..CHANNELS {
+            let half = 0.5 * self.precision(c);
+            for (t, cost) in costs.iter_mut().enumerate() {
+                *cost += half * self.away(t, c, state).powi(2);
+            }
+        }
+        costs
+    }
+
+    /// Of what texels share.
+    fn shared_cost(&self, state: &State) -> f64 {
         let [by_turn, by_ambient, by_mirrored] = self.shared_precision();
         let mirrored: f64 = state.correction.mirrored.iter().map(|m| m * m).sum();
         let turns: f64 = state.correction.turns.iter().flatten().map(|t| t * t).sum();
-        let n = self.texels();
-        let prior = state.texels.iter().zip(&self.prior_mean).enumerate();
-        let prior: f64 = prior
-            .map(|(i, (x, mean))| self.precision(i / n) * (x - mean - state.offset[i / n]).powi(2))
-            .sum();
         let offset = |(c, by): (usize, &f64)| {
             let [own, flat, mean] = self.offset_prior(c);
             own * by.powi(2) + flat * (by + mean).powi(2)
         };
         let offset: f64 = state.offset.iter().enumerate().map(offset).sum();
-        let shared = by_turn * turns
-            + by_mirrored * mirrored
-            + by_ambient * state.correction.ambient.powi(2);
-        self.sum(state, huber) / self.noise + 0.5 * (prior + offset + shared)
+        let ambient = by_ambient * state.correction.ambient.powi(2);
+        0.5 * (by_turn * turns + by_mirrored * mirrored + ambient + offset)
+    }
+
+    /// After `length` of the step of what texels share, and of each texel's own as much as is best for
+    /// it.
+    pub(super) fn stepped(&self, state: &State, step: &State, length: f64) -> Trial {
+        let n = self.texels();
+        let whole = state.moved(step, length, TEXEL_LENGTHS[0]);
+        let mut costs = self.texel_costs(&whole);
+        let mut trial = Trial { length, cost: 0.0, state: whole, cut: vec![false; n] };
+        for by in TEXEL_LENGTHS.into_iter().skip(1) {
+            let other = state.moved(step, length, by);
+            for (t, cost) in self.texel_costs(&other).into_iter().enumerate() {
+                if cost < costs[t] {
+                    (costs[t], trial.cut[t]) = (cost, true);
+                    for at in (0..CHANNELS).map(|c| c * n + t) {
+                        trial.state.texels[at] = other.texels[at];
+                    }
+                }
+            }
+        }
+        trial.cost = costs.iter().sum::<f64>() + self.shared_cost(&trial.state);
+        trial
     }
 
     fn huber(&self) -> f64 {
@@ -536,9 +631,9 @@ impl<'a> Problem<'a> {
         system.block.cholesky().map_or(Column::zeros(), |factor| -factor.solve(&gradient))
     }
 
-    /// The step of Levenberg and Marquardt, with texels' equations damped relative to their
-    /// diagonal; nothing when the equations cannot be solved.
-    pub(super) fn step(&self, state: &State, damping: f64) -> Option<State> {
+    /// The step of Levenberg and Marquardt; nothing when the equations cannot be solved.
+    pub(super) fn step(&self, state: &State, damping: &Damping) -> Option<State> {
+        let damping = &damping.0;
         let n = self.texels();
         let linear = self.linearise(state);
         let empty = SharedSystem {
@@ -551,7 +646,7 @@ impl<'a> Problem<'a> {
             let mut coupling = vec![Column::zeros(); self.shared()];
             for t in first..(first + CHUNK).min(n) {
                 let system =
-                    self.coupled_system(t, state, &linear, damping, &mut shared, &mut coupling);
+                    self.coupled_system(t, state, &linear, damping[t], &mut shared, &mut coupling);
                 let Some(factor) = system.block.cholesky() else { continue };
                 let inverse = factor.inverse();
                 for (b, column) in coupling.iter().enumerate() {
@@ -606,7 +701,9 @@ impl<'a> Problem<'a> {
         let shared = &shared;
         let steps: Vec<Column> = parallel::map_parts(chunks.iter(), |_, &first| {
             let texels = first..(first + CHUNK).min(n);
-            texels.map(|t| self.texel_step(t, state, &linear, damping, shared)).collect::<Vec<_>>()
+            texels
+                .map(|t| self.texel_step(t, state, &linear, damping[t], shared))
+                .collect::<Vec<_>>()
         })
         .concat();
         let mut texels = vec![0.0; CHANNELS * n];

@@ -96,7 +96,7 @@ pub struct Options {
     /// where the estimate of the scale begins. It counts as much as two photographs as long as there
     /// are no more, as a sixth of one from four on; at most twice of it is ever assumed.
     pub noise: f32,
-    /// Log residual below which the loss is quadratic.
+    /// Log residual below which the loss is quadratic, at most: less where there is little noise.
     pub huber: f32,
 }
 
@@ -126,6 +126,9 @@ pub struct Report {
 /// Damping of the first step, relative to the diagonal.
 const FIRST_DAMPING: f32 = 0.01;
 
+/// Log residual below which the loss is quadratic, relative to the noise.
+const HUBER_NOISE: f32 = 3.0;
+
 /// Residuals of a texel that its parameters take up.
 const FREE: f64 = 6.0;
 
@@ -138,8 +141,10 @@ const MAX_WIDENING: f32 = 4.0;
 /// Longest step of a parameter.
 const MAX_STEP: f32 = 0.3;
 
-/// Least square root of an albedo: at zero its derivative would vanish for good.
-const MIN_ROOT: f32 = 0.005;
+/// Least square root of an albedo: at zero its derivative would vanish for good. As an albedo it is
+/// far below what [`EPSILON`](crate::loss::EPSILON) hides; more of it slopes and gloss would explain
+/// away.
+pub(crate) const MIN_ROOT: f32 = 0.001;
 
 /// Refines maps in place, from their present values, around `prior_mean`. After each step `after`
 /// gets its number (from 1) and the mean log-L1 loss so far, and may end the work; maps are valid
@@ -208,6 +213,7 @@ pub fn refine(
         report.noise =
             noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
         model.inverse_noise = report.noise.recip();
+        model.huber = (HUBER_NOISE * report.noise).min(options.huber);
         for (wide, sigma) in report.prior.sigma[..2].iter_mut().zip(prior.sigma) {
             *wide = sigma * model.widening.sqrt();
         }

@@ -282,7 +282,13 @@ fn explained_saturation_does_not_pull() {
     let (maps, report) = run(&truth, &photos, &Options::default());
     // radiances err by up to 1/1024, on average a third of that
     assert!(report.loss_before < 4e-4 && report.loss_after < 4e-4, "{report:?}");
-    assert!(errors(&maps, &truth).iter().all(|&e| e <= 1e-3));
+    let (unclipped, _) = run(&truth, &photographs(&truth, 4, 0.0, 17), &Options::default());
+    let (found, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
+    // rounding moves both; the clipped have less to tell
+    assert!(
+        found.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
+        "{found:?} {whole:?}"
+    );
 }
 
 #[test]

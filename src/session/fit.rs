@@ -53,8 +53,6 @@ const STEPS_AFTER_COMPLETION: usize = 4;
 /// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample
 /// shows that a surround is not uniform.
 const LEAST_SURROUND: f32 = 0.01;
-/// Mean log-L1 below which the photographs agree with each other: their lights are right.
-const AGREEMENT: f32 = 0.004;
 /// Change of a light, in units of its expected error, that is worth another refinement.
 const LIGHT_TOLERANCE: f64 = 0.02;
 /// Change of a light, in units of its expected error, by which the latent fit before was led astray.
@@ -412,8 +410,7 @@ impl Fit {
                 break ended;
             }
             let turn = round >= AMBIENT_ROUNDS;
-            let agrees = turn && self.loss < AGREEMENT;
-            let moved = !agrees && self.correct_lights(&maps, turn, &mut offset);
+            let moved = self.correct_lights(&maps, turn, &mut offset);
             if moved {
                 // narrow lobes do not find back from where wrong lights took them
                 let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
