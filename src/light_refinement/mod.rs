@@ -39,8 +39,8 @@ pub(crate) const MOST_MIRRORED: f64 = 2.0;
 
 /// Shares of a step of what texels share that are tried.
 const LENGTHS: [f64; 2] = [1.0, 0.3];
-/// What turned lights must bring the mean residual down to: with less, they follow noise and what
-/// the model cannot say.
+/// What turned lights must bring the mean residual down to that texels leave with lights held: with
+/// less, they follow noise and what the model cannot say.
 const EVIDENCE: f64 = 0.6;
 /// Mean residual that rounding of radiances to half floats leaves, at most: less than that told
 /// nothing of lights.
@@ -183,14 +183,30 @@ pub fn refine_lights(
     }
     correction.turns.resize(count, [0.0; 2]);
     correction.mirrored.resize(count, 0.0);
-    let mut problem = Problem::new(maps, prior_mean, &observations[..count], given, options);
-    let texels = problem.start.clone();
-    let mut state = State { texels, correction: correction.clone(), offset: offset.0 };
-    let mut changed = false;
-    let loss = problem.loss(&state);
+    let problem = |options| Problem::new(maps, prior_mean, &observations[..count], given, options);
+    let mut free = problem(options);
+    let texels = free.start.clone();
+    let from = State { texels, correction: correction.clone(), offset: offset.0 };
+    let Some(state) = descended(&mut free, &from, !options.turn) else { return false };
+    if options.turn {
+        let options = Options { turn: false, ..*options };
+        let mut held = problem(&options);
+        let loss = descended(&mut held, &from, false).map_or(held.loss(&from), |s| held.loss(&s));
+        if free.loss(&state) > (EVIDENCE * loss).min(loss - ROUNDING) {
+            return false;
+        }
+    }
+    (*correction, offset.0) = (state.correction, state.offset);
+    true
+}
+
+/// The most probable state near another, unless that is it; where `still`, a state whose correction
+/// and offset are.
+fn descended(problem: &mut Problem, from: &State, still: bool) -> Option<State> {
+    let mut state = from.clone();
     let mut damping = Damping::new(problem.texels());
-    let mut still = 0;
-    for _ in 0..options.steps {
+    let (mut changed, mut still_steps) = (false, 0);
+    for _ in 0..problem.options.steps {
         problem.update_scales(&state);
         let before = problem.cost(&state);
         let Some(step) = problem.step(&state, &damping) else { break };
@@ -204,20 +220,14 @@ pub fn refine_lights(
         };
         damping.update(&next);
         let whole = next.length == LENGTHS[0];
-        still = if whole && is_still(&state, &next.state) { still + 1 } else { 0 };
+        still_steps = if whole && is_still(&state, &next.state) { still_steps + 1 } else { 0 };
         let value = next.cost;
         (state, changed) = (next.state, true);
-        if before - value < CONVERGED * before || (!options.turn && still >= STILL_STEPS) {
+        if before - value < CONVERGED * before || (still && still_steps >= STILL_STEPS) {
             break;
         }
     }
-    if options.turn && problem.loss(&state) > (EVIDENCE * loss).min(loss - ROUNDING) {
-        return false;
-    }
-    if changed {
-        (*correction, offset.0) = (state.correction, state.offset);
-    }
-    changed
+    changed.then_some(state)
 }
 
 /// Whether ambient light, what is mirrored of it, and offset hardly changed.

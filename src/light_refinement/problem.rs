@@ -171,7 +171,7 @@ pub(super) struct Problem<'a> {
     noise: f64,
     /// Expected error of a light's direction, as the turns so far show it.
     direction_sigma: f64,
-    options: &'a Options,
+    pub(super) options: &'a Options,
 }
 
 /// Logarithms of renderings of all photographs, and their derivatives by each plane of
