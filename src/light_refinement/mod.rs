@@ -165,7 +165,8 @@ impl Offset {
 
 /// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
 /// estimate that [`Options::prior`] belongs to, which is off by `offset`. Returns whether the
-/// correction and the offset changed: lights turn only where that explains much of the residuals.
+/// correction and the offset changed: lights as they were told turn only where that explains much of
+/// the residuals.
 /// Observations (whose own views do not matter) and maps have one size; with fewer than
 /// [`LEAST_PHOTOGRAPHS`] nothing happens.
 pub fn refine_lights(
@@ -188,7 +189,9 @@ pub fn refine_lights(
     let texels = free.start.clone();
     let from = State { texels, correction: correction.clone(), offset: offset.0 };
     let Some(state) = descended(&mut free, &from, !options.turn) else { return false };
-    if options.turn {
+    // once they have turned, what is left of their error need not be as large again
+    let told = correction.turns.iter().all(|turn| *turn == [0.0; 2]);
+    if options.turn && told {
         let options = Options { turn: false, ..*options };
         let mut held = problem(&options);
         let loss = descended(&mut held, &from, false).map_or(held.loss(&from), |s| held.loss(&s));

@@ -30,7 +30,7 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
 }
 
 /// Corrections of the ambient light alone, then of lights and ambient light, at most.
-const AMBIENT_ROUNDS: usize = 2;
+const AMBIENT_ROUNDS: usize = 4;
 const LIGHT_ROUNDS: usize = 4;
 /// Steps of the refinement before a correction.
 const STEPS_BEFORE_CORRECTION: usize = 4;
@@ -410,7 +410,7 @@ impl Fit {
                 break ended;
             }
             let turn = round >= AMBIENT_ROUNDS;
-            let moved = self.correct_lights(&maps, turn, &mut offset);
+            let moved = self.correct_lights(&maps, turn, &ended.prior, &mut offset);
             if moved {
                 // narrow lobes do not find back from where wrong lights took them
                 let deep = self.maps.as_ref().ok_or(Error::NoMaps)?;
@@ -539,11 +539,18 @@ impl Fit {
     }
 
     /// Corrects lights for maps; whether that was worth another refinement.
-    fn correct_lights(&mut self, maps: &Svbrdf, turn: bool, offset: &mut Offset) -> bool {
+    fn correct_lights(
+        &mut self,
+        maps: &Svbrdf,
+        turn: bool,
+        prior: &Prior,
+        offset: &mut Offset,
+    ) -> bool {
         let options = light_refinement::Options {
             turn,
             ambient: self.free_lights,
             mirror: self.sees_surround(),
+            prior: *prior,
             ..Default::default()
         };
         let before = self.correction.clone();
