@@ -1,7 +1,7 @@
 //! What photographs tell of texels as they are.
 
 use super::normal_equations::{NormalEquations, PAIRS};
-use super::{Model, Options, Prior, coordinates};
+use super::{Model, Noise, Options, Prior, coordinates};
 use crate::Svbrdf;
 use crate::observation::Observation;
 use crate::parallel;
@@ -122,8 +122,7 @@ fn told<const PLANES: usize>(
     let prepared = Prepared::new(maps, observations);
     let model = Model {
         observations: &prepared,
-        inverse_noise: options.noise.recip(),
-        huber: options.huber,
+        noise: [Noise::expected(options); 3],
         precision: prior.sigma.map(|s| (s * s).recip()),
         widening: 1.0,
     };
@@ -176,7 +175,7 @@ impl Kernel for Band<'_> {
                 };
                 let (x, mean) = (load(maps), load(mean));
                 find_directions(model.observations, column, row, &mut directions);
-                let (equations, [cost, _]) =
+                let (equations, (cost, _)) =
                     NormalEquations::new(model, &x, &mean, &directions, texels);
                 match &mut out {
                     Out::Gloss([out @ .., cost_out]) => {

@@ -14,7 +14,7 @@
 //! (diffuse, specular) is eliminated first (Schur complement), and 3x3 is left. What the
 //! photographs cannot see stays at the prior mean: without it, noise would drift along such
 //! directions while the loss falls. The scale `noise` is estimated along with the maps, one for all
-//! texels: the better the photographs agree, the less the prior counts. So is the sigma of slopes,
+//! texels in each colour: the better the photographs agree, the less the prior counts. So is the sigma of slopes,
 //! where a material turns out to be bumpier than the prior expects: squared deviations by the
 //! number of slopes that the photographs determine (MacKay, *Bayesian interpolation*, 1992).
 //!
@@ -119,8 +119,16 @@ pub struct Report {
     pub stopped: bool,
     /// The prior, its slopes as wide as the material has shown.
     pub prior: Prior,
-    /// Scale of the log residuals that noise and model leave, as found.
-    pub noise: f32,
+    /// Scale of the log residuals that noise and model leave, as found in each colour: demosaicking
+    /// and JPEG leave red and blue two or three times what they leave green.
+    pub noise: [f32; 3],
+}
+
+impl Report {
+    /// Mean of the colours' noise.
+    pub fn mean_noise(&self) -> f32 {
+        self.noise.iter().sum::<f32>() / 3.0
+    }
 }
 
 /// Damping of the first step, relative to the diagonal.
@@ -180,12 +188,11 @@ pub fn refine(
         loss_after: loss_before,
         stopped: false,
         prior: *prior,
-        noise: options.noise,
+        noise: [options.noise; 3],
     };
     let mut model = Model {
         observations: &prepared,
-        inverse_noise: options.noise.recip(),
-        huber: options.huber,
+        noise: [Noise::expected(options); 3],
         precision: prior.sigma.map(|s| (s * s).recip()),
         widening: 1.0,
     };
@@ -201,19 +208,19 @@ pub fn refine(
                 height,
                 BAND_ROWS,
             ));
-        let sums: Vec<[f64; 3]> = parallel::map_parts(parts, |band, (planes, [damping])| {
+        let sums: Vec<[f64; 5]> = parallel::map_parts(parts, |band, (planes, [damping])| {
             let first_row = band * BAND_ROWS;
             dispatch(StepBand { model: &model, prior_mean, first_row, planes, damping })
         });
         report.steps = step;
         let total =
-            sums.iter().fold([0.0; 3], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
-        report.loss_after = total[0] / (3.0 * weights);
-        model.widen_slopes(&prior.sigma, total[1], total[2]);
-        report.noise =
-            noise_scale(options.noise, report.loss_after, weights / maps.texels() as f64);
-        model.inverse_noise = report.noise.recip();
-        model.huber = (HUBER_NOISE * report.noise).min(options.huber);
+            sums.iter().fold([0.0; 5], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
+        let [squares, determined, losses @ ..] = total;
+        report.loss_after = losses.iter().sum::<f64>() / (3.0 * weights);
+        model.widen_slopes(&prior.sigma, squares, determined);
+        let photographs = weights / maps.texels() as f64;
+        report.noise = losses.map(|l| noise_scale(options.noise, l / weights, photographs));
+        model.noise = report.noise.map(|noise| Noise::found(noise, options));
         for (wide, sigma) in report.prior.sigma[..2].iter_mut().zip(prior.sigma) {
             *wide = sigma * model.widening.sqrt();
         }
@@ -252,12 +259,31 @@ pub(crate) fn to_coordinate(c: usize, value: f32) -> f32 {
 /// The probability of a texel, apart from its prior mean.
 struct Model<'a> {
     observations: &'a [Prepared<'a>],
-    inverse_noise: f32,
-    huber: f32,
+    /// Of each colour.
+    noise: [Noise; 3],
     /// 1 / sigma².
     precision: [f32; CHANNELS],
     /// Variance of slopes in units of the prior's.
     widening: f32,
+}
+
+/// How far log residuals are expected to be off.
+#[derive(Clone, Copy)]
+struct Noise {
+    /// 1 / scale.
+    inverse: f32,
+    /// Residual below which the objective is quadratic.
+    huber: f32,
+}
+
+impl Noise {
+    fn expected(options: &Options) -> Self {
+        Self { inverse: options.noise.recip(), huber: options.huber }
+    }
+
+    fn found(noise: f32, options: &Options) -> Self {
+        Self { inverse: noise.recip(), huber: (HUBER_NOISE * noise).min(options.huber) }
+    }
 }
 
 impl Model<'_> {
@@ -283,18 +309,18 @@ struct StepBand<'a> {
 }
 
 impl Kernel for StepBand<'_> {
-    /// Sums of the weighted log-L1 losses after the step, and of what [`Model::widen_slopes`] needs
-    /// of before it.
-    type Output = [f64; 3];
+    /// Sums of what [`Model::widen_slopes`] needs of before the step, and of the weighted log-L1
+    /// losses of each colour after it.
+    type Output = [f64; 5];
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> [f64; 3] {
+    fn run<V: Lanes>(self) -> [f64; 5] {
         let width = self.prior_mean.width();
-        let mut sum = [0.0; 3];
+        let mut sum = [0.0; 5];
         let mut directions = vec![Directions::none(); self.model.observations.len()];
         for r in 0..self.damping.len() / width {
             let row = self.first_row + r;
-            let mut row_sum = [V::splat(0.0); 3];
+            let mut row_sum = [V::splat(0.0); 5];
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
                 let here = r * width + column..r * width + end;
@@ -329,9 +355,9 @@ impl Kernel for StepBand<'_> {
 }
 
 /// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
-/// more with stronger damping, else stays. Answers the weighted log-L1 loss after it, and
-/// of before it the squares of the slopes' deviations from the mean in sigmas, and how many of the
-/// two slopes the photographs determine.
+/// more with stronger damping, else stays. Answers of before it the squares of the slopes'
+/// deviations from the mean in sigmas, and how many of the two slopes the photographs determine; and
+/// of after it the weighted log-L1 loss of each colour.
 #[inline(always)]
 fn step<V: Lanes>(
     model: &Model,
@@ -340,7 +366,7 @@ fn step<V: Lanes>(
     damping: &mut V,
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> [V; 3] {
+) -> [V; 5] {
     let (equations, start) = NormalEquations::new(model, x, mean, directions, texels.clone());
     let (mut squares, mut determined) = (V::splat(0.0), V::splat(0.0));
     let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
@@ -351,7 +377,7 @@ fn step<V: Lanes>(
         determined += V::splat(1.0) - variance * precision;
     }
     let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
-    let [mut best, mut loss] = start;
+    let (mut best, mut loss) = start;
     let mut waiting = one;
     for _ in 0..2 {
         let delta = equations.solve(*damping);
@@ -360,13 +386,15 @@ fn step<V: Lanes>(
             let (low, high) = limits(c);
             trial[c] = (from[c] + delta[c].clamp(-MAX_STEP, MAX_STEP)).clamp(low, high);
         }
-        let [cost, trial_loss] = cost(model, &trial, mean, directions, texels.clone());
+        let (cost, trial_loss) = cost(model, &trial, mean, directions, texels.clone());
         // 1 where the texel waited for a better value and this is one.
         let taken = best.if_greater(cost, waiting, zero);
         for c in 0..CHANNELS {
             x[c] = taken.if_greater(zero, trial[c], x[c]);
         }
-        loss = taken.if_greater(zero, trial_loss, loss);
+        for c in 0..3 {
+            loss[c] = taken.if_greater(zero, trial_loss[c], loss[c]);
+        }
         best = taken.if_greater(zero, cost, best);
         let eased = *damping * V::splat(0.2);
         let raised = waiting.if_greater(zero, *damping * V::splat(8.0), *damping);
@@ -376,7 +404,7 @@ fn step<V: Lanes>(
             break;
         }
     }
-    [loss, squares, determined]
+    [squares, determined, loss[0], loss[1], loss[2]]
 }
 
 #[inline(always)]

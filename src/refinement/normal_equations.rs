@@ -1,6 +1,6 @@
 //! The quadratic model of eight texels' objective, and its minimum.
 
-use super::Model;
+use super::{Model, Noise};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::reflectance::{Directions, Lobes, Material};
 use crate::simd::Lanes;
@@ -47,15 +47,16 @@ struct Residual<V> {
 
 impl<V: Lanes> Residual<V> {
     #[inline(always)]
-    fn new(model: &Model, offset_rendered: V, observed: V, weight: V) -> Self {
-        let (zero, threshold) = (V::splat(0.0), V::splat(model.huber));
+    fn new(model: &Model, c: usize, offset_rendered: V, observed: V, weight: V) -> Self {
+        let Noise { inverse, huber } = model.noise[c];
+        let (zero, threshold) = (V::splat(0.0), V::splat(huber));
         let pair = OffsetPair::new(offset_rendered, observed);
         // Unseen texels may hold anything.
         let value = weight.if_greater(zero, pair.log_residual(), zero);
         let size = value.abs();
-        let scaled = weight * V::splat(model.inverse_noise);
-        let inner = value * value * V::splat(0.5 / model.huber);
-        let outer = size - V::splat(0.5 * model.huber);
+        let scaled = weight * V::splat(inverse);
+        let inner = value * value * V::splat(0.5 / huber);
+        let outer = size - V::splat(0.5 * huber);
         let square_weight = scaled / size.max(threshold);
         Self {
             value,
@@ -89,7 +90,7 @@ fn prior_cost<V: Lanes>(model: &Model, x: &[V; CHANNELS], mean: &[V; CHANNELS]) 
     sum
 }
 
-/// Objective and weighted log-L1 loss of coordinates `x`.
+/// Objective and weighted log-L1 loss of each colour of coordinates `x`.
 #[inline(always)]
 pub(super) fn cost<V: Lanes>(
     model: &Model,
@@ -97,9 +98,9 @@ pub(super) fn cost<V: Lanes>(
     mean: &[V; CHANNELS],
     directions: &[Directions<V>],
     texels: Range<usize>,
-) -> [V; 2] {
+) -> (V, [V; 3]) {
     let material = Material::new(&natural(x));
-    let (mut cost, mut loss) = (prior_cost(model, x, mean), V::splat(0.0));
+    let (mut cost, mut loss) = (prior_cost(model, x, mean), [V::splat(0.0); 3]);
     for (observation, directions) in model.observations.iter().zip(directions) {
         let view = &observation.view;
         let lobes = Lobes::new(&material, directions);
@@ -111,12 +112,12 @@ pub(super) fn cost<V: Lanes>(
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
             let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
             let observed = observation.load_radiance(c, &texels);
-            let residual = Residual::new(model, rendered, observed, weight);
+            let residual = Residual::new(model, c, rendered, observed, weight);
             cost += residual.cost;
-            loss += residual.loss;
+            loss[c] += residual.loss;
         }
     }
-    [cost, loss]
+    (cost, loss)
 }
 
 impl<V: Lanes> NormalEquations<V> {
@@ -128,11 +129,11 @@ impl<V: Lanes> NormalEquations<V> {
         mean: &[V; CHANNELS],
         directions: &[Directions<V>],
         texels: Range<usize>,
-    ) -> (Self, [V; 2]) {
+    ) -> (Self, (V, [V; 3])) {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let material = Material::new(&natural(x));
         let mut equations = Self::of_prior(model, x, mean);
-        let (mut cost, mut loss) = (prior_cost(model, x, mean), zero);
+        let (mut cost, mut loss) = (prior_cost(model, x, mean), [zero; 3]);
         for (observation, directions) in model.observations.iter().zip(directions) {
             let view = &observation.view;
             let lobes = Lobes::new(&material, directions);
@@ -151,9 +152,9 @@ impl<V: Lanes> NormalEquations<V> {
                 let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
                 let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
                 let observed = observation.load_radiance(c, &texels);
-                let residual = Residual::new(model, rendered, observed, weight);
+                let residual = Residual::new(model, c, rendered, observed, weight);
                 cost += residual.cost;
-                loss += residual.loss;
+                loss[c] += residual.loss;
 
                 // Derivatives of ln(rendered + 0.01).
                 let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
@@ -174,7 +175,7 @@ impl<V: Lanes> NormalEquations<V> {
                 equations.add(c, shape, colour, residual.value, residual.square_weight);
             }
         }
-        (equations, [cost, loss])
+        (equations, (cost, loss))
     }
 
     #[inline(always)]
@@ -422,8 +423,7 @@ mod tests {
         fn run<V: Lanes>(self) -> Found {
             let model = Model {
                 observations: &[],
-                inverse_noise: 20.0,
-                huber: 0.02,
+                noise: [Noise { inverse: 20.0, huber: 0.02 }; 3],
                 precision: [100.0; CHANNELS],
                 widening: 1.0,
             };

@@ -172,7 +172,7 @@ mod tests {
         covariance: &'a Covariance,
         columns: usize,
     ) -> Found<'a> {
-        let noise = report.noise / Options::default().noise;
+        let noise = report.mean_noise() / Options::default().noise;
         Found { maps, mean, prior: &report.prior, covariance, noise, columns }
     }
 

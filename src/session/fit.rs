@@ -529,7 +529,7 @@ impl Fit {
         let observations = &self.observations;
         let report = refinement::refine(maps, mean, prior, observations, &options, &mut after)?;
         ended.loss = report.loss_after as f32;
-        (ended.prior, ended.noise) = (report.prior, report.noise);
+        (ended.prior, ended.noise) = (report.prior, report.mean_noise());
         Ok(ended)
     }
 
