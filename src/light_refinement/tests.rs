@@ -96,6 +96,22 @@ fn lights_are_found_together_with_the_texels() {
     assert!(mean < 0.7, "{mean} degrees, 3 at the start");
 }
 
+/// A correction that had stopped short, with what it lacked taken for ambient light: what is left to
+/// explain is too little to turn lights as they were told, but these have turned.
+#[test]
+fn lights_that_have_turned_go_on() {
+    let maps = material();
+    let (observations, mut given) = capture(&maps, 0.0);
+    let errors = [[0.05, -0.02], [-0.03, 0.04]];
+    let mut correction = Correction { ambient: 0.02, ..Correction::default() };
+    for (i, view) in given.iter_mut().enumerate() {
+        *view = corrected(view, errors[i % 2], 0.0, 0.0);
+        correction.turns.push(errors[i % 2].map(|e| -0.98 * e));
+    }
+    assert!(refined(&maps, &observations, &given, &Options::default(), &mut correction));
+    assert!(correction.ambient < 0.005, "{}", correction.ambient);
+}
+
 #[test]
 fn ambient_light_is_found_without_turning_lights() {
     let maps = material();
