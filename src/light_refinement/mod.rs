@@ -166,9 +166,8 @@ impl Offset {
 /// Improves a correction of the `given` views. `maps` is where the texels begin, `prior_mean` the
 /// estimate that [`Options::prior`] belongs to, which is off by `offset`. Returns whether the
 /// correction and the offset changed: lights as they were told turn only where that explains much of
-/// the residuals.
-/// Observations (whose own views do not matter) and maps have one size; with fewer than
-/// [`LEAST_PHOTOGRAPHS`] nothing happens.
+/// the residuals. Observations (whose own views do not matter) and maps have one size; with fewer
+/// than [`LEAST_PHOTOGRAPHS`] nothing happens.
 pub fn refine_lights(
     maps: &Svbrdf,
     prior_mean: &Svbrdf,
