@@ -134,9 +134,9 @@ fn the_scale_of_noise_is_found() {
     assert!((noise / Options::default().noise - 1.0).abs() < 0.2, "{noise}");
 }
 
-/// One percent of noise in green, four in red and blue: told apart, and slopes nearly as good as green
-/// alone would make them. Weighed by the inverse squares of their noise the colours leave sqrt(3 / 1.125)
-/// = 1.6 times the error that one percent in each of them would; weighed alike 3.3 times.
+/// One percent of noise in green, eight in red and blue: told apart, and slopes nearly as good as green
+/// alone would make them, which is sqrt(3) = 1.7 times the error that one percent in each of them
+/// leaves. Weighed alike, as far as L1 does that, they leave 2.3 times as much.
 #[test]
 fn a_noisier_colour_counts_less() {
     let truth = truth(32, 4);
@@ -157,12 +157,12 @@ fn a_noisier_colour_counts_less() {
         let (maps, report) = run(&start, &photographs, &Options::default());
         (errors(&maps, &truth)[0], report.noise)
     };
-    let (mixed, noise) = found([0.04, 0.01, 0.04]);
+    let (mixed, noise) = found([0.08, 0.01, 0.08]);
     let (even, _) = found([0.01; 3]);
     for c in [0, 2] {
         assert!(noise[c] > 2.5 * noise[1], "{noise:?}");
     }
-    assert!(mixed < 2.2 * even, "{mixed} {even}");
+    assert!(mixed < 1.9 * even, "{mixed} {even}");
 }
 
 /// Three percent of noise, from two to twenty photographs: every map ends closer than it started,

@@ -29,7 +29,9 @@ pub(super) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
     Ok(maps)
 }
 
-/// Corrections of the ambient light alone, then of lights and ambient light, at most.
+/// Corrections at most: of what a board's photographs mirror of the room, or of the ambient light
+/// alone, then of lights and ambient light.
+const SURROUND_ROUNDS: usize = 2;
 const AMBIENT_ROUNDS: usize = 4;
 const LIGHT_ROUNDS: usize = 4;
 /// Steps of the refinement before a correction.
@@ -392,7 +394,8 @@ impl Fit {
         let corrects = (self.free_lights || self.sees_surround())
             && self.observations.len() >= LEAST_PHOTOGRAPHS;
         let turns = self.free_lights && self.observations.len() >= LEAST_TO_TURN;
-        let rounds = AMBIENT_ROUNDS + if turns { LIGHT_ROUNDS } else { 0 };
+        let held = if self.free_lights { AMBIENT_ROUNDS } else { SURROUND_ROUNDS };
+        let rounds = held + if turns { LIGHT_ROUNDS } else { 0 };
         let mut corrections = 0..if corrects { rounds } else { 0 };
         let mut offset = Offset::default();
         let given = self.correction.clone();
@@ -409,7 +412,7 @@ impl Fit {
             if !ended.goes_on() {
                 break ended;
             }
-            let turn = round >= AMBIENT_ROUNDS;
+            let turn = round >= held;
             let moved = self.correct_lights(&maps, turn, &ended.prior, &mut offset);
             if moved {
                 // narrow lobes do not find back from where wrong lights took them
@@ -417,7 +420,7 @@ impl Fit {
                 maps = offset.applied(deep).into_owned();
             } else {
                 // nothing to correct: on to turning, or to the end
-                corrections = if turn { 0..0 } else { AMBIENT_ROUNDS..rounds };
+                corrections = if turn { 0..0 } else { held..rounds };
             }
         };
         let mut cut = ended.cut;
