@@ -27,7 +27,7 @@ const PHOTO_CHANNELS: usize = 14;
 /// Planes of the photo network's input that change their sign when the sample is turned by 180
 /// degrees: x and y of the directions.
 const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
-/// Planes of what a fit knows, see [`crate::completion`].
+/// Planes of what a fit knows: what the completion network sees.
 pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
 /// Those that change their sign in a half turn: the slopes of three maps.
 pub(crate) const COMPLETION_ODD: [usize; 6] =

@@ -2,7 +2,7 @@
 
 use super::Settings;
 use crate::frame::Photo;
-use crate::latent_fit::FitOptions;
+use crate::estimate::options::LatentOptions;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 
@@ -33,7 +33,7 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     let mut fitted = 0;
     let mut level = side;
     while level >= 256 {
-        if level <= FitOptions::default().finest_texels.max(256) {
+        if level <= LatentOptions::default().finest_texels.max(256) {
             fitted += area(level);
         }
         level /= 2;

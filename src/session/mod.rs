@@ -1,10 +1,7 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
-mod budget;
-mod estimator;
 mod feedback;
-mod fit;
 mod intake;
 mod memory;
 mod state;
@@ -19,31 +16,19 @@ use crossbeam_channel::Sender;
 use glam::DVec3;
 use rayon::ThreadPool;
 
-pub use self::budget::Budget;
-use self::budget::Meter;
-pub use self::estimator::Estimator;
 pub use self::feedback::{Hint, NextView};
-use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
 use self::state::StateWriter;
-use self::worker::{Command, Shared};
+use self::worker::{Command, NewFrame, Shared};
 use crate::calibration::{PaperEstimate, Target};
+pub use crate::estimate::{Budget, Method};
+use crate::estimate::{EstimateOptions, Estimation, Meter, Task, first_maps};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
 use crate::observation::Falloff;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result, Svbrdf};
-
-/// How maps are found from photographs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Latent code of the auto-encoder, then per-texel refinement.
-    #[default]
-    Deep,
-    /// Inverse rendering directly on the maps from the same start: the baseline.
-    Classic,
-}
 
 /// What the photographs show, fixed for a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,6 +114,11 @@ impl Settings {
             return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
         }
         Ok(())
+    }
+
+    fn task(&self, scene: &Scene) -> Task {
+        let free_lights = matches!(scene, Scene::Rectified { .. });
+        Task { method: self.method, refine: self.refine, free_lights }
     }
 
     fn pool(&self) -> Result<Arc<ThreadPool>> {
@@ -252,9 +242,10 @@ impl Session {
         memory::check(&settings, 1, 0)?;
         let intake = Intake::new(scene.clone())?;
         let pool = settings.pool()?;
-        let fit = Fit::new(networks.clone(), &settings);
+        let task = settings.task(&scene);
+        let estimation = Estimation::new(networks.clone(), task, EstimateOptions::default());
         let meter = Meter::new(Budget::default(), 0.0, 0);
-        Self::start(scene, settings, networks, intake, pool, Shared::new(), fit, meter)
+        Self::start(scene, settings, networks, intake, pool, Shared::new(), estimation, meter)
     }
 
     fn start(
@@ -264,17 +255,16 @@ impl Session {
         intake: Intake,
         pool: Arc<ThreadPool>,
         shared: Shared,
-        mut fit: Fit,
+        estimation: Estimation,
         meter: Meter,
     ) -> Result<Self> {
-        fit.free_lights = matches!(scene, Scene::Rectified { .. });
         let shared = Arc::new(shared);
         let (commands, received) = crossbeam_channel::unbounded();
         let worker = {
             let (shared, pool) = (shared.clone(), pool.clone());
             std::thread::Builder::new()
                 .name("svbrdf-fit".into())
-                .spawn(move || worker::run(&shared, &received, &pool, fit, meter))
+                .spawn(move || worker::run(&shared, &received, &pool, estimation, meter))
                 .map_err(|e| Error::Internal(format!("no thread: {e}")))?
         };
         let (intake, worker) = (Mutex::new(intake), Some(worker));
@@ -283,8 +273,7 @@ impl Session {
 
     /// The session as bytes, from which [`Session::restore`] goes on as if nothing had happened:
     /// settings, scene, budget, what is known of camera and light, all photographs as far as they
-    /// are needed, the maps and the fit. Photographs are kept as half floats, so that the fit goes
-    /// on to nearly, not exactly, the same maps; the maps of the moment are exact.
+    /// are needed, the maps and the fit, which goes on in the same phase to the same bits.
     ///
     /// Waits for a photograph that is being pushed and for a step of the fit, not for the fit.
     ///
@@ -319,27 +308,28 @@ impl Session {
             memory::check(settings, frames.max(1), 0)?;
             settings.pool()
         })?;
-        let state::Restored { settings, scene, budget, intake, fit, progress, pool } = restored;
+        let state::Restored { settings, scene, budget, intake, estimation, progress, pool } = restored;
         let meter = Meter::new(budget, progress.seconds, progress.steps);
+        let restored_maps = pool.install(|| estimation.maps()).ok();
         let shared = Shared::new();
         {
             let mut state = shared.lock();
             state.budget = budget;
-            state.cut = fit.cut.is_some();
-            state.fitted = fit.frames();
+            state.cut = estimation.is_cut();
+            state.fitted = estimation.frames();
             state.progress = Progress {
-                frames: fit.frames(),
-                fraction: progress.fraction,
+                frames: estimation.frames(),
+                fraction: estimation.fraction(),
                 loss_before: progress.loss_before,
-                loss: fit.loss(),
+                loss: estimation.loss(),
                 seconds_left: None,
-                settled: fit.is_done(),
+                settled: estimation.is_done(),
             };
-            if let Some(maps) = &fit.maps {
-                state.publish(Arc::new(maps.clone()));
+            if let Some(maps) = restored_maps {
+                state.publish(Arc::new(maps));
             }
         }
-        Self::start(scene, settings, networks, intake, pool, shared, fit, meter)
+        Self::start(scene, settings, networks, intake, pool, shared, estimation, meter)
     }
 
     /// The settings, as restored sessions have them from their saved state.
@@ -418,7 +408,7 @@ impl Session {
         };
         let first = self.shared.lock().maps.is_none();
         let start = if first {
-            let maps = self.pool.install(|| fit::first_maps(&self.networks, &taken.observation))?;
+            let maps = self.pool.install(|| first_maps(&self.networks, &taken.observation))?;
             Some(Arc::new(maps))
         } else {
             None

@@ -1,6 +1,5 @@
 //! The thread that fits.
 
-use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,10 +8,11 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
-use super::budget::{Budget, Meter};
-use super::fit::{Fit, NewFrame, Stage};
-use super::state::{SavedProgress, StateWriter, write_fit};
+use super::board::Update;
+use super::state::{SavedProgress, StateWriter, write_estimation};
 use super::{Progress, Revision};
+use crate::estimate::{Budget, Estimation, Meter};
+use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
 /// What callers and the worker share.
@@ -119,6 +119,16 @@ impl Shared {
     }
 }
 
+/// A photograph for the estimate; the first one brings the maps to start from.
+pub(super) struct NewFrame {
+    pub(super) observation: Observation,
+    pub(super) start: Option<Arc<Svbrdf>>,
+    /// What is known better of earlier ones.
+    pub(super) updates: Vec<Update>,
+    /// Earlier ones lie so far elsewhere now that the maps so far are no start any more.
+    pub(super) restart: bool,
+}
+
 /// Messages to the worker.
 pub(super) enum Command {
     /// A new photograph.
@@ -139,18 +149,17 @@ pub(super) fn run(
     shared: &Shared,
     commands: &Receiver<Command>,
     pool: &ThreadPool,
-    fit: Fit,
+    estimation: Estimation,
     meter: Meter,
 ) {
     let mut worker = Worker {
         shared,
         commands,
-        pending: VecDeque::new(),
         published: Instant::now(),
         interval: PUBLISH_INTERVAL,
-        busy: !fit.is_done(),
+        busy: !estimation.is_done(),
     };
-    match catch_unwind(AssertUnwindSafe(|| worker.work(pool, fit, meter))) {
+    match catch_unwind(AssertUnwindSafe(|| worker.work(pool, estimation, meter))) {
         Ok(Ok(())) => {}
         Ok(Err(error)) => shared.fail(error.to_string()),
         Err(panic) => {
@@ -167,8 +176,6 @@ pub(super) fn run(
 struct Worker<'a> {
     shared: &'a Shared,
     commands: &'a Receiver<Command>,
-    /// Photographs that came during a step.
-    pending: VecDeque<NewFrame>,
     published: Instant,
     /// Time between two published sets of maps.
     interval: Duration,
@@ -176,11 +183,13 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    fn work(&mut self, pool: &ThreadPool, mut fit: Fit, mut meter: Meter) -> Result<()> {
+    fn work(
+        &mut self,
+        pool: &ThreadPool,
+        mut estimation: Estimation,
+        mut meter: Meter,
+    ) -> Result<()> {
         loop {
-            while let Some(frame) = self.pending.pop_front() {
-                self.add(pool, &mut fit, &mut meter, frame)?;
-            }
             if self.shared.cancelled.load(Ordering::Relaxed) {
                 return Ok(());
             }
@@ -191,15 +200,14 @@ impl Worker<'_> {
                 self.commands.try_recv()
             };
             match command {
-                Ok(Command::Frame(frame)) => self.pending.push_back(*frame),
-                Ok(Command::Save(state, reply)) => {
-                    if fit.stage == Stage::Latent {
-                        pool.install(|| fit.refresh())?;
-                    }
-                    self.save(pool, &fit, &meter, state, &reply);
+                Ok(Command::Frame(frame)) => {
+                    self.add(pool, &mut estimation, &mut meter, *frame)?;
                 }
-                Ok(Command::Wake) => self.follow_budget(&mut fit, &mut meter),
-                Err(TryRecvError::Empty) => self.step(pool, &mut fit, &mut meter)?,
+                Ok(Command::Save(state, reply)) => {
+                    self.save(pool, &estimation, &meter, state, &reply);
+                }
+                Ok(Command::Wake) => self.follow_budget(&mut estimation, &mut meter),
+                Err(TryRecvError::Empty) => self.step(pool, &mut estimation, &mut meter)?,
                 Err(TryRecvError::Disconnected) => return Ok(()),
             }
         }
@@ -208,29 +216,30 @@ impl Worker<'_> {
     fn add(
         &mut self,
         pool: &ThreadPool,
-        fit: &mut Fit,
+        estimation: &mut Estimation,
         meter: &mut Meter,
         frame: NewFrame,
     ) -> Result<()> {
-        pool.install(|| fit.add(frame))?;
+        let NewFrame { observation, start, updates, restart } = frame;
+        pool.install(|| estimation.add(observation, start.as_deref(), &updates, restart))?;
         meter.reset();
         let mut state = self.shared.lock();
         state.fitted += 1;
         state.cut = false;
         state.progress.fraction = 0.0;
-        state.progress.loss_before = fit.loss();
-        state.progress.loss = fit.loss();
+        state.progress.loss_before = estimation.loss();
+        state.progress.loss = estimation.loss();
         drop(state);
         self.shared.notify();
         self.busy = true;
         Ok(())
     }
 
-    /// Writes the fit as it is between two steps.
+    /// Writes the estimate as it is between two steps.
     fn save(
         &self,
         pool: &ThreadPool,
-        fit: &Fit,
+        estimation: &Estimation,
         meter: &Meter,
         mut state: StateWriter,
         reply: &Sender<StateWriter>,
@@ -238,23 +247,22 @@ impl Worker<'_> {
         let progress = self.shared.lock().progress;
         let progress = SavedProgress {
             loss_before: progress.loss_before,
-            fraction: progress.fraction,
             seconds: meter.elapsed().as_secs_f32(),
             steps: meter.steps(),
         };
-        pool.install(|| write_fit(&mut state, fit, &self.pending, &progress));
+        pool.install(|| write_estimation(&mut state, estimation, &progress));
         // Whoever asked may have gone.
         let _ = reply.send(state);
     }
 
     /// Takes a changed budget over; a fit that was cut short may go on.
-    fn follow_budget(&mut self, fit: &mut Fit, meter: &mut Meter) {
+    fn follow_budget(&mut self, estimation: &mut Estimation, meter: &mut Meter) {
         let budget = self.shared.lock().budget;
         let changed = std::mem::replace(&mut meter.budget, budget) != budget;
         if self.busy {
             return;
         }
-        self.busy = changed && fit.extend(meter);
+        self.busy = changed && estimation.extend(meter);
         let mut state = self.shared.lock();
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
@@ -265,18 +273,20 @@ impl Worker<'_> {
         self.shared.notify();
     }
 
-    fn step(&mut self, pool: &ThreadPool, fit: &mut Fit, meter: &mut Meter) -> Result<()> {
+    fn step(
+        &mut self,
+        pool: &ThreadPool,
+        estimation: &mut Estimation,
+        meter: &mut Meter,
+    ) -> Result<()> {
         meter.budget = self.shared.lock().budget;
         meter.start();
-        let step = {
-            let mut between = |fit: &Fit, meter: &mut Meter| self.between(pool, fit, meter);
-            pool.install(|| fit.step(meter, &mut between))
-        };
+        let step = pool.install(|| estimation.step(meter));
         meter.stop();
         let step = step?;
         let publish = step.done || self.published.elapsed() >= self.interval;
         let begun = Instant::now();
-        let maps = if publish { Some(Arc::new(pool.install(|| fit.maps())?)) } else { None };
+        let maps = if publish { Some(Arc::new(pool.install(|| estimation.maps())?)) } else { None };
         if publish {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
@@ -291,7 +301,7 @@ impl Worker<'_> {
         }
         if step.done {
             self.busy = false;
-            state.cut = fit.cut.is_some();
+            state.cut = estimation.is_cut();
             // A photograph pushed meanwhile is still in the channel.
             state.progress.settled = state.fitted == state.progress.frames;
             state.progress.seconds_left = None;
@@ -299,19 +309,5 @@ impl Worker<'_> {
         drop(state);
         self.shared.notify();
         Ok(())
-    }
-
-    /// What has to be done inside of a long step; whether it goes on.
-    fn between(&mut self, pool: &ThreadPool, fit: &Fit, meter: &mut Meter) -> bool {
-        meter.budget = self.shared.lock().budget;
-        while let Ok(command) = self.commands.try_recv() {
-            match command {
-                Command::Frame(frame) => self.pending.push_back(*frame),
-                Command::Save(state, reply) => self.save(pool, fit, meter, state, &reply),
-                Command::Wake => {}
-            }
-        }
-        // A new photograph makes the rest of the step idle work.
-        self.pending.is_empty() && !self.shared.cancelled.load(Ordering::Relaxed)
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::calibration::photometry::Radiometry;
+use crate::estimate::Change;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
@@ -37,16 +38,14 @@ pub(in crate::session) enum Update {
     Geometry { index: usize, kept: Arc<Kept>, used: Used },
 }
 
-impl Update {
-    /// The photograph's index among the accepted ones.
-    pub(in crate::session) fn index(&self) -> usize {
+impl Change for Update {
+    fn index(&self) -> usize {
         match self {
             Self::Radiometry { index, .. } | Self::Geometry { index, .. } => *index,
         }
     }
 
-    /// Brings the photograph's observation up to date.
-    pub(in crate::session) fn apply(&self, observation: &mut Observation) {
+    fn apply(&self, observation: &mut Observation) {
         match self {
             Self::Radiometry { used, new, .. } => {
                 let Used { camera, pose, radiometry, elevation_mm } = used;

@@ -110,20 +110,6 @@ impl Writer {
         values.iter().for_each(|&v| self.u16(v));
     }
 
-    /// Half floats; what is too large becomes the largest. Zero is kept, and what is not zero stays
-    /// so: a sign or a positive weight means something.
-    pub(super) fn halves(&mut self, values: &[f32]) {
-        self.0.reserve(2 * values.len());
-        for &v in values {
-            let size = v.abs().min(f16::MAX.to_f32());
-            let mut half = f16::from_f32(size.copysign(v));
-            if half.to_bits() & 0x7FFF == 0 && v != 0.0 {
-                half = f16::from_bits(half.to_bits() | 1);
-            }
-            self.0.extend_from_slice(&half.to_le_bytes());
-        }
-    }
-
     /// Radiances and weights as they are.
     pub(super) fn packed(&mut self, values: &[Packed]) {
         self.0.reserve(2 * values.len());
@@ -324,11 +310,6 @@ impl<'a> Reader<'a> {
     pub(super) fn u16s(&mut self, count: usize) -> Result<Vec<u16>> {
         let bytes = self.take(count.saturating_mul(2))?;
         Ok(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)).collect())
-    }
-
-    pub(super) fn halves(&mut self, count: usize) -> Result<Vec<f32>> {
-        let bytes = self.take(count.saturating_mul(2))?;
-        bytes.as_chunks::<2>().0.iter().map(|&b| finite(f16::from_le_bytes(b).to_f32())).collect()
     }
 
     pub(super) fn packed(&mut self, count: usize) -> Result<Vec<Packed>> {

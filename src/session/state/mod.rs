@@ -2,11 +2,11 @@
 //!
 //! Stored: settings and scene, what is known of camera and light with what it was measured on
 //! (corners, squares, and the photographs' parts that may be rectified again), every rectified
-//! photograph (half floats), the maps, and code and moments of the fit. Numbers that only steer are
-//! stored as they are, planes of which nothing but a rounding of 1/2048 is lost as half floats.
+//! photograph, the maps, and the estimate in progress, all to the bit; the board's photographs as half
+//! floats.
 
 pub(super) mod bytes;
-mod fit;
+mod estimation;
 mod intake;
 mod scene;
 
@@ -16,12 +16,11 @@ use rayon::ThreadPool;
 
 use bytes::Sections;
 pub(super) use bytes::StateWriter;
-pub(super) use fit::{SavedProgress, write as write_fit};
+pub(super) use estimation::{SavedProgress, write as write_estimation};
 
-use super::budget::Budget;
-use super::fit::Fit;
 use super::intake::Intake;
 use super::{Scene, Settings};
+use crate::estimate::{Budget, Estimation};
 use crate::initial_estimate::Networks;
 use crate::{Error, Result, StateFault};
 
@@ -44,7 +43,7 @@ pub(super) struct Restored {
     pub(super) scene: Scene,
     pub(super) budget: Budget,
     pub(super) intake: Intake,
-    pub(super) fit: Fit,
+    pub(super) estimation: Estimation,
     pub(super) progress: SavedProgress,
     pub(super) pool: Arc<ThreadPool>,
 }
@@ -59,15 +58,17 @@ pub(super) fn read(
     let sections = Sections::read(bytes)?;
     let (mut settings, budget) = scene::read_settings(sections.one(b"SETT")?)?;
     let scene = scene::read(sections.one(b"SCEN")?)?;
-    let pool = prepare(&mut settings, sections.all(fit::OBSERVATION).count())?;
+    let pool = prepare(&mut settings, sections.all(estimation::OBSERVATION).count())?;
     let intake = intake::read(&sections, &scene)?;
-    let (fit, progress) = pool.install(|| fit::read(&sections, networks, &settings))?;
+    let task = settings.task(&scene);
+    let (estimation, progress) =
+        pool.install(|| estimation::read(&sections, networks, task, settings.resolution))?;
     if let Intake::Board(board) = &intake
-        && board.poses().len() != fit.frames()
+        && board.poses().len() != estimation.frames()
     {
         return Err(damaged("photographs are missing"));
     }
-    Ok(Restored { settings, scene, budget, intake, fit, progress, pool })
+    Ok(Restored { settings, scene, budget, intake, estimation, progress, pool })
 }
 
 fn damaged(what: impl Into<String>) -> Error {

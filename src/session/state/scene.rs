@@ -7,8 +7,7 @@ use super::damaged;
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
-use crate::session::budget::Budget;
-use crate::session::{Method, RectifiedFalloff, Scene, Settings};
+use crate::session::{Budget, Method, RectifiedFalloff, Scene, Settings};
 use crate::{Error, Result};
 
 pub(super) fn write_settings(w: &mut Writer, settings: &Settings, budget: &Budget) {

@@ -1,0 +1,55 @@
+//! What is believed of the maps between two phases.
+
+use super::options::EstimateOptions;
+use super::photographs::Photographs;
+use super::prior::Prior;
+use super::correction::Offset;
+use crate::{Result, Svbrdf};
+
+/// The maps, and the prior that the next steps of the solver hold them to.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Belief {
+    /// The most probable maps so far, `x`.
+    pub maps: Svbrdf,
+    /// What the prior's mean begins with: maps of the latent code, their gloss pooled.
+    pub base: Svbrdf,
+    /// The prior's mean, `m`.
+    pub mean: Svbrdf,
+    /// The prior's widths in the next steps.
+    pub prior: Prior,
+    /// The widths that the latest steps have found.
+    pub found: Prior,
+    /// Mean noise that the latest steps have found.
+    pub noise: f32,
+    /// By how much the base is off everywhere.
+    pub offset: Offset,
+}
+
+impl Belief {
+    /// Around maps of the latent code.
+    pub fn new(base: Svbrdf, options: &EstimateOptions) -> Self {
+        Self {
+            maps: base.clone(),
+            mean: base.clone(),
+            base,
+            prior: options.prior,
+            found: options.prior,
+            noise: options.noise.expected,
+            offset: Offset::default(),
+        }
+    }
+
+    /// The base without what it is off everywhere.
+    pub fn corrected_base(&self) -> Svbrdf {
+        self.offset.applied(&self.base)
+    }
+}
+
+/// A change of the prior, and of maps as far as photographs leave them open.
+pub(super) trait Update {
+    /// Changes the belief in view of the photographs.
+    ///
+    /// # Errors
+    /// When sizes differ, or a network is broken.
+    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()>;
+}

@@ -1,0 +1,223 @@
+//! How long a fit may work.
+
+use std::time::{Duration, Instant};
+
+use crate::svbrdf::{CHANNELS, channel, encoding};
+use crate::{Error, Result, Svbrdf};
+
+/// How long the fit works on each photograph; the default has no limits.
+///
+/// A fit that is at its limit settles on the maps that it has, and every photograph begins with the
+/// full budget again. The latent code takes at most half of time and steps: a step of the
+/// refinement gains more. Time during which the fit is paused does not count; it is measured by a
+/// clock that does not jump.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Budget {
+    /// Seconds of work on each photograph; the step in progress is finished.
+    pub seconds: Option<f32>,
+    /// Steps of the optimisers on each photograph.
+    pub steps: Option<u32>,
+    /// Whether the fit ends where what it would still change is less than half a step of 8-bit
+    /// maps (root mean square of each channel, as shown: normals and roughness linear, albedos with
+    /// the sRGB curve).
+    pub stop_when_invisible: bool,
+}
+
+impl Budget {
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.seconds {
+            Some(s) if !(s.is_finite() && s >= 0.0) => {
+                Err(Error::argument("seconds", "a number of at least 0 is expected"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Work on the latest photograph, against the budget.
+#[derive(Debug, Clone)]
+pub(crate) struct Meter {
+    pub(crate) budget: Budget,
+    /// Steps finished before the one in progress, and their time.
+    spent: Duration,
+    steps: u32,
+    /// Start of the step in progress.
+    since: Option<Instant>,
+}
+
+impl Meter {
+    pub(crate) fn new(budget: Budget, seconds: f32, steps: u32) -> Self {
+        let spent = Duration::try_from_secs_f32(seconds).unwrap_or_default();
+        Self { budget, spent, steps, since: None }
+    }
+
+    /// For a new photograph.
+    pub(crate) fn reset(&mut self) {
+        *self = Self::new(self.budget, 0.0, 0);
+    }
+
+    pub(crate) fn start(&mut self) {
+        self.since = Some(Instant::now());
+    }
+
+    pub(crate) fn stop(&mut self) {
+        self.spent = self.elapsed();
+        self.since = None;
+    }
+
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.spent + self.since.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    pub(crate) fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// A step of an optimiser was done.
+    pub(crate) fn count(&mut self) {
+        self.steps = self.steps.saturating_add(1);
+    }
+
+    /// Whether that share of the budget is used up.
+    pub(crate) fn exhausted(&self, share: f32) -> bool {
+        let time = self.budget.seconds.is_some_and(|s| self.elapsed().as_secs_f32() >= share * s);
+        let steps = self.budget.steps;
+        time || steps.is_some_and(|n| self.steps as f32 >= (share * n as f32).ceil())
+    }
+}
+
+/// Half a step of 8 bits.
+const VISIBLE: f32 = 0.5 / 255.0;
+/// Mean log-L1 that cannot be seen: half a step of 8-bit white is 0.004 in log radiance, and mean
+/// differences hide some larger ones.
+const VISIBLE_LOSS: f64 = 1e-3;
+
+/// Maps as 8-bit files show them, at no more texels than a mean of them needs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Shown {
+    /// Channel after channel.
+    pub values: Vec<f32>,
+}
+
+impl Shown {
+    /// A root mean square over so many texels is within a few per cent of that over all.
+    const TEXELS: usize = 4096;
+
+    pub(crate) fn of(maps: &Svbrdf) -> Self {
+        // An odd step does not run down the columns of maps with an even width.
+        let step = maps.texels().div_ceil(Self::TEXELS) | 1;
+        let texels = |c: usize| maps.plane(c).iter().step_by(step).map(move |&v| shown(c, v));
+        Self { values: (0..CHANNELS).flat_map(texels).collect() }
+    }
+
+    /// Root mean square difference of maps of one size, relative to what can be seen: below 1
+    /// nothing can. The largest of the nine channels.
+    pub(crate) fn visible_change(&self, other: &Self) -> f32 {
+        let texels = self.values.len() / CHANNELS;
+        let rms = |(a, b): (&[f32], &[f32])| {
+            let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+            (sum / texels as f64).sqrt() as f32
+        };
+        let planes = self.values.chunks(texels).zip(other.values.chunks(texels));
+        planes.map(rms).fold(0.0, f32::max) / VISIBLE
+    }
+}
+
+/// A parameter on the scale of its 8-bit map.
+fn shown(c: usize, value: f32) -> f32 {
+    match c {
+        channel::SLOPE_X | channel::SLOPE_Y => 0.5 * value / (1.0 + value * value).sqrt(),
+        channel::ROUGHNESS => value,
+        // The square root is the sRGB curve but for a few per cent of its slope.
+        _ => 0.5 * (encoding::encode(c, value) + 1.0),
+    }
+}
+
+/// What `left` more steps would change at most if each changed as much as the latest, their rates
+/// falling as half a cosine over `steps`.
+pub(crate) fn predicted_change(latest: f32, done: u32, steps: u32) -> f32 {
+    let rate =
+        |step: u32| 0.5 * (1.0 + (std::f32::consts::PI * step as f32 / steps.max(1) as f32).cos());
+    let left: f32 = (done..steps).map(rate).sum();
+    latest * left / rate(done.saturating_sub(1)).max(f32::MIN_POSITIVE)
+}
+
+/// Whether further steps of an optimiser, each at most as good as the latest ones, would lower the
+/// mean log-L1 by what could be seen.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Trend {
+    pub every: usize,
+    pub steps: usize,
+    pub previous: Option<f64>,
+}
+
+impl Trend {
+    /// For so many steps, looked at after every `every`.
+    pub(crate) fn new(steps: usize, every: usize) -> Self {
+        Self { every, steps, previous: None }
+    }
+
+    /// Whether nothing visible is to be gained after a step (from 1).
+    pub(crate) fn is_flat(&mut self, step: usize, loss: f64) -> bool {
+        if !step.is_multiple_of(self.every) {
+            return false;
+        }
+        let gain = self.previous.replace(loss).map(|before| before - loss);
+        let left = self.steps.saturating_sub(step) as f64 / self.every as f64;
+        gain.is_some_and(|gain| gain * left < VISIBLE_LOSS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_of_one_grey_level_is_seen_and_a_quarter_is_not() {
+        for (c, size) in (0..CHANNELS).flat_map(|c| [(c, 16), (c, 256)]) {
+            let a = Svbrdf::new(size, size);
+            for (levels, seen) in [(1.0, true), (0.25, false)] {
+                let mut b = a.clone();
+                let step = levels / 255.0;
+                for v in b.plane_mut(c) {
+                    *v = match c {
+                        channel::SLOPE_X | channel::SLOPE_Y => 2.0 * step,
+                        channel::ROUGHNESS => *v + step,
+                        _ => (v.sqrt() + step).powi(2),
+                    };
+                }
+                let change = Shown::of(&a).visible_change(&Shown::of(&b));
+                assert_eq!(change >= 1.0, seen, "channel {c}, {levels} levels");
+            }
+        }
+    }
+
+    #[test]
+    fn the_meter_counts_work_and_steps() {
+        let budget = Budget { steps: Some(10), ..Budget::default() };
+        let mut meter = Meter::new(budget, 0.0, 0);
+        (0..4).for_each(|_| meter.count());
+        assert!(!meter.exhausted(0.5));
+        meter.count();
+        assert!(meter.exhausted(0.5) && !meter.exhausted(1.0));
+        meter.reset();
+        assert!(!meter.exhausted(0.5) && meter.steps() == 0);
+        let budget = Budget { seconds: Some(1.0), ..Budget::default() };
+        assert!(Meter::new(budget, 0.9, 0).exhausted(0.5));
+        assert!(!Meter::new(budget, 0.9, 0).exhausted(1.0));
+        assert!(!Meter::new(Budget::default(), 1e9, u32::MAX).exhausted(1.0));
+        for seconds in [-1.0, f32::NAN, f32::INFINITY] {
+            assert!(Budget { seconds: Some(seconds), ..Budget::default() }.check().is_err());
+        }
+    }
+
+    #[test]
+    fn change_is_predicted_from_the_rates_left() {
+        assert_eq!(predicted_change(1.0, 30, 30), 0.0);
+        // Half way the rate is one half; what is left of the cosine is 15 (1/2 - 1/pi).
+        let left = predicted_change(1.0, 15, 30);
+        assert!((left - 15.0 * (0.5 - std::f32::consts::FRAC_1_PI) / 0.5).abs() < 0.7, "{left}");
+        let mut trend = Trend::new(8, 1);
+        assert!(!trend.is_flat(1, 0.2) && !trend.is_flat(2, 0.1) && trend.is_flat(3, 0.0999));
+    }
+}

@@ -1,0 +1,105 @@
+//! What photographs tell of their lights and of the maps as a whole: corrections of what was given.
+
+use crate::Svbrdf;
+use crate::observation::{Falloff, View};
+use crate::svbrdf::CHANNELS;
+
+use super::options::{LightOptions, ScheduleOptions};
+use super::prior::{from_coordinate, to_coordinate};
+
+/// Largest logarithm of what is mirrored.
+pub(crate) const MAX_MIRRORED: f64 = 2.0;
+
+/// Corrections of the given views.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Correction {
+    /// Two angles per photograph by which its light turns about the centre of the sample, radians.
+    pub turns: Vec<[f64; 2]>,
+    /// Ambient irradiance as a fraction of the flash's.
+    pub ambient: f64,
+    /// Logarithm of [`View::mirrored`] per photograph.
+    pub mirrored: Vec<f64>,
+}
+
+impl Correction {
+    /// The view of photograph `index` with its light turned, the ambient light added to what
+    /// was `given`, and what of it is mirrored.
+    pub fn apply(&self, given: &View, index: usize) -> View {
+        corrected(given, self.turn(index), self.ambient, self.mirrored(index))
+    }
+
+    fn turn(&self, index: usize) -> [f64; 2] {
+        self.turns.get(index).copied().unwrap_or_default()
+    }
+
+    fn mirrored(&self, index: usize) -> f64 {
+        self.mirrored.get(index).copied().unwrap_or_default()
+    }
+
+    /// Largest difference to another, in units of the options' sigmas.
+    pub fn distance(&self, other: &Self, options: &LightOptions) -> f64 {
+        let turns = self.turns.iter().enumerate().flat_map(|(i, turn)| {
+            let before = other.turn(i);
+            [turn[0] - before[0], turn[1] - before[1]]
+        });
+        let turns = turns.fold(0.0f64, |m, d| m.max(d.abs())) / options.direction_sigma;
+        let mirrored = self.mirrored.iter().enumerate().map(|(i, m)| m - other.mirrored(i));
+        let mirrored = mirrored.fold(0.0f64, |m, d| m.max(d.abs())) / options.mirrored_sigma;
+        turns.max(mirrored).max((self.ambient - other.ambient).abs() / options.ambient_sigma)
+    }
+
+    /// Whether the latent fit was misled by lights that were `before`. A room leads lobes astray less
+    /// than a light: it does not count.
+    pub(super) fn misled(
+        &self,
+        before: &Self,
+        lights: &LightOptions,
+        schedule: &ScheduleOptions,
+    ) -> bool {
+        let before = Self { mirrored: self.mirrored.clone(), ..before.clone() };
+        self.distance(&before, lights) > schedule.misled_by
+    }
+}
+
+/// By how much an estimate's coordinates (slopes, square roots of albedos, roughness) are off
+/// everywhere: what wrong lights did to it, they did to all texels.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Offset(pub [f64; CHANNELS]);
+
+impl Offset {
+    /// The estimate without it.
+    pub fn applied(&self, maps: &Svbrdf) -> Svbrdf {
+        let mut maps = maps.clone();
+        if *self == Self::default() {
+            return maps;
+        }
+        for (c, by) in self.0.into_iter().enumerate() {
+            for value in maps.plane_mut(c) {
+                *value = from_coordinate(c, to_coordinate(c, *value) + by as f32);
+            }
+        }
+        maps.clamp();
+        maps
+    }
+}
+
+/// The light turned about the centre of the sample, ambient light added, `mirrored` the logarithm of
+/// the view's.
+pub(super) fn corrected(given: &View, turn: [f64; 2], ambient: f64, mirrored: f64) -> View {
+    let light = glam::Vec3::from(given.light_mm).as_dvec3();
+    let (u, v) = light.normalize_or(glam::DVec3::Z).any_orthonormal_pair();
+    let turn = glam::DQuat::from_scaled_axis(u * turn[0] + v * turn[1]);
+    let white = match given.falloff {
+        Falloff::None { power } => power,
+        Falloff::InverseSquare { power_mm2 } => {
+            power_mm2.map(|p| p / light.length_squared().max(1.0) as f32)
+        }
+    };
+    let mut view = *given;
+    view.light_mm = (turn * light).as_vec3().into();
+    view.mirrored = given.mirrored * mirrored.exp() as f32;
+    for (a, w) in view.ambient.iter_mut().zip(white) {
+        *a += ambient as f32 * w / std::f32::consts::PI;
+    }
+    view
+}

@@ -1,0 +1,99 @@
+//! An estimate in the caller's thread.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use super::budget::{Budget, Meter};
+use super::estimation::{Change, Estimation, Method, Task, first_maps};
+use super::options::EstimateOptions;
+use super::updates::FitRecord;
+use crate::initial_estimate::Networks;
+use crate::observation::Observation;
+use crate::{Result, Svbrdf};
+
+/// Estimates maps from rectified photographs in the caller's thread: what a session does on its own.
+pub struct Estimator {
+    networks: Arc<Networks>,
+    estimation: Estimation,
+    start: Option<Svbrdf>,
+}
+
+impl Estimator {
+    /// Without photographs.
+    pub fn new(networks: Arc<Networks>, method: Method, refine: bool) -> Self {
+        Self::with_options(networks, method, refine, EstimateOptions::default())
+    }
+
+    /// The same with other options.
+    pub fn with_options(
+        networks: Arc<Networks>,
+        method: Method,
+        refine: bool,
+        options: EstimateOptions,
+    ) -> Self {
+        let task = Task { method, refine, free_lights: true };
+        let estimation = Estimation::new(networks.clone(), task, options);
+        Self { networks, estimation, start: None }
+    }
+
+    /// Begins from given maps, of the size of the photographs, in place of the photo network's.
+    /// To be called before the first photograph.
+    pub fn start_from(&mut self, maps: Svbrdf) {
+        self.start = Some(maps);
+    }
+
+    /// Whether lights are only roughly known, so that they and ambient light are corrected: they
+    /// are unless said otherwise. To be called before the first photograph.
+    pub fn correct_lights(&mut self, correct: bool) {
+        self.estimation.task.free_lights = correct;
+    }
+
+    /// Keeps what the learned prior begins with, see [`Estimator::record`].
+    pub fn keep_record(&mut self) {
+        self.estimation.keep_record = true;
+    }
+
+    /// Adds a photograph; the first sets the size.
+    ///
+    /// # Errors
+    /// When its size is not that of the first or does not suit the networks.
+    pub fn add(&mut self, observation: Observation) -> Result<()> {
+        let start = match (self.frames(), self.start.take()) {
+            (0, Some(maps)) => Some(maps),
+            (0, None) => Some(first_maps(&self.networks, &observation)?),
+            _ => None,
+        };
+        self.estimation.add(observation, start.as_ref(), &[] as &[Infallible], false)
+    }
+
+    /// What the learned prior began with at last: recorded fits are what its network learns from.
+    /// `None` before the second photograph.
+    pub fn record(&self) -> Option<&FitRecord> {
+        self.estimation.record.as_ref()
+    }
+
+    /// Photographs added.
+    pub fn frames(&self) -> usize {
+        self.estimation.frames()
+    }
+
+    /// Steps until nothing is left to do; returns the maps.
+    ///
+    /// # Errors
+    /// Without photographs, or when a network is broken.
+    pub fn settle(&mut self) -> Result<Svbrdf> {
+        let mut meter = Meter::new(Budget::default(), 0.0, 0);
+        while !self.estimation.step(&mut meter)?.done {}
+        self.estimation.maps()
+    }
+}
+
+impl Change for Infallible {
+    fn index(&self) -> usize {
+        match *self {}
+    }
+
+    fn apply(&self, _: &mut Observation) {
+        match *self {}
+    }
+}

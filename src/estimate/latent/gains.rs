@@ -1,0 +1,257 @@
+//! Gains of the maps as a whole: of the albedos and slopes, and a shift of roughness.
+//!
+//! Eight numbers see all texels of all photographs, so even one photograph pins them down, where a
+//! free fit would explain a wrong roughness by albedo and normals texel by texel. The loss has
+//! several minima in roughness; the search begins at some of them and keeps the best.
+
+use crate::Svbrdf;
+use crate::estimate::options::GainOptions;
+use crate::observation::Observation;
+use crate::parallel;
+use crate::render;
+use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
+
+/// Logarithms of the gains of diffuse and specular albedo (three each), shift of the logit of
+/// roughness, logarithm of the gain of the slopes.
+type Gains = [f64; 8];
+
+const ROUGHNESS: usize = 6;
+const SLOPES: usize = 7;
+
+/// Gives maps the gains that explain the photographs best; returns whether anything was gained.
+pub(super) fn apply(
+    maps: &mut Svbrdf,
+    observations: &[Observation],
+    options: &GainOptions,
+) -> bool {
+    let mut problem = Problem::new(maps, observations, options);
+    let (before, ..) = problem.evaluate(&[0.0; 8]);
+    let mut best: Option<Search> = None;
+    for &shift in &options.starts {
+        let mut start = [0.0; 8];
+        start[ROUGHNESS] = shift;
+        let mut search = Search::new(&mut problem, start);
+        search.run(&mut problem, options.first_steps);
+        // the start itself wins a draw
+        if best.as_ref().is_none_or(|b| search.value < options.better_start * b.value) {
+            best = Some(search);
+        }
+    }
+    let Some(mut best) = best else { return false };
+    best.run(&mut problem, options.further_steps);
+    let better = best.value.is_finite() && best.value < options.better_maps * before;
+    if better {
+        problem.apply(&best.at);
+        std::mem::swap(maps, &mut problem.moved);
+    }
+    better
+}
+
+struct Problem<'a> {
+    base: Svbrdf,
+    moved: Svbrdf,
+    observations: &'a [Observation],
+    options: &'a GainOptions,
+    gradient: Vec<f32>,
+    prior_weight: f64,
+}
+
+impl<'a> Problem<'a> {
+    fn new(maps: &Svbrdf, observations: &'a [Observation], options: &'a GainOptions) -> Self {
+        let gradient = vec![0.0; CHANNELS * maps.texels()];
+        let prior_weight = options.prior_weight / observations.len().max(1) as f64;
+        let (base, moved) = (maps.clone(), maps.clone());
+        Self { base, moved, observations, options, gradient, prior_weight }
+    }
+
+    /// Writes the maps with gains to `moved`.
+    fn apply(&mut self, gains: &Gains) {
+        let n = self.base.texels();
+        let (base, max_roughness) = (&self.base, self.options.max_roughness);
+        parallel::parts(self.moved.planes_mut().chunks_mut(n), |c, plane| {
+            let source = base.plane(c);
+            let amount = gains[parameter(c)].exp() as f32;
+            let (low, high) = RANGE[c];
+            for (to, &from) in plane.iter_mut().zip(source) {
+                *to = if c == channel::ROUGHNESS {
+                    let r = from.clamp(MIN_ROUGHNESS, max_roughness);
+                    // the logistic function of logit + shift
+                    let moved = r * amount / (1.0 - r + r * amount);
+                    moved.clamp(MIN_ROUGHNESS, 1.0)
+                } else {
+                    (from * amount).clamp(low, high)
+                };
+            }
+        });
+    }
+
+    /// Loss with the prior, and its gradient.
+    fn evaluate(&mut self, gains: &Gains) -> (f64, Gains) {
+        self.apply(gains);
+        let mut value =
+            render::loss_and_gradient(&self.moved, self.observations, &mut self.gradient);
+        let n = self.moved.texels();
+        let moved = &self.moved;
+        let sums: Vec<f64> = parallel::map_parts(self.gradient.chunks(n), |c, gradient| {
+            let high = if c < channel::DIFFUSE { MAX_SLOPE } else { 1.0 };
+            let products = gradient.iter().zip(moved.plane(c)).map(|(&g, &v)| {
+                let derivative = if c == channel::ROUGHNESS { v * (1.0 - v) } else { v };
+                if v.abs() < high { f64::from(g * derivative) } else { 0.0 }
+            });
+            products.sum()
+        });
+        let mut gradient = [0.0; 8];
+        for (c, sum) in sums.into_iter().enumerate() {
+            gradient[parameter(c)] += sum;
+        }
+        for ((g, x), sigma) in gradient.iter_mut().zip(gains).zip(self.options.sigma) {
+            value += self.prior_weight * (x / sigma).powi(2);
+            *g += 2.0 * self.prior_weight * x / (sigma * sigma);
+        }
+        (value, gradient)
+    }
+}
+
+/// Which gain moves a channel.
+fn parameter(c: usize) -> usize {
+    match c {
+        channel::SLOPE_X | channel::SLOPE_Y => SLOPES,
+        channel::ROUGHNESS => ROUGHNESS,
+        _ => c - channel::DIFFUSE,
+    }
+}
+
+/// A descent by BFGS (Nocedal and Wright, Numerical Optimization, eq. 6.17) with a line search
+/// that halves.
+struct Search {
+    at: Gains,
+    value: f64,
+    gradient: Gains,
+    inverse: [[f64; 8]; 8],
+    settled: bool,
+}
+
+impl Search {
+    fn new(problem: &mut Problem<'_>, at: Gains) -> Self {
+        let (value, gradient) = problem.evaluate(&at);
+        let mut inverse = [[0.0; 8]; 8];
+        // One unit of loss per unit of gradient, at the scale of the expected gains.
+        for (i, row) in inverse.iter_mut().enumerate() {
+            row[i] = problem.options.sigma[i].powi(2);
+        }
+        Self { at, value, gradient, inverse, settled: !value.is_finite() }
+    }
+
+    fn run(&mut self, problem: &mut Problem<'_>, steps: usize) {
+        for _ in 0..steps {
+            if self.settled {
+                return;
+            }
+            self.step(problem);
+        }
+    }
+
+    fn step(&mut self, problem: &mut Problem<'_>) {
+        let mut direction = self.inverse.map(|row| -dot(&row, &self.gradient));
+        let longest = direction.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+        if longest < 1e-4 {
+            self.settled = true;
+            return;
+        }
+        direction = direction.map(|d| d * (problem.options.max_step / longest).min(1.0));
+        let slope = dot(&direction, &self.gradient);
+        let mut length = 1.0;
+        for _ in 0..6 {
+            let mut to = self.at;
+            to.iter_mut().zip(direction).for_each(|(t, d)| *t += length * d);
+            let (value, gradient) = problem.evaluate(&to);
+            if value <= self.value + 1e-3 * length * slope {
+                let mut moved = [0.0; 8];
+                let mut change = [0.0; 8];
+                for i in 0..8 {
+                    moved[i] = to[i] - self.at[i];
+                    change[i] = gradient[i] - self.gradient[i];
+                }
+                self.update(&moved, &change);
+                self.settled = self.value - value < 1e-4 * self.value;
+                (self.at, self.value, self.gradient) = (to, value, gradient);
+                return;
+            }
+            length *= 0.4;
+        }
+        self.settled = true;
+    }
+
+    fn update(&mut self, moved: &Gains, change: &Gains) {
+        let curvature = dot(moved, change);
+        if curvature <= 1e-12 {
+            return;
+        }
+        let image = self.inverse.map(|row| dot(&row, change));
+        let both = (1.0 + dot(change, &image) / curvature) / curvature;
+        for i in 0..8 {
+            for j in 0..8 {
+                self.inverse[i][j] += both * moved[i] * moved[j]
+                    - (image[i] * moved[j] + moved[i] * image[j]) / curvature;
+            }
+        }
+    }
+}
+
+fn dot(a: &Gains, b: &Gains) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::latent::tests::{SIDE, TOP, material, photograph};
+
+    #[test]
+    fn the_gradient_is_that_of_finite_differences() {
+        let truth = material(64);
+        let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
+        let options = GainOptions::default();
+        let mut problem = Problem::new(&truth, &observations, &options);
+        let at = [0.1, -0.2, 0.05, 0.3, -0.1, 0.2, -0.4, 0.15];
+        let (_, gradient) = problem.evaluate(&at);
+        for i in 0..8 {
+            // the loss is a sum of absolute values: wide differences average over its corners
+            let h = 2e-3;
+            let mut value = |d: f64| {
+                let mut to = at;
+                to[i] += d;
+                problem.evaluate(&to).0
+            };
+            let difference = (value(h) - value(-h)) / (2.0 * h);
+            let error = (difference - gradient[i]).abs();
+            assert!(error < 0.02 * difference.abs() + 2e-3, "{i}: {difference} {}", gradient[i]);
+        }
+    }
+
+    #[test]
+    fn a_wrong_scale_of_everything_is_put_right() {
+        let truth = material(64);
+        let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
+        let options = GainOptions::default();
+        let mut problem = Problem::new(&truth, &[], &options);
+        problem.apply(&[-0.4, -0.3, -0.5, 0.5, 0.5, 0.5, 1.8, 0.3]);
+        let mut maps = problem.moved;
+        let mean = |maps: &Svbrdf, c: usize| {
+            maps.plane(c).iter().zip(truth.plane(c)).map(|(a, b)| (a - b).abs()).sum::<f32>()
+                / maps.texels() as f32
+        };
+        let before = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
+        assert!(apply(&mut maps, &observations, &options));
+        let after = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
+        assert!(after[0] < 0.1 * before[0] && after[1] < 0.15 * before[1], "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn true_maps_stay() {
+        let truth = material(64);
+        let mut maps = truth.clone();
+        assert!(!apply(&mut maps, &[photograph(&truth, TOP)], &GainOptions::default()));
+        assert_eq!(maps, truth);
+    }
+}

@@ -1,0 +1,287 @@
+//! The fit at one resolution: code, detail kept aside, and everything one step needs.
+
+use super::adam::Adam;
+use super::gains;
+use crate::estimate::options::{GainOptions, LatentOptions};
+use crate::initial_estimate::{Networks, encoded_maps};
+use crate::network::Workspace;
+use crate::observation::Observation;
+use crate::parallel;
+use crate::render;
+use crate::svbrdf::{CHANNELS, RANGE, encoding};
+use crate::{Error, Result, Svbrdf};
+
+/// Texels per task of the conversions between encoded and natural parameters.
+const CHUNK: usize = 4096;
+
+#[derive(Debug)]
+pub(super) struct Level {
+    code: Vec<f32>,
+    /// Slopes that the prior holds on to, two encoded planes.
+    anchor: Vec<f32>,
+    /// Expected error of the anchor.
+    deviation: f32,
+    adam: Adam,
+    /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
+    detail: Vec<f32>,
+    maps: Svbrdf,
+    /// Whether the code has moved since the maps were written.
+    stale: bool,
+    /// What the steps work with; made when needed.
+    tools: Option<Box<Tools>>,
+}
+
+/// The large buffers.
+#[derive(Debug)]
+struct Tools {
+    gradient: Vec<f32>,
+    code_gradient: Vec<f32>,
+    workspace: Workspace,
+}
+
+impl Tools {
+    fn new(networks: &Networks, maps: &Svbrdf, code: usize) -> Result<Box<Self>> {
+        let decoder = networks.decoder();
+        let stride = decoder.stride();
+        let workspace = Workspace::new(decoder, maps.height() / stride, maps.width() / stride)?;
+        let gradient = vec![0.0; CHANNELS * maps.texels()];
+        Ok(Box::new(Self { gradient, code_gradient: vec![0.0; code], workspace }))
+    }
+}
+
+impl Level {
+    pub fn new(networks: &Networks, start: &Svbrdf, options: &LatentOptions) -> Result<Self> {
+        let code = networks.encode(start)?;
+        let mut anchor = encoded_maps(start);
+        anchor.truncate(2 * start.texels());
+        let square = anchor.iter().map(|v| v * v).sum::<f32>() / anchor.len() as f32;
+        let mut level = Self {
+            deviation: square.sqrt().max(options.min_deviation),
+            anchor,
+            adam: Adam::new(code.len()),
+            detail: vec![0.0; CHANNELS * start.texels()],
+            maps: start.clone(),
+            stale: false,
+            tools: None,
+            code,
+        };
+        level.restart(networks, start, options)?;
+        Ok(level)
+    }
+
+    /// Goes on from other maps of the same size with the code and moments found so far: the
+    /// difference is detail.
+    pub fn restart(
+        &mut self,
+        networks: &Networks,
+        start: &Svbrdf,
+        options: &LatentOptions,
+    ) -> Result<()> {
+        let mut tools = self.take_tools(networks)?;
+        let decoded = networks.decoder().forward(&self.code, &mut tools.workspace)?;
+        if options.keep_detail {
+            let start = encoded_maps(start);
+            for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
+                *detail = start - decoded;
+            }
+        }
+        self.write_maps(&tools);
+        self.tools = Some(tools);
+        Ok(())
+    }
+
+    /// Gives the large buffers back until they are needed again.
+    pub fn release(&mut self) {
+        self.tools = None;
+    }
+
+    fn take_tools(&mut self, networks: &Networks) -> Result<Box<Tools>> {
+        match self.tools.take() {
+            Some(tools) => Ok(tools),
+            None => Tools::new(networks, &self.maps, self.code.len()),
+        }
+    }
+
+    /// What [`Level::restore`] needs.
+    pub fn save(&self) -> SavedLevel {
+        let (first, second, steps) = self.adam.parts();
+        SavedLevel {
+            code: self.code.clone(),
+            moments: [first.to_vec(), second.to_vec()],
+            steps,
+            anchor: self.anchor.clone(),
+            deviation: self.deviation,
+            detail: self.detail.clone(),
+            maps: self.maps.clone(),
+            stale: self.stale,
+        }
+    }
+
+    /// Goes on from what was saved. Code and moments mean nothing to other networks than theirs:
+    /// without `same_networks` the maps are encoded anew.
+    pub fn restore(
+        networks: &Networks,
+        saved: SavedLevel,
+        same_networks: bool,
+        options: &LatentOptions,
+    ) -> Result<Self> {
+        let SavedLevel { code, moments, steps, anchor, deviation, detail, maps, stale } = saved;
+        if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
+            return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
+        }
+        let deviation = deviation.max(options.min_deviation);
+        if !same_networks {
+            let level = Self::new(networks, &maps, options)?;
+            return Ok(Self { anchor, deviation, ..level });
+        }
+        let decoder = networks.decoder();
+        let stride = decoder.stride();
+        let length = decoder.code_channels() * (maps.texels() / (stride * stride));
+        let [first, second] = moments;
+        if [&code, &first, &second].iter().any(|v| v.len() != length) {
+            return Err(Error::argument("code", "code and moments are not of the level's size"));
+        }
+        let adam = Adam::from_parts(first, second, steps);
+        Ok(Self { code, anchor, deviation, adam, detail, maps, stale, tools: None })
+    }
+
+    /// Gives the maps the gains that the photographs ask for and goes on from their code.
+    pub fn apply_gains(
+        &mut self,
+        networks: &Networks,
+        observations: &[Observation],
+        options: &LatentOptions,
+        gains: &GainOptions,
+    ) -> Result<()> {
+        let mut maps = self.maps.clone();
+        if gains::apply(&mut maps, observations, gains) {
+            self.code = networks.encode(&maps)?;
+            self.restart(networks, &maps, options)?;
+        }
+        Ok(())
+    }
+
+    pub fn maps(&self) -> &Svbrdf {
+        &self.maps
+    }
+
+    /// Brings the maps up to the code.
+    pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
+        if self.stale {
+            let mut tools = self.take_tools(networks)?;
+            networks.decoder().forward(&self.code, &mut tools.workspace)?;
+            self.write_maps(&tools);
+            self.tools = Some(tools);
+        }
+        Ok(())
+    }
+
+    /// One step of the optimiser; returns the loss before it.
+    pub fn step(
+        &mut self,
+        networks: &Networks,
+        observations: &[Observation],
+        rate: f32,
+        options: &LatentOptions,
+    ) -> Result<f64> {
+        let mut tools = self.take_tools(networks)?;
+        networks.decoder().forward(&self.code, &mut tools.workspace)?;
+        self.write_maps(&tools);
+        let loss = render::loss_and_gradient(&self.maps, observations, &mut tools.gradient);
+        if !loss.is_finite() {
+            return Err(Error::Internal("the loss of the fit is not finite".to_owned()));
+        }
+        // The first photographs are ambiguous, not just noisy: the prior fades with their square.
+        let photographs = observations.len().max(1) as f32;
+        let prior_weight = options.prior_weight / (photographs * photographs);
+        self.encode_gradient(&mut tools, prior_weight, options.min_derivative);
+        let Tools { gradient, code_gradient, workspace } = &mut *tools;
+        networks.decoder().vjp(workspace, gradient, code_gradient)?;
+        self.adam.step(&mut self.code, code_gradient, rate, options.betas);
+        self.stale = true;
+        self.tools = Some(tools);
+        Ok(loss)
+    }
+
+    /// Natural parameters of `decoded + detail`, within their ranges.
+    fn write_maps(&mut self, tools: &Tools) {
+        self.stale = false;
+        let n = self.maps.texels();
+        let (decoded, detail) = (tools.workspace.encoded(), &self.detail);
+        parallel::parts(pieces(self.maps.planes_mut(), n), |_, (c, i, out)| {
+            let (low, high) = encoded_range(c);
+            let at = c * n + i * CHUNK;
+            let sums = decoded[at..].iter().zip(&detail[at..]);
+            for (o, (d, r)) in out.iter_mut().zip(sums) {
+                *o = encoding::decode(c, (d + r).clamp(low, high));
+            }
+        });
+    }
+
+    /// Turns the gradient with respect to natural parameters into that with respect to the
+    /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
+    /// counts.
+    fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32, min_derivative: f32) {
+        let n = self.maps.texels();
+        let Tools { gradient, workspace, .. } = tools;
+        let (decoded, detail, anchor) = (workspace.encoded(), &self.detail, &self.anchor);
+        let pull = prior_weight / (n as f32 * self.deviation * self.deviation);
+        parallel::parts(pieces(gradient, n), |_, (c, i, gradient)| {
+            let (low, high) = encoded_range(c);
+            let at = c * n + i * CHUNK;
+            let planes = decoded[at..].iter().zip(&detail[at..]);
+            for (g, (d, r)) in gradient.iter_mut().zip(planes) {
+                let e = d + r;
+                // At the lower bound of an albedo the derivative vanishes: a dead end.
+                *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(min_derivative);
+                let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
+                *g = if outward { 0.0 } else { *g };
+            }
+            if pull > 0.0 && c < anchor.len() / n {
+                let planes = decoded[at..].iter().zip(&detail[at..]).zip(&anchor[at..]);
+                for (g, ((d, r), a)) in gradient.iter_mut().zip(planes) {
+                    *g += pull * (d + r - a);
+                }
+            }
+        });
+    }
+}
+
+/// Chunks of planes of `n` values, each with its plane and its place in it.
+fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &mut [f32])> {
+    let of_plane = |(c, plane)| {
+        <[f32]>::chunks_mut(plane, CHUNK).enumerate().map(move |(i, piece)| (c, i, piece))
+    };
+    planes.chunks_mut(n).enumerate().flat_map(of_plane)
+}
+
+/// A [`Level`] as plain data.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SavedLevel {
+    /// The latent code.
+    pub code: Vec<f32>,
+    /// Adam's first and second moments, as many as the code.
+    pub moments: [Vec<f32>; 2],
+    /// Steps that the moments have seen.
+    pub steps: i32,
+    /// Slopes that the prior holds on to: two encoded planes.
+    pub anchor: Vec<f32>,
+    /// Their expected error.
+    pub deviation: f32,
+    /// What the decoder cannot express of the start: nine encoded planes.
+    pub detail: Vec<f32>,
+    pub maps: Svbrdf,
+    /// Whether the code has moved since the maps were written.
+    pub stale: bool,
+}
+
+fn encoded_range(c: usize) -> (f32, f32) {
+    let (low, high) = RANGE[c];
+    match c {
+        // not through `encode`, which stops at the slopes the networks can express
+        crate::svbrdf::channel::SLOPE_X | crate::svbrdf::channel::SLOPE_Y => {
+            (low / encoding::SLOPE_SCALE, high / encoding::SLOPE_SCALE)
+        }
+        _ => (encoding::encode(c, low), encoding::encode(c, high)),
+    }
+}

@@ -1,0 +1,296 @@
+use super::*;
+use crate::observation::{Falloff, Observation, View};
+use crate::render;
+use crate::svbrdf::channel;
+
+fn networks() -> Arc<Networks> {
+    Arc::new(Networks::embedded().unwrap())
+}
+
+/// A bumpy two-tone material.
+pub(super) fn material(side: usize) -> Svbrdf {
+    let mut maps = Svbrdf::new(side, side);
+    for y in 0..side {
+        for x in 0..side {
+            let i = y * side + x;
+            let (u, v) = (x as f32 / side as f32 * 12.0, y as f32 / side as f32 * 12.0);
+            let tone = if u.sin() * v.cos() > 0.0 { 0.6 } else { 0.25 };
+            maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * u.cos();
+            maps.plane_mut(channel::SLOPE_Y)[i] = 0.3 * v.sin();
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[i] = tone * [1.0, 0.7, 0.4][c];
+            }
+            maps.plane_mut(channel::ROUGHNESS)[i] = 0.2 + 0.6 * tone;
+        }
+    }
+    maps
+}
+
+pub(super) fn photograph(truth: &Svbrdf, camera: [f32; 3]) -> Observation {
+    let view = View {
+        sample_mm: [100.0, 100.0],
+        camera_mm: camera,
+        light_mm: camera,
+        falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+        ambient: [0.0; 3],
+        mirrored: 1.0,
+    };
+    let mut radiance = vec![0.0; 3 * truth.texels()];
+    render::render(truth, &view, &mut radiance);
+    for v in &mut radiance {
+        *v = if *v >= 1.0 { -1.0 } else { *v };
+    }
+    let (width, height) = (truth.width(), truth.height());
+    let weight = vec![1.0; truth.texels()];
+    Observation::new(width, height, view, &radiance, &weight).unwrap()
+}
+
+pub(super) const TOP: [f32; 3] = [0.0, 0.0, 107.0];
+pub(super) const SIDE: [f32; 3] = [50.0, -20.0, 107.0];
+
+/// A fit from maps, with its photographs.
+struct Fit {
+    latent: LatentFit,
+    photographs: Photographs,
+}
+
+impl Fit {
+    fn new(
+        networks: Arc<Networks>,
+        start: &Svbrdf,
+        photograph: &Observation,
+        options: &LatentOptions,
+    ) -> Result<Self> {
+        let (size, gains) =
+            ([photograph.width(), photograph.height()], GainOptions::default());
+        let latent = LatentFit::new(networks, start, size, options, &gains)?;
+        let mut fit = Self { latent, photographs: Photographs::new(options.finest_texels) };
+        fit.add(photograph)?;
+        Ok(fit)
+    }
+
+    fn add(&mut self, photograph: &Observation) -> Result<()> {
+        self.photographs.add(photograph.clone())?;
+        self.latent.add_photograph()
+    }
+
+    fn step(&mut self) -> StepReport {
+        self.latent.step(&self.photographs).unwrap()
+    }
+
+    /// Steps until nothing is left to do; how many.
+    fn settle(&mut self) -> usize {
+        let mut steps = 1;
+        while !self.step().settled {
+            steps += 1;
+        }
+        steps
+    }
+
+    fn maps(&self) -> Svbrdf {
+        self.latent.maps()
+    }
+}
+
+#[test]
+fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
+    let networks = networks();
+    let truth = material(64);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let start = networks.photo_maps(&top).unwrap();
+    let before = render::loss(&start, std::slice::from_ref(&top));
+    let options = LatentOptions {
+        first_steps: 40,
+        steps: 40,
+        gains: false,
+        ..LatentOptions::default()
+    };
+    let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
+    for (a, b) in fit.maps().planes().iter().zip(start.planes()) {
+        // through the square-root encoding and back
+        assert!((a - b).abs() < 1e-5);
+    }
+    let first = fit.step();
+    assert!((first.loss - before).abs() < 1e-3 * before);
+    assert!(!first.settled && fit.latent.work().eq([[1, 40]]));
+    fit.settle();
+    let after = render::loss(&fit.maps(), std::slice::from_ref(&top));
+    assert!(after < 0.7 * before, "{before} -> {after}");
+    let both = [top, side.clone()];
+    let before = render::loss(&fit.maps(), &both);
+    fit.add(&side).unwrap();
+    assert!(!fit.latent.is_settled());
+    fit.settle();
+    let after = render::loss(&fit.maps(), &both);
+    assert!(after < 0.95 * before, "{before} -> {after}");
+    // settled: further steps change nothing
+    let maps = fit.maps();
+    assert!(fit.step().settled && fit.maps() == maps);
+}
+
+#[test]
+fn finer_levels_are_fitted_and_keep_their_detail_when_a_photograph_comes() {
+    let networks = networks();
+    let truth = material(512);
+    let top = photograph(&truth, TOP);
+    let start = networks.photo_maps(&top).unwrap();
+    assert_eq!(start.width(), 256);
+    let options = LatentOptions { first_steps: 2, steps: 2, fine_steps: 2, ..LatentOptions::default() };
+    let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
+    assert_eq!(fit.maps().width(), 512);
+    let mut work = Vec::new();
+    while !fit.latent.is_settled() {
+        fit.step();
+        work.push(fit.latent.work().map(|[done, _]| done).collect::<Vec<_>>());
+    }
+    assert_eq!(work, [[1, 0], [2, 0], [2, 1], [2, 2]]);
+    let fine = fit.maps();
+    fit.add(&photograph(&truth, SIDE)).unwrap();
+    // nothing has moved yet: the fine maps are still there
+    let difference = fine
+        .planes()
+        .iter()
+        .zip(fit.maps().planes())
+        .fold(0.0f32, |a, (x, y)| a.max((x - y).abs()));
+    assert!(difference < 1e-4, "{difference}");
+    fit.step();
+    fit.step();
+    assert_eq!(fit.latent.position.current, 1);
+    assert!(fit.maps() != fine);
+    fit.settle();
+}
+
+#[test]
+fn the_same_steps_give_the_same_bits_whatever_the_threads() {
+    let networks = networks();
+    let truth = material(64);
+    let top = photograph(&truth, TOP);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let start = networks.photo_maps(&top).unwrap();
+            let options = LatentOptions { steps: 5, ..LatentOptions::default() };
+            let mut fit = Fit::new(networks.clone(), &start, &top, &options).unwrap();
+            fit.settle();
+            fit.maps()
+        })
+    };
+    let one = run(1);
+    assert!(one == run(2) && one == run(1));
+}
+
+#[test]
+fn photographs_that_were_not_fitted_bring_their_steps_along() {
+    let truth = material(32);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let options = LatentOptions { first_steps: 8, steps: 3, ..LatentOptions::default() };
+    let mut fit = Fit::new(networks(), &truth, &top, &options).unwrap();
+    let mut steps_of_the_next = |left_early: bool| {
+        fit.step();
+        if left_early {
+            fit.latent.count_as_fitted();
+        }
+        fit.add(&side).unwrap();
+        let steps = fit.settle();
+        fit.add(&side).unwrap();
+        steps
+    };
+    assert_eq!(steps_of_the_next(false), 6);
+    assert_eq!(steps_of_the_next(true), 3);
+}
+
+#[test]
+fn black_and_unseen_photographs_do_not_break_the_fit() {
+    let networks = networks();
+    let truth = material(32);
+    let black = photograph(&truth, TOP).changed(|radiance, _| radiance.fill(0.0));
+    let start = networks.photo_maps(&black).unwrap();
+    let options = LatentOptions { steps: 5, ..LatentOptions::default() };
+    let mut fit = Fit::new(networks, &start, &black, &options).unwrap();
+    fit.settle();
+    let unseen = photograph(&truth, SIDE).changed(|_, weight| weight.fill(0.0));
+    fit.add(&unseen).unwrap();
+    fit.settle();
+    assert!(fit.maps().planes().iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn sizes_that_do_not_fit_are_errors() {
+    let networks = networks();
+    let top = photograph(&material(64), TOP);
+    let options = LatentOptions::default();
+    let odd = photograph(&material(40), TOP);
+    assert!(Fit::new(networks.clone(), &material(40), &odd, &options).is_err());
+    assert!(Fit::new(networks.clone(), &material(48), &top, &options).is_err());
+    let mut fit = Fit::new(networks, &material(32), &top, &options).unwrap();
+    assert!(fit.add(&odd).is_err());
+    assert_eq!(fit.latent.size(), [64, 64]);
+}
+
+#[test]
+fn resolutions_far_above_the_finest_fitted_are_interpolated() {
+    let networks = networks();
+    let truth = material(1024);
+    let top = photograph(&truth, TOP);
+    let start = networks.photo_maps(&top).unwrap();
+    let options = LatentOptions {
+        first_steps: 1,
+        finest_texels: 256,
+        gains: false,
+        ..LatentOptions::default()
+    };
+    let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
+    fit.settle();
+    let maps = fit.maps();
+    assert_eq!([maps.width(), maps.height()], [1024, 1024]);
+    assert_eq!(fit.latent.coarse_maps().width(), 256);
+    assert!(maps.planes().iter().all(|v| v.is_finite()));
+}
+
+#[test]
+fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
+    let networks = networks();
+    let truth = material(32);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let start = networks.photo_maps(&top).unwrap();
+    let options = LatentOptions { steps: 3, gains: false, ..LatentOptions::default() };
+    let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
+    fit.add(&side).unwrap();
+    assert_eq!(fit.settle(), 6, "two came at once");
+    fit.add(&side).unwrap();
+    assert_eq!(fit.settle(), 3, "one alone");
+    fit.latent.begin_again().unwrap();
+    assert_eq!(fit.settle(), 3, "known ones again: as one");
+}
+
+#[test]
+fn a_saved_fit_goes_on_to_the_same_bits() {
+    let networks = networks();
+    let truth = material(512);
+    let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
+    let start = networks.photo_maps(&top).unwrap();
+    let options =
+        LatentOptions { first_steps: 2, steps: 2, fine_steps: 2, ..LatentOptions::default() };
+    let run = |saved: bool| {
+        let mut fit = Fit::new(networks.clone(), &start, &top, &options).unwrap();
+        let mut steps = 0;
+        loop {
+            let settled = fit.step().settled;
+            steps += 1;
+            if steps == 3 {
+                fit.add(&side).unwrap();
+            }
+            if saved {
+                let state = fit.latent.save();
+                let (networks, gains) = (networks.clone(), GainOptions::default());
+                let restored =
+                    LatentFit::restore(networks, state, &fit.photographs, true, &options, &gains);
+                fit.latent = restored.unwrap();
+            }
+            if settled && steps > 3 {
+                return fit.maps();
+            }
+        }
+    };
+    assert!(run(true) == run(false));
+}

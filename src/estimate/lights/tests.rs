@@ -1,0 +1,315 @@
+use nalgebra::{DMatrix, DVector, SVector};
+
+use super::equations::SharedSystem;
+use super::*;
+use crate::estimate::correction::corrected;
+use crate::observation::Falloff;
+use crate::random::Random;
+use crate::render;
+use crate::svbrdf::{CHANNELS, channel};
+
+const SIDE: usize = 96;
+
+/// Bumpy, with glossy and matt patches.
+fn material() -> Svbrdf {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    for y in 0..SIDE {
+        for x in 0..SIDE {
+            let i = y * SIDE + x;
+            let (u, v) = (x as f32 / 9.0, y as f32 / 7.0);
+            maps.plane_mut(channel::SLOPE_X)[i] = 0.2 * u.sin() * v.cos();
+            maps.plane_mut(channel::SLOPE_Y)[i] = 0.15 * (u + v).cos();
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[i] = 0.25 + 0.1 * (u * 0.7).sin();
+                maps.plane_mut(channel::SPECULAR + c)[i] = 0.05 + 0.02 * v.sin();
+            }
+            maps.plane_mut(channel::ROUGHNESS)[i] = 0.4 + 0.15 * (0.5 * (u - v)).sin();
+        }
+    }
+    maps
+}
+
+fn capture(maps: &Svbrdf, ambient: f32) -> (Vec<Observation>, Vec<View>) {
+    let mut random = Random::new(4);
+    let (mut observations, mut views) = (Vec::new(), Vec::new());
+    for _ in 0..6 {
+        let at = random.direction(0.6).map(|v| 120.0 * v as f32);
+        let view = View {
+            sample_mm: [100.0; 2],
+            camera_mm: at,
+            light_mm: at,
+            falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
+            ambient: [ambient; 3],
+            mirrored: 1.0,
+        };
+        let mut radiance = vec![0.0; 3 * maps.texels()];
+        render::render(maps, &view, &mut radiance);
+        let (width, height) = (maps.width(), maps.height());
+        let weight = vec![1.0; maps.texels()];
+        observations.push(Observation::new(width, height, view, &radiance, &weight).unwrap());
+        views.push(View { ambient: [0.0; 3], ..view });
+    }
+    (observations, views)
+}
+
+fn spoiled(maps: &Svbrdf) -> Svbrdf {
+    let mut maps = maps.clone();
+    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r += 0.05);
+    for c in channel::DIFFUSE..channel::ROUGHNESS {
+        maps.plane_mut(c).iter_mut().for_each(|a| *a *= 1.1);
+    }
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        maps.plane_mut(c).iter_mut().for_each(|s| *s *= 0.7);
+    }
+    maps
+}
+
+const TURNING: Free = Free { turn: true, ambient: true, mirror: false };
+const HELD: Free = Free { turn: false, ..TURNING };
+
+/// Runs a fit to its end; whether correction and offset changed.
+fn fit(
+    start: &Svbrdf,
+    (observations, given): (&[Observation], &[View]),
+    free: Free,
+    steps: usize,
+    correction: &mut Correction,
+    offset: &mut Offset,
+) -> bool {
+    let options = LightOptions { steps, ..LightOptions::default() };
+    let prior = Prior::default();
+    let begin = Start { maps: start, base: start, prior: &prior, observations, given, correction, offset };
+    let mut fit = LightFit::new(begin, free, &options, &ScheduleOptions::default()).unwrap();
+    while !fit.is_done() {
+        fit.step();
+    }
+    let Some(result) = fit.result() else { return false };
+    (*correction, *offset) = result;
+    true
+}
+
+/// From an estimate that is taken for right as a whole.
+fn refined(
+    start: &Svbrdf,
+    observations: &[Observation],
+    given: &[View],
+    free: Free,
+    correction: &mut Correction,
+) -> bool {
+    fit(start, (observations, given), free, 20, correction, &mut Offset::default())
+}
+
+#[test]
+fn lights_are_found_together_with_the_texels() {
+    let maps = material();
+    let (observations, mut given) = capture(&maps, 0.0);
+    let truth: Vec<_> = given.iter().map(|v| glam::Vec3::from(v.light_mm)).collect();
+    for (i, view) in given.iter_mut().enumerate() {
+        let error = if i % 2 == 0 { [0.05, -0.02] } else { [-0.03, 0.04] };
+        *view = corrected(view, error, 0.0, 0.0);
+    }
+    let start = spoiled(&maps);
+    let mut correction = Correction::default();
+    assert!(refined(&start, &observations, &given, TURNING, &mut correction));
+    let errors = truth.iter().enumerate().map(|(i, truth)| {
+        let found = glam::Vec3::from(correction.apply(&given[i], i).light_mm);
+        found.angle_between(*truth).to_degrees()
+    });
+    // the rest of what all lights share, slopes within their expected mean explain as well
+    let mean = errors.sum::<f32>() / truth.len() as f32;
+    assert!(mean < 0.7, "{mean} degrees, 3 at the start");
+}
+
+/// A correction that had stopped short, with what it lacked taken for ambient light: what is left to
+/// explain is too little to turn lights as they were told, but these have turned.
+#[test]
+fn lights_that_have_turned_go_on() {
+    let maps = material();
+    let (observations, mut given) = capture(&maps, 0.0);
+    let errors = [[0.05, -0.02], [-0.03, 0.04]];
+    let mut correction = Correction { ambient: 0.02, ..Correction::default() };
+    for (i, view) in given.iter_mut().enumerate() {
+        *view = corrected(view, errors[i % 2], 0.0, 0.0);
+        correction.turns.push(errors[i % 2].map(|e| -0.98 * e));
+    }
+    assert!(refined(&maps, &observations, &given, TURNING, &mut correction));
+    assert!(correction.ambient < 0.005, "{}", correction.ambient);
+}
+
+#[test]
+fn ambient_light_is_found_without_turning_lights() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.04);
+    let mut correction = Correction::default();
+    refined(&maps, &observations, &given, HELD, &mut correction);
+    assert!((correction.ambient - 0.04).abs() < 0.01, "{}", correction.ambient);
+    assert!(correction.turns.iter().flatten().all(|&t| t == 0.0));
+}
+
+#[test]
+fn an_estimate_that_took_ambient_light_for_albedo_is_found_out() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.08);
+    let mut estimate = maps.clone();
+    for c in channel::DIFFUSE..channel::DIFFUSE + 3 {
+        estimate.plane_mut(c).iter_mut().for_each(|a| *a *= 1.1);
+    }
+    let (mut correction, mut offset) = (Correction::default(), Offset::default());
+    fit(&estimate, (&observations, &given), HELD, 20, &mut correction, &mut offset);
+    assert!((correction.ambient - 0.08).abs() < 0.005, "{}", correction.ambient);
+    let before = rms(&estimate, &maps);
+    let after = rms(&offset.applied(&estimate), &maps);
+    assert!(after < 0.5 * before, "{before} {after}");
+}
+
+/// Of the diffuse albedos.
+fn rms(a: &Svbrdf, b: &Svbrdf) -> f32 {
+    let range = channel::DIFFUSE * a.texels()..(channel::DIFFUSE + 3) * a.texels();
+    let pairs = a.planes()[range.clone()].iter().zip(&b.planes()[range.clone()]);
+    (pairs.map(|(a, b)| (a - b).powi(2)).sum::<f32>() / range.len() as f32).sqrt()
+}
+
+#[test]
+fn a_room_that_a_metal_mirrors_differently_in_each_photograph_is_found() {
+    let mut maps = material();
+    for c in 0..3 {
+        maps.plane_mut(channel::DIFFUSE + c).fill(0.02);
+        maps.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|v| *v *= 10.0);
+    }
+    let factors = [0.4, 1.5, 0.7, 2.0, 1.0, 0.6];
+    let (mut observations, mut views) = capture(&maps, 0.05);
+    for ((o, view), factor) in observations.iter_mut().zip(&mut views).zip(factors) {
+        o.view.mirrored = factor;
+        let mut radiance = vec![0.0; 3 * maps.texels()];
+        render::render(&maps, &o.view, &mut radiance);
+        let weight = vec![1.0; maps.texels()];
+        *o = Observation::new(SIDE, SIDE, o.view, &radiance, &weight).unwrap();
+        *view = View { mirrored: 1.0, ..o.view };
+    }
+    let (mut correction, mut start) = (Correction::default(), maps.clone());
+    for c in channel::SPECULAR..channel::ROUGHNESS {
+        start.plane_mut(c).iter_mut().for_each(|v| *v *= 0.8);
+    }
+    let room = Free { turn: false, ambient: false, mirror: true };
+    assert!(refined(&start, &observations, &views, room, &mut correction));
+    for (i, factor) in factors.into_iter().enumerate() {
+        let found = correction.apply(&views[i], i).mirrored;
+        assert!((found / factor).ln().abs() < 0.1, "{i}: {found} {factor}");
+    }
+    assert_eq!(correction.ambient, 0.0);
+}
+
+#[test]
+fn true_lights_stay() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.0);
+    let mut correction = Correction::default();
+    refined(&maps, &observations, &given, TURNING, &mut correction);
+    let zero = Correction { turns: vec![[0.0; 2]; given.len()], ..Default::default() };
+    assert!(correction.distance(&zero, &LightOptions::default()) < 0.02, "{correction:?}");
+}
+
+/// What the least albedo adds to a black texel must be too little to see: turned lights and a sample
+/// that bulges would explain it.
+#[test]
+fn right_lights_of_a_mirror_without_diffuse_albedo_stay() {
+    let mut maps = material();
+    for c in 0..CHANNELS {
+        let value = match c {
+            channel::SLOPE_X | channel::SLOPE_Y => 0.0,
+            channel::ROUGHNESS => 0.2,
+            c if c < channel::SPECULAR => 0.0,
+            _ => 0.6,
+        };
+        maps.plane_mut(c).fill(value);
+    }
+    let (observations, given) = capture(&maps, 0.0);
+    let mut correction = Correction::default();
+    refined(&maps, &observations, &given, TURNING, &mut correction);
+    let widest = correction.turns.iter().flatten().fold(0.0f64, |m, t| m.max(t.abs()));
+    assert!(widest < 5e-4, "{widest} radians");
+}
+
+#[test]
+fn the_step_descends_as_its_gradient_says() {
+    let maps = material();
+    let (observations, given) = capture(&maps, 0.03);
+    let free = Free { mirror: true, ..TURNING };
+    let (options, schedule) = (LightOptions::default(), ScheduleOptions::default());
+    let (start, prior) = (spoiled(&maps), Prior::default());
+    let both = (&options, &schedule);
+    let problem = Problem::new(&start, &start, &observations, &given, free, &prior, both);
+    let turns = vec![[0.03, -0.02]; given.len()];
+    let texels = problem.start.clone();
+    let offset = std::array::from_fn(|c| 0.01 * (c as f64 - 4.0));
+    let mirrored = (0..given.len()).map(|i| 0.1 * i as f64 - 0.2).collect();
+    let state = State { texels, correction: Correction { turns, ambient: 0.01, mirrored }, offset };
+    let linear = problem.linearise(&state);
+    let damping = Damping(vec![0.01; problem.texels()]);
+    let step = problem.step(&state, &damping).unwrap();
+    // the derivative of the cost along the step, from the systems' gradients
+    let mut shared = SharedSystem {
+        matrix: DMatrix::zeros(problem.shared(), problem.shared()),
+        gradient: DVector::zeros(problem.shared()),
+    };
+    let n = problem.texels();
+    let mut coupling = vec![SVector::zeros(); problem.shared()];
+    let mut slope = 0.0;
+    for t in 0..n {
+        let system = problem.coupled_system(t, &state, &linear, 0.01, &mut shared, &mut coupling);
+        slope += (0..CHANNELS).map(|c| system.gradient[c] * step.texels[c * n + t]).sum::<f64>();
+    }
+    let [by_turn, by_ambient, by_mirrored] = problem.shared_precision();
+    for (i, by) in step.correction.turns.iter().flatten().enumerate() {
+        let at = state.correction.turns[i / 2][i % 2];
+        slope += (shared.gradient[i] + by_turn * at) * by;
+    }
+    for (i, by) in step.correction.mirrored.iter().enumerate() {
+        let at = state.correction.mirrored[i];
+        slope += (shared.gradient[problem.first_mirrored() + i] + by_mirrored * at) * by;
+    }
+    for c in 0..CHANNELS {
+        let [own, flat, mean] = problem.offset_prior(c);
+        let by = state.offset[c];
+        let gradient = shared.gradient[problem.first_offset() + c] + own * by + flat * (by + mean);
+        slope += gradient * step.offset[c];
+    }
+    slope += (shared.gradient[problem.shared() - 1] + by_ambient * state.correction.ambient)
+        * step.correction.ambient;
+    let length = 1e-3;
+    let difference =
+        (problem.cost(&state.moved(&step, length, length, &options)) - problem.cost(&state)) / length;
+    // one-sided differences inside, in single precision
+    assert!((difference - slope).abs() < 0.05 * slope.abs(), "{difference} {slope}");
+    assert!(slope < 0.0);
+}
+
+#[test]
+fn a_saved_fit_goes_on_to_the_same_bits() {
+    let maps = material();
+    let (observations, mut given) = capture(&maps, 0.02);
+    for (i, view) in given.iter_mut().enumerate() {
+        *view = corrected(view, [[0.05, -0.02], [-0.03, 0.04]][i % 2], 0.0, 0.0);
+    }
+    let start = spoiled(&maps);
+    let (prior, options) = (Prior::default(), LightOptions { steps: 4, ..Default::default() });
+    let (correction, offset) = (Correction::default(), Offset::default());
+    let run = |saved: bool| {
+        let begin = || {
+            let (maps, base, prior) = (&start, &start, &prior);
+            let (observations, given) = (&observations[..], &given[..]);
+            let (correction, offset) = (&correction, &offset);
+            let start = Start { maps, base, prior, observations, given, correction, offset };
+            LightFit::new(start, TURNING, &options, &ScheduleOptions::default()).unwrap()
+        };
+        let mut fit = begin();
+        while !fit.is_done() {
+            fit.step();
+            if saved {
+                fit = begin().resume(fit.save()).unwrap();
+            }
+        }
+        (fit.save(), fit.result())
+    };
+    assert!(run(true) == run(false));
+}

@@ -1,0 +1,49 @@
+//! The noise of log residuals: a scale for each colour, and where the loss turns from quadratic to
+//! linear.
+
+use super::options::NoiseOptions;
+use crate::{Error, Result};
+
+/// How far log residuals of a colour are expected to be off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Noise {
+    /// Mean of absolute values.
+    pub scale: f32,
+    /// Residual below which the loss is quadratic.
+    pub huber: f32,
+}
+
+impl Noise {
+    /// Before the photographs have told.
+    pub fn expected(options: &NoiseOptions) -> Self {
+        Self { scale: options.expected, huber: options.huber }
+    }
+
+    /// A scale that stands for noise and errors of the model together, quadratic below it.
+    pub fn of_model(scale: f32) -> Self {
+        Self { scale, huber: scale }
+    }
+
+    /// From the mean log-L1 `loss` that a fit leaves. Texels' parameters have taken their part of
+    /// it; of few photographs there are hardly more residuals than parameters, and the expected
+    /// scale counts. `photographs` is their mean number per texel.
+    pub fn found(options: &NoiseOptions, loss: f64, photographs: f64) -> Self {
+        let residuals = 3.0 * photographs;
+        let excess = (residuals - options.parameters).max(0.0);
+        let belief = (options.parameters - excess).max(options.min_belief);
+        let estimate =
+            (belief * options.expected as f64 + residuals * loss) / (belief + excess);
+        let scale = (estimate as f32).min(options.max * options.expected);
+        Self { scale, huber: (options.huber_by_noise * scale).min(options.huber) }
+    }
+}
+
+impl NoiseOptions {
+    pub(super) fn check(&self) -> Result<()> {
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        if positive(self.expected) && positive(self.huber) {
+            return Ok(());
+        }
+        Err(Error::argument("noise", "expected and huber must be positive numbers"))
+    }
+}

@@ -1,0 +1,190 @@
+//! What photographs tell of texels as they are: precisions and covariances of the quadratic model.
+
+use super::normal_equations::{NormalEquations, PAIRS};
+use super::{Noise, Posterior, Prior};
+use crate::Svbrdf;
+use crate::estimate::prior::to_coordinates;
+use crate::observation::Observation;
+use crate::parallel;
+use crate::reflectance::Directions;
+use crate::render::{self, BAND_ROWS, Prepared, find_directions};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, bands, channel};
+
+/// Parameters of gloss: roughness, roots of specular albedo.
+pub(in crate::estimate) const GLOSS: [usize; 4] =
+    [channel::ROUGHNESS, channel::SPECULAR, channel::SPECULAR + 1, channel::SPECULAR + 2];
+
+/// What photographs tell of the gloss of each texel.
+pub(in crate::estimate) struct GlossInformation {
+    texels: usize,
+    /// Precisions, cost.
+    planes: Vec<f32>,
+}
+
+impl GlossInformation {
+    /// Precisions that they give roughness and the roots of the three specular albedos, whatever
+    /// the other parameters are.
+    pub fn precision(&self) -> [&[f32]; GLOSS.len()] {
+        std::array::from_fn(|i| self.plane(i))
+    }
+
+    /// Negative logarithm of the texel's posterior, apart from a constant.
+    pub fn cost(&self) -> &[f32] {
+        self.plane(GLOSS.len())
+    }
+
+    fn plane(&self, i: usize) -> &[f32] {
+        &self.planes[i * self.texels..(i + 1) * self.texels]
+    }
+}
+
+/// Where the posterior is looked at: maps, the prior's mean and widths, and the noise.
+#[derive(Clone, Copy)]
+pub(in crate::estimate) struct At<'a> {
+    pub maps: &'a Svbrdf,
+    pub mean: &'a Svbrdf,
+    pub prior: &'a Prior,
+    pub noise: Noise,
+}
+
+/// Information on gloss.
+///
+/// # Panics
+/// When sizes differ.
+pub(in crate::estimate) fn gloss_information(
+    at: At,
+    observations: &[Observation],
+) -> GlossInformation {
+    let planes = planes(at, observations, |planes| Out::Gloss(planes));
+    GlossInformation { texels: at.maps.texels(), planes }
+}
+
+/// Precisions of each texel's slopes, the prior's included, whatever its other parameters are:
+/// planes of xx, xy, yy.
+///
+/// # Panics
+/// When sizes differ.
+pub(in crate::estimate) fn slope_precision(at: At, observations: &[Observation]) -> Vec<f32> {
+    planes(at, observations, |planes| Out::Slopes(planes))
+}
+
+/// Covariance of each texel's coordinates given the photographs, in sigmas of the prior.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Covariance {
+    texels: usize,
+    /// Upper triangle by rows.
+    planes: Vec<f32>,
+}
+
+impl Covariance {
+    /// Of two parameters: 1 on the diagonal where photographs say nothing, 0 where all.
+    pub fn plane(&self, i: usize, j: usize) -> &[f32] {
+        let (i, j) = (i.min(j), i.max(j));
+        let pair = i * CHANNELS - i * (i + 1) / 2 + j;
+        &self.planes[pair * self.texels..][..self.texels]
+    }
+
+    /// All planes, the upper triangle by rows.
+    pub fn planes(&self) -> &[f32] {
+        &self.planes
+    }
+}
+
+/// The covariance.
+///
+/// # Panics
+/// When sizes differ.
+pub(in crate::estimate) fn covariance(at: At, observations: &[Observation]) -> Covariance {
+    let (texels, sigma) = (at.maps.texels(), at.prior.sigma);
+    let mut planes = planes(at, observations, |planes| Out::All(planes));
+    let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
+    for ([i, j], plane) in pairs.zip(planes.chunks_exact_mut(texels)) {
+        let scale = (sigma[i] * sigma[j]).recip();
+        plane.iter_mut().for_each(|v| *v *= scale);
+    }
+    Covariance { texels, planes }
+}
+
+fn planes<const PLANES: usize>(
+    at: At,
+    observations: &[Observation],
+    out: impl for<'a> Fn([&'a mut [f32]; PLANES]) -> Out<'a> + Sync,
+) -> Vec<f32> {
+    let prepared = Prepared::new(at.maps, observations);
+    let posterior = Posterior::new(&prepared, [at.noise; 3], at.prior);
+    let (width, height) = (at.maps.width(), at.maps.height());
+    let mut planes = vec![0.0; PLANES * at.maps.texels()];
+    parallel::parts(bands::<PLANES, _>(&mut planes, width, height, BAND_ROWS), |band, planes| {
+        let (first_row, out) = (band * BAND_ROWS, out(planes));
+        dispatch(Band { posterior: &posterior, at, first_row, out });
+    });
+    planes
+}
+
+/// Where a band's results go.
+// One a band: its size is nothing beside them.
+#[allow(clippy::large_enum_variant)]
+enum Out<'a> {
+    /// Precisions of gloss, cost.
+    Gloss([&'a mut [f32]; 5]),
+    /// Precision of slopes.
+    Slopes([&'a mut [f32]; 3]),
+    /// The covariance.
+    All([&'a mut [f32]; PAIRS]),
+}
+
+struct Band<'a> {
+    posterior: &'a Posterior<'a>,
+    at: At<'a>,
+    first_row: usize,
+    out: Out<'a>,
+}
+
+impl Kernel for Band<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Self { posterior, at, first_row, mut out } = self;
+        let width = at.maps.width();
+        let mut directions = vec![Directions::none(); posterior.observations.len()];
+        let (Out::Gloss([first, ..]) | Out::Slopes([first, ..]) | Out::All([first, ..])) = &out;
+        for r in 0..first.len() / width {
+            let row = first_row + r;
+            for column in (0..width).step_by(LANES) {
+                let end = (column + LANES).min(width);
+                let (texels, here) =
+                    (row * width + column..row * width + end, r * width + column..r * width + end);
+                let load = |maps: &Svbrdf| -> [V; CHANNELS] {
+                    to_coordinates(render::load_texels(maps, texels.start, texels.end))
+                };
+                let (x, mean) = (load(at.maps), load(at.mean));
+                find_directions(posterior.observations, column, row, &mut directions);
+                let (equations, (cost, _)) =
+                    NormalEquations::new(posterior, &x, &mean, &directions, texels);
+                match &mut out {
+                    Out::Gloss([out @ .., cost_out]) => {
+                        cost.store(&mut cost_out[here.clone()]);
+                        let variances = equations.gloss_variances();
+                        for ((variance, out), c) in variances.into_iter().zip(out).zip(GLOSS) {
+                            let all = variance.max(V::splat(1e-9)).reciprocal();
+                            let prior = V::splat(posterior.precision[c]);
+                            (all - prior).max(V::splat(0.0)).store(&mut out[here.clone()]);
+                        }
+                    }
+                    Out::All(out) => {
+                        for (value, out) in equations.covariance().into_iter().zip(out) {
+                            value.store(&mut out[here.clone()]);
+                        }
+                    }
+                    Out::Slopes(out) => {
+                        for (value, out) in equations.slope_precision().into_iter().zip(out) {
+                            value.store(&mut out[here.clone()]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

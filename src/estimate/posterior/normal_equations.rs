@@ -1,0 +1,502 @@
+//! The quadratic model of eight texels' objective, and its minimum.
+
+use super::Posterior;
+use crate::estimate::noise::Noise;
+use crate::estimate::prior::from_coordinates;
+use crate::loss::{EPSILON, OffsetPair};
+use crate::reflectance::{Directions, Lobes, Material};
+use crate::simd::Lanes;
+use crate::svbrdf::{CHANNELS, channel};
+use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
+
+/// Pairs of parameters, each once.
+pub(in crate::estimate) const PAIRS: usize = CHANNELS * (CHANNELS + 1) / 2;
+
+/// The parameters that colours share.
+const SHAPE: [usize; 3] = [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS];
+
+/// `H d = -g` with H the weighted sum of Jacobian products plus the prior's precision. Normal and
+/// roughness ("shape": p, q, r) are shared by the colours; diffuse and specular root ("colour":
+/// d, s) are each colour's own.
+pub(in crate::estimate) struct NormalEquations<V> {
+    /// pp, pq, pr, qq, qr, rr.
+    shape: [V; 6],
+    shape_gradient: [V; 3],
+    colour: [Colour<V>; 3],
+}
+
+#[derive(Clone, Copy)]
+struct Colour<V> {
+    /// dd, ds, ss.
+    own: [V; 3],
+    /// d with p, q, r; then s with p, q, r.
+    mixed: [[V; 3]; 2],
+    gradient: [V; 2],
+}
+
+/// A photograph's residual in one colour, and how the objective weighs it.
+struct Residual<V> {
+    value: V,
+    /// 1 / (rendered + 0.01).
+    inverse: V,
+    /// Weight of the square in re-weighted least squares.
+    square_weight: V,
+    /// Value of the objective, and of the plain log-L1 loss.
+    cost: V,
+    loss: V,
+}
+
+impl<V: Lanes> Residual<V> {
+    #[inline(always)]
+    fn new(posterior: &Posterior, c: usize, offset_rendered: V, observed: V, weight: V) -> Self {
+        let Noise { scale, huber } = posterior.noise[c];
+        let (zero, threshold) = (V::splat(0.0), V::splat(huber));
+        let pair = OffsetPair::new(offset_rendered, observed);
+        // Unseen texels may hold anything.
+        let value = weight.if_greater(zero, pair.log_residual(), zero);
+        let size = value.abs();
+        let scaled = weight * V::splat(scale.recip());
+        let inner = value * value * V::splat(0.5 / huber);
+        let outer = size - V::splat(0.5 * huber);
+        let square_weight = scaled / size.max(threshold);
+        Self {
+            value,
+            inverse: pair.rendered.reciprocal(),
+            // A saturated measurement that is explained says nothing about the parameters.
+            square_weight: offset_rendered.if_greater(pair.rendered, zero, square_weight),
+            cost: scaled * size.if_greater(threshold, outer, inner),
+            loss: weight * size,
+        }
+    }
+}
+
+/// Half the squared distance to the prior mean in sigmas.
+#[inline(always)]
+fn prior_cost<V: Lanes>(posterior: &Posterior, x: &[V; CHANNELS], mean: &[V; CHANNELS]) -> V {
+    let mut sum = V::splat(0.0);
+    for c in 0..CHANNELS {
+        let d = x[c] - mean[c];
+        sum = (d * d).mul_add(V::splat(0.5 * posterior.precision[c]), sum);
+    }
+    sum
+}
+
+/// Objective and weighted log-L1 loss of each colour of coordinates `x`.
+#[inline(always)]
+pub(in crate::estimate) fn cost<V: Lanes>(
+    posterior: &Posterior,
+    x: &[V; CHANNELS],
+    mean: &[V; CHANNELS],
+    directions: &[Directions<V>],
+    texels: Range<usize>,
+) -> (V, [V; 3]) {
+    let material = Material::new(&from_coordinates(x));
+    let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [V::splat(0.0); 3]);
+    for (observation, directions) in posterior.observations.iter().zip(directions) {
+        let view = &observation.view;
+        let lobes = Lobes::new(&material, directions);
+        let weight = observation.load_weight(&texels);
+        for c in 0..3 {
+            let (brdf, _) = lobes.brdf(&material, c);
+            let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+                + material.specular[c] * V::splat(view.mirrored[c]);
+            let irradiance = lobes.irradiance * V::splat(view.power[c]);
+            let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
+            let observed = observation.load_radiance(c, &texels);
+            let residual = Residual::new(posterior, c, rendered, observed, weight);
+            cost += residual.cost;
+            loss[c] += residual.loss;
+        }
+    }
+    (cost, loss)
+}
+
+impl<V: Lanes> NormalEquations<V> {
+    /// At coordinates `x`; returns objective and loss as [`cost`] too.
+    #[inline(always)]
+    pub fn new(
+        posterior: &Posterior,
+        x: &[V; CHANNELS],
+        mean: &[V; CHANNELS],
+        directions: &[Directions<V>],
+        texels: Range<usize>,
+    ) -> (Self, (V, [V; 3])) {
+        let (zero, one) = (V::splat(0.0), V::splat(1.0));
+        let material = Material::new(&from_coordinates(x));
+        let mut equations = Self::of_prior(posterior, x, mean);
+        let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [zero; 3]);
+        for (observation, directions) in posterior.observations.iter().zip(directions) {
+            let view = &observation.view;
+            let lobes = Lobes::new(&material, directions);
+            let weight = observation.load_weight(&texels);
+            let by_normal = lobes.by_normal(&material, directions, one, zero);
+            let lobe_by_slopes = material.by_slopes(by_normal);
+            let by_normal = lobes.by_normal(&material, directions, zero, one);
+            let irradiance_by_slopes = material.by_slopes(by_normal);
+            let lobe_by_roughness = lobes.log_specular_by_roughness(&material);
+            for c in 0..3 {
+                let power = V::splat(view.power[c]);
+                let ambient = V::splat(view.ambient[c]);
+                let mirrored = V::splat(view.mirrored[c]);
+                let (brdf, fresnel) = lobes.brdf(&material, c);
+                let irradiance = lobes.irradiance * power;
+                let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
+                let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
+                let observed = observation.load_radiance(c, &texels);
+                let residual = Residual::new(posterior, c, rendered, observed, weight);
+                cost += residual.cost;
+                loss[c] += residual.loss;
+
+                // Derivatives of ln(rendered + 0.01).
+                let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
+                let lit = brdf * power * residual.inverse;
+                let shape = [
+                    lobe.mul_add(lobe_by_slopes[0], lit * irradiance_by_slopes[0]),
+                    lobe.mul_add(lobe_by_slopes[1], lit * irradiance_by_slopes[1]),
+                    lobe * lobe_by_roughness,
+                ];
+                let twice = residual.inverse * V::splat(2.0);
+                let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
+                let by_specular =
+                    irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
+                let colour = [
+                    by_diffuse * twice * x[channel::DIFFUSE + c],
+                    by_specular * twice * x[channel::SPECULAR + c],
+                ];
+                equations.add(c, shape, colour, residual.value, residual.square_weight);
+            }
+        }
+        (equations, (cost, loss))
+    }
+
+    #[inline(always)]
+    fn of_prior(posterior: &Posterior, x: &[V; CHANNELS], mean: &[V; CHANNELS]) -> Self {
+        let zero = V::splat(0.0);
+        let precision = |c: usize| V::splat(posterior.precision[c]);
+        let pull = |c: usize| (x[c] - mean[c]) * V::splat(posterior.precision[c]);
+        let r = channel::ROUGHNESS;
+        let mut colour = [Colour { own: [zero; 3], mixed: [[zero; 3]; 2], gradient: [zero; 2] }; 3];
+        for c in 0..3 {
+            let (d, s) = (channel::DIFFUSE + c, channel::SPECULAR + c);
+            colour[c].own = [precision(d), zero, precision(s)];
+            colour[c].gradient = [pull(d), pull(s)];
+        }
+        Self {
+            shape: [precision(0), zero, zero, precision(1), zero, precision(r)],
+            shape_gradient: [pull(0), pull(1), pull(r)],
+            colour,
+        }
+    }
+
+    /// Adds a residual with its derivatives.
+    #[inline(always)]
+    fn add(&mut self, c: usize, shape: [V; 3], colour: [V; 2], residual: V, weight: V) {
+        let [p, q, r] = shape;
+        let [wp, wq, wr] = [p * weight, q * weight, r * weight];
+        let h = &mut self.shape;
+        h[0] = wp.mul_add(p, h[0]);
+        h[1] = wp.mul_add(q, h[1]);
+        h[2] = wp.mul_add(r, h[2]);
+        h[3] = wq.mul_add(q, h[3]);
+        h[4] = wq.mul_add(r, h[4]);
+        h[5] = wr.mul_add(r, h[5]);
+        let g = &mut self.shape_gradient;
+        g[0] = wp.mul_add(residual, g[0]);
+        g[1] = wq.mul_add(residual, g[1]);
+        g[2] = wr.mul_add(residual, g[2]);
+        let own = &mut self.colour[c];
+        let [d, s] = colour;
+        let [wd, ws] = [d * weight, s * weight];
+        own.own[0] = wd.mul_add(d, own.own[0]);
+        own.own[1] = wd.mul_add(s, own.own[1]);
+        own.own[2] = ws.mul_add(s, own.own[2]);
+        for i in 0..3 {
+            own.mixed[0][i] = wd.mul_add(shape[i], own.mixed[0][i]);
+            own.mixed[1][i] = ws.mul_add(shape[i], own.mixed[1][i]);
+        }
+        own.gradient[0] = wd.mul_add(residual, own.gradient[0]);
+        own.gradient[1] = ws.mul_add(residual, own.gradient[1]);
+    }
+
+    /// Variances of the two slopes under the quadratic posterior.
+    #[inline(always)]
+    pub fn slope_variances(&self) -> [V; 2] {
+        let mut a = self.shape;
+        for c in 0..3 {
+            self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        let inverse = inverse(a);
+        [inverse[0], inverse[3]]
+    }
+
+    /// Precision of the slopes (xx, xy, yy) under the quadratic model, whatever the rest is.
+    #[inline(always)]
+    pub fn slope_precision(&self) -> [V; 3] {
+        let mut a = self.shape;
+        for c in 0..3 {
+            self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        let [pp, pq, pr, qq, qr, rr] = a;
+        let scale = rr.max(self.shape[5] * V::splat(1e-6)).reciprocal();
+        [pp - pr * pr * scale, pq - pr * qr * scale, qq - qr * qr * scale]
+    }
+
+    /// Variances of roughness and of the roots of specular albedo under the quadratic posterior.
+    #[inline(always)]
+    pub fn gloss_variances(&self) -> [V; 4] {
+        let mut a = self.shape;
+        let mut eliminated = [([V::splat(0.0); 3], [[V::splat(0.0); 3]; 2]); 3];
+        for (c, eliminated) in eliminated.iter_mut().enumerate() {
+            *eliminated = self.eliminate(c, V::splat(1.0), &mut a);
+        }
+        let i = inverse(a);
+        let mut variances = [i[5]; 4];
+        for (variance, (own, [_, [x, y, z]])) in variances[1..].iter_mut().zip(eliminated) {
+            let ix = i[0].mul_add(x, i[1].mul_add(y, i[2] * z));
+            let iy = i[1].mul_add(x, i[3].mul_add(y, i[4] * z));
+            let iz = i[2].mul_add(x, i[4].mul_add(y, i[5] * z));
+            *variance = own[2] + x.mul_add(ix, y.mul_add(iy, z * iz));
+        }
+        variances
+    }
+
+    /// The whole covariance under the quadratic model: upper triangle by rows.
+    #[inline(always)]
+    pub fn covariance(&self) -> [V; PAIRS] {
+        let zero = V::splat(0.0);
+        let mut out = [zero; PAIRS];
+        let mut k = 0;
+        for i in 0..CHANNELS {
+            let mut unit = [zero; CHANNELS];
+            unit[i] = V::splat(1.0);
+            let column = self.solved(V::splat(1.0), &unit);
+            for value in &column[i..] {
+                out[k] = *value;
+                k += 1;
+            }
+        }
+        out
+    }
+
+    /// Takes a colour out of the equations of the shape; returns its inverse and that times its
+    /// mixed terms.
+    #[inline(always)]
+    fn eliminate(&self, c: usize, raise: V, a: &mut [V; 6]) -> ([V; 3], [[V; 3]; 2]) {
+        let zero = V::splat(0.0);
+        let colour = &self.colour[c];
+        let (d, s, o) = (colour.own[0] * raise, colour.own[2] * raise, colour.own[1]);
+        // d s - o² > 0 by Cauchy-Schwarz and the prior; the bound guards against rounding.
+        let determinant = d.mul_add(s, -(o * o)).max(d * s * V::splat(1e-6));
+        let scale = determinant.reciprocal();
+        let inverse = [s * scale, -(o * scale), d * scale];
+        let [md, ms] = colour.mixed;
+        let (mut td, mut ts) = ([zero; 3], [zero; 3]);
+        for i in 0..3 {
+            td[i] = inverse[0].mul_add(md[i], inverse[1] * ms[i]);
+            ts[i] = inverse[1].mul_add(md[i], inverse[2] * ms[i]);
+        }
+        let mut k = 0;
+        for i in 0..3 {
+            for j in i..3 {
+                a[k] = a[k] - md[i].mul_add(td[j], ms[i] * ts[j]);
+                k += 1;
+            }
+        }
+        (inverse, [td, ts])
+    }
+
+    /// The step to the minimum with the diagonal raised by the factor `1 + damping`: colours are
+    /// eliminated, the 3x3 system of the shape is solved by LDL^T, colours follow.
+    #[inline(always)]
+    pub fn solve(&self, damping: V) -> [V; CHANNELS] {
+        let mut right = [V::splat(0.0); CHANNELS];
+        for (i, gradient) in SHAPE.into_iter().zip(self.shape_gradient) {
+            right[i] = -gradient;
+        }
+        for (c, colour) in self.colour.iter().enumerate() {
+            right[channel::DIFFUSE + c] = -colour.gradient[0];
+            right[channel::SPECULAR + c] = -colour.gradient[1];
+        }
+        self.solved(damping + V::splat(1.0), &right)
+    }
+
+    /// Solution for a right-hand side, the diagonal raised by a factor.
+    #[inline(always)]
+    fn solved(&self, raise: V, right: &[V; CHANNELS]) -> [V; CHANNELS] {
+        let zero = V::splat(0.0);
+        let h = &self.shape;
+        let mut a = [h[0] * raise, h[1], h[2], h[3] * raise, h[4], h[5] * raise];
+        let [p, q, r] = SHAPE;
+        let mut b = [right[p], right[q], right[r]];
+        let mut inverses = [[zero; 3]; 3];
+        for c in 0..3 {
+            let (inverse, [td, ts]) = self.eliminate(c, raise, &mut a);
+            inverses[c] = inverse;
+            let colour = [right[channel::DIFFUSE + c], right[channel::SPECULAR + c]];
+            for i in 0..3 {
+                b[i] = b[i] - td[i].mul_add(colour[0], ts[i] * colour[1]);
+            }
+        }
+        // Pivots are positive but for rounding.
+        let floor = V::splat(1e-6);
+        let d0 = a[0].max(h[0] * floor);
+        let i0 = d0.reciprocal();
+        let (l10, l20) = (a[1] * i0, a[2] * i0);
+        let d1 = (a[3] - l10 * a[1]).max(h[3] * floor);
+        let i1 = d1.reciprocal();
+        let u21 = a[4] - l10 * a[2];
+        let l21 = u21 * i1;
+        let d2 = (a[5] - l20 * a[2] - l21 * u21).max(h[5] * floor);
+        let y1 = b[1] - l10 * b[0];
+        let y2 = b[2] - l20 * b[0] - l21 * y1;
+        let r = y2 * d2.reciprocal();
+        let q = y1 * i1 - l21 * r;
+        let p = b[0] * i0 - l10 * q - l20 * r;
+
+        let mut out = [zero; CHANNELS];
+        out[channel::SLOPE_X] = p;
+        out[channel::SLOPE_Y] = q;
+        out[channel::ROUGHNESS] = r;
+        for c in 0..3 {
+            let colour = &self.colour[c];
+            // No closures: those that `map` takes may stay calls, outside of the kernel's features.
+            let mut rest = [right[channel::DIFFUSE + c], right[channel::SPECULAR + c]];
+            for (rest, [mp, mq, mr]) in rest.iter_mut().zip(colour.mixed) {
+                *rest = *rest - mp * p - mq * q - mr * r;
+            }
+            let inverse = inverses[c];
+            out[channel::DIFFUSE + c] = inverse[0].mul_add(rest[0], inverse[1] * rest[1]);
+            out[channel::SPECULAR + c] = inverse[1].mul_add(rest[0], inverse[2] * rest[1]);
+        }
+        out
+    }
+}
+
+/// Inverse of a symmetric positive matrix (pp, pq, pr, qq, qr, rr) by cofactors.
+#[inline(always)]
+fn inverse<V: Lanes>([pp, pq, pr, qq, qr, rr]: [V; 6]) -> [V; 6] {
+    let by_pp = qq.mul_add(rr, -(qr * qr));
+    let by_pq = pr.mul_add(qr, -(pq * rr));
+    let by_pr = pq.mul_add(qr, -(pr * qq));
+    let by_qq = pp.mul_add(rr, -(pr * pr));
+    let by_qr = pq.mul_add(pr, -(pp * qr));
+    let by_rr = pp.mul_add(qq, -(pq * pq));
+    let determinant = pp.mul_add(by_pp, pq.mul_add(by_pq, pr * by_pr));
+    let scale = determinant.max(pp * qq * rr * V::splat(1e-6)).reciprocal();
+    [by_pp, by_pq, by_pr, by_qq, by_qr, by_rr].map(|v| v * scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use crate::simd::{Kernel, LANES, dispatch};
+    use nalgebra::{SMatrix, SVector};
+
+    type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
+
+    /// What is found with random equations, each for eight texels.
+    struct Found {
+        /// Upper triangles.
+        equations: [[f32; LANES]; PAIRS],
+        covariance: [[f32; LANES]; PAIRS],
+        gradient: [[f32; LANES]; CHANNELS],
+        step: [[f32; LANES]; CHANNELS],
+        slopes: [[f32; LANES]; 2],
+        gloss: [[f32; LANES]; 4],
+    }
+
+    struct Random12;
+
+    impl Kernel for Random12 {
+        type Output = Found;
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> Found {
+            let posterior = Posterior {
+                observations: &[],
+                noise: [Noise { scale: 0.05, huber: 0.02 }; 3],
+                precision: [100.0; CHANNELS],
+            };
+            let x = [V::splat(0.3); CHANNELS];
+            let mut equations = NormalEquations::of_prior(&posterior, &x, &x);
+            let mut random = Random::new(21);
+            let mut any =
+                || V::from_array(std::array::from_fn(|_| 4.0 * random.uniform() as f32 - 2.0));
+            for i in 0..12 {
+                let shape = [any(), any(), any()];
+                equations.add(i % 3, shape, [any(), any()], any(), V::splat(50.0));
+            }
+            let mut matrix = [[V::splat(0.0); CHANNELS]; CHANNELS];
+            let mut gradient = [V::splat(0.0); CHANNELS];
+            let mut k = 0;
+            for (i, row) in SHAPE.into_iter().enumerate() {
+                gradient[row] = equations.shape_gradient[i];
+                for column in &SHAPE[i..] {
+                    matrix[row][*column] = equations.shape[k];
+                    k += 1;
+                }
+            }
+            for (c, colour) in equations.colour.iter().enumerate() {
+                let own = [channel::DIFFUSE + c, channel::SPECULAR + c];
+                let [dd, ds, ss] = colour.own;
+                (matrix[own[0]][own[0]], matrix[own[0]][own[1]]) = (dd, ds);
+                matrix[own[1]][own[1]] = ss;
+                for (k, own) in own.into_iter().enumerate() {
+                    gradient[own] = colour.gradient[k];
+                    for (shape, value) in SHAPE.into_iter().zip(colour.mixed[k]) {
+                        matrix[own.min(shape)][own.max(shape)] = value;
+                    }
+                }
+            }
+            let mut upper = [V::splat(0.0); PAIRS];
+            let pairs = (0..CHANNELS).flat_map(|i| (i..CHANNELS).map(move |j| [i, j]));
+            pairs.zip(&mut upper).for_each(|([i, j], out)| *out = matrix[i][j]);
+            Found {
+                equations: upper.map(V::to_array),
+                covariance: equations.covariance().map(V::to_array),
+                gradient: gradient.map(V::to_array),
+                step: equations.solve(V::splat(0.0)).map(V::to_array),
+                slopes: equations.slope_variances().map(V::to_array),
+                gloss: equations.gloss_variances().map(V::to_array),
+            }
+        }
+    }
+
+    fn symmetric(upper: &[[f32; LANES]; PAIRS], lane: usize) -> Matrix {
+        let mut values = upper.iter();
+        let mut out = Matrix::zeros();
+        for i in 0..CHANNELS {
+            for j in i..CHANNELS {
+                out[(i, j)] = f64::from(values.next().unwrap()[lane]);
+                out[(j, i)] = out[(i, j)];
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn step_and_covariance_are_those_of_the_whole_matrix() {
+        let found = dispatch(Random12);
+        for lane in 0..LANES {
+            let inverse = symmetric(&found.equations, lane).try_inverse().unwrap();
+            // single precision, condition of a few hundred
+            let tolerance = 1e-4 * inverse.diagonal().max();
+            let covariance = symmetric(&found.covariance, lane);
+            assert!((covariance - inverse).amax() < tolerance, "{covariance} {inverse}");
+
+            let vector = |values: &[[f32; LANES]; CHANNELS]| {
+                SVector::<f64, CHANNELS>::from_fn(|i, _| f64::from(values[i][lane]))
+            };
+            let (step, expected) = (vector(&found.step), -inverse * vector(&found.gradient));
+            assert!((step - expected).amax() < 1e-4 * expected.amax(), "{step} {expected}");
+
+            let variances = found.slopes.iter().chain(&found.gloss);
+            let gloss = crate::estimate::posterior::GLOSS;
+            for (value, i) in variances.zip([0, 1].into_iter().chain(gloss)) {
+                let (value, expected) = (f64::from(value[lane]), inverse[(i, i)]);
+                assert!((value - expected).abs() < 1e-4 * expected, "{value} {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! The schedule: which phase runs from how many photographs on, for how many steps, how often.
+//!
+//! | phase                | photographs | rounds | steps before | steps after | changes          |
+//! |----------------------|-------------|--------|--------------|-------------|------------------|
+//! | latent code          | 1           | 1      |              |             | base, mean, maps |
+//! | pool gloss           | 1           | 1      |              |             | base, mean, maps |
+//! | lights held          | 3           | 4 or 2 | 4            |             | views, mean      |
+//! | lights turn          | 8           | 4      | 4            |             | views, mean      |
+//! | maps alone           | 1 only      | 1      | 8            |             | maps             |
+//! | regress slopes       | 2           | 1      | 6            | 4 for 2     | mean, maps       |
+//! | material classes     | 3           | 1      |              | 2           | mean, maps       |
+//! | pool residuals       | 5           | 2      |              | 4           | mean             |
+//! | learned prior        | 2           | 1      |              | 4           | mean, widths     |
+//!
+//! Steps are the solver's, of the maps. Lights are only looked for where they are not known well:
+//! held ones in photographs of which only their rough place is known, or in a room that a smooth
+//! sample shows; they end early when they stay. Numbers are those of
+//! [`ScheduleOptions`](super::options::ScheduleOptions).
+
+use super::options::{EstimateOptions, ScheduleOptions};
+
+/// What changes the belief.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Phase {
+    /// Fits the latent code.
+    Latent,
+    /// Pools gloss of the base.
+    PoolGloss,
+    /// Corrects ambient light, or what a room mirrors.
+    HeldLights,
+    /// Corrects lights as well.
+    TurningLights,
+    /// Steps of the maps alone.
+    Maps,
+    /// Regresses slopes.
+    Slopes,
+    /// Infers material classes.
+    Classes,
+    /// Pools residuals of gloss.
+    PoolResiduals,
+    /// Asks the learned prior.
+    Network,
+    /// The baseline without a prior.
+    Baseline,
+}
+
+/// A row of the schedule.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Row {
+    pub phase: Phase,
+    /// How often it runs, at most.
+    pub rounds: usize,
+    /// Steps of the maps before and after it, in each round.
+    pub before: usize,
+    pub after: usize,
+}
+
+/// What is known of the lights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LightsKnown {
+    /// Well: by a board, in a dark room.
+    Well,
+    /// Well, but a smooth sample mirrors a room.
+    InRoom,
+    /// Roughly: lights and ambient light are to be corrected.
+    Roughly,
+}
+
+/// Rows for so many photographs.
+pub(crate) fn rows(photographs: usize, lights: LightsKnown, options: &ScheduleOptions) -> Vec<Row> {
+    let o = options;
+    let row = |phase, rounds, before, after| Row { phase, rounds, before, after };
+    let held_rounds = match lights {
+        LightsKnown::Well => 0,
+        LightsKnown::InRoom => o.surround_rounds,
+        LightsKnown::Roughly => o.ambient_rounds,
+    };
+    let turn_rounds = if lights == LightsKnown::Roughly { o.turn_rounds } else { 0 };
+    let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
+    let table = [
+        (1, row(Phase::Latent, 1, 0, 0)),
+        (1, row(Phase::PoolGloss, 1, 0, 0)),
+        (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
+        (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),
+        (1, row(Phase::Maps, usize::from(photographs < o.slopes_from), o.single_steps, 0)),
+        (o.slopes_from, row(Phase::Slopes, 1, o.steps_before_slopes, slopes_after)),
+        (o.classes_from, row(Phase::Classes, 1, 0, o.steps_after_classes)),
+        (o.residuals_from, row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals)),
+        (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
+    ];
+    let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
+    table.into_iter().filter(runs).map(|(_, row)| row).collect()
+}
+
+/// Where in the schedule an estimate is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Position {
+    pub row: usize,
+    pub round: usize,
+    pub part: Part,
+}
+
+/// A part of a row's round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Part {
+    /// Steps of the maps before the phase.
+    #[default]
+    Before,
+    /// The phase itself.
+    Phase,
+    /// Steps of the maps after it.
+    After,
+}
+
+impl Position {
+    /// The first part at or after this one that has work; `None` at the end.
+    pub fn settled(mut self, rows: &[Row]) -> Option<Self> {
+        loop {
+            let row = rows.get(self.row)?;
+            let has_work = match self.part {
+                Part::Before => row.before > 0,
+                Part::Phase => row.phase != Phase::Maps,
+                Part::After => row.after > 0,
+            };
+            if has_work {
+                return Some(self);
+            }
+            self = self.following(row);
+        }
+    }
+
+    /// The next part, with or without work.
+    pub fn following(self, row: &Row) -> Self {
+        match self.part {
+            Part::Before => Self { part: Part::Phase, ..self },
+            Part::Phase => Self { part: Part::After, ..self },
+            Part::After if self.round + 1 < row.rounds => {
+                Self { round: self.round + 1, part: Part::Before, ..self }
+            }
+            Part::After => self.next_row(),
+        }
+    }
+
+    /// The next row.
+    pub fn next_row(self) -> Self {
+        Self { row: self.row + 1, ..Self::default() }
+    }
+}
+
+/// What a step costs, in milliseconds of one core of a desktop processor at 256x256 texels: only
+/// their ratios matter. The first number is without photographs, the second for each.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cost(f32, f32);
+
+impl Cost {
+    /// A step of the latent code at 256 texels a side.
+    pub const LATENT: Self = Self(9.0, 1.2);
+    /// A step of the maps at 256 texels a side.
+    pub const MAPS: Self = Self(3.0, 3.2);
+    /// A step of the baseline at 256 texels a side.
+    pub const BASELINE: Self = Self(1.0, 1.2);
+    /// A step of lights and texels: on a grid of one size.
+    pub const LIGHTS: Self = Self(10.0, 14.0);
+
+    pub fn of(self, photographs: usize) -> f32 {
+        self.0 + self.1 * photographs as f32
+    }
+}
+
+/// Steps of the lights that a round takes on average, and rounds.
+const LIGHT_STEPS: f32 = 6.0;
+const LIGHT_ROUNDS: f32 = 1.5;
+
+/// Cost of a whole part of a row, from its beginning.
+pub(crate) fn cost(
+    row: &Row,
+    part: Part,
+    photographs: usize,
+    texels: usize,
+    options: &EstimateOptions,
+) -> f32 {
+    let scale = |texels: usize| texels as f32 / (256.0 * 256.0);
+    let maps = |texels, steps: usize| scale(texels) * steps as f32 * Cost::MAPS.of(photographs);
+    match (part, row.phase) {
+        (Part::Before, _) => maps(texels, row.before),
+        (Part::After, _) => maps(texels, row.after),
+        (Part::Phase, Phase::HeldLights) => LIGHT_STEPS * Cost::LIGHTS.of(photographs),
+        (Part::Phase, Phase::TurningLights) => 2.0 * LIGHT_STEPS * Cost::LIGHTS.of(photographs),
+        (Part::Phase, Phase::Classes) => {
+            let coarse = texels.min(options.classes.texels.pow(2));
+            CLASS_TRIALS * maps(coarse, options.classes.steps + 1)
+        }
+        (Part::Phase, Phase::Network) => NETWORK + maps(texels.min(256 * 256), 2),
+        (Part::Phase, Phase::Baseline) => {
+            let step = Cost::BASELINE.of(photographs);
+            scale(texels) * options.baseline.steps as f32 * step
+        }
+        (Part::Phase, Phase::PoolGloss | Phase::PoolResiduals | Phase::Slopes) => maps(texels, 2),
+        (Part::Phase, Phase::Latent | Phase::Maps) => 0.0,
+    }
+}
+
+/// Cost of the latent code's steps that are done, and of all: `work` are steps done and all of each
+/// level from the coarsest on, which has so many texels.
+pub(crate) fn latent_cost(
+    work: impl Iterator<Item = [usize; 2]>,
+    texels: usize,
+    photographs: usize,
+) -> [f32; 2] {
+    let step = texels as f32 / (256.0 * 256.0) * Cost::LATENT.of(photographs);
+    work.zip(0..).fold([0.0; 2], |[done, all], ([level_done, level_all], level)| {
+        let step = step * 4.0f32.powi(level);
+        [done + step * level_done as f32, all + step * level_all as f32]
+    })
+}
+
+/// Classes that are tried on average.
+const CLASS_TRIALS: f32 = 7.0;
+/// Cost of the network.
+const NETWORK: f32 = 60.0;
+
+/// Rounds of a row that are left on average when so many have begun.
+pub(crate) fn rounds_left(row: &Row, begun: usize) -> f32 {
+    let left = row.rounds.saturating_sub(begun) as f32;
+    match row.phase {
+        Phase::HeldLights | Phase::TurningLights => {
+            left.min((LIGHT_ROUNDS - begun as f32).max(0.0))
+        }
+        _ => left,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Parts of all rounds in their order.
+    fn walk(rows: &[Row]) -> Vec<(Phase, Part)> {
+        let mut parts = Vec::new();
+        let mut position = Position::default().settled(rows);
+        while let Some(at) = position {
+            parts.push((rows[at.row].phase, at.part));
+            position = at.following(&rows[at.row]).settled(rows);
+        }
+        parts
+    }
+
+    #[test]
+    fn few_photographs_have_few_phases() {
+        let options = ScheduleOptions::default();
+        let one = walk(&rows(1, LightsKnown::Roughly, &options));
+        let expected = [
+            (Phase::Latent, Part::Phase),
+            (Phase::PoolGloss, Part::Phase),
+            (Phase::Maps, Part::Before),
+        ];
+        assert_eq!(one, expected);
+        let two = walk(&rows(2, LightsKnown::Roughly, &options));
+        let expected = [
+            (Phase::Latent, Part::Phase),
+            (Phase::PoolGloss, Part::Phase),
+            (Phase::Slopes, Part::Before),
+            (Phase::Slopes, Part::Phase),
+            (Phase::Slopes, Part::After),
+            (Phase::Network, Part::Phase),
+            (Phase::Network, Part::After),
+        ];
+        assert_eq!(two, expected);
+    }
+
+    #[test]
+    fn rounds_repeat_and_lights_are_left_alone_where_they_are_known() {
+        let options = ScheduleOptions::default();
+        let count = |phase, lights, photographs| {
+            let walked = walk(&rows(photographs, lights, &options));
+            walked.iter().filter(|p| **p == (phase, Part::Phase)).count()
+        };
+        assert_eq!(count(Phase::PoolResiduals, LightsKnown::Well, 5), 2);
+        assert_eq!(count(Phase::HeldLights, LightsKnown::Well, 9), 0);
+        assert_eq!(count(Phase::HeldLights, LightsKnown::InRoom, 9), 2);
+        assert_eq!(count(Phase::TurningLights, LightsKnown::InRoom, 9), 0);
+        assert_eq!(count(Phase::TurningLights, LightsKnown::Roughly, 9), 4);
+        assert_eq!(count(Phase::TurningLights, LightsKnown::Roughly, 7), 0);
+    }
+}

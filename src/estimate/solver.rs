@@ -1,0 +1,318 @@
+//! Maximises the posterior of every texel by Levenberg-Marquardt steps, the robust loss re-weighted
+//! in each (iteratively re-weighted least squares).
+//!
+//! The colours of a texel meet only in normal and roughness, so each channel's 2x2 block (diffuse,
+//! specular) is eliminated first (Schur complement), and 3x3 is left. What the photographs cannot see
+//! stays at the prior's mean: without it, noise would drift along such directions while the loss
+//! falls.
+//!
+//! Two hyper-parameters follow the maps. The noise of each colour is what the residuals show: the
+//! better the photographs agree, the less the prior counts. And the prior of slopes widens where a
+//! material turns out to be bumpier than expected: squared deviations by the number of slopes that
+//! the photographs determine (MacKay, *Bayesian interpolation*, 1992).
+
+use std::ops::Range;
+
+use super::noise::Noise;
+use super::options::{NoiseOptions, SolverOptions};
+use super::posterior::{NormalEquations, Posterior, cost};
+use super::prior::{Prior, from_coordinates, limits, same_size, to_coordinates};
+use crate::observation::Observation;
+use crate::parallel;
+use crate::reflectance::Directions;
+use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
+use crate::{Error, Result};
+
+/// What so many steps have come to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Summary {
+    /// Steps taken.
+    pub steps: usize,
+    /// [`render::loss`] of the maps; not a number before the first step.
+    pub loss: f64,
+    /// The prior, its slopes as wide as the material has shown.
+    pub prior: Prior,
+    /// Scale of the log residuals in each colour: demosaicking and JPEG leave red and blue two or
+    /// three times what they leave green.
+    pub noise: [f32; 3],
+}
+
+impl Summary {
+    /// Mean of the colours' noise.
+    pub fn mean_noise(&self) -> f32 {
+        self.noise.iter().sum::<f32>() / 3.0
+    }
+}
+
+/// Steps in progress on maps that the caller keeps.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Solver {
+    options: (SolverOptions, NoiseOptions),
+    /// As given.
+    prior: Prior,
+    pub state: SolverState,
+    /// Sum of all weights of the photographs.
+    weight: f64,
+}
+
+/// What differs from step to step.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SolverState {
+    pub steps: usize,
+    pub loss: f64,
+    /// Variance of slopes in units of the prior's.
+    pub widening: f32,
+    pub noise: [Noise; 3],
+    /// Damping of each texel, relative to the diagonal.
+    pub damping: Vec<f32>,
+}
+
+impl Solver {
+    /// Steps from `maps`, which are brought into their range.
+    ///
+    /// # Errors
+    /// When sizes differ, or a sigma, the noise or the Huber threshold is not positive.
+    pub fn new(
+        maps: &mut Svbrdf,
+        observations: &[Observation],
+        prior: &Prior,
+        solver: &SolverOptions,
+        noise: &NoiseOptions,
+    ) -> Result<Self> {
+        prior.check()?;
+        noise.check()?;
+        maps.clamp();
+        let state = SolverState {
+            steps: 0,
+            loss: f64::NAN,
+            widening: 1.0,
+            noise: [Noise::expected(noise); 3],
+            damping: vec![solver.first_damping; maps.texels()],
+        };
+        Self::resume(maps, observations, prior, solver, noise, state)
+    }
+
+    /// Goes on where another stopped.
+    ///
+    /// # Errors
+    /// When sizes differ.
+    pub fn resume(
+        maps: &Svbrdf,
+        observations: &[Observation],
+        prior: &Prior,
+        solver: &SolverOptions,
+        noise: &NoiseOptions,
+        state: SolverState,
+    ) -> Result<Self> {
+        check_observations(maps, observations)?;
+        if state.damping.len() != maps.texels() {
+            return Err(Error::argument("damping", "one number for each texel is expected"));
+        }
+        let weight = observations.iter().map(Observation::total_weight).sum();
+        Ok(Self { options: (*solver, *noise), prior: *prior, state, weight })
+    }
+
+    /// What the steps so far have come to.
+    pub fn summary(&self) -> Summary {
+        let SolverState { steps, loss, noise, .. } = self.state;
+        let mut prior = self.prior;
+        for (wide, sigma) in prior.sigma[..2].iter_mut().zip(self.prior.sigma) {
+            *wide = sigma * self.state.widening.sqrt();
+        }
+        Summary { steps, loss, prior, noise: noise.map(|n| n.scale) }
+    }
+
+    /// One step of the maps round the prior's `mean`; answers the mean log-L1 after it. Maps are
+    /// valid after every step. Without a photograph that shows anything nothing happens.
+    ///
+    /// # Errors
+    /// When sizes differ.
+    pub fn step(
+        &mut self,
+        maps: &mut Svbrdf,
+        mean: &Svbrdf,
+        observations: &[Observation],
+    ) -> Result<f64> {
+        same_size("mean", maps, mean)?;
+        check_observations(maps, observations)?;
+        self.state.steps += 1;
+        if self.weight <= 0.0 {
+            self.state.loss = 0.0;
+            return Ok(0.0);
+        }
+        let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
+        let prepared = Prepared::new(maps, observations);
+        let posterior = Posterior {
+            observations: &prepared,
+            noise: self.state.noise,
+            precision: self.precision(),
+        };
+        let damping = bands::<1, _>(&mut self.state.damping, width, height, BAND_ROWS);
+        let parts = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS).zip(damping);
+        let (posterior, options) = (&posterior, &self.options.0);
+        let sums: Vec<[f64; 5]> = parallel::map_parts(parts, |band, (planes, [damping])| {
+            let first_row = band * BAND_ROWS;
+            dispatch(StepBand { posterior, options, mean, first_row, planes, damping })
+        });
+        let total =
+            sums.iter().fold([0.0; 5], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
+        let [squares, determined, losses @ ..] = total;
+        self.state.loss = losses.iter().sum::<f64>() / (3.0 * self.weight);
+        self.widen(squares, determined);
+        let photographs = self.weight / texels as f64;
+        let found = |loss: f64| Noise::found(&self.options.1, loss / self.weight, photographs);
+        self.state.noise = losses.map(found);
+        Ok(self.state.loss)
+    }
+
+    /// 1 / sigma² with slopes as wide as found.
+    fn precision(&self) -> [f32; CHANNELS] {
+        let mut precision = self.prior.precision();
+        for (precision, sigma) in precision[..2].iter_mut().zip(self.prior.sigma) {
+            *precision = (sigma * sigma * self.state.widening).recip();
+        }
+        precision
+    }
+
+    /// Widens the prior of slopes to what was found: sums of squared deviations in sigmas, and of
+    /// the fractions of the slopes that the photographs determine.
+    fn widen(&mut self, squares: f64, determined: f64) {
+        if determined > 0.0 {
+            let found = f64::from(self.state.widening) * squares / determined;
+            let max = self.options.0.max_widening;
+            self.state.widening = (found as f32).clamp(1.0, max * max);
+        }
+    }
+}
+
+/// Takes `steps` steps at once.
+///
+/// # Errors
+/// As [`Solver::new`] and [`Solver::step`].
+pub(super) fn solve(
+    maps: &mut Svbrdf,
+    mean: &Svbrdf,
+    prior: &Prior,
+    observations: &[Observation],
+    steps: usize,
+    options: (&SolverOptions, &NoiseOptions),
+) -> Result<Summary> {
+    let mut solver = Solver::new(maps, observations, prior, options.0, options.1)?;
+    for _ in 0..steps {
+        solver.step(maps, mean, observations)?;
+    }
+    Ok(solver.summary())
+}
+
+struct StepBand<'a> {
+    posterior: &'a Posterior<'a>,
+    options: &'a SolverOptions,
+    mean: &'a Svbrdf,
+    first_row: usize,
+    planes: [&'a mut [f32]; CHANNELS],
+    damping: &'a mut [f32],
+}
+
+impl Kernel for StepBand<'_> {
+    /// Sums of what [`Solver::widen`] needs of before the step, and of the weighted log-L1 losses of
+    /// each colour after it.
+    type Output = [f64; 5];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> [f64; 5] {
+        let Self { posterior, options, mean, first_row, mut planes, damping } = self;
+        let width = mean.width();
+        let mut sum = [0.0; 5];
+        let mut directions = vec![Directions::none(); posterior.observations.len()];
+        for r in 0..damping.len() / width {
+            let row = first_row + r;
+            let mut row_sum = [V::splat(0.0); 5];
+            for column in (0..width).step_by(LANES) {
+                let end = (column + LANES).min(width);
+                let (texels, here) =
+                    (row * width + column..row * width + end, r * width + column..r * width + end);
+                let mut x = [V::splat(0.0); CHANNELS];
+                for (x, plane) in x.iter_mut().zip(&planes) {
+                    *x = V::load(&plane[here.clone()], 0.0);
+                }
+                let mean = render::load_texels::<V>(mean, texels.start, texels.end);
+                let mut damped = V::load(&damping[here.clone()], 1.0);
+                let (mut x, mean) = (to_coordinates(x), to_coordinates(mean));
+                find_directions(posterior.observations, column, row, &mut directions);
+                let sums =
+                    step(posterior, options, &mut x, &mean, &mut damped, &directions, texels);
+                row_sum.iter_mut().zip(sums).for_each(|(a, b)| *a += b);
+                damped.store(&mut damping[here.clone()]);
+                for (value, plane) in from_coordinates(&x).into_iter().zip(&mut planes) {
+                    value.store(&mut plane[here.clone()]);
+                }
+            }
+            for (a, b) in sum.iter_mut().zip(row_sum) {
+                *a += b.sum();
+            }
+        }
+        sum
+    }
+}
+
+/// One damped Gauss-Newton step of eight texels; a texel whose step does not help is tried once
+/// more with stronger damping, else stays. Returns of before it the squares of the slopes'
+/// deviations from the mean in sigmas, and how many of the two slopes the photographs determine; and
+/// of after it the weighted log-L1 loss of each colour.
+#[inline(always)]
+fn step<V: Lanes>(
+    posterior: &Posterior,
+    options: &SolverOptions,
+    x: &mut [V; CHANNELS],
+    mean: &[V; CHANNELS],
+    damping: &mut V,
+    directions: &[Directions<V>],
+    texels: Range<usize>,
+) -> [V; 5] {
+    let (equations, start) = NormalEquations::new(posterior, x, mean, directions, texels.clone());
+    let (mut squares, mut determined) = (V::splat(0.0), V::splat(0.0));
+    let slopes = [channel::SLOPE_X, channel::SLOPE_Y];
+    for (c, variance) in slopes.into_iter().zip(equations.slope_variances()) {
+        let precision = V::splat(posterior.precision[c]);
+        let deviation = x[c] - mean[c];
+        squares = (deviation * deviation).mul_add(precision, squares);
+        determined += V::splat(1.0) - variance * precision;
+    }
+    let (from, zero, one) = (*x, V::splat(0.0), V::splat(1.0));
+    let (mut best, mut loss) = start;
+    let mut waiting = one;
+    for _ in 0..2 {
+        let delta = equations.solve(*damping);
+        let mut trial = from;
+        for c in 0..CHANNELS {
+            let (low, high) = limits(c);
+            let delta = delta[c].clamp(-options.max_step, options.max_step);
+            trial[c] = (from[c] + delta).clamp(low, high);
+        }
+        let (cost, trial_loss) = cost(posterior, &trial, mean, directions, texels.clone());
+        // 1 where the texel waited for a better value and this is one.
+        let taken = best.if_greater(cost, waiting, zero);
+        for c in 0..CHANNELS {
+            x[c] = taken.if_greater(zero, trial[c], x[c]);
+        }
+        for c in 0..3 {
+            loss[c] = taken.if_greater(zero, trial_loss[c], loss[c]);
+        }
+        best = taken.if_greater(zero, cost, best);
+        let eased = *damping * V::splat(options.ease);
+        let raised = waiting.if_greater(zero, *damping * V::splat(options.raise), *damping);
+        *damping = taken.if_greater(zero, eased, raised).clamp(1e-6, 1e4);
+        waiting = waiting - taken;
+        if waiting.sum() == 0.0 {
+            break;
+        }
+    }
+    [squares, determined, loss[0], loss[1], loss[2]]
+}
+
+#[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
+pub(crate) mod tests;

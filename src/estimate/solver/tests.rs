@@ -1,0 +1,395 @@
+use super::*;
+use crate::estimate::prior::to_coordinate;
+use crate::observation::{Falloff, View};
+use crate::render::tests::noise;
+use crate::svbrdf::RANGE;
+use std::f32::consts::PI;
+
+pub(crate) fn gauss(r: &mut impl FnMut() -> f32) -> f32 {
+    (0..12).map(|_| r()).sum::<f32>() - 6.0
+}
+
+/// Slopes up to 0.5, all colours, metals and dielectrics, roughness 0.15 to 0.8.
+pub(crate) fn truth(size: usize, seed: u64) -> Svbrdf {
+    let mut r = noise(seed);
+    let mut maps = Svbrdf::new(size, size);
+    for c in 0..CHANNELS {
+        for v in maps.plane_mut(c) {
+            *v = match c {
+                0 | 1 => 0.6 * r() - 0.3,
+                8 => 0.15 + 0.65 * r(),
+                2..5 => 0.03 + 0.7 * r() * r(),
+                _ => 0.03 + 0.5 * r() * r(),
+            };
+        }
+    }
+    maps
+}
+
+/// The truth moved by `sigma` in every coordinate.
+pub(crate) fn perturbed(truth: &Svbrdf, sigma: f32, seed: u64) -> Svbrdf {
+    let mut r = noise(seed);
+    let mut maps = truth.clone();
+    for c in 0..CHANNELS {
+        for v in maps.plane_mut(c) {
+            let x = to_coordinate(c, *v) + sigma * gauss(&mut r);
+            let natural = if (2..8).contains(&c) { x * x.abs() } else { x };
+            *v = natural.clamp(RANGE[c].0, RANGE[c].1);
+        }
+    }
+    maps
+}
+
+/// Photographs from over the sample, the first from the top; log-normal noise.
+pub(crate) fn photographs(truth: &Svbrdf, count: usize, sigma: f32, seed: u64) -> Vec<Observation> {
+    photographs_in(0.005, truth, count, sigma, seed)
+}
+
+/// Photographs in a room of which white reflects `ambient` of what it reflects of the flash.
+fn photographs_in(
+    ambient: f32,
+    truth: &Svbrdf,
+    count: usize,
+    sigma: f32,
+    seed: u64,
+) -> Vec<Observation> {
+    let mut r = noise(seed);
+    (0..count)
+        .map(|i| {
+            let mut offset = || if i == 0 { 0.0 } else { 160.0 * r() - 80.0 };
+            let camera_mm = [offset(), offset(), 107.0];
+            let light_mm = [camera_mm[0] + 3.0, camera_mm[1] - 5.0, 107.0];
+            let falloff = Falloff::InverseSquare { power_mm2: [3.6e4; 3] };
+            let view = View {
+                sample_mm: [100.0; 2],
+                camera_mm,
+                light_mm,
+                falloff,
+                ambient: [ambient; 3],
+                mirrored: 1.7,
+            };
+            let mut radiance = vec![0.0; 3 * truth.texels()];
+            render::render(truth, &view, &mut radiance);
+            for v in &mut radiance {
+                *v *= (sigma * gauss(&mut r)).exp();
+            }
+            let weight = vec![1.0; truth.texels()];
+            Observation::new(truth.width(), truth.height(), view, &radiance, &weight).unwrap()
+        })
+        .collect()
+}
+
+/// Root mean square errors in coordinates: slopes, diffuse, specular, roughness.
+pub(crate) fn errors(a: &Svbrdf, b: &Svbrdf) -> [f32; 4] {
+    let s = Prior::from_estimates([(a, b)]).unwrap().sigma;
+    [s[0], s[2], s[5], s[8]]
+}
+
+const SIGMA: f32 = 0.1;
+
+fn prior() -> Prior {
+    Prior { sigma: [SIGMA; CHANNELS] }
+}
+
+/// Maps after so many steps from `start`, which is the prior's mean too; their summary; and the loss
+/// of the start.
+fn run_with(
+    prior: &Prior,
+    start: &Svbrdf,
+    photos: &[Observation],
+    steps: usize,
+) -> (Svbrdf, Summary, f64) {
+    let mut maps = start.clone();
+    let options = (&SolverOptions::default(), &NoiseOptions::default());
+    let summary = solve(&mut maps, start, prior, photos, steps, options).unwrap();
+    let mut clamped = start.clone();
+    clamped.clamp();
+    (maps, summary, render::loss(&clamped, photos))
+}
+
+fn run(start: &Svbrdf, photos: &[Observation]) -> (Svbrdf, Summary, f64) {
+    run_with(&prior(), start, photos, 8)
+}
+
+/// Clean photographs, five of them: the loss falls by far more than a factor of ten, and every map
+/// comes closer to the truth.
+#[test]
+fn clean_photographs_are_explained() {
+    let truth = truth(32, 1);
+    let start = perturbed(&truth, SIGMA, 2);
+    let (maps, summary, before) = run(&start, &photographs(&truth, 5, 0.0, 3));
+    assert!(summary.loss < 0.03 * before, "{summary:?}, {before} before");
+    let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
+    // Slopes and diffuse albedo are seen best.
+    let share = [0.45, 0.3, 0.8, 0.8];
+    for i in 0..4 {
+        assert!(after[i] < share[i] * before[i], "{before:?} {after:?}");
+    }
+}
+
+/// Mean of absolute values of the noise, whatever was expected; two photographs have next to no
+/// residuals to tell it. Of twelve, 36 residuals a texel, estimates of texels' own nine parameters
+/// take their share, which is allowed for roughly: 20 %.
+#[test]
+fn the_scale_of_noise_is_found() {
+    let truth = truth(32, 4);
+    let start = perturbed(&truth, SIGMA, 5);
+    let found = |count, sigma| {
+        let photographs = photographs(&truth, count, sigma, 6);
+        run(&start, &photographs).1.mean_noise()
+    };
+    for sigma in [0.02, 0.05] {
+        let (noise, expected) = (found(12, sigma), sigma * (2.0 / PI).sqrt());
+        assert!((noise / expected - 1.0).abs() < 0.2, "{noise}, expected {expected}");
+    }
+    assert!(found(12, 0.0) < 0.004);
+    let noise = found(2, 0.01);
+    assert!((noise / NoiseOptions::default().expected - 1.0).abs() < 0.2, "{noise}");
+}
+
+/// One percent of noise in green, eight in red and blue: told apart, and slopes nearly as good as green
+/// alone would make them, which is sqrt(3) = 1.7 times the error that one percent in each of them
+/// leaves. Weighed alike, as far as L1 does that, they leave 2.3 times as much.
+#[test]
+fn a_noisier_colour_counts_less() {
+    let truth = truth(32, 4);
+    let start = perturbed(&truth, SIGMA, 5);
+    let found = |sigmas: [f32; 3]| {
+        let mut r = noise(7);
+        let photographs: Vec<_> = photographs(&truth, 12, 0.0, 6)
+            .into_iter()
+            .map(|o| {
+                o.changed(|radiance, _| {
+                    let texels = radiance.len() / 3;
+                    for (i, v) in radiance.iter_mut().enumerate() {
+                        *v *= (sigmas[i / texels] * gauss(&mut r)).exp();
+                    }
+                })
+            })
+            .collect();
+        let (maps, summary, _) = run(&start, &photographs);
+        (errors(&maps, &truth)[0], summary.noise)
+    };
+    let (mixed, noise) = found([0.08, 0.01, 0.08]);
+    let (even, _) = found([0.01; 3]);
+    for c in [0, 2] {
+        assert!(noise[c] > 2.5 * noise[1], "{noise:?}");
+    }
+    assert!(mixed < 1.9 * even, "{mixed} {even}");
+}
+
+/// Three percent of noise, from two to twenty photographs: every map ends closer than it started,
+/// and more photographs never hurt.
+#[test]
+fn noisy_photographs_improve_every_map() {
+    let truth = truth(32, 4);
+    let start = perturbed(&truth, SIGMA, 5);
+    let mut last = errors(&start, &truth);
+    for count in [2, 5, 20] {
+        let (maps, ..) = run(&start, &photographs(&truth, count, 0.03, 6));
+        let now = errors(&maps, &truth);
+        for i in 0..4 {
+            assert!(now[i] < 0.98 * last[i], "{count} photographs: {now:?} after {last:?}");
+        }
+        last = now;
+    }
+}
+
+/// Slopes that deviate three times as much as the prior expects are found as if it had expected
+/// that: better than without widening by a margin, and the noise is not taken for slopes.
+#[test]
+fn bumpier_slopes_than_expected_are_found() {
+    let truth = truth(32, 13);
+    let mut start = perturbed(&truth, 0.5 * SIGMA, 14);
+    let mut r = noise(15);
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        start.plane_mut(c).iter_mut().for_each(|v| *v += 3.0 * SIGMA * gauss(&mut r));
+    }
+    let photos = photographs(&truth, 5, 0.03, 16);
+    let known = Prior { sigma: Prior::from_estimates([(&start, &truth)]).unwrap().sigma };
+    let slopes = |prior: &Prior| {
+        errors(&run_with(prior, &start, &photos, 8).0, &truth)[0]
+    };
+    let mut narrow = known;
+    narrow.sigma[..2].fill(SIGMA);
+    let (found, best) = (slopes(&narrow), slopes(&known));
+    assert!(found < 1.1 * best, "{found} {best}");
+    // a prior that may not widen this far shows what widening is worth
+    narrow.sigma[..2].fill(SIGMA / SolverOptions::default().max_widening);
+    assert!(found < 0.8 * slopes(&narrow), "{found} {}", slopes(&narrow));
+}
+
+/// One photograph cannot tell nine parameters: what it does not see must stay where it was.
+#[test]
+fn one_photograph_does_no_harm() {
+    let truth = truth(32, 7);
+    let start = perturbed(&truth, SIGMA, 8);
+    let (maps, summary, before) = run(&start, &photographs(&truth, 1, 0.03, 9));
+    assert!(summary.loss < 0.1 * before);
+    let (before, after) = (errors(&start, &truth), errors(&maps, &truth));
+    for i in 0..4 {
+        // Random texels: errors are means of 1024, good to about 2 %.
+        assert!(after[i] < 1.02 * before[i], "{before:?} {after:?}");
+    }
+}
+
+/// The objective written down a second time, in scalars: moving any parameter of the result by
+/// 0.01 either way must not improve it.
+#[test]
+fn no_nearby_texel_is_more_probable() {
+    for ambient in [0.005, 0.2] {
+        no_nearby_texel_is_more_probable_in(ambient);
+    }
+}
+
+fn no_nearby_texel_is_more_probable_in(ambient: f32) {
+    let truth = truth(8, 10);
+    let start = perturbed(&truth, SIGMA, 11);
+    let photos = photographs_in(ambient, &truth, 3, 0.03, 12);
+    let (maps, summary, _) = run_with(&prior(), &start, &photos, 40);
+    let huber = f64::from(NoiseOptions::default().huber);
+    let objective = |maps: &Svbrdf, i: usize| {
+        let mut sum = 0.0;
+        for photo in &photos {
+            let mut rendered = vec![0.0; 3 * maps.texels()];
+            render::render(maps, &photo.view, &mut rendered);
+            for c in 0..3 {
+                let at = c * maps.texels() + i;
+                let (r, o) = (rendered[at] as f64, photo.radiance(c, i) as f64);
+                let residual = crate::loss::log_residual(r, o);
+                sum += crate::loss::huber(residual, huber) / summary.noise[c] as f64;
+            }
+        }
+        for c in 0..CHANNELS {
+            let x = |m: &Svbrdf| to_coordinate(c, m.plane(c)[i]);
+            sum += 0.5 * ((x(maps) - x(&start)) / SIGMA).powi(2) as f64;
+        }
+        sum
+    };
+    let mut worse = 0;
+    for i in 0..maps.texels() {
+        let here = objective(&maps, i);
+        assert!(here < objective(&start, i));
+        for c in 0..CHANNELS {
+            for d in [-0.01, 0.01] {
+                let mut moved = maps.clone();
+                let x = to_coordinate(c, maps.plane(c)[i]) + d;
+                let natural = if (2..8).contains(&c) { x * x } else { x };
+                moved.plane_mut(c)[i] = natural.clamp(RANGE[c].0, RANGE[c].1);
+                worse += usize::from(objective(&moved, i) < here - 1e-3);
+            }
+        }
+    }
+    // A few texels crawl along kinks of the L1 or lie in a corner of the range.
+    assert!(worse <= 12, "{worse} of {} neighbours are better", 18 * maps.texels());
+}
+
+#[test]
+fn unseen_texels_keep_the_prior_mean() {
+    let truth = truth(12, 13);
+    let start = perturbed(&truth, SIGMA, 14);
+    let mut photos = photographs(&truth, 2, 0.0, 15);
+    for photo in &mut photos {
+        *photo = photo.changed(|radiance, weight| {
+            weight[..50].fill(0.0);
+            radiance[..50].fill(f32::NAN);
+        });
+    }
+    let mut clamped = start.clone();
+    clamped.clamp();
+    let (maps, summary, _) = run(&start, &photos);
+    assert!(summary.loss.is_finite());
+    for c in 0..CHANNELS {
+        for i in 0..maps.texels() {
+            let (a, b) = (maps.plane(c)[i], clamped.plane(c)[i]);
+            assert!(a.is_finite());
+            // The least albedo kept is 0.005².
+            assert!(i >= 50 || (a - b).abs() < 3e-5, "{a} {b}");
+        }
+    }
+}
+
+/// Saturation marks that the truth explains must not pull: clipped photographs of the truth leave
+/// the truth as it is.
+#[test]
+fn explained_saturation_does_not_pull() {
+    let truth = truth(16, 16);
+    let mut photos = photographs(&truth, 4, 0.0, 17);
+    for photo in &mut photos {
+        *photo = photo.changed(|radiance, _| {
+            radiance.iter_mut().filter(|v| **v > 0.4).for_each(|v| *v = -0.4);
+        });
+    }
+    let (maps, summary, before) = run(&truth, &photos);
+    // radiances err by up to 1/1024, on average a third of that
+    assert!(before < 4e-4 && summary.loss < 4e-4, "{summary:?}");
+    let (unclipped, ..) = run(&truth, &photographs(&truth, 4, 0.0, 17));
+    let (found, whole) = (errors(&maps, &truth), errors(&unclipped, &truth));
+    // rounding moves both; the clipped have less to tell
+    assert!(
+        found.iter().zip(whole).all(|(f, w)| *f < 1.2 * w && w < 1.1e-3),
+        "{found:?} {whole:?}"
+    );
+}
+
+#[test]
+fn results_repeat_for_any_number_of_threads_and_after_a_resumption() {
+    let truth = truth(19, 18);
+    let start = perturbed(&truth, SIGMA, 19);
+    let photos = photographs(&truth, 3, 0.02, 20);
+    let (solver, noise) = (SolverOptions::default(), NoiseOptions::default());
+    let run = |threads, resumed: bool| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut maps = start.clone();
+            let mut steps = Solver::new(&mut maps, &photos, &prior(), &solver, &noise).unwrap();
+            let mut losses = Vec::new();
+            for _ in 0..3 {
+                losses.push(steps.step(&mut maps, &start, &photos).unwrap());
+                if resumed {
+                    let state = steps.state.clone();
+                    steps =
+                        Solver::resume(&maps, &photos, &prior(), &solver, &noise, state).unwrap();
+                }
+            }
+            (maps, steps.summary(), losses)
+        })
+    };
+    let (maps, summary, losses) = run(1, false);
+    // The step's own sum is the loss of the maps it leaves, to single precision.
+    let loss = render::loss(&maps, &photos);
+    assert!((summary.loss - loss).abs() < 1e-5 * loss + 1e-6, "{} {loss}", summary.loss);
+    assert!(summary.steps == 3 && losses[2] == summary.loss);
+    let first = (maps, summary, losses);
+    assert_eq!(first, run(3, false));
+    assert_eq!(first, run(1, true));
+}
+
+#[test]
+fn a_prior_is_learnt_from_estimates() {
+    let truth = truth(64, 21);
+    let estimate = perturbed(&truth, 0.05, 22);
+    let prior = Prior::from_estimates([(&estimate, &truth)]).unwrap();
+    // Clamping at the ends of the range takes a little off.
+    assert!(prior.sigma.iter().all(|s| (0.04..0.055).contains(s)), "{prior:?}");
+    assert!(Prior::from_estimates([]).is_err());
+    assert!(Prior::from_estimates([(&estimate, &Svbrdf::new(2, 2))]).is_err());
+}
+
+#[test]
+fn bad_arguments_are_refused() {
+    let good = Svbrdf::new(4, 4);
+    let photos = photographs(&good, 1, 0.0, 1);
+    let attempt = |mean: &Svbrdf, prior: Prior, photos: &[Observation], expected: f32| {
+        let noise = NoiseOptions { expected, ..NoiseOptions::default() };
+        let options = (&SolverOptions::default(), &noise);
+        solve(&mut good.clone(), mean, &prior, photos, 2, options)
+    };
+    assert!(attempt(&good, prior(), &photos, 0.05).is_ok());
+    assert!(attempt(&good, prior(), &[], 0.05).is_ok());
+    assert!(attempt(&Svbrdf::new(4, 5), prior(), &photos, 0.05).is_err());
+    let other = photographs(&Svbrdf::new(5, 4), 1, 0.0, 1);
+    assert!(attempt(&good, prior(), &other, 0.05).is_err());
+    assert!(attempt(&good, Prior { sigma: [0.0; CHANNELS] }, &photos, 0.05).is_err());
+    assert!(attempt(&good, prior(), &photos, f32::NAN).is_err());
+}

@@ -1,0 +1,138 @@
+//! Groups of texels of like diffuse colour.
+
+use crate::Svbrdf;
+use crate::estimate::options::GroupOptions;
+use crate::parallel;
+use crate::svbrdf::channel;
+
+/// Groups at most.
+pub(super) const GROUPS: usize = 8;
+/// Texels summed at a time.
+const CHUNK: usize = 8192;
+
+/// How much each texel belongs to each group: soft clusters of root diffuse albedo.
+pub(super) struct Membership {
+    /// A texel's shares, those of the groups that there are sum to 1.
+    pub shares: Vec<[f32; GROUPS]>,
+    pub groups: usize,
+    options: GroupOptions,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Group {
+    pub mean: f32,
+    pub precision: f32,
+}
+
+impl Membership {
+    /// Groups of like root diffuse albedo: k-means from seeds far apart.
+    pub fn new(maps: &Svbrdf, options: &GroupOptions) -> Self {
+        let n = maps.texels();
+        let root = |t: usize| -> [f32; 3] {
+            std::array::from_fn(|c| maps.plane(channel::DIFFUSE + c)[t].max(0.0).sqrt())
+        };
+        // Steps that share no factor with the width visit all columns.
+        let stride = (n / options.samples).max(1) | 1;
+        let samples: Vec<[f32; 3]> = (0..n).step_by(stride).map(root).collect();
+        let centres = cluster(&samples, options);
+        let shares = parallel::values(n, |t| {
+            let feature = root(t);
+            let mut row = [0.0; GROUPS];
+            let nearest = centres.iter().map(|c| distance(c, &feature)).fold(f32::MAX, f32::min);
+            let mut sum = 0.0;
+            for (share, centre) in row.iter_mut().zip(&centres) {
+                let beyond = distance(centre, &feature) - nearest;
+                *share = (-0.5 * beyond / (options.reach * options.reach)).exp();
+                sum += *share;
+            }
+            row.map(|share| share / sum)
+        });
+        Self { shares, groups: centres.len(), options: *options }
+    }
+
+    /// Precision and precision times mean of what a texel's groups say.
+    pub fn pooled(&self, texel: usize, groups: &[Group]) -> [f32; 2] {
+        let (mut precision, mut sum) = (0.0, 0.0);
+        for (share, group) in self.shares[texel].iter().zip(groups) {
+            let share = share * group.precision;
+            precision += share;
+            sum += share * group.mean;
+        }
+        [precision, sum]
+    }
+
+    /// Mean and precision of a plane in each group, texels weighing as `trust` (0 to 1) says.
+    pub fn statistics(&self, values: &[f32], trust: impl Fn(usize) -> f32 + Sync) -> Vec<Group> {
+        // Weight, first and second moment of each group, the same for any number of threads.
+        let chunks = self.shares.chunks(CHUNK).zip(values.chunks(CHUNK));
+        let parts: Vec<[[f64; 3]; GROUPS]> =
+            parallel::map_parts(chunks, |chunk, (shares, values)| {
+                let mut sums = [[0.0; 3]; GROUPS];
+                for (i, (shares, &value)) in shares.iter().zip(values).enumerate() {
+                    let trust = trust(chunk * CHUNK + i).powi(2);
+                    let moments = [1.0, f64::from(value), f64::from(value * value)];
+                    for (sums, share) in sums.iter_mut().zip(shares) {
+                        let weight = f64::from(share * trust);
+                        sums.iter_mut().zip(moments).for_each(|(s, m)| *s += weight * m);
+                    }
+                }
+                sums
+            });
+        let total = |k: usize, moment: usize| parts.iter().map(|p| p[k][moment]).sum::<f64>();
+        (0..self.groups)
+            .map(|k| {
+                let weight = total(k, 0);
+                if weight < 1e-6 {
+                    return Group { mean: 0.0, precision: 0.0 };
+                }
+                let mean = total(k, 1) / weight;
+                let spread = (total(k, 2) / weight - mean * mean).max(0.0) as f32;
+                // Few texels seen: the mean itself is uncertain.
+                let GroupOptions { min_spread, doubt, doubt_texels, .. } = self.options;
+                let doubt = doubt / (1.0 + weight as f32 / doubt_texels);
+                let variance = spread + min_spread * min_spread + doubt;
+                Group { mean: mean as f32, precision: variance.recip() }
+            })
+            .collect()
+    }
+}
+
+fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+}
+
+/// Up to [`GROUPS`] centres.
+fn cluster(samples: &[[f32; 3]], options: &GroupOptions) -> Vec<[f32; 3]> {
+    let mut centres: Vec<[f32; 3]> = samples.first().copied().into_iter().collect();
+    let mut nearest = vec![f32::MAX; samples.len()];
+    while centres.len() < GROUPS {
+        let last = centres[centres.len() - 1];
+        for (d, s) in nearest.iter_mut().zip(samples) {
+            *d = d.min(distance(s, &last));
+        }
+        let farthest = (0..samples.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
+        match farthest {
+            Some(i) if nearest[i] > 0.25 * options.reach * options.reach => centres.push(samples[i]),
+            _ => break,
+        }
+    }
+    for _ in 0..options.rounds {
+        let mut sums = vec![[0.0f32; 4]; centres.len()];
+        for s in samples {
+            let near = (0..centres.len())
+                .min_by(|&a, &b| distance(s, &centres[a]).total_cmp(&distance(s, &centres[b])));
+            if let Some(sum) = near.and_then(|i| sums.get_mut(i)) {
+                for c in 0..3 {
+                    sum[c] += s[c];
+                }
+                sum[3] += 1.0;
+            }
+        }
+        for (centre, [r, g, b, count]) in centres.iter_mut().zip(sums) {
+            if count > 0.0 {
+                *centre = [r / count, g / count, b / count];
+            }
+        }
+    }
+    centres
+}
