@@ -7,6 +7,8 @@ mod experiments;
 mod gate;
 mod hashes;
 mod heldout;
+#[cfg_attr(not(test), expect(dead_code, reason = "for options that are not public yet"))]
+mod overrides;
 mod protocol;
 mod report;
 mod streaming;

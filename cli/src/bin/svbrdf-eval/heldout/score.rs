@@ -77,12 +77,12 @@ impl HeldOut {
         self.observed.iter().map(|&v| encoded(v).min(1.0)).collect()
     }
 
-    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, times the factor
-    /// that brings it closest to the photograph if `gain`; that factor.
+    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, clipped as a
+    /// photograph, then times the factor that brings it closest to this one if `gain`; that factor.
     pub fn prediction(&self, radiance: &[f32], gain: bool) -> (Vec<f32>, f32) {
         let picture = self.picture();
         let mut predicted: Vec<f32> =
-            radiance.iter().map(|&v| encoded(v * self.exposure)).collect();
+            radiance.iter().map(|&v| encoded(v * self.exposure).min(1.0)).collect();
         let factor = if gain { self.factor(&predicted, &picture) } else { 1.0 };
         predicted.iter_mut().for_each(|v| *v = (*v * factor).min(1.0));
         (predicted, factor)
@@ -98,7 +98,7 @@ impl HeldOut {
                 continue;
             }
             for k in channels {
-                let (p, o) = (f64::from(predicted[k].min(1.0)), f64::from(picture[k]));
+                let (p, o) = (f64::from(predicted[k]), f64::from(picture[k]));
                 product += p * o;
                 square += p * p;
             }
