@@ -215,3 +215,66 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
         assert!(read(&out) == read(&again), "{name}");
     }
 }
+
+/// Photographs with faults keep to their truth: the capture does not tell where the flash is, the
+/// same seed has the same faults, and rectified photographs show the sample where the faults say.
+#[test]
+fn simulated_faults_are_those_of_the_truth() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut known = maps(64);
+    // matt and flat: a texel's brightness is its albedo under the light
+    known.plane_mut(channel::SLOPE_X).fill(0.0);
+    known.plane_mut(channel::SLOPE_Y).fill(0.0);
+    for c in 0..3 {
+        known.plane_mut(channel::SPECULAR + c).fill(0.0);
+        known.plane_mut(channel::DIFFUSE + c).fill(0.3);
+    }
+    let source = dir.path().join("maps");
+    write_maps(&source, &known).unwrap();
+    let simulate = |out: &std::path::Path, seed: &str| {
+        let (source, out) = (text(&source), text(out));
+        let options = ["--frames", "3", "--real", "--rectified", "--seed", seed];
+        succeed(&[&["simulate", source, "--out", out], &options[..]].concat());
+    };
+    let [a, again, b] = ["a", "again", "b"].map(|name| dir.path().join(name));
+    simulate(&a, "5");
+    simulate(&again, "5");
+    simulate(&b, "6");
+    let read = |dir: &std::path::Path, name: &str| std::fs::read(dir.join(name)).unwrap();
+    for name in ["capture.json", "frames/02.jpg", "truth/truth.json"] {
+        assert!(read(&a, name) == read(&again, name) && read(&a, name) != read(&b, name), "{name}");
+    }
+    let truth: serde_json::Value = serde_json::from_slice(&read(&a, "truth/truth.json")).unwrap();
+    let capture = Capture::load(&a).unwrap();
+    assert_eq!(capture.frames.len(), 3);
+    for (frame, truth) in capture.frames.iter().zip(truth["frames"].as_array().unwrap()) {
+        let told = frame.rectified.unwrap();
+        assert_eq!(told.camera_mm, told.light_mm);
+        let light = DVec3::from_array([0, 1, 2].map(|k| truth["light_mm"][k].as_f64().unwrap()));
+        let offset = (light - glam::Vec3::from(told.light_mm).as_dvec3()).length();
+        assert!((3.0..12.0).contains(&offset), "{offset}");
+        // Middle of the sample: kd / pi * cos * power / d², power = pi * 260², times the exposure.
+        // The bow is at most 0.6 mm, 0.5 % of 1/d²; JPEG of a smooth picture errs by a level.
+        let exposure = truth["faults"]["exposure"].as_f64().unwrap();
+        let expected = exposure * 0.3 * 260.0 * 260.0 * light.z / light.length().powi(3);
+        let photo = frame.read().unwrap();
+        let found = f64::from(photo.pixel(32, 32)[1]);
+        assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
+    }
+}
+
+/// Of a board the same, in a picture that its detector finds the board in.
+#[test]
+fn simulated_faults_of_a_board_do_not_tell_the_flash() {
+    let dir = tempfile::tempdir().unwrap();
+    let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
+    write_maps(&source, &maps(32)).unwrap();
+    succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "1", "--real"]);
+    let capture = Capture::load(&out).unwrap();
+    let Scene::Board { target, camera: Some(_), flash_offset_mm: None, .. } = &capture.scene else {
+        panic!("{:?}", capture.scene)
+    };
+    let photo = capture.frames[0].read().unwrap();
+    let luma = svbrdf::calibration::LumaImage::from_photo(&photo);
+    assert!(svbrdf::calibration::detect(&luma, target).is_ok());
+}

@@ -15,12 +15,11 @@ use svbrdf::session::{Estimator, Method};
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf, classic};
 
-use crate::Arguments;
-use crate::protocol::{Conditions, Crop, gain_of_share, photographs, whole};
+use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
 
 /// Chooses places and noise of a crop's photographs.
-fn seed(index: usize) -> u64 {
+pub fn seed(index: usize) -> u64 {
     1000 + index as u64
 }
 

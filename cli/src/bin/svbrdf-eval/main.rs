@@ -1,8 +1,17 @@
-//! Evaluation on known materials: the tables and figures of Gao et al. 2019, one command each.
+//! Evaluation: captures and photographs that predict others, known materials (the tables and
+//! figures of Gao et al. 2019), and whether a change of the code makes anything worse.
 
+mod captures;
+mod clock;
 mod experiments;
+mod gate;
+mod hashes;
+mod heldout;
+#[cfg_attr(not(test), expect(dead_code, reason = "for options that are not public yet"))]
+mod overrides;
 mod protocol;
 mod report;
+mod streaming;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,47 +19,43 @@ use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
 use svbrdf::initial_estimate::Networks;
+use svbrdf::{Error, Result};
 
-/// Errors of the maps and of 100 novel renderings after synthetic photographs of known materials
+use crate::streaming::Setup;
+
+/// Errors of estimated maps, measured on captures, real photographs and known materials
 ///
-/// Photographs follow the paper: the first from above, the others from random places, light at the
-/// camera, no fall-off. Tables are Markdown: root-mean-square errors, averaged over the crops, and
-/// the mean square of the renderings (the paper's measure).
+/// Synthetic photographs of known materials follow the paper: the first from above, the others from
+/// random places, light at the camera, no fall-off. Their tables are Markdown: root-mean-square
+/// errors of the maps and of 100 novel renderings, averaged over the crops, and the mean square of
+/// the renderings (the paper's measure).
 #[derive(Parser)]
 #[command(name = "svbrdf-eval", version)]
 struct Arguments {
     #[command(subcommand)]
-    table: Table,
-    /// Folder with a folder per material: normal, diffuse, specular, roughness
-    #[arg(global = true, default_value = "materials")]
-    materials: PathBuf,
-    /// Crops of 256x256 texels of each material
-    #[arg(long, global = true, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=4))]
-    crops: u8,
-    /// Use the materials whose names contain this only
-    #[arg(long, global = true)]
-    only: Option<String>,
-    /// Use every nth material only
-    #[arg(long, global = true, default_value_t = 1)]
-    every: usize,
+    command: Command,
     /// Networks to use instead of the embedded ones
     #[arg(long, global = true)]
     models: Option<PathBuf>,
-    /// Standard deviation of multiplicative noise
-    #[arg(long, global = true, default_value_t = 0.0)]
-    noise: f32,
-    /// Threads; 0: one per core
-    #[arg(long, global = true, default_value_t = 0)]
-    threads: usize,
-    /// A line per crop
-    #[arg(long, global = true)]
-    verbose: bool,
+    /// Threads; 0: one per core, at most 4 for each session. `hashes` takes a list
+    #[arg(long, global = true, value_delimiter = ',', default_value = "0")]
+    threads: Vec<usize>,
 }
 
 #[derive(Subcommand)]
-enum Table {
+enum Command {
+    /// Errors of the maps of captures whose true maps are known
+    Captures(captures::Arguments),
+    /// Errors of photographs that were not fitted, predicted from those that were
+    Heldout(heldout::Arguments),
+    /// Compares errors and time with an earlier build's
+    Gate(gate::Arguments),
+    /// Hashes of the maps' bits, to show that a change leaves results as they were
+    Hashes(hashes::Arguments),
     /// Table 1: errors after several numbers of photographs, deep, without refinement, classic
     Photos {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Numbers of photographs
         #[arg(long, value_delimiter = ',', default_value = "1,2,5,20")]
         photos: Vec<usize>,
@@ -60,24 +65,32 @@ enum Table {
     },
     /// Table 2: wrong light directions, ambient light
     Disturbances {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Number of photographs
         #[arg(long, default_value_t = 20)]
         photos: usize,
     },
     /// Figure 14: saturated pixels, under-exposure
     Exposure {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Number of photographs
         #[arg(long, default_value_t = 5)]
         photos: usize,
     },
     /// Figures 16 and 17: a first photograph from 45 degrees, a bad start, the encoded truth
     Start {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Numbers of photographs
         #[arg(long, value_delimiter = ',', default_value = "1,2,5")]
         photos: Vec<usize>,
     },
     /// Records of fits, from which the completion network learns (`training/`)
     Fits {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Numbers of photographs after which to record
         #[arg(long, value_delimiter = ',', default_value = "2,3,5,8,12")]
         photos: Vec<usize>,
@@ -90,6 +103,8 @@ enum Table {
     },
     /// Error and time by the size of the maps, of whole materials
     Resolution {
+        #[command(flatten)]
+        materials: protocol::Arguments,
         /// Texels a side
         #[arg(long, value_delimiter = ',', default_value = "256,512,1024,2048")]
         sides: Vec<usize>,
@@ -99,41 +114,69 @@ enum Table {
     },
 }
 
-fn run(arguments: &Arguments) -> svbrdf::Result<()> {
+/// Texels a side of maps where a command does not say otherwise.
+const RESOLUTION: usize = 256;
+
+/// Whether the command found nothing wrong.
+fn run(arguments: &Arguments) -> Result<bool> {
     let networks = Arc::new(match &arguments.models {
         Some(folder) => Networks::from_folder(folder)?,
         None => Networks::embedded()?,
     });
-    let crops = || protocol::crops(arguments);
-    match &arguments.table {
-        Table::Photos { photos, no_classic } => {
-            experiments::photos(arguments, &networks, &crops()?, photos, !no_classic)
+    let setup = |threads| Setup { networks: networks.clone(), threads, resolution: RESOLUTION };
+    if let Command::Hashes(of) = &arguments.command {
+        hashes::run(of, &setup(0), &arguments.threads)?;
+        return Ok(true);
+    }
+    let &[threads] = &arguments.threads[..] else {
+        return Err(Error::argument("threads", "one number expected"));
+    };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
+    let setup = setup(threads);
+    match &arguments.command {
+        Command::Captures(of) => captures::run(of, &setup)?,
+        Command::Heldout(of) => heldout::run(of, &setup)?,
+        Command::Gate(of) => return gate::run(of, &setup),
+        tables => print_table(tables, &networks)?,
+    }
+    Ok(true)
+}
+
+/// Runs a command that photographs known materials.
+fn print_table(command: &Command, networks: &Arc<Networks>) -> Result<()> {
+    let crops = protocol::crops;
+    match command {
+        Command::Photos { materials: of, photos, no_classic } => {
+            experiments::photos(of, networks, &crops(of)?, photos, !no_classic)
         }
-        Table::Disturbances { photos } => {
-            experiments::disturbances(arguments, &networks, &crops()?, *photos)
+        Command::Disturbances { materials: of, photos } => {
+            experiments::disturbances(of, networks, &crops(of)?, *photos)
         }
-        Table::Exposure { photos } => {
-            experiments::exposure(arguments, &networks, &crops()?, *photos)
+        Command::Exposure { materials: of, photos } => {
+            experiments::exposure(of, networks, &crops(of)?, *photos)
         }
-        Table::Start { photos } => experiments::start(arguments, &networks, &crops()?, photos),
-        Table::Fits { photos, out, seed } => {
-            experiments::fits(&networks, &crops()?, photos, out, *seed)
+        Command::Start { materials: of, photos } => {
+            experiments::start(of, networks, &crops(of)?, photos)
         }
-        Table::Resolution { sides, photos } => {
-            experiments::resolution(arguments, &networks, sides, *photos)
+        Command::Fits { materials: of, photos, out, seed } => {
+            experiments::fits(networks, &crops(of)?, photos, out, *seed)
+        }
+        Command::Resolution { materials: of, sides, photos } => {
+            experiments::resolution(of, networks, sides, *photos)
+        }
+        Command::Captures(_) | Command::Heldout(_) | Command::Gate(_) | Command::Hashes(_) => {
+            Ok(())
         }
     }
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(arguments.threads).build_global();
-    if let Err(error) = pool {
-        eprintln!("error: {error}");
-        return ExitCode::FAILURE;
-    }
-    match run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+    match run(&Arguments::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE

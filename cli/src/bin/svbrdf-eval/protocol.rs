@@ -1,6 +1,7 @@
 //! Materials and their synthetic photographs.
 
 use std::f32::consts::PI;
+use std::path::PathBuf;
 
 use svbrdf::export::read_maps;
 use svbrdf::frame::Encoding;
@@ -10,7 +11,35 @@ use svbrdf::render;
 use svbrdf::svbrdf::CHANNELS;
 use svbrdf::{Error, Result, Svbrdf};
 
-use crate::Arguments;
+/// Which materials to photograph, and how.
+#[derive(Clone, clap::Args)]
+pub struct Arguments {
+    /// Folder with a folder per material: normal, diffuse, specular, roughness
+    #[arg(default_value = "materials")]
+    pub materials: PathBuf,
+    /// Crops of 256x256 texels of each material
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=4))]
+    pub crops: u8,
+    /// Use the materials whose names contain this only
+    #[arg(long)]
+    pub only: Option<String>,
+    /// Use every nth material only
+    #[arg(long, default_value_t = 1)]
+    pub every: usize,
+    /// Standard deviation of multiplicative noise
+    #[arg(long, default_value_t = 0.0)]
+    pub noise: f32,
+    /// A line per crop
+    #[arg(long)]
+    pub verbose: bool,
+}
+
+/// One crop of each material of a folder, without noise.
+impl From<PathBuf> for Arguments {
+    fn from(materials: PathBuf) -> Self {
+        Self { materials, crops: 1, only: None, every: 1, noise: 0.0, verbose: false }
+    }
+}
 
 /// Texels a side of a crop.
 const SIDE: usize = 256;

@@ -1,0 +1,205 @@
+//! Figures of one build and their comparison with another's.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use svbrdf::{Error, Result};
+
+/// Value of `format`.
+const FORMAT: &str = "svbrdf-gate/1";
+/// A group's geometric mean may be so much larger than the baseline's.
+const ERROR_LIMIT: f64 = 1.01;
+/// The same for time.
+const TIME_LIMIT: f64 = 1.05;
+
+/// Errors by group and case, times by group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    format: String,
+    /// Threads of the fit.
+    pub threads: usize,
+    pub errors: BTreeMap<String, BTreeMap<String, f64>>,
+    /// Processor time of a photograph, seconds.
+    pub seconds: BTreeMap<String, f64>,
+}
+
+/// What a comparison found.
+pub struct Verdict {
+    /// Markdown.
+    pub table: String,
+    /// Errors that grew too much, cases that are gone.
+    pub worse: Vec<String>,
+    /// Times that grew too much.
+    pub slower: Vec<String>,
+}
+
+impl Figures {
+    /// Without any.
+    pub fn new(threads: usize) -> Self {
+        let (errors, seconds) = (BTreeMap::new(), BTreeMap::new());
+        Self { format: FORMAT.to_owned(), threads, errors, seconds }
+    }
+
+    /// Adds an error.
+    pub fn add(&mut self, group: &str, case: String, error: f64) {
+        self.errors.entry(group.to_owned()).or_default().insert(case, error);
+    }
+
+    /// Reads what [`Figures::to_json`] wrote.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Field`] where it is something else.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let fault = |field: &str, message: String| Error::Field {
+            path: path.to_owned(),
+            field: field.to_owned(),
+            message,
+            expected: format!("figures of `svbrdf-eval gate --write`, format {FORMAT}"),
+        };
+        let figures: Self =
+            serde_json::from_slice(&bytes).map_err(|e| fault("(file)", e.to_string()))?;
+        if figures.format != FORMAT {
+            return Err(fault("format", format!("found {}", figures.format)));
+        }
+        Ok(figures)
+    }
+
+    /// As [`Figures::read`] reads it.
+    pub fn to_json(&self) -> String {
+        let json = serde_json::to_string_pretty(self).expect("maps with text keys are JSON");
+        format!("{json}\n")
+    }
+
+    /// Compares with an earlier build's figures, where there are such, in the groups measured.
+    pub fn compare(&self, baseline: Option<&Self>, groups: &[String]) -> Verdict {
+        let mut verdict = Verdict { table: String::new(), worse: Vec::new(), slower: Vec::new() };
+        let table = &mut verdict.table;
+        table.push_str("| group | case | now | baseline | ratio |\n|---|---|---|---|---|\n");
+        for (group, cases) in &self.errors {
+            let before = baseline.and_then(|b| b.errors.get(group));
+            let mut logs = Vec::new();
+            for (case, &now) in cases {
+                let old = before.and_then(|cases| cases.get(case)).copied();
+                row(table, group, case, now, old);
+                logs.push((now.ln(), old.map(f64::ln)));
+            }
+            let now = mean(logs.iter().map(|(now, _)| *now)).exp();
+            let old = baseline.map(|_| mean(logs.iter().filter_map(|(_, old)| *old)).exp());
+            row(table, group, "**geometric mean**", now, old);
+            let ratio = mean(logs.iter().filter_map(|(now, old)| Some(now - (*old)?))).exp();
+            if ratio > ERROR_LIMIT {
+                verdict.worse.push(format!("{group}: errors {ratio:.3} times the baseline's"));
+            }
+        }
+        for (group, &now) in &self.seconds {
+            let old = baseline.and_then(|b| b.seconds.get(group)).copied();
+            row(table, group, "processor seconds per photograph", now, old);
+            if let Some(ratio) = old.map(|old| now / old).filter(|ratio| *ratio > TIME_LIMIT) {
+                verdict.slower.push(format!("{group}: time {ratio:.3} times the baseline's"));
+            }
+        }
+        if let Some(baseline) = baseline {
+            verdict.worse.extend(self.gone(baseline, groups));
+            if baseline.threads != self.threads {
+                let (now, old) = (self.threads, baseline.threads);
+                verdict.slower.push(format!("{now} threads cannot be compared with {old}"));
+            }
+        }
+        verdict
+    }
+
+    /// Cases that the baseline has and this has not, or that are not numbers.
+    fn gone(&self, baseline: &Self, groups: &[String]) -> Vec<String> {
+        let mut gone = Vec::new();
+        for (group, cases) in baseline.errors.iter().filter(|(group, _)| groups.contains(group)) {
+            for case in cases.keys() {
+                match self.errors.get(group).and_then(|cases| cases.get(case)) {
+                    Some(error) if error.is_finite() => {}
+                    Some(error) => gone.push(format!("{group}, {case}: {error}")),
+                    None => gone.push(format!("{group}, {case}: not reached")),
+                }
+            }
+        }
+        gone
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
+    sum / f64::from(count.max(1))
+}
+
+fn row(table: &mut String, group: &str, case: &str, now: f64, old: Option<f64>) {
+    let old = old.map_or_else(|| " | ".to_owned(), |old| format!("{old:.4} | {:.3}", now / old));
+    // writing to a text does not fail
+    let _ = writeln!(table, "| {group} | {case} | {now:.4} | {old} |");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figures(errors: &[(&str, &str, f64)], seconds: f64) -> Figures {
+        let mut figures = Figures::new(2);
+        for (group, case, error) in errors {
+            figures.add(group, (*case).to_owned(), *error);
+        }
+        figures.seconds.insert("captures".to_owned(), seconds);
+        figures
+    }
+
+    fn groups() -> Vec<String> {
+        vec!["captures".to_owned(), "real".to_owned()]
+    }
+
+    fn baseline() -> Figures {
+        figures(&[("captures", "a", 0.02), ("captures", "b", 0.2), ("real", "c", 0.05)], 1.0)
+    }
+
+    #[test]
+    fn figures_are_read_as_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("gate.json");
+        std::fs::write(&path, baseline().to_json()).unwrap();
+        assert_eq!(Figures::read(&path).unwrap(), baseline());
+        std::fs::write(&path, baseline().to_json().replace("gate/1", "gate/7")).unwrap();
+        let message = Figures::read(&path).unwrap_err().to_string();
+        assert!(message.contains("field `format`: found svbrdf-gate/7"), "{message}");
+    }
+
+    /// The geometric mean weighs every case alike: +4 % and -4 % of errors ten times apart cancel.
+    #[test]
+    fn a_group_is_worse_by_its_geometric_mean() {
+        for (a, b, fails) in [(1.04, 0.965, false), (1.02, 1.009, true), (0.5, 1.9, false)] {
+            let now = figures(
+                &[("captures", "a", 0.02 * a), ("captures", "b", 0.2 * b), ("real", "c", 0.05)],
+                1.04,
+            );
+            let verdict = now.compare(Some(&baseline()), &groups());
+            assert_eq!(!verdict.worse.is_empty(), fails, "{:?}", verdict.worse);
+            assert!(verdict.slower.is_empty());
+        }
+    }
+
+    #[test]
+    fn more_time_fails() {
+        let mut now = baseline();
+        now.seconds.insert("captures".to_owned(), 1.06);
+        let verdict = now.compare(Some(&baseline()), &groups());
+        assert!(verdict.worse.is_empty() && verdict.slower.len() == 1, "{:?}", verdict.slower);
+    }
+
+    /// Photographs that are rejected now, or errors that are no numbers, do not pass.
+    #[test]
+    fn lost_cases_fail() {
+        let now = figures(&[("captures", "a", 0.01), ("captures", "b", f64::NAN)], 1.0);
+        let verdict = now.compare(Some(&baseline()), &groups());
+        assert_eq!(verdict.worse, ["captures, b: NaN", "real, c: not reached"]);
+        // but a group that was not asked for may be absent
+        let now = figures(&[("captures", "a", 0.01), ("captures", "b", 0.1)], 1.0);
+        assert!(now.compare(Some(&baseline()), &groups()[..1]).worse.is_empty());
+    }
+}

@@ -1,0 +1,79 @@
+//! Whether a change makes the estimate worse or slower: one set of figures, compared with those of
+//! an earlier build.
+
+mod figures;
+mod measure;
+
+use std::path::PathBuf;
+
+use svbrdf::export::write_atomic;
+use svbrdf::{Error, Result};
+
+use self::figures::Figures;
+use crate::clock::timed;
+use crate::streaming::Setup;
+
+/// Names the folder of test data where no option does.
+const DATA_VARIABLE: &str = "SVBRDF_TEST_DATA";
+
+/// Arguments of `svbrdf-eval gate`.
+#[derive(clap::Args)]
+#[command(after_help = HELP)]
+pub struct Arguments {
+    /// Test data: captures/dev, captures/real, captures/faults, materials/validation [default:
+    /// $SVBRDF_TEST_DATA]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Figures to compare with
+    #[arg(long, value_name = "FILE")]
+    baseline: Option<PathBuf>,
+    /// File for the figures
+    #[arg(long, value_name = "FILE")]
+    write: Option<PathBuf>,
+    /// Groups to measure
+    #[arg(long, value_delimiter = ',', default_value = "captures,photos,real,faults",
+        value_parser = ["captures", "photos", "real", "faults"])]
+    groups: Vec<String>,
+    /// Do not fail where only time is worse, e.g. beside other work
+    #[arg(long)]
+    ignore_time: bool,
+}
+
+const HELP: &str = "captures: rendering errors of captures/dev after 1, 2, 4 and 8 photographs. \
+photos: rendering errors of the middle crop of every material of materials/validation after 1, 2 \
+and 5 synthetic photographs. real: held-out errors of captures/real, four orders, 1, 2, 3, 5 and 7 \
+photographs; faults: of captures/faults, the same numbers. Time is the processor's, seconds per \
+photograph from reading it to the end of its fit.\n\nExit status 1 where the geometric mean of a \
+group is worse than the baseline's by more than 1 %, or its time by more than 5 %, or a case of \
+the baseline is missing.";
+
+/// Runs the command; whether nothing is worse than the baseline allows.
+pub fn run(arguments: &Arguments, setup: &Setup) -> Result<bool> {
+    let data = match &arguments.data {
+        Some(data) => data.clone(),
+        None => std::env::var_os(DATA_VARIABLE).map(PathBuf::from).ok_or_else(|| {
+            Error::argument("data", format!("neither --data nor {DATA_VARIABLE} given"))
+        })?,
+    };
+    let baseline = arguments.baseline.as_deref().map(Figures::read).transpose()?;
+    let (figures, taken) = timed(|| measure::figures(&data, &arguments.groups, setup));
+    let figures = figures?;
+    if let Some(path) = &arguments.write {
+        write_atomic(path, figures.to_json().as_bytes())?;
+    }
+    let verdict = figures.compare(baseline.as_ref(), &arguments.groups);
+    println!("{}", verdict.table);
+    println!("{:.0} s, {:.0} s of processor time", taken.wall, taken.processor);
+    let mut worse = verdict.worse;
+    if !arguments.ignore_time {
+        worse.extend(verdict.slower);
+    }
+    for complaint in &worse {
+        println!("worse: {complaint}");
+    }
+    if let Some(path) = &arguments.baseline {
+        let result = if worse.is_empty() { "passed" } else { "failed" };
+        println!("gate {result}, compared with {}", path.display());
+    }
+    Ok(worse.is_empty())
+}

@@ -1,0 +1,238 @@
+//! Errors of predicted photographs: some are fitted, others are rendered from the maps and compared
+//! with what was taken.
+
+mod board;
+mod npy;
+mod orders;
+mod pictures;
+mod score;
+mod table;
+mod truth;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::ArgAction;
+use svbrdf::capture::{Capture, Frame};
+use svbrdf::export::{resized, write_atomic};
+use svbrdf::observation::{Falloff, View};
+use svbrdf::rectification::from_rectified;
+use svbrdf::render::render;
+use svbrdf::session::{RectifiedFalloff, Scene, Session};
+use svbrdf::{Error, Result, Svbrdf};
+
+use self::orders::{Part, Plan, plans};
+use self::score::HeldOut;
+pub use self::score::SIDE;
+pub use self::table::{Record, means};
+use crate::streaming::{Setup, Variant, capture_folders, name, push};
+
+/// Arguments of `svbrdf-eval heldout`.
+#[derive(clap::Args)]
+#[command(after_help = HELP)]
+pub struct Arguments {
+    /// Captures, or folders of captures
+    #[arg(required = true)]
+    captures: Vec<PathBuf>,
+    #[command(flatten)]
+    protocol: Protocol,
+    /// What finds the maps
+    #[arg(long, default_value = "deep", value_parser = ["deep", "classic"])]
+    method: String,
+    /// Leave out the per-texel refinement
+    #[arg(long)]
+    no_refine: bool,
+    /// Folder for pictures: photograph, prediction, difference (gray: none)
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// File for the errors of every predicted photograph
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+const HELP: &str = "Errors are root-mean-square differences of values encoded with gamma 2.2 in \
+[0, 1], at 256 texels a side. Rectified captures of four photographs and more are fitted in \
+several orders, each of which holds its last two out; of three photographs every one is held out \
+once, and the first alone predicts the others. Captures of a board are fitted in the order of the \
+file; those with truth/heldout predict its frames, others their last two.";
+
+/// What is fitted and how predictions are compared.
+#[derive(Clone, clap::Args)]
+pub struct Protocol {
+    /// Numbers of photographs to fit
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3,5,7")]
+    pub fit: Vec<usize>,
+    /// Orders of the photographs of rectified captures, at most
+    #[arg(long, default_value_t = 4)]
+    pub orders: usize,
+    /// One brightness factor per held-out photograph
+    #[arg(long, value_name = "BOOL", action = ArgAction::Set, default_value_t = true,
+        num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    pub gain: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
+    let variant = match (arguments.method.as_str(), arguments.no_refine) {
+        ("classic", _) => Variant::Classic,
+        (_, true) => Variant::Latent,
+        _ => Variant::Deep,
+    };
+    let setup = Setup { resolution: SIDE, ..setup.clone() };
+    let mut all = Vec::new();
+    for folder in capture_folders(&arguments.captures)? {
+        let out = arguments.out.as_deref();
+        let records = evaluate(&folder, &arguments.protocol, variant, &setup, out)?;
+        table::print(&records);
+        all.extend(records);
+    }
+    table::print_summary(&all);
+    if let Some(path) = &arguments.json {
+        write_atomic(path, table::json(&all).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Errors of every held-out photograph of a capture, with pictures of them in `out`.
+pub fn evaluate(
+    folder: &Path,
+    protocol: &Protocol,
+    variant: Variant,
+    setup: &Setup,
+    out: Option<&Path>,
+) -> Result<Vec<Record>> {
+    let capture = Capture::load(folder)?;
+    let truth = truth::held_out(folder, &capture)?;
+    let count = capture.frames.len();
+    let plans = match (&truth, &capture.scene) {
+        (Some(truth), _) => {
+            let held_out: Vec<usize> = truth.iter().map(|(i, _)| *i).collect();
+            let fitted = (0..count).filter(|i| !held_out.contains(i)).collect();
+            vec![Plan { part: Part::Orders, fitted, held_out }]
+        }
+        (None, Scene::Board { .. }) => plans(count, 1),
+        (None, Scene::Rectified { .. }) => plans(count, protocol.orders),
+    };
+    if plans.is_empty() {
+        let message = format!("{}: one photograph, two or more expected", folder.display());
+        return Err(Error::argument("captures", message));
+    }
+    let truth: Vec<HeldOut> = truth.into_iter().flatten().map(|(_, photo)| photo).collect();
+    let mut records = Vec::new();
+    for (order, plan) in plans.iter().enumerate() {
+        let course = Course::run(&capture, plan, &protocol.fit, variant, setup)?;
+        let own;
+        let photographs = if truth.is_empty() {
+            own = course.photographs(&capture, plan)?;
+            &own
+        } else {
+            &truth
+        };
+        for (fitted, maps) in &course.maps {
+            for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
+                let radiance = rendered(maps, photograph);
+                let record = Record {
+                    capture: name(folder),
+                    variant,
+                    part: plan.part,
+                    fitted: *fitted,
+                    order,
+                    photograph: name(&capture.frames[frame].path),
+                    score: photograph.score(&radiance, protocol.gain),
+                };
+                if let Some(out) = out {
+                    pictures::write(out, &record, photograph, &radiance, protocol.gain)?;
+                }
+                records.push(record);
+            }
+        }
+    }
+    Ok(records)
+}
+
+fn rendered(maps: &Svbrdf, photograph: &HeldOut) -> Vec<f32> {
+    let maps = resized(maps, photograph.side, photograph.side);
+    let mut radiance = vec![0.0; 3 * maps.texels()];
+    render(&maps, &photograph.view, &mut radiance);
+    radiance
+}
+
+/// A session that has seen the photographs to fit, and its maps on the way.
+struct Course {
+    session: Session,
+    /// Indices of accepted frames.
+    accepted: Vec<usize>,
+    /// Number of photographs sent, maps then.
+    maps: Vec<(usize, Arc<Svbrdf>)>,
+}
+
+impl Course {
+    fn run(
+        capture: &Capture,
+        plan: &Plan,
+        counts: &[usize],
+        variant: Variant,
+        setup: &Setup,
+    ) -> Result<Self> {
+        let session = setup.session(capture, variant)?;
+        let mut course = Self { session, accepted: Vec::new(), maps: Vec::new() };
+        let most = counts.iter().copied().max().unwrap_or(0);
+        for (i, &index) in plan.fitted.iter().enumerate().take(most) {
+            let frame = &capture.frames[index];
+            match push(&course.session, frame)? {
+                Some(reason) => eprintln!("{}: {reason}", frame.path.display()),
+                None => {
+                    course.session.wait()?;
+                    course.accepted.push(index);
+                }
+            }
+            if counts.contains(&(i + 1)) && !course.accepted.is_empty() {
+                course.maps.push((i + 1, course.session.snapshot()?));
+            }
+        }
+        Ok(course)
+    }
+
+    /// The photographs to predict as they were taken.
+    fn photographs(&self, capture: &Capture, plan: &Plan) -> Result<Vec<HeldOut>> {
+        let Scene::Rectified { falloff } = capture.scene else {
+            return board::photographs(&self.session, capture, &self.accepted, &plan.held_out);
+        };
+        let falloff = match falloff {
+            RectifiedFalloff::Given(falloff) => falloff,
+            // the session's own choice: the first photograph's distance
+            RectifiedFalloff::InverseSquareAuto => {
+                let first = capture.frames[plan.fitted[0]].rectified;
+                let camera_mm = first.map_or([0.0; 3], |view| view.camera_mm);
+                let square: f32 = camera_mm.iter().map(|v| v * v).sum();
+                Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * square; 3] }
+            }
+        };
+        plan.held_out
+            .iter()
+            .map(|&index| rectified(&capture.frames[index], capture.sample_mm, falloff))
+            .collect()
+    }
+}
+
+/// A rectified photograph as its file has it.
+fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
+    let place = frame
+        .rectified
+        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", frame.path.display())))?;
+    let view = View {
+        sample_mm,
+        camera_mm: place.camera_mm,
+        light_mm: place.light_mm,
+        falloff,
+        ambient: [0.0; 3],
+        mirrored: 1.0,
+    };
+    let observation = from_rectified(&frame.read()?, view, SIDE, SIDE)
+        .map_err(|e| Error::Image { path: frame.path.clone(), message: e.to_string() })?;
+    let n = observation.texels();
+    // negative radiances mark saturated values
+    let observed =
+        (0..3 * n).map(|i| frame.exposure * observation.radiance(i / n, i % n).abs()).collect();
+    Ok(HeldOut { view, exposure: frame.exposure, observed, side: SIDE, seen: None })
+}

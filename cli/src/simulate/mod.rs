@@ -1,0 +1,206 @@
+//! `svbrdf simulate`: photographs of a board and known maps.
+
+mod faults;
+mod lobe;
+mod scene;
+mod sensor;
+mod surface;
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
+use svbrdf::calibration::Target;
+use svbrdf::capture::{FILE_NAME, FORMAT};
+use svbrdf::export::{check_writable, read_maps, write_atomic, write_maps};
+use svbrdf::random::Random;
+use svbrdf::rectification::elevation::RANGE_MM;
+
+use self::faults::{Faults, FrameFaults};
+use self::scene::{Scene, camera, pose, power_mm2};
+use self::sensor::{Picture, file};
+use self::surface::Surface;
+use crate::failure::{Failure, Result};
+use crate::render::sample_size;
+
+/// Longer side of the sample, mm.
+const SAMPLE_MM: f32 = 100.0;
+/// Flash in the camera frame, mm.
+const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
+
+/// Make a capture of known maps: photographs of the default board round them
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified"
+)]
+pub struct Arguments {
+    /// Folder with maps
+    maps: PathBuf,
+    /// Folder to write capture.json, frames and truth into
+    #[arg(long)]
+    out: PathBuf,
+    /// Number of photos
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames: u32,
+    /// Seed of poses, noise and faults
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Height of the sample's surface above the board, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
+    elevation: f64,
+    /// Light of a room that is brighter to one side, as a share of the flash's on the sample
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    ambient: f64,
+    /// Add what real photos have and the capture does not tell: brightness and exposure that change,
+    /// a flash beside the camera, highlights with other tails, blur, JPEG, a bowed sample,
+    /// registration errors of half a texel where rectified; truth.json has them
+    #[arg(long)]
+    real: bool,
+    /// Write photos of the sample alone, from the top, as many pixels as the maps have texels
+    #[arg(long, conflicts_with = "elevation")]
+    rectified: bool,
+}
+
+impl Arguments {
+    fn check(&self) -> Result<()> {
+        let [low, high] = RANGE_MM;
+        if !(low..=high).contains(&self.elevation) {
+            let mm = self.elevation;
+            return Err(Failure::Input(format!("--elevation {mm}: {low} to {high} mm expected")));
+        }
+        if !(0.0..=0.5).contains(&self.ambient) {
+            let share = self.ambient;
+            return Err(Failure::Input(format!("--ambient {share}: 0 to 0.5 expected")));
+        }
+        Ok(())
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    arguments.check()?;
+    let maps = read_maps(&arguments.maps).map_err(Failure::input)?;
+    let out = &arguments.out;
+    for dir in [out.clone(), out.join("frames"), out.join("truth")] {
+        check_writable(dir)?;
+    }
+    let sample_mm = sample_size(&maps, SAMPLE_MM);
+    let (faults, draws) = arguments.real.then(|| Faults::draw(arguments.seed)).unzip();
+    let surface = Surface {
+        maps: &maps,
+        sample_mm,
+        bow_mm: faults.as_ref().map_or(0.0, |f| f.bow_mm),
+        lobe: faults.as_ref().map(|f| f.lobe),
+        ambient: arguments.ambient,
+    };
+    let (frames, truths) = photographs(arguments, &surface, faults.as_ref(), draws)?;
+    write_maps(out.join("truth"), &maps)?;
+    let mut truth = json!({
+        "frames": truths,
+        "elevation_mm": arguments.elevation,
+        "ambient": arguments.ambient,
+    });
+    if let Some(faults) = &faults {
+        truth["faults"] = json!(faults);
+    }
+    write_json(out.join("truth/truth.json"), &truth)?;
+    // Last, so that a folder with a description is complete.
+    write_json(out.join(FILE_NAME), &description(arguments, sample_mm, frames))
+}
+
+/// Writes the pictures; what `capture.json` and `truth.json` say of each.
+fn photographs(
+    arguments: &Arguments,
+    surface: &Surface,
+    faults: Option<&Faults>,
+    mut draws: Option<Random>,
+) -> Result<(Vec<Value>, Vec<Value>)> {
+    let flash = faults.map_or(FLASH_MM, |f| DVec3::from(f.flash_offset_mm));
+    let mut random = Random::new(arguments.seed);
+    let (mut frames, mut truths) = (Vec::new(), Vec::new());
+    let mut first_distance = None;
+    for index in 0..arguments.frames {
+        let scene = Scene::new(surface, pose(index, &mut random), arguments.elevation, flash);
+        let eye = scene.pose.camera_centre();
+        let distance = eye.length() / *first_distance.get_or_insert(eye.length());
+        let own = faults.zip(draws.as_mut()).map(|(f, draws)| f.photograph(draws, distance));
+        let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(index.into());
+        let picture = picture(&scene, own.as_ref(), arguments.rectified).taken(seed);
+        let (ending, bytes) = file(&picture, own.is_some())?;
+        let name = format!("frames/{index:02}.{ending}");
+        write_atomic(arguments.out.join(&name), &bytes)?;
+        let mut frame = json!({ "image": name, "encoding": "srgb" });
+        if arguments.rectified {
+            frame["camera_mm"] = json!(eye.to_array());
+            let light = if own.is_some() { eye } else { scene.light };
+            frame["light_mm"] = json!(light.to_array());
+        }
+        frames.push(frame);
+        let mut truth = json!({
+            "rotation": scene.pose.rotation.transpose().to_cols_array_2d(),
+            "translation_mm": scene.pose.translation.to_array(),
+        });
+        if let Some(own) = own {
+            truth["light_mm"] = json!(scene.light.to_array());
+            truth["faults"] = json!(own);
+        }
+        truths.push(truth);
+    }
+    Ok((frames, truths))
+}
+
+/// Linear values of a photograph, without noise.
+fn picture(scene: &Scene, faults: Option<&FrameFaults>, rectified: bool) -> Picture {
+    let picture = if rectified {
+        let [dx, dy] = faults.map_or([0.0; 2], |f| f.registration_texels);
+        let (maps, size) = (scene.surface.maps, scene.surface.sample_mm.map(f64::from));
+        let (w, h) = (maps.width(), maps.height());
+        Picture::new(w as u32, h as u32, |x, y| {
+            let right = (f64::from(x) + 0.5 + dx) / w as f64 - 0.5;
+            let up = 0.5 - (f64::from(y) + 0.5 + dy) / h as f64;
+            scene.rectified(DVec2::new(size[0] * right, size[1] * up))
+        })
+    } else {
+        Picture::new(scene.camera.width, scene.camera.height, |x, y| scene.pixel(x, y))
+    };
+    match faults {
+        Some(faults) => picture.with_faults(faults),
+        None => picture,
+    }
+}
+
+/// Contents of `capture.json`.
+fn description(arguments: &Arguments, sample: [f32; 2], frames: Vec<Value>) -> Value {
+    let sample = json!({ "width_mm": sample[0], "height_mm": sample[1] });
+    if arguments.rectified {
+        return json!({
+            "format": FORMAT, "sample": sample, "rectified": true, "falloff": "inverse-square",
+            "light_power": power_mm2(), "frames": frames,
+        });
+    }
+    let target = Target::default();
+    let hole = &target.hole;
+    let mut capture = json!({
+        "format": FORMAT,
+        "sample": sample,
+        "board": {
+            "kind": "checkerboard-ring", "rows": target.rows, "cols": target.cols,
+            "square_mm": target.square_mm,
+            "hole_squares": [hole.row_start, hole.col_start, hole.row_end, hole.col_end],
+            "white_albedo": target.white_albedo, "black_albedo": target.black_albedo,
+            "top_left": "black",
+        },
+        "camera": camera(),
+        "frames": frames,
+    });
+    if !arguments.real {
+        capture["flash"] = json!({ "offset_mm": FLASH_MM.to_array() });
+    }
+    capture
+}
+
+fn write_json(path: impl AsRef<Path>, value: &Value) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Failure::Other(e.to_string()))?;
+    write_atomic(path, format!("{text}\n").as_bytes())?;
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! The board with the sample, and its picture in the camera.
+
+use std::f64::consts::PI;
+
+use glam::{DMat3, DVec2, DVec3};
+use svbrdf::calibration::Target;
+use svbrdf::geometry::{Camera, Pose};
+use svbrdf::random::Random;
+
+use super::surface::Surface;
+
+/// Distance of the first camera, mm.
+pub const DISTANCE_MM: f64 = 260.0;
+/// Albedo of the paper between board and sample and round the board.
+const BACKGROUND: f64 = 0.3;
+/// Sides of a raised sample, and heights at which they are looked for.
+const SIDE_RADIANCE: f64 = 0.05;
+const SIDE_STEPS: u32 = 8;
+/// Samples along each side of a pixel.
+const SUPERSAMPLING: u32 = 3;
+
+/// The camera of all photographs.
+pub fn camera() -> Camera {
+    Camera {
+        width: 2016,
+        height: 1512,
+        fx: 1480.0,
+        fy: 1480.0,
+        cx: 1005.0,
+        cy: 760.0,
+        distortion: [0.04, -0.06, 0.0, 0.0, 0.0],
+    }
+}
+
+/// Intensity of the flash times mm²: white at the first distance comes out at its albedo.
+pub fn power_mm2() -> f64 {
+    PI * DISTANCE_MM * DISTANCE_MM
+}
+
+/// The first camera looks from above, the others from up to 45 degrees all round.
+pub fn pose(index: u32, random: &mut Random) -> Pose {
+    let golden = PI * (3.0 - 5.0f64.sqrt());
+    let polar = if index == 0 { 0.05 } else { (10.0 + 35.0 * random.uniform()).to_radians() };
+    let azimuth = golden * f64::from(index) + 0.4 * random.uniform();
+    let distance = DISTANCE_MM * (1.0 + 0.12 * (index.min(1) as f64) * random.uniform());
+    let outwards =
+        DVec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos());
+    let aim = DVec3::new(random.uniform() - 0.5, random.uniform() - 0.5, 0.0) * 10.0;
+    // The long side of the board runs along the long side of the picture.
+    let roll = PI / 2.0 + 0.2 * (random.uniform() - 0.5);
+    let forward = -outwards;
+    let right = DVec3::new(roll.cos(), roll.sin(), 0.0).reject_from(forward).normalize();
+    let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
+    let centre = aim + outwards * distance;
+    Pose { rotation, translation: -(rotation * centre) }
+}
+
+/// What one photograph shows.
+pub struct Scene<'a> {
+    pub surface: &'a Surface<'a>,
+    pub target: Target,
+    pub camera: Camera,
+    pub pose: Pose,
+    pub elevation_mm: f64,
+    /// Flash, board frame, mm.
+    pub light: DVec3,
+    /// Of the sample's texels: three planes.
+    pub radiance: Vec<f32>,
+}
+
+impl<'a> Scene<'a> {
+    /// Lights the sample by a flash at `flash_mm` in the camera frame.
+    pub fn new(surface: &'a Surface<'a>, pose: Pose, elevation_mm: f64, flash_mm: DVec3) -> Self {
+        let light = pose.to_board(flash_mm);
+        let up = DVec3::Z * elevation_mm;
+        let radiance = surface.radiance(pose.camera_centre() - up, light - up, power_mm2());
+        let (target, camera) = (Target::default(), camera());
+        Self { surface, target, camera, pose, elevation_mm, light, radiance }
+    }
+
+    /// Radiance from where a ray from the camera ends: sample, its sides, or the board.
+    fn radiance(&self, eye: DVec3, ray: DVec3) -> [f64; 3] {
+        let at = |z: f64| (eye + ray * ((z - eye.z) / ray.z)).truncate();
+        let top = self.surface.hit(eye, ray, self.elevation_mm);
+        if self.surface.contains(top) {
+            return self.surface.sample(&self.radiance, top);
+        }
+        let height = |i: u32| self.elevation_mm * f64::from(i) / f64::from(SIDE_STEPS);
+        if (0..SIDE_STEPS).any(|i| self.surface.contains(at(height(i)))) {
+            return [SIDE_RADIANCE; 3];
+        }
+        let p = at(0.0);
+        let target = &self.target;
+        let row = (0.5 * f64::from(target.rows) - p.y / target.square_mm).floor() as i64;
+        let col = (0.5 * f64::from(target.cols) + p.x / target.square_mm).floor() as i64;
+        let albedo = match (target.has_square(row, col), target.is_white(row, col)) {
+            (false, _) => BACKGROUND,
+            (true, true) => target.white_albedo,
+            (true, false) => target.black_albedo,
+        };
+        let to_light = self.light - p.extend(0.0);
+        let squared = to_light.length_squared();
+        let cosine = (to_light.z / squared.sqrt()).max(0.0);
+        let flash = cosine * power_mm2() / (PI * squared);
+        [albedo * (flash + self.surface.ambient); 3]
+    }
+
+    /// Mean radiance over a pixel; the distortion is taken as constant within it.
+    pub fn pixel(&self, x: u32, y: u32) -> [f64; 3] {
+        let centre = self.camera.undistort(DVec2::new(x.into(), y.into()));
+        let origin = self.pose.camera_centre();
+        let back = self.pose.rotation.transpose();
+        let mut sum = [0.0; 3];
+        let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(SUPERSAMPLING) - 0.5;
+        for (i, j) in (0..SUPERSAMPLING).flat_map(|i| (0..SUPERSAMPLING).map(move |j| (i, j))) {
+            let p = centre + DVec2::new(offset(i) / self.camera.fx, offset(j) / self.camera.fy);
+            let ray = back * p.extend(1.0);
+            if ray.z < -1e-9 {
+                let value = self.radiance(origin, ray);
+                (0..3).for_each(|c| sum[c] += value[c]);
+            }
+        }
+        sum.map(|v| v / f64::from(SUPERSAMPLING * SUPERSAMPLING))
+    }
+
+    /// What a rectified photograph shows at the point of the border's plane that it takes for `p`:
+    /// the surface behind it.
+    pub fn rectified(&self, p: DVec2) -> [f64; 3] {
+        let eye = self.pose.camera_centre();
+        let hit = self.surface.hit(eye, p.extend(0.0) - eye, 0.0);
+        self.surface.sample(&self.radiance, hit)
+    }
+}
