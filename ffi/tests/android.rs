@@ -93,7 +93,7 @@ fn native(dir: &Path) {
         .arg(include.join("linux"))
         .arg("-I")
         .arg(root().join("include"))
-        .arg(example().join("scanner/src/main/cpp/scanner_jni.c"))
+        .args(sources(&example().join("scanner/src/main/cpp"), "c"))
         .arg("-L")
         .arg(dir)
         .args(["-lsvbrdf", "-lpthread", "-Wl,-rpath,$ORIGIN", "-o"])

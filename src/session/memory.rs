@@ -1,6 +1,6 @@
 //! How much memory a session needs, estimated before it is taken.
 
-use super::Settings;
+use super::settings::Settings;
 use crate::frame::Photo;
 use crate::latent_fit::FitOptions;
 use crate::svbrdf::CHANNELS;

@@ -6,14 +6,11 @@
 
 use super::super::paper::{PARAMETERS, Sheet};
 use super::super::projection::{Projection, moved};
-use super::prior::CameraPrior;
+use super::prior::{CameraPrior, INTRINSICS};
 use crate::geometry::{Camera, Pose};
 use glam::{DVec2, DVec3};
 use nalgebra::{Const, SMatrix, SVector};
 
-/// fx, fy, cx, cy, k1, k2, p1, p2, k3.
-pub(super) const INTRINSICS: usize = 9;
-pub(super) type Intrinsics = SVector<f64, INTRINSICS>;
 /// Intrinsics, then the paper's aspect and bows.
 pub(super) const SHARED: usize = INTRINSICS + PARAMETERS;
 type Shared = SVector<f64, SHARED>;

@@ -22,7 +22,8 @@ const SECTION: usize = 16;
 /// Four letters.
 pub(super) type Tag = [u8; 4];
 
-fn damaged(what: impl Into<String>) -> Error {
+/// The fault of bytes that are not what was written.
+pub(super) fn damaged(what: impl Into<String>) -> Error {
     Error::State(StateFault::Damaged(what.into()))
 }
 

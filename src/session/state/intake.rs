@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::bytes::{Reader, Sections, StateWriter, Tag, Writer};
-use super::damaged;
+use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
 use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
@@ -13,9 +12,9 @@ use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
 use crate::geometry::Pose;
 use crate::rectification::elevation::{self, ElevationEstimate};
-use crate::session::Scene;
 use crate::session::board::{BoardIntake, Frame, Kept, Used};
 use crate::session::intake::Intake;
+use crate::session::settings::Scene;
 
 const INTAKE: &Tag = b"INTK";
 /// One for each photograph of a board.

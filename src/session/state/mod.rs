@@ -14,16 +14,16 @@ use std::sync::Arc;
 
 use rayon::ThreadPool;
 
-use bytes::Sections;
 pub(super) use bytes::StateWriter;
+use bytes::{Sections, damaged};
 pub(super) use fit::{SavedProgress, write as write_fit};
 
 use super::budget::Budget;
 use super::fit::Fit;
 use super::intake::Intake;
-use super::{Scene, Settings};
+use super::settings::{Scene, Settings};
+use crate::Result;
 use crate::initial_estimate::Networks;
-use crate::{Error, Result, StateFault};
 
 /// Adds what the caller's side of a session holds.
 pub(super) fn write_session(
@@ -68,10 +68,6 @@ pub(super) fn read(
         return Err(damaged("photographs are missing"));
     }
     Ok(Restored { settings, scene, budget, intake, fit, progress, pool })
-}
-
-fn damaged(what: impl Into<String>) -> Error {
-    Error::State(StateFault::Damaged(what.into()))
 }
 
 #[cfg(test)]

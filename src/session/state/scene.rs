@@ -2,13 +2,12 @@
 
 use glam::DVec3;
 
-use super::bytes::{Reader, Writer};
-use super::damaged;
+use super::bytes::{Reader, Writer, damaged};
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::session::budget::Budget;
-use crate::session::{Method, RectifiedFalloff, Scene, Settings};
+use crate::session::settings::{Method, RectifiedFalloff, Scene, Settings};
 use crate::{Error, Result};
 
 pub(super) fn write_settings(w: &mut Writer, settings: &Settings, budget: &Budget) {

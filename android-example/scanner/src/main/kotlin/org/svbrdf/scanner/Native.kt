@@ -7,7 +7,7 @@ import java.util.concurrent.ConcurrentHashMap
 import java.util.concurrent.atomic.AtomicLong
 
 /**
- * The functions of `scanner_jni.c`, and what it calls. `owner` is the object that owns the handle:
+ * The functions of `cpp/*_jni.c`, and what it calls. `owner` is the object that owns the handle:
  * it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
  */
 internal object Native {
