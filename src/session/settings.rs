@@ -72,8 +72,6 @@ pub struct Settings {
     pub refine: bool,
     /// Threads of the fit; 0: one per core, at most 4.
     pub threads: usize,
-    /// Seed of everything random.
-    pub seed: u64,
     /// Most memory that the session may need by its own estimate, bytes; `None`: any amount. The
     /// networks, which sessions share, are not counted. Sessions and photographs that would need
     /// more are refused with [`Error::MemoryLimit`].
@@ -88,7 +86,6 @@ impl Default for Settings {
             method: Method::Deep,
             refine: true,
             threads: 0,
-            seed: 0,
             memory_limit_bytes: None,
         }
     }

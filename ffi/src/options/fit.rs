@@ -58,8 +58,6 @@ pub struct svbrdf_session_options {
     pub threads: u32,
     /// For rectified photos: one of SVBRDF_FALLOFF_. Default: auto.
     pub falloff: svbrdf_falloff,
-    /// Seed of everything random. Same photos, seed and threads: same maps.
-    pub seed: u64,
     /// For rectified photos: strength of the light per channel, see SVBRDF_FALLOFF_.
     pub light_power: [f32; 3],
     /// 0.
@@ -102,7 +100,6 @@ impl Default for svbrdf_session_options {
             refine: settings.refine.into(),
             threads: settings.threads as u32,
             falloff: SVBRDF_FALLOFF_AUTO,
-            seed: settings.seed,
             light_power: [0.0; 3],
             reserved: 0,
             board: std::ptr::null(),
@@ -167,7 +164,6 @@ impl svbrdf_session_options {
             },
             refine: truth("refine", self.refine)?,
             threads: self.threads()?,
-            seed: self.seed,
             memory_limit_bytes: self.memory_limit(),
         })
     }

@@ -172,7 +172,7 @@ impl BoardIntake {
         &mut self,
         estimate: Option<CameraEstimate>,
         paper: PaperEstimate,
-        elevation: Option<ElevationEstimate>,
+        elevation: ElevationEstimate,
         frames: Vec<(Frame, Squares)>,
     ) {
         if let Some(estimate) = estimate {
@@ -182,7 +182,7 @@ impl BoardIntake {
         self.photometry.resume(frames.iter().map(|f| f.pose).zip(squares));
         self.frames = frames;
         self.paper = paper;
-        if let Some(elevation) = elevation.filter(|_| !self.stated) {
+        if !self.stated {
             self.elevation = elevation;
         }
     }

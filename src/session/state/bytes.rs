@@ -14,7 +14,7 @@ use crate::{Error, Result, StateFault};
 pub(super) const MAGIC: &[u8; 8] = b"SVBRDFST";
 /// Version written; another major version is another format.
 pub(super) const MAJOR: u16 = 1;
-pub(super) const MINOR: u16 = 1;
+pub(super) const MINOR: u16 = 0;
 
 const HEADER: usize = 20;
 const SECTION: usize = 16;

@@ -53,8 +53,8 @@ static int read_camera(JNIEnv *env, jdoubleArray array, svbrdf_camera *camera)
     return 0;
 }
 
-static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong seed,
-                            jfloatArray reals, jdoubleArray board_array, jbyteArray dictionary,
+static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jfloatArray reals,
+                            jdoubleArray board_array, jbyteArray dictionary,
                             jdoubleArray camera_array, jdoubleArray flash_array,
                             jlong memory_limit, jbyteArray state, jobject owner, jlong models,
                             jlong id)
@@ -80,7 +80,6 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jlong see
     options.refine = (uint32_t)i[3];
     options.threads = (uint32_t)i[4];
     options.falloff = (svbrdf_falloff)i[5];
-    options.seed = (uint64_t)seed;
     memcpy(options.sample_mm, f, sizeof options.sample_mm);
     memcpy(options.light_power, f + 2, sizeof options.light_power);
     options.memory_limit_bytes = (uint64_t)memory_limit;
@@ -282,7 +281,7 @@ static void session_save(JNIEnv *env, jclass class, jobject owner, jlong handle,
 }
 
 const JNINativeMethod session_methods[] = {
-    METHOD("sessionCreate", "([IJ[F[D[B[D[DJ[B" OWNER "JJ)J", session_create),
+    METHOD("sessionCreate", "([I[F[D[B[D[DJ[B" OWNER "JJ)J", session_create),
     METHOD("sessionDestroy", "(J)V", session_destroy),
     METHOD("sessionWait", "(" OWNER "JJ)Z", session_wait),
     METHOD("sessionProgress", "(" OWNER "J[D)V", session_progress),

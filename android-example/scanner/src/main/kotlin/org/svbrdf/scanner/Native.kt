@@ -19,7 +19,7 @@ internal object Native {
     @JvmStatic external fun features(): Long
 
     @JvmStatic external fun sessionCreate(
-        ints: IntArray, seed: Long, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
+        ints: IntArray, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
         camera: DoubleArray?, flashOffset: DoubleArray?, memoryLimit: Long, state: ByteArray?,
         owner: Any, models: Long, id: Long,
     ): Long
