@@ -22,7 +22,7 @@ fi
 # For android-example; its tests are skipped where these cannot be had.
 android=()
 command -v javac >/dev/null || android+=(default-jdk-headless)
-command -v curl >/dev/null || android+=(curl ca-certificates)
+command -v npm >/dev/null || android+=(npm)
 for tool in aapt zipalign apksigner; do
   command -v "$tool" >/dev/null || android+=("$tool")
 done
