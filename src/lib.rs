@@ -32,6 +32,7 @@ pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
 pub mod latent_fit;
+mod least_squares;
 pub mod light_refinement;
 pub mod loss;
 pub mod network;
