@@ -47,6 +47,8 @@ pub mod render;
 pub mod session;
 mod simd;
 pub mod svbrdf;
+#[cfg(test)]
+mod test_support;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -12,6 +12,8 @@ use svbrdf::{refinement, render};
 
 #[path = "common/allocations.rs"]
 mod allocations;
+#[path = "common/rectified.rs"]
+mod rectified;
 
 #[global_allocator]
 static ALLOCATOR: allocations::Counting = allocations::Counting;
@@ -19,20 +21,9 @@ static ALLOCATOR: allocations::Counting = allocations::Counting;
 const SIDE: usize = 256;
 
 fn observation(maps: &Svbrdf) -> Observation {
-    let at = [20.0, -10.0, 240.0];
     let falloff = Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * 240.0 * 240.0; 3] };
-    let view = View {
-        sample_mm: [100.0; 2],
-        camera_mm: at,
-        light_mm: at,
-        falloff,
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    };
-    let mut radiance = vec![0.0; 3 * maps.texels()];
-    render::render(maps, &view, &mut radiance);
-    let weight = vec![1.0; maps.texels()];
-    Observation::new(SIDE, SIDE, view, &radiance, &weight).unwrap()
+    let view = View { falloff, ..rectified::view([20.0, -10.0, 240.0]) };
+    rectified::observation(maps, view)
 }
 
 /// One test: other tests would allocate at the same time.
