@@ -9,7 +9,6 @@
 
 use std::error::Error;
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,16 +17,15 @@ use svbrdf::Svbrdf;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
-use svbrdf::completion::Incomplete;
+use svbrdf::estimate::{Estimator, Method, Phase};
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
 use svbrdf::observation::Observation;
-use svbrdf::propagation::{choose_glosses, propagate, propagate_slopes};
 use svbrdf::rectification::rectify;
+use svbrdf::render;
 use svbrdf::session::{Scene, Session, Settings};
 use svbrdf::svbrdf::CHANNELS;
-use svbrdf::{refinement, render};
 
 #[path = "../tests/common/allocations.rs"]
 mod allocations;
@@ -169,6 +167,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
         observations.push(rectify(&photo, &camera, &pose, &radiometry, sample, SIDE, SIDE)?);
     }
     networks_and_optimisers(bench, &networks, &observations)?;
+    phases(bench, &networks, &observations)?;
 
     let photos: Vec<Photo> =
         capture.frames.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
@@ -204,6 +203,48 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     });
     if let Some(seconds) = settled {
         println!("of which the fifth photograph: {:.2} ms", 1e3 * seconds);
+    }
+    Ok(())
+}
+
+/// Steps of each phase of an estimate of the photographs, added one by one: how many, and the mean of
+/// their times.
+fn phases(
+    bench: &Bench,
+    networks: &Arc<Networks>,
+    observations: &[Observation],
+) -> Result<(), Failure> {
+    let name = "phases of an estimate";
+    if !name.contains(&bench.filter) {
+        return Ok(());
+    }
+    for free_lights in [false, true] {
+        let lights = if free_lights { "lights corrected" } else { "lights given" };
+        println!("{name}, {lights}: milliseconds of a step (steps), by photographs");
+        let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+        estimator.correct_lights(free_lights);
+        for (i, observation) in observations.iter().enumerate() {
+            estimator.add(observation.clone())?;
+            let mut times: Vec<(Phase, f64, usize)> = Vec::new();
+            loop {
+                let begun = Instant::now();
+                let step = estimator.step()?;
+                let seconds = begun.elapsed().as_secs_f64();
+                if let Some(phase) = step.phase {
+                    match times.iter_mut().find(|(p, ..)| *p == phase) {
+                        Some((_, sum, count)) => (*sum, *count) = (*sum + seconds, *count + 1),
+                        None => times.push((phase, seconds, 1)),
+                    }
+                }
+                if step.done {
+                    break;
+                }
+            }
+            let shown = times.iter().map(|(phase, sum, count)| {
+                format!("{phase:?} {:.1} ({count})", 1e3 * sum / *count as f64)
+            });
+            println!("{:>3}: {}", i + 1, shown.collect::<Vec<_>>().join(", "));
+        }
     }
     Ok(())
 }
@@ -247,46 +288,6 @@ fn networks_and_optimisers(
     };
     bench.run("render + loss + adjoint, 5 photos", planes(PHOTOS, 2), || {
         black_box(render::loss_and_gradient(&maps, observations, &mut gradient));
-    });
-    let mut refined = maps.clone();
-    for steps in [1, 8] {
-        let name = format!("refinement, {steps} steps, 5 photos");
-        bench.run(&name, planes(PHOTOS * (steps + 1), 3 * steps), || {
-            refined.clone_from(&maps);
-            let options = refinement::Options { steps, ..Default::default() };
-            refinement::refine(
-                &mut refined,
-                &maps,
-                &refinement::Prior::default(),
-                observations,
-                &options,
-                &mut |_, _| ControlFlow::Continue(()),
-            )
-            .expect("sizes agree");
-        });
-    }
-    bench.run("propagation, 5 photos", planes(PHOTOS, 2), || {
-        refined.clone_from(&maps);
-        propagate(&mut refined, observations).expect("sizes agree");
-    });
-    let mut mean = maps.clone();
-    bench.run("kinds of gloss, 5 photos", Work::default(), || {
-        mean.clone_from(&maps);
-        refined.clone_from(&maps);
-        choose_glosses(&mut mean, &mut refined, observations, &mut || true).expect("sizes agree");
-    });
-    let prior = refinement::Prior::default();
-    bench.run("slopes told, 5 photos", Work::default(), || {
-        mean.clone_from(&maps);
-        refined.clone_from(&maps);
-        propagate_slopes(&mut mean, &mut refined, observations, &prior).expect("sizes agree");
-    });
-    let work = Work { multiply_adds: 1.007e9, ..Work::default() };
-    bench.run("completion, 5 photos", work, || {
-        mean.clone_from(&maps);
-        refined.clone_from(&maps);
-        let fit = Incomplete::new(&maps, &mean, &refined, observations, &prior);
-        fit.and_then(|fit| fit.complete(networks, &mut mean, &mut refined)).expect("sizes agree");
     });
     let coarse: Svbrdf = maps.downsampled();
     bench.run("maps doubled", planes(0, 1), || drop(black_box(coarse.upsampled())));

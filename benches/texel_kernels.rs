@@ -1,11 +1,12 @@
 //! Nanoseconds per texel and photograph of the texel kernels, on one thread:
 //! `cargo bench --bench texel_kernels`.
 
-use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
-use svbrdf::Svbrdf;
+use svbrdf::estimate::{EstimateOptions, Estimator, Method, Phase};
+use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::{Falloff, Observation, View};
-use svbrdf::{refinement, render};
+use svbrdf::{Svbrdf, render};
 
 const SIZE: usize = 256;
 const FRAMES: usize = 5;
@@ -32,20 +33,29 @@ fn run() {
     report("loss and gradient", FRAMES, || {
         render::loss_and_gradient(&start, &observations, &mut gradient);
     });
-    let options = refinement::Options { steps: 1, ..Default::default() };
-    let mut refined = start.clone();
-    report("refinement step", FRAMES, || {
-        refined.clone_from(&start);
-        refinement::refine(
-            &mut refined,
-            &start,
-            &refinement::Prior::default(),
-            &observations,
-            &options,
-            &mut |_, _| ControlFlow::Continue(()),
-        )
-        .expect("sizes agree");
+    let mut estimator = solving(&start, &observations);
+    report("step of the maps", FRAMES, || {
+        estimator.step().expect("photographs");
     });
+}
+
+/// An estimate whose next steps are the solver's, many of them.
+fn solving(start: &Svbrdf, observations: &[Observation]) -> Estimator {
+    let mut options = EstimateOptions::default();
+    options.schedule.slopes_from = usize::MAX;
+    options.schedule.classes_from = usize::MAX;
+    options.schedule.residuals_from = usize::MAX;
+    options.schedule.single_steps = 10 * REPEATS;
+    (options.latent.first_steps, options.latent.steps) = (1, 1);
+    let networks = Arc::new(Networks::embedded().expect("embedded networks"));
+    let mut estimator = Estimator::with_options(networks, Method::Deep, true, options);
+    estimator.correct_lights(false);
+    estimator.start_from(start.clone());
+    for observation in observations {
+        estimator.add(observation.clone()).expect("one size");
+    }
+    while estimator.step().expect("photographs").phase != Some(Phase::Maps) {}
+    estimator
 }
 
 fn observe(maps: &Svbrdf, i: usize) -> Observation {

@@ -373,10 +373,6 @@ typedef struct svbrdf_session_options {
      */
     svbrdf_falloff falloff;
     /**
-     * Seed of everything random. Same photos, seed and threads: same maps.
-     */
-    uint64_t seed;
-    /**
      * For rectified photos: strength of the light per channel, see SVBRDF_FALLOFF_.
      */
     float light_power[3];

@@ -30,6 +30,7 @@ pub mod export;
 pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
+mod least_squares;
 pub mod loss;
 pub mod network;
 pub mod observation;
@@ -41,6 +42,8 @@ pub mod render;
 pub mod session;
 mod simd;
 pub mod svbrdf;
+#[cfg(test)]
+mod test_support;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -2,11 +2,14 @@
 
 #[path = "common/raised.rs"]
 mod raised;
+#[path = "common/test_data.rs"]
+mod test_data;
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use raised::{FLASH_MM, Material, SAMPLE_MM, camera, maps, photograph, poses};
+use test_data::test_data;
+
 use svbrdf::Svbrdf;
 use svbrdf::calibration::Target;
 use svbrdf::capture::Capture;
@@ -45,14 +48,6 @@ fn push(session: &Session, photo: &Photo) {
 fn photos(maps: &Svbrdf, elevation_mm: f64, count: u32) -> Vec<Photo> {
     let photo = |(k, pose)| photograph(maps, pose, elevation_mm, 20 + k as u64);
     poses(count, 3).iter().enumerate().map(photo).collect()
-}
-
-fn test_data() -> Option<PathBuf> {
-    let root = std::env::var_os("SVBRDF_TEST_DATA");
-    if root.is_none() {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, its captures are left out");
-    }
-    root.map(|root| Path::new(&root).join("captures/dev"))
 }
 
 #[test]
@@ -107,7 +102,7 @@ fn a_saved_session_goes_on_to_the_same_height() {
 
 #[test]
 fn samples_of_the_test_data_lie_in_the_plane() {
-    let Some(root) = test_data() else { return };
+    let Some(root) = test_data("captures/dev") else { return };
     let mut folders: Vec<PathBuf> =
         std::fs::read_dir(root).unwrap().map(|e| e.unwrap().path()).collect();
     folders.sort();
@@ -135,7 +130,7 @@ fn samples_of_the_test_data_lie_in_the_plane() {
 fn samples() -> Vec<(String, Svbrdf)> {
     let made = ALL.iter().map(|m| (format!("{m:?}").to_lowercase(), maps(*m, 512)));
     let mut all: Vec<(String, Svbrdf)> = made.collect();
-    let Some(root) = test_data() else { return all };
+    let Some(root) = test_data("captures/dev") else { return all };
     for name in ["bricks-charuco", "leather", "metal-charuco-ambient5", "tile"] {
         all.push((format!("data {name}"), read_maps(root.join(name).join("truth")).unwrap()));
     }

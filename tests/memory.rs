@@ -33,8 +33,10 @@ fn case(resolution: usize, photos: usize) -> [u64; 2] {
     let settings = Settings { resolution, memory_limit_bytes: Some(1), ..Default::default() };
     let estimate = match Session::with_networks(scene(), settings, networks.clone()) {
         Err(Error::MemoryLimit { needed, .. }) => {
-            // 7 bytes a texel, and as much again for the levels below.
-            needed + (photos as u64 - 1) * 14 * (resolution * resolution) as u64
+            // Six bytes a texel, and of the levels that are fitted, 256 and 512, twice as many.
+            let fitted = [256, 512].into_iter().filter(|&side| side <= resolution);
+            let texels = resolution.pow(2) + 2 * fitted.map(|side| side.pow(2)).sum::<usize>();
+            needed + (photos as u64 - 1) * 6 * texels as u64
         }
         _ => panic!("a byte is not enough"),
     };

@@ -1,15 +1,15 @@
 //! Full checkerboards in real photographs (`calibration` of the test data).
 
+#[path = "common/test_data.rs"]
+mod test_data;
+
 use std::path::{Path, PathBuf};
 use svbrdf::calibration::{Detection, Hole, LumaImage, Target, TopLeft, detect, estimate_pose};
 use svbrdf::geometry::Camera;
+use test_data::test_data;
 
 fn folder(name: &str) -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("SVBRDF_TEST_DATA") else {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, no real photograph is checked");
-        return None;
-    };
-    Some(Path::new(&root).join("calibration").join(name))
+    test_data(&format!("calibration/{name}"))
 }
 
 fn photos(folder: &Path, part: &str) -> Vec<PathBuf> {

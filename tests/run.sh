@@ -1,9 +1,18 @@
 #!/usr/bin/env bash
 # Runs every check of the repository; installs the system packages they need when missing
-# (Debian, Ubuntu). SVBRDF_TEST_DATA may name a folder with further captures; tests that need it
-# say what they skip without it.
+# (Debian, Ubuntu). SVBRDF_TEST_DATA may name a folder with further captures: what is missing there
+# fails; without it, the last line counts what was left out.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+SVBRDF_SKIPPED=$(mktemp)
+export SVBRDF_SKIPPED
+count_skipped() {
+  [ ! -s "$SVBRDF_SKIPPED" ] ||
+    echo "SKIPPED: $(sort -u "$SVBRDF_SKIPPED" | wc -l) checks; SVBRDF_TEST_DATA or a tool is missing"
+  rm -f "$SVBRDF_SKIPPED"
+}
+trap count_skipped EXIT
 
 packages=()
 pkg-config --exists opencv4 2>/dev/null || packages+=(pkg-config libopencv-dev)
@@ -22,7 +31,7 @@ fi
 # For android-example; its tests are skipped where these cannot be had.
 android=()
 command -v javac >/dev/null || android+=(default-jdk-headless)
-command -v curl >/dev/null || android+=(curl ca-certificates)
+command -v npm >/dev/null || android+=(npm)
 for tool in aapt zipalign apksigner; do
   command -v "$tool" >/dev/null || android+=("$tool")
 done
@@ -31,9 +40,9 @@ if [ ${#android[@]} -gt 0 ]; then
   sudo=$([ "$(id -u)" = 0 ] || echo sudo)
   $sudo apt-get update -q &&
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${android[@]}" ||
-    echo "SKIPPED: packages for android-example cannot be installed"
+    echo "packages for android-example" >> "$SVBRDF_SKIPPED"
 fi
-tests/android-tools.sh || echo "SKIPPED: tools for android-example cannot be had"
+tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
 
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings

@@ -1,62 +1,34 @@
 //! Sessions saved and gone on with, budgets and memory limits, from the outside.
 
-use std::f32::consts::PI;
+#[path = "common/rectified.rs"]
+mod rectified;
+
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use rectified::{POSITIONS, material, scene};
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
 use svbrdf::initial_estimate::Networks;
-use svbrdf::observation::{Falloff, View};
+use svbrdf::observation::Falloff;
 use svbrdf::session::{
     Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };
-use svbrdf::svbrdf::channel;
-use svbrdf::{Error, StateFault, Svbrdf, render};
-
-const SIZE: usize = 256;
-const POSITIONS: [[f32; 3]; 3] = [[0.0, 0.0, 110.0], [-45.0, 50.0, 110.0], [55.0, 20.0, 100.0]];
+use svbrdf::{Error, StateFault, Svbrdf};
 
 fn networks() -> Arc<Networks> {
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     NETWORKS.get_or_init(|| Arc::new(Networks::embedded().unwrap())).clone()
 }
 
-fn material() -> Svbrdf {
-    let mut maps = Svbrdf::new(SIZE, SIZE);
-    for i in 0..SIZE * SIZE {
-        let (x, y) = (i % SIZE, i / SIZE);
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.2).sin();
-        let red = (x / 32 + y / 32) % 2 == 0;
-        for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c)[i] =
-                if red { [0.5, 0.1, 0.08][c] } else { [0.1, 0.3, 0.4][c] };
-        }
-        maps.plane_mut(channel::ROUGHNESS)[i] = if red { 0.3 } else { 0.5 };
-    }
-    maps
-}
-
+/// A photograph of the material.
 fn photo(camera_mm: [f32; 3]) -> Photo {
-    let view = View {
-        sample_mm: [100.0, 100.0],
-        camera_mm,
-        light_mm: camera_mm,
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    };
-    let n = SIZE * SIZE;
-    let mut planes = vec![0.0; 3 * n];
-    render::render(&material(), &view, &mut planes);
-    let rgb = (0..n).flat_map(|i| [planes[i], planes[n + i], planes[2 * n + i]]).collect();
-    Photo::from_linear(SIZE as u32, SIZE as u32, rgb, 1.0, f32::INFINITY).unwrap()
+    rectified::photo(&material(), camera_mm)
 }
 
 fn session(settings: Settings) -> Session {
-    let falloff = RectifiedFalloff::Given(Falloff::None { power: [PI; 3] });
     let settings = Settings { threads: 2, ..settings };
-    Session::with_networks(Scene::Rectified { falloff }, settings, networks()).unwrap()
+    Session::with_networks(scene(), settings, networks()).unwrap()
 }
 
 fn push(session: &Session, i: usize) {
@@ -151,7 +123,7 @@ fn saving_does_not_change_or_hold_up_a_fit() {
 
 #[test]
 fn sessions_without_photographs_are_saved_and_cancelled_ones_are_not() {
-    let empty = session(Settings { resolution: 512, seed: 7, ..Settings::default() });
+    let empty = session(Settings { resolution: 512, ..Settings::default() });
     let state = empty.save().unwrap();
     println!("an empty session takes {} bytes", state.len());
     let restored = restore(&state);

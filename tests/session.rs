@@ -1,62 +1,19 @@
 //! A session from the outside: streaming, rejections, pause, cancel, drop.
 
-use std::f32::consts::PI;
+#[path = "common/rectified.rs"]
+mod rectified;
+
 use std::time::{Duration, Instant};
 
+use rectified::{POSITIONS, SIZE, material, photo, scene, view};
 use svbrdf::frame::Photo;
 use svbrdf::observation::{Falloff, View};
 use svbrdf::session::{Method, Pushed, RectifiedFalloff, Scene, Session, Settings};
-use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Rejection, Svbrdf, render};
 
-const SIZE: usize = 256;
-const SAMPLE: [f32; 2] = [100.0, 100.0];
-
-/// Two glossy colours in squares, with bumps.
-fn material() -> Svbrdf {
-    let mut maps = Svbrdf::new(SIZE, SIZE);
-    for y in 0..SIZE {
-        for x in 0..SIZE {
-            let i = y * SIZE + x;
-            let red = (x / 32 + y / 32) % 2 == 0;
-            maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.2).sin();
-            maps.plane_mut(channel::SLOPE_Y)[i] = 0.2 * (y as f32 * 0.15).cos();
-            let diffuse = if red { [0.5, 0.1, 0.08] } else { [0.1, 0.3, 0.4] };
-            for c in 0..3 {
-                maps.plane_mut(channel::DIFFUSE + c)[i] = diffuse[c];
-                maps.plane_mut(channel::SPECULAR + c)[i] = 0.05;
-            }
-            maps.plane_mut(channel::ROUGHNESS)[i] = if red { 0.3 } else { 0.5 };
-        }
-    }
-    maps
-}
-
-fn view(camera_mm: [f32; 3]) -> View {
-    View {
-        sample_mm: SAMPLE,
-        camera_mm,
-        light_mm: camera_mm,
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    }
-}
-
-fn photo(maps: &Svbrdf, camera_mm: [f32; 3]) -> Photo {
-    let mut planes = vec![0.0; 3 * SIZE * SIZE];
-    render::render(maps, &view(camera_mm), &mut planes);
-    let n = SIZE * SIZE;
-    let rgb = (0..n).flat_map(|i| [planes[i], planes[n + i], planes[2 * n + i]]).collect();
-    Photo::from_linear(SIZE as u32, SIZE as u32, rgb, 1.0, f32::INFINITY).unwrap()
-}
-
 fn session(settings: Settings) -> Session {
-    let falloff = RectifiedFalloff::Given(Falloff::None { power: [PI; 3] });
-    Session::new(Scene::Rectified { falloff }, settings).unwrap()
+    Session::new(scene(), settings).unwrap()
 }
-
-const POSITIONS: [[f32; 3]; 3] = [[0.0, 0.0, 110.0], [-45.0, 50.0, 110.0], [55.0, 20.0, 100.0]];
 
 /// Mean absolute difference of renderings from directions that no photograph had.
 fn novel_error(a: &Svbrdf, b: &Svbrdf) -> f32 {

@@ -1,5 +1,8 @@
 //! Rendered captures with camera and flash withheld (`captures/dev` of the test data).
 
+#[path = "common/test_data.rs"]
+mod test_data;
+
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
@@ -7,6 +10,7 @@ use serde_json::Value;
 use svbrdf::capture::Capture;
 use svbrdf::geometry::Pose;
 use svbrdf::session::{Method, Pushed, Session, Settings};
+use test_data::test_data;
 
 /// Largest error of a view's direction once all photographs are in, degrees.
 const VIEW_DEG_MAX: f64 = 0.2;
@@ -49,14 +53,8 @@ fn stripped(folder: &Path) -> tempfile::TempDir {
 
 #[test]
 fn camera_flash_and_ambient_come_from_the_photographs() {
-    let Some(root) = std::env::var_os("SVBRDF_TEST_DATA") else {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, no photograph is checked");
-        return;
-    };
-    let mut folders: Vec<_> = std::fs::read_dir(Path::new(&root).join("captures/dev"))
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .collect();
+    let Some(root) = test_data("captures/dev") else { return };
+    let mut folders: Vec<_> = std::fs::read_dir(root).unwrap().map(|e| e.unwrap().path()).collect();
     folders.sort();
     println!(
         "{:24} {:>6} {:>9} {:>9} {:>8} {:>9} {:>9} {:>9}",

@@ -44,9 +44,6 @@ pub struct Arguments {
     /// Threads; 0: one per core, at most 4
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
     /// Camera to use instead of the capture's (JSON, as `camera` in capture.json)
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
@@ -67,7 +64,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         method: if arguments.method == "classic" { Method::Classic } else { Method::Deep },
         refine: !arguments.no_refine,
         threads: arguments.threads,
-        seed: arguments.seed,
         ..Settings::default()
     };
     let session = Session::new(capture.scene.clone(), settings)?;

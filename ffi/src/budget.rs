@@ -2,7 +2,8 @@
 
 use engine::session::Budget;
 
-use crate::session::{act, svbrdf_session};
+use crate::handles::svbrdf_session;
+use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 

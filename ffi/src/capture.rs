@@ -6,12 +6,13 @@ use std::sync::Arc;
 use engine::capture::Capture;
 use engine::session::{Session, Settings};
 
-use crate::handles::Handles;
+use crate::handles::{Handles, svbrdf_session};
+use crate::live::act;
 use crate::maps::folder;
 use crate::models;
 use crate::options::svbrdf_session_options;
 use crate::reports::svbrdf_frame_report;
-use crate::session::{act, open, svbrdf_session, tell};
+use crate::session::{open, tell};
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned;
 

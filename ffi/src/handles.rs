@@ -6,6 +6,11 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use crate::status::{Fault, SVBRDF_INVALID_HANDLE};
 
+/// A capture in progress: push photos, take maps at any time.
+pub struct svbrdf_session {
+    _opaque: (),
+}
+
 /// Handles are given out once in a process, whatever their kind. Never 0, and odd multiples of
 /// nothing a program has as an address by accident: the lowest addresses are not mapped.
 static NEXT: AtomicUsize = AtomicUsize::new(1);

@@ -9,10 +9,12 @@
 #![allow(non_camel_case_types)]
 
 pub mod budget;
+mod callbacks;
 pub mod capture;
 mod handles;
 pub mod image;
 pub mod info;
+mod live;
 pub mod maps;
 pub mod models;
 mod notifier;
@@ -21,4 +23,5 @@ pub mod reports;
 pub mod saved;
 pub mod session;
 pub mod status;
+mod values;
 mod versioned;

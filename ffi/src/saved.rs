@@ -8,11 +8,12 @@ use engine::Error;
 use engine::export::write_atomic;
 use engine::session::Session;
 
-use crate::handles::Handles;
+use crate::handles::{Handles, svbrdf_session};
+use crate::live::act;
 use crate::maps::folder;
 use crate::models;
 use crate::options::svbrdf_session_options;
-use crate::session::{act, open, svbrdf_session};
+use crate::session::open;
 use crate::status::{Fault, entry, svbrdf_status};
 
 /// Bytes made by the library.

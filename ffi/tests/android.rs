@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{has, library, root, run, workplace, write_photos};
+use common::{has, library, root, run, skipped, workplace, write_photos};
 use engine::calibration::Target;
 use engine::export::read_maps;
 use engine::observation::{Falloff, View};
@@ -31,7 +31,7 @@ fn tools() -> Option<PathBuf> {
     if !tools.join("kotlinc/lib/kotlin-compiler.jar").is_file()
         || !tools.join("root/usr/share/java/com.android.dx.jar").is_file()
     {
-        eprintln!("SKIPPED: tests/android-tools.sh has not run; android-example is not checked");
+        skipped("tests/android-tools.sh has not run; android-example is not checked");
         return None;
     }
     ["java", "javac", "gcc"].iter().all(|program| has(program)).then_some(tools)
@@ -93,7 +93,7 @@ fn native(dir: &Path) {
         .arg(include.join("linux"))
         .arg("-I")
         .arg(root().join("include"))
-        .arg(example().join("scanner/src/main/cpp/scanner_jni.c"))
+        .args(sources(&example().join("scanner/src/main/cpp"), "c"))
         .arg("-L")
         .arg(dir)
         .args(["-lsvbrdf", "-lpthread", "-Wl,-rpath,$ORIGIN", "-o"])
@@ -301,7 +301,7 @@ fn installed(program: &str) -> bool {
     let path = env::var_os("PATH").unwrap_or_default();
     let found = env::split_paths(&path).any(|folder| folder.join(program).is_file());
     if !found {
-        eprintln!("SKIPPED: {program} is not installed; the app is not checked");
+        skipped(&format!("{program} is not installed; the app is not checked"));
     }
     found
 }

@@ -4,6 +4,8 @@
 
 #[path = "../../ffi/src/budget.rs"]
 mod budget;
+#[path = "../../ffi/src/callbacks.rs"]
+mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
 #[path = "../../ffi/src/handles.rs"]
@@ -12,22 +14,26 @@ mod handles;
 mod image;
 #[path = "../../ffi/src/info.rs"]
 mod info;
+#[path = "../../ffi/src/live.rs"]
+mod live;
 #[path = "../../ffi/src/maps.rs"]
 mod maps;
 #[path = "../../ffi/src/models.rs"]
 mod models;
 #[path = "../../ffi/src/notifier.rs"]
 mod notifier;
-#[path = "../../ffi/src/options.rs"]
+#[path = "../../ffi/src/options/mod.rs"]
 mod options;
 #[path = "../../ffi/src/reports.rs"]
 mod reports;
 #[path = "../../ffi/src/saved.rs"]
 mod saved;
-#[path = "../../ffi/src/session.rs"]
+#[path = "../../ffi/src/session/mod.rs"]
 mod session;
 #[path = "../../ffi/src/status.rs"]
 mod status;
+#[path = "../../ffi/src/values.rs"]
+mod values;
 #[path = "../../ffi/src/versioned.rs"]
 mod versioned;
 

@@ -6,6 +6,7 @@ use std::ptr;
 
 use crate::budget::*;
 use crate::capture::*;
+use crate::handles::svbrdf_session;
 use crate::image::*;
 use crate::maps::*;
 use crate::options::*;
@@ -100,7 +101,7 @@ fn options(bytes: &mut Bytes) -> svbrdf_session_options {
     let mut options = svbrdf_session_options { threads: 1, ..Default::default() };
     options.scene = SVBRDF_SCENE_RECTIFIED;
     for _ in 0..bytes.u8() % 4 {
-        match bytes.u8() % 12 {
+        match bytes.u8() % 11 {
             0 => options.scene = bytes.u32(),
             1 => options.resolution = bytes.u32(),
             2 => options.sample_mm[usize::from(bytes.u8() % 2)] = bytes.f32(),
@@ -111,7 +112,6 @@ fn options(bytes: &mut Bytes) -> svbrdf_session_options {
             7 => options.light_power = [bytes.f32(), bytes.f32(), bytes.f32()],
             8 => options.memory_limit_bytes = u64::from(bytes.u32()) << 20,
             9 => options.size = bytes.usize().min(size_of::<svbrdf_session_options>()),
-            10 => options.seed = bytes.u32().into(),
             _ => options.scene = SVBRDF_SCENE_BOARD,
         }
     }

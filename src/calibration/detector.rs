@@ -7,9 +7,10 @@
 use super::blur;
 use super::corners;
 use super::lattice;
-use super::layout::{CORNERS_MIN, Labelling, Layout};
+use super::layout::{Labelling, Layout};
 use super::luma::LumaImage;
 use super::marker_reading;
+use super::placement::CORNERS_MIN;
 use super::subpixel::Refiner;
 use super::target::Target;
 use crate::Rejection;
@@ -71,61 +72,7 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
         return Err(Rejection::NotFinite);
     }
     let layout = Layout::new(target);
-    let mut smaller: Vec<LumaImage> = Vec::new();
-    loop {
-        let last = smaller.last().unwrap_or(luma);
-        if last.width.max(last.height) <= COARSE_PX || last.width.min(last.height) < 200 {
-            break;
-        }
-        smaller.push(last.halved());
-    }
-    let levels: Vec<&LumaImage> = std::iter::once(luma).chain(&smaller).collect();
-    let mut refiner = Refiner::default();
-    let mut best: Option<Found> = None;
-    let mut rejection = Rejection::BoardNotFound;
-    'levels: for k in (0..levels.len()).rev() {
-        let saddles = corners::find(levels[k]);
-        let pieces = lattice::grow(levels[k], &saddles);
-        for by_markers in [true, false] {
-            let placed = if by_markers {
-                marker_reading::place(&layout, &levels, k, &pieces).ok_or(rejection)
-            } else {
-                layout.place(levels[k], &pieces)
-            };
-            let mut labelling = match placed {
-                Ok(labelling) => labelling,
-                Err(reason) => {
-                    rejection = more_telling(rejection, reason);
-                    continue;
-                }
-            };
-            if by_markers {
-                layout.extend(&mut refiner, levels[k], &mut labelling);
-            }
-            for finer in (0..=k).rev() {
-                if finer < k {
-                    follow(&mut labelling, levels[finer]);
-                }
-                layout.refine(&mut refiner, levels[finer], &mut labelling);
-                layout.extend(&mut refiner, levels[finer], &mut labelling);
-            }
-            layout.refine(&mut refiner, luma, &mut labelling);
-            let found = Found::new(&layout, luma, labelling);
-            // Markers that name other squares, checks that go on where none are printed.
-            if found.agree < AGREE_MIN * found.differ
-                || layout.phantom_share(&mut refiner, luma, &found.labelling) > PHANTOM_SHARE_MAX
-            {
-                continue;
-            }
-            if best.as_ref().is_none_or(|b| found.corners > b.corners) {
-                best = Some(found);
-            }
-            if best.as_ref().is_some_and(|b| b.share >= ENOUGH && b.corners >= b.needed().0) {
-                break 'levels;
-            }
-        }
-    }
-    let Some(best) = best else { return Err(rejection) };
+    let best = search(&layout, luma)?;
     let (needed, share) = best.needed();
     if best.corners < needed || best.share < share {
         let all = layout.corners.len();
@@ -152,6 +99,66 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
         .filter_map(|(&(row, col), px)| Some(Corner { row, col, px: (*px)? }))
         .collect();
     Ok(Detection { corners, blur_px })
+}
+
+/// The best labelling of the board in the picture, the smallest version that shows enough of it
+/// first.
+fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
+    let mut smaller: Vec<LumaImage> = Vec::new();
+    loop {
+        let last = smaller.last().unwrap_or(luma);
+        if last.width.max(last.height) <= COARSE_PX || last.width.min(last.height) < 200 {
+            break;
+        }
+        smaller.push(last.halved());
+    }
+    let levels: Vec<&LumaImage> = std::iter::once(luma).chain(&smaller).collect();
+    let mut refiner = Refiner::default();
+    let mut best: Option<Found> = None;
+    let mut rejection = Rejection::BoardNotFound;
+    'levels: for k in (0..levels.len()).rev() {
+        let saddles = corners::find(levels[k]);
+        let pieces = lattice::grow(levels[k], &saddles);
+        for by_markers in [true, false] {
+            let placed = if by_markers {
+                marker_reading::place(layout, &levels, k, &pieces).ok_or(rejection)
+            } else {
+                layout.place(levels[k], &pieces)
+            };
+            let mut labelling = match placed {
+                Ok(labelling) => labelling,
+                Err(reason) => {
+                    rejection = more_telling(rejection, reason);
+                    continue;
+                }
+            };
+            if by_markers {
+                layout.extend(&mut refiner, levels[k], &mut labelling);
+            }
+            for finer in (0..=k).rev() {
+                if finer < k {
+                    follow(&mut labelling, levels[finer]);
+                }
+                layout.refine(&mut refiner, levels[finer], &mut labelling);
+                layout.extend(&mut refiner, levels[finer], &mut labelling);
+            }
+            layout.refine(&mut refiner, luma, &mut labelling);
+            let found = Found::new(layout, luma, labelling);
+            // Markers that name other squares, checks that go on where none are printed.
+            if found.agree < AGREE_MIN * found.differ
+                || layout.phantom_share(&mut refiner, luma, &found.labelling) > PHANTOM_SHARE_MAX
+            {
+                continue;
+            }
+            if best.as_ref().is_none_or(|b| found.corners > b.corners) {
+                best = Some(found);
+            }
+            if best.as_ref().is_some_and(|b| b.share >= ENOUGH && b.corners >= b.needed().0) {
+                break 'levels;
+            }
+        }
+    }
+    best.ok_or(rejection)
 }
 
 /// A labelling at full size and what speaks for it.

@@ -1,26 +1,16 @@
-//! Tells which corner is which: places grown pieces of lattice on the known board, then labels all
-//! corners that the placement predicts.
+//! The known board, and the corners of a picture labelled with its grid points: looks for all that a
+//! placement predicts.
 
 use super::board_model::BoardModel;
-use super::lattice::Node;
 use super::luma::LumaImage;
-use super::marker_reading;
 use super::markers::Placed;
 use super::subpixel::{Refiner, Window};
 use super::target::{Target, TargetKind};
-use crate::Rejection;
-use glam::{DMat3, DVec2, DVec3, IVec2};
+use super::turns::symmetry;
+use glam::{DVec2, IVec2};
 
-/// Corners without which no placement is trusted.
-pub(super) const CORNERS_MIN: usize = 20;
-/// Pieces of lattice smaller than this start no placement.
-const PIECE_MIN: usize = 6;
-const PIECES_TRIED: usize = 12;
-const PLACEMENTS_GROWN: usize = 4;
-/// Share of a piece's corners that may lie where the board has none.
-const PHANTOM_SHARE_MAX: f64 = 0.12;
 /// Side of squares at the level at which the board is found, px.
-const CELL_MIN_PX: f64 = 5.0;
+pub(super) const CELL_MIN_PX: f64 = 5.0;
 /// A predicted corner is looked for, and a found one kept, within this part of a cell.
 const SEARCH_CELLS: f64 = 0.25;
 /// Corners are predicted this many cells beyond labelled ones, further when none is found there.
@@ -39,7 +29,7 @@ pub(super) struct Layout<'a> {
     pub corners: Vec<(u32, u32)>,
     /// Corner that each corner goes to, for every turn that maps the board to itself. None for
     /// boards whose colours tell half-turns apart.
-    symmetries: Vec<Vec<usize>>,
+    pub symmetries: Vec<Vec<usize>>,
     /// How far from a corner, in squares, the four squares round it are plain.
     plain: f64,
     /// Markers that can be read.
@@ -74,8 +64,8 @@ impl<'a> Layout<'a> {
             corners,
             symmetries,
             plain: PLAIN_PART * gap.clamp(0.08, 0.27),
-            markers: marker_reading::printed(target),
-            unprinted: marker_reading::unprinted(target),
+            markers: printed(target),
+            unprinted: unprinted(target),
         }
     }
 
@@ -95,7 +85,7 @@ impl<'a> Layout<'a> {
 
     /// Printed squares round a grid point: 4 at X-corners, 3 at the hole's corners, which look
     /// like X-corners when the paper in the hole has the missing square's colour.
-    fn squares_round(&self, row: i64, col: i64) -> usize {
+    pub fn squares_round(&self, row: i64, col: i64) -> usize {
         let round = [(row - 1, col - 1), (row - 1, col), (row, col - 1), (row, col)];
         round.iter().filter(|(r, c)| self.target.has_square(*r, *c)).count()
     }
@@ -118,7 +108,13 @@ impl<'a> Layout<'a> {
 
     /// Whether the four squares round `px` look as the board has them, or would have them where
     /// the grid goes on.
-    fn looks_right(&self, image: &LumaImage, model: &BoardModel, grid: DVec2, px: DVec2) -> bool {
+    pub fn looks_right(
+        &self,
+        image: &LumaImage,
+        model: &BoardModel,
+        grid: DVec2,
+        px: DVec2,
+    ) -> bool {
         let (row, col) = (grid.y as i64, grid.x as i64);
         let cell = model.cell(grid);
         let (u, v) = (self.plain * cell.x_axis, self.plain * cell.y_axis);
@@ -129,141 +125,6 @@ impl<'a> Layout<'a> {
         let contrast = 0.5 * ((bright[0] + bright[1]) - (dark[0] + dark[1]));
         contrast > CONTRAST_MIN * 0.5 * (bright[0] + bright[1])
             && bright[0].min(bright[1]) - dark[0].max(dark[1]) > 0.3 * contrast
-    }
-
-    /// Finds the one placement of the pieces on the board that the picture supports.
-    ///
-    /// # Errors
-    /// [`Rejection::BoardNotFound`] when no placement fits, [`Rejection::TooFewCorners`] when one
-    /// fits but too little is seen, or several fit equally.
-    pub fn place(&self, image: &LumaImage, pieces: &[Vec<Node>]) -> Result<Labelling, Rejection> {
-        let mut placements: Vec<(f64, Labelling)> = Vec::new();
-        for piece in pieces.iter().filter(|p| p.len() >= PIECE_MIN).take(PIECES_TRIED) {
-            self.placements_of(image, piece, &mut placements);
-        }
-        placements.sort_by(|a, b| b.0.total_cmp(&a.0));
-        placements.truncate(PLACEMENTS_GROWN);
-        let mut refiner = Refiner::default();
-        let mut grown: Vec<(f64, Labelling)> = Vec::new();
-        for (_, mut labelling) in placements {
-            self.extend(&mut refiner, image, &mut labelling);
-            // Squares narrower than what tells a corner look right anywhere.
-            if self.usual_cell(&labelling) < CELL_MIN_PX {
-                continue;
-            }
-            let visible = self.visible(image, &labelling.model);
-            let seen = visible.iter().filter(|v| **v).count();
-            let found = labelling.count();
-            let score = 1.5 * found as f64 - 0.5 * seen as f64;
-            // Placements that grow into the same labelling are one, and so are those that a
-            // symmetry of the board exchanges.
-            if !grown.iter().any(|(_, other)| self.same_labels(other, &labelling)) {
-                grown.push((score, labelling));
-            }
-        }
-        grown.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let expected = self.corners.len();
-        let Some((score, best)) = grown.first() else { return Err(Rejection::BoardNotFound) };
-        let found = best.count();
-        let too_few = |needed: usize| {
-            Err(Rejection::TooFewCorners {
-                found: found as u32,
-                expected: expected as u32,
-                needed: needed.min(expected) as u32,
-            })
-        };
-        if found < CORNERS_MIN {
-            return if found >= 2 * PIECE_MIN {
-                too_few(CORNERS_MIN)
-            } else {
-                Err(Rejection::BoardNotFound)
-            };
-        }
-        if let Some((second, _)) = grown.get(1)
-            && score - second < (0.08 * found as f64).max(3.0)
-        {
-            return too_few(found + 4);
-        }
-        Ok(best.clone())
-    }
-
-    /// Whether two labellings name most corners alike, up to a symmetry of the board.
-    fn same_labels(&self, a: &Labelling, b: &Labelling) -> bool {
-        let alike = |target: &dyn Fn(usize) -> usize| {
-            let both = a.px.iter().enumerate().filter_map(|(i, p)| Some(((*p)?, b.px[target(i)]?)));
-            let (mut same, mut all) = (0, 0);
-            for (p, q) in both {
-                all += 1;
-                same += usize::from(p.distance(q) < 1.0);
-            }
-            2 * same > all
-        };
-        alike(&|i| i) || self.symmetries.iter().any(|s| alike(&|i| s[i]))
-    }
-
-    /// Scores every placement of a piece by rotation and shift.
-    fn placements_of(
-        &self,
-        image: &LumaImage,
-        piece: &[Node],
-        placements: &mut Vec<(f64, Labelling)>,
-    ) {
-        let lattice: Vec<DVec2> = piece.iter().map(|n| n.at.as_dvec2()).collect();
-        let px: Vec<DVec2> = piece.iter().map(|n| n.px).collect();
-        let Some(model) = BoardModel::fit((image.width, image.height), &lattice, &px) else {
-            return;
-        };
-        let size = IVec2::new(self.target.cols as i32, self.target.rows as i32);
-        let phantoms_max = PHANTOM_SHARE_MAX * piece.len() as f64;
-        for turn in 0..4 {
-            let turned: Vec<IVec2> = piece.iter().map(|n| rotate(n.at, turn)).collect();
-            // Phantoms may stick out on any side.
-            let (left, right) = extent(turned.iter().map(|at| at.x), phantoms_max as usize);
-            let (top, bottom) = extent(turned.iter().map(|at| at.y), phantoms_max as usize);
-            for dy in -top..=size.y - bottom {
-                for dx in -left..=size.x - right {
-                    let shift = IVec2::new(dx, dy);
-                    let phantoms = turned.iter().zip(piece).filter(|(at, node)| {
-                        let p = **at + shift;
-                        let (row, col) = (i64::from(p.y), i64::from(p.x));
-                        let white = self.target.is_white(row, col) ^ (turn % 2 == 1);
-                        node.bright != white || self.squares_round(row, col) < 3
-                    });
-                    let phantoms = phantoms.count();
-                    if phantoms as f64 > phantoms_max {
-                        continue;
-                    }
-                    // Board grid to lattice: shift back, turn back.
-                    let board = model.in_grid(lattice_of_board(turn, shift));
-                    let visible = self.visible(image, &board);
-                    let (mut matched, mut missed) = (0.0, 0.0);
-                    for i in (0..self.corners.len()).filter(|&i| visible[i]) {
-                        if self.looks_right(
-                            image,
-                            &board,
-                            self.grid(i),
-                            board.project(self.grid(i)),
-                        ) {
-                            matched += 1.0;
-                        } else {
-                            missed += 1.0;
-                        }
-                    }
-                    let mut found = vec![None; self.corners.len()];
-                    for (at, node) in turned.iter().zip(piece) {
-                        let p = *at + shift;
-                        let at = (p.y.max(0) as u32, p.x.max(0) as u32);
-                        if let Ok(i) = self.corners.binary_search(&at)
-                            && self.looks_right(image, &board, self.grid(i), node.px)
-                        {
-                            found[i] = Some(node.px);
-                        }
-                    }
-                    let score = matched - 0.5 * missed - 2.0 * phantoms as f64;
-                    placements.push((score, Labelling { px: found, model: board }));
-                }
-            }
-        }
     }
 
     /// Looks for predicted corners, outward from labelled ones, until none is added.
@@ -406,67 +267,28 @@ fn smallest_side(model: &BoardModel, grid: DVec2) -> f64 {
     cell.x_axis.length().min(cell.y_axis.length())
 }
 
-/// Least and greatest of the numbers when so many are left out at each end.
-fn extent(values: impl Iterator<Item = i32>, left_out: usize) -> (i32, i32) {
-    let mut sorted: Vec<i32> = values.collect();
-    sorted.sort_unstable();
-    (sorted[left_out], sorted[sorted.len() - 1 - left_out])
-}
-
-/// Quarter turns clockwise as displayed.
-fn rotate(p: IVec2, turn: usize) -> IVec2 {
-    match turn {
-        0 => p,
-        1 => IVec2::new(-p.y, p.x),
-        2 => -p,
-        _ => IVec2::new(p.y, -p.x),
-    }
-}
-
-/// Grid point of the board at a lattice position of a piece placed by turn and shift.
-pub(super) fn board_of_lattice(at: IVec2, turn: usize, shift: IVec2) -> IVec2 {
-    rotate(at, turn) + shift
-}
-
-/// Homogeneous map from board grid to lattice positions; undoes `rotate` by `turn`, then `shift`.
-fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
-    let back = (4 - turn) % 4;
-    let (x, y) = (rotate(IVec2::X, back).as_dvec2(), rotate(IVec2::Y, back).as_dvec2());
-    let origin = rotate(-shift, back).as_dvec2();
-    DMat3::from_cols(x.extend(0.0), y.extend(0.0), DVec3::new(origin.x, origin.y, 1.0))
-}
-
-/// Where corners go when the board is turned by quarter turns about its centre, if that leaves it
-/// unchanged.
-fn symmetry(target: &Target, corners: &[(u32, u32)], turn: usize) -> Option<Vec<usize>> {
-    if turn % 2 == 1 && target.rows != target.cols {
-        return None;
-    }
-    // Twice the offset from the centre stays whole for corners and squares alike.
-    let (rows, cols) = (target.rows as i32, target.cols as i32);
-    let turned = |row2: i32, col2: i32| {
-        let p = rotate(IVec2::new(col2 - cols, row2 - rows), turn) + IVec2::new(cols, rows);
-        (p.y, p.x)
-    };
-    for row in 0..rows {
-        for col in 0..cols {
-            let (row2, col2) = turned(2 * row + 1, 2 * col + 1);
-            let (r, c) = (i64::from(row2 / 2), i64::from(col2 / 2));
-            let (row, col) = (i64::from(row), i64::from(col));
-            let printed = target.has_square(row, col);
-            if printed != target.has_square(r, c)
-                || (printed && target.is_white(row, col) != target.is_white(r, c))
-            {
-                return None;
-            }
-        }
-    }
-    corners
-        .iter()
-        .map(|&(row, col)| {
-            let (row2, col2) = turned(2 * row as i32, 2 * col as i32);
-            corners.binary_search(&((row2 / 2) as u32, (col2 / 2) as u32)).ok()
+/// Markers of the ring as (column, row), none where the board has none that are known.
+fn printed(target: &Target) -> Vec<Placed> {
+    let squares = (0..i64::from(target.rows))
+        .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
+    squares
+        .filter_map(|(row, col)| {
+            let marker = target.marker(row, col)?;
+            Some(Placed { square: IVec2::new(col as i32, row as i32), marker })
         })
+        .collect()
+}
+
+/// White squares of the grid, and of two rows and columns beyond, where no marker is printed.
+fn unprinted(target: &Target) -> Vec<IVec2> {
+    if printed(target).is_empty() {
+        return Vec::new();
+    }
+    let squares = (-2..i64::from(target.rows) + 2)
+        .flat_map(|row| (-2..i64::from(target.cols) + 2).map(move |col| (row, col)));
+    squares
+        .filter(|&(row, col)| target.is_white(row, col) && !target.has_square(row, col))
+        .map(|(row, col)| IVec2::new(col as i32, row as i32))
         .collect()
 }
 
@@ -491,18 +313,6 @@ mod tests {
             let mut sorted = symmetry.clone();
             sorted.sort_unstable();
             assert!(sorted.into_iter().eq(0..layout.corners.len()));
-        }
-    }
-
-    #[test]
-    fn quarter_turns_and_shifts_are_undone() {
-        for turn in 0..4 {
-            let shift = IVec2::new(3, -7);
-            let back = lattice_of_board(turn, shift);
-            for p in [IVec2::new(0, 0), IVec2::new(5, 2), IVec2::new(-1, 4)] {
-                let board = (rotate(p, turn) + shift).as_dvec2();
-                assert_eq!((back * board.extend(1.0)).truncate(), p.as_dvec2());
-            }
         }
     }
 }

@@ -3,10 +3,11 @@
 
 use super::board_model::BoardModel;
 use super::lattice::Node;
-use super::layout::{Labelling, Layout, board_of_lattice};
+use super::layout::{Labelling, Layout};
 use super::luma::LumaImage;
 use super::markers::{Dictionary, Placed};
 use super::target::{Target, TargetKind};
+use super::turns::board_of_lattice;
 use glam::{DVec2, IVec2};
 use std::collections::HashMap;
 
@@ -30,34 +31,9 @@ const DEPTHS: [f64; 19] = [
     2.0, 2.24, 2.52,
 ];
 
-/// Markers of the ring as (column, row), none where the board has none that are known.
-pub(super) fn printed(target: &Target) -> Vec<Placed> {
-    let squares = (0..i64::from(target.rows))
-        .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
-    squares
-        .filter_map(|(row, col)| {
-            let marker = target.marker(row, col)?;
-            Some(Placed { square: IVec2::new(col as i32, row as i32), marker })
-        })
-        .collect()
-}
-
 /// The level of the pyramid (full size first) on which squares of so many px at `level` are read.
 pub(super) fn reading_level(square_px: f64, level: usize) -> usize {
     (0..=level).rev().find(|k| square_px * f64::from(1 << (level - k)) >= SQUARE_PX).unwrap_or(0)
-}
-
-/// White squares of the grid, and of two rows and columns beyond, where no marker is printed.
-pub(super) fn unprinted(target: &Target) -> Vec<IVec2> {
-    if printed(target).is_empty() {
-        return Vec::new();
-    }
-    let squares = (-2..i64::from(target.rows) + 2)
-        .flat_map(|row| (-2..i64::from(target.cols) + 2).map(move |col| (row, col)));
-    squares
-        .filter(|&(row, col)| target.is_white(row, col) && !target.has_square(row, col))
-        .map(|(row, col)| IVec2::new(col as i32, row as i32))
-        .collect()
 }
 
 /// How many visible markers say what the labelling says, and how many clearly say something else:

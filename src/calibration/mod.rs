@@ -32,10 +32,12 @@ mod marker_reading;
 mod markers;
 mod paper;
 pub mod photometry;
+mod placement;
 mod pose;
 mod projection;
 mod subpixel;
 mod target;
+mod turns;
 
 pub use camera_estimation::{
     CameraEstimate, CameraPrior, ViewEstimate, estimate_camera, estimate_camera_and_paper,

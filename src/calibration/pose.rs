@@ -10,6 +10,7 @@ use super::projection::{Projection, moved};
 use super::target::{Target, TargetKind};
 use crate::Rejection;
 use crate::geometry::{Camera, Homography, Pose};
+use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
@@ -33,6 +34,16 @@ const TRIM_SIGMA: f64 = 3.5;
 const TRIM_MIN_PX: f64 = 0.15;
 /// The second pose must be this much worse: difference of squared residuals over noise variance.
 const SECOND_POSE_CHI2_MIN: f64 = 16.0;
+
+/// How a pose is refined.
+const REFINEMENT: Options = Options {
+    max_steps: 50,
+    max_trials: 10,
+    damping: 1e-4,
+    min_damping: 1e-12,
+    min_gain: 1e-12,
+    descent: true,
+};
 
 /// A pose and how well it is known.
 #[derive(Debug, Clone, PartialEq)]
@@ -230,7 +241,7 @@ impl Problem<'_> {
         let mut pose = start;
         let mut median = f64::INFINITY;
         for _ in 0..6 {
-            pose = self.refine(pose, &inliers);
+            pose = self.refine(pose, &inliers).0;
             let residuals = self.residuals(&pose);
             let mut sorted = residuals.clone();
             sorted.sort_unstable_by(f64::total_cmp);
@@ -243,39 +254,14 @@ impl Problem<'_> {
             }
             inliers = next;
         }
-        let pose = self.refine(pose, &inliers);
-        let cost = self.cost(&pose, &inliers);
+        let (pose, cost) = self.refine(pose, &inliers);
         Fit { pose, inliers, cost, median }
     }
 
-    fn refine(&self, mut pose: Pose, inliers: &[bool]) -> Pose {
-        let mut cost = self.cost(&pose, inliers);
-        let mut damping = 1e-4;
-        for _ in 0..50 {
-            let (normal, gradient) = self.normal_equations(&pose, inliers);
-            let mut improved = false;
-            for _ in 0..10 {
-                let mut damped = normal;
-                for i in 0..6 {
-                    damped[(i, i)] *= 1.0 + damping;
-                }
-                if let Some(factor) = damped.cholesky() {
-                    let next = moved(&pose, &(-factor.solve(&gradient)).into());
-                    let next_cost = self.cost(&next, inliers);
-                    if next_cost < cost {
-                        improved = cost - next_cost > 1e-12 * cost;
-                        (pose, cost) = (next, next_cost);
-                        damping = (0.1 * damping).max(1e-12);
-                        break;
-                    }
-                }
-                damping *= 8.0;
-            }
-            if !improved {
-                break;
-            }
-        }
-        pose
+    /// The minimum next to a pose, and its cost.
+    fn refine(&self, pose: Pose, inliers: &[bool]) -> (Pose, f64) {
+        let (pose, summary) = minimise(&Trimmed { problem: self, inliers }, pose, &REFINEMENT);
+        (pose, summary.cost)
     }
 
     fn residuals(&self, pose: &Pose) -> Vec<f64> {
@@ -308,6 +294,34 @@ impl Problem<'_> {
             }
         }
         (normal, gradient)
+    }
+}
+
+/// The problem on the corners that take part.
+struct Trimmed<'a> {
+    problem: &'a Problem<'a>,
+    inliers: &'a [bool],
+}
+
+impl LeastSquares for Trimmed<'_> {
+    type State = Pose;
+    type Equations = (SMatrix<f64, 6, 6>, SVector<f64, 6>);
+
+    fn cost(&self, pose: &Pose) -> f64 {
+        self.problem.cost(pose, self.inliers)
+    }
+
+    fn linearise(&self, pose: &Pose) -> Self::Equations {
+        self.problem.normal_equations(pose, self.inliers)
+    }
+
+    fn step(
+        &self,
+        pose: &Pose,
+        (normal, gradient): &Self::Equations,
+        damping: f64,
+    ) -> Option<Pose> {
+        Some(moved(pose, &damped_step(normal, gradient, damping)?.into()))
     }
 }
 

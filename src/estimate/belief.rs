@@ -1,9 +1,9 @@
 //! What is believed of the maps between two phases.
 
+use super::correction::Offset;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
-use super::correction::Offset;
 use crate::{Result, Svbrdf};
 
 /// The maps, and the prior that the next steps of the solver hold them to.

@@ -10,7 +10,9 @@ use super::latent::LatentFit;
 use super::lights::LightFit;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
-use super::schedule::{LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows};
+use super::schedule::{
+    LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows,
+};
 use super::solver::Solver;
 use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
@@ -39,8 +41,10 @@ pub(crate) fn first_maps(networks: &Networks, observation: &Observation) -> Resu
 }
 
 /// What a step did.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Step {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// What it was a step of; `None` where nothing was left to do.
+    pub phase: Option<Phase>,
     /// Mean log-L1 over all photographs.
     pub loss: f32,
     /// Fraction of the work on the photographs so far that is done; never goes back.
@@ -168,11 +172,6 @@ impl Estimation {
     /// Mean log-L1 over all photographs.
     pub fn loss(&self) -> f32 {
         self.loss
-    }
-
-    /// The phase in progress.
-    pub fn phase(&self) -> Option<Phase> {
-        self.position.map(|at| self.rows()[at.row].phase)
     }
 
     /// Adds a photograph, the first with the maps to start from. `changes` better what is known of
@@ -308,9 +307,11 @@ impl Estimation {
     /// # Errors
     /// When a network is broken or a loss is not finite.
     pub fn step(&mut self, meter: &mut Meter) -> Result<Step> {
+        let mut phase = None;
         if let Some(at) = self.position {
             let rows = self.rows();
             let row = rows[at.row];
+            phase = Some(if at.part == Part::Phase { row.phase } else { Phase::Maps });
             let ended = if row.phase != Phase::Latent && meter.exhausted(1.0) {
                 self.end(Some(Cut::Budget));
                 false
@@ -330,7 +331,7 @@ impl Estimation {
             }
         }
         self.fraction = if self.is_done() { 1.0 } else { self.fraction.max(self.fraction_done()) };
-        Ok(Step { loss: self.loss, fraction: self.fraction, done: self.is_done() })
+        Ok(Step { phase, loss: self.loss, fraction: self.fraction, done: self.is_done() })
     }
 
     /// Fraction of the work that is done, by what its parts cost.

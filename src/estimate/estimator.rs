@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
-use super::estimation::{Change, Estimation, Method, Task, first_maps};
+use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
 use super::updates::FitRecord;
 use crate::initial_estimate::Networks;
@@ -15,6 +15,7 @@ use crate::{Result, Svbrdf};
 pub struct Estimator {
     networks: Arc<Networks>,
     estimation: Estimation,
+    meter: Meter,
     start: Option<Svbrdf>,
 }
 
@@ -33,7 +34,8 @@ impl Estimator {
     ) -> Self {
         let task = Task { method, refine, free_lights: true };
         let estimation = Estimation::new(networks.clone(), task, options);
-        Self { networks, estimation, start: None }
+        let meter = Meter::new(Budget::default(), 0.0, 0);
+        Self { networks, estimation, meter, start: None }
     }
 
     /// Begins from given maps, of the size of the photographs, in place of the photo network's.
@@ -77,14 +79,29 @@ impl Estimator {
         self.estimation.frames()
     }
 
+    /// One step.
+    ///
+    /// # Errors
+    /// When a network is broken.
+    pub fn step(&mut self) -> Result<Step> {
+        self.estimation.step(&mut self.meter)
+    }
+
+    /// The maps as they are now.
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn maps(&self) -> Result<Svbrdf> {
+        self.estimation.maps()
+    }
+
     /// Steps until nothing is left to do; returns the maps.
     ///
     /// # Errors
     /// Without photographs, or when a network is broken.
     pub fn settle(&mut self) -> Result<Svbrdf> {
-        let mut meter = Meter::new(Budget::default(), 0.0, 0);
-        while !self.estimation.step(&mut meter)?.done {}
-        self.estimation.maps()
+        while !self.step()?.done {}
+        self.maps()
     }
 }
 

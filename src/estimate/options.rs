@@ -572,7 +572,8 @@ mod tests {
 
     #[test]
     fn a_file_names_what_differs_only() {
-        let text = r#"{ "solver": { "max_step": 0.2 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
+        let text =
+            r#"{ "solver": { "max_step": 0.2 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
         let options: EstimateOptions = serde_json::from_str(text).unwrap();
         assert_eq!(options.solver.max_step, 0.2);
         assert_eq!(options.solver.ease, SolverOptions::default().ease);

@@ -87,7 +87,8 @@ impl Photographs {
         change(observation);
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
-        let (last, mut small) = (self.levels.last().map_or(0, |(h, _)| *h), Cow::Borrowed(&*observation));
+        let (last, mut small) =
+            (self.levels.last().map_or(0, |(h, _)| *h), Cow::Borrowed(&*observation));
         for halvings in 1..=last {
             small = Cow::Owned(small.downsampled());
             if let Some((_, level)) = self.levels.iter_mut().find(|(h, _)| *h == halvings) {

@@ -125,9 +125,9 @@ impl Estimation {
         let belief = self.belief.iter().flat_map(|b| [&b.maps, &b.base, &b.mean]);
         let rows = self.rows();
         let phase = self.position.and_then(|at| Some(rows.get(at.row)?.phase));
-        let round = self.position.is_none_or(|at| {
-            at.settled(&rows) == Some(at) && at.round < rows[at.row].rounds
-        });
+        let round = self
+            .position
+            .is_none_or(|at| at.settled(&rows) == Some(at) && at.round < rows[at.row].rounds);
         let has_belief = deep && phase.is_some_and(|phase| phase != Phase::Latent);
         if begun == self.maps.is_none()
             || self.maps.iter().chain(belief).any(|maps| !fits(maps))

@@ -21,7 +21,7 @@ use super::options::{EstimateOptions, ScheduleOptions};
 
 /// What changes the belief.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Phase {
+pub enum Phase {
     /// Fits the latent code.
     Latent,
     /// Pools gloss of the base.
@@ -85,7 +85,10 @@ pub(crate) fn rows(photographs: usize, lights: LightsKnown, options: &ScheduleOp
         (1, row(Phase::Maps, usize::from(photographs < o.slopes_from), o.single_steps, 0)),
         (o.slopes_from, row(Phase::Slopes, 1, o.steps_before_slopes, slopes_after)),
         (o.classes_from, row(Phase::Classes, 1, 0, o.steps_after_classes)),
-        (o.residuals_from, row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals)),
+        (
+            o.residuals_from,
+            row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals),
+        ),
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;

@@ -120,8 +120,13 @@ impl Estimation {
     fn lights_step(&mut self, turn: bool) -> bool {
         let (Some(belief), Some(at)) = (&mut self.belief, self.position) else { return true };
         if !matches!(self.work, Work::Lights(_)) {
-            match Self::lights(&self.photographs, belief, self.task.free_lights, turn, &self.options)
-            {
+            match Self::lights(
+                &self.photographs,
+                belief,
+                self.task.free_lights,
+                turn,
+                &self.options,
+            ) {
                 Some(fit) => self.work = Work::Lights(Box::new(fit)),
                 None => return true,
             }

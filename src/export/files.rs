@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageBuffer};
 
-use super::floats::write_channels;
 use crate::{Error, Result};
 
 /// Writes a file under a temporary name in the same folder, then renames it, so that nothing
@@ -76,7 +75,7 @@ pub(super) fn quantise(value: f32) -> u16 {
 }
 
 /// Checks that `rgb` holds three planes.
-fn check_planes(width: usize, height: usize, rgb: &[f32]) -> Result<()> {
+pub(super) fn check_planes(width: usize, height: usize, rgb: &[f32]) -> Result<()> {
     if width == 0 || height == 0 || rgb.len() != 3 * width * height {
         let found = rgb.len();
         let message = format!("{found} values given, three planes of {width} x {height} expected");
@@ -98,20 +97,4 @@ pub fn write_png16_image(
     check_planes(width, height, rgb)?;
     let n = width * height;
     write_png(path.as_ref(), &rgb16(width, height, |i| [rgb[i], rgb[n + i], rgb[2 * n + i]]))
-}
-
-/// Writes three planes (R, G, B) of linear values as a float EXR picture.
-///
-/// # Errors
-/// When the sizes do not fit or the file cannot be written.
-pub fn write_exr_image(
-    path: impl AsRef<Path>,
-    width: usize,
-    height: usize,
-    rgb: &[f32],
-) -> Result<()> {
-    check_planes(width, height, rgb)?;
-    let planes = ["R", "G", "B"].into_iter().zip(rgb.chunks_exact(width * height));
-    let planes = planes.map(|(name, plane)| (name, plane.to_vec())).collect();
-    write_channels(path.as_ref(), width, height, planes)
 }

@@ -10,7 +10,7 @@ use exr::prelude::{
     ReadLayers, WritableImage, read,
 };
 
-use super::files::write_atomic;
+use super::files::{check_planes, write_atomic};
 use crate::frame::MAX_PIXELS;
 use crate::{Error, Result};
 
@@ -39,6 +39,22 @@ pub fn write_channels(
         .to_buffered(&mut bytes)
         .map_err(|e| Error::Image { path: path.to_owned(), message: e.to_string() })?;
     write_atomic(path, bytes.get_ref())
+}
+
+/// Writes three planes (R, G, B) of linear values as a float EXR picture.
+///
+/// # Errors
+/// When the sizes do not fit or the file cannot be written.
+pub fn write_exr_image(
+    path: impl AsRef<Path>,
+    width: usize,
+    height: usize,
+    rgb: &[f32],
+) -> Result<()> {
+    check_planes(width, height, rgb)?;
+    let planes = ["R", "G", "B"].into_iter().zip(rgb.chunks_exact(width * height));
+    let planes = planes.map(|(name, plane)| (name, plane.to_vec())).collect();
+    write_channels(path.as_ref(), width, height, planes)
 }
 
 /// Size and channels of a file.

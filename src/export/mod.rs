@@ -9,7 +9,8 @@ mod maps;
 mod preview;
 mod resample;
 
-pub use files::{check_writable, write_atomic, write_exr_image, write_png16_image};
+pub use files::{check_writable, write_atomic, write_png16_image};
+pub use floats::write_exr_image;
 pub use maps::{read_maps, write_maps};
 pub use preview::write_preview;
 pub use resample::resized;

@@ -1,28 +1,16 @@
 //! Buffers as cameras and graphics interfaces hand them over: planes with strides, in any of the
 //! usual layouts, turned upright.
-//!
-//! Planes are bytes with strides in bytes, values in the machine's byte order, so that no
-//! alignment is asked for.
 
 mod bayer;
 
 use half::f16;
 
-use super::{Encoding, MAX_PIXELS, Photo};
+use super::encoding::Encoding;
+use super::photo::Photo;
+use super::plane::{Plane, Reader, Rotation};
 use crate::{Error, Result};
 
 pub use bayer::{Bayer, BayerPattern};
-
-/// A plane of a picture in memory.
-#[derive(Debug, Clone, Copy)]
-pub struct Plane<'a> {
-    /// The bytes, at least up to the last pixel; what lies behind is not looked at.
-    pub data: &'a [u8],
-    /// Bytes from a row to the next.
-    pub row_stride: usize,
-    /// Bytes from a pixel to the next; 0: no gap between pixels.
-    pub pixel_stride: usize,
-}
 
 /// Layout of interleaved pixels. A fourth channel is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,20 +43,6 @@ impl Interleaved {
             Self::RgbaF32 => 16,
         }
     }
-}
-
-/// How far a buffer is turned clockwise to stand upright.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Rotation {
-    /// It stands upright.
-    #[default]
-    None,
-    /// By 90 degrees.
-    Quarter,
-    /// By 180 degrees.
-    Half,
-    /// By 270 degrees.
-    ThreeQuarters,
 }
 
 /// How luma and chroma were made from R'G'B'.
@@ -164,65 +138,6 @@ impl Photo {
     }
 }
 
-/// A plane whose pixels are known to lie inside its bytes.
-struct Reader<'a> {
-    data: &'a [u8],
-    width: usize,
-    height: usize,
-    row: usize,
-    pixel: usize,
-    bytes: usize,
-}
-
-impl<'a> Reader<'a> {
-    fn new([width, height]: [u32; 2], plane: Plane<'a>, bytes: usize) -> Result<Self> {
-        let pixels = u64::from(width) * u64::from(height);
-        if pixels == 0 || pixels > MAX_PIXELS {
-            let message = format!("{width} x {height} px given, 1 to {MAX_PIXELS} pixels expected");
-            return Err(Error::argument("width, height", message));
-        }
-        let (width, height) = (width as usize, height as usize);
-        let pixel = if plane.pixel_stride == 0 { bytes } else { plane.pixel_stride };
-        let row = plane.row_stride;
-        let line = (width - 1).checked_mul(pixel).and_then(|n| n.checked_add(bytes));
-        let total = line.and_then(|line| row.checked_mul(height - 1)?.checked_add(line));
-        let (Some(line), Some(total)) = (line, total) else {
-            return Err(Error::argument("stride", "width or height times stride overflows"));
-        };
-        if pixel < bytes || (height > 1 && row < line) {
-            let message = format!(
-                "{row} bytes a row and {pixel} a pixel given, at least {line} and {bytes} expected"
-            );
-            return Err(Error::argument("stride", message));
-        }
-        if plane.data.len() < total {
-            let message = format!("{} bytes given, {total} expected", plane.data.len());
-            return Err(Error::argument("plane size", message));
-        }
-        Ok(Self { data: plane.data, width, height, row, pixel, bytes })
-    }
-
-    fn pixels(&self) -> usize {
-        self.width * self.height
-    }
-
-    #[inline]
-    fn at(&self, x: usize, y: usize) -> &'a [u8] {
-        let i = y * self.row + x * self.pixel;
-        &self.data[i..i + self.bytes]
-    }
-
-    fn gather<T>(&self, value: impl Fn(&[u8]) -> [T; 3]) -> Vec<T> {
-        let mut rgb = Vec::with_capacity(3 * self.pixels());
-        for y in 0..self.height {
-            for x in 0..self.width {
-                rgb.extend(value(self.at(x, y)));
-            }
-        }
-        rgb
-    }
-}
-
 /// Chroma at a pixel from the four samples round it: they lie in the middle of 2 x 2 pixels.
 #[inline]
 fn between(plane: &Reader, x: usize, y: usize) -> f32 {
@@ -276,32 +191,6 @@ impl YuvCoefficients {
         [y + self.red_v * v, y + self.green_u * u + self.green_v * v, y + self.blue_u * u]
             // The conversion saturates: below 0 and above 255 are cut off.
             .map(|v| (v + 0.5) as u8)
-    }
-}
-
-impl Rotation {
-    fn size(self, [width, height]: [u32; 2]) -> [u32; 2] {
-        match self {
-            Self::None | Self::Half => [width, height],
-            Self::Quarter | Self::ThreeQuarters => [height, width],
-        }
-    }
-
-    /// Turns interleaved RGB of `width` x `height` pixels.
-    fn apply<T: Copy>(self, [width, height]: [u32; 2], rgb: Vec<T>) -> Vec<T> {
-        let (w, h) = (width as usize, height as usize);
-        let mut out = Vec::new();
-        let mut push = |x: usize, y: usize| {
-            let i = 3 * (y * w + x);
-            out.extend_from_slice(&rgb[i..i + 3]);
-        };
-        match self {
-            Self::None => return rgb,
-            Self::Quarter => (0..w).for_each(|x| (0..h).rev().for_each(|y| push(x, y))),
-            Self::Half => (0..h).rev().for_each(|y| (0..w).rev().for_each(|x| push(x, y))),
-            Self::ThreeQuarters => (0..w).rev().for_each(|x| (0..h).for_each(|y| push(x, y))),
-        }
-        out
     }
 }
 

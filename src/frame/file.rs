@@ -5,7 +5,9 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::{Encoding, MAX_PIXELS, Photo, exif};
+use super::encoding::Encoding;
+use super::exif;
+use super::photo::{MAX_PIXELS, Photo};
 use crate::{Error, Result};
 
 /// Largest file read, bytes.
@@ -26,7 +28,7 @@ impl Photo {
         let path = path.as_ref();
         let (picture, focal_35mm) = read_with_focal(path)?;
         let photo = Self::from_picture(path, picture, encoding, exposure)?;
-        Ok(Self { focal_35mm, ..photo })
+        Ok(photo.with_focal_35mm(focal_35mm))
     }
 
     /// As [`Photo::read`] with the contents of the file.
@@ -37,7 +39,7 @@ impl Photo {
         let path = Path::new("(memory)");
         let (picture, focal_35mm) = decode(path, bytes)?;
         let photo = Self::from_picture(path, picture, encoding, exposure)?;
-        Ok(Self { focal_35mm, ..photo })
+        Ok(photo.with_focal_35mm(focal_35mm))
     }
 
     fn from_picture(

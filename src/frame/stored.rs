@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::{Encoding, Photo, Pixels};
+use super::encoding::Encoding;
+use super::photo::{Photo, Pixels};
 use crate::Result;
 
 /// Interleaved RGB as a photograph holds it.
@@ -47,17 +48,17 @@ impl Photo {
         exposure: f32,
         saturation: f32,
     ) -> Result<Self> {
-        let photo = match stored {
+        match stored {
             Stored::U8(data, encoding) => {
-                Self::from_u8(width, height, data.into_owned(), encoding, exposure)?
+                Self::from_u8(width, height, data.into_owned(), encoding, exposure)
             }
             Stored::U16(data, encoding) => {
-                Self::from_u16(width, height, data.into_owned(), encoding, exposure)?
+                Self::from_u16(width, height, data.into_owned(), encoding, exposure)
             }
             Stored::F32(data) => {
-                Self::from_linear(width, height, data.into_owned(), exposure, saturation)?
+                Self::from_linear(width, height, data.into_owned(), exposure, saturation)
             }
-        };
-        Ok(Self { saturation, ..photo })
+        }
+        .map(|photo| photo.with_saturation(saturation))
     }
 }

@@ -1,8 +1,8 @@
 //! From the file's list of layers to nodes: a convolution each, with what is fused into it.
 
 use super::container::{Container, Layer, channels, fault};
-use crate::Result;
 use crate::svbrdf::CHANNELS;
+use crate::{Error, Result};
 
 /// What a node computes before its bias.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +56,44 @@ pub(super) struct Graph {
 
 impl Graph {
     pub fn build(file: &Container) -> Result<Self> {
-        let mut nodes = vec![Node {
+        let mut builder = Builder::new(file);
+        for (index, layer) in file.layers.iter().enumerate() {
+            builder.layer(layer).map_err(|what| match what {
+                Refused::Here(what) => fault(format!("layer {index}: {what}")),
+                Refused::File(error) => error,
+            })?;
+        }
+        builder.finish()
+    }
+}
+
+/// Why a layer is not taken.
+enum Refused {
+    /// What is wrong with it where it stands.
+    Here(&'static str),
+    /// A fault of the file.
+    File(Error),
+}
+
+impl From<Error> for Refused {
+    fn from(error: Error) -> Self {
+        Self::File(error)
+    }
+}
+
+/// A graph as far as its layers have been read.
+struct Builder<'a> {
+    file: &'a Container,
+    nodes: Vec<Node>,
+    /// Tensors that an addition is still to come for.
+    saved: Vec<Saved>,
+    block: Option<usize>,
+    ended: bool,
+}
+
+impl<'a> Builder<'a> {
+    fn new(file: &'a Container) -> Self {
+        let input = Node {
             kind: Kind::Input,
             inputs: file.code_channels,
             outputs: file.code_channels,
@@ -68,80 +105,72 @@ impl Graph {
             leaky: false,
             used_before: Vec::new(),
             used_after: Vec::new(),
-        }];
-        let mut saved: Vec<Saved> = Vec::new();
-        let mut block = None;
-        let mut ended = false;
-        for (index, layer) in file.layers.iter().enumerate() {
-            let here = nodes.len() - 1;
-            let unsupported = |what: &str| Err(fault(format!("layer {index}: {what}")));
-            if ended || (block.is_some() && !matches!(layer, Layer::Tanh {})) {
-                return unsupported("nothing may follow the output");
-            }
-            match *layer {
-                Layer::Conv { kernel, inputs, outputs, weight, bias } => {
-                    if kernel != 1 && kernel != 3 {
-                        return unsupported("kernels are 1x1 or 3x3");
-                    }
-                    let kind = Kind::Conv { kernel: kernel as usize };
-                    nodes.push(convolution(
-                        file,
-                        &nodes[here],
-                        kind,
-                        inputs,
-                        outputs,
-                        weight,
-                        bias,
-                    )?);
-                }
-                Layer::ConvTranspose { inputs, outputs, weight, bias } => {
-                    let kind = Kind::ConvTranspose;
-                    nodes.push(convolution(
-                        file,
-                        &nodes[here],
-                        kind,
-                        inputs,
-                        outputs,
-                        weight,
-                        bias,
-                    )?);
-                }
-                Layer::LeakyRelu {} => {
-                    if nodes[here].leaky {
-                        return unsupported("two activations in a row");
-                    }
-                    nodes[here].leaky = true;
-                }
-                Layer::Save {} => saved.push(Saved { node: here, activated: nodes[here].leaky }),
-                Layer::Add {} => {
-                    let Some(source) = saved.pop() else {
-                        return unsupported("nothing was saved");
-                    };
-                    let from = &nodes[source.node];
-                    let node = &nodes[here];
-                    if source.node == here || node.leaky || node.add.is_some() {
-                        return unsupported("an addition must follow a convolution");
-                    }
-                    if saved.iter().any(|s| s.node == here) {
-                        return unsupported("a tensor saved before an addition to it");
-                    }
-                    if from.outputs != node.outputs || from.scale != node.scale {
-                        return unsupported("the tensors to add differ in size");
-                    }
-                    nodes[here].add = Some(source);
-                    let users = &mut nodes[source.node];
-                    if source.activated { &mut users.used_after } else { &mut users.used_before }
-                        .push(here);
-                }
-                Layer::DepthToSpace { block: side } => {
-                    if !(1..=16).contains(&side) {
-                        return unsupported("blocks are 1 to 16 texels wide");
-                    }
-                    block = Some(side as usize);
-                }
-                Layer::Tanh {} => ended = true,
-            }
+        };
+        Self { file, nodes: vec![input], saved: Vec::new(), block: None, ended: false }
+    }
+
+    fn layer(&mut self, layer: &Layer) -> std::result::Result<(), Refused> {
+        let here = self.nodes.len() - 1;
+        if self.ended || (self.block.is_some() && !matches!(layer, Layer::Tanh {})) {
+            return Err(Refused::Here("nothing may follow the output"));
         }
+        match *layer {
+            Layer::Conv { kernel, inputs, outputs, weight, bias } => {
+                if kernel != 1 && kernel != 3 {
+                    return Err(Refused::Here("kernels are 1x1 or 3x3"));
+                }
+                let kind = Kind::Conv { kernel: kernel as usize };
+                let node = &self.nodes[here];
+                let node = convolution(self.file, node, kind, inputs, outputs, weight, bias)?;
+                self.nodes.push(node);
+            }
+            Layer::ConvTranspose { inputs, outputs, weight, bias } => {
+                let (kind, node) = (Kind::ConvTranspose, &self.nodes[here]);
+                let node = convolution(self.file, node, kind, inputs, outputs, weight, bias)?;
+                self.nodes.push(node);
+            }
+            Layer::LeakyRelu {} => {
+                if self.nodes[here].leaky {
+                    return Err(Refused::Here("two activations in a row"));
+                }
+                self.nodes[here].leaky = true;
+            }
+            Layer::Save {} => {
+                self.saved.push(Saved { node: here, activated: self.nodes[here].leaky });
+            }
+            Layer::Add {} => self.add(here).map_err(Refused::Here)?,
+            Layer::DepthToSpace { block } => {
+                if !(1..=16).contains(&block) {
+                    return Err(Refused::Here("blocks are 1 to 16 texels wide"));
+                }
+                self.block = Some(block as usize);
+            }
+            Layer::Tanh {} => self.ended = true,
+        }
+        Ok(())
+    }
+
+    /// Adds the tensor saved last to the result of the latest convolution.
+    fn add(&mut self, here: usize) -> std::result::Result<(), &'static str> {
+        let source = self.saved.pop().ok_or("nothing was saved")?;
+        let (from, node) = (&self.nodes[source.node], &self.nodes[here]);
+        if source.node == here || node.leaky || node.add.is_some() {
+            return Err("an addition must follow a convolution");
+        }
+        if self.saved.iter().any(|s| s.node == here) {
+            return Err("a tensor saved before an addition to it");
+        }
+        if from.outputs != node.outputs || from.scale != node.scale {
+            return Err("the tensors to add differ in size");
+        }
+        self.nodes[here].add = Some(source);
+        let users = &mut self.nodes[source.node];
+        if source.activated { &mut users.used_after } else { &mut users.used_before }.push(here);
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Graph> {
+        let Self { file, nodes, saved, block, ended } = self;
         let block = block.unwrap_or(1);
         let last = &nodes[nodes.len() - 1];
         if !ended || last.leaky || nodes.len() < 2 {
@@ -157,7 +186,7 @@ impl Graph {
                 last.outputs, last.scale, file.stride
             )));
         }
-        Ok(Self { nodes, stride: file.stride, slope: file.leaky_slope, block })
+        Ok(Graph { nodes, stride: file.stride, slope: file.leaky_slope, block })
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::Decoder;
 use super::graph::Graph;
 use super::kernels::{Scratch, Size, block_rows, scratch_needs};
 use crate::svbrdf::CHANNELS;
@@ -39,12 +38,8 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// For codes of `height` rows and `width` columns.
-    ///
-    /// # Errors
-    /// When a side is zero or the maps would have more than 8192 texels along a side.
-    pub fn new(decoder: &Decoder, height: usize, width: usize) -> Result<Self> {
-        let graph: &Graph = &decoder.graph;
+    /// Buffers for a graph.
+    pub(super) fn of_graph(graph: &Graph, height: usize, width: usize) -> Result<Self> {
         let limit = MAX_TEXELS / graph.stride;
         if !(1..=limit).contains(&height) || !(1..=limit).contains(&width) {
             return Err(Error::argument(

@@ -84,15 +84,17 @@ struct TopView {
     height: usize,
 }
 
-fn rectify_filtered(
+/// The view of the sample that a photograph has.
+///
+/// # Errors
+/// As [`rectify_raised`], as far as it does not depend on pixels.
+fn seen_by(
     photo: &Photo,
     camera: &Camera,
     pose: &Pose,
     radiometry: &Radiometry,
-    top: TopView,
-    filter: Filter,
-) -> Result<Observation, Rejection> {
-    let (width, height) = (top.width, top.height);
+    top: &TopView,
+) -> Result<View, Rejection> {
     if (photo.width(), photo.height()) != (camera.width, camera.height) {
         return Err(Rejection::WrongSize {
             found_width: photo.width(),
@@ -115,15 +117,26 @@ fn rectify_filtered(
     if light.z.is_nan() || light.z <= 0.0 {
         return Err(Rejection::LightNotVisible);
     }
-
-    let view = View {
+    Ok(View {
         sample_mm: top.sample_mm,
         camera_mm: eye.as_vec3().to_array(),
         light_mm: light.as_vec3().to_array(),
         falloff: Falloff::InverseSquare { power_mm2: radiometry.power_mm2 },
         ambient: radiometry.ambient,
         mirrored: 1.0,
-    };
+    })
+}
+
+fn rectify_filtered(
+    photo: &Photo,
+    camera: &Camera,
+    pose: &Pose,
+    radiometry: &Radiometry,
+    top: TopView,
+    filter: Filter,
+) -> Result<Observation, Rejection> {
+    let (width, height) = (top.width, top.height);
+    let view = seen_by(photo, camera, pose, radiometry, &top)?;
     let offset = radiometry.flash_offset_mm;
     let mapping = Mapping::new(camera, pose, offset, top.sample_mm, top.height_mm, width, height);
     let response = Response::new(radiometry, camera);

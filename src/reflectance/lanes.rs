@@ -1,6 +1,6 @@
 //! The reflection of eight texels at once; equations and names as in the parent module.
 
-use super::{FRESNEL, MIN_COSINE};
+use super::scalar::{FRESNEL, MIN_COSINE};
 use crate::observation::{Falloff, View};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, MIN_ROUGHNESS, channel};

@@ -1,7 +1,7 @@
 //! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
 //! Jacobians are stored.
 
-use super::{BAND_ROWS, Prepared, find_directions, load_texels};
+use super::prepared::{BAND_ROWS, Prepared, find_directions, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::observation::Observation;
 use crate::parallel;

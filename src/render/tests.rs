@@ -5,17 +5,7 @@ use crate::reflectance::reflect;
 use crate::svbrdf::channel;
 use std::f64::consts::PI;
 
-/// Numbers in [0, 1) from a counter (splitmix64).
-pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
-    }
-}
+pub(crate) use crate::test_support::noise;
 
 /// Unrelated texels over the whole range of materials, roughness from 0.05.
 fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {

@@ -4,27 +4,17 @@ use std::f32::consts::PI;
 
 use glam::DVec3;
 
-use super::board::{BoardIntake, Update};
-use super::{BoardPose, Hint, RectifiedFalloff, Scene};
+use super::board::BoardIntake;
+use super::reports::BoardPose;
+use super::settings::{RectifiedFalloff, Scene};
+use super::taken::Taken;
 use crate::calibration::PaperEstimate;
 use crate::frame::Photo;
-use crate::geometry::{Camera, Pose};
-use crate::observation::{Falloff, Observation, View};
+use crate::geometry::Camera;
+use crate::observation::{Falloff, View};
 use crate::rectification;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result};
-
-/// A photograph ready for the fit.
-pub(super) struct Taken {
-    pub(super) observation: Observation,
-    pub(super) pose: Option<Pose>,
-    pub(super) rms_px: Option<f64>,
-    /// What is known better of earlier photographs.
-    pub(super) updates: Vec<Update>,
-    /// Whether they move the sample by more than a texel.
-    pub(super) restart: bool,
-    pub(super) hints: Vec<Hint>,
-}
 
 /// Takes photographs in, one at a time.
 pub(super) enum Intake {

@@ -1,8 +1,8 @@
 //! How much memory a session needs, estimated before it is taken.
 
-use super::Settings;
-use crate::frame::Photo;
+use super::settings::Settings;
 use crate::estimate::options::LatentOptions;
+use crate::frame::Photo;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 

@@ -4,7 +4,10 @@ mod board;
 mod feedback;
 mod intake;
 mod memory;
+mod reports;
+mod settings;
 mod state;
+mod taken;
 mod worker;
 
 use std::sync::atomic::Ordering;
@@ -17,192 +20,20 @@ use glam::DVec3;
 use rayon::ThreadPool;
 
 pub use self::feedback::{Hint, NextView};
-use self::intake::{Intake, Taken};
+use self::intake::Intake;
+pub use self::reports::{Accepted, BoardPose, Progress, Pushed, Revision};
+pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use self::state::StateWriter;
+use self::taken::Taken;
 use self::worker::{Command, NewFrame, Shared};
-use crate::calibration::{PaperEstimate, Target};
+use crate::calibration::PaperEstimate;
 pub use crate::estimate::{Budget, Method};
-use crate::estimate::{EstimateOptions, Estimation, Meter, Task, first_maps};
+use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
-use crate::observation::Falloff;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result, Svbrdf};
-
-/// What the photographs show, fixed for a session.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(clippy::large_enum_variant)] // there is one for each session
-pub enum Scene {
-    /// Photographs of a board round the sample.
-    Board {
-        /// The printed board.
-        target: Target,
-        /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
-        /// with each one. Earlier photographs are then rectified anew where that moves them, for
-        /// which the session keeps the part of each that shows the sample as it is stored: about a
-        /// third of a photograph that shows the whole board (12 MB of a 12-megapixel one). With a
-        /// given camera it does so until it knows the sheet of paper and the sample's height, for
-        /// seven photographs at most.
-        camera: Option<Camera>,
-        /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
-        /// photographs tell it.
-        flash_offset_mm: Option<DVec3>,
-        /// Height of the sample's surface above the printed side of the board, mm; `None`:
-        /// estimated from two photographs on, 0 unless they contradict that clearly.
-        elevation_mm: Option<f64>,
-    },
-    /// Photographs already rectified to the top view, camera and light given with each.
-    Rectified {
-        /// Strength of the light over distance; inverse-square without a power takes
-        /// pi * (first camera's distance)².
-        falloff: RectifiedFalloff,
-    },
-}
-
-/// Light of rectified photographs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RectifiedFalloff {
-    /// As given.
-    Given(Falloff),
-    /// Inverse square with `power_mm2 = pi * (first camera's distance)²`.
-    InverseSquareAuto,
-}
-
-/// Options of a session.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Width and height of the sample, mm.
-    pub sample_mm: [f32; 2],
-    /// Texels along each side of the maps: 256, 512, 1024 or 2048.
-    pub resolution: usize,
-    /// Method.
-    pub method: Method,
-    /// Whether the per-texel refinement runs after the latent fit.
-    pub refine: bool,
-    /// Threads of the fit; 0: one per core, at most 4.
-    pub threads: usize,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Most memory that the session may need by its own estimate, bytes; `None`: any amount. The
-    /// networks, which sessions share, are not counted. Sessions and photographs that would need
-    /// more are refused with [`Error::MemoryLimit`].
-    pub memory_limit_bytes: Option<u64>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            sample_mm: [100.0, 100.0],
-            resolution: 256,
-            method: Method::Deep,
-            refine: true,
-            threads: 0,
-            seed: 0,
-            memory_limit_bytes: None,
-        }
-    }
-}
-
-impl Settings {
-    fn check(&self) -> Result<()> {
-        if !RESOLUTIONS.contains(&self.resolution) {
-            let message = format!("{} given; 256, 512, 1024 or 2048 expected", self.resolution);
-            return Err(Error::argument("resolution", message));
-        }
-        if !self.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
-            return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
-        }
-        Ok(())
-    }
-
-    fn task(&self, scene: &Scene) -> Task {
-        let free_lights = matches!(scene, Scene::Rectified { .. });
-        Task { method: self.method, refine: self.refine, free_lights }
-    }
-
-    fn pool(&self) -> Result<Arc<ThreadPool>> {
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let threads = if self.threads == 0 { cores.min(4) } else { self.threads };
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("svbrdf-{i}"))
-            .build()
-            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
-        Ok(Arc::new(pool))
-    }
-}
-
-/// What a saved session takes from where it goes on, see [`Session::restore`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct RestoreOptions {
-    /// Threads of the fit as in [`Settings::threads`]; `None`: as saved.
-    pub threads: Option<usize>,
-    /// As [`Settings::memory_limit_bytes`], which is not saved.
-    pub memory_limit_bytes: Option<u64>,
-}
-
-/// What became of a photograph.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Pushed {
-    /// It takes part in the fit from now on.
-    Accepted(Accepted),
-    /// It was not used; nothing changed.
-    Rejected(Rejection),
-}
-
-/// An accepted photograph.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Accepted {
-    /// Number of accepted photographs before this one.
-    pub index: usize,
-    /// Pose of the board; `None` for rectified photographs.
-    pub pose: Option<Pose>,
-    /// Reprojection error, px; `None` for rectified photographs.
-    pub reprojection_rms_px: Option<f64>,
-    /// Seconds from the call of push to maps being available.
-    pub maps_seconds: f64,
-    /// What the user may want to know about it.
-    pub hints: Vec<Hint>,
-}
-
-/// Where the board lies in a photograph.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BoardPose {
-    /// Board to camera.
-    pub pose: Pose,
-    /// Reprojection error, px.
-    pub reprojection_rms_px: f64,
-}
-
-/// State of the fit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
-    /// Accepted photographs.
-    pub frames: usize,
-    /// Share of the work on the photographs so far that is done, 0 to 1.
-    pub fraction: f32,
-    /// Mean log-L1 before the fit of the latest photograph.
-    pub loss_before: f32,
-    /// Mean log-L1 now.
-    pub loss: f32,
-    /// Estimated seconds left, if known.
-    pub seconds_left: Option<f32>,
-    /// Whether the fit has finished on all photographs so far.
-    pub settled: bool,
-}
-
-/// Counters that grow with a session's state, to tell whether anything is new.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Revision {
-    /// Grows with every change of progress and with every set of maps.
-    pub state: u64,
-    /// Sets of maps published so far.
-    pub maps: u64,
-}
-
-/// Resolutions a session may have.
-pub const RESOLUTIONS: [usize; 4] = [256, 512, 1024, 2048];
 
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
@@ -308,7 +139,8 @@ impl Session {
             memory::check(settings, frames.max(1), 0)?;
             settings.pool()
         })?;
-        let state::Restored { settings, scene, budget, intake, estimation, progress, pool } = restored;
+        let state::Restored { settings, scene, budget, intake, estimation, progress, pool } =
+            restored;
         let meter = Meter::new(budget, progress.seconds, progress.steps);
         let restored_maps = pool.install(|| estimation.maps()).ok();
         let shared = Shared::new();
@@ -589,6 +421,7 @@ impl Drop for Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observation::Falloff;
 
     /// Who waits for maps may cancel as soon as they are there, before the push has returned.
     #[test]

@@ -8,6 +8,8 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod negatives;
+#[path = "../common/test_data.rs"]
+mod test_data;
 
 use common::{Random, Scene, charuco, looking_at, ring};
 use glam::{DVec2, DVec3};

@@ -2,6 +2,7 @@
 //! text, codes, noise.
 
 use super::common::{Random, Sample};
+use super::test_data::test_data;
 use super::{charuco, ring, scene};
 use glam::{DMat3, DVec2, DVec3};
 use std::path::{Path, PathBuf};
@@ -267,19 +268,14 @@ pub fn all() -> Vec<Negative> {
     negatives
 }
 
-/// Photographs of materials and of full checkerboards in the test data, or `None` (said loudly).
+/// Photographs of materials and of full checkerboards in the test data, or `None` without it.
 pub fn photographs() -> Option<Vec<PathBuf>> {
-    let Some(root) = std::env::var_os("SVBRDF_TEST_DATA") else {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, no photograph is checked");
-        return None;
-    };
-    let root = Path::new(&root);
     let mut files = Vec::new();
     for (folder, stride) in
         [("materials", 6), ("calibration/opencv_stereo", 1), ("calibration/udacity_gopro", 2)]
     {
         let mut found = Vec::new();
-        collect(&root.join(folder), &mut found);
+        collect(&test_data(folder)?, &mut found);
         found.sort();
         files.extend(found.into_iter().step_by(stride));
     }
@@ -288,8 +284,7 @@ pub fn photographs() -> Option<Vec<PathBuf>> {
 
 /// JPEG files below a folder.
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for path in entries.map(|e| e.unwrap().path()) {
+    for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
         if path.is_dir() {
             collect(&path, files);
         } else if path.extension().is_some_and(|e| e == "jpg") {

@@ -9,16 +9,15 @@ use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 
+use crate::test_data::test_data;
+
 pub(crate) const CAPTURES: [&str; 5] =
     ["bricks-charuco", "leather", "metal-charuco-ambient5", "tile", "tile-linear16"];
 pub(crate) const SIZE: usize = 512;
 
+/// The folder of the captures.
 pub(crate) fn data() -> Option<PathBuf> {
-    let root = std::env::var_os("SVBRDF_TEST_DATA").map(PathBuf::from);
-    if root.is_none() {
-        eprintln!("SKIPPED: set SVBRDF_TEST_DATA to compare with rendered captures");
-    }
-    root
+    test_data("captures/dev")
 }
 
 pub(crate) fn number(v: &Value) -> f64 {
@@ -45,7 +44,7 @@ pub(crate) struct Capture {
 
 impl Capture {
     pub(crate) fn open(root: &Path, name: &str) -> Self {
-        let folder = root.join("captures/dev").join(name);
+        let folder = root.join(name);
         let read = |file: &str| -> Value {
             let text = std::fs::read_to_string(folder.join(file)).unwrap();
             serde_json::from_str(&text).unwrap()

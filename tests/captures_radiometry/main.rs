@@ -3,6 +3,8 @@
 //! texel with the contract's BRDF, must reproduce the rectified photos.
 
 mod capture;
+#[path = "../common/test_data.rs"]
+mod test_data;
 
 use std::path::Path;
 

@@ -1,6 +1,12 @@
 //! Reads the rendered captures of the test data with their true poses.
 #![allow(dead_code)] // each test file uses its part
 
+#[path = "test_data.rs"]
+mod test_data;
+
+#[allow(unused_imports)] // as above
+pub use test_data::test_data;
+
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
@@ -28,13 +34,9 @@ impl Frame {
     }
 }
 
-/// All captures, or `None` (said loudly) without test data.
+/// All captures, or `None` without test data.
 pub fn all() -> Option<Vec<Capture>> {
-    let Some(root) = std::env::var_os("SVBRDF_TEST_DATA") else {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, no photograph is checked");
-        return None;
-    };
-    let root = Path::new(&root).join("captures/dev");
+    let root = test_data("captures/dev")?;
     let mut folders: Vec<PathBuf> =
         std::fs::read_dir(&root).unwrap().map(|e| e.unwrap().path()).collect();
     folders.sort();

@@ -1,9 +1,11 @@
 use std::ptr;
 
 use super::*;
+use crate::handles::svbrdf_session;
+use crate::live::act;
 use crate::options::{SVBRDF_SCENE_RECTIFIED, svbrdf_session_options};
-use crate::reports::svbrdf_progress;
-use crate::status::{SVBRDF_INVALID_HANDLE, SVBRDF_NO_MAPS, SVBRDF_OK};
+use crate::reports::{SVBRDF_STATE_FAILED, svbrdf_progress};
+use crate::status::{SVBRDF_FAILED, SVBRDF_INVALID_HANDLE, SVBRDF_NO_MAPS, SVBRDF_OK};
 
 fn create() -> *mut svbrdf_session {
     let options =

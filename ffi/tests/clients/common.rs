@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -31,9 +32,19 @@ pub fn run(command: &mut Command) -> Output {
 pub fn has(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
     if !found {
-        eprintln!("SKIPPED: {program} is not installed; what it checks is not checked");
+        skipped(&format!("{program} is not installed; what it checks is not checked"));
     }
     found
+}
+
+/// Says what is not checked, and notes it for the count at the end of the run: `tests/run.sh` names
+/// the list in `SVBRDF_SKIPPED`.
+pub fn skipped(what: &str) {
+    eprintln!("SKIPPED: {what}");
+    if let Some(list) = env::var_os("SVBRDF_SKIPPED") {
+        let mut file = fs::OpenOptions::new().create(true).append(true).open(list).unwrap();
+        file.write_all(format!("{what}\n").as_bytes()).unwrap();
+    }
 }
 
 /// The shared library, built with this test's profile: cargo does not build it for tests.

@@ -3,8 +3,9 @@
 use super::super::detector::Corner;
 use super::super::paper::{Paper, PaperEstimate, Sheet};
 use super::super::target::Target;
-use super::joint::{INTRINSICS, Problem, State, View};
-use super::{CameraPrior, ROUNDS, freedom, noise, totals, trim, turn_poses, view};
+use super::joint::{Problem, State, View};
+use super::prior::{CameraPrior, INTRINSICS};
+use super::robust::{ROUNDS, freedom, noise, totals, trim, turn_poses, view};
 use crate::geometry::{Camera, Pose};
 
 /// The sheet counts as planned unless squared residuals fall by this much, over noise variance, and

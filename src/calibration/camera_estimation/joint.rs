@@ -6,20 +6,26 @@
 
 use super::super::paper::{PARAMETERS, Sheet};
 use super::super::projection::{Projection, moved};
-use super::prior::CameraPrior;
+use super::prior::{CameraPrior, INTRINSICS};
 use crate::geometry::{Camera, Pose};
+use crate::least_squares::{LeastSquares, Options, minimise};
 use glam::{DVec2, DVec3};
 use nalgebra::{Const, SMatrix, SVector};
 
-/// fx, fy, cx, cy, k1, k2, p1, p2, k3.
-pub(super) const INTRINSICS: usize = 9;
-pub(super) type Intrinsics = SVector<f64, INTRINSICS>;
 /// Intrinsics, then the paper's aspect and bows.
 pub(super) const SHARED: usize = INTRINSICS + PARAMETERS;
 type Shared = SVector<f64, SHARED>;
 type Square = SMatrix<f64, SHARED, SHARED>;
 
-const ITERATIONS: usize = 100;
+/// How all is refined together.
+const REFINEMENT: Options = Options {
+    max_steps: 100,
+    max_trials: 12,
+    damping: 1e-4,
+    min_damping: 1e-14,
+    min_gain: 1e-13,
+    descent: true,
+};
 
 /// Corners of one photograph.
 #[derive(Debug, Clone)]
@@ -71,7 +77,7 @@ struct Block {
 }
 
 /// Normal equations of the whole problem.
-struct Equations {
+pub(super) struct Equations {
     shared: Square,
     gradient: Shared,
     blocks: Vec<Option<Block>>,
@@ -103,29 +109,8 @@ impl Problem<'_> {
     }
 
     /// The nearest minimum.
-    pub fn minimise(&self, mut state: State) -> State {
-        let mut cost = self.cost(&state);
-        let mut damping = 1e-4;
-        for _ in 0..ITERATIONS {
-            let equations = self.equations(&state);
-            let mut gain = 0.0;
-            for _ in 0..12 {
-                if let Some(next) = self.step(&state, &equations, damping) {
-                    let next_cost = self.cost(&next);
-                    if next_cost < cost {
-                        gain = cost - next_cost;
-                        (state, cost) = (next, next_cost);
-                        damping = (0.1 * damping).max(1e-14);
-                        break;
-                    }
-                }
-                damping *= 8.0;
-            }
-            if gain <= 1e-13 * cost {
-                break;
-            }
-        }
-        state
+    pub fn minimise(&self, state: State) -> State {
+        minimise(self, state, &REFINEMENT).0
     }
 
     /// Covariance of the shared values for corners of the assumed noise, poses marginalised; zero for
@@ -220,6 +205,23 @@ impl Problem<'_> {
             }
         }
         Some(State { camera, sheet, poses })
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = State;
+    type Equations = Equations;
+
+    fn cost(&self, state: &State) -> f64 {
+        self.cost(state)
+    }
+
+    fn linearise(&self, state: &State) -> Equations {
+        self.equations(state)
+    }
+
+    fn step(&self, state: &State, equations: &Equations, damping: f64) -> Option<State> {
+        self.step(state, equations, damping)
     }
 }
 

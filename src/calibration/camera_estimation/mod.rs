@@ -20,39 +20,27 @@
 mod bending;
 mod joint;
 mod prior;
+mod robust;
 mod start;
 
 use super::detector::Corner;
 use super::paper::{Paper, PaperEstimate, Sheet};
-use super::pose::{Fit, pose_minima};
 use super::target::Target;
 use crate::Rejection;
 use crate::geometry::{Camera, Pose};
 pub use bending::estimate_paper;
-use glam::{DVec2, DVec3};
-use joint::{INTRINSICS, Problem, SHARED, State, View};
+use joint::{Problem, State, View};
 pub use prior::CameraPrior;
+use robust::{
+    CORNERS_MIN, ROUNDS, TRIM_MIN_PX, TRIM_SIGMA, best_pose, freedom, noise, totals, trim,
+    turn_poses, view,
+};
 
-/// Corners below which a photograph is not used.
-const CORNERS_MIN: usize = 12;
 /// Noise of corners assumed before residuals tell, px.
 const NOISE_PX: f64 = 0.15;
-/// Least noise believed: the best corners have a few hundredths.
-const NOISE_MIN_PX: f64 = 0.03;
-/// Corners within this many standard deviations fit, but never fewer than those within this
-/// distance.
-const TRIM_SIGMA: f64 = 4.0;
-const TRIM_MIN_PX: f64 = 0.2;
-/// A photograph whose corners fit this many times worse than the median photograph's, and worse
-/// than this, is left out.
-const VIEW_TIMES: f64 = 4.0;
-const VIEW_MIN_PX: f64 = 1.0;
-/// Share of a photograph's corners that must fit.
-const VIEW_SHARE_MIN: f64 = 0.6;
 /// RMS above which there is no camera that explains the corners: px, or part of the long side.
 const RMS_MAX_PX: f64 = 2.0;
 const RMS_MAX_SIDE: f64 = 1e-3;
-const ROUNDS: usize = 8;
 
 /// An estimated camera and how well it is known.
 #[derive(Debug, Clone, PartialEq)]
@@ -181,24 +169,6 @@ fn estimate(
     Ok(CameraEstimate { camera: state.camera, covariance, paper, rms_px: rms, views })
 }
 
-/// What may move.
-fn freedom(camera: [bool; INTRINSICS], paper: bool) -> [bool; SHARED] {
-    let mut free = [paper; SHARED];
-    free[..INTRINSICS].copy_from_slice(&camera);
-    free
-}
-
-fn view(target: &Target, corners: &[Corner]) -> View {
-    let board: Vec<DVec2> =
-        corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
-    let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
-    let used = px.len() >= CORNERS_MIN
-        && px.iter().all(|p| p.is_finite())
-        && crate::geometry::Homography::fit(&board, &px).is_some();
-    let inliers = vec![true; px.len()];
-    View { board, px, inliers, used }
-}
-
 /// The minimum next to a starting camera and its robust cost, for comparing starts.
 fn first_minimum(
     views: &[View],
@@ -234,90 +204,9 @@ fn first_minimum(
     cost.is_finite().then_some((state, cost))
 }
 
-fn minima(view: &View, camera: &Camera, sheet: &Sheet) -> Vec<Fit> {
-    let placed: Vec<DVec3> = view.board.iter().map(|b| sheet.at(*b)).collect();
-    pose_minima(camera, &placed, &view.px)
-}
-
-fn best_pose(view: &View, camera: &Camera, sheet: &Sheet) -> Option<Pose> {
-    minima(view, camera, sheet).first().map(|fit| fit.pose)
-}
-
-/// Leaves corners and photographs out that do not fit the others; whether that changed anything.
-fn trim(views: &mut [View], state: &State) -> bool {
-    let mut changed = false;
-    let mut medians = Vec::new();
-    let residuals: Vec<Vec<f64>> = views
-        .iter()
-        .zip(&state.poses)
-        .map(|(view, pose)| view.residuals(&state.camera, &state.sheet, pose))
-        .collect();
-    let mut spread = Vec::with_capacity(views.len());
-    for (view, residuals) in views.iter().zip(&residuals) {
-        let mut sorted = residuals.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY);
-        spread.push(median);
-        if view.used {
-            medians.push(median);
-        }
-    }
-    medians.sort_unstable_by(f64::total_cmp);
-    let typical = medians.get(medians.len() / 2).copied().unwrap_or(f64::INFINITY);
-    let enough = medians.len() >= 3;
-    for ((view, residuals), median) in views.iter_mut().zip(&residuals).zip(spread) {
-        // The median length of a two-dimensional normal vector is 1.177 sigma.
-        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
-        let inliers: Vec<bool> = residuals.iter().map(|r| *r <= limit).collect();
-        changed |= inliers != view.inliers;
-        view.inliers = inliers;
-        let fits = view.inlier_count() as f64 >= VIEW_SHARE_MIN * view.px.len() as f64;
-        let alike = median <= (VIEW_TIMES * typical).max(VIEW_MIN_PX);
-        if view.used && enough && !(fits && alike) {
-            view.used = false;
-            changed = true;
-        }
-    }
-    changed
-}
-
-/// Tries each photograph's other pose with the refined camera; whether one was better.
-fn turn_poses(views: &[View], state: &mut State) -> bool {
-    let mut changed = false;
-    for (view, pose) in views.iter().zip(&mut state.poses) {
-        let (camera, sheet) = (&state.camera, &state.sheet);
-        let now = view.cost(camera, sheet, pose);
-        for fit in minima(view, camera, sheet) {
-            let turn = (fit.pose.rotation.z_axis - pose.rotation.z_axis).length();
-            if turn > 0.02 && view.cost(camera, sheet, &fit.pose) < 0.98 * now {
-                *pose = fit.pose;
-                changed = true;
-                break;
-            }
-        }
-    }
-    changed
-}
-
-/// Number of corners that take part and the sum of their squared residuals.
-fn totals(views: &[View], state: &State) -> (usize, f64) {
-    let used = views.iter().zip(&state.poses).filter(|(view, _)| view.used);
-    used.fold((0, 0.0), |(count, sum), (view, pose)| {
-        (count + view.inlier_count(), sum + view.cost(&state.camera, &state.sheet, pose))
-    })
-}
-
 fn rms(views: &[View], state: &State) -> f64 {
     let (count, sum) = totals(views, state);
     (sum / count as f64).sqrt()
-}
-
-/// Standard deviation of a corner's coordinate.
-fn noise(views: &[View], state: &State) -> f64 {
-    let (count, sum) = totals(views, state);
-    let used = views.iter().filter(|view| view.used).count();
-    let freedom = 2 * count as isize - 6 * used as isize - INTRINSICS as isize;
-    (sum / freedom.max(1) as f64).sqrt().max(NOISE_MIN_PX)
 }
 
 fn finished(mut view: View, pose: Pose, camera: &Camera, sheet: &Sheet) -> ViewEstimate {

@@ -1,8 +1,12 @@
 //! What is expected of a camera before its photographs are looked at.
 
-use super::joint::{INTRINSICS, Intrinsics};
 use crate::frame::Photo;
 use crate::geometry::Camera;
+use nalgebra::SVector;
+
+/// fx, fy, cx, cy, k1, k2, p1, p2, k3.
+pub(super) const INTRINSICS: usize = 9;
+pub(super) type Intrinsics = SVector<f64, INTRINSICS>;
 
 /// Main cameras of phones have 24 to 28 mm (36 mm wide film); wider and longer lenses are common
 /// enough.

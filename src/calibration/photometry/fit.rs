@@ -4,6 +4,7 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
 use crate::geometry::Pose;
+use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
 
 /// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
 /// a flash's lobe: 1 (a bare diode) to 4.
@@ -23,7 +24,10 @@ const CHANNEL_CORRELATION: f64 = 3.0;
 const HUBER: f64 = 1.345;
 /// Ordinary samples from which their spread is taken; fewer leave it to all.
 const PLAIN_MIN: usize = 24;
-const ITERATIONS: usize = 30;
+/// Ambient share below which light from elsewhere still leaves a flash to be seen.
+const AMBIENT_MAX: f64 = 0.98;
+/// Spread of log values before any is known.
+const START_SIGMA: f64 = 0.05;
 
 /// Index of parameters; the scales of the photos follow, three each.
 mod parameter {
@@ -156,124 +160,214 @@ fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// How light and lens are found. Weights and scale follow the residuals, so that steps are taken as
+/// they come.
+const REFINEMENT: Options = Options {
+    max_steps: 30,
+    max_trials: 1,
+    damping: 0.0,
+    min_damping: 0.0,
+    min_gain: 0.0,
+    descent: false,
+};
+/// Steps below this, in units of the parameters, are the last.
+const STEP_MIN: f64 = 1e-7;
+
 /// Gauss-Newton with Huber weights on the squares, Cauchy weights on the photos' scales (a wrong
 /// exposure in the metadata must not pull the others) and Gaussian priors elsewhere.
 pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Solution {
-    use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
-    let n = FRAMES + 3 * poses.len();
-    let mut theta = DVector::zeros(n);
-    theta[EXPONENT] = EXPONENT_MEAN;
-    theta[LOBE] = EXPONENT_MEAN;
-    for (k, v) in problem.offset_mm.to_array().into_iter().enumerate() {
-        theta[OFFSET + k] = v;
+    let (fit, theta) = Fit::new(samples, poses, problem);
+    let (State { theta, sigma, covariance }, _) = minimise(&fit, State::new(theta), &REFINEMENT);
+    fit.solution(&theta, sigma, &covariance)
+}
+
+/// Parameters, and what the step that led to them has found.
+struct State {
+    theta: DVector<f64>,
+    /// Robust standard deviation of the residuals before the step.
+    sigma: f64,
+    /// Inverse of the step's normal matrix.
+    covariance: DMatrix<f64>,
+}
+
+impl State {
+    fn new(theta: DVector<f64>) -> Self {
+        let n = theta.len();
+        Self { theta, sigma: START_SIGMA, covariance: DMatrix::zeros(n, n) }
     }
-    // Prior mean and standard deviation; infinite: free, zero: fixed.
-    let mut prior = vec![(0.0, SCALE_SIGMA); n];
-    prior[EXPONENT] = (EXPONENT_MEAN, EXPONENT_SIGMA);
-    prior[LOBE] = (EXPONENT_MEAN, EXPONENT_SIGMA);
-    prior[CURVATURE] = (0.0, CURVATURE_SIGMA);
-    for c in 0..3 {
-        prior[AMBIENT + c] = (0.0, problem.ambient_sigma);
-        prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
-        prior[BLACK + c] = (0.0, BLACK_SIGMA);
-        prior[OFFSET + c] = (problem.offset_mm[c], problem.offset_sigma_mm[c]);
-        // Start at the median, so that outliers do not enter the first weights.
-        let any_white = samples.iter().any(|s| s.channel == c && s.white);
-        let mut list: Vec<f64> = samples
-            .iter()
-            .filter(|s| s.channel == c && (s.white || !any_white))
-            .filter_map(|s| residual(s, &poses[s.frame], &theta, problem).map(|r| -r.0))
-            .collect();
-        if list.is_empty() {
-            prior[LOG_SCALE + c] = (0.0, 1.0); // all clipped: undetermined, yet solvable
-        } else {
-            theta[LOG_SCALE + c] = median(&mut list);
+}
+
+/// The problem with its data.
+struct Fit<'a> {
+    samples: &'a [Sample],
+    poses: &'a [Pose],
+    problem: &'a Problem,
+    /// Prior mean and standard deviation; infinite: free, zero: fixed.
+    prior: Vec<(f64, f64)>,
+}
+
+/// Normal equations with the weights of one state.
+struct Equations {
+    normal: DMatrix<f64>,
+    gradient: DVector<f64>,
+    sigma: f64,
+}
+
+impl<'a> Fit<'a> {
+    /// The problem and where its solution is looked for first.
+    fn new(samples: &'a [Sample], poses: &'a [Pose], problem: &'a Problem) -> (Self, DVector<f64>) {
+        use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
+        let n = FRAMES + 3 * poses.len();
+        let mut theta = DVector::zeros(n);
+        theta[EXPONENT] = EXPONENT_MEAN;
+        theta[LOBE] = EXPONENT_MEAN;
+        for (k, v) in problem.offset_mm.to_array().into_iter().enumerate() {
+            theta[OFFSET + k] = v;
+        }
+        let mut prior = vec![(0.0, SCALE_SIGMA); n];
+        prior[EXPONENT] = (EXPONENT_MEAN, EXPONENT_SIGMA);
+        prior[LOBE] = (EXPONENT_MEAN, EXPONENT_SIGMA);
+        prior[CURVATURE] = (0.0, CURVATURE_SIGMA);
+        for c in 0..3 {
+            prior[AMBIENT + c] = (0.0, problem.ambient_sigma);
+            prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
+            prior[BLACK + c] = (0.0, BLACK_SIGMA);
+            prior[OFFSET + c] = (problem.offset_mm[c], problem.offset_sigma_mm[c]);
+            // Start at the median, so that outliers do not enter the first weights.
+            let any_white = samples.iter().any(|s| s.channel == c && s.white);
+            let mut list: Vec<f64> = samples
+                .iter()
+                .filter(|s| s.channel == c && (s.white || !any_white))
+                .filter_map(|s| residual(s, &poses[s.frame], &theta, problem).map(|r| -r.0))
+                .collect();
+            if list.is_empty() {
+                prior[LOG_SCALE + c] = (0.0, 1.0); // all clipped: undetermined, yet solvable
+            } else {
+                theta[LOG_SCALE + c] = median(&mut list);
+            }
+        }
+        (Self { samples, poses, problem, prior }, theta)
+    }
+
+    fn residual(&self, s: &Sample, theta: &DVector<f64>) -> Option<(f64, [(usize, f64); 10])> {
+        residual(s, &self.poses[s.frame], theta, self.problem)
+    }
+
+    /// Robust standard deviation of the residuals of ordinary squares.
+    fn sigma(&self, theta: &DVector<f64>) -> f64 {
+        // The weights of black and of glaring squares are cautious, not noise: their residuals
+        // say little about paper.
+        let plain = self.samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
+        let used = self.samples.iter().filter(|s| !plain || s.sigma <= 1.0);
+        let mut list: Vec<f64> =
+            used.filter_map(|s| Some(self.residual(s, theta)?.0.abs() / s.sigma)).collect();
+        (1.4826 * median(&mut list)).max(MIN_SIGMA)
+    }
+
+    /// Adds the priors to the equations of the squares; fixed parameters get a row of their own.
+    fn add_prior(
+        &self,
+        theta: &DVector<f64>,
+        normal: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
+        for (i, &(mean, sigma)) in self.prior.iter().enumerate() {
+            if sigma == 0.0 {
+                normal.row_mut(i).fill(0.0);
+                normal.column_mut(i).fill(0.0);
+                normal[(i, i)] = 1.0;
+                gradient[i] = 0.0;
+                continue;
+            }
+            let off = theta[i] - mean;
+            let mut precision = sigma.powi(-2);
+            if i >= parameter::FRAMES {
+                precision /= 1.0 + off * off * precision;
+            }
+            normal[(i, i)] += precision;
+            gradient[i] += precision * off;
         }
     }
 
-    let mut sigma = 0.05;
-    let mut covariance = DMatrix::zeros(n, n);
-    let mut list = Vec::with_capacity(samples.len());
-    for _ in 0..ITERATIONS {
-        list.clear();
-        // The weights of black and of glaring squares are cautious, not noise: their residuals
-        // say little about paper.
-        let plain = samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
-        list.extend(samples.iter().filter(|s| !plain || s.sigma <= 1.0).filter_map(|s| {
-            residual(s, &poses[s.frame], &theta, problem).map(|r| r.0.abs() / s.sigma)
-        }));
-        sigma = (1.4826 * median(&mut list)).max(MIN_SIGMA);
+    fn solution(&self, theta: &DVector<f64>, sigma: f64, covariance: &DMatrix<f64>) -> Solution {
+        use parameter::{AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET};
+        let spread =
+            |i: usize| if self.prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
+        let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
+        let frames = 0..self.poses.len();
+        let frame_sigma = |frame: usize| {
+            let used = self.samples.iter().filter(|s| s.frame == frame);
+            let mut list: Vec<f64> =
+                used.filter_map(|s| Some(self.residual(s, theta)?.0.abs())).collect();
+            1.4826 * median(&mut list)
+        };
+        let log_scale =
+            |f: usize| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]);
+        Solution {
+            exponent: theta[EXPONENT],
+            curvature: theta[CURVATURE],
+            lobe: theta[LOBE],
+            ambient_share: three(AMBIENT),
+            ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
+            log_scale: frames.clone().map(log_scale).collect(),
+            black_ratio: three(BLACK).map(f64::exp),
+            offset_mm: DVec3::from_array(three(OFFSET)),
+            offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
+            sigma,
+            frame_sigma: frames.map(frame_sigma).collect(),
+        }
+    }
+}
+
+/// Weight of a residual of a sample among others of standard deviation `sigma`.
+fn weight(sample: &Sample, residual: f64, sigma: f64) -> f64 {
+    let s = sigma * sample.sigma;
+    (HUBER * s / residual.abs()).min(1.0) / (CHANNEL_CORRELATION * s * s)
+}
+
+impl LeastSquares for Fit<'_> {
+    type State = State;
+    type Equations = Equations;
+
+    /// With the weights of the state itself, priors apart.
+    fn cost(&self, state: &State) -> f64 {
+        let residuals =
+            self.samples.iter().filter_map(|s| Some((s, self.residual(s, &state.theta)?.0)));
+        residuals.map(|(s, r)| weight(s, r, state.sigma) * r * r).sum()
+    }
+
+    fn linearise(&self, state: &State) -> Equations {
+        let n = self.prior.len();
+        let sigma = self.sigma(&state.theta);
         let mut normal = DMatrix::<f64>::zeros(n, n);
-        let mut right = DVector::<f64>::zeros(n);
-        for sample in samples {
-            let Some((r, jacobian)) = residual(sample, &poses[sample.frame], &theta, problem)
-            else {
-                continue;
-            };
-            let s = sigma * sample.sigma;
-            let weight = (HUBER * s / r.abs()).min(1.0) / (CHANNEL_CORRELATION * s * s);
+        let mut gradient = DVector::<f64>::zeros(n);
+        for sample in self.samples {
+            let Some((r, jacobian)) = self.residual(sample, &state.theta) else { continue };
+            let weight = weight(sample, r, sigma);
             for &(i, ji) in &jacobian {
-                right[i] -= weight * ji * r;
+                gradient[i] += weight * ji * r;
                 for &(j, jj) in &jacobian {
                     normal[(i, j)] += weight * ji * jj;
                 }
             }
         }
-        for (i, &(mean, prior_sigma)) in prior.iter().enumerate() {
-            if prior_sigma == 0.0 {
-                normal.row_mut(i).fill(0.0);
-                normal.column_mut(i).fill(0.0);
-                normal[(i, i)] = 1.0;
-                right[i] = 0.0;
-                continue;
-            }
-            let off = theta[i] - mean;
-            let mut precision = prior_sigma.powi(-2);
-            if i >= FRAMES {
-                precision /= 1.0 + off * off * precision;
-            }
-            normal[(i, i)] += precision;
-            right[i] -= precision * off;
-        }
-        let Some(cholesky) = normal.cholesky() else { break };
-        let step = cholesky.solve(&right);
-        covariance = cholesky.inverse();
-        theta += &step;
-        for c in 0..3 {
-            theta[AMBIENT + c] = theta[AMBIENT + c].clamp(0.0, 0.98);
-        }
-        if step.amax() < 1e-7 {
-            break;
-        }
+        self.add_prior(&state.theta, &mut normal, &mut gradient);
+        Equations { normal, gradient, sigma }
     }
 
-    let spread = |i: usize| if prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
-    let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
-    let frame_sigma = (0..poses.len())
-        .map(|frame| {
-            let mut list: Vec<f64> = samples
-                .iter()
-                .filter(|s| s.frame == frame)
-                .filter_map(|s| residual(s, &poses[frame], &theta, problem))
-                .map(|r| r.0.abs())
-                .collect();
-            1.4826 * median(&mut list)
-        })
-        .collect();
-    Solution {
-        exponent: theta[EXPONENT],
-        curvature: theta[CURVATURE],
-        lobe: theta[LOBE],
-        ambient_share: three(AMBIENT),
-        ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
-        log_scale: (0..poses.len())
-            .map(|f| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]))
-            .collect(),
-        black_ratio: three(BLACK).map(f64::exp),
-        offset_mm: DVec3::from_array(three(OFFSET)),
-        offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
-        sigma,
-        frame_sigma,
+    fn step(&self, state: &State, equations: &Equations, damping: f64) -> Option<State> {
+        let Equations { normal, gradient, sigma } = equations;
+        let mut theta = &state.theta + damped_step(normal, gradient, damping)?;
+        for c in 0..3 {
+            let ambient = &mut theta[parameter::AMBIENT + c];
+            *ambient = ambient.clamp(0.0, AMBIENT_MAX);
+        }
+        let covariance = normal.clone().cholesky()?.inverse();
+        Some(State { theta, sigma: *sigma, covariance })
+    }
+
+    fn is_settled(&self, before: &State, after: &State) -> bool {
+        (&after.theta - &before.theta).amax() < STEP_MIN
     }
 }
 

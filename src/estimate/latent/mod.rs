@@ -139,12 +139,6 @@ impl LatentFit {
         Ok(())
     }
 
-    /// Width and height of the maps, texels.
-    pub fn size(&self) -> [usize; 2] {
-        let maps = self.level(0).maps();
-        [maps.width() << self.halvings, maps.height() << self.halvings]
-    }
-
     /// One step; does nothing once settled.
     ///
     /// # Errors

@@ -66,7 +66,15 @@ impl<'a> Start<'a> {
         offset: &'a Offset,
     ) -> Self {
         let (observations, given) = (photographs.full(), photographs.given());
-        Self { maps, base, prior, observations, given, correction: photographs.correction(), offset }
+        Self {
+            maps,
+            base,
+            prior,
+            observations,
+            given,
+            correction: photographs.correction(),
+            offset,
+        }
     }
 }
 
@@ -202,8 +210,7 @@ impl Descent {
     fn new(problem: Problem, state: State, still: bool) -> Self {
         let damping = Damping::new(problem.texels(), &problem.options);
         let done = problem.options.steps == 0;
-        let progress =
-            Progress { state, damping, steps: 0, still_steps: 0, changed: false, done };
+        let progress = Progress { state, damping, steps: 0, still_steps: 0, changed: false, done };
         Self { problem, progress, still }
     }
 

@@ -190,7 +190,8 @@ impl Problem {
         let turns = state.correction.turns.as_flattened();
         let square = turns.iter().map(|t| t * t).sum::<f64>() / turns.len().max(1) as f64;
         let widest = self.options.direction_sigma;
-        self.direction_sigma = square.sqrt().clamp(self.options.min_direction_sigma.min(widest), widest);
+        self.direction_sigma =
+            square.sqrt().clamp(self.options.min_direction_sigma.min(widest), widest);
     }
 
     /// Texels that count as one.

@@ -78,7 +78,8 @@ fn fit(
 ) -> bool {
     let options = LightOptions { steps, ..LightOptions::default() };
     let prior = Prior::default();
-    let begin = Start { maps: start, base: start, prior: &prior, observations, given, correction, offset };
+    let begin =
+        Start { maps: start, base: start, prior: &prior, observations, given, correction, offset };
     let mut fit = LightFit::new(begin, free, &options, &ScheduleOptions::default()).unwrap();
     while !fit.is_done() {
         fit.step();
@@ -277,8 +278,9 @@ fn the_step_descends_as_its_gradient_says() {
     slope += (shared.gradient[problem.shared() - 1] + by_ambient * state.correction.ambient)
         * step.correction.ambient;
     let length = 1e-3;
-    let difference =
-        (problem.cost(&state.moved(&step, length, length, &options)) - problem.cost(&state)) / length;
+    let difference = (problem.cost(&state.moved(&step, length, length, &options))
+        - problem.cost(&state))
+        / length;
     // one-sided differences inside, in single precision
     assert!((difference - slope).abs() < 0.05 * slope.abs(), "{difference} {slope}");
     assert!(slope < 0.0);

@@ -13,7 +13,9 @@
 mod information;
 mod normal_equations;
 
-pub(super) use information::{At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision};
+pub(super) use information::{
+    At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision,
+};
 pub(super) use normal_equations::{NormalEquations, cost};
 
 use super::noise::Noise;

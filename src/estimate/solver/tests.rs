@@ -207,9 +207,7 @@ fn bumpier_slopes_than_expected_are_found() {
     }
     let photos = photographs(&truth, 5, 0.03, 16);
     let known = Prior { sigma: Prior::from_estimates([(&start, &truth)]).unwrap().sigma };
-    let slopes = |prior: &Prior| {
-        errors(&run_with(prior, &start, &photos, 8).0, &truth)[0]
-    };
+    let slopes = |prior: &Prior| errors(&run_with(prior, &start, &photos, 8).0, &truth)[0];
     let mut narrow = known;
     narrow.sigma[..2].fill(SIGMA);
     let (found, best) = (slopes(&narrow), slopes(&known));

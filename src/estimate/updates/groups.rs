@@ -112,7 +112,9 @@ fn cluster(samples: &[[f32; 3]], options: &GroupOptions) -> Vec<[f32; 3]> {
         }
         let farthest = (0..samples.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
         match farthest {
-            Some(i) if nearest[i] > 0.25 * options.reach * options.reach => centres.push(samples[i]),
+            Some(i) if nearest[i] > 0.25 * options.reach * options.reach => {
+                centres.push(samples[i])
+            }
             _ => break,
         }
     }

@@ -213,7 +213,8 @@ impl<'a> Regressors<'a> {
                 blurred[(rows.start - first) * self.width..][..rows.len() * self.width].to_vec()
             })
         });
-        let gradients = self.options
+        let gradients = self
+            .options
             .colour_radii
             .into_iter()
             .flat_map(|radius| self.colours.iter().map(move |colour| (colour, radius)));
@@ -321,11 +322,15 @@ mod tests {
     }
 
     /// The belief after a regression.
-    fn regressed(mean: Svbrdf, maps: Svbrdf, found: Prior, photographs: Vec<Observation>) -> Belief {
+    fn regressed(
+        mean: Svbrdf,
+        maps: Svbrdf,
+        found: Prior,
+        photographs: Vec<Observation>,
+    ) -> Belief {
         let mut all = Photographs::new(SIDE);
         photographs.into_iter().for_each(|o| all.add(o).unwrap());
-        let mut belief =
-            Belief { maps, found, ..Belief::new(mean, &EstimateOptions::default()) };
+        let mut belief = Belief { maps, found, ..Belief::new(mean, &EstimateOptions::default()) };
         let (slopes, noise) = (SlopeOptions::default(), NoiseOptions::default());
         RegressSlopes { slopes, noise }.update(&all, &mut belief).unwrap();
         belief

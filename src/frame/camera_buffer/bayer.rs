@@ -1,7 +1,8 @@
 //! Raw values of a sensor behind a mosaic of colour filters.
 
-use super::{Plane, Reader, Rotation};
-use crate::frame::{Encoding, Photo};
+use crate::frame::encoding::Encoding;
+use crate::frame::photo::Photo;
+use crate::frame::plane::{Plane, Reader, Rotation};
 use crate::{Error, Result};
 
 /// Colours of the top-left 2 x 2 sensor pixels, row by row.

@@ -2,7 +2,6 @@
 
 use std::array;
 
-use super::{CHANNELS, LEVELS};
 use crate::calibration::photometry::{Radiometry, Vignetting};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -10,6 +9,10 @@ use crate::observation::Observation;
 use crate::rectification::rectify;
 use glam::DVec3;
 
+/// Octaves of detail.
+pub(super) const LEVELS: usize = 4;
+/// Brightness, and red over blue.
+pub(super) const CHANNELS: usize = 2;
 /// Texels along the sample's longer side, and least along the shorter.
 const SIDE: usize = 256;
 const SIDE_MIN: usize = 64;

@@ -28,15 +28,11 @@ mod detail;
 
 pub(crate) use detail::Detail;
 
-use detail::Band;
+use detail::{Band, CHANNELS, LEVELS};
 use glam::DVec2;
 
 use crate::parallel;
 
-/// Octaves of detail.
-const LEVELS: usize = 4;
-/// Brightness, and red over blue.
-const CHANNELS: usize = 2;
 const BRIGHTNESS: usize = 0;
 const COLOUR: usize = 1;
 /// Heights that are looked for, mm.

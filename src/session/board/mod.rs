@@ -1,25 +1,31 @@
 //! Photographs of a board: calibration and rectification, and what later photographs change about
 //! earlier ones.
 
+mod frame;
 mod update;
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::BoardPose;
-use super::feedback;
-use super::intake::Taken;
-use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator, Photometry, Squares};
+use super::feedback::{self, Hint};
+use super::reports::BoardPose;
+use super::taken::Taken;
+use crate::calibration::photometry::{
+    FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
+};
 use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, LumaImage, Paper, PaperEstimate, PoseEstimate,
     Target,
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::observation::Observation;
 use crate::rectification;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
+pub(super) use frame::Frame;
+use frame::Seen;
 pub(super) use update::{Kept, Update, Used};
 use update::{moves, steepest, texel_mm};
 
@@ -52,27 +58,6 @@ pub(super) struct BoardIntake {
     frames: Vec<Frame>,
 }
 
-/// Details of a photograph and what they were made with.
-pub(super) struct Seen {
-    camera: Camera,
-    pose: Pose,
-    /// `None` where the photograph shows too little of the sample.
-    detail: Option<Detail>,
-}
-
-/// An accepted photograph.
-pub(super) struct Frame {
-    pub(super) corners: Vec<Corner>,
-    /// For another rectification, while camera, paper or sample are not settled.
-    pub(super) kept: Option<Arc<Kept>>,
-    /// Made from that when needed.
-    pub(super) seen: Option<Arc<Seen>>,
-    /// Latest estimate.
-    pub(super) pose: Pose,
-    pub(super) rms_px: f64,
-    pub(super) used: Used,
-}
-
 /// Camera and poses with a new photograph.
 struct Solved {
     camera: Camera,
@@ -81,6 +66,21 @@ struct Solved {
     new: PoseEstimate,
     /// Poses of the earlier photographs, where camera or paper changed.
     earlier: Option<Vec<(Pose, f64)>>,
+}
+
+/// What a new photograph changes, computed before anything is changed.
+struct Plan {
+    corners: Vec<Corner>,
+    solved: Solved,
+    photometry: PhotometricCalibrator,
+    /// The new photograph's.
+    radiometry: Radiometry,
+    kept: Option<Arc<Kept>>,
+    /// Details of all photographs, where the sample's height was measured.
+    seen: Vec<Arc<Seen>>,
+    elevation: ElevationEstimate,
+    observation: Observation,
+    hints: Vec<Hint>,
 }
 
 impl BoardIntake {
@@ -172,7 +172,7 @@ impl BoardIntake {
         &mut self,
         estimate: Option<CameraEstimate>,
         paper: PaperEstimate,
-        elevation: Option<ElevationEstimate>,
+        elevation: ElevationEstimate,
         frames: Vec<(Frame, Squares)>,
     ) {
         if let Some(estimate) = estimate {
@@ -182,7 +182,7 @@ impl BoardIntake {
         self.photometry.resume(frames.iter().map(|f| f.pose).zip(squares));
         self.frames = frames;
         self.paper = paper;
-        if let Some(elevation) = elevation.filter(|_| !self.stated) {
+        if !self.stated {
             self.elevation = elevation;
         }
     }
@@ -195,31 +195,25 @@ impl BoardIntake {
             + seen.map(Detail::bytes).sum::<u64>()
     }
 
-    /// Calibrates and rectifies a photograph. Everything is computed on copies and kept on success
-    /// only.
+    /// Calibrates and rectifies a photograph. A rejected one changes nothing.
     pub(super) fn take(
         &mut self,
         photo: &Photo,
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Taken, Rejection> {
-        if let Some(camera) = self.camera()
-            && (photo.width(), photo.height()) != (camera.width, camera.height)
-        {
-            return Err(Rejection::WrongSize {
-                found_width: photo.width(),
-                found_height: photo.height(),
-                width: camera.width,
-                height: camera.height,
-            });
-        }
-        let luma = LumaImage::from_photo(photo);
-        let corners = match calibration::detect(&luma, &self.target) {
-            Ok(detection) => detection.corners,
-            Err(Rejection::BoardNotFound) => return Err(why_no_board(photo)),
-            Err(rejection) => return Err(rejection),
-        };
-        drop(luma);
+        let plan = self.plan(photo, sample_mm, resolution)?;
+        Ok(self.commit(plan, sample_mm, resolution))
+    }
+
+    /// What a photograph would change.
+    fn plan(
+        &self,
+        photo: &Photo,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> std::result::Result<Plan, Rejection> {
+        let corners = self.detect(photo)?;
         let solved = self.solve(photo, &corners)?;
         let (camera, pose) = (solved.camera, solved.new.pose);
         let mut photometry = self.photometry.clone();
@@ -239,14 +233,13 @@ impl BoardIntake {
             }
             _ => (Vec::new(), self.elevation),
         };
-        let elevation_mm = elevation.mm;
         let observation = rectification::rectify_raised(
             photo,
             &camera,
             &pose,
             &radiometry,
             sample_mm,
-            elevation_mm as f32,
+            elevation.mm as f32,
             resolution,
             resolution,
         )?;
@@ -255,6 +248,23 @@ impl BoardIntake {
         if let Some(known) = photometry.photometry() {
             hints.extend(feedback::linearity(photo, &self.target, &camera, &pose, known));
         }
+        Ok(Plan {
+            corners,
+            solved,
+            photometry,
+            radiometry,
+            kept,
+            seen,
+            elevation,
+            observation,
+            hints,
+        })
+    }
+
+    /// Takes over what a photograph changes.
+    fn commit(&mut self, plan: Plan, sample_mm: [f32; 2], resolution: usize) -> Taken {
+        let Plan { corners, solved, photometry, radiometry, kept, elevation, .. } = plan;
+        let (camera, pose, elevation_mm) = (solved.camera, solved.new.pose, elevation.mm);
         if let Some(earlier) = &solved.earlier {
             for (frame, (pose, rms_px)) in self.frames.iter_mut().zip(earlier) {
                 (frame.pose, frame.rms_px) = (*pose, *rms_px);
@@ -269,7 +279,7 @@ impl BoardIntake {
         let rms_px = solved.new.rms_px;
         let used = Used { camera, pose, radiometry, elevation_mm };
         self.frames.push(Frame { corners, kept, seen: None, pose, rms_px, used });
-        for (frame, seen) in self.frames.iter_mut().zip(seen) {
+        for (frame, seen) in self.frames.iter_mut().zip(plan.seen) {
             frame.seen = Some(seen);
         }
         let change = self.shift_mm(elevation.mm, sample_mm) / texel_mm(sample_mm, resolution);
@@ -281,7 +291,28 @@ impl BoardIntake {
         self.photometry = photometry;
         self.paper = solved.paper;
         self.settle(sample_mm, resolution);
-        Ok(Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, restart, hints })
+        let Plan { observation, hints, .. } = plan;
+        Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, restart, hints }
+    }
+
+    /// Corners of a photograph of the size that is known.
+    fn detect(&self, photo: &Photo) -> std::result::Result<Vec<Corner>, Rejection> {
+        if let Some(camera) = self.camera()
+            && (photo.width(), photo.height()) != (camera.width, camera.height)
+        {
+            return Err(Rejection::WrongSize {
+                found_width: photo.width(),
+                found_height: photo.height(),
+                width: camera.width,
+                height: camera.height,
+            });
+        }
+        let luma = LumaImage::from_photo(photo);
+        match calibration::detect(&luma, &self.target) {
+            Ok(detection) => Ok(detection.corners),
+            Err(Rejection::BoardNotFound) => Err(why_no_board(photo)),
+            Err(rejection) => Err(rejection),
+        }
     }
 
     /// Details of all photographs and of a new one, and the height of the sample that they tell.
@@ -415,30 +446,6 @@ impl BoardIntake {
                 (frame.kept, frame.seen) = (None, None);
             }
         }
-    }
-}
-
-impl Frame {
-    /// Width and height of the whole photograph, px.
-    pub(super) fn picture_size(&self) -> (u32, u32) {
-        (self.used.camera.width, self.used.camera.height)
-    }
-
-    /// What the fit must do to use the latest estimates; remembers that it will.
-    fn update(&mut self, index: usize, latest: Used, sample_mm: [f32; 2]) -> Option<Update> {
-        let old = self.used;
-        if let Some(kept) = &self.kept
-            && moves(&old, &latest, sample_mm)
-        {
-            self.used = latest;
-            return Some(Update::Geometry { index, kept: kept.clone(), used: latest });
-        }
-        self.used.radiometry = latest.radiometry;
-        (latest.radiometry != old.radiometry).then_some(Update::Radiometry {
-            index,
-            used: old,
-            new: latest.radiometry,
-        })
     }
 }
 

@@ -3,8 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::bytes::{Reader, Sections, StateWriter, Tag, Writer};
-use super::damaged;
+use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
     Belief, Correction, Cut, Damping, LatentPosition, MAX_MIRRORED, Moments, Noise, Offset, Part,

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::bytes::{Reader, Sections, StateWriter, Tag, Writer};
-use super::damaged;
+use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
 use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
@@ -13,16 +12,15 @@ use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
 use crate::geometry::Pose;
 use crate::rectification::elevation::{self, ElevationEstimate};
-use crate::session::Scene;
 use crate::session::board::{BoardIntake, Frame, Kept, Used};
 use crate::session::intake::Intake;
+use crate::session::settings::Scene;
 
 const INTAKE: &Tag = b"INTK";
 /// One for each photograph of a board.
 const FRAME: &Tag = b"FRAM";
-/// Without it the sheet is as planned.
+/// Of photographs of a board, as the next.
 const PAPER: &Tag = b"PAPR";
-/// Without it the sample lies in the board's plane.
 const ELEVATION: &Tag = b"ELEV";
 
 pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
@@ -60,7 +58,7 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
     match &mut intake {
         Intake::Rectified { power_mm2, .. } => *power_mm2 = r.option(Reader::three_f32s)?,
         Intake::Board(board) => {
-            let paper = sections.all(PAPER).next().map(read_paper).transpose()?.unwrap_or_default();
+            let paper = read_paper(sections.one(PAPER)?)?;
             let estimate = r.option(|r| {
                 let camera = read_camera(r)?;
                 let flat: [f64; 81] = r.f64s()?;
@@ -69,7 +67,7 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
                 Ok(CameraEstimate { camera, covariance, paper, rms_px, views: Vec::new() })
             })?;
             let frames = sections.all(FRAME).map(read_frame).collect::<Result<Vec<_>>>()?;
-            let elevation = sections.all(ELEVATION).next().map(read_elevation).transpose()?;
+            let elevation = read_elevation(sections.one(ELEVATION)?)?;
             resume(board, estimate, paper, elevation, frames)?;
         }
     }
@@ -81,7 +79,7 @@ fn resume(
     board: &mut BoardIntake,
     estimate: Option<CameraEstimate>,
     paper: PaperEstimate,
-    elevation: Option<ElevationEstimate>,
+    elevation: ElevationEstimate,
     frames: Vec<(Frame, Squares)>,
 ) -> Result<()> {
     let estimated = board.camera().is_none();
@@ -180,7 +178,7 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
             Err(damaged("a part of a photograph lies outside of it"))
         }
     })?;
-    let elevation_mm = if r.is_empty() { 0.0 } else { r.f64()? };
+    let elevation_mm = r.f64()?;
     r.end()?;
     if !is_height(elevation_mm) {
         return Err(damaged("a height is none"));

@@ -14,15 +14,15 @@ use std::sync::Arc;
 
 use rayon::ThreadPool;
 
-use bytes::Sections;
 pub(super) use bytes::StateWriter;
+use bytes::{Sections, damaged};
 pub(super) use estimation::{SavedProgress, write as write_estimation};
 
 use super::intake::Intake;
-use super::{Scene, Settings};
+use super::settings::{Scene, Settings};
+use crate::Result;
 use crate::estimate::{Budget, Estimation};
 use crate::initial_estimate::Networks;
-use crate::{Error, Result, StateFault};
 
 /// Adds what the caller's side of a session holds.
 pub(super) fn write_session(
@@ -69,10 +69,6 @@ pub(super) fn read(
         return Err(damaged("photographs are missing"));
     }
     Ok(Restored { settings, scene, budget, intake, estimation, progress, pool })
-}
-
-fn damaged(what: impl Into<String>) -> Error {
-    Error::State(StateFault::Damaged(what.into()))
 }
 
 #[cfg(test)]

@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::bytes::{Reader, Writer};
-use super::damaged;
+use super::bytes::{Reader, Writer, damaged};
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
+use crate::estimate::{Budget, Method};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
-use crate::session::{Budget, Method, RectifiedFalloff, Scene, Settings};
+use crate::session::settings::{RectifiedFalloff, Scene, Settings};
 use crate::{Error, Result};
 
 pub(super) fn write_settings(w: &mut Writer, settings: &Settings, budget: &Budget) {
@@ -19,7 +19,6 @@ pub(super) fn write_settings(w: &mut Writer, settings: &Settings, budget: &Budge
     });
     w.flag(settings.refine);
     w.u32(settings.threads as u32);
-    w.u64(settings.seed);
     w.option(budget.seconds, Writer::f32);
     w.option(budget.steps, Writer::u32);
     w.flag(budget.stop_when_invisible);
@@ -36,7 +35,6 @@ pub(super) fn read_settings(mut r: Reader) -> Result<(Settings, Budget)> {
         },
         refine: r.flag()?,
         threads: r.u32()? as usize,
-        seed: r.u64()?,
         memory_limit_bytes: None,
     };
     let budget = Budget {
@@ -85,8 +83,7 @@ pub(super) fn read(mut r: Reader) -> Result<Scene> {
             let target = read_target(&mut r)?;
             let camera = r.option(read_camera)?;
             let flash_offset_mm = r.option(|r| r.f64s().map(DVec3::from_array))?;
-            // Earlier ones knew of no height.
-            let elevation_mm = if r.is_empty() { Some(0.0) } else { r.option(Reader::f64)? };
+            let elevation_mm = r.option(Reader::f64)?;
             Scene::Board { target, camera, flash_offset_mm, elevation_mm }
         }
         2 => {

@@ -1,9 +1,9 @@
 use super::bytes::{Sections, StateWriter};
 use super::*;
-use crate::Svbrdf;
-use crate::observation::{Falloff, Observation, View};
+use crate::observation::{Falloff, View};
 use crate::session::fit::NewFrame;
 use crate::session::{RestoreOptions, Session};
+use crate::test_support::{photograph, two_tones, view_from};
 use proptest::prelude::*;
 use std::sync::OnceLock;
 
@@ -100,22 +100,13 @@ fn what_a_sample_mirrors_is_kept() {
     let (size, networks) = (256, networks());
     let settings = Settings { resolution: size, ..Settings::default() };
     let mut fit = Fit::new(networks.clone(), &settings);
-    let mut maps = Svbrdf::new(size, size);
-    maps.planes_mut().fill(0.3);
+    let truth = two_tones(size);
     for i in 0..3 {
         let at = [20.0 * i as f32, 0.0, 250.0];
-        let view = View {
-            sample_mm: [100.0; 2],
-            camera_mm: at,
-            light_mm: at,
-            falloff: Falloff::InverseSquare { power_mm2: [2e5; 3] },
-            ambient: [0.05; 3],
-            mirrored: 1.0,
-        };
-        let radiance = vec![0.2; 3 * size * size];
-        let observation =
-            Observation::new(size, size, view, &radiance, &vec![1.0; size * size]).unwrap();
-        let start = (i == 0).then(|| Arc::new(maps.clone()));
+        let falloff = Falloff::InverseSquare { power_mm2: [2e5; 3] };
+        let view = View { falloff, ambient: [0.05; 3], ..view_from(at) };
+        let observation = photograph(&truth, view);
+        let start = (i == 0).then(|| Arc::new(truth.clone()));
         fit.add(NewFrame { observation, start, updates: Vec::new(), restart: false }).unwrap();
     }
     fit.correction.mirrored = vec![0.3, -0.5, 0.0];

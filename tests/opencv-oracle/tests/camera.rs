@@ -179,11 +179,7 @@ fn found_by_opencv(path: &Path, target: &Target, half: i32) -> Option<Vec<Corner
 /// Two detectors and two calibrations on the same real photographs.
 #[test]
 fn own_calibration_of_real_photographs_fits_as_well() {
-    let Some(root) = std::env::var_os("SVBRDF_TEST_DATA") else {
-        eprintln!("SKIPPED: SVBRDF_TEST_DATA is not set, no real photograph is checked");
-        return;
-    };
-    let root = Path::new(&root).join("calibration");
+    let Some(root) = captures::test_data("calibration") else { return };
     for (folder, part, rows, cols, square_mm) in [
         ("opencv_stereo", "left", 7, 10, 25.0),
         ("opencv_stereo", "right", 7, 10, 25.0),

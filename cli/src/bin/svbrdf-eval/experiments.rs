@@ -1,19 +1,17 @@
 //! What is tried; every row of a table is a mean over all crops.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use svbrdf::comparison::compare;
-use svbrdf::completion::coordinates;
+use svbrdf::estimate::{Estimator, Method, coordinates};
 use svbrdf::export::resized;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::random::Random;
-use svbrdf::session::{Estimator, Method};
 use svbrdf::svbrdf::channel;
-use svbrdf::{Error, Result, Svbrdf, classic};
+use svbrdf::{Error, Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
@@ -67,15 +65,11 @@ pub fn photos(
             add(format!("{count}, deep"), &deep.settle()?)?;
             add(format!("{count}, without refinement"), &rough.settle()?)?;
             if baseline {
-                let mut maps = start.clone();
-                let go_on = &mut |_: usize, _: f64| ControlFlow::Continue(());
-                classic::fit(
-                    &mut maps,
-                    &observations[..count],
-                    &classic::Options::default(),
-                    go_on,
-                )?;
-                add(format!("{count}, classic"), &maps)?;
+                let mut classic = Estimator::new(networks.clone(), Method::Classic, true);
+                for observation in &observations[..count] {
+                    classic.add(observation.clone())?;
+                }
+                add(format!("{count}, classic"), &classic.settle()?)?;
             }
         }
     }
@@ -183,8 +177,8 @@ pub fn start(
     Ok(())
 }
 
-/// Records what completions begin with and the truth, as half floats: `NAME-SEED-COUNT.f16` (see
-/// [`svbrdf::completion::Incomplete::record`]) and `NAME-SEED-truth.f16`, the same coordinates.
+/// Records what the learned prior begins with and the truth, as half floats: `NAME-SEED-COUNT.f16` (see
+/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-SEED-truth.f16`, the same coordinates.
 pub fn fits(
     networks: &Arc<Networks>,
     crops: &[Crop],
@@ -205,13 +199,13 @@ pub fn fits(
         let places = 7777 * chosen + seed(index);
         let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
         estimator.correct_lights(false);
-        estimator.keep_incomplete();
+        estimator.keep_record();
         let photographs = photographs(&crop.truth, most, places, &conditions);
         for (i, observation) in photographs.into_iter().enumerate() {
             estimator.add(observation)?;
             estimator.settle()?;
-            if let Some(incomplete) = estimator.incomplete().filter(|_| counts.contains(&(i + 1))) {
-                write_halves(&path(&(i + 1).to_string()), &incomplete.record())?;
+            if let Some(record) = estimator.record().filter(|_| counts.contains(&(i + 1))) {
+                write_halves(&path(&(i + 1).to_string()), &record.planes())?;
             }
         }
         write_halves(&path("truth"), &coordinates(&crop.truth))?;

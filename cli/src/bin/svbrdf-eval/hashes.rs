@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use svbrdf::capture::Capture;
-use svbrdf::session::{Estimator, Method};
+use svbrdf::estimate::{Estimator, Method};
 use svbrdf::{Error, Result, Svbrdf};
 
 use crate::experiments::seed;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use svbrdf::comparison::compare;
-use svbrdf::session::{Estimator, Method};
+use svbrdf::estimate::{Estimator, Method};
 use svbrdf::{Error, Result};
 
 use super::figures::Figures;

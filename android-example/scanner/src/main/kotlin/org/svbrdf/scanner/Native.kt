@@ -7,7 +7,7 @@ import java.util.concurrent.ConcurrentHashMap
 import java.util.concurrent.atomic.AtomicLong
 
 /**
- * The functions of `scanner_jni.c`, and what it calls. `owner` is the object that owns the handle:
+ * The functions of `cpp/*_jni.c`, and what it calls. `owner` is the object that owns the handle:
  * it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
  */
 internal object Native {
@@ -19,7 +19,7 @@ internal object Native {
     @JvmStatic external fun features(): Long
 
     @JvmStatic external fun sessionCreate(
-        ints: IntArray, seed: Long, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
+        ints: IntArray, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
         camera: DoubleArray?, flashOffset: DoubleArray?, memoryLimit: Long, state: ByteArray?,
         owner: Any, models: Long, id: Long,
     ): Long

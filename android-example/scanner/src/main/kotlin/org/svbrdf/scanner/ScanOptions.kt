@@ -22,8 +22,6 @@ data class ScanOptions @JvmOverloads constructor(
     val refine: Boolean = true,
     /** Threads of the fit; 0: one per core, at most 4. */
     val threads: Int = 0,
-    /** Seed of everything random. */
-    val seed: Long = 0,
     /** Networks; null: those inside the library. */
     val models: ScannerModels? = null,
     /** Light of photos from the top; null: photos show a board. */
@@ -44,7 +42,7 @@ data class ScanOptions @JvmOverloads constructor(
         )
         val reals = floatArrayOf(widthMm, heightMm, light[0], light[1], light[2])
         return Native.sessionCreate(
-            ints, seed, reals, board?.numbers(), board?.dictionary?.let(Native::text),
+            ints, reals, board?.numbers(), board?.dictionary?.let(Native::text),
             camera?.numbers(), offset, memoryLimitBytes, state?.let { Native.text(it.path) },
             models ?: owner, networks, id,
         )

@@ -1,0 +1,113 @@
+/* Callbacks. The library's threads are attached when they first call and detached at their end. */
+#include <pthread.h>
+
+#include "boundary.h"
+
+static JavaVM *vm;
+static jmethodID on_progress, on_maps, on_log;
+static pthread_key_t attached;
+
+static void detach(void *unused)
+{
+    (void)unused;
+    (*vm)->DetachCurrentThread(vm);
+}
+
+static JNIEnv *environment(void)
+{
+    void *env = NULL;
+    JavaVMAttachArgs args;
+    if ((*vm)->GetEnv(vm, &env, JNI_VERSION_1_6) == JNI_OK) {
+        return env;
+    }
+    args.version = JNI_VERSION_1_6;
+    args.name = "svbrdf";
+    args.group = NULL;
+    /* A cast that fits Android's and the desktop's jni.h. */
+    if ((*vm)->AttachCurrentThreadAsDaemon(vm, (void *)&env, &args) != JNI_OK) {
+        return NULL;
+    }
+    pthread_setspecific(attached, vm);
+    return env;
+}
+
+/* What callbacks throw, Native.kt has dealt with; this is for what it may throw itself. */
+static void dismiss(JNIEnv *env)
+{
+    if ((*env)->ExceptionCheck(env)) {
+        (*env)->ExceptionDescribe(env);
+        (*env)->ExceptionClear(env);
+    }
+}
+
+void fill_progress(const svbrdf_progress *progress, jdouble out[PROGRESS])
+{
+    out[0] = progress->state;
+    out[1] = progress->frames;
+    out[2] = progress->settled;
+    out[3] = (jdouble)progress->fraction;
+    out[4] = (jdouble)progress->loss_before;
+    out[5] = (jdouble)progress->loss;
+    out[6] = (jdouble)progress->seconds_left;
+    out[7] = (jdouble)progress->maps_revision;
+}
+
+void call_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress)
+{
+    jdouble values[PROGRESS];
+    jdoubleArray array;
+    JNIEnv *env = environment();
+    (void)session;
+    if (env == NULL) {
+        return;
+    }
+    array = (*env)->NewDoubleArray(env, PROGRESS);
+    if (array != NULL) {
+        fill_progress(progress, values);
+        (*env)->SetDoubleArrayRegion(env, array, 0, PROGRESS, values);
+        (*env)->CallStaticVoidMethod(env, native_class, on_progress, (jlong)(intptr_t)user, array);
+    }
+    dismiss(env);
+    (*env)->DeleteLocalRef(env, array);
+}
+
+void call_maps(void *user, svbrdf_session *session)
+{
+    JNIEnv *env = environment();
+    (void)session;
+    if (env != NULL) {
+        (*env)->CallStaticVoidMethod(env, native_class, on_maps, (jlong)(intptr_t)user);
+        dismiss(env);
+    }
+}
+
+void call_log(void *user, svbrdf_log_level level, const char *message)
+{
+    jbyteArray text;
+    JNIEnv *env = environment();
+    if (env == NULL) {
+        return;
+    }
+    text = to_bytes(env, message);
+    if (text != NULL) {
+        (*env)->CallStaticVoidMethod(env, native_class, on_log, (jlong)(intptr_t)user,
+                                     (jint)level, text);
+    }
+    dismiss(env);
+    (*env)->DeleteLocalRef(env, text);
+}
+
+int callbacks_load(JavaVM *java, JNIEnv *env)
+{
+    vm = java;
+    on_progress = (*env)->GetStaticMethodID(env, native_class, "onProgress", "(J[D)V");
+    if (on_progress == NULL) {
+        return 1;
+    }
+    on_maps = (*env)->GetStaticMethodID(env, native_class, "onMaps", "(J)V");
+    if (on_maps == NULL) {
+        return 1;
+    }
+    on_log = (*env)->GetStaticMethodID(env, native_class, "onLog", "(JI[B)V");
+    return on_log == NULL || pthread_key_create(&attached, detach) != 0;
+}

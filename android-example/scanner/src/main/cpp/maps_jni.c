@@ -1,0 +1,98 @@
+/* Methods of Native.kt about maps and models. */
+#include "boundary.h"
+
+static void maps_size(JNIEnv *env, jclass class, jobject owner, jlong handle, jdoubleArray out)
+{
+    uint32_t width = 0, height = 0;
+    float mm[2];
+    jdouble values[4];
+    (void)class, (void)owner;
+    if (!throw_status(env, svbrdf_maps_size(HANDLE(svbrdf_maps, handle), &width, &height, mm))) {
+        values[0] = width;
+        values[1] = height;
+        values[2] = (jdouble)mm[0];
+        values[3] = (jdouble)mm[1];
+        (*env)->SetDoubleArrayRegion(env, out, 0, 4, values);
+    }
+}
+
+static void maps_copy(JNIEnv *env, jclass class, jobject owner, jlong handle, jint map, jint format,
+                      jobject buffer, jlong bytes)
+{
+    void *data = direct_memory(env, buffer, 0, bytes);
+    (void)class, (void)owner;
+    if (data != NULL) {
+        throw_status(env, svbrdf_maps_copy(HANDLE(svbrdf_maps, handle), (svbrdf_map)map,
+                                    (svbrdf_map_format)format, data, (size_t)bytes, 0));
+    }
+}
+
+static void maps_export(JNIEnv *env, jclass class, jobject owner, jlong handle, jbyteArray path)
+{
+    jbyte *held;
+    const char *text = read_text(env, path, &held);
+    (void)class, (void)owner;
+    if (text != NULL) {
+        throw_status(env, svbrdf_maps_export(HANDLE(svbrdf_maps, handle), text));
+        release_text(env, path, held);
+    }
+}
+
+static void maps_destroy(JNIEnv *env, jclass class, jlong handle)
+{
+    (void)env, (void)class;
+    svbrdf_maps_destroy(HANDLE(svbrdf_maps, handle));
+}
+
+/* Models. */
+
+static jlong models_from_memory(JNIEnv *env, jclass class, jobject decoder, jobject encoder,
+                                jobject photo, jobject completion)
+{
+    const jobject buffers[4] = {decoder, encoder, photo, completion};
+    const void *data[4];
+    size_t bytes[4];
+    svbrdf_models *models = NULL;
+    int i;
+    (void)class;
+    for (i = 0; i < 4; ++i) {
+        data[i] = direct_memory(env, buffers[i], 0, 0);
+        if (data[i] == NULL) {
+            return 0;
+        }
+        bytes[i] = (size_t)(*env)->GetDirectBufferCapacity(env, buffers[i]);
+    }
+    throw_status(env, svbrdf_models_from_memory(data[0], bytes[0], data[1], bytes[1], data[2], bytes[2],
+                                         data[3], bytes[3], &models));
+    return (jlong)(uintptr_t)models;
+}
+
+static jlong models_from_folder(JNIEnv *env, jclass class, jbyteArray path)
+{
+    svbrdf_models *models = NULL;
+    jbyte *held;
+    const char *text = read_text(env, path, &held);
+    (void)class;
+    if (text != NULL) {
+        throw_status(env, svbrdf_models_from_folder(text, &models));
+        release_text(env, path, held);
+    }
+    return (jlong)(uintptr_t)models;
+}
+
+static void models_destroy(JNIEnv *env, jclass class, jlong handle)
+{
+    (void)env, (void)class;
+    svbrdf_models_destroy(HANDLE(svbrdf_models, handle));
+}
+
+const JNINativeMethod maps_methods[] = {
+    METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
+    METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
+    METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),
+    METHOD("mapsDestroy", "(J)V", maps_destroy),
+    METHOD("modelsFromMemory", "(" BUFFER BUFFER BUFFER BUFFER ")J", models_from_memory),
+    METHOD("modelsFromFolder", "([B)J", models_from_folder),
+    METHOD("modelsDestroy", "(J)V", models_destroy),
+};
+const jint maps_method_count = COUNT(maps_methods);

@@ -1,0 +1,71 @@
+//! The caller's functions: log, progress, maps.
+
+use std::ffi::{CString, c_char, c_void};
+
+use crate::handles::svbrdf_session;
+use crate::options::{
+    svbrdf_log_callback, svbrdf_log_level, svbrdf_maps_callback, svbrdf_progress_callback,
+    svbrdf_session_options,
+};
+use crate::reports::svbrdf_progress;
+
+/// What a session calls.
+pub(crate) struct Callbacks {
+    on_progress: svbrdf_progress_callback,
+    on_maps: svbrdf_maps_callback,
+    on_log: svbrdf_log_callback,
+    user_data: *mut c_void,
+}
+
+// SAFETY: the header tells callers that callbacks come on other threads, several at a time for
+// the log; the pointer is only handed back to them.
+unsafe impl Send for Callbacks {}
+// SAFETY: as above.
+unsafe impl Sync for Callbacks {}
+
+impl Callbacks {
+    pub(crate) fn new(options: &svbrdf_session_options) -> Self {
+        Self {
+            on_progress: options.on_progress,
+            on_maps: options.on_maps,
+            on_log: options.on_log,
+            user_data: options.user_data,
+        }
+    }
+
+    /// Whether a thread is needed.
+    pub(crate) fn notifies(&self) -> bool {
+        self.on_progress.is_some() || self.on_maps.is_some()
+    }
+
+    /// Writes a line to the log.
+    pub(crate) fn log(&self, level: svbrdf_log_level, text: impl FnOnce() -> String) {
+        if let Some(call) = self.on_log {
+            let line = CString::new(text().replace('\0', " ")).unwrap_or_default();
+            let message: *const c_char = line.as_ptr();
+            // SAFETY: the caller's function with the arguments that the header says.
+            unsafe { call(self.user_data, level, message) };
+        }
+    }
+
+    /// Says that there are newer maps.
+    pub(crate) fn maps(&self, session: *mut svbrdf_session) {
+        if let Some(call) = self.on_maps {
+            // SAFETY: the caller's function with the arguments that the header says.
+            unsafe { call(self.user_data, session) };
+        }
+    }
+
+    /// Tells the state of the fit, if anybody listens.
+    pub(crate) fn progress(
+        &self,
+        session: *mut svbrdf_session,
+        progress: impl FnOnce() -> svbrdf_progress,
+    ) {
+        if let Some(call) = self.on_progress {
+            let progress = progress();
+            // SAFETY: as above; the struct lives during the call.
+            unsafe { call(self.user_data, session, &raw const progress) };
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What is known about a photo.
+
+use std::mem::offset_of;
+
+use engine::frame::Photo;
+
+use crate::image::svbrdf_image;
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::values::unknown;
+use crate::versioned::{self, versioned};
+
+/// What lit a photo.
+pub type svbrdf_flash = u32;
+/// Not said: the photo is looked at.
+pub const SVBRDF_FLASH_UNKNOWN: svbrdf_flash = 0;
+/// No flash: the photo is rejected.
+pub const SVBRDF_FLASH_OFF: svbrdf_flash = 1;
+/// A flash fired.
+pub const SVBRDF_FLASH_FIRED: svbrdf_flash = 2;
+/// The lamp was on all the time.
+pub const SVBRDF_FLASH_TORCH: svbrdf_flash = 3;
+
+/// What is known about a photo.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_frame_info {
+    /// Size of this struct.
+    pub size: usize,
+    /// Relative exposure: value = radiance * exposure. With a torch, exposure time times
+    /// sensitivity over that of the first photo. Default: 1.
+    pub exposure: f32,
+    /// One of SVBRDF_FLASH_. Default: unknown.
+    pub flash: svbrdf_flash,
+    /// Handed back in the report and named in the log, e.g. to tell which photo it was.
+    pub timestamp_ns: i64,
+    /// The same view without flash, or NULL: it is subtracted in linear light. Same size as the
+    /// photo; the camera must not have moved. Nothing of it is kept.
+    pub ambient: *const svbrdf_image,
+    /// Relative exposure of that; 0: as the photo's.
+    pub ambient_exposure: f32,
+    /// Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
+    /// camera that is estimated it is where the search begins.
+    pub focal_35mm: f32,
+}
+
+impl Default for svbrdf_frame_info {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            exposure: 1.0,
+            flash: SVBRDF_FLASH_UNKNOWN,
+            timestamp_ns: 0,
+            ambient: std::ptr::null(),
+            ambient_exposure: 0.0,
+            focal_35mm: 0.0,
+        }
+    }
+}
+versioned!(svbrdf_frame_info, offset_of!(svbrdf_frame_info, ambient));
+
+/// Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info).
+///
+/// # Safety
+/// `info` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_frame_info_init(
+    info: *mut svbrdf_frame_info,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(info, size) })
+}
+
+impl svbrdf_frame_info {
+    /// A caller's metadata, defaults for NULL.
+    ///
+    /// # Safety
+    /// NULL or what the header says.
+    pub(crate) unsafe fn from_caller(info: *const Self) -> Result<Self, Fault> {
+        if info.is_null() {
+            return Ok(Self::default());
+        }
+        // SAFETY: as the caller vouches.
+        let info = unsafe { versioned::read(info) }?;
+        if info.flash > SVBRDF_FLASH_TORCH {
+            return Err(unknown("svbrdf_frame_info.flash", info.flash));
+        }
+        if !(info.focal_35mm.is_finite() && info.focal_35mm >= 0.0) {
+            return Err(Fault::argument("focal_35mm: a length in mm, or 0, is expected"));
+        }
+        Ok(info)
+    }
+
+    /// The photo of a call.
+    ///
+    /// # Safety
+    /// `ambient` is NULL or what the header says; as [`svbrdf_image::photo`].
+    pub(crate) unsafe fn photo(&self, image: &svbrdf_image) -> Result<Photo, Fault> {
+        // SAFETY: the caller vouches for the planes.
+        let photo = unsafe { image.photo(self.exposure) }?;
+        let focal = (self.focal_35mm > 0.0).then_some(self.focal_35mm);
+        let photo = photo.with_focal_35mm(focal);
+        if self.ambient.is_null() {
+            return Ok(photo);
+        }
+        let exposure = match self.ambient_exposure {
+            0.0 => self.exposure,
+            other => other,
+        };
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        let ambient = unsafe { versioned::read(self.ambient).and_then(|i| i.photo(exposure)) };
+        let ambient = ambient.map_err(|fault| fault.about("ambient"))?;
+        Ok(photo.without_ambient(&ambient)?)
+    }
+}

@@ -1,0 +1,70 @@
+//! Starting a session.
+
+use std::sync::{Arc, PoisonError};
+
+use engine::session::Session;
+
+use crate::callbacks::Callbacks;
+use crate::handles::svbrdf_session;
+use crate::live::{Live, SESSIONS};
+use crate::models;
+use crate::notifier;
+use crate::options::{SVBRDF_LOG_INFO, svbrdf_session_options};
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned;
+
+/// Starts a session. On success `*session` is a handle to free with svbrdf_session_destroy();
+/// otherwise it is left as it was.
+///
+/// # Safety
+/// `options` is NULL or initialised by svbrdf_session_options_init(); what it points to is what
+/// the header says; `session` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_create(
+    options: *const svbrdf_session_options,
+    session: *mut *mut svbrdf_session,
+) -> svbrdf_status {
+    // SAFETY: the caller vouches for the options, what they point to, and the result.
+    unsafe {
+        open(options, session, |options| {
+            let (scene, settings) = (options.scene()?, options.settings()?);
+            let networks = models::networks(options.models)?;
+            Ok(Session::with_networks(scene, settings, networks)?)
+        })
+    }
+}
+
+/// Makes a session with the callbacks of options and hands it out.
+///
+/// # Safety
+/// As svbrdf_session_create().
+pub(crate) unsafe fn open(
+    options: *const svbrdf_session_options,
+    session: *mut *mut svbrdf_session,
+    make: impl FnOnce(&svbrdf_session_options) -> Result<Session, Fault>,
+) -> svbrdf_status {
+    entry(|| {
+        if session.is_null() {
+            return Err(Fault::argument("session: NULL given"));
+        }
+        // SAFETY: the caller vouches for the options.
+        let options = unsafe { versioned::read(options) }?;
+        let live = Arc::new(Live::new(make(&options)?, Callbacks::new(&options)));
+        live.callbacks.log(SVBRDF_LOG_INFO, || {
+            format!("session of {0} x {0} texels started", live.session.settings().resolution)
+        });
+        // Known before the first callback, which may use it.
+        SESSIONS.insert(live.handle().addr(), live.clone());
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        unsafe { session.write(live.handle()) };
+        if live.callbacks.notifies() {
+            let thread = notifier::start(&live).inspect_err(|_| {
+                let _ = SESSIONS.remove(live.handle().addr());
+                // SAFETY: as above.
+                unsafe { session.write(std::ptr::null_mut()) };
+            })?;
+            *live.notifier.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread);
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,131 @@
+//! Photos into a session.
+
+use engine::frame::Photo;
+use engine::session::{Pushed, Session};
+use engine::{Error, Rejection};
+
+use crate::handles::svbrdf_session;
+use crate::image::svbrdf_image;
+use crate::live::{Live, act};
+use crate::options::{SVBRDF_FLASH_OFF, SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING, svbrdf_frame_info};
+use crate::reports::{svbrdf_frame_report, words};
+use crate::status::{Fault, SVBRDF_REJECTED, svbrdf_status};
+use crate::versioned;
+
+/// Takes a photo of a board in: copied, calibrated, rectified. When it returns SVBRDF_OK, maps that
+/// know of the photo are available; the fit goes on in the background. SVBRDF_REJECTED when the
+/// photo cannot be used: nothing changed. `info` and `report` may be NULL. Calls from several
+/// threads are served one after the other.
+///
+/// # Safety
+/// Each pointer is NULL or initialised by its _init() function; the image's planes are NULL or
+/// have as many readable bytes as said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_push_frame(
+    session: *mut svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    report: *mut svbrdf_frame_report,
+) -> svbrdf_status {
+    // SAFETY: the caller vouches for every pointer.
+    unsafe { push(session, image, info, report, |session, photo| session.push(photo)) }
+}
+
+/// As svbrdf_session_push_frame() for a photo that shows the sample's rectangle from the top, at
+/// any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
+/// sample's centre, X right, Y up, Z towards the camera).
+///
+/// # Safety
+/// As svbrdf_session_push_frame(); each position is NULL or three readable floats.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_push_rectified(
+    session: *mut svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    camera_mm: *const f32,
+    light_mm: *const f32,
+    report: *mut svbrdf_frame_report,
+) -> svbrdf_status {
+    let position = |name: &'static str, p: *const f32| {
+        if p.is_null() {
+            return Err(Error::argument(name, "NULL given"));
+        }
+        // SAFETY: not NULL, and the caller vouches for three floats.
+        Ok(unsafe { p.cast::<[f32; 3]>().read_unaligned() })
+    };
+    let take = |session: &Session, photo: &Photo| {
+        let camera = position("camera_mm", camera_mm)?;
+        session.push_rectified(photo, camera, position("light_mm", light_mm)?)
+    };
+    // SAFETY: the caller vouches for every pointer.
+    unsafe { push(session, image, info, report, take) }
+}
+
+/// # Safety
+/// As [`svbrdf_session_push_frame`].
+unsafe fn push(
+    session: *mut svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    report: *mut svbrdf_frame_report,
+    take: impl FnOnce(&Session, &Photo) -> engine::Result<Pushed>,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the structs and planes.
+        let (image, info, size) = unsafe {
+            (
+                versioned::read(image)?,
+                svbrdf_frame_info::from_caller(info)?,
+                versioned::result_size(report)?,
+            )
+        };
+        let pushed = if info.flash == SVBRDF_FLASH_OFF {
+            Pushed::Rejected(Rejection::LightNotVisible)
+        } else {
+            // SAFETY: as above.
+            let photo = unsafe { info.photo(&image) }?;
+            take(&live.session, &photo)?
+        };
+        // SAFETY: `size` bytes are there.
+        unsafe { tell(live, &pushed, info.timestamp_ns, report, size) }
+    })
+}
+
+/// Logs and reports what became of a photo.
+///
+/// # Safety
+/// `report` has `size` writable bytes, if any.
+pub(crate) unsafe fn tell(
+    live: &Live,
+    pushed: &Pushed,
+    timestamp_ns: i64,
+    report: *mut svbrdf_frame_report,
+    size: Option<usize>,
+) -> Result<(), Fault> {
+    let (result, value) = match pushed {
+        Pushed::Accepted(accepted) => {
+            live.callbacks.log(SVBRDF_LOG_INFO, || {
+                let (index, seconds) = (accepted.index, accepted.maps_seconds);
+                format!("photo {timestamp_ns} accepted as number {index} in {seconds:.2} s")
+            });
+            if !accepted.hints.is_empty() {
+                live.callbacks.log(SVBRDF_LOG_WARNING, || {
+                    format!("photo {timestamp_ns}: {}", words(&accepted.hints))
+                });
+            }
+            (Ok(()), svbrdf_frame_report::accepted(accepted, timestamp_ns))
+        }
+        Pushed::Rejected(rejection) => {
+            live.callbacks.log(SVBRDF_LOG_WARNING, || {
+                format!("photo {timestamp_ns} rejected ({}): {rejection}", rejection.code())
+            });
+            let report = svbrdf_frame_report::rejected(rejection, timestamp_ns);
+            (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
+        }
+    };
+    if let Some(size) = size {
+        // SAFETY: the caller vouches for the bytes.
+        unsafe { versioned::write(report, size, value) };
+    }
+    result
+}

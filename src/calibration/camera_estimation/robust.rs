@@ -1,0 +1,130 @@
+//! What makes the joint refinement robust: corners and photographs that do not fit are left out, poses
+//! are tried the other way round, noise is taken from what is left.
+
+use super::super::detector::Corner;
+use super::super::paper::Sheet;
+use super::super::pose::{Fit, pose_minima};
+use super::super::target::Target;
+use super::joint::{SHARED, State, View};
+use super::prior::INTRINSICS;
+use crate::geometry::{Camera, Homography, Pose};
+use glam::{DVec2, DVec3};
+
+/// Corners below which a photograph is not used.
+pub(super) const CORNERS_MIN: usize = 12;
+/// Least noise believed: the best corners have a few hundredths.
+const NOISE_MIN_PX: f64 = 0.03;
+/// Corners within this many standard deviations fit, but never fewer than those within this
+/// distance.
+pub(super) const TRIM_SIGMA: f64 = 4.0;
+pub(super) const TRIM_MIN_PX: f64 = 0.2;
+/// A photograph whose corners fit this many times worse than the median photograph's, and worse
+/// than this, is left out.
+const VIEW_TIMES: f64 = 4.0;
+const VIEW_MIN_PX: f64 = 1.0;
+/// Share of a photograph's corners that must fit.
+const VIEW_SHARE_MIN: f64 = 0.6;
+/// Most rounds of refinement and leaving out.
+pub(super) const ROUNDS: usize = 8;
+
+/// What may move.
+pub(super) fn freedom(camera: [bool; INTRINSICS], paper: bool) -> [bool; SHARED] {
+    let mut free = [paper; SHARED];
+    free[..INTRINSICS].copy_from_slice(&camera);
+    free
+}
+
+/// Corners of a photograph with their planned positions.
+pub(super) fn view(target: &Target, corners: &[Corner]) -> View {
+    let board: Vec<DVec2> =
+        corners.iter().map(|c| target.grid_mm(c.row.into(), c.col.into())).collect();
+    let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
+    let used = px.len() >= CORNERS_MIN
+        && px.iter().all(|p| p.is_finite())
+        && Homography::fit(&board, &px).is_some();
+    let inliers = vec![true; px.len()];
+    View { board, px, inliers, used }
+}
+
+/// Both poses that nearly explain a photograph, the better first.
+fn minima(view: &View, camera: &Camera, sheet: &Sheet) -> Vec<Fit> {
+    let placed: Vec<DVec3> = view.board.iter().map(|b| sheet.at(*b)).collect();
+    pose_minima(camera, &placed, &view.px)
+}
+
+/// The pose that explains a photograph best.
+pub(super) fn best_pose(view: &View, camera: &Camera, sheet: &Sheet) -> Option<Pose> {
+    minima(view, camera, sheet).first().map(|fit| fit.pose)
+}
+
+/// Leaves corners and photographs out that do not fit the others; whether that changed anything.
+pub(super) fn trim(views: &mut [View], state: &State) -> bool {
+    let mut changed = false;
+    let mut medians = Vec::new();
+    let residuals: Vec<Vec<f64>> = views
+        .iter()
+        .zip(&state.poses)
+        .map(|(view, pose)| view.residuals(&state.camera, &state.sheet, pose))
+        .collect();
+    let mut spread = Vec::with_capacity(views.len());
+    for (view, residuals) in views.iter().zip(&residuals) {
+        let mut sorted = residuals.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY);
+        spread.push(median);
+        if view.used {
+            medians.push(median);
+        }
+    }
+    medians.sort_unstable_by(f64::total_cmp);
+    let typical = medians.get(medians.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let enough = medians.len() >= 3;
+    for ((view, residuals), median) in views.iter_mut().zip(&residuals).zip(spread) {
+        // The median length of a two-dimensional normal vector is 1.177 sigma.
+        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+        let inliers: Vec<bool> = residuals.iter().map(|r| *r <= limit).collect();
+        changed |= inliers != view.inliers;
+        view.inliers = inliers;
+        let fits = view.inlier_count() as f64 >= VIEW_SHARE_MIN * view.px.len() as f64;
+        let alike = median <= (VIEW_TIMES * typical).max(VIEW_MIN_PX);
+        if view.used && enough && !(fits && alike) {
+            view.used = false;
+            changed = true;
+        }
+    }
+    changed
+}
+
+/// Tries each photograph's other pose with the refined camera; whether one was better.
+pub(super) fn turn_poses(views: &[View], state: &mut State) -> bool {
+    let mut changed = false;
+    for (view, pose) in views.iter().zip(&mut state.poses) {
+        let (camera, sheet) = (&state.camera, &state.sheet);
+        let now = view.cost(camera, sheet, pose);
+        for fit in minima(view, camera, sheet) {
+            let turn = (fit.pose.rotation.z_axis - pose.rotation.z_axis).length();
+            if turn > 0.02 && view.cost(camera, sheet, &fit.pose) < 0.98 * now {
+                *pose = fit.pose;
+                changed = true;
+                break;
+            }
+        }
+    }
+    changed
+}
+
+/// Number of corners that take part and the sum of their squared residuals.
+pub(super) fn totals(views: &[View], state: &State) -> (usize, f64) {
+    let used = views.iter().zip(&state.poses).filter(|(view, _)| view.used);
+    used.fold((0, 0.0), |(count, sum), (view, pose)| {
+        (count + view.inlier_count(), sum + view.cost(&state.camera, &state.sheet, pose))
+    })
+}
+
+/// Standard deviation of a corner's coordinate.
+pub(super) fn noise(views: &[View], state: &State) -> f64 {
+    let (count, sum) = totals(views, state);
+    let used = views.iter().filter(|view| view.used).count();
+    let freedom = 2 * count as isize - 6 * used as isize - INTRINSICS as isize;
+    (sum / freedom.max(1) as f64).sqrt().max(NOISE_MIN_PX)
+}

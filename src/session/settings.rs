@@ -1,0 +1,127 @@
+//! What a session is started with.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::ThreadPool;
+
+use crate::calibration::Target;
+use crate::estimate::{Method, Task};
+use crate::geometry::Camera;
+use crate::observation::Falloff;
+use crate::{Error, Result};
+
+/// What the photographs show, fixed for a session.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)] // there is one for each session
+pub enum Scene {
+    /// Photographs of a board round the sample.
+    Board {
+        /// The printed board.
+        target: Target,
+        /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
+        /// with each one. Earlier photographs are then rectified anew where that moves them, for
+        /// which the session keeps the part of each that shows the sample as it is stored: about a
+        /// third of a photograph that shows the whole board (12 MB of a 12-megapixel one). With a
+        /// given camera it does so until it knows the sheet of paper and the sample's height, for
+        /// seven photographs at most.
+        camera: Option<Camera>,
+        /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
+        /// photographs tell it.
+        flash_offset_mm: Option<DVec3>,
+        /// Height of the sample's surface above the printed side of the board, mm; `None`:
+        /// estimated from two photographs on, 0 unless they contradict that clearly.
+        elevation_mm: Option<f64>,
+    },
+    /// Photographs already rectified to the top view, camera and light given with each.
+    Rectified {
+        /// Strength of the light over distance; inverse-square without a power takes
+        /// pi * (first camera's distance)².
+        falloff: RectifiedFalloff,
+    },
+}
+
+/// Light of rectified photographs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RectifiedFalloff {
+    /// As given.
+    Given(Falloff),
+    /// Inverse square with `power_mm2 = pi * (first camera's distance)²`.
+    InverseSquareAuto,
+}
+
+/// Options of a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Width and height of the sample, mm.
+    pub sample_mm: [f32; 2],
+    /// Texels along each side of the maps: 256, 512, 1024 or 2048.
+    pub resolution: usize,
+    /// Method.
+    pub method: Method,
+    /// Whether the per-texel refinement runs after the latent fit.
+    pub refine: bool,
+    /// Threads of the fit; 0: one per core, at most 4.
+    pub threads: usize,
+    /// Most memory that the session may need by its own estimate, bytes; `None`: any amount. The
+    /// networks, which sessions share, are not counted. Sessions and photographs that would need
+    /// more are refused with [`Error::MemoryLimit`].
+    pub memory_limit_bytes: Option<u64>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            sample_mm: [100.0, 100.0],
+            resolution: 256,
+            method: Method::Deep,
+            refine: true,
+            threads: 0,
+            memory_limit_bytes: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks ranges.
+    pub(super) fn check(&self) -> Result<()> {
+        if !RESOLUTIONS.contains(&self.resolution) {
+            let message = format!("{} given; 256, 512, 1024 or 2048 expected", self.resolution);
+            return Err(Error::argument("resolution", message));
+        }
+        if !self.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(Error::argument("sample_mm", "two positive lengths in mm are expected"));
+        }
+        Ok(())
+    }
+
+    /// The threads of the fit.
+    /// What the estimate is asked for.
+    pub(super) fn task(&self, scene: &Scene) -> Task {
+        let free_lights = matches!(scene, Scene::Rectified { .. });
+        Task { method: self.method, refine: self.refine, free_lights }
+    }
+
+    pub(super) fn pool(&self) -> Result<Arc<ThreadPool>> {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let threads = if self.threads == 0 { cores.min(4) } else { self.threads };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("svbrdf-{i}"))
+            .build()
+            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
+        Ok(Arc::new(pool))
+    }
+}
+
+/// What a saved session takes from where it goes on, see [`Session::restore`](super::Session::restore).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RestoreOptions {
+    /// Threads of the fit as in [`Settings::threads`]; `None`: as saved.
+    pub threads: Option<usize>,
+    /// As [`Settings::memory_limit_bytes`], which is not saved.
+    pub memory_limit_bytes: Option<u64>,
+}
+
+/// Resolutions a session may have.
+pub const RESOLUTIONS: [usize; 4] = [256, 512, 1024, 2048];

@@ -1,0 +1,48 @@
+//! Eight `f32` at a time: the vector type of the texel kernels, and the choice of instruction set.
+//!
+//! A kernel is written once, generic over [`Lanes`], and [`dispatch`]ed: on x86-64 to AVX2 with
+//! fused multiply-add and half floats where the processor has them, else to plain arrays, which compilers turn
+//! into SSE2 or NEON. Sixteen lanes spilled registers and were several times slower.
+//!
+//! This is the one module with `unsafe`: AVX2 intrinsics and the call that enters code compiled
+//! for AVX2, both sound because [`Avx2`] is reachable through [`dispatch`] only, after the check.
+#![allow(unsafe_code)]
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod lanes;
+mod portable;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use lanes::{LANES, Lanes};
+
+#[cfg(target_arch = "x86_64")]
+use avx2::Avx2;
+use portable::Portable;
+
+/// Work written once for every instruction set. `run` and all it calls must be
+/// `#[inline(always)]`, else it is not compiled for the chosen set.
+pub(crate) trait Kernel {
+    /// What comes out.
+    type Output;
+    /// Does the work with the vector type of the instruction set.
+    fn run<V: Lanes>(self) -> Self::Output;
+}
+
+/// Runs a kernel with the best instruction set of this processor.
+pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("f16c")
+    {
+        #[target_feature(enable = "avx2,fma,f16c")]
+        fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run::<Avx2>()
+        }
+        // SAFETY: the processor has these features.
+        return unsafe { with_avx2(kernel) };
+    }
+    kernel.run::<Portable>()
+}

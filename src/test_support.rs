@@ -1,0 +1,60 @@
+//! What unit tests share: numbers, a material, views and photographs of known maps.
+
+use crate::Svbrdf;
+use crate::observation::{Falloff, Observation, View};
+use crate::render::render;
+use crate::svbrdf::channel;
+use std::f32::consts::PI;
+
+#[path = "../tests/common/test_data.rs"]
+#[allow(dead_code)] // for tests of modules on reference photographs
+pub(crate) mod test_data;
+
+/// Numbers in [0, 1) from a counter (splitmix64).
+pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// A bumpy material in two tones, each with its own gloss.
+pub(crate) fn two_tones(side: usize) -> Svbrdf {
+    let mut maps = Svbrdf::new(side, side);
+    for i in 0..side * side {
+        let [u, v] = [i % side, i / side].map(|n| n as f32 / side as f32 * 12.0);
+        let tone = if u.sin() * v.cos() > 0.0 { 0.6 } else { 0.25 };
+        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * u.cos();
+        maps.plane_mut(channel::SLOPE_Y)[i] = 0.3 * v.sin();
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[i] = tone * [1.0, 0.7, 0.4][c];
+        }
+        maps.plane_mut(channel::ROUGHNESS)[i] = 0.2 + 0.6 * tone;
+    }
+    maps
+}
+
+/// A sample of 100 mm a side seen and lit from one point, mm, the light as strong at every texel,
+/// nothing ambient.
+pub(crate) fn view_from(at: [f32; 3]) -> View {
+    View {
+        sample_mm: [100.0; 2],
+        camera_mm: at,
+        light_mm: at,
+        falloff: Falloff::None { power: [PI; 3] },
+        ambient: [0.0; 3],
+        mirrored: 1.0,
+    }
+}
+
+/// An exact photograph of known maps, nothing saturated.
+pub(crate) fn photograph(truth: &Svbrdf, view: View) -> Observation {
+    let mut radiance = vec![0.0; 3 * truth.texels()];
+    render(truth, &view, &mut radiance);
+    let weight = vec![1.0; truth.texels()];
+    Observation::new(truth.width(), truth.height(), view, &radiance, &weight).unwrap()
+}
