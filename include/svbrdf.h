@@ -1159,7 +1159,7 @@ typedef struct svbrdf_paper {
 #define SVBRDF_UNSUPPORTED -6
 
 /**
- * A saved session is damaged, cut short, or none.
+ * The bytes are not a saved session, or a damaged or truncated one.
  */
 #define SVBRDF_BAD_STATE -8
 

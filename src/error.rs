@@ -54,10 +54,10 @@ pub enum Error {
         message: String,
     },
     /// A saved session cannot be read.
-    #[error("saved session: {0}")]
+    #[error("{0}")]
     State(StateFault),
     /// The work would need more memory than [`Settings`](crate::session::Settings) allow.
-    #[error("about {} MiB would be needed, {} MiB are allowed", needed >> 20, limit >> 20)]
+    #[error("about {} MiB of memory are needed, but only {} MiB are allowed", needed >> 20, limit >> 20)]
     MemoryLimit {
         /// Estimate of what all of the session would need, bytes.
         needed: u64,
@@ -97,16 +97,18 @@ impl Error {
 #[non_exhaustive]
 pub enum StateFault {
     /// It is something else.
-    #[error("this is none")]
+    #[error("not a saved session")]
     Foreign,
     /// Its end is missing.
-    #[error("cut short")]
+    #[error("the saved session is truncated")]
     Truncated,
     /// It is not what was written.
-    #[error("damaged: {0}")]
+    #[error("the saved session is damaged: {0}")]
     Damaged(String),
     /// It was written by a newer major version.
-    #[error("of format {found}, this version reads up to {known}")]
+    #[error(
+        "the saved session has format version {found}; this library reads versions up to {known}"
+    )]
     Newer {
         /// Major version of its format.
         found: u16,
@@ -120,7 +122,7 @@ pub enum StateFault {
 #[non_exhaustive]
 pub enum Rejection {
     /// The photograph's size is not the camera's.
-    #[error("the photo is {found_width}x{found_height} px, the camera {width}x{height}")]
+    #[error("the photo has {found_width}x{found_height} pixels, the camera {width}x{height}")]
     WrongSize {
         /// Width of the photograph, px.
         found_width: u32,
@@ -136,7 +138,7 @@ pub enum Rejection {
     BoardNotFound,
     /// A part of the target was found, too little for a safe pose.
     #[error(
-        "only {found} of {expected} board corners found, {needed} needed: show more of the board"
+        "only {found} of {expected} board corners were found, {needed} are needed: show more of the board"
     )]
     TooFewCorners {
         /// Corners found.
@@ -148,7 +150,7 @@ pub enum Rejection {
     },
     /// The corners do not fit one flat board of the given layout seen by the given camera.
     #[error(
-        "the corners do not fit the board (RMS {rms_px:.2} px): is the layout right, is the board flat?"
+        "the corners do not match the board (RMS error {rms_px:.2} px): check its layout, lay it flat"
     )]
     PoseUncertain {
         /// Reprojection error of the best pose, px.
@@ -164,7 +166,7 @@ pub enum Rejection {
         direction_deg: Option<f32>,
     },
     /// The white squares are too dark.
-    #[error("too dark: white squares reach {level:.4} of full scale")]
+    #[error("too dark: the white squares reach only {level:.4} of full scale: expose more")]
     TooDark {
         /// Median level of the white squares, 1 = full scale.
         level: f32,
@@ -176,7 +178,9 @@ pub enum Rejection {
         share: f32,
     },
     /// The camera looks too flat across the sample.
-    #[error("the view is {degrees:.0} degrees off the top, at most {limit:.0} are useful")]
+    #[error(
+        "the camera looks at the sample {degrees:.0} degrees from its normal, at most {limit:.0} are allowed"
+    )]
     TooGrazing {
         /// Angle between the sample's normal and the viewing direction, degrees.
         degrees: f32,
@@ -184,7 +188,7 @@ pub enum Rejection {
         limit: f32,
     },
     /// Too little of the sample is inside the photograph.
-    #[error("only {:.0} % of the sample is inside the photo", share * 100.0)]
+    #[error("only {:.0} % of the sample is inside the photo: show all of it", share * 100.0)]
     SampleOutside {
         /// Share of the sample seen, 0 to 1.
         share: f32,
@@ -193,7 +197,7 @@ pub enum Rejection {
     #[error("the flash does not light the board: switch it on")]
     LightNotVisible,
     /// Values that are not numbers.
-    #[error("the photo holds values that are not finite")]
+    #[error("the photo contains values that are not finite")]
     NotFinite,
 }
 

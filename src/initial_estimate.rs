@@ -141,7 +141,7 @@ impl Networks {
         let code = self.encoder.run(h, w, encoded_maps(maps))?;
         let stride = self.decoder.stride();
         if code.len() != self.decoder.code_channels() * (h / stride) * (w / stride) {
-            return Err(self.encoder.fault("its code is not the decoder's"));
+            return Err(self.encoder.fault("its code does not match that of the decoder"));
         }
         Ok(code)
     }

@@ -24,7 +24,7 @@ pub fn targets(text: &str) -> Result<Vec<Target>> {
         "ring" if text.parts.len() == 1 => Ok(vec![Target::default()]),
         "ring" => text.ring(false),
         "charuco-ring" => text.ring(true),
-        other => Err(text.fault(format!("`{other}` is no kind of board"))),
+        other => Err(text.fault(format!("`{other}` is not a kind of board"))),
     }
 }
 
@@ -64,7 +64,7 @@ impl Text<'_> {
     fn checkerboard(&self) -> Result<Vec<Target>> {
         let (rows, cols, square_mm) = self.sizes(2)?;
         if self.parts.len() > 3 {
-            return Err(self.fault("three parts are enough"));
+            return Err(self.fault("there are too many parts"));
         }
         if rows * cols < 20 {
             return Err(self.fault("at least 20 inner corners are needed"));

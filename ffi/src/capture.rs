@@ -106,7 +106,10 @@ pub unsafe extern "C" fn svbrdf_session_push_capture(
         // SAFETY: the caller vouches for the report.
         let size = unsafe { versioned::result_size(report) }?;
         let frame = capture.frames.get(index as usize).ok_or_else(|| {
-            Fault::argument(format!("index: {index} given, there are {}", capture.frames.len()))
+            Fault::argument(format!(
+                "index: {index} given, but the capture has {} frames",
+                capture.frames.len()
+            ))
         })?;
         let photo = frame.read()?;
         let pushed = match frame.rectified {

@@ -39,7 +39,7 @@ fn embedded() -> Result<Arc<Networks>, Fault> {
 
 #[cfg(not(feature = "embedded-models"))]
 fn embedded() -> Result<Arc<Networks>, Fault> {
-    let message = "models: this library has none inside; set svbrdf_session_options.models";
+    let message = "models: this library was built without them; set svbrdf_session_options.models";
     Err(Fault::new(crate::status::SVBRDF_UNSUPPORTED, message))
 }
 

@@ -14,10 +14,9 @@ use crate::status::Fault;
 /// Starts the thread of a session's callbacks.
 pub(crate) fn start(live: &Arc<Live>) -> Result<JoinHandle<()>, Fault> {
     let live = live.clone();
-    Builder::new()
-        .name("svbrdf-callback".into())
-        .spawn(move || run(&live))
-        .map_err(|e| Error::Internal(format!("no thread: {e}")).into())
+    Builder::new().name("svbrdf-callback".into()).spawn(move || run(&live)).map_err(|e| {
+        Error::Internal(format!("cannot start the thread of the callbacks: {e}")).into()
+    })
 }
 
 fn run(live: &Live) {

@@ -31,7 +31,7 @@ pub const SVBRDF_IO: svbrdf_status = -4;
 pub const SVBRDF_BAD_MODEL: svbrdf_status = -5;
 /// The struct asks for something this version does not know, or this build lacks.
 pub const SVBRDF_UNSUPPORTED: svbrdf_status = -6;
-/// A saved session is damaged, cut short, or none.
+/// The bytes are not a saved session, or a damaged or truncated one.
 pub const SVBRDF_BAD_STATE: svbrdf_status = -8;
 /// It would need more memory than svbrdf_session_options.memory_limit_bytes; nothing changed.
 pub const SVBRDF_MEMORY_LIMIT: svbrdf_status = -9;

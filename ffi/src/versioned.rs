@@ -76,7 +76,7 @@ pub(crate) unsafe fn read<T: Versioned>(pointer: *const T) -> Result<T, Fault> {
     for i in known..size {
         // SAFETY: inside the caller's struct.
         if unsafe { pointer.cast::<u8>().add(i).read() } != 0 {
-            let message = format!("{}: a field that this version does not know is set", T::NAME);
+            let message = format!("{}: a field is set that this version does not know", T::NAME);
             return Err(Fault::new(SVBRDF_UNSUPPORTED, message));
         }
     }

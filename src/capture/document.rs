@@ -31,8 +31,8 @@ pub fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value> {
         Error::Field {
             path: path.to_owned(),
             field: last_key(&before).unwrap_or("(file)").to_owned(),
-            message: format!("found what is not JSON: {fault}"),
-            expected: "JSON, where every number is finite (NaN and Infinity are none)".into(),
+            message: format!("found invalid JSON: {fault}"),
+            expected: "valid JSON whose numbers are finite (no NaN, no Infinity)".into(),
         }
     })
 }

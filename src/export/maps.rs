@@ -134,7 +134,7 @@ fn find_picture(dir: &Path, stem: &str) -> Result<PathBuf> {
     let candidates =
         ["png", "jpg", "jpeg", "tif", "tiff"].map(|e| dir.join(stem).with_extension(e));
     candidates.into_iter().find(|path| path.is_file()).ok_or_else(|| {
-        let what = "neither maps.exr nor this map as PNG, JPEG or TIFF is there";
+        let what = "neither maps.exr nor this map as a PNG, JPEG or TIFF file was found";
         Error::io(dir.join(stem), std::io::Error::new(std::io::ErrorKind::NotFound, what))
     })
 }

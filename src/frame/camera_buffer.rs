@@ -86,9 +86,10 @@ impl Photo {
                 let rgb = reader.gather(|p| [value(p, 0), value(p, 1), value(p, 2)]);
                 Self::from_u16(w, h, rotation.apply([width, height], rgb), encoding, exposure)
             }
-            _ if encoding != Encoding::Linear => {
-                Err(Error::argument("transfer", "floats are linear: expected the linear curve"))
-            }
+            _ if encoding != Encoding::Linear => Err(Error::argument(
+                "transfer",
+                "floating-point pixels are linear: the linear transfer function is expected",
+            )),
             Interleaved::RgbaF16 => {
                 let value =
                     |p: &[u8], c: usize| f16::from_ne_bytes([p[2 * c], p[2 * c + 1]]).to_f32();

@@ -82,7 +82,7 @@ fn read_with_focal(path: &Path) -> Result<(DynamicImage, Option<f32>)> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
     if size > MAX_FILE_BYTES {
-        return Err(fault(format!("{size} bytes, at most {MAX_FILE_BYTES} are read")));
+        return Err(fault(format!("{size} bytes; at most {MAX_FILE_BYTES} are supported")));
     }
     decode(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?)
 }
@@ -95,9 +95,8 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, Option<f32>)> {
     }
     let mut reader = ImageReader::new(Cursor::new(bytes));
     reader = reader.with_guessed_format().map_err(|e| Error::io(path, e))?;
-    let format = reader
-        .format()
-        .ok_or_else(|| fault("no PNG, JPEG, TIFF or OpenEXR file by its first bytes".into()))?;
+    let format =
+        reader.format().ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))?;
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
@@ -105,11 +104,13 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, Option<f32>)> {
     let mut decoder = reader.into_decoder().map_err(decode)?;
     let (width, height) = decoder.dimensions();
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(fault(format!("{width} x {height} px; at most {MAX_PIXELS} pixels are read")));
+        return Err(fault(format!(
+            "{width} x {height} px; at most {MAX_PIXELS} pixels are supported"
+        )));
     }
     // The decoder fills what is missing with gray instead of complaining.
     if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
-        return Err(fault("the file is cut short: its end marker is missing".into()));
+        return Err(fault("the file is truncated: its end marker is missing".into()));
     }
     let orientation = decoder.orientation().map_err(decode)?;
     // Metadata that cannot be read is no reason to refuse the picture.

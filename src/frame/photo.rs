@@ -267,7 +267,7 @@ impl Photo {
     pub fn without_ambient(&self, ambient: &Self) -> Result<Self> {
         if (self.width, self.height) != (ambient.width, ambient.height) {
             let message = format!(
-                "{} x {} px, the photo {} x {}",
+                "its size is {} x {} px, that of the photo {} x {}",
                 ambient.width, ambient.height, self.width, self.height
             );
             return Err(Error::argument("ambient", message));

@@ -88,17 +88,17 @@ impl Container {
             return Err(fault(format!("format `{}`, expected `{FORMAT}`", header.format)));
         }
         if !(1..=MAX_CHANNELS).contains(&header.code_channels) {
-            return Err(fault(format!("{} code channels", header.code_channels)));
+            return Err(fault(format!("{} code channels are not supported", header.code_channels)));
         }
         if !(1..=MAX_STRIDE).contains(&header.stride) {
-            return Err(fault(format!("stride {}", header.stride)));
+            return Err(fault(format!("a stride of {} is not supported", header.stride)));
         }
         // A slope of 0 would hide the sign of the input, which the backward pass reads.
         if !(header.leaky_slope > 0.0 && header.leaky_slope <= 1.0) {
-            return Err(fault(format!("leaky slope {}", header.leaky_slope)));
+            return Err(fault(format!("a leaky slope of {} is not supported", header.leaky_slope)));
         }
         if header.layers.is_empty() || header.layers.len() > MAX_LAYERS {
-            return Err(fault(format!("{} layers", header.layers.len())));
+            return Err(fault(format!("{} layers are not supported", header.layers.len())));
         }
         let raw = &bytes[12 + length..];
         if !raw.len().is_multiple_of(2) {
@@ -137,6 +137,6 @@ pub(super) fn channels(count: u32) -> Result<usize> {
     if (1..=MAX_CHANNELS).contains(&count) {
         Ok(count as usize)
     } else {
-        Err(fault(format!("a layer of {count} channels")))
+        Err(fault(format!("a layer of {count} channels is not supported")))
     }
 }

@@ -29,14 +29,14 @@ const AZIMUTHS: u32 = 16;
 #[non_exhaustive]
 pub enum Hint {
     /// An earlier photograph has nearly the same view.
-    #[error("photo {} has nearly the same view: move on", index + 1)]
+    #[error("photo {} has nearly the same view: move the camera", index + 1)]
     NothingNew {
         /// Its number among the accepted ones, from 0.
         index: usize,
     },
     /// The board's grays do not come out as linear values of a print do.
     #[error(
-        "the values are not linear ({what} is {ratio:.3} of white): switch tone mapping off, check `encoding`"
+        "the pixel values are not linear ({what} is {ratio:.3} of white): turn tone mapping off, check `encoding`"
     )]
     NotLinear {
         /// What was looked at: `black` or `gray`.

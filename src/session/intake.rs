@@ -94,7 +94,7 @@ impl Intake {
             Self::Board(board) => Ok(board.take(photo, sample_mm, resolution)),
             Self::Rectified { .. } => Err(Error::argument(
                 "photo",
-                "this session takes rectified photographs with camera and light positions",
+                "this session expects rectified photographs with camera and light positions",
             )),
         }
     }
@@ -111,7 +111,7 @@ impl Intake {
         let Self::Rectified { falloff, power_mm2 } = self else {
             return Err(Error::argument(
                 "photo",
-                "this session takes photographs of a board, not rectified ones",
+                "this session expects photographs of a board, not rectified ones",
             ));
         };
         for (name, position) in [("camera_mm", camera_mm), ("light_mm", light_mm)] {

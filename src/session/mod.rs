@@ -96,7 +96,7 @@ impl Session {
             std::thread::Builder::new()
                 .name("svbrdf-fit".into())
                 .spawn(move || worker::run(&shared, &received, &pool, estimation, meter))
-                .map_err(|e| Error::Internal(format!("no thread: {e}")))?
+                .map_err(|e| Error::Internal(format!("cannot start the thread of the fit: {e}")))?
         };
         let (intake, worker) = (Mutex::new(intake), Some(worker));
         Ok(Self { scene, settings, pool, networks, intake, shared, commands, worker })

@@ -109,7 +109,7 @@ impl Settings {
             .num_threads(threads)
             .thread_name(|i| format!("svbrdf-{i}"))
             .build()
-            .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
+            .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))?;
         Ok(Arc::new(pool))
     }
 }

@@ -23,7 +23,11 @@ pub extern "C" fn svbrdf_session_wait(
             Ok(limit) => live.session.wait_timeout(Duration::from_millis(limit))?,
             Err(_) => live.session.wait().map(|()| true)?,
         };
-        if settled { Ok(()) } else { Err(Fault::new(SVBRDF_TIMEOUT, "the fit goes on")) }
+        if settled {
+            Ok(())
+        } else {
+            Err(Fault::new(SVBRDF_TIMEOUT, "the fit has not finished within the time given"))
+        }
     })
 }
 
@@ -159,7 +163,7 @@ pub unsafe extern "C" fn svbrdf_session_pose(
     look(session, |live| {
         let poses = live.session.poses();
         let board = poses.get(index as usize).ok_or_else(|| {
-            Fault::argument(format!("index: {index} given, poses there are: {}", poses.len()))
+            Fault::argument(format!("index: {index} given, but there are {} poses", poses.len()))
         })?;
         let rows = board.pose.rotation.transpose().to_cols_array();
         // SAFETY: the caller vouches for what is not NULL.

@@ -149,7 +149,7 @@ impl<'a> Sections<'a> {
         }
         let (stated, sum) = header.split_at(16);
         if crc32fast::hash(stated).to_le_bytes() != sum {
-            return Err(damaged("the header"));
+            return Err(damaged("the checksum of the header does not match"));
         }
         let number = |at: usize| u16::from_le_bytes([header[at], header[at + 1]]);
         let (major, minor) = (number(8), number(10));
@@ -164,7 +164,7 @@ impl<'a> Sections<'a> {
             rest = after;
         }
         if !rest.is_empty() {
-            return Err(damaged("bytes after the end"));
+            return Err(damaged("there are bytes after the last section"));
         }
         Ok(Self { newer_minor: major == MAJOR && minor > MINOR, sections })
     }
@@ -202,7 +202,10 @@ fn section(bytes: &[u8]) -> Result<(Tag, &[u8], &[u8])> {
     let (whole, after) = bytes.split_at(all);
     let (content, sum) = whole.split_at(12 + length);
     if crc32fast::hash(content).to_le_bytes() != sum {
-        return Err(damaged(format!("section {}", String::from_utf8_lossy(&tag))));
+        return Err(damaged(format!(
+            "the checksum of section {} does not match",
+            String::from_utf8_lossy(&tag)
+        )));
     }
     Ok((tag, &content[12..], after))
 }
@@ -266,7 +269,7 @@ impl<'a> Reader<'a> {
         match self.u8()? {
             0 => Ok(false),
             1 => Ok(true),
-            other => Err(damaged(format!("{other} is neither yes nor no"))),
+            other => Err(damaged(format!("{other} is not a boolean"))),
         }
     }
 
@@ -320,7 +323,7 @@ impl<'a> Reader<'a> {
     pub(super) fn text(&mut self) -> Result<String> {
         let count = self.count(1)?;
         let text = std::str::from_utf8(self.take(count)?);
-        Ok(text.map_err(|_| damaged("a text is not UTF-8"))?.to_owned())
+        Ok(text.map_err(|_| damaged("a string is not valid UTF-8"))?.to_owned())
     }
 }
 

@@ -91,7 +91,7 @@ fn resume(
     if estimate.is_some() != (estimated && !frames.is_empty())
         || !frames.iter().all(|(frame, _)| fits(frame))
     {
-        return Err(damaged("photographs and camera do not fit each other"));
+        return Err(damaged("the photographs do not match the camera"));
     }
     board.resume(estimate, paper, elevation, frames);
     Ok(())
@@ -103,7 +103,7 @@ fn read_paper(mut r: Reader) -> Result<PaperEstimate> {
     let sigma: [f64; 3] = r.f64s()?;
     r.end()?;
     if !paper.is_plausible() || sigma.iter().any(|s| *s < 0.0) {
-        return Err(damaged("a sheet of paper is none"));
+        return Err(damaged("the shape of the paper is out of range"));
     }
     Ok(PaperEstimate { paper, sigma })
 }
@@ -112,7 +112,7 @@ fn read_elevation(mut r: Reader) -> Result<ElevationEstimate> {
     let [mm, sigma_mm] = r.f64s()?;
     r.end()?;
     if !is_height(mm) || sigma_mm < 0.0 {
-        return Err(damaged("a height is none"));
+        return Err(damaged("the height of the sample is out of range"));
     }
     Ok(ElevationEstimate { mm, sigma_mm })
 }
@@ -175,13 +175,13 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
         {
             Ok(Arc::new(kept))
         } else {
-            Err(damaged("a part of a photograph lies outside of it"))
+            Err(damaged("a region lies outside its photograph"))
         }
     })?;
     let elevation_mm = r.f64()?;
     r.end()?;
     if !is_height(elevation_mm) {
-        return Err(damaged("a height is none"));
+        return Err(damaged("the height of the sample is out of range"));
     }
     let used = Used { camera, pose, radiometry, elevation_mm };
     Ok((Frame { corners, kept, seen: None, pose: latest, rms_px, used }, squares))
@@ -217,7 +217,7 @@ fn read_pose(r: &mut Reader) -> Result<Pose> {
         .iter()
         .any(|v| v.abs() > 1e-6)
     {
-        return Err(damaged("a pose is none"));
+        return Err(damaged("a rotation is not orthonormal"));
     }
     Ok(Pose { rotation, translation: DVec3::from_array(r.f64s()?) })
 }
@@ -243,7 +243,7 @@ fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
         ambient: r.three_f32s()?,
     };
     if gain.iter().any(|g| *g <= 0.0) || radiometry.power_mm2.iter().any(|p| *p <= 0.0) {
-        return Err(damaged("a light is none"));
+        return Err(damaged("the gain or power of a light is not positive"));
     }
     Ok(radiometry)
 }
@@ -278,20 +278,20 @@ fn read_photo(r: &mut Reader) -> Result<Photo> {
     let (exposure, saturation) = (r.f32()?, r.any_f32()?);
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > MAX_PIXELS {
-        return Err(damaged("a part of a photograph has no possible size"));
+        return Err(damaged("the size of a photograph is out of range"));
     }
     if saturation.is_nan() || saturation <= 0.0 {
-        return Err(damaged("a saturation is not positive"));
+        return Err(damaged("a saturation level is not positive"));
     }
     let values = 3 * pixels as usize;
     let kind = r.u8()?;
     let curve = Encoding::ALL.get(usize::from(r.u8()?));
-    let curve = *curve.ok_or_else(|| damaged("a transfer curve is unknown"))?;
+    let curve = *curve.ok_or_else(|| damaged("unknown transfer function"))?;
     let stored = match kind {
         1 => Stored::U8(r.take(values)?.into(), curve),
         2 => Stored::U16(r.u16s(values)?.into(), curve),
         3 => Stored::F32(r.f32s(values)?.into()),
-        other => return Err(damaged(format!("pixels {other}"))),
+        other => return Err(damaged(format!("unknown pixel type {other}"))),
     };
     Photo::from_stored(width, height, stored, exposure, saturation).map_err(as_damage)
 }

@@ -31,7 +31,7 @@ pub(super) fn read_settings(mut r: Reader) -> Result<(Settings, Budget)> {
         method: match r.u8()? {
             1 => Method::Deep,
             2 => Method::Classic,
-            other => return Err(damaged(format!("method {other}"))),
+            other => return Err(damaged(format!("unknown method {other}"))),
         },
         refine: r.flag()?,
         threads: r.u32()? as usize,
@@ -92,11 +92,11 @@ pub(super) fn read(mut r: Reader) -> Result<Scene> {
                 1 => RectifiedFalloff::InverseSquareAuto,
                 2 => RectifiedFalloff::Given(Falloff::InverseSquare { power_mm2: power }),
                 3 => RectifiedFalloff::Given(Falloff::None { power }),
-                other => return Err(damaged(format!("falloff {other}"))),
+                other => return Err(damaged(format!("unknown fall-off {other}"))),
             };
             Scene::Rectified { falloff }
         }
-        other => return Err(damaged(format!("scene {other}"))),
+        other => return Err(damaged(format!("unknown scene {other}"))),
     };
     r.end()?;
     Ok(scene)
@@ -124,7 +124,7 @@ fn read_target(r: &mut Reader) -> Result<Target> {
     let kind = match r.u8()? {
         1 => TargetKind::CheckerboardRing,
         2 => TargetKind::CharucoRing { dictionary: r.text()?, marker_mm: r.f64()? },
-        other => return Err(damaged(format!("board {other}"))),
+        other => return Err(damaged(format!("unknown board {other}"))),
     };
     let (rows, cols) = (r.u32()?, r.u32()?);
     let hole =
@@ -135,7 +135,7 @@ fn read_target(r: &mut Reader) -> Result<Target> {
     let target =
         Target { kind, rows, cols, square_mm, hole, white_albedo, black_albedo, top_left, patches };
     match target.fault() {
-        Some((field, _)) => Err(damaged(format!("board: {field}"))),
+        Some((field, _)) => Err(damaged(format!("board: {field} is out of range"))),
         None => Ok(target),
     }
 }
@@ -152,7 +152,7 @@ pub(super) fn read_camera(r: &mut Reader) -> Result<Camera> {
     let [fx, fy, cx, cy] = r.f64s()?;
     let camera = Camera { width, height, fx, fy, cx, cy, distortion: r.f64s()? };
     match camera.fault() {
-        Some((field, _)) => Err(damaged(format!("camera: {field}"))),
+        Some((field, _)) => Err(damaged(format!("camera: {field} is out of range"))),
         None => Ok(camera),
     }
 }

@@ -1,10 +1,12 @@
 use super::bytes::{Sections, StateWriter};
 use super::*;
-use crate::observation::{Falloff, View};
-use crate::session::fit::NewFrame;
+use crate::Error;
+use crate::estimate::{EstimateOptions, Meter, Method, Phase, Task, first_maps};
+use crate::observation::{Observation, View};
 use crate::session::{RestoreOptions, Session};
 use crate::test_support::{photograph, two_tones, view_from};
 use proptest::prelude::*;
+use std::convert::Infallible;
 use std::sync::OnceLock;
 
 fn networks() -> Arc<Networks> {
@@ -94,33 +96,73 @@ fn nonsense_with_the_right_sums_does_no_harm() {
     assert!(taken > 0 && refused > 20);
 }
 
-/// A board's photographs in a room that the sample mirrors differently in each.
+/// Photographs from round the sample in a room, for an estimate of a few texels.
+fn photographs(count: usize) -> Vec<Observation> {
+    let truth = two_tones(SIDE);
+    let at = |i: usize| [40.0 * (i as f32 * 2.0).sin(), 40.0 * (i as f32 * 2.0).cos(), 120.0];
+    let view = |i| View { ambient: [0.05; 3], ..view_from(at(i)) };
+    (0..count).map(|i| photograph(&truth, view(i))).collect()
+}
+
+const SIDE: usize = 64;
+
+/// Saved between any two steps, whatever the phase: the same bits as if nothing had happened.
 #[test]
-fn what_a_sample_mirrors_is_kept() {
-    let (size, networks) = (256, networks());
-    let settings = Settings { resolution: size, ..Settings::default() };
-    let mut fit = Fit::new(networks.clone(), &settings);
-    let truth = two_tones(size);
-    for i in 0..3 {
-        let at = [20.0 * i as f32, 0.0, 250.0];
-        let falloff = Falloff::InverseSquare { power_mm2: [2e5; 3] };
-        let view = View { falloff, ambient: [0.05; 3], ..view_from(at) };
-        let observation = photograph(&truth, view);
-        let start = (i == 0).then(|| Arc::new(truth.clone()));
-        fit.add(NewFrame { observation, start, updates: Vec::new(), restart: false }).unwrap();
+fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
+    let networks = networks();
+    let run = |task: Task, count: usize, saved: bool| {
+        let mut estimation = Estimation::new(networks.clone(), task, EstimateOptions::default());
+        let mut meter = Meter::new(Budget::default(), 0.0, 0);
+        let mut phases = Vec::new();
+        let mut fraction = 0.0;
+        for observation in photographs(count) {
+            let none = estimation.frames() == 0;
+            let start = none.then(|| first_maps(&networks, &observation).unwrap());
+            let none: [Infallible; 0] = [];
+            estimation.add(observation, start.as_ref(), &none, false).unwrap();
+        }
+        loop {
+            let step = estimation.step(&mut meter).unwrap();
+            assert!(step.fraction >= fraction, "the share done goes back");
+            fraction = step.fraction;
+            phases.extend(step.phase.filter(|phase| !phases.contains(phase)));
+            if step.done {
+                return (estimation.maps().unwrap(), estimation.loss(), phases);
+            }
+            if saved {
+                let mut state = StateWriter::new();
+                let progress =
+                    estimation::SavedProgress { loss_before: 0.1, seconds: 1.0, steps: 3 };
+                estimation::write(&mut state, &estimation, &progress);
+                let bytes = state.finish();
+                let sections = Sections::read(&bytes).unwrap();
+                let read = estimation::read(&sections, &networks, task, SIDE).unwrap();
+                assert_eq!(read.1, progress);
+                estimation = read.0;
+            }
+        }
+    };
+    let deep = Task { method: Method::Deep, refine: true, free_lights: false };
+    let free = Task { free_lights: true, ..deep };
+    let mut phases = Vec::new();
+    for (task, count) in [(deep, 5), (free, 3), (Task { method: Method::Classic, ..deep }, 1)] {
+        let (plain, saved) = (run(task, count, false), run(task, count, true));
+        assert!(plain == saved, "{task:?} {count}: {} {}", plain.1, saved.1);
+        phases.extend(plain.2);
     }
-    fit.correction.mirrored = vec![0.3, -0.5, 0.0];
-    let mut state = StateWriter::new();
-    let progress = fit::SavedProgress { loss_before: 0.1, fraction: 0.5, seconds: 1.0, steps: 3 };
-    fit::write(&mut state, &fit, &std::collections::VecDeque::new(), &progress);
-    let bytes = state.finish();
-    let (read, _) = fit::read(&Sections::read(&bytes).unwrap(), &networks, &settings).unwrap();
-    assert_eq!(read.correction, fit.correction);
-    for ((observation, given), log) in
-        read.observations.iter().zip(&read.given).zip(&fit.correction.mirrored)
-    {
-        assert_eq!(given.mirrored, 1.0);
-        assert!((observation.view.mirrored - log.exp() as f32).abs() < 1e-6);
+    use Phase::{Baseline, Classes, HeldLights, Latent, Maps, Network, PoolGloss, PoolResiduals};
+    for phase in [
+        Latent,
+        PoolGloss,
+        HeldLights,
+        Maps,
+        Phase::Slopes,
+        Classes,
+        PoolResiduals,
+        Network,
+        Baseline,
+    ] {
+        assert!(phases.contains(&phase), "{phase:?} was not tested");
     }
 }
 
