@@ -226,6 +226,9 @@ fn phases(
         for (i, observation) in observations.iter().enumerate() {
             estimator.add(observation.clone())?;
             let mut times: Vec<(Phase, f64, usize)> = Vec::new();
+            // Fraction done and time after each step.
+            let mut course = Vec::new();
+            let start = Instant::now();
             loop {
                 let begun = Instant::now();
                 let step = estimator.step()?;
@@ -236,14 +239,30 @@ fn phases(
                         None => times.push((phase, seconds, 1)),
                     }
                 }
+                course.push([f64::from(step.fraction), start.elapsed().as_secs_f64()]);
                 if step.done {
                     break;
                 }
             }
+            let total = start.elapsed().as_secs_f64();
+            let of_left = |[fraction, elapsed]: &[f64; 2]| {
+                elapsed * (1.0 / fraction - 1.0) / (total - elapsed)
+            };
+            let halfway = course.iter().filter(|[f, _]| (0.1..0.9).contains(f)).map(of_left);
+            let shown_left: Vec<f64> = halfway.collect();
+            let mean = shown_left.iter().sum::<f64>() / shown_left.len().max(1) as f64;
+            let range = shown_left
+                .iter()
+                .fold([f64::MAX, 0.0], |[a, b]: [f64; 2], v| [a.min(*v), b.max(*v)]);
             let shown = times.iter().map(|(phase, sum, count)| {
                 format!("{phase:?} {:.1} ({count})", 1e3 * sum / *count as f64)
             });
-            println!("{:>3}: {}", i + 1, shown.collect::<Vec<_>>().join(", "));
+            let shown = shown.collect::<Vec<_>>().join(", ");
+            println!("{:>3}: {total:.2} s: {shown}", i + 1);
+            println!(
+                "     time left as shown, in units of what it was: {mean:.2} ({:.2} to {:.2})",
+                range[0], range[1]
+            );
         }
     }
     Ok(())

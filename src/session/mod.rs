@@ -69,12 +69,26 @@ impl Session {
         settings: Settings,
         networks: Arc<Networks>,
     ) -> Result<Self> {
+        Self::with_options(scene, settings, networks, EstimateOptions::default())
+    }
+
+    /// The same with other options of the estimator, for evaluation: a restored session has the
+    /// default ones.
+    ///
+    /// # Errors
+    /// When a setting is out of range.
+    pub fn with_options(
+        scene: Scene,
+        settings: Settings,
+        networks: Arc<Networks>,
+        options: EstimateOptions,
+    ) -> Result<Self> {
         settings.check()?;
         memory::check(&settings, 1, 0)?;
         let intake = Intake::new(scene.clone())?;
         let pool = settings.pool()?;
         let task = settings.task(&scene);
-        let estimation = Estimation::new(networks.clone(), task, EstimateOptions::default());
+        let estimation = Estimation::new(networks.clone(), task, options);
         let meter = Meter::new(Budget::default(), 0.0, 0);
         Self::start(scene, settings, networks, intake, pool, Shared::new(), estimation, meter)
     }

@@ -1,13 +1,11 @@
 //! What is tried; every row of a table is a mean over all crops.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Instant;
 
 use svbrdf::comparison::compare;
-use svbrdf::estimate::{Estimator, Method, coordinates};
+use svbrdf::estimate::{Method, coordinates};
 use svbrdf::export::resized;
-use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::random::Random;
 use svbrdf::svbrdf::channel;
@@ -15,6 +13,7 @@ use svbrdf::{Error, Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
+use crate::streaming::Setup;
 
 /// Chooses places and noise of a crop's photographs.
 pub fn seed(index: usize) -> u64 {
@@ -22,8 +21,8 @@ pub fn seed(index: usize) -> u64 {
 }
 
 /// Maps of all photographs at once.
-fn fitted(networks: &Arc<Networks>, observations: &[Observation]) -> Result<Svbrdf> {
-    let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+fn fitted(setup: &Setup, observations: &[Observation]) -> Result<Svbrdf> {
+    let mut estimator = setup.estimator(Method::Deep, true);
     for observation in observations {
         estimator.add(observation.clone())?;
     }
@@ -32,7 +31,7 @@ fn fitted(networks: &Arc<Networks>, observations: &[Observation]) -> Result<Svbr
 
 pub fn photos(
     arguments: &Arguments,
-    networks: &Arc<Networks>,
+    setup: &Setup,
     crops: &[Crop],
     counts: &[usize],
     baseline: bool,
@@ -46,10 +45,10 @@ pub fn photos(
             report.add(&crop.name, &row, &compare(maps, &crop.truth)?);
             Ok(())
         };
-        let start = networks.photo_maps(&observations[0])?;
+        let start = setup.networks.photo_maps(&observations[0])?;
         add("1, first maps".to_owned(), &start)?;
-        let mut deep = Estimator::new(networks.clone(), Method::Deep, true);
-        let mut rough = Estimator::new(networks.clone(), Method::Deep, false);
+        let mut deep = setup.estimator(Method::Deep, true);
+        let mut rough = setup.estimator(Method::Deep, false);
         let mut seen = 0;
         for &count in counts {
             for observation in &observations[seen..count] {
@@ -65,7 +64,7 @@ pub fn photos(
             add(format!("{count}, deep"), &deep.settle()?)?;
             add(format!("{count}, without refinement"), &rough.settle()?)?;
             if baseline {
-                let mut classic = Estimator::new(networks.clone(), Method::Classic, true);
+                let mut classic = setup.estimator(Method::Classic, true);
                 for observation in &observations[..count] {
                     classic.add(observation.clone())?;
                 }
@@ -79,7 +78,7 @@ pub fn photos(
 
 pub fn disturbances(
     arguments: &Arguments,
-    networks: &Arc<Networks>,
+    setup: &Setup,
     crops: &[Crop],
     count: usize,
 ) -> Result<()> {
@@ -97,7 +96,7 @@ pub fn disturbances(
     for (index, crop) in crops.iter().enumerate() {
         for (row, conditions) in &rows {
             let observations = photographs(&crop.truth, count, seed(index), conditions);
-            let maps = fitted(networks, &observations)?;
+            let maps = fitted(setup, &observations)?;
             report.add(&crop.name, row, &compare(&maps, &crop.truth)?);
         }
     }
@@ -105,18 +104,13 @@ pub fn disturbances(
     Ok(())
 }
 
-pub fn exposure(
-    arguments: &Arguments,
-    networks: &Arc<Networks>,
-    crops: &[Crop],
-    count: usize,
-) -> Result<()> {
+pub fn exposure(arguments: &Arguments, setup: &Setup, crops: &[Crop], count: usize) -> Result<()> {
     let clean = Conditions { levels: Some(255.0), ..Conditions::new(arguments.noise) };
     let mut report = Report::new(arguments.verbose);
     for (index, crop) in crops.iter().enumerate() {
         let mut add = |row: String, conditions: &Conditions| -> Result<()> {
             let observations = photographs(&crop.truth, count, seed(index), conditions);
-            let maps = fitted(networks, &observations)?;
+            let maps = fitted(setup, &observations)?;
             report.add(&crop.name, &row, &compare(&maps, &crop.truth)?);
             Ok(())
         };
@@ -137,12 +131,7 @@ pub fn exposure(
     Ok(())
 }
 
-pub fn start(
-    arguments: &Arguments,
-    networks: &Arc<Networks>,
-    crops: &[Crop],
-    counts: &[usize],
-) -> Result<()> {
+pub fn start(arguments: &Arguments, setup: &Setup, crops: &[Crop], counts: &[usize]) -> Result<()> {
     let mut report = Report::new(arguments.verbose);
     let most = counts.iter().copied().max().unwrap_or(1);
     for (index, crop) in crops.iter().enumerate() {
@@ -150,18 +139,18 @@ pub fn start(
         for (name, conditions) in [("top", clean), ("45°", Conditions { oblique: true, ..clean })]
         {
             let observations = photographs(&crop.truth, most, seed(index), &conditions);
-            let start = networks.photo_maps(&observations[0])?;
+            let start = setup.networks.photo_maps(&observations[0])?;
             let mut starts = vec![("", start.clone())];
             if name == "top" {
                 starts.push(("bad", spoiled(&start)));
-                let code = networks.encode(&crop.truth)?;
-                starts.push(("encoded truth", networks.decode(&code, SIDE_OF_CODE)?));
+                let code = setup.networks.encode(&crop.truth)?;
+                starts.push(("encoded truth", setup.networks.decode(&code, SIDE_OF_CODE)?));
             }
             for (kind, start) in starts {
                 let row = format!("{name}{}{kind}", if kind.is_empty() { "" } else { ", " });
                 report.add(&crop.name, &format!("{row}: start"), &compare(&start, &crop.truth)?);
                 for &count in counts {
-                    let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+                    let mut estimator = setup.estimator(Method::Deep, true);
                     estimator.start_from(start.clone());
                     for observation in &observations[..count] {
                         estimator.add(observation.clone())?;
@@ -180,7 +169,7 @@ pub fn start(
 /// Records what the learned prior begins with and the truth, as half floats: `NAME-SEED-COUNT.f16` (see
 /// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-SEED-truth.f16`, the same coordinates.
 pub fn fits(
-    networks: &Arc<Networks>,
+    setup: &Setup,
     crops: &[Crop],
     counts: &[usize],
     out: &Path,
@@ -197,7 +186,7 @@ pub fn fits(
         let mut random = Random::new(7777 * chosen + seed(index));
         let conditions = Conditions::random(&mut random);
         let places = 7777 * chosen + seed(index);
-        let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+        let mut estimator = setup.estimator(Method::Deep, true);
         estimator.correct_lights(false);
         estimator.keep_record();
         let photographs = photographs(&crop.truth, most, places, &conditions);
@@ -222,7 +211,7 @@ fn write_halves(path: &Path, values: &[f32]) -> Result<()> {
 
 pub fn resolution(
     arguments: &Arguments,
-    networks: &Arc<Networks>,
+    setup: &Setup,
     sides: &[usize],
     count: usize,
 ) -> Result<()> {
@@ -236,7 +225,7 @@ pub fn resolution(
             let conditions = Conditions::new(arguments.noise);
             let observations = photographs(&truth, count, seed(index), &conditions);
             let start = Instant::now();
-            let mut estimator = Estimator::new(networks.clone(), Method::Deep, true);
+            let mut estimator = setup.estimator(Method::Deep, true);
             for observation in observations {
                 estimator.add(observation)?;
                 seconds[0] +=

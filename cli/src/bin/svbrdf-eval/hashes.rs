@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use svbrdf::capture::Capture;
-use svbrdf::estimate::{Estimator, Method};
+use svbrdf::estimate::Method;
 use svbrdf::{Error, Result, Svbrdf};
 
 use crate::experiments::seed;
@@ -113,7 +113,7 @@ fn materials(folder: PathBuf, arguments: &Arguments, setup: &Setup) -> Result<()
     for index in taken {
         let crop = &crops[index];
         let observations = photographs(&crop.truth, most, seed(index), &Conditions::new(0.0));
-        let mut estimator = Estimator::new(setup.networks.clone(), Method::Deep, true);
+        let mut estimator = setup.estimator(Method::Deep, true);
         for observation in observations {
             estimator.add(observation)?;
             let maps = estimator.settle()?;

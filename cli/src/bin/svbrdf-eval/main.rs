@@ -7,7 +7,6 @@ mod experiments;
 mod gate;
 mod hashes;
 mod heldout;
-#[cfg_attr(not(test), expect(dead_code, reason = "for options that are not public yet"))]
 mod overrides;
 mod protocol;
 mod report;
@@ -18,6 +17,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
+use svbrdf::estimate::EstimateOptions;
 use svbrdf::initial_estimate::Networks;
 use svbrdf::{Error, Result};
 
@@ -40,6 +40,8 @@ struct Arguments {
     /// Threads; 0: one per core, at most 4 for each session. `hashes` takes a list
     #[arg(long, global = true, value_delimiter = ',', default_value = "0")]
     threads: Vec<usize>,
+    #[command(flatten)]
+    overrides: overrides::Overrides,
 }
 
 #[derive(Subcommand)]
@@ -123,7 +125,11 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Some(folder) => Networks::from_folder(folder)?,
         None => Networks::embedded()?,
     });
-    let setup = |threads| Setup { networks: networks.clone(), threads, resolution: RESOLUTION };
+    let options = arguments.overrides.apply(&EstimateOptions::default())?;
+    let setup = |threads| {
+        let (networks, options) = (networks.clone(), options.clone());
+        Setup { networks, options, threads, resolution: RESOLUTION }
+    };
     if let Command::Hashes(of) = &arguments.command {
         hashes::run(of, &setup(0), &arguments.threads)?;
         return Ok(true);
@@ -140,32 +146,32 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
-        tables => print_table(tables, &networks)?,
+        tables => print_table(tables, &setup)?,
     }
     Ok(true)
 }
 
 /// Runs a command that photographs known materials.
-fn print_table(command: &Command, networks: &Arc<Networks>) -> Result<()> {
+fn print_table(command: &Command, setup: &Setup) -> Result<()> {
     let crops = protocol::crops;
     match command {
         Command::Photos { materials: of, photos, no_classic } => {
-            experiments::photos(of, networks, &crops(of)?, photos, !no_classic)
+            experiments::photos(of, setup, &crops(of)?, photos, !no_classic)
         }
         Command::Disturbances { materials: of, photos } => {
-            experiments::disturbances(of, networks, &crops(of)?, *photos)
+            experiments::disturbances(of, setup, &crops(of)?, *photos)
         }
         Command::Exposure { materials: of, photos } => {
-            experiments::exposure(of, networks, &crops(of)?, *photos)
+            experiments::exposure(of, setup, &crops(of)?, *photos)
         }
         Command::Start { materials: of, photos } => {
-            experiments::start(of, networks, &crops(of)?, photos)
+            experiments::start(of, setup, &crops(of)?, photos)
         }
         Command::Fits { materials: of, photos, out, seed } => {
-            experiments::fits(networks, &crops(of)?, photos, out, *seed)
+            experiments::fits(setup, &crops(of)?, photos, out, *seed)
         }
         Command::Resolution { materials: of, sides, photos } => {
-            experiments::resolution(of, networks, sides, *photos)
+            experiments::resolution(of, setup, sides, *photos)
         }
         Command::Captures(_) | Command::Heldout(_) | Command::Gate(_) | Command::Hashes(_) => {
             Ok(())

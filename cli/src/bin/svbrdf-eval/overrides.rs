@@ -13,7 +13,7 @@ pub struct Overrides {
     /// JSON file with the options to change, nested as they are; others keep their defaults
     #[arg(long = "options", global = true, value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Option to change, by its path: refinement.steps=6; may be repeated, goes before --options
+    /// Option to change, by its path: solver.max_step=0.2; may be repeated, goes before --options
     #[arg(long = "set", global = true, value_name = "PATH=VALUE", value_parser = assignment)]
     set: Vec<(String, Value)>,
 }
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn options_are_set_by_path() {
         let set =
-            ["refinement.steps=6", "refinement.widths.1=0.5", "refinement.name=narrow", "limit=3"];
+            ["solver.max_step=0.2", "refinement.widths.1=0.5", "refinement.name=narrow", "limit=3"];
         let options = overrides(&set, None).apply(&defaults()).unwrap();
         let refinement = Refinement { steps: 6, widths: [0.1, 0.5], name: "narrow".into() };
         assert_eq!(options, Options { refinement, limit: Some(3.0) });
@@ -183,7 +183,7 @@ mod tests {
                 "field `refinment.steps`: `refinment` is no option; expected one of limit, refinement",
             ),
             ("refinement.step=6", "expected one of name, steps, widths"),
-            ("refinement.steps=6.5", "field `refinement.steps`: found 6.5"),
+            ("solver.max_step=0.2.5", "field `refinement.steps`: found 6.5"),
             ("refinement.steps=-1", "expected a value like 20"),
             ("refinement=3", "field `refinement`: found 3"),
             ("refinement.widths.2=1", "an index below 2"),

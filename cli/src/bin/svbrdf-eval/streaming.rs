@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use svbrdf::capture::{Capture, FILE_NAME, Frame};
+use svbrdf::estimate::{EstimateOptions, Estimator};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};
@@ -38,6 +39,8 @@ impl Variant {
 #[derive(Clone)]
 pub struct Setup {
     pub networks: Arc<Networks>,
+    /// Every tuned number.
+    pub options: EstimateOptions,
     /// Threads of the fit; 0: one per core, at most 4.
     pub threads: usize,
     /// Texels along each side of the maps.
@@ -56,7 +59,13 @@ impl Setup {
             threads: self.threads,
             ..Settings::default()
         };
-        Session::with_networks(capture.scene.clone(), settings, self.networks.clone())
+        let (scene, networks) = (capture.scene.clone(), self.networks.clone());
+        Session::with_options(scene, settings, networks, self.options.clone())
+    }
+
+    /// An estimate of rectified photographs.
+    pub fn estimator(&self, method: Method, refine: bool) -> Estimator {
+        Estimator::with_options(self.networks.clone(), method, refine, self.options.clone())
     }
 }
 

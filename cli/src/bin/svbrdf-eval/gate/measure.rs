@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use svbrdf::comparison::compare;
-use svbrdf::estimate::{Estimator, Method};
+use svbrdf::estimate::Method;
 use svbrdf::{Error, Result};
 
 use super::figures::Figures;
@@ -65,7 +65,7 @@ fn materials(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result<()> 
     let mut total = Seconds::default();
     let most = MATERIAL_PHOTOS.into_iter().max().unwrap_or(0);
     for (index, crop) in crops.iter().enumerate() {
-        let mut estimator = Estimator::new(setup.networks.clone(), Method::Deep, true);
+        let mut estimator = setup.estimator(Method::Deep, true);
         for observation in photographs(&crop.truth, most, seed(index), &Conditions::new(0.0)) {
             let (maps, taken) = timed(|| {
                 estimator.add(observation)?;
