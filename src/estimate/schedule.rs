@@ -150,29 +150,35 @@ impl Position {
     }
 }
 
-/// What a step costs, in milliseconds of one core of a desktop processor at 256x256 texels: only
-/// their ratios matter. The first number is without photographs, the second for each.
+/// What a step costs, in milliseconds of two cores of a busy desktop processor: only their ratios
+/// matter. The first number is without photographs, the second for each.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Cost(f32, f32);
+struct Cost(f32, f32);
 
 impl Cost {
-    /// A step of the latent code at 256 texels a side.
-    pub const LATENT: Self = Self(9.0, 1.2);
-    /// A step of the maps at 256 texels a side.
-    pub const MAPS: Self = Self(3.0, 3.2);
-    /// A step of the baseline at 256 texels a side.
-    pub const BASELINE: Self = Self(1.0, 1.2);
-    /// A step of lights and texels: on a grid of one size.
-    pub const LIGHTS: Self = Self(10.0, 14.0);
+    /// Of steps at 256 texels a side.
+    const LATENT: Self = Self(45.0, 2.5);
+    /// Of the gains of the maps as a whole, in the first step.
+    const GAINS: Self = Self(200.0, 15.0);
+    const MAPS: Self = Self(6.5, 2.2);
+    const BASELINE: Self = Self(2.0, 1.0);
+    const POOLING: Self = Self(15.0, 3.5);
+    const SLOPES: Self = Self(45.0, 0.5);
+    const NETWORK: Self = Self(210.0, 1.0);
+    /// Of a trial at 128 texels a side.
+    const CLASS: Self = Self(35.0, 3.0);
+    /// Of a step of lights on a grid of one size.
+    const LIGHTS: Self = Self(25.0, 2.5);
 
-    pub fn of(self, photographs: usize) -> f32 {
+    fn of(self, photographs: usize) -> f32 {
         self.0 + self.1 * photographs as f32
     }
 }
 
-/// Steps of the lights that a round takes on average, and rounds.
-const LIGHT_STEPS: f32 = 6.0;
+/// Steps of the lights in a round, rounds of them, and trials of classes, on average.
+const LIGHT_STEPS: f32 = 8.0;
 const LIGHT_ROUNDS: f32 = 1.5;
+const CLASS_TRIALS: f32 = 7.0;
 
 /// Cost of a whole part of a row, from its beginning.
 pub(crate) fn cost(
@@ -182,24 +188,33 @@ pub(crate) fn cost(
     texels: usize,
     options: &EstimateOptions,
 ) -> f32 {
-    let scale = |texels: usize| texels as f32 / (256.0 * 256.0);
-    let maps = |texels, steps: usize| scale(texels) * steps as f32 * Cost::MAPS.of(photographs);
-    match (part, row.phase) {
-        (Part::Before, _) => maps(texels, row.before),
-        (Part::After, _) => maps(texels, row.after),
-        (Part::Phase, Phase::HeldLights) => LIGHT_STEPS * Cost::LIGHTS.of(photographs),
-        (Part::Phase, Phase::TurningLights) => 2.0 * LIGHT_STEPS * Cost::LIGHTS.of(photographs),
-        (Part::Phase, Phase::Classes) => {
-            let coarse = texels.min(options.classes.texels.pow(2));
-            CLASS_TRIALS * maps(coarse, options.classes.steps + 1)
+    let scale = |most: usize| texels.min(most) as f32 / (256.0 * 256.0);
+    let steps = match part {
+        Part::Before => row.before,
+        Part::Phase => 0,
+        Part::After => row.after,
+    };
+    let maps = scale(usize::MAX) * steps as f32 * Cost::MAPS.of(photographs);
+    if part != Part::Phase {
+        return maps;
+    }
+    match row.phase {
+        Phase::HeldLights => LIGHT_STEPS * Cost::LIGHTS.of(photographs),
+        Phase::TurningLights => 2.0 * LIGHT_STEPS * Cost::LIGHTS.of(photographs),
+        Phase::Classes => {
+            let most = options.classes.texels.pow(2);
+            4.0 * scale(most) * CLASS_TRIALS * Cost::CLASS.of(photographs)
         }
-        (Part::Phase, Phase::Network) => NETWORK + maps(texels.min(256 * 256), 2),
-        (Part::Phase, Phase::Baseline) => {
-            let step = Cost::BASELINE.of(photographs);
-            scale(texels) * options.baseline.steps as f32 * step
+        Phase::Network => scale(options.network.texels.pow(2)) * Cost::NETWORK.of(photographs),
+        Phase::Baseline => {
+            let steps = options.baseline.steps as f32;
+            scale(usize::MAX) * steps * Cost::BASELINE.of(photographs)
         }
-        (Part::Phase, Phase::PoolGloss | Phase::PoolResiduals | Phase::Slopes) => maps(texels, 2),
-        (Part::Phase, Phase::Latent | Phase::Maps) => 0.0,
+        Phase::PoolGloss | Phase::PoolResiduals => {
+            scale(usize::MAX) * Cost::POOLING.of(photographs)
+        }
+        Phase::Slopes => scale(usize::MAX) * Cost::SLOPES.of(photographs),
+        Phase::Latent | Phase::Maps => 0.0,
     }
 }
 
@@ -210,17 +225,17 @@ pub(crate) fn latent_cost(
     texels: usize,
     photographs: usize,
 ) -> [f32; 2] {
-    let step = texels as f32 / (256.0 * 256.0) * Cost::LATENT.of(photographs);
+    let scale = texels as f32 / (256.0 * 256.0);
+    let (step, gains) = (scale * Cost::LATENT.of(photographs), scale * Cost::GAINS.of(photographs));
     work.zip(0..).fold([0.0; 2], |[done, all], ([level_done, level_all], level)| {
         let step = step * 4.0f32.powi(level);
-        [done + step * level_done as f32, all + step * level_all as f32]
+        let of = |steps: usize| {
+            let gains = if level == 0 && steps > 0 { gains } else { 0.0 };
+            gains + step * steps as f32
+        };
+        [done + of(level_done), all + of(level_all)]
     })
 }
-
-/// Classes that are tried on average.
-const CLASS_TRIALS: f32 = 7.0;
-/// Cost of the network.
-const NETWORK: f32 = 60.0;
 
 /// Rounds of a row that are left on average when so many have begun.
 pub(crate) fn rounds_left(row: &Row, begun: usize) -> f32 {
