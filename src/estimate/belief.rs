@@ -21,6 +21,8 @@ pub(crate) struct Belief {
     pub found: Prior,
     /// Mean noise that the latest steps have found.
     pub noise: f32,
+    /// Noise of the next steps where it is given, not found.
+    pub fixed_noise: Option<f32>,
     /// By how much the base is off everywhere.
     pub offset: Offset,
 }
@@ -35,6 +37,7 @@ impl Belief {
             prior: options.prior,
             found: options.prior,
             noise: options.noise.expected,
+            fixed_noise: None,
             offset: Offset::default(),
         }
     }

@@ -19,13 +19,80 @@ pub struct Correction {
     pub ambient: f64,
     /// Logarithm of [`View::mirrored`] per photograph.
     pub mirrored: Vec<f64>,
+    /// Exposure and place of the flash.
+    pub exposure: Exposure,
+}
+
+/// Exposure of each photograph and the place of the flash beside what was given.
+///
+/// Photograph `i` is brighter than its view says by `exp(gains[i]) * (d[i] / d_mean)^exponent`, `d`
+/// the camera's distance from the sample's centre and `d_mean` the geometric mean of all.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Exposure {
+    /// Logarithm of each photograph's gain.
+    pub gains: Vec<f64>,
+    /// Exponent of exposure over distance.
+    pub exponent: f64,
+    /// Logarithm of the distance (mm) at which the exposure law is 1.
+    pub log_distance: f64,
+    /// Added to every light's position, mm, board frame.
+    pub offset_mm: [f64; 3],
+}
+
+impl Exposure {
+    /// As given, for photographs with these views.
+    pub(super) fn as_given<'a>(views: impl ExactSizeIterator<Item = &'a View>) -> Self {
+        let count = views.len();
+        let sum: f64 = views.map(log_distance).sum();
+        let log_distance = sum / count.max(1) as f64;
+        Self { gains: vec![0.0; count], log_distance, ..Self::default() }
+    }
+
+    /// Factor by which a photograph is brighter than its view says; the gain of one that was not
+    /// fitted counts as 1.
+    pub fn factor(&self, view: &View, index: Option<usize>) -> f64 {
+        let gain = index.and_then(|i| self.gains.get(i)).copied().unwrap_or(0.0);
+        (gain + self.exponent * (log_distance(view) - self.log_distance)).exp()
+    }
+
+    /// The view of a photograph that was not fitted, with what all photographs share.
+    pub fn predict(&self, given: &View) -> View {
+        self.apply(given, None)
+    }
+
+    /// The view with exposure and light corrected.
+    fn apply(&self, given: &View, index: Option<usize>) -> View {
+        let mut view = *given;
+        if *self == Self::default() {
+            return view;
+        }
+        let factor = self.factor(given, index) as f32;
+        match &mut view.falloff {
+            Falloff::None { power } => power.iter_mut().for_each(|p| *p *= factor),
+            Falloff::InverseSquare { power_mm2 } => power_mm2.iter_mut().for_each(|p| *p *= factor),
+        }
+        view.ambient.iter_mut().for_each(|a| *a *= factor);
+        for (to, by) in view.light_mm.iter_mut().zip(self.offset_mm) {
+            *to += by as f32;
+        }
+        // A flash stays above the sample.
+        view.light_mm[2] = view.light_mm[2].max(1.0);
+        view
+    }
+}
+
+/// Logarithm of the camera's distance from the sample's centre, mm.
+pub(super) fn log_distance(view: &View) -> f64 {
+    let square: f64 = view.camera_mm.iter().map(|&v| f64::from(v) * f64::from(v)).sum();
+    0.5 * square.max(1e-6).ln()
 }
 
 impl Correction {
     /// The view of photograph `index` with its light turned, the ambient light added to what
     /// was `given`, and what of it is mirrored.
     pub fn apply(&self, given: &View, index: usize) -> View {
-        corrected(given, self.turn(index), self.ambient, self.mirrored(index))
+        let view = self.exposure.apply(given, Some(index));
+        corrected(&view, self.turn(index), self.ambient, self.mirrored(index))
     }
 
     fn turn(&self, index: usize) -> [f64; 2] {

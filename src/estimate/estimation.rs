@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::baseline::Baseline;
 use super::belief::Belief;
 use super::budget::{Meter, Shown, Trend};
-use super::correction::Correction;
+use super::correction::{Correction, Exposure};
 use super::latent::LatentFit;
 use super::lights::LightFit;
 use super::options::EstimateOptions;
@@ -14,6 +14,7 @@ use super::schedule::{
     LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows,
 };
 use super::solver::Solver;
+use super::structured::WidthTrials;
 use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -84,6 +85,7 @@ pub(crate) struct Task {
 pub(crate) enum Work {
     Pending,
     Maps(Solver),
+    Widths(Box<WidthTrials>),
     Lights(Box<LightFit>),
     Classes(Box<ClassTrials>),
     Baseline(Baseline),
@@ -111,6 +113,8 @@ pub(crate) struct Estimation {
     pub(super) lights_before: Correction,
     /// Whether the latent code was fitted anew with these photographs' corrected lights.
     pub(super) repeated: bool,
+    /// Whether the structured prior was chosen for these photographs.
+    pub(super) structured: bool,
     /// The latent fit's maps before its latest step, and losses of the maps.
     pub(super) previous: Option<Shown>,
     pub(super) trend: Option<Trend>,
@@ -137,11 +141,17 @@ impl Estimation {
             cut: None,
             lights_before: Correction::default(),
             repeated: false,
+            structured: false,
             previous: None,
             trend: None,
             keep_record: false,
             record: None,
         }
+    }
+
+    /// What was found of exposure and flash.
+    pub fn exposure(&self) -> &Exposure {
+        &self.photographs.correction().exposure
     }
 
     /// The networks in use.
@@ -211,6 +221,7 @@ impl Estimation {
             }
         }
         (self.cut, self.repeated, self.fraction) = (None, false, 0.0);
+        self.structured = false;
         self.go_to(Position::default());
         self.measure();
         Ok(())
@@ -278,7 +289,8 @@ impl Estimation {
         match method {
             Method::Classic => vec![baseline],
             Method::Deep => {
-                let mut rows = rows(photographs, self.lights_known(), &self.options.schedule);
+                let lights = self.lights_known();
+                let mut rows = rows(photographs, lights, self.structured, &self.options);
                 rows.truncate(if refine { rows.len() } else { 1 });
                 rows
             }
@@ -376,6 +388,7 @@ impl Estimation {
                 let all = if part == Part::Before { row.before } else { row.after };
                 [solver.state.steps, all]
             }
+            Work::Widths(trials) => [trials.errors.len(), trials.count() + 1],
             Work::Lights(fit) => fit.work(),
             Work::Classes(trials) => [trials.costs.len(), trials.count()],
             Work::Baseline(baseline) => [baseline.steps, self.options.baseline.steps],
@@ -416,7 +429,7 @@ impl Estimation {
         if !allowed {
             return false;
         }
-        (self.cut, self.fraction) = (None, 0.0);
+        (self.cut, self.fraction, self.structured) = (None, 0.0, false);
         self.go_to(Position::default());
         let settled = self.latent.as_ref().filter(|latent| latent.is_settled());
         if let Some(maps) = settled.map(LatentFit::maps) {

@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
+use super::correction::Exposure;
 use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
 use super::updates::FitRecord;
@@ -66,6 +67,11 @@ impl Estimator {
             _ => None,
         };
         self.estimation.add(observation, start.as_ref(), &[] as &[Infallible], false)
+    }
+
+    /// What was found of exposure and flash.
+    pub fn exposure(&self) -> &Exposure {
+        self.estimation.exposure()
     }
 
     /// What the learned prior began with at last: recorded fits are what its network learns from.

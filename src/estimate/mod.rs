@@ -64,11 +64,12 @@ pub(crate) mod saved;
 mod schedule;
 mod solver;
 mod steps;
+mod structured;
 mod updates;
 
 pub use budget::Budget;
 pub(crate) use budget::Meter;
-pub use correction::Correction;
+pub use correction::{Correction, Exposure};
 pub(crate) use estimation::{Change, Estimation, Task, first_maps};
 pub use estimation::{Method, Step};
 pub use estimator::Estimator;

@@ -8,7 +8,7 @@ pub(crate) use super::baseline::Moments;
 pub(crate) use super::belief::Belief;
 use super::budget::Shown;
 pub(crate) use super::budget::Trend;
-pub(crate) use super::correction::{Correction, MAX_MIRRORED, Offset};
+pub(crate) use super::correction::{Correction, Exposure, MAX_MIRRORED, Offset};
 pub(crate) use super::estimation::Cut;
 use super::estimation::{Estimation, Method, Task, Work};
 use super::latent::LatentFit;
@@ -22,6 +22,7 @@ use super::schedule::Phase;
 pub(crate) use super::schedule::{Part, Position};
 use super::solver::Solver;
 pub(crate) use super::solver::SolverState;
+use super::structured::WidthTrials;
 use super::updates::ClassTrials;
 use crate::initial_estimate::Networks;
 use crate::{Error, Result, Svbrdf};
@@ -39,6 +40,7 @@ pub(crate) struct SavedEstimation<'a> {
     pub cut: Option<Cut>,
     pub lights_before: Cow<'a, Correction>,
     pub repeated: bool,
+    pub structured: bool,
     /// What was to be seen before the latest step of the latent fit.
     pub previous: Option<Cow<'a, [f32]>>,
     pub trend: Option<Trend>,
@@ -48,6 +50,8 @@ pub(crate) struct SavedEstimation<'a> {
 pub(crate) enum SavedWork<'a> {
     Pending,
     Maps(Cow<'a, SolverState>),
+    /// Errors of the trials of widths done.
+    Widths(Cow<'a, [f64]>),
     Lights(SavedLights),
     /// Costs of the trials done.
     Classes(Cow<'a, [Vec<f32>]>),
@@ -61,6 +65,7 @@ impl Estimation {
         let work = match &self.work {
             Work::Pending => SavedWork::Pending,
             Work::Maps(solver) => SavedWork::Maps(Cow::Borrowed(&solver.state)),
+            Work::Widths(trials) => SavedWork::Widths(Cow::Borrowed(&trials.errors)),
             Work::Lights(fit) => SavedWork::Lights(fit.save()),
             Work::Classes(trials) => SavedWork::Classes(Cow::Borrowed(&trials.costs)),
             Work::Baseline(b) => SavedWork::Baseline(b.steps, Cow::Borrowed(&b.moments)),
@@ -77,6 +82,7 @@ impl Estimation {
             cut: self.cut,
             lights_before: Cow::Borrowed(&self.lights_before),
             repeated: self.repeated,
+            structured: self.structured,
             previous: self.previous.as_ref().map(|shown| Cow::Borrowed(&shown.values[..])),
             trend: self.trend.clone(),
         }
@@ -109,6 +115,7 @@ impl Estimation {
         (estimation.position, estimation.cut) = (saved.position, saved.cut);
         estimation.lights_before = saved.lights_before.into_owned();
         estimation.repeated = saved.repeated;
+        estimation.structured = saved.structured;
         estimation.check()?;
         estimation.previous = saved.previous.map(|values| Shown { values: values.into_owned() });
         estimation.trend = saved.trend;
@@ -153,7 +160,8 @@ impl Estimation {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
                 let (maps, prior, state) = (&belief.maps, &belief.prior, state.into_owned());
-                Work::Maps(Solver::resume(maps, observations, prior, solver, noise, state)?)
+                let solver = Solver::resume(maps, observations, prior, solver, noise, state)?;
+                Work::Maps(solver.with_noise(belief.fixed_noise))
             }
             (
                 SavedWork::Lights(lights),
@@ -164,6 +172,14 @@ impl Estimation {
                 let fit = Self::lights(&self.photographs, belief, free, turn, &self.options);
                 let fit = fit.and_then(|fit| fit.resume(lights));
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
+            }
+            (SavedWork::Widths(errors), Some(Phase::Widths), Some(_)) => {
+                let (free, options) = (self.task.free_lights, &self.options.structured);
+                let mut trials = WidthTrials::new(&self.photographs, free, options);
+                if !trials.resume(errors.into_owned()) {
+                    return Err(fault("trials of widths are too many"));
+                }
+                Work::Widths(Box::new(trials))
             }
             (SavedWork::Classes(costs), Some(Phase::Classes), Some(belief)) => {
                 let mut trials = ClassTrials::new(&self.photographs, belief, &self.options)?;

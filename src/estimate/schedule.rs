@@ -3,6 +3,7 @@
 //! | phase                | photographs | rounds | steps before | steps after | changes          |
 //! |----------------------|-------------|--------|--------------|-------------|------------------|
 //! | latent code          | 1           | 1      |              |             | base, mean, maps |
+//! | widths               | 3           | 1      |              |             | views, mean, widths |
 //! | pool gloss           | 1           | 1      |              |             | base, mean, maps |
 //! | lights held          | 3           | 4 or 2 | 4            |             | views, mean      |
 //! | lights turn          | 8           | 4      | 4            |             | views, mean      |
@@ -17,13 +18,15 @@
 //! sample shows; they end early when they stay. Numbers are those of
 //! [`ScheduleOptions`](super::options::ScheduleOptions).
 
-use super::options::{EstimateOptions, ScheduleOptions};
+use super::options::EstimateOptions;
 
 /// What changes the belief.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// Fits the latent code.
     Latent,
+    /// Chooses the widths of the prior by leaving photographs out; fits the structured prior.
+    Widths,
     /// Pools gloss of the base.
     PoolGloss,
     /// Corrects ambient light, or what a room mirrors.
@@ -67,8 +70,13 @@ pub(crate) enum LightsKnown {
 }
 
 /// Rows for so many photographs.
-pub(crate) fn rows(photographs: usize, lights: LightsKnown, options: &ScheduleOptions) -> Vec<Row> {
-    let o = options;
+pub(crate) fn rows(
+    photographs: usize,
+    lights: LightsKnown,
+    structured: bool,
+    options: &EstimateOptions,
+) -> Vec<Row> {
+    let o = &options.schedule;
     let row = |phase, rounds, before, after| Row { phase, rounds, before, after };
     let held_rounds = match lights {
         LightsKnown::Well => 0,
@@ -79,6 +87,7 @@ pub(crate) fn rows(photographs: usize, lights: LightsKnown, options: &ScheduleOp
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [
         (1, row(Phase::Latent, 1, 0, 0)),
+        (options.structured.from, row(Phase::Widths, 1, 0, 0)),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
         (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
         (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),
@@ -92,7 +101,13 @@ pub(crate) fn rows(photographs: usize, lights: LightsKnown, options: &ScheduleOp
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
-    table.into_iter().filter(runs).map(|(_, row)| row).collect()
+    let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();
+    if structured {
+        // The structured prior needs no other phase than steps of the maps.
+        rows.retain(|row| matches!(row.phase, Phase::Latent | Phase::Widths));
+        rows.push(row(Phase::Maps, 1, options.structured.map_steps, 0));
+    }
+    rows
 }
 
 /// Where in the schedule an estimate is.
@@ -164,6 +179,7 @@ impl Cost {
     const BASELINE: Self = Self(2.0, 1.0);
     const POOLING: Self = Self(15.0, 3.5);
     const SLOPES: Self = Self(45.0, 0.5);
+    const WIDTHS: Self = Self(100.0, 120.0);
     const NETWORK: Self = Self(210.0, 1.0);
     /// Of a trial at 128 texels a side.
     const CLASS: Self = Self(35.0, 3.0);
@@ -214,6 +230,7 @@ pub(crate) fn cost(
             scale(usize::MAX) * Cost::POOLING.of(photographs)
         }
         Phase::Slopes => scale(usize::MAX) * Cost::SLOPES.of(photographs),
+        Phase::Widths => Cost::WIDTHS.of(photographs),
         Phase::Latent | Phase::Maps => 0.0,
     }
 }
@@ -250,7 +267,13 @@ pub(crate) fn rounds_left(row: &Row, begun: usize) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::StructuredOptions;
     use super::*;
+
+    /// Without the structured prior.
+    fn never() -> StructuredOptions {
+        StructuredOptions { from: usize::MAX, ..StructuredOptions::default() }
+    }
 
     /// Parts of all rounds in their order.
     fn walk(rows: &[Row]) -> Vec<(Phase, Part)> {
@@ -265,15 +288,15 @@ mod tests {
 
     #[test]
     fn few_photographs_have_few_phases() {
-        let options = ScheduleOptions::default();
-        let one = walk(&rows(1, LightsKnown::Roughly, &options));
+        let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
+        let one = walk(&rows(1, LightsKnown::Roughly, false, &options));
         let expected = [
             (Phase::Latent, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
             (Phase::Maps, Part::Before),
         ];
         assert_eq!(one, expected);
-        let two = walk(&rows(2, LightsKnown::Roughly, &options));
+        let two = walk(&rows(2, LightsKnown::Roughly, false, &options));
         let expected = [
             (Phase::Latent, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
@@ -288,9 +311,9 @@ mod tests {
 
     #[test]
     fn rounds_repeat_and_lights_are_left_alone_where_they_are_known() {
-        let options = ScheduleOptions::default();
+        let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
         let count = |phase, lights, photographs| {
-            let walked = walk(&rows(photographs, lights, &options));
+            let walked = walk(&rows(photographs, lights, false, &options));
             walked.iter().filter(|p| **p == (phase, Part::Phase)).count()
         };
         assert_eq!(count(Phase::PoolResiduals, LightsKnown::Well, 5), 2);
@@ -299,5 +322,17 @@ mod tests {
         assert_eq!(count(Phase::TurningLights, LightsKnown::InRoom, 9), 0);
         assert_eq!(count(Phase::TurningLights, LightsKnown::Roughly, 9), 4);
         assert_eq!(count(Phase::TurningLights, LightsKnown::Roughly, 7), 0);
+    }
+
+    #[test]
+    fn the_structured_prior_needs_steps_of_the_maps_only() {
+        let options = EstimateOptions::default();
+        let walked = walk(&rows(5, LightsKnown::Roughly, true, &options));
+        let expected = [
+            (Phase::Latent, Part::Phase),
+            (Phase::Widths, Part::Phase),
+            (Phase::Maps, Part::Before),
+        ];
+        assert_eq!(walked, expected);
     }
 }

@@ -55,6 +55,8 @@ pub(super) struct Solver {
     pub state: SolverState,
     /// Sum of all weights of the photographs.
     weight: f64,
+    /// Whether noise and width of slopes stay as given.
+    fixed: bool,
 }
 
 /// What differs from step to step.
@@ -111,7 +113,16 @@ impl Solver {
             return Err(Error::argument("damping", "one number for each texel is expected"));
         }
         let weight = observations.iter().map(Observation::total_weight).sum();
-        Ok(Self { options: (*solver, *noise), prior: *prior, state, weight })
+        Ok(Self { options: (*solver, *noise), prior: *prior, state, weight, fixed: false })
+    }
+
+    /// With noise that stays as given, and slopes that do not widen; nothing where it is `None`.
+    pub fn with_noise(mut self, noise: Option<f32>) -> Self {
+        if let Some(scale) = noise {
+            self.state.noise = [Noise { scale, huber: self.options.1.huber }; 3];
+            self.fixed = true;
+        }
+        self
     }
 
     /// What the steps so far have come to.
@@ -160,6 +171,9 @@ impl Solver {
             sums.iter().fold([0.0; 5], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
         let [squares, determined, losses @ ..] = total;
         self.state.loss = losses.iter().sum::<f64>() / (3.0 * self.weight);
+        if self.fixed {
+            return Ok(self.state.loss);
+        }
         self.widen(squares, determined);
         let photographs = self.weight / texels as f64;
         let found = |loss: f64| Noise::found(&self.options.1, loss / self.weight, photographs);

@@ -3,12 +3,14 @@
 use super::baseline::Baseline;
 use super::belief::{Belief, Update};
 use super::budget::{Meter, Shown, Trend, predicted_change};
+use super::correction::{Correction, Exposure};
 use super::estimation::{Cut, Estimation, Work};
 use super::lights::{Free, LightFit, Start};
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::schedule::Phase;
 use super::solver::Solver;
+use super::structured::{self, WidthTrials};
 use super::updates::{
     ClassTrials, FitRecord, LearnedPrior, PoolGloss, PoolResiduals, Pooling, RegressSlopes,
 };
@@ -19,6 +21,7 @@ impl Estimation {
     pub(super) fn phase_step(&mut self, phase: Phase, meter: &mut Meter) -> Result<bool> {
         match phase {
             Phase::Latent => return self.latent_step(meter),
+            Phase::Widths => return self.widths_step(),
             Phase::Baseline => return self.baseline_step(meter),
             Phase::HeldLights => return Ok(self.lights_step(false)),
             Phase::TurningLights => return Ok(self.lights_step(true)),
@@ -99,7 +102,8 @@ impl Estimation {
         if !matches!(self.work, Work::Maps(_)) {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
-            self.work = Work::Maps(Solver::new(maps, observations, prior, solver, noise)?);
+            let solver = Solver::new(maps, observations, prior, solver, noise)?;
+            self.work = Work::Maps(solver.with_noise(belief.fixed_noise));
         }
         let Work::Maps(solver) = &mut self.work else { return Ok(true) };
         let loss = solver.step(&mut belief.maps, &belief.mean, observations)?;
@@ -114,6 +118,34 @@ impl Estimation {
             self.cut = self.cut.or(Some(Cut::Invisible));
         }
         Ok(is_flat || step >= steps)
+    }
+
+    /// A trial of widths, or the fit with those chosen; whether it was the last.
+    fn widths_step(&mut self) -> Result<bool> {
+        let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
+        let (free, options) = (self.task.free_lights, &self.options.structured);
+        if !matches!(self.work, Work::Widths(_)) {
+            let trials = WidthTrials::new(&self.photographs, free, options);
+            self.work = Work::Widths(Box::new(trials));
+        }
+        let Work::Widths(trials) = &mut self.work else { return Ok(true) };
+        if !trials.is_done() {
+            trials.step();
+            return Ok(false);
+        }
+        let chosen = trials.chosen();
+        self.structured = chosen.is_some();
+        match chosen {
+            Some(widths) => {
+                structured::fit(&mut self.photographs, belief, widths, free, options);
+            }
+            None => {
+                let correction = self.photographs.correction().clone();
+                self.photographs
+                    .correct(Correction { exposure: Exposure::default(), ..correction });
+            }
+        }
+        Ok(true)
     }
 
     /// A step of the lights; whether the round has ended.

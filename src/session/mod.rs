@@ -27,7 +27,7 @@ use self::state::StateWriter;
 use self::taken::Taken;
 use self::worker::{Command, NewFrame, Shared};
 use crate::calibration::PaperEstimate;
-pub use crate::estimate::{Budget, Method};
+pub use crate::estimate::{Budget, Exposure, Method};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -173,6 +173,7 @@ impl Session {
             };
             if let Some(maps) = restored_maps {
                 state.publish(Arc::new(maps));
+                state.exposure = estimation.exposure().clone();
             }
         }
         Self::start(scene, settings, networks, intake, pool, shared, estimation, meter)
@@ -304,6 +305,13 @@ impl Session {
     /// Before the first photograph was accepted.
     pub fn snapshot(&self) -> Result<Arc<Svbrdf>> {
         self.shared.lock().maps.clone().ok_or(Error::NoMaps)
+    }
+
+    /// What the maps of the moment go with, beside what was given: gain of each accepted photograph,
+    /// exposure over distance, offset of the flash. Nothing where a board tells these, and until
+    /// photographs do.
+    pub fn exposure(&self) -> Exposure {
+        self.shared.lock().exposure.clone()
     }
 
     /// State of the fit.

@@ -11,7 +11,7 @@ use rayon::ThreadPool;
 use super::board::Update;
 use super::state::{SavedProgress, StateWriter, write_estimation};
 use super::{Progress, Revision};
-use crate::estimate::{Budget, Estimation, Meter};
+use crate::estimate::{Budget, Estimation, Exposure, Meter};
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 
@@ -26,6 +26,8 @@ pub(super) struct Shared {
 /// Results so far.
 pub(super) struct State {
     pub(super) maps: Option<Arc<Svbrdf>>,
+    /// What was found of exposure and flash with these maps.
+    pub(super) exposure: Exposure,
     pub(super) progress: Progress,
     /// Accepted photographs the worker has taken over.
     pub(super) fitted: usize,
@@ -59,6 +61,7 @@ impl Shared {
         Self {
             state: Mutex::new(State {
                 maps: None,
+                exposure: Exposure::default(),
                 progress,
                 fitted: 0,
                 budget: Budget::default(),
@@ -297,6 +300,7 @@ impl Worker<'_> {
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(maps);
+            state.exposure = estimation.exposure().clone();
             self.published = Instant::now();
         }
         if step.done {

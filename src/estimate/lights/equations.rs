@@ -352,7 +352,8 @@ impl Problem {
         };
         let mirrored = (0..self.logs.len()).map(mirrored).collect();
         let offset = std::array::from_fn(|c| shared[self.first_offset() + c]);
-        let correction = Correction { turns, ambient: shared[last], mirrored };
+        let correction =
+            Correction { turns, ambient: shared[last], mirrored, ..Correction::default() };
         Some(State { texels, correction, offset })
     }
 }

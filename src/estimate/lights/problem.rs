@@ -28,7 +28,7 @@ pub(super) struct Light {
 
 impl Light {
     pub fn of(state: &State, index: usize) -> Self {
-        let Correction { turns, ambient, mirrored } = &state.correction;
+        let Correction { turns, ambient, mirrored, .. } = &state.correction;
         Self { turn: turns[index], ambient: *ambient, mirrored: mirrored[index] }
     }
 }

@@ -46,6 +46,7 @@ impl State {
                 turns: at.turns.iter().zip(&by.turns).map(turn).collect(),
                 ambient: (at.ambient + length * by.ambient).clamp(0.0, options.max_ambient),
                 mirrored: at.mirrored.iter().zip(&by.mirrored).map(mirrored).collect(),
+                exposure: at.exposure.clone(),
             },
             offset: std::array::from_fn(|c| self.offset[c] + length * step.offset[c]),
         }

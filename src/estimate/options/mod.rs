@@ -7,6 +7,7 @@
 
 mod latent;
 mod lights;
+mod structured;
 mod updates;
 
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::prior::Prior;
 pub use latent::{BaselineOptions, GainOptions, LatentOptions};
 pub use lights::LightOptions;
+pub use structured::{StructuredOptions, Widths};
 pub use updates::{
     ClassOptions, GroupOptions, NetworkOptions, PoolingOptions, SlopeOptions, WidthOptions,
 };
@@ -34,6 +36,8 @@ pub struct EstimateOptions {
     pub latent: LatentOptions,
     /// Gains of the maps as a whole.
     pub gains: GainOptions,
+    /// Structured prior.
+    pub structured: StructuredOptions,
     /// Lights, ambient light and what texels are off as a whole.
     pub lights: LightOptions,
     /// Groups of texels of like colour.

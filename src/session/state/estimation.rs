@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
-    Belief, Correction, Cut, Damping, LatentPosition, MAX_MIRRORED, Moments, Noise, Offset, Part,
-    Photographs, Position, Prior, Progress, SavedEstimation, SavedFit, SavedLevel, SavedLights,
-    SavedWork, SolverState, State, Trend,
+    Belief, Correction, Cut, Damping, Exposure, LatentPosition, MAX_MIRRORED, Moments, Noise,
+    Offset, Part, Photographs, Position, Prior, Progress, SavedEstimation, SavedFit, SavedLevel,
+    SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
 use crate::initial_estimate::Networks;
@@ -24,6 +24,9 @@ const LATENT: &Tag = b"LATN";
 const MAPS: &Tag = b"MAPS";
 /// One for each photograph.
 pub(super) const OBSERVATION: &Tag = b"OBSV";
+
+/// Largest logarithm of a gain, and exponent, believed.
+const MAX_LOGARITHM: f64 = 20.0;
 
 /// Longest side of maps and photographs believed, texels.
 const MAX_SIDE: u32 = 4096;
@@ -65,6 +68,7 @@ pub(in crate::session) fn write(
         write_correction(w, saved.photographs.correction());
         write_correction(w, &saved.lights_before);
         w.flag(saved.repeated);
+        w.flag(saved.structured);
         w.option(saved.previous.as_deref(), |w, values| {
             w.u32(values.len() as u32);
             w.f32s(values);
@@ -84,6 +88,7 @@ pub(in crate::session) fn write(
             w.f32s(&belief.prior.sigma);
             w.f32s(&belief.found.sigma);
             w.f32(belief.noise);
+            w.option(belief.fixed_noise, Writer::f32);
             w.f64s(&belief.offset.0);
         });
     }
@@ -120,7 +125,7 @@ pub(super) fn read(
     let progress =
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
-    let repeated = r.flag()?;
+    let (repeated, structured) = (r.flag()?, r.flag()?);
     let previous = r.option(|r| {
         let count = r.count(4)?;
         r.f32s(count)
@@ -160,6 +165,7 @@ pub(super) fn read(
         cut,
         lights_before: Cow::Owned(lights_before),
         repeated,
+        structured,
         previous: previous.map(Cow::Owned),
         trend,
     };
@@ -184,6 +190,11 @@ fn write_correction(w: &mut Writer, correction: &Correction) {
     correction.turns.iter().for_each(|turn| w.f64s(turn));
     w.u32(correction.mirrored.len() as u32);
     w.f64s(&correction.mirrored);
+    let Exposure { gains, exponent, log_distance, offset_mm } = &correction.exposure;
+    w.u32(gains.len() as u32);
+    w.f64s(gains);
+    w.f64s(&[*exponent, *log_distance]);
+    w.f64s(offset_mm);
 }
 
 fn read_correction(r: &mut Reader) -> Result<Correction> {
@@ -192,7 +203,14 @@ fn read_correction(r: &mut Reader) -> Result<Correction> {
     let turns = (0..turns).map(|_| r.f64s()).collect::<Result<_>>()?;
     let mirrored = r.count(8)?;
     let mirrored = (0..mirrored).map(|_| Ok(r.f64()?.clamp(-MAX_MIRRORED, MAX_MIRRORED)));
-    Ok(Correction { turns, ambient, mirrored: mirrored.collect::<Result<_>>()? })
+    let mirrored = mirrored.collect::<Result<_>>()?;
+    let gains = r.count(8)?;
+    let gains = (0..gains).map(|_| Ok(r.f64()?.clamp(-MAX_LOGARITHM, MAX_LOGARITHM)));
+    let gains = gains.collect::<Result<_>>()?;
+    let [exponent, log_distance] = r.f64s()?;
+    let exponent = exponent.clamp(-MAX_LOGARITHM, MAX_LOGARITHM);
+    let exposure = Exposure { gains, exponent, log_distance, offset_mm: r.f64s()? };
+    Ok(Correction { turns, ambient, mirrored, exposure })
 }
 
 fn read_belief(mut r: Reader) -> Result<Belief> {
@@ -202,12 +220,14 @@ fn read_belief(mut r: Reader) -> Result<Belief> {
         Ok(Prior { sigma })
     };
     let (prior, found) = (prior()?, prior()?);
-    let (noise, offset) = (r.f32()?, Offset(r.f64s()?));
+    let (noise, fixed_noise) = (r.f32()?, r.option(Reader::f32)?);
+    let offset = Offset(r.f64s()?);
     r.end()?;
-    if prior.sigma.iter().chain(&found.sigma).any(|s| *s <= 0.0) {
+    let mut positive = prior.sigma.iter().chain(&found.sigma).chain(&fixed_noise);
+    if positive.any(|s| *s <= 0.0) {
         return Err(damaged("a sigma is not positive"));
     }
-    Ok(Belief { maps, base, mean, prior, found, noise, offset })
+    Ok(Belief { maps, base, mean, prior, found, noise, fixed_noise, offset })
 }
 
 fn write_work(w: &mut Writer, work: &SavedWork) {
@@ -227,6 +247,11 @@ fn write_work(w: &mut Writer, work: &SavedWork) {
             w.u8(2);
             write_descent(w, &lights.free);
             w.option(lights.held.as_ref(), write_descent);
+        }
+        SavedWork::Widths(errors) => {
+            w.u8(5);
+            w.u32(errors.len() as u32);
+            w.f64s(errors);
         }
         SavedWork::Classes(costs) => {
             w.u8(3);
@@ -283,6 +308,11 @@ fn read_work(mut r: Reader) -> Result<SavedWork<'static>> {
                 Ok(m)
             });
             SavedWork::Baseline(steps, Cow::Owned(moments.collect::<Result<_>>()?))
+        }
+        5 => {
+            let count = r.count(8)?;
+            let errors = (0..count).map(|_| r.f64());
+            SavedWork::Widths(Cow::Owned(errors.collect::<Result<_>>()?))
         }
         other => return Err(damaged(format!("work {other}"))),
     };

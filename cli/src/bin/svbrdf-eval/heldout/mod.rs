@@ -18,7 +18,7 @@ use svbrdf::export::{resized, write_atomic};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::from_rectified;
 use svbrdf::render::render;
-use svbrdf::session::{RectifiedFalloff, Scene, Session};
+use svbrdf::session::{Exposure, RectifiedFalloff, Scene, Session};
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::orders::{Part, Plan, plans};
@@ -128,9 +128,10 @@ pub fn evaluate(
         } else {
             &truth
         };
-        for (fitted, maps) in &course.maps {
+        for (fitted, maps, exposure) in &course.maps {
             for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
-                let radiance = rendered(maps, photograph);
+                let view = exposure.predict(&photograph.view);
+                let radiance = rendered(maps, &view, photograph.side);
                 let record = Record {
                     capture: name(folder),
                     variant,
@@ -150,10 +151,10 @@ pub fn evaluate(
     Ok(records)
 }
 
-fn rendered(maps: &Svbrdf, photograph: &HeldOut) -> Vec<f32> {
-    let maps = resized(maps, photograph.side, photograph.side);
+fn rendered(maps: &Svbrdf, view: &View, side: usize) -> Vec<f32> {
+    let maps = resized(maps, side, side);
     let mut radiance = vec![0.0; 3 * maps.texels()];
-    render(&maps, &photograph.view, &mut radiance);
+    render(&maps, view, &mut radiance);
     radiance
 }
 
@@ -163,7 +164,7 @@ struct Course {
     /// Indices of accepted frames.
     accepted: Vec<usize>,
     /// Number of photographs sent, maps then.
-    maps: Vec<(usize, Arc<Svbrdf>)>,
+    maps: Vec<(usize, Arc<Svbrdf>, Exposure)>,
 }
 
 impl Course {
@@ -187,7 +188,8 @@ impl Course {
                 }
             }
             if counts.contains(&(i + 1)) && !course.accepted.is_empty() {
-                course.maps.push((i + 1, course.session.snapshot()?));
+                let session = &course.session;
+                course.maps.push((i + 1, session.snapshot()?, session.exposure()));
             }
         }
         Ok(course)

@@ -1,0 +1,94 @@
+//! Options of the structured prior.
+
+use serde::{Deserialize, Serialize};
+
+/// Options of the [structured prior](super::super::structured): material classes with small
+/// deviations of texels, fitted together with exposure and place of the flash.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StructuredOptions {
+    /// Photographs from which on it is considered. Derived: leaving one out of fewer tells nothing.
+    pub from: usize,
+    /// Texels along the longer side that are fitted, at most. Tuned.
+    pub texels: usize,
+    /// The same while photographs are left out. Tuned.
+    pub trial_texels: usize,
+    /// Steps of a fit, at most. Tuned.
+    pub steps: usize,
+    /// The same while photographs are left out. Tuned.
+    pub trial_steps: usize,
+    /// Photographs left out in turn, at most: the latest. Tuned.
+    pub folds: usize,
+    /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
+    /// schedule goes on with them.
+    pub candidates: Vec<Widths>,
+    /// Mean squared error of a photograph left out, relative to that of the widest, that a narrow prior
+    /// must reach. Tuned.
+    pub evidence: f64,
+    /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
+    /// off, alike over a sample.
+    pub noise: f64,
+    /// Residual below which the loss is quadratic.
+    pub huber: f64,
+    /// Expected logarithm of a photograph's gain.
+    pub gain_sigma: f64,
+    /// Expected exponent of exposure over distance.
+    pub exponent_sigma: f64,
+    /// Expected offset of the flash, mm, each coordinate.
+    pub offset_sigma_mm: f64,
+    /// Texels that count as independent, to weigh those sigmas and the classes' against: errors of the
+    /// model are alike all over a sample. Tuned.
+    pub independent_texels: f64,
+    /// Expected deviations of a class from the mean: root of F0, roughness.
+    pub class_sigma: [f64; 2],
+    /// Expected root of F0 and roughness of a class.
+    pub class_mean: [f64; 2],
+    /// Steps of the maps that follow. Tuned.
+    pub map_steps: usize,
+}
+
+impl Default for StructuredOptions {
+    fn default() -> Self {
+        let narrow =
+            Widths { classes: 1, slope: 0.01, diffuse: 0.3, specular: 0.002, roughness: 0.001 };
+        Self {
+            from: 3,
+            texels: 64,
+            trial_texels: 32,
+            steps: 12,
+            trial_steps: 8,
+            folds: 3,
+            candidates: vec![
+                narrow,
+                Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
+                Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
+            ],
+            evidence: 1.0,
+            noise: 0.3,
+            huber: 0.02,
+            gain_sigma: 0.05,
+            exponent_sigma: 2.0,
+            offset_sigma_mm: 30.0,
+            independent_texels: 14.0,
+            class_sigma: [0.3, 0.4],
+            class_mean: [0.2, 0.5],
+            map_steps: 8,
+        }
+    }
+}
+
+/// How far a texel may be from its prior mean: standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Widths {
+    /// Classes of gloss.
+    pub classes: usize,
+    /// Of slopes.
+    pub slope: f64,
+    /// Of roots of diffuse albedo.
+    pub diffuse: f64,
+    /// Of roots of specular albedo within a class.
+    pub specular: f64,
+    /// Of roughness within a class.
+    pub roughness: f64,
+}

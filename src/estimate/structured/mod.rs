@@ -1,0 +1,242 @@
+//! The structured prior: few material classes with small deviations of texels, found together with
+//! exposure and place of the flash; its widths chosen by leaving photographs out.
+//!
+//! Texels get their gloss from the tails of highlights, and there the model of the lobe is 10 to 15 %
+//! off, alike all over the sample: a prior that lets each texel follow makes the prediction of further
+//! photographs worse with every photograph. Gloss is therefore that of soft classes of like colour,
+//! with deviations of texels only as far as they help to predict; slopes are flat in the same sense.
+//! What all texels share (gain of each photograph, exposure over distance, one offset of the flash) is
+//! found in the same equations, each texel eliminated (Schur complement).
+//!
+//! How far texels may deviate differs from material to material. Candidates are compared by how well
+//! they predict each of the latest photographs from all others (leave-one-out cross-validation), at a
+//! few texels. Where the widest wins, as on bumpy materials that photographs explain well, the other
+//! phases of the schedule do better, and nothing is changed.
+
+mod descent;
+mod groups;
+mod problem;
+mod sample;
+#[cfg(test)]
+mod tests;
+
+use super::belief::Belief;
+use super::correction::Correction;
+use super::options::{StructuredOptions, Widths};
+use super::photographs::Photographs;
+use super::prior::{Prior, from_coordinate};
+use crate::Svbrdf;
+use crate::parallel;
+use crate::svbrdf::{CHANNELS, channel};
+use groups::{Classes, Feature};
+use problem::{CLASS, GLOSS, Problem, State, precision};
+use sample::{Coordinates, Lit, Sample, colours, natural};
+
+/// What photographs leave open beside the maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Free {
+    /// Gain of each photograph and the exposure law between them.
+    pub exposure: bool,
+    /// Offset of all lights.
+    pub offset: bool,
+}
+
+/// Fraction of the colour seen that is diffuse, in the prior's mean.
+const DIFFUSE_FRACTION: f32 = 0.8;
+
+/// Trials of the widths in progress.
+pub(crate) struct WidthTrials {
+    options: StructuredOptions,
+    free: Free,
+    sample: Sample,
+    /// Photographs left out, each in turn.
+    folds: Vec<usize>,
+    /// Squared errors of the trials done: of each candidate, each photograph left out.
+    pub errors: Vec<f64>,
+}
+
+impl WidthTrials {
+    /// Before the first trial. Where a board tells exposure and flash, they are not `free`.
+    pub fn new(photographs: &Photographs, free: bool, options: &StructuredOptions) -> Self {
+        let count = photographs.len();
+        Self {
+            options: options.clone(),
+            free: Free { exposure: free, offset: free },
+            sample: Sample::new(photographs, options.trial_texels),
+            folds: (count.saturating_sub(options.folds)..count).collect(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// Trials in all.
+    pub fn count(&self) -> usize {
+        self.options.candidates.len() * self.folds.len()
+    }
+
+    /// Whether all trials are done.
+    pub fn is_done(&self) -> bool {
+        self.errors.len() >= self.count()
+    }
+
+    /// The next trial: predicts a photograph from all others.
+    pub fn step(&mut self) {
+        let (candidate, fold) =
+            (self.errors.len() / self.folds.len(), self.errors.len() % self.folds.len());
+        let (Some(widths), left_out) = (self.options.candidates.get(candidate), self.folds[fold])
+        else {
+            return;
+        };
+        let which: Vec<usize> =
+            (0..self.sample.photographs.len()).filter(|&i| i != left_out).collect();
+        let setup = Setup::new(&self.sample, &which, widths.classes);
+        let problem = setup.problem(&self.sample, &which, *widths, self.free, &self.options);
+        let state = problem.descend(problem.start(), self.options.trial_steps);
+        self.errors.push(prediction_error(&problem, &state, left_out));
+    }
+
+    /// Takes over errors of trials that were done before; whether they fit.
+    pub fn resume(&mut self, errors: Vec<f64>) -> bool {
+        self.errors = errors;
+        self.errors.len() <= self.count()
+    }
+
+    /// The candidate that predicts best, unless it is the widest or hardly better.
+    pub fn chosen(&self) -> Option<Widths> {
+        let sums: Vec<f64> =
+            self.errors.chunks(self.folds.len().max(1)).map(|e| e.iter().sum()).collect();
+        let (widest, narrow) = sums.split_last()?;
+        let best = narrow.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
+        (*best.1 < self.options.evidence * widest).then(|| self.options.candidates[best.0])
+    }
+}
+
+/// Fits classes, texels, exposure and flash with the chosen widths; the belief's mean are flat maps
+/// with the gloss of their classes, its widths those chosen.
+pub(super) fn fit(
+    photographs: &mut Photographs,
+    belief: &mut Belief,
+    widths: Widths,
+    free: bool,
+    options: &StructuredOptions,
+) {
+    let free = Free { exposure: free, offset: free };
+    let sample = Sample::new(photographs, options.texels);
+    let which: Vec<usize> = (0..photographs.len()).collect();
+    let setup = Setup::new(&sample, &which, widths.classes);
+    let problem = setup.problem(&sample, &which, widths, free, options);
+    let state = problem.descend(problem.start(), options.steps);
+    let colours = colours(photographs.full(), photographs.given());
+    belief.base = flat_maps(&belief.maps, &colours, &setup.classes, &state.classes);
+    belief.mean.clone_from(&belief.base);
+    belief.maps.clone_from(&belief.base);
+    belief.prior =
+        Prior { sigma: std::array::from_fn(|c| precision(&widths, c).powf(-0.5) as f32) };
+    belief.fixed_noise = Some(options.noise as f32);
+    let mirrored = photographs.correction().mirrored.clone();
+    photographs.correct(Correction { mirrored, ..state.correction });
+}
+
+/// What a fit's problem refers to.
+struct Setup {
+    classes: Classes,
+    shares: Vec<f32>,
+    /// Prior means of texels, but for gloss.
+    mean: Vec<Coordinates>,
+}
+
+impl Setup {
+    fn new(sample: &Sample, which: &[usize], count: usize) -> Self {
+        let colours = sample.colours(which);
+        let classes = Classes::find(&colours, count);
+        let mut shares = vec![0.0; colours.len() * classes.len()];
+        for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len())) {
+            classes.shares(colour, out);
+        }
+        let root = f64::from(DIFFUSE_FRACTION.sqrt());
+        let mean = colours.iter().map(|colour| {
+            let mut mean = [0.0; CHANNELS];
+            for c in 0..3 {
+                mean[channel::DIFFUSE + c] = root * f64::from(colour[c]);
+            }
+            mean
+        });
+        Self { mean: mean.collect(), classes, shares }
+    }
+
+    fn problem<'a>(
+        &'a self,
+        sample: &'a Sample,
+        which: &'a [usize],
+        widths: Widths,
+        free: Free,
+        options: &'a StructuredOptions,
+    ) -> Problem<'a> {
+        let widths = Widths { classes: self.classes.len(), ..widths };
+        let Self { shares, mean, .. } = self;
+        Problem { sample, which, mean, shares, widths, free, options }
+    }
+}
+
+/// Flat maps of given colours, with the gloss of their classes.
+fn flat_maps(
+    like: &Svbrdf,
+    colours: &[Feature],
+    classes: &Classes,
+    gloss: &[[f64; CLASS]],
+) -> Svbrdf {
+    let mut maps = Svbrdf::new(like.width(), like.height());
+    let width = maps.width();
+    for c in 0..3 {
+        let plane = maps.plane_mut(channel::DIFFUSE + c).iter_mut();
+        plane.zip(colours).for_each(|(v, f)| *v = DIFFUSE_FRACTION * f[c] * f[c]);
+    }
+    for (i, c) in GLOSS.enumerate() {
+        let rows = maps.plane_mut(c).chunks_mut(width);
+        parallel::parts_with(
+            rows,
+            || vec![0.0; classes.len()],
+            |shares, y, row| {
+                for (x, v) in row.iter_mut().enumerate() {
+                    classes.shares(&colours[y * width + x], shares);
+                    let value: f64 =
+                        shares.iter().zip(gloss).map(|(s, g)| f64::from(*s) * g[i]).sum();
+                    *v = from_coordinate(c, value as f32);
+                }
+            },
+        );
+    }
+    maps.clamp();
+    maps
+}
+
+/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
+/// apart.
+fn prediction_error(problem: &Problem, state: &State, left_out: usize) -> f64 {
+    let sample = problem.sample;
+    let photograph = &sample.photographs[left_out];
+    let light = Lit::new(&state.correction.exposure.predict(&photograph.view));
+    let n = sample.texels();
+    let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
+    let mut values = Vec::with_capacity(3 * n);
+    let (mut products, mut squares) = (0.0, 1e-12);
+    for t in 0..n {
+        let weight = f64::from(photograph.weight[t]);
+        let radiance = light.radiance(&natural(&problem.coordinates(t, state)), sample.places[t]);
+        for c in 0..3 {
+            let seen = f64::from(photograph.radiance[c * n + t]);
+            let (ours, theirs) = (gamma(radiance.value[c]), gamma(seen.abs()));
+            if seen >= 0.0 {
+                products += weight * ours * theirs;
+                squares += weight * ours * ours;
+            }
+            values.push([weight, ours, theirs, if seen < 0.0 { theirs } else { f64::MAX }]);
+        }
+    }
+    let factor = products / squares;
+    let (mut sum, mut total) = (0.0, 1e-12);
+    for [weight, ours, theirs, limit] in values {
+        sum += weight * ((factor * ours).min(limit) - theirs).powi(2);
+        total += weight;
+    }
+    sum / total
+}
