@@ -1,5 +1,7 @@
 use super::test_vectors::{difference, test_vectors};
 use super::*;
+use crate::Error;
+use crate::svbrdf::CHANNELS;
 
 const FILE: &[u8] = include_bytes!("../../models/decoder.bin");
 const VECTORS: &[u8] = include_bytes!("../../models/decoder_test.bin");

@@ -1,8 +1,8 @@
 use super::*;
 use crate::loss::{EPSILON, log_l1, log_l1_derivative};
-use crate::observation::Falloff;
+use crate::observation::{Falloff, Observation};
 use crate::reflectance::reflect;
-use crate::svbrdf::channel;
+use crate::svbrdf::{CHANNELS, channel};
 use std::f64::consts::PI;
 
 pub(crate) use crate::test_support::noise;

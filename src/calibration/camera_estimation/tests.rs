@@ -1,5 +1,5 @@
 use super::*;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
 fn truth() -> Camera {

@@ -83,7 +83,7 @@ macro_rules! write_numbers {
 }
 
 impl Writer {
-    write_numbers!(u8: u8, u16: u16, u32: u32, u64: u64, i32: i32, f32: f32, f64: f64);
+    write_numbers!(u8: u8, u16: u16, u32: u32, i32: i32, f32: f32, f64: f64);
 
     pub(super) fn flag(&mut self, value: bool) {
         self.u8(value.into());

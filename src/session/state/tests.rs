@@ -1,5 +1,6 @@
 use super::bytes::{Sections, StateWriter};
 use super::*;
+use crate::Error;
 use crate::observation::{Falloff, View};
 use crate::session::fit::NewFrame;
 use crate::session::{RestoreOptions, Session};
