@@ -5,6 +5,7 @@ mod raised;
 #[path = "common/test_data.rs"]
 mod test_data;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use raised::{FLASH_MM, Material, SAMPLE_MM, camera, maps, photograph, poses};

@@ -10,7 +10,6 @@ use rectified::{POSITIONS, material, scene};
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
 use svbrdf::initial_estimate::Networks;
-use svbrdf::observation::Falloff;
 use svbrdf::session::{
     Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };

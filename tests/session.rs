@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rectified::{POSITIONS, SIZE, material, photo, scene, view};
 use svbrdf::frame::Photo;
-use svbrdf::observation::{Falloff, View};
+use svbrdf::observation::View;
 use svbrdf::session::{Method, Pushed, RectifiedFalloff, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Svbrdf, render};
 

@@ -6,7 +6,6 @@ use std::ptr;
 
 use crate::budget::*;
 use crate::capture::*;
-use crate::handles::svbrdf_session;
 use crate::image::*;
 use crate::maps::*;
 use crate::options::*;
