@@ -27,6 +27,7 @@ pub(super) struct Taken {
 }
 
 /// Takes photographs in, one at a time.
+#[derive(Clone)]
 pub(super) enum Intake {
     Board(Box<BoardIntake>),
     Rectified { falloff: RectifiedFalloff, power_mm2: Option<[f32; 3]> },

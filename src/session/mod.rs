@@ -7,6 +7,7 @@ mod feedback;
 mod fit;
 mod intake;
 mod memory;
+mod observed;
 mod state;
 mod worker;
 
@@ -25,6 +26,7 @@ pub use self::estimator::Estimator;
 pub use self::feedback::{Hint, NextView};
 use self::fit::{Fit, NewFrame};
 use self::intake::{Intake, Taken};
+pub use self::observed::Observed;
 use self::state::StateWriter;
 use self::worker::{Command, Shared};
 use crate::calibration::{PaperEstimate, Target};

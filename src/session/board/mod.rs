@@ -41,6 +41,7 @@ enum Intrinsics {
 }
 
 /// Takes photographs of a board in, one at a time.
+#[derive(Clone)]
 pub(super) struct BoardIntake {
     target: Target,
     intrinsics: Intrinsics,
@@ -61,6 +62,7 @@ pub(super) struct Seen {
 }
 
 /// An accepted photograph.
+#[derive(Clone)]
 pub(super) struct Frame {
     pub(super) corners: Vec<Corner>,
     /// For another rectification, while camera, paper or sample are not settled.
