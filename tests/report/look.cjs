@@ -168,7 +168,7 @@ async function moves(page, data) {
 /** The slider over earlier moments. */
 async function moments(page, data) {
   const map = page.locator('#maps canvas').nth(1);
-  const fingerprint = () => map.evaluate((c) => [c.width, c.getContext('2d').getImageData(0, 0, c.width, c.height).data.reduce((a, v, i) => (a * 31 + v * (i % 7)) % 1000003, 0)].join());
+  const fingerprint = () => map.evaluate((canvas) => canvas.toDataURL());
   const last = await fingerprint();
   await page.locator('#moment').focus();
   await page.keyboard.press('Home');

@@ -87,7 +87,7 @@ function viewsChart(photographs, next) {
     make('svg', { viewBox: '-210 -115 420 230', role: 'img', 'aria-label': `Camera positions of ${photographs.length} photographs. ${advice}.` },
       rings.map((v) => [
         make('circle', { class: 'grid', r: (radius * v) / reach }),
-        make('text', { x: 3, y: (radius * v) / reach - 3 }, `${v}°`),
+        make('text', { x: (radius * v) / reach * 0.5 + 3, y: (radius * v) / reach * 0.866 + 10 }, `${v}°`),
       ]),
       make('line', { class: 'grid', x1: -radius, x2: radius, y1: 0, y2: 0 }), make('line', { class: 'grid', y1: -radius, y2: radius, x1: 0, x2: 0 }),
       there && [make('circle', { class: 'next', cx: there[0], cy: there[1], r: 12 }), make('text', { x: there[0] + 16, y: there[1] + 4 }, 'next')],

@@ -25,12 +25,11 @@ function photograph(p) {
   const rejected = p.status === 'rejected';
   const verdict = rejected ? ['rejected', '✕ rejected'] : held ? ['held', '◇ held out'] : ['fitted', '✓ fitted'];
   const facts = [];
-  if (p.view) facts.push(`${p.view.off_top_deg.toFixed(0)}° off the top, ${p.view.distance_mm.toFixed(0)} mm away`);
-  if (typeof p.reprojection_rms_px === 'number') facts.push(`corners within ${p.reprojection_rms_px.toFixed(2)} px`);
-  const result = [];
-  if (typeof p.loss_after === 'number') result.push(`residual ${digits(p.loss_before)} → ${digits(p.loss_after)}`);
-  if (typeof p.held_out_error === 'number') result.push(`predicted with an error of ${digits(p.held_out_error)}`);
-  if (typeof p.seconds === 'number') result.push(`${p.seconds.toFixed(1)} s`);
+  if (p.view) facts.push(['View', `${p.view.off_top_deg.toFixed(0)}° off the top, ${p.view.distance_mm.toFixed(0)} mm`]);
+  if (typeof p.reprojection_rms_px === 'number') facts.push(['Corners within', `${p.reprojection_rms_px.toFixed(2)} px`]);
+  if (typeof p.loss_after === 'number') facts.push(['Residual', `${digits(p.loss_before)} → ${digits(p.loss_after)}`]);
+  if (typeof p.held_out_error === 'number') facts.push(['Error of prediction', digits(p.held_out_error)]);
+  if (typeof p.seconds === 'number') facts.push(['Time', `${p.seconds.toFixed(1)} s`]);
   const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.?!]$/.test(text) ? '' : '.'}`;
   const said = [...(rejected ? [p.hint] : []), ...(p.hints ?? []).map((h) => h.hint)].filter(Boolean);
   const outline = (name, points) => {
@@ -46,12 +45,17 @@ function photograph(p) {
     make('div', { class: 'text' },
       make('h3', {}, `${p.index + 1} · ${p.name}`, make('span', { class: `verdict ${verdict[0]}` }, verdict[1])),
       said.map((text) => make('p', {}, sentence(text))),
-      facts.length > 0 && make('p', { class: 'quiet' }, facts.join(' · ')),
-      result.length > 0 && make('p', { class: 'quiet' }, result.join(' · ')),
-      p.view && stage && make('button', { type: 'button', click: () => stage.lookFrom(p.view) }, 'See the material from here')));
+      make('dl', {}, facts.flatMap(([name, value]) => [make('dt', {}, name), make('dd', {}, value)])),
+      p.view && stage && make('button', { type: 'button', click: () => stage.lookFrom(p.view) }, 'Relight from here')));
 }
 
 /* The material and its lights */
+
+/** One decimal with a true minus sign; no sign for 0. */
+function signed(v) {
+  const text = Math.abs(v).toFixed(1);
+  return text === '0.0' ? text : `${v > 0 ? '+' : '−'}${text}`;
+}
 
 /** Everything that moves light and view: dragging, keys, sliders, lightings. */
 class Stage {
@@ -111,7 +115,7 @@ class Stage {
       const turned = this[`${what}Side`] ?? 0;
       show(`${what}-side`, turned, compass(turned).replace('the ', ''));
     }
-    show('exposure', this.stops, `${this.stops >= 0 ? '+' : '−'}${Math.abs(this.stops).toFixed(1)} EV`);
+    show('exposure', this.stops, `${signed(this.stops)} EV`);
     show('zoom', this.zoom, `${(2 ** this.zoom).toFixed(1)}×`);
     const at = ([x, y]) => `translate(${(x / 90) * 46} ${(-y / 90) * 46})`;
     document.querySelector('#dome .sun').setAttribute('transform', at(this.light));
@@ -348,7 +352,7 @@ const ready = showMoment(moments.length - 1);
 $('photographs').append(...data.photographs.map(photograph));
 if (data.photographs.some((p) => p.outlines)) {
   $('photographs').before(make('p', { class: 'quiet legend' },
-    make('i', { style: 'color: var(--board)' }), 'board as found   ', make('i', { style: 'color: var(--sample)' }), 'sample'));
+    make('i', { style: 'color: var(--board)' }), 'board as found', make('i', { style: 'color: var(--sample)' }), 'sample'));
 }
 const placed = data.photographs.filter((p) => p.view);
 const settled = data.photographs.filter((p) => typeof p.loss_after === 'number');
@@ -371,7 +375,8 @@ if (data.predictions.length) {
   $('held-out').hidden = false;
   $('predictions').append(...data.predictions.map((p) =>
     make('figure', {},
-      make('img', { src: p.picture, alt: `Photo ${p.index + 1}, its prediction and the difference` }),
+      make('div', { class: 'three' }, ['the photograph', 'its prediction', 'the difference'].map((what) =>
+        make('img', { src: p.picture, alt: `Photo ${p.index + 1}: ${what}` }))),
       make('figcaption', {}, `Photo ${p.index + 1}: error ${digits(p.error)}, brightness ×${p.brightness.toFixed(2)}`))));
 }
 
