@@ -84,7 +84,7 @@ function viewsChart(photographs, next) {
     : 'seen from above, rings 15° apart';
   return make('figure', { class: 'plot' },
     make('figcaption', {}, 'Where the photographs were taken', make('span', { class: 'quiet' }, ` ${advice}`)),
-    make('svg', { viewBox: '-210 -115 420 230', role: 'img', 'aria-label': `Camera positions of ${photographs.length} photographs. ${advice}.` },
+    make('svg', { viewBox: '-165 -116 330 232', role: 'img', 'aria-label': `Camera positions of ${photographs.length} photographs. ${advice}.` },
       rings.map((v) => [
         make('circle', { class: 'grid', r: (radius * v) / reach }),
         make('text', { x: (radius * v) / reach * 0.5 + 3, y: (radius * v) / reach * 0.866 + 10 }, `${v}°`),

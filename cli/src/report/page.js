@@ -25,10 +25,10 @@ function photograph(p) {
   const rejected = p.status === 'rejected';
   const verdict = rejected ? ['rejected', '✕ rejected'] : held ? ['held', '◇ held out'] : ['fitted', '✓ fitted'];
   const facts = [];
-  if (p.view) facts.push(['View', `${p.view.off_top_deg.toFixed(0)}° off the top, ${p.view.distance_mm.toFixed(0)} mm`]);
-  if (typeof p.reprojection_rms_px === 'number') facts.push(['Corners within', `${p.reprojection_rms_px.toFixed(2)} px`]);
+  if (p.view) facts.push(['Off the top', `${p.view.off_top_deg.toFixed(0)}°`], ['Distance', `${p.view.distance_mm.toFixed(0)} mm`]);
+  if (typeof p.reprojection_rms_px === 'number') facts.push(['Corners', `${p.reprojection_rms_px.toFixed(2)} px`]);
   if (typeof p.loss_after === 'number') facts.push(['Residual', `${digits(p.loss_before)} → ${digits(p.loss_after)}`]);
-  if (typeof p.held_out_error === 'number') facts.push(['Error of prediction', digits(p.held_out_error)]);
+  if (typeof p.held_out_error === 'number') facts.push(['Error, unseen', digits(p.held_out_error)]);
   if (typeof p.seconds === 'number') facts.push(['Time', `${p.seconds.toFixed(1)} s`]);
   const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.?!]$/.test(text) ? '' : '.'}`;
   const said = [...(rejected ? [p.hint] : []), ...(p.hints ?? []).map((h) => h.hint)].filter(Boolean);
