@@ -13,8 +13,7 @@ use svbrdf::session::{Budget, Method, Session, Settings};
 
 use self::document::Document;
 use self::held_out::Errors;
-pub use self::held_out::TEXELS as PREDICTED_TEXELS;
-use self::photographs::Fit;
+use self::photographs::{Fit, Options};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
 use crate::report::{self, Subject};
@@ -77,7 +76,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let capture = Capture::load_with_camera(&arguments.capture, camera).map_err(Failure::input)?;
     check_writable(&arguments.out)?;
     let session = session(arguments, &capture)?;
-    let mut fit = Fit::new(arguments, &capture, &session, &interrupt);
+    let options = Options {
+        at_once: arguments.at_once,
+        hold_out: arguments.hold_out as usize,
+        quiet: arguments.quiet,
+        report: !arguments.no_report,
+    };
+    let count = arguments.frames.map_or(capture.frames.len(), |n| n as usize);
+    let frames = &capture.frames[..count.min(capture.frames.len())];
+    let mut fit = Fit::new(options, frames, &session, &interrupt);
     fit.run()?;
     check_fitted(arguments, &fit)?;
     let maps = session.snapshot()?;
@@ -86,13 +93,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let held_out = fit.held_out()?;
     let errors = Errors::measure(&fit.stages, held_out)?;
     fit.finish_rows(&errors);
-    let document = Document::new(arguments, &session, &fit, &errors, maps.width(), begun);
+    let held_out = (arguments.hold_out > 0).then_some(&errors);
+    let document = Document::new(&session, &fit, held_out, &arguments.method, maps.width(), begun);
     document.write(&arguments.out)?;
     if !arguments.no_report {
         let subject = Subject {
             report: &document.value,
             capture: &capture,
-            frames: fit.frames(),
+            frames,
             camera: session.camera(),
             maps: &maps,
             predictions: errors.indices.iter().copied().zip(&errors.predictions).collect(),
@@ -107,7 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "Look at {out}/{first}; the maps are {out}/normal.png, diffuse.png, specular.png and roughness.png (floats: maps.exr)."
     ));
     if interrupt.is_set() {
-        let (fitted, all) = (fit.fitted(), fit.frames().len());
+        let (fitted, all) = (fit.fitted(), frames.len());
         return Err(Failure::Interrupted(format!(
             "{out} holds maps and report of what was there: {fitted} of {all} photos in the fit"
         )));

@@ -7,7 +7,6 @@ use serde_json::{Value, json};
 use svbrdf::export::write_atomic;
 use svbrdf::session::Session;
 
-use super::Arguments;
 use super::held_out::Errors;
 use super::photographs::Fit;
 use crate::failure::{Failure, Result};
@@ -19,10 +18,10 @@ pub struct Document {
 
 impl Document {
     pub fn new(
-        arguments: &Arguments,
         session: &Session,
         fit: &Fit,
-        errors: &Errors,
+        held_out: Option<&Errors>,
+        method: &str,
         resolution: usize,
         begun: Instant,
     ) -> Self {
@@ -39,11 +38,10 @@ impl Document {
                     "aspect_sigma": p.sigma[0], "bow_sigma_mm": p.sigma[1..] })
         });
         let elevation = session.elevation().map(|e| json!({ "mm": e.mm, "sigma_mm": e.sigma_mm }));
-        let held_out = (arguments.hold_out > 0).then(|| errors.json());
         let value = json!({
             "frames": fit.rows,
             "interrupted": fit.interrupted(),
-            "held_out": held_out,
+            "held_out": held_out.map(Errors::json),
             "camera": camera,
             "camera_uncertainty": camera_sigma,
             "paper": paper,
@@ -52,7 +50,7 @@ impl Document {
             "next_view": next_view,
             "ambient_fraction": session.ambient_fraction(),
             "resolution": resolution,
-            "method": arguments.method,
+            "method": method,
             "seconds_total": begun.elapsed().as_secs_f64(),
             "peak_memory_mib": peak_memory_mib(),
         });

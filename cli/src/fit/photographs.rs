@@ -6,20 +6,30 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::Rejection;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::Frame;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
 
-use super::Arguments;
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::report::Recorder;
 
+/// How photographs are gone through.
+pub struct Options {
+    /// Whether the fit begins when all are taken in.
+    pub at_once: bool,
+    /// How many of the last ones are predicted instead of fitted.
+    pub hold_out: usize,
+    pub quiet: bool,
+    /// Whether pictures are kept for the page.
+    pub report: bool,
+}
+
 /// A fit in progress.
 pub struct Fit<'a> {
-    arguments: &'a Arguments,
+    options: Options,
     session: &'a Session,
     interrupt: &'a Interrupt,
     frames: &'a [Frame],
@@ -33,47 +43,48 @@ pub struct Fit<'a> {
     pub recorder: Recorder,
     /// Photographs of the fit when its maps were kept last.
     recorded: usize,
+    cut: bool,
 }
 
 impl<'a> Fit<'a> {
     pub fn new(
-        arguments: &'a Arguments,
-        capture: &'a Capture,
+        options: Options,
+        frames: &'a [Frame],
         session: &'a Session,
         interrupt: &'a Interrupt,
     ) -> Self {
-        let count = arguments.frames.map_or(capture.frames.len(), |n| n as usize);
-        let frames = &capture.frames[..count.min(capture.frames.len())];
         Self {
-            arguments,
             session,
             interrupt,
             frames,
             waiting: VecDeque::new(),
             rows: Vec::new(),
             stages: Vec::new(),
-            progress: Progress::new(arguments.quiet),
-            recorder: Recorder::new(frames.len(), !arguments.no_report),
+            progress: Progress::new(options.quiet),
+            recorder: Recorder::new(frames.len(), options.report),
             recorded: 0,
+            cut: false,
+            options,
         }
     }
 
     /// Takes all photographs in, unless interrupted.
     pub fn run(&mut self) -> Result<()> {
         let begun = Instant::now();
-        if self.arguments.at_once {
+        if self.options.at_once {
             self.session.pause();
         }
         for index in 0..self.frames.len() {
             if self.interrupt.is_set() {
+                self.cut = true;
                 break;
             }
-            let next = if self.arguments.hold_out == 0 { Some(index) } else { self.hold(index)? };
+            let next = if self.options.hold_out == 0 { Some(index) } else { self.hold(index)? };
             if let Some(next) = next {
                 self.add(next)?;
             }
         }
-        if self.arguments.at_once && self.fitted() > 0 && !self.interrupt.is_set() {
+        if self.options.at_once && self.fitted() > 0 && !self.cut {
             self.session.resume();
             self.settle("all photos")?;
             self.rows.iter_mut().for_each(|row| add_losses(row, self.session));
@@ -87,17 +98,12 @@ impl<'a> Fit<'a> {
 
     /// Whether the fit was ended before its time.
     pub fn interrupted(&self) -> bool {
-        self.interrupt.is_set()
+        self.cut
     }
 
     /// Number of photographs in the fit.
     pub fn fitted(&self) -> usize {
         self.session.progress().frames
-    }
-
-    /// The photographs of the capture that are used.
-    pub fn frames(&self) -> &[Frame] {
-        self.frames
     }
 
     /// One line about every photograph.
@@ -126,7 +132,7 @@ impl<'a> Fit<'a> {
             Ok(_) => self.waiting.push_back(index),
             Err((code, hint)) => self.tell(rejected(index, &code, hint, begun)),
         }
-        let over = self.waiting.len() > self.arguments.hold_out as usize;
+        let over = self.waiting.len() > self.options.hold_out;
         Ok(if over { self.waiting.pop_front() } else { None })
     }
 
@@ -147,7 +153,7 @@ impl<'a> Fit<'a> {
     fn add(&mut self, index: usize) -> Result<()> {
         let begun = Instant::now();
         let mut row = self.push(index)?;
-        if row["status"] == "accepted" && !self.arguments.at_once {
+        if row["status"] == "accepted" && !self.options.at_once {
             self.settle(&format!("photo {}/{}", index + 1, self.frames.len()))?;
             add_losses(&mut row, self.session);
             row["seconds"] = json!(begun.elapsed().as_secs_f64());
@@ -193,6 +199,7 @@ impl<'a> Fit<'a> {
         while !self.session.wait_timeout(Duration::from_millis(40))? {
             if self.interrupt.is_set() {
                 self.session.pause();
+                self.cut = true;
                 break;
             }
             let progress = self.session.progress();
@@ -209,7 +216,7 @@ impl<'a> Fit<'a> {
         if photographs > self.recorded {
             let maps = self.session.snapshot()?;
             self.recorder.snapshot(photographs, &maps)?;
-            if self.arguments.hold_out > 0 {
+            if self.options.hold_out > 0 {
                 self.stages.push(Stage::new(photographs, &maps));
             }
             self.recorded = photographs;

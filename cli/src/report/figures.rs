@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use svbrdf::session::Scene;
 use svbrdf::svbrdf::channel;
 
-use super::Subject;
+use super::subject::Subject;
 
 /// A group of figures.
 fn group(title: &str, rows: Vec<Option<(&str, String)>>) -> Option<Value> {

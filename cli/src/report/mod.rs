@@ -8,21 +8,22 @@ mod outline;
 mod page;
 mod pictures;
 mod shader;
+mod subject;
 mod warnings;
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
-use svbrdf::capture::{Capture, Frame};
 use svbrdf::comparison::Prediction;
 use svbrdf::export::relit;
 use svbrdf::frame::Photo;
-use svbrdf::geometry::Camera;
 
 use self::pictures::{MapPictures, Snapshot, Thumbnail};
+pub use self::subject::Subject;
 use crate::failure::Result;
 
-/// Texels along each side that the page holds; larger maps are averaged.
-const TEXELS: usize = 512;
+/// Texels along each side that the page holds; larger maps are averaged. Maps that compress badly
+/// go on to the next.
+const TEXELS: [usize; 3] = [512, 384, 256];
 /// Size of a page, bytes; earlier maps are left out where it would be larger.
 const MAX_BYTES: usize = 2_900_000;
 /// Longer side of the pictures that stand in for the viewer, px.
@@ -45,7 +46,7 @@ impl Recorder {
     /// For so many photographs; keeps nothing unless `enabled`.
     pub fn new(photographs: usize, enabled: bool) -> Self {
         // About half a megabyte for all of them together.
-        let longest = (360.0 * (16.0 / photographs.max(1) as f64).sqrt()).clamp(96.0, 360.0) as u32;
+        let longest = (360.0 * (16.0 / photographs.max(1) as f64).sqrt()).clamp(48.0, 360.0) as u32;
         let thumbnails = vec![None; photographs];
         Self { enabled, longest, thumbnails, snapshots: Vec::new() }
     }
@@ -67,33 +68,14 @@ impl Recorder {
     }
 }
 
-/// What the page is about.
-pub struct Subject<'a> {
-    /// The contents of `report.json`.
-    pub report: &'a Value,
-    pub capture: &'a Capture,
-    /// The photographs used, in the order of the capture.
-    pub frames: &'a [Frame],
-    /// As used.
-    pub camera: Option<Camera>,
-    /// The latest maps.
-    pub maps: &'a Svbrdf,
-    /// Photographs that were held out: number in the capture and prediction.
-    pub predictions: Vec<(usize, &'a Prediction)>,
-    /// Name of the capture.
-    pub name: String,
-}
-
 /// Writes the page.
 pub fn page(subject: &Subject, recorder: &Recorder) -> Result<String> {
-    let maps = pictures::at_most(subject.maps, TEXELS);
-    let data = json!({
+    let mut data = json!({
         "name": subject.name,
         "version": env!("CARGO_PKG_VERSION"),
         "interrupted": subject.report["interrupted"],
         "sample_mm": subject.capture.sample_mm,
         "texels": [subject.maps.width(), subject.maps.height()],
-        "maps": MapPictures::new(&maps)?,
         "presets": presets(subject)?,
         "photographs": photographs(subject, recorder),
         "held_out": subject.report["held_out"]["after"],
@@ -103,18 +85,28 @@ pub fn page(subject: &Subject, recorder: &Recorder) -> Result<String> {
         "figures": figures::figures(subject),
         "summary": figures::summary(subject),
     });
-    // The latest maps are there in full.
-    let earlier = recorder.snapshots.len().saturating_sub(1);
-    let mut snapshots: Vec<&Snapshot> = recorder.snapshots[..earlier].iter().collect();
     let rest = page::fill(&data, &[])?.len();
-    let size = |s: &[&Snapshot]| s.iter().map(|s| s.picture.len() + 100).sum::<usize>();
-    while rest + size(&snapshots) > MAX_BYTES && !snapshots.is_empty() {
-        snapshots = snapshots.into_iter().step_by(2).collect();
-        if rest + size(&snapshots) > MAX_BYTES && snapshots.len() == 1 {
-            snapshots.clear();
+    let mut bytes = usize::MAX;
+    for texels in TEXELS {
+        let maps = MapPictures::new(&pictures::at_most(subject.maps, texels))?;
+        bytes = rest + maps.bytes();
+        data["maps"] = json!(maps);
+        if bytes <= MAX_BYTES {
+            break;
         }
     }
-    page::fill(&data, &snapshots)
+    // The latest maps are there in full.
+    let earlier = recorder.snapshots.len().saturating_sub(1);
+    page::fill(&data, &thinned(&recorder.snapshots[..earlier], MAX_BYTES.saturating_sub(bytes)))
+}
+
+/// Snapshots, as many as so many bytes hold, spread evenly.
+fn thinned(snapshots: &[Snapshot], bytes: usize) -> Vec<&Snapshot> {
+    let mut kept: Vec<&Snapshot> = snapshots.iter().collect();
+    while kept.iter().map(|s| s.bytes()).sum::<usize>() > bytes {
+        kept = if kept.len() > 1 { kept.into_iter().step_by(2).collect() } else { Vec::new() };
+    }
+    kept
 }
 
 /// Lights to choose from, with the pictures that stand in for the viewer.
@@ -158,7 +150,7 @@ fn predictions(predictions: &[(usize, &Prediction)]) -> Result<Vec<Value>> {
         .iter()
         .take(MAX_PREDICTIONS)
         .map(|(index, p)| {
-            let side = crate::fit::PREDICTED_TEXELS;
+            let side = (p.photograph.len() / 3).isqrt();
             let n = side * side;
             let mut rgb = Vec::with_capacity(9 * n);
             for i in (0..side).flat_map(|y| (0..3 * side).map(move |x| (y, x))) {
@@ -183,4 +175,65 @@ fn predictions(predictions: &[(usize, &Prediction)]) -> Result<Vec<Value>> {
             }))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svbrdf::capture::{Capture, Frame};
+    use svbrdf::random::Random;
+    use svbrdf::session::{RectifiedFalloff, Scene};
+    use svbrdf::svbrdf::channel;
+
+    /// Maps that compress as badly as any, and a photograph with a little of it.
+    fn noise(texels: usize) -> (Svbrdf, Photo) {
+        let mut random = Random::new(2);
+        let mut value = || random.uniform() as f32;
+        let mut maps = Svbrdf::new(texels, texels);
+        maps.planes_mut().iter_mut().for_each(|v| *v = value());
+        maps.plane_mut(channel::SLOPE_X).iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
+        let rgb = (0..3 * 200 * 150).map(|_| 0.4 + 0.02 * value()).collect();
+        (maps, Photo::from_linear(200, 150, rgb, 1.0, 9.0).unwrap())
+    }
+
+    #[test]
+    fn no_page_is_larger_than_3_mb() {
+        for (texels, photographs) in [(256, 8), (512, 8), (512, 60)] {
+            let (maps, photo) = noise(texels);
+            let mut recorder = Recorder::new(photographs, true);
+            for index in 0..photographs {
+                recorder.photograph(index, &photo).unwrap();
+                recorder.snapshot(index + 1, &maps).unwrap();
+            }
+            let falloff = RectifiedFalloff::InverseSquareAuto;
+            let frame = Frame {
+                path: "frames/00.png".into(),
+                encoding: svbrdf::frame::Encoding::Linear,
+                exposure: 1.0,
+                rectified: None,
+                ambient: None,
+            };
+            let capture = Capture {
+                sample_mm: [80.0, 80.0],
+                scene: Scene::Rectified { falloff },
+                frames: vec![frame; photographs],
+            };
+            let rows: Vec<Value> =
+                (0..photographs).map(|i| json!({ "index": i, "status": "accepted" })).collect();
+            let subject = Subject {
+                report: &json!({ "frames": rows, "interrupted": false }),
+                capture: &capture,
+                frames: &capture.frames,
+                camera: None,
+                maps: &maps,
+                predictions: Vec::new(),
+                name: "noise".into(),
+            };
+            let page = page(&subject, &recorder).unwrap();
+            assert!(page.len() <= 3_000_000, "{texels} texels: {} bytes", page.len());
+            assert!(page.len() > 1_000_000, "what fits is there: {} bytes", page.len());
+            let pictures = page.matches("data:image/jpeg").count();
+            assert!(pictures >= photographs + 6, "all photographs, four lightings, two maps");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use svbrdf::geometry::Pose;
 use svbrdf::session::Scene;
 
-use super::Subject;
+use super::subject::Subject;
 
 /// Points along each edge: lenses bend it.
 const POINTS: u32 = 6;

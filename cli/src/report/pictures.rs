@@ -76,6 +76,11 @@ pub struct MapPictures {
 }
 
 impl MapPictures {
+    /// Size inside of the page.
+    pub fn bytes(&self) -> usize {
+        [&self.normal, &self.diffuse, &self.specular, &self.roughness].map(|p| p.len()).iter().sum()
+    }
+
     pub fn new(maps: &Svbrdf) -> Result<Self> {
         let (width, height) = (maps.width(), maps.height());
         let normal: Vec<u8> = (0..maps.texels())
@@ -107,14 +112,19 @@ fn colours(maps: &Svbrdf, first: usize) -> Vec<u8> {
 /// Maps of an earlier moment in one JPEG: normal, diffuse, specular and roughness side by side.
 #[derive(serde::Serialize)]
 pub struct Snapshot {
-    pub photographs: usize,
+    photographs: usize,
     /// Size of one of the four.
     width: usize,
     height: usize,
-    pub picture: String,
+    picture: String,
 }
 
 impl Snapshot {
+    /// Size inside of the page, with what is said of it.
+    pub fn bytes(&self) -> usize {
+        self.picture.len() + 100
+    }
+
     /// Longer side of each map, px.
     const SIDE: usize = 256;
 
@@ -143,8 +153,8 @@ impl Snapshot {
 #[derive(Clone, serde::Serialize)]
 pub struct Thumbnail {
     /// Size of the photograph itself, px.
-    pub width: u32,
-    pub height: u32,
+    width: u32,
+    height: u32,
     picture: String,
 }
 

@@ -3,7 +3,8 @@
 use serde_json::{Value, json};
 use svbrdf::svbrdf::{MIN_ROUGHNESS, channel};
 
-use super::Subject;
+use super::outline;
+use super::subject::Subject;
 
 /// Fewer photographs leave much to the network's experience.
 const FEW_PHOTOGRAPHS: usize = 3;
@@ -98,7 +99,7 @@ fn few(rows: &[&Value]) -> Warning {
 
 fn views(subject: &Subject, rows: &[&Value]) -> Warning {
     let fitted: Vec<&&Value> = rows.iter().filter(|r| is_fitted(r)).collect();
-    let tilt = |r: &&&Value| super::outline::view(subject, r)?["off_top_deg"].as_f64();
+    let tilt = |r: &&&Value| outline::view(subject, r)?["off_top_deg"].as_f64();
     let steepest = fitted.iter().filter_map(tilt).fold(0.0, f64::max);
     (fitted.len() >= FEW_PHOTOGRAPHS && steepest < NARROW_DEG).then(|| {
         let text = format!(
