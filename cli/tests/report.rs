@@ -190,7 +190,8 @@ mod interrupted {
             let (status, said, taken) = fit_until(&out, signal, 1);
             assert_eq!(status, Some(130), "{said}");
             assert!(said.contains("interrupted: "), "{said}");
-            assert!(taken < Duration::from_secs(20), "{taken:?}");
+            // A second on a free machine; the whole fit takes longer than this on a busy one.
+            assert!(taken < Duration::from_secs(60), "{taken:?}");
             assert_eq!(
                 names(&out),
                 [
