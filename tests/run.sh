@@ -48,5 +48,6 @@ cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"
 tests/inlined.sh
+tests/report.sh
 ffi/size.sh
 RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace --quiet

@@ -135,3 +135,40 @@ fn pause_holds_cancel_ends_and_drop_does_not_wait_for_the_fit() {
     // One step at most is in progress; the whole fit takes many times as long.
     assert!(begun.elapsed() < Duration::from_secs(2));
 }
+
+/// A photograph observed is what it would be as the next one, and nothing of the session changes.
+#[test]
+fn a_photograph_that_is_observed_changes_nothing() {
+    let capture = svbrdf::capture::Capture::load("examples/captures/tile").unwrap();
+    let settings = Settings { sample_mm: capture.sample_mm, threads: 1, ..Settings::default() };
+    let session = Session::new(capture.scene.clone(), settings).unwrap();
+    session.pause();
+    let photos: Vec<Photo> = capture.frames[..2].iter().map(|f| f.read().unwrap()).collect();
+    let first = session.observe(&photos[0]).unwrap().unwrap();
+    assert_eq!(session.progress().frames, 0);
+    assert!(matches!(session.push(&photos[0]).unwrap(), Pushed::Accepted(_)));
+    let before = (session.save().unwrap(), session.revision());
+    let second = session.observe(&photos[1]).unwrap().unwrap();
+    assert_eq!((session.save().unwrap(), session.revision()), before);
+    // It hints as pushing does, and has the pose that pushing finds.
+    assert!(matches!(
+        &session.observe(&photos[0]).unwrap().unwrap().hints[..],
+        [svbrdf::session::Hint::NothingNew { index: 0 }]
+    ));
+    assert!(matches!(session.push(&photos[1]).unwrap(), Pushed::Accepted(_)));
+    let poses = session.poses();
+    for (observed, pushed) in [first, second].iter().zip(&poses) {
+        let pose = observed.pose.unwrap().pose;
+        // The printed sheet, estimated from two photographs, moves the first one's pose a little.
+        assert!(pose.translation.distance(pushed.pose.translation) < 0.5);
+        let view = observed.observation.view;
+        let centre = pose.camera_centre().as_vec3().to_array();
+        assert!((0..2).all(|i| (view.camera_mm[i] - centre[i]).abs() < 0.01), "{view:?}");
+    }
+    let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
+    assert!(matches!(session.observe(&black), Ok(Err(Rejection::WrongSize { .. }))));
+    let wrong = session.observe_rectified(&photos[0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0]);
+    assert!(matches!(wrong, Err(Error::Argument { .. })));
+    session.cancel();
+    assert!(matches!(session.observe(&photos[0]), Err(Error::Cancelled)));
+}

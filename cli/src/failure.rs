@@ -12,6 +12,8 @@ pub enum Failure {
     Input(String),
     /// Anything else, e.g. a folder that cannot be written.
     Other(String),
+    /// The user or the system ended the command; what was there is written.
+    Interrupted(String),
 }
 
 impl Failure {
@@ -23,18 +25,22 @@ impl Failure {
         }
     }
 
-    /// Text for the user.
-    pub fn message(&self) -> &str {
-        match self {
-            Self::Input(message) | Self::Other(message) => message,
-        }
-    }
-
     /// Exit status.
     pub fn status(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
             Self::Other(_) => 1,
+            // What shells report of a command that SIGINT ended.
+            Self::Interrupted(_) => 130,
+        }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Input(message) | Self::Other(message) => write!(f, "error: {message}"),
+            Self::Interrupted(message) => write!(f, "interrupted: {message}"),
         }
     }
 }

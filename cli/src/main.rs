@@ -1,4 +1,5 @@
-//! Command line of svbrdf. Exit status: 0 done, 2 the input is at fault, 1 anything else.
+//! Command line of svbrdf. Exit status: 0 done, 2 the input is at fault, 130 interrupted, 1 anything
+//! else.
 
 mod board;
 mod board_text;
@@ -6,7 +7,10 @@ mod calibrate;
 mod compare;
 mod failure;
 mod fit;
+mod interrupt;
+mod progress;
 mod render;
+mod report;
 mod simulate;
 
 use std::process::ExitCode;
@@ -42,7 +46,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {}", failure.message());
+            eprintln!("{failure}");
             ExitCode::from(failure.status())
         }
     }

@@ -12,7 +12,7 @@ mod resample;
 pub use files::{check_writable, write_atomic, write_png16_image};
 pub use floats::write_exr_image;
 pub use maps::{read_maps, write_maps};
-pub use preview::write_preview;
+pub use preview::{Relit, relit, write_preview};
 pub use resample::resized;
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
-//! A picture to judge maps by: the maps themselves and renderings under new light.
+//! A sheet to judge maps by: the maps themselves and the material relit, each with its name.
 
+use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 use image::{DynamicImage, Rgb, RgbImage};
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::files::write_png;
 use super::resample::resized;
@@ -12,60 +14,303 @@ use crate::render::render;
 use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
 
-/// Longer side of one picture of the sheet, px.
+/// Longer side of one picture of the sheet, px: larger maps are averaged, smaller ones enlarged by
+/// a whole number.
 const CELL: usize = 256;
 /// Space between pictures, px.
-const GAP: usize = 8;
+const GAP: usize = 12;
+/// Height of a caption, px.
+const CAPTION: usize = 24;
+const FONT: RasterHeight = RasterHeight::Size16;
+const BACKGROUND: [u8; 3] = [28, 29, 32];
+const TEXT: [u8; 3] = [222, 223, 226];
 
-/// Camera and light of the renderings in units of the sample's longer side: light from above,
-/// raking from the left, raking from the top edge, a highlight seen from the side.
-const VIEWS: [([f32; 3], [f32; 3]); 4] = [
-    ([0.0, 0.0, 2.0], [0.2, 0.2, 2.0]),
-    ([0.0, 0.0, 2.0], [-2.0, 0.3, 0.7]),
-    ([0.0, 0.0, 2.0], [0.3, 2.0, 0.7]),
-    ([0.0, -1.6, 1.2], [0.0, 1.6, 1.2]),
-];
+/// Distance of camera and light from the middle of the sample, in its longer sides.
+const DISTANCE: f32 = 2.5;
+/// Angles off the top for light from one side, degrees: the lowest light that still brightens
+/// something is taken, since it shows relief best.
+const RAKING_DEG: [f32; 8] = [68.0, 60.0, 50.0, 40.0, 31.0, 23.0, 16.0, 10.0];
+/// A picture shows something if this share of its pixels reaches [`BRIGHT`].
+const BRIGHT_SHARE: f32 = 0.25;
+/// Level that counts as bright, sRGB values in [0, 1].
+const BRIGHT: f32 = 0.2;
+/// Texels along each side at which lights are chosen.
+const TRIAL: usize = 64;
+/// The exposure brings this share of the pixels below [`EXPOSED_LEVEL`].
+const EXPOSED_SHARE: f32 = 0.93;
+/// Linear level, 1 = white.
+const EXPOSED_LEVEL: f32 = 0.8;
+/// Range of exposures: two stops brighter, so that dark materials still look dark; five darker.
+const EXPOSURES: [f32; 2] = [1.0 / 32.0, 4.0];
 
-/// Writes a sheet (8-bit sRGB PNG): normal, diffuse, specular and roughness in the first row, the
-/// material relit from four directions below.
+/// A material under one light, as a viewer shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relit {
+    /// What the light does, in a few words.
+    pub label: &'static str,
+    /// Camera and light. The picture is the top view whatever the camera's place: texels keep
+    /// theirs, the camera only decides what they reflect to it.
+    pub view: View,
+    /// Factor on radiances: the sRGB curve is applied to `exposure * radiance`.
+    pub exposure: f32,
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Interleaved 8-bit sRGB.
+    pub rgb: Vec<u8>,
+}
+
+/// Renders a material under four lights that between them show highlights and relief, at most
+/// `longest` texels along each side. Lights from the side are as low as the material's gloss
+/// allows: near the mirror direction of some texels where nothing else is bright.
+///
+/// # Panics
+/// When `longest` is 0.
+pub fn relit(maps: &Svbrdf, sample_mm: [f32; 2], longest: usize) -> Vec<Relit> {
+    let small = at_most(maps, TRIAL.min(longest));
+    let maps = at_most(maps, longest);
+    let top = [0.0, 0.0, DISTANCE];
+    let low = |azimuth| lowest_light(&small, sample_mm, azimuth);
+    [
+        ("Flash beside the camera", top, [0.3, 0.3, DISTANCE]),
+        ("Light from the left", top, low(PI)),
+        ("Light from behind", top, low(FRAC_PI_2)),
+        ("Seen against the light", direction(46.0, -FRAC_PI_2), direction(46.0, FRAC_PI_2)),
+    ]
+    .into_iter()
+    .map(|(label, camera, light)| picture(label, &maps, view(sample_mm, camera, light)))
+    .collect()
+}
+
+/// A position at [`DISTANCE`], so many degrees off the top, azimuth counter-clockwise from +X.
+fn direction(off_top_deg: f32, azimuth: f32) -> [f32; 3] {
+    let (s, c) = off_top_deg.to_radians().sin_cos();
+    [s * azimuth.cos(), s * azimuth.sin(), c].map(|v| v * DISTANCE)
+}
+
+/// Camera and light given in longer sides of the sample.
+fn view(sample_mm: [f32; 2], camera: [f32; 3], light: [f32; 3]) -> View {
+    let unit = sample_mm[0].max(sample_mm[1]);
+    View {
+        sample_mm,
+        camera_mm: camera.map(|v| v * unit),
+        light_mm: light.map(|v| v * unit),
+        falloff: Falloff::None { power: [PI; 3] },
+        ambient: [0.0; 3],
+        mirrored: 1.0,
+    }
+}
+
+/// The lowest light from one side under which enough is bright, or else the one under which most is.
+fn lowest_light(maps: &Svbrdf, sample_mm: [f32; 2], azimuth: f32) -> [f32; 3] {
+    let mut best = (0.0, direction(RAKING_DEG[RAKING_DEG.len() - 1], azimuth));
+    for off_top in RAKING_DEG {
+        let light = direction(off_top, azimuth);
+        let lit = picture("", maps, view(sample_mm, [0.0, 0.0, DISTANCE], light));
+        let share = bright_share(&lit);
+        if share >= BRIGHT_SHARE {
+            return light;
+        }
+        if share > best.0 {
+            best = (share, light);
+        }
+    }
+    best.1
+}
+
+fn bright_share(picture: &Relit) -> f32 {
+    let pixels = picture.rgb.as_chunks::<3>().0;
+    let level = (255.0 * BRIGHT) as u8;
+    let bright = pixels.iter().filter(|p| p.iter().any(|&v| v >= level)).count();
+    bright as f32 / pixels.len() as f32
+}
+
+/// Renders the top view at the exposure that suits it.
+fn picture(label: &'static str, maps: &Svbrdf, view: View) -> Relit {
+    let n = maps.texels();
+    let mut radiance = vec![0.0; 3 * n];
+    render(maps, &view, &mut radiance);
+    let mut brightest: Vec<f32> =
+        (0..n).map(|i| radiance[i].max(radiance[n + i]).max(radiance[2 * n + i])).collect();
+    let at = ((n - 1) as f32 * EXPOSED_SHARE) as usize;
+    let level = *brightest.select_nth_unstable_by(at, f32::total_cmp).1;
+    let exposure = (EXPOSED_LEVEL / level.max(1e-6)).clamp(EXPOSURES[0], EXPOSURES[1]);
+    let rgb = (0..3 * n).map(|i| srgb(exposure * radiance[i % 3 * n + i / 3])).collect();
+    Relit { label, view, exposure, width: maps.width(), height: maps.height(), rgb }
+}
+
+fn srgb(linear: f32) -> u8 {
+    byte(Encoding::Srgb.encode(f64::from(linear)) as f32)
+}
+
+fn byte(value: f32) -> u8 {
+    (255.0 * value).round() as u8
+}
+
+/// Maps of at most so many texels along each side.
+fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
+    let scale = (longest as f64 / maps.width().max(maps.height()) as f64).min(1.0);
+    let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
+    resized(maps, side(maps.width()), side(maps.height()))
+}
+
+/// Writes a sheet (8-bit sRGB PNG): normal, diffuse, specular and roughness in the first row, below
+/// them the material under the four lights of [`relit`]; each picture has its caption.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
-    let longer = maps.width().max(maps.height());
-    let scale = CELL.min(longer) as f64 / longer as f64;
-    let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
-    let (w, h) = (side(maps.width()), side(maps.height()));
-    let maps = resized(maps, w, h);
-    let n = w * h;
-    let (sheet_w, sheet_h) = (4 * w + 5 * GAP, 2 * h + 3 * GAP);
-    let mut sheet = RgbImage::from_pixel(sheet_w as u32, sheet_h as u32, Rgb([40; 3]));
-    let mut put = |column: usize, row: usize, value: &dyn Fn(usize) -> [f32; 3]| {
-        let (x0, y0) = (GAP + column * (w + GAP), GAP + row * (h + GAP));
-        for i in 0..n {
-            let pixel = value(i).map(|v| (v * 255.0).round() as u8);
-            sheet.put_pixel((x0 + i % w) as u32, (y0 + i / w) as u32, Rgb(pixel));
-        }
-    };
-    let srgb = |v: f32| Encoding::Srgb.encode(f64::from(v)) as f32;
-    let colour = |first: usize, i: usize| [0, 1, 2].map(|c| srgb(maps.plane(first + c)[i]));
-    put(0, 0, &|i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5));
-    put(1, 0, &|i| colour(channel::DIFFUSE, i));
-    put(2, 0, &|i| colour(channel::SPECULAR, i));
-    put(3, 0, &|i| [maps.plane(channel::ROUGHNESS)[i]; 3]);
-    let unit = sample_mm[0].max(sample_mm[1]);
-    let mut radiance = vec![0.0; 3 * n];
-    for (column, (camera, light)) in VIEWS.into_iter().enumerate() {
-        let view = View {
-            sample_mm,
-            camera_mm: camera.map(|v| v * unit),
-            light_mm: light.map(|v| v * unit),
-            falloff: Falloff::None { power: [std::f32::consts::PI; 3] },
-            ambient: [0.0; 3],
-            mirrored: 1.0,
-        };
-        render(&maps, &view, &mut radiance);
-        put(column, 1, &|i| [0, 1, 2].map(|c| srgb(radiance[c * n + i])));
+    let relit = relit(maps, sample_mm, CELL);
+    let maps = at_most(maps, CELL);
+    let w = maps.width();
+    let mut sheet = Sheet::new(w, maps.height());
+    let colour =
+        |first: usize| move |m: &Svbrdf, i: usize| [0, 1, 2].map(|c| srgb(m.plane(first + c)[i]));
+    let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
+    sheet.put(0, 0, "Normal", |i| maps.normal(i % w, i / w).map(|v| byte(0.5 * v + 0.5)));
+    sheet.put(1, 0, "Diffuse albedo", |i| diffuse(&maps, i));
+    sheet.put(2, 0, "Specular albedo (F0)", |i| specular(&maps, i));
+    sheet.put(3, 0, "Roughness", |i| [byte(maps.plane(channel::ROUGHNESS)[i]); 3]);
+    for (column, lit) in relit.iter().enumerate() {
+        sheet.put(column, 1, lit.label, |i| lit.rgb.as_chunks::<3>().0[i]);
     }
-    write_png(path.as_ref(), &DynamicImage::ImageRgb8(sheet))
+    write_png(path.as_ref(), &DynamicImage::ImageRgb8(sheet.pixels))
+}
+
+/// Two rows of four captioned pictures.
+struct Sheet {
+    pixels: RgbImage,
+    width: usize,
+    height: usize,
+    /// Pixels of the sheet for each of a picture, along both axes.
+    enlarged: usize,
+    /// Width of a column: that of a picture, and of a caption at least.
+    column: usize,
+}
+
+impl Sheet {
+    fn new(width: usize, height: usize) -> Self {
+        let enlarged = (CELL / width.max(height)).max(1);
+        let longest = 24 * get_raster_width(FontWeight::Regular, FONT);
+        let column = (width * enlarged).max(longest);
+        let sheet = [4 * column + 5 * GAP, 2 * (height * enlarged + CAPTION) + 3 * GAP];
+        let pixels = RgbImage::from_pixel(sheet[0] as u32, sheet[1] as u32, Rgb(BACKGROUND));
+        Self { pixels, width, height, enlarged, column }
+    }
+
+    fn put(&mut self, column: usize, row: usize, caption: &str, pixel: impl Fn(usize) -> [u8; 3]) {
+        let (w, h) = (self.width * self.enlarged, self.height * self.enlarged);
+        let (x0, y0) = (GAP + column * (self.column + GAP), GAP + row * (h + CAPTION + GAP));
+        self.write(x0, y0 + (CAPTION - FONT.val()) / 2 - 2, caption);
+        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+            let i = y / self.enlarged * self.width + x / self.enlarged;
+            let at = ((x0 + x) as u32, (y0 + CAPTION + y) as u32);
+            self.pixels.put_pixel(at.0, at.1, Rgb(pixel(i)));
+        }
+    }
+
+    /// Writes a line of ASCII from a top left corner on.
+    fn write(&mut self, x0: usize, y0: usize, line: &str) {
+        for (i, glyph) in
+            line.chars().filter_map(|c| get_raster(c, FontWeight::Regular, FONT)).enumerate()
+        {
+            for (y, row) in glyph.raster().iter().enumerate() {
+                for (x, &cover) in row.iter().enumerate() {
+                    let at = ((x0 + i * glyph.width() + x) as u32, (y0 + y) as u32);
+                    let mixed = std::array::from_fn(|c| {
+                        let (from, to) = (u32::from(BACKGROUND[c]), u32::from(TEXT[c]));
+                        ((from * u32::from(255 - cover) + to * u32::from(cover)) / 255) as u8
+                    });
+                    self.pixels.put_pixel(at.0, at.1, Rgb(mixed));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// Uniform albedos and gloss; slopes of a given spread.
+    fn material(diffuse: f32, specular: f32, roughness: f32, relief: f32) -> Svbrdf {
+        let mut maps = Svbrdf::new(96, 96);
+        let mut random = Random::new(5);
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c).fill(diffuse);
+            maps.plane_mut(channel::SPECULAR + c).fill(specular);
+        }
+        maps.plane_mut(channel::ROUGHNESS).fill(roughness);
+        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+            for v in maps.plane_mut(c) {
+                *v = relief * (2.0 * random.uniform() as f32 - 1.0);
+            }
+        }
+        maps
+    }
+
+    #[test]
+    fn every_material_is_bright_somewhere_under_every_light() {
+        for (name, maps) in [
+            ("plaster", material(0.7, 0.04, 0.9, 0.1)),
+            ("black cloth", material(0.02, 0.04, 0.8, 0.3)),
+            ("lacquer", material(0.1, 0.05, 0.15, 0.02)),
+            ("polished metal", material(0.0, 0.9, 0.2, 0.0)),
+            ("brushed metal", material(0.0, 0.6, 0.4, 0.1)),
+            ("hammered metal", material(0.0, 0.8, 0.2, 0.3)),
+        ] {
+            for lit in relit(&maps, [80.0, 80.0], 96) {
+                let pixels = lit.rgb.as_chunks::<3>().0;
+                let share = |least: u8| {
+                    let count = pixels.iter().filter(|p| p[1] >= least).count();
+                    count as f32 / pixels.len() as f32
+                };
+                let (visible, white) = (share(51), share(255));
+                let label = lit.label;
+                assert!(visible > 0.1, "{name}, {label}: {visible} of the pixels to be seen");
+                assert!(white < 0.1, "{name}, {label}: {white} of the pixels burnt out");
+            }
+        }
+    }
+
+    #[test]
+    fn light_from_the_side_is_low_where_the_material_allows() {
+        let off_top = |maps: &Svbrdf| {
+            let [x, y, z] = relit(maps, [80.0, 80.0], 96)[1].view.light_mm;
+            x.hypot(y).atan2(z).to_degrees()
+        };
+        assert!(off_top(&material(0.7, 0.04, 0.9, 0.1)) > 60.0);
+        assert!(off_top(&material(0.0, 0.9, 0.2, 0.0)) < 30.0);
+    }
+
+    #[test]
+    fn pictures_hold_the_rendering_under_their_light() {
+        let maps = material(0.3, 0.2, 0.5, 0.2);
+        for lit in relit(&maps, [80.0, 80.0], 96) {
+            let mut radiance = vec![0.0; 3 * maps.texels()];
+            render(&maps, &lit.view, &mut radiance);
+            for i in [0, 777, 9215] {
+                for c in 0..3 {
+                    assert_eq!(
+                        lit.rgb[3 * i + c],
+                        srgb(lit.exposure * radiance[c * maps.texels() + i])
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_caption_fits_its_column() {
+        let width = get_raster_width(FontWeight::Regular, FONT);
+        for lit in relit(&Svbrdf::new(8, 4), [80.0, 40.0], 8) {
+            assert!(lit.label.len() <= 24, "{}", lit.label);
+        }
+        assert!(24 * width <= CELL);
+        // Small and narrow maps leave room for captions too.
+        let sheet = Sheet::new(3, 40);
+        assert_eq!((sheet.enlarged, sheet.column), (6, 24 * width));
+    }
 }

@@ -141,16 +141,21 @@ fn resizing_keeps_means_and_ramps() {
 }
 
 #[test]
-fn the_preview_shows_maps_and_renderings() {
+fn the_preview_shows_maps_and_renderings_with_captions() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("preview.png");
     write_preview(&path, &varied(40, 20), [100.0, 50.0]).unwrap();
     let sheet = image::open(&path).unwrap().into_rgb8();
-    assert_eq!(sheet.dimensions(), (4 * 40 + 5 * 8, 2 * 20 + 3 * 8));
-    // Every one of the eight pictures has something to show.
+    // Enlarged six times: pictures of 240 x 120 px under captions of 24 px, 12 px apart.
+    assert_eq!(sheet.dimensions(), (4 * 240 + 5 * 12, 2 * (120 + 24) + 3 * 12));
+    // Every one of the eight pictures has something to show, and a caption above it.
     for (column, row) in (0..4).flat_map(|c| (0..2).map(move |r| (c, r))) {
-        let (x0, y0) = (8 + column * 48, 8 + row * 28);
-        let bright = (0..800).any(|i| sheet.get_pixel(x0 + i % 40, y0 + i / 40)[1] > 60);
-        assert!(bright, "{column} {row}");
+        let (x0, y0) = (12 + column * 252, 12 + row * 156);
+        let bright = |x: u32, y: u32| sheet.get_pixel(x0 + x, y0 + y)[1] > 60;
+        let any = |rows: std::ops::Range<u32>| {
+            rows.flat_map(|y| (0..240).map(move |x| (x, y))).any(|(x, y)| bright(x, y))
+        };
+        assert!(any(0..24), "caption {column} {row}");
+        assert!(any(24..144), "picture {column} {row}");
     }
 }

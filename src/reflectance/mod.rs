@@ -22,4 +22,4 @@ mod lanes;
 mod scalar;
 
 pub(crate) use lanes::{Directions, Lobes, Material, TexelView};
-pub use scalar::{MIN_COSINE, Reflection, reflect};
+pub use scalar::{FRESNEL, MIN_COSINE, Reflection, reflect};

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 /// Smallest cosine used: keeps surfaces lit and seen from behind finite.
 pub const MIN_COSINE: f32 = 1e-3;
 
-/// Coefficients of Schlick's Fresnel term as a power of two.
-pub(super) const FRESNEL: [f32; 2] = [-5.55473, -6.98316];
+/// Coefficients of Schlick's Fresnel term as a power of two: `2^((a VoH + b) VoH)`.
+pub const FRESNEL: [f32; 2] = [-5.55473, -6.98316];
 
 /// `BRDF * NoL` of one texel with its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,6 +17,7 @@ use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result};
 
 /// Takes photographs in, one at a time.
+#[derive(Clone)]
 pub(super) enum Intake {
     Board(Box<BoardIntake>),
     Rectified { falloff: RectifiedFalloff, power_mm2: Option<[f32; 3]> },

@@ -4,6 +4,7 @@ mod board;
 mod feedback;
 mod intake;
 mod memory;
+mod observed;
 mod reports;
 mod settings;
 mod state;
@@ -21,7 +22,7 @@ use rayon::ThreadPool;
 
 pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
-pub use self::reports::{Accepted, BoardPose, Progress, Pushed, Revision};
+pub use self::reports::{Accepted, BoardPose, Observed, Progress, Pushed, Revision};
 pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use self::state::StateWriter;
 use self::taken::Taken;

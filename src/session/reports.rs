@@ -3,6 +3,7 @@
 use super::feedback::Hint;
 use crate::Rejection;
 use crate::geometry::Pose;
+use crate::observation::Observation;
 
 /// What became of a photograph.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,17 @@ pub struct BoardPose {
     pub pose: Pose,
     /// Reprojection error, px.
     pub reprojection_rms_px: f64,
+}
+
+/// What a session sees in a photograph that it does not keep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observed {
+    /// The rectified photograph with its camera and light, at the session's resolution.
+    pub observation: Observation,
+    /// Where the board lies; `None` for rectified photographs.
+    pub pose: Option<BoardPose>,
+    /// What the user may want to know about it.
+    pub hints: Vec<Hint>,
 }
 
 /// State of the fit.

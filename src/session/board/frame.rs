@@ -16,6 +16,7 @@ pub(in crate::session) struct Seen {
 }
 
 /// An accepted photograph.
+#[derive(Clone)]
 pub(in crate::session) struct Frame {
     pub(in crate::session) corners: Vec<Corner>,
     /// For another rectification, while camera, paper or sample are not settled.

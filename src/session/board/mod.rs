@@ -47,6 +47,7 @@ enum Intrinsics {
 }
 
 /// Takes photographs of a board in, one at a time.
+#[derive(Clone)]
 pub(super) struct BoardIntake {
     target: Target,
     intrinsics: Intrinsics,

@@ -1,0 +1,75 @@
+//! `report.json`
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use svbrdf::export::write_atomic;
+use svbrdf::session::Session;
+
+use super::held_out::Errors;
+use super::photographs::Fit;
+use crate::failure::{Failure, Result};
+
+/// What a fit did and found.
+pub struct Document {
+    pub value: Value,
+}
+
+impl Document {
+    pub fn new(
+        session: &Session,
+        fit: &Fit,
+        held_out: Option<&Errors>,
+        method: &str,
+        resolution: usize,
+        begun: Instant,
+    ) -> Self {
+        let camera = session.camera();
+        let flash = camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() }));
+        let next_view = session.next_view().map(|v| {
+            json!({ "direction": v.direction, "tilt_deg": v.tilt_deg, "azimuth_deg": v.azimuth_deg })
+        });
+        let camera_sigma = session.camera_sigma().map(
+            |s| json!({ "fx": s[0], "fy": s[1], "cx": s[2], "cy": s[3], "distortion": s[4..] }),
+        );
+        let paper = session.paper().map(|p| {
+            json!({ "aspect": p.paper.aspect, "bow_mm": p.paper.bow_mm,
+                    "aspect_sigma": p.sigma[0], "bow_sigma_mm": p.sigma[1..] })
+        });
+        let elevation = session.elevation().map(|e| json!({ "mm": e.mm, "sigma_mm": e.sigma_mm }));
+        let value = json!({
+            "frames": fit.rows,
+            "interrupted": fit.interrupted(),
+            "held_out": held_out.map(Errors::json),
+            "camera": camera,
+            "camera_uncertainty": camera_sigma,
+            "paper": paper,
+            "elevation": elevation,
+            "flash": flash,
+            "next_view": next_view,
+            "ambient_fraction": session.ambient_fraction(),
+            "resolution": resolution,
+            "method": method,
+            "seconds_total": begun.elapsed().as_secs_f64(),
+            "peak_memory_mib": peak_memory_mib(),
+        });
+        Self { value }
+    }
+
+    /// Writes `report.json` into a folder.
+    pub fn write(&self, dir: &Path) -> Result<()> {
+        let text =
+            serde_json::to_string_pretty(&self.value).map_err(|e| Failure::Other(e.to_string()))?;
+        write_atomic(dir.join("report.json"), format!("{text}\n").as_bytes())?;
+        Ok(())
+    }
+}
+
+/// Largest resident memory so far, where the system tells.
+fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib / 1024.0)
+}

@@ -1,0 +1,83 @@
+//! Photographs that are predicted, not fitted.
+
+use serde_json::{Value, json};
+use svbrdf::Svbrdf;
+use svbrdf::comparison::{Prediction, predict};
+use svbrdf::export::resized;
+use svbrdf::session::Observed;
+
+use crate::failure::Result;
+
+/// Texels along each side at which predictions are compared.
+pub const TEXELS: usize = 256;
+
+/// A photograph that was held out.
+pub struct HeldOut {
+    /// Its number in the capture.
+    pub index: usize,
+    pub observed: Observed,
+}
+
+/// Maps after some photographs.
+pub struct Stage {
+    photographs: usize,
+    maps: Svbrdf,
+}
+
+impl Stage {
+    /// Maps after so many photographs.
+    pub fn new(photographs: usize, maps: &Svbrdf) -> Self {
+        Self { photographs, maps: resized(maps, TEXELS, TEXELS) }
+    }
+}
+
+/// How well each stage predicts the photographs that were held out.
+pub struct Errors {
+    /// Numbers of the photographs in the capture.
+    pub indices: Vec<usize>,
+    /// Photographs fitted, and the error for each one held out.
+    pub after: Vec<(usize, Vec<f64>)>,
+    /// Predictions of the last stage.
+    pub predictions: Vec<Prediction>,
+}
+
+impl Errors {
+    /// Predicts every photograph after every stage.
+    pub fn measure(stages: &[Stage], held_out: Vec<HeldOut>) -> Result<Self> {
+        let indices = held_out.iter().map(|h| h.index).collect();
+        let mut after: Vec<(usize, Vec<f64>)> =
+            stages.iter().map(|s| (s.photographs, Vec::new())).collect();
+        let mut predictions = Vec::new();
+        for HeldOut { observed, .. } in held_out {
+            let mut photograph = observed.observation;
+            while photograph.width() > TEXELS {
+                photograph = photograph.downsampled();
+            }
+            let mut latest = None;
+            for (stage, (_, errors)) in stages.iter().zip(&mut after) {
+                let prediction = predict(&stage.maps, &photograph)?;
+                errors.push(prediction.error);
+                latest = Some(prediction);
+            }
+            predictions.extend(latest);
+        }
+        Ok(Self { indices, after, predictions })
+    }
+
+    /// Mean error of each stage.
+    pub fn means(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.after.iter().map(|(n, each)| (*n, each.iter().sum::<f64>() / each.len() as f64))
+    }
+
+    /// For `report.json`.
+    pub fn json(&self) -> Value {
+        let after: Vec<Value> = self
+            .after
+            .iter()
+            .zip(self.means())
+            .map(|((fitted, each), (_, mean))| json!({ "fitted": fitted, "error": mean, "each": each }))
+            .collect();
+        let brightness: Vec<f64> = self.predictions.iter().map(|p| p.brightness).collect();
+        json!({ "photographs": self.indices, "brightness": brightness, "after": after })
+    }
+}

@@ -1,0 +1,329 @@
+//! The photographs of a capture through a session, one after the other.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use svbrdf::Error;
+use svbrdf::Rejection;
+use svbrdf::capture::Frame;
+use svbrdf::frame::Photo;
+use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
+
+use super::held_out::{Errors, HeldOut, Stage};
+use crate::failure::{Failure, Result};
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+use crate::report::Recorder;
+
+/// How photographs are gone through.
+pub struct Options {
+    /// Whether the fit begins when all are taken in.
+    pub at_once: bool,
+    /// How many of the last ones are predicted instead of fitted.
+    pub hold_out: usize,
+    pub quiet: bool,
+    /// Whether pictures are kept for the page.
+    pub report: bool,
+}
+
+/// A fit in progress.
+pub struct Fit<'a> {
+    options: Options,
+    session: &'a Session,
+    interrupt: &'a Interrupt,
+    frames: &'a [Frame],
+    /// Photographs accepted and not fitted yet: the last ones stay so.
+    waiting: VecDeque<usize>,
+    /// Rows of the report by photograph.
+    pub rows: Vec<Value>,
+    /// Maps after each photograph, where photographs are held out.
+    pub stages: Vec<Stage>,
+    pub progress: Progress,
+    pub recorder: Recorder,
+    /// Photographs of the fit when its maps were kept last.
+    recorded: usize,
+    cut: bool,
+}
+
+impl<'a> Fit<'a> {
+    pub fn new(
+        options: Options,
+        frames: &'a [Frame],
+        session: &'a Session,
+        interrupt: &'a Interrupt,
+    ) -> Self {
+        Self {
+            session,
+            interrupt,
+            frames,
+            waiting: VecDeque::new(),
+            rows: Vec::new(),
+            stages: Vec::new(),
+            progress: Progress::new(options.quiet),
+            recorder: Recorder::new(frames.len(), options.report),
+            recorded: 0,
+            cut: false,
+            options,
+        }
+    }
+
+    /// Takes all photographs in, unless interrupted.
+    pub fn run(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        if self.options.at_once {
+            self.session.pause();
+        }
+        for index in 0..self.frames.len() {
+            if self.interrupt.is_set() {
+                self.cut = true;
+                break;
+            }
+            let next = if self.options.hold_out == 0 { Some(index) } else { self.hold(index)? };
+            if let Some(next) = next {
+                self.add(next)?;
+            }
+        }
+        if self.options.at_once && self.fitted() > 0 && !self.cut {
+            self.session.resume();
+            self.settle("all photos")?;
+            self.rows.iter_mut().for_each(|row| add_losses(row, self.session));
+            let (loss, seconds) = (self.session.progress().loss, begun.elapsed().as_secs_f64());
+            self.progress.say(&format!("fit: loss {loss:.4}, {seconds:.1} s in all"));
+        }
+        self.record()?;
+        self.progress.done();
+        Ok(())
+    }
+
+    /// Whether the fit was ended before its time.
+    pub fn interrupted(&self) -> bool {
+        self.cut
+    }
+
+    /// Number of photographs in the fit.
+    pub fn fitted(&self) -> usize {
+        self.session.progress().frames
+    }
+
+    /// One line about every photograph.
+    pub fn lines(&self) -> Vec<String> {
+        self.rows.iter().map(|row| self.line(row)).collect()
+    }
+
+    /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
+    /// wrongly in the capture is not.
+    fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
+        match self.frames[index].read() {
+            Ok(photo) => {
+                self.recorder.photograph(index, &photo)?;
+                Ok(Ok(photo))
+            }
+            Err(fault @ Error::Image { .. }) => Ok(Err(fault.to_string())),
+            Err(fault) => Err(Failure::input(fault)),
+        }
+    }
+
+    /// Looks whether a photograph can be used: the one before the latest that are held out, if any,
+    /// is then to be fitted.
+    fn hold(&mut self, index: usize) -> Result<Option<usize>> {
+        let begun = Instant::now();
+        match self.observe(index)? {
+            Ok(_) => self.waiting.push_back(index),
+            Err((code, hint)) => self.tell(rejected(index, &code, hint, begun)),
+        }
+        let over = self.waiting.len() > self.options.hold_out;
+        Ok(if over { self.waiting.pop_front() } else { None })
+    }
+
+    /// What a photograph shows, without adding it; or the code and sentence of its rejection.
+    fn observe(&mut self, index: usize) -> Result<std::result::Result<Observed, (String, String)>> {
+        let photo = match self.read(index)? {
+            Ok(photo) => photo,
+            Err(fault) => return Ok(Err(("unreadable".into(), fault))),
+        };
+        let observed = match self.frames[index].rectified {
+            Some(view) => self.session.observe_rectified(&photo, view.camera_mm, view.light_mm)?,
+            None => self.session.observe(&photo)?,
+        };
+        Ok(observed.map_err(|r: Rejection| (r.code().to_owned(), r.to_string())))
+    }
+
+    /// Adds a photograph and fits.
+    fn add(&mut self, index: usize) -> Result<()> {
+        let begun = Instant::now();
+        let mut row = self.push(index)?;
+        if row["status"] == "accepted" && !self.options.at_once {
+            self.settle(&format!("photo {}/{}", index + 1, self.frames.len()))?;
+            add_losses(&mut row, self.session);
+            row["seconds"] = json!(begun.elapsed().as_secs_f64());
+            self.record()?;
+        }
+        self.tell(row);
+        Ok(())
+    }
+
+    /// Pushes a photograph; the row of the report.
+    fn push(&mut self, index: usize) -> Result<Value> {
+        let begun = Instant::now();
+        let photo = match self.read(index)? {
+            Ok(photo) => photo,
+            Err(fault) => return Ok(rejected(index, "unreadable", fault, begun)),
+        };
+        let pushed = match self.frames[index].rectified {
+            Some(view) => self.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
+            None => self.session.push(&photo)?,
+        };
+        let accepted = match pushed {
+            Pushed::Accepted(accepted) => accepted,
+            Pushed::Rejected(why) => {
+                return Ok(rejected(index, why.code(), why.to_string(), begun));
+            }
+        };
+        let Accepted { pose, reprojection_rms_px, maps_seconds, hints, .. } = accepted;
+        let pose = pose.zip(reprojection_rms_px);
+        let pose = pose.map(|(pose, reprojection_rms_px)| BoardPose { pose, reprojection_rms_px });
+        let mut row = json!({
+            "index": index,
+            "status": "accepted",
+            "seconds": begun.elapsed().as_secs_f64(),
+            "first_maps_seconds": maps_seconds,
+            "hints": hints_json(&hints),
+        });
+        set_pose(&mut row, pose.as_ref());
+        Ok(row)
+    }
+
+    /// Waits for the fit, or until interrupted: the fit is then held.
+    fn settle(&mut self, what: &str) -> Result<()> {
+        while !self.session.wait_timeout(Duration::from_millis(40))? {
+            if self.interrupt.is_set() {
+                self.session.pause();
+                self.cut = true;
+                break;
+            }
+            let progress = self.session.progress();
+            let left = progress.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
+            let message = format!("{what}, loss {:.4}{left}", progress.loss);
+            self.progress.show(progress.fraction, message);
+        }
+        Ok(())
+    }
+
+    /// Keeps the maps of the moment, once for every number of photographs.
+    fn record(&mut self) -> Result<()> {
+        let photographs = self.fitted();
+        if photographs > self.recorded {
+            let maps = self.session.snapshot()?;
+            self.recorder.snapshot(photographs, &maps)?;
+            if self.options.hold_out > 0 {
+                self.stages.push(Stage::new(photographs, &maps));
+            }
+            self.recorded = photographs;
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, row: Value) {
+        let line = self.line(&row);
+        self.progress.say(&line);
+        self.rows.push(row);
+    }
+
+    /// Looks at the photographs that were held out once more, with all that is known in the end.
+    pub fn held_out(&mut self) -> Result<Vec<HeldOut>> {
+        let mut held_out = Vec::new();
+        for index in std::mem::take(&mut self.waiting) {
+            let begun = Instant::now();
+            match self.observe(index)? {
+                Ok(observed) => {
+                    let mut row = json!({
+                        "index": index,
+                        "status": "accepted",
+                        "held_out": true,
+                        "seconds": begun.elapsed().as_secs_f64(),
+                        "hints": hints_json(&observed.hints),
+                    });
+                    set_pose(&mut row, observed.pose.as_ref());
+                    self.rows.push(row);
+                    held_out.push(HeldOut { index, observed });
+                }
+                Err((code, hint)) => self.tell(rejected(index, &code, hint, begun)),
+            }
+        }
+        Ok(held_out)
+    }
+
+    /// How many photographs wait to be held out.
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Brings rows into the order of the capture, with the poses as known in the end: later
+    /// photographs better those of earlier ones where the camera is estimated.
+    pub fn finish_rows(&mut self, errors: &Errors) {
+        let (_, latest) = errors.after.last().map_or((0, &[][..]), |(n, each)| (*n, each));
+        for (index, error) in errors.indices.iter().zip(latest) {
+            let row = self.rows.iter_mut().find(|row| row["index"] == json!(index));
+            let Some(row) = row else { continue };
+            row["held_out_error"] = json!(error);
+            let row = row.clone();
+            let line = self.line(&row);
+            self.progress.say(&line);
+        }
+        let fitted =
+            self.rows.iter_mut().filter(|r| r["status"] == "accepted" && r["held_out"] != true);
+        for (row, known) in fitted.zip(self.session.poses()) {
+            set_pose(row, Some(&known));
+        }
+        self.rows.sort_by_key(|row| row["index"].as_u64());
+    }
+
+    /// One line about a photograph.
+    fn line(&self, row: &Value) -> String {
+        let index = row["index"].as_u64().unwrap_or(0) as usize;
+        let path = self.frames[index].path.display();
+        let place = format!("photo {}/{} {path}", index + 1, self.frames.len());
+        let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
+        if row["status"] != "accepted" {
+            let text = |key: &str| row[key].as_str().unwrap_or_default();
+            return format!("{place}: rejected ({}): {}", text("reason"), text("hint"));
+        }
+        let hints = row["hints"].as_array().into_iter().flatten();
+        let hints: String =
+            hints.filter_map(|h| Some(format!("; {}", h["hint"].as_str()?))).collect();
+        if let Some(error) = row["held_out_error"].as_f64() {
+            return format!("{place}: held out, predicted with an error of {error:.4}{hints}");
+        }
+        let losses = match (row["loss_before"].as_f64(), row["loss_after"].as_f64()) {
+            (Some(before), Some(after)) => format!("loss {before:.4} -> {after:.4}, "),
+            _ => String::new(),
+        };
+        format!("{place}: accepted, {losses}{:.1} s{hints}", number("seconds"))
+    }
+}
+
+fn rejected(index: usize, reason: &str, hint: String, begun: Instant) -> Value {
+    json!({ "index": index, "status": "rejected", "reason": reason, "hint": hint,
+            "seconds": begun.elapsed().as_secs_f64() })
+}
+
+fn hints_json(hints: &[Hint]) -> Vec<Value> {
+    hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() })).collect()
+}
+
+fn set_pose(row: &mut Value, known: Option<&BoardPose>) {
+    let rotation = known.map(|k| k.pose.rotation.transpose().to_cols_array_2d());
+    row["rotation"] = json!(rotation);
+    row["translation_mm"] = json!(known.map(|k| k.pose.translation.to_array()));
+    row["reprojection_rms_px"] = json!(known.map(|k| k.reprojection_rms_px));
+}
+
+/// What the fit made of an accepted photograph, and of those before.
+fn add_losses(row: &mut Value, session: &Session) {
+    if row["status"] == "accepted" {
+        let progress = session.progress();
+        row["loss_before"] = json!(progress.loss_before);
+        row["loss_after"] = json!(progress.loss);
+    }
+}

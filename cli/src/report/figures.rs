@@ -1,0 +1,164 @@
+//! Figures of a fit, ready to be read.
+
+use serde_json::{Value, json};
+use svbrdf::session::Scene;
+use svbrdf::svbrdf::channel;
+
+use super::subject::Subject;
+
+/// A group of figures.
+fn group(title: &str, rows: Vec<Option<(&str, String)>>) -> Option<Value> {
+    let rows: Vec<Value> = rows.into_iter().flatten().map(|(k, v)| json!([k, v])).collect();
+    (!rows.is_empty()).then(|| json!({ "title": title, "rows": rows }))
+}
+
+/// Short facts for the head of the page.
+pub fn summary(subject: &Subject) -> Vec<String> {
+    let rows = subject.report["frames"].as_array().map_or(0, Vec::len);
+    let fitted = count(subject, |r| r["status"] == "accepted" && r["held_out"] != true);
+    let [w, h] = subject.capture.sample_mm;
+    let photographs =
+        if fitted == rows { plural(fitted) } else { format!("{fitted} of {}", plural(rows)) };
+    let seconds = subject.report["seconds_total"].as_f64().unwrap_or(0.0);
+    vec![
+        photographs,
+        format!("{} × {} texels", subject.maps.width(), subject.maps.height()),
+        format!("{w:.0} × {h:.0} mm"),
+        format!("{seconds:.1} s"),
+    ]
+}
+
+fn plural(photographs: usize) -> String {
+    if photographs == 1 { "1 photograph".into() } else { format!("{photographs} photographs") }
+}
+
+fn count(subject: &Subject, which: impl Fn(&Value) -> bool) -> usize {
+    subject.report["frames"].as_array().into_iter().flatten().filter(|r| which(r)).count()
+}
+
+/// All groups that apply.
+pub fn figures(subject: &Subject) -> Vec<Value> {
+    let groups =
+        [capture(subject), material(subject), camera(subject), light(subject), sheet(subject)];
+    groups.into_iter().flatten().collect()
+}
+
+fn capture(subject: &Subject) -> Option<Value> {
+    let report = subject.report;
+    let [w, h] = subject.capture.sample_mm;
+    let texel = w / subject.maps.width() as f32;
+    let held_out = count(subject, |r| r["held_out"] == true);
+    let fitted = count(subject, |r| r["status"] == "accepted") - held_out;
+    let rejected = count(subject, |r| r["status"] == "rejected");
+    let method = if report["method"] == "classic" {
+        "inverse rendering"
+    } else {
+        "latent code + refinement"
+    };
+    let losses = report["frames"].as_array().into_iter().flatten();
+    let loss = losses.filter_map(|r| r["loss_after"].as_f64()).next_back();
+    group(
+        "Capture",
+        vec![
+            Some((
+                "Photographs",
+                format!("{fitted} fitted, {held_out} held out, {rejected} rejected"),
+            )),
+            Some(("Sample", format!("{w:.1} × {h:.1} mm"))),
+            Some(("Texel", format!("{texel:.3} mm"))),
+            Some(("Method", method.into())),
+            loss.map(|v| ("Residual", format!("{v:.4} (mean |Δ log|)"))),
+            report["seconds_total"].as_f64().map(|v| ("Time", format!("{v:.1} s"))),
+            report["peak_memory_mib"].as_f64().map(|v| ("Peak memory", format!("{v:.0} MiB"))),
+        ],
+    )
+}
+
+fn material(subject: &Subject) -> Option<Value> {
+    let maps = subject.maps;
+    let n = maps.texels() as f32;
+    let mean = |c: usize| maps.plane(c).iter().sum::<f32>() / n;
+    let colour = |first: usize| {
+        let [r, g, b] = [0, 1, 2].map(|c| mean(first + c));
+        format!("{r:.3}, {g:.3}, {b:.3}")
+    };
+    let slopes = maps.plane(channel::SLOPE_X).iter().zip(maps.plane(channel::SLOPE_Y));
+    let tilt = slopes.map(|(p, q)| p.hypot(*q).atan().to_degrees()).sum::<f32>() / n;
+    let mut roughness = maps.plane(channel::ROUGHNESS).to_vec();
+    roughness.sort_by(f32::total_cmp);
+    let at = |share: f32| roughness[((roughness.len() - 1) as f32 * share) as usize];
+    group(
+        "Material",
+        vec![
+            Some(("Mean diffuse", colour(channel::DIFFUSE))),
+            Some(("Mean F0", colour(channel::SPECULAR))),
+            Some(("Roughness", format!("{:.2} ({:.2} to {:.2})", at(0.5), at(0.05), at(0.95)))),
+            Some(("Mean tilt of normals", format!("{tilt:.1}°"))),
+        ],
+    )
+}
+
+fn camera(subject: &Subject) -> Option<Value> {
+    let camera = subject.camera?;
+    let given = matches!(subject.capture.scene, Scene::Board { camera: Some(_), .. });
+    let sigma = &subject.report["camera_uncertainty"];
+    let number = |key: &str, value: f64| match sigma[key].as_f64() {
+        Some(s) => format!("{value:.1} ± {s:.1} px"),
+        None => format!("{value:.1} px"),
+    };
+    let distortion: Vec<String> = camera.distortion.iter().map(|v| format!("{v:.4}")).collect();
+    group(
+        "Camera",
+        vec![
+            Some(("Intrinsics", if given { "given" } else { "estimated" }.into())),
+            Some(("Picture", format!("{} × {} px", camera.width, camera.height))),
+            Some(("fx", number("fx", camera.fx))),
+            Some(("fy", number("fy", camera.fy))),
+            Some(("cx", number("cx", camera.cx))),
+            Some(("cy", number("cy", camera.cy))),
+            Some(("k1, k2, p1, p2, k3", distortion.join(", "))),
+        ],
+    )
+}
+
+fn light(subject: &Subject) -> Option<Value> {
+    let report = subject.report;
+    let offset: Option<[f64; 3]> =
+        serde_json::from_value(report["flash"]["offset_mm"].clone()).ok();
+    let correction: Option<[f64; 3]> =
+        serde_json::from_value(report["light"]["offset_mm"].clone()).ok();
+    let mm = |[x, y, z]: [f64; 3]| format!("{x:.1}, {y:.1}, {z:.1} mm");
+    group(
+        "Light",
+        vec![
+            offset.map(|o| ("Flash beside the lens", mm(o))),
+            correction.map(|o| ("Correction of positions", mm(o))),
+            report["light"]["exposure_exponent"]
+                .as_f64()
+                .map(|v| ("Exposure with distance", format!("d^{v:.2}"))),
+            report["ambient_fraction"]
+                .as_f64()
+                .map(|v| ("Room light", format!("{:.1} % of the flash", 100.0 * v))),
+        ],
+    )
+}
+
+fn sheet(subject: &Subject) -> Option<Value> {
+    let report = subject.report;
+    let (paper, elevation) = (&report["paper"], &report["elevation"]);
+    let stretch = paper["aspect"].as_f64().map(|v| {
+        let sigma = paper["aspect_sigma"].as_f64().unwrap_or(0.0);
+        ("Stretch, Y against X", format!("{:+.2} ± {:.2} %", 100.0 * (v - 1.0), 100.0 * sigma))
+    });
+    let bow: Option<Vec<f64>> = serde_json::from_value(paper["bow_mm"].clone()).ok();
+    let bow = bow.map(|v| {
+        let all: Vec<String> = v.iter().map(|v| format!("{v:.2}")).collect();
+        ("Rise of the edges", format!("{} mm", all.join(", ")))
+    });
+    let height = elevation["mm"].as_f64().map(|v| {
+        let sigma = elevation["sigma_mm"].as_f64().filter(|s| s.is_finite() && *s > 0.0);
+        let sigma = sigma.map_or(String::new(), |s| format!(" ± {s:.2}"));
+        ("Sample above the board", format!("{v:.2}{sigma} mm"))
+    });
+    group("Board", vec![stretch, bow, height])
+}

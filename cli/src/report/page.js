@@ -1,0 +1,384 @@
+const data = JSON.parse(document.getElementById('data').textContent);
+const $ = (id) => document.getElementById(id);
+
+/* Texts */
+
+$('name').textContent = data.name;
+$('summary').append(...data.summary.map((fact) => make('li', {}, fact)));
+$('footer').textContent = `svbrdf ${data.version}. This page holds all that it shows and loads nothing.`;
+if (data.warnings.length) {
+  $('notes').hidden = false;
+  $('warnings').append(...data.warnings.map((w) => make('li', {}, make('strong', {}, w.title), w.text)));
+}
+$('figures').append(
+  ...data.figures.map((group) =>
+    make('div', {}, make('h3', {}, group.title),
+      make('dl', {}, group.rows.flatMap(([name, value]) => [make('dt', {}, name), make('dd', {}, value)])))),
+);
+
+/* Photographs */
+
+const plural = (n, one) => `${n} ${one}${n === 1 ? '' : 's'}`;
+
+function photograph(p) {
+  const held = p.held_out === true;
+  const rejected = p.status === 'rejected';
+  const verdict = rejected ? ['rejected', '✕ rejected'] : held ? ['held', '◇ held out'] : ['fitted', '✓ fitted'];
+  const facts = [];
+  if (p.view) facts.push(['Off the top', `${p.view.off_top_deg.toFixed(0)}°`], ['Distance', `${p.view.distance_mm.toFixed(0)} mm`]);
+  if (typeof p.reprojection_rms_px === 'number') facts.push(['Corners', `${p.reprojection_rms_px.toFixed(2)} px`]);
+  if (typeof p.loss_after === 'number') facts.push(['Residual', `${digits(p.loss_before)} → ${digits(p.loss_after)}`]);
+  if (typeof p.held_out_error === 'number') facts.push(['Error, unseen', digits(p.held_out_error)]);
+  if (typeof p.seconds === 'number') facts.push(['Time', `${p.seconds.toFixed(1)} s`]);
+  const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}${/[.?!]$/.test(text) ? '' : '.'}`;
+  const said = [...(rejected ? [p.hint] : []), ...(p.hints ?? []).map((h) => h.hint)].filter(Boolean);
+  const outline = (name, points) => {
+    const list = points?.map((xy) => xy.map((v) => (1000 * v).toFixed(1)).join(',')).join(' ');
+    return list && [make('polygon', { class: 'edge', points: list }), make('polygon', { class: name, points: list })];
+  };
+  const t = p.thumbnail;
+  return make('article', { class: `photograph${rejected ? ' is-rejected' : ''}`, 'aria-label': `Photo ${p.index + 1}` },
+    make('div', { class: 'picture' },
+      t && make('img', { src: t.picture, alt: `Photo ${p.index + 1}, ${p.name}`, style: `aspect-ratio: ${t.width} / ${t.height}` }),
+      t && p.outlines && make('svg', { viewBox: '0 0 1000 1000', preserveAspectRatio: 'none', 'aria-hidden': 'true' },
+        outline('board', p.outlines.board), outline('sample', p.outlines.sample))),
+    make('div', { class: 'text' },
+      make('h3', {}, `${p.index + 1} · ${p.name}`, make('span', { class: `verdict ${verdict[0]}` }, verdict[1])),
+      said.map((text) => make('p', {}, sentence(text))),
+      make('dl', {}, facts.flatMap(([name, value]) => [make('dt', {}, name), make('dd', {}, value)])),
+      p.view && stage && make('button', { type: 'button', click: () => stage.lookFrom(p.view) }, 'Relight from here')));
+}
+
+/* The material and its lights */
+
+/** One decimal with a true minus sign; no sign for 0. */
+function signed(v) {
+  const text = Math.abs(v).toFixed(1);
+  return text === '0.0' ? text : `${v > 0 ? '+' : '−'}${text}`;
+}
+
+/** Everything that moves light and view: dragging, keys, sliders, lightings. */
+class Stage {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.distance = 2.5 * viewer.longer;
+    this.light = [0, 0];
+    this.view = [0, 0];
+    this.stops = 0;
+    this.zoom = 0;
+    this.sliders();
+    this.dragging($('quad'), (dx, dy, asView) => {
+      const gain = 110 / Math.min($('quad').clientWidth, $('quad').clientHeight);
+      if (asView) this.move('view', this.view[0] - gain * dx, this.view[1] + gain * dy);
+      else this.move('light', this.light[0] + gain * dx, this.light[1] - gain * dy);
+    });
+    this.dome();
+    $('quad').addEventListener('keydown', (event) => this.key(event));
+    new ResizeObserver(() => viewer.request()).observe($('quad'));
+    matchMedia('(prefers-reduced-motion: reduce)').matches || this.intro();
+  }
+
+  /** Moves light or view to an angle, held where something is to be seen. */
+  move(what, x, y, byHand = true) {
+    const most = what === 'light' ? 85 : 75;
+    const angle = Math.hypot(x, y);
+    const scale = angle > most ? most / angle : 1;
+    this[what] = [x * scale, y * scale];
+    if (byHand) this.touched();
+    this.update();
+  }
+
+  touched() {
+    this.still = true;
+    $('hint').classList.add('gone');
+    document.querySelectorAll('#presets button').forEach((b) => b.setAttribute('aria-pressed', 'false'));
+  }
+
+  update() {
+    this.viewer.set({
+      light: onDome(this.light, this.distance),
+      camera: onDome(this.view, this.distance),
+      exposure: 2 ** this.stops,
+      zoom: 2 ** this.zoom,
+    });
+    const side = ([x, y]) => ((Math.atan2(y, x) * 180) / Math.PI + 360) % 360;
+    const show = (id, value, text) => {
+      $(id).value = value;
+      $(id).setAttribute('aria-valuetext', text);
+      document.querySelector(`output[for="${id}"]`).textContent = text;
+    };
+    for (const what of ['light', 'view']) {
+      const angle = Math.hypot(...this[what]);
+      show(`${what}-angle`, angle, `${angle.toFixed(0)}°`);
+      // Straight above there is no side: the slider stays.
+      if (angle > 0.01) this[`${what}Side`] = side(this[what]);
+      const turned = this[`${what}Side`] ?? 0;
+      show(`${what}-side`, turned, compass(turned).replace('the ', ''));
+    }
+    show('exposure', this.stops, `${signed(this.stops)} EV`);
+    show('zoom', this.zoom, `${(2 ** this.zoom).toFixed(1)}×`);
+    const at = ([x, y]) => `translate(${(x / 90) * 46} ${(-y / 90) * 46})`;
+    document.querySelector('#dome .sun').setAttribute('transform', at(this.light));
+    document.querySelector('#dome .eye').setAttribute('transform', at(this.view));
+  }
+
+  sliders() {
+    for (const what of ['light', 'view']) {
+      const turn = () => {
+        const angle = Math.max(+$(`${what}-angle`).value, 0.02);
+        const a = (+$(`${what}-side`).value * Math.PI) / 180;
+        this.move(what, angle * Math.cos(a), angle * Math.sin(a));
+      };
+      $(`${what}-angle`).addEventListener('input', turn);
+      $(`${what}-side`).addEventListener('input', turn);
+    }
+    $('exposure').addEventListener('input', () => ((this.stops = +$('exposure').value), this.touched(), this.update()));
+    $('zoom').addEventListener('input', () => ((this.zoom = +$('zoom').value), this.update()));
+  }
+
+  dragging(target, moved) {
+    let last = null;
+    target.addEventListener('pointerdown', (event) => {
+      target.setPointerCapture(event.pointerId);
+      last = [event.clientX, event.clientY];
+      this.touched();
+    });
+    target.addEventListener('pointermove', (event) => {
+      if (!last) return;
+      const view = document.querySelector('input[name=drag]:checked').value === 'view';
+      moved(event.clientX - last[0], event.clientY - last[1], view !== (event.shiftKey || event.buttons === 2));
+      last = [event.clientX, event.clientY];
+    });
+    for (const end of ['pointerup', 'pointercancel']) target.addEventListener(end, () => (last = null));
+    target.addEventListener('contextmenu', (event) => event.preventDefault());
+  }
+
+  /** The small dome: the light goes where one points. */
+  dome() {
+    const place = (event) => {
+      const box = $('dome').getBoundingClientRect();
+      const unit = 90 / ((box.width * 46) / 100);
+      this.move('light', (event.clientX - box.left - box.width / 2) * unit, (box.top + box.height / 2 - event.clientY) * unit);
+    };
+    $('dome').addEventListener('pointerdown', (event) => ($('dome').setPointerCapture(event.pointerId), place(event)));
+    $('dome').addEventListener('pointermove', (event) => event.buttons && place(event));
+  }
+
+  key(event) {
+    const step = { ArrowLeft: [-4, 0], ArrowRight: [4, 0], ArrowUp: [0, 4], ArrowDown: [0, -4] }[event.key];
+    if (step) {
+      const what = event.shiftKey ? 'view' : 'light';
+      this.move(what, this[what][0] + step[0], this[what][1] + step[1]);
+    } else if (event.key === '+' || event.key === '=') this.zoom = Math.min(3, this.zoom + 0.25);
+    else if (event.key === '-') this.zoom = Math.max(0, this.zoom - 0.25);
+    else if (event.key === '0') this.preset(0);
+    else return;
+    event.preventDefault();
+    this.update();
+  }
+
+  /** One of the page's lightings. */
+  preset(index) {
+    const { camera_mm, light_mm, exposure } = data.presets[index];
+    this.touched();
+    [this.light, this.view, this.stops, this.zoom] = [offDome(light_mm), offDome(camera_mm), Math.log2(exposure), 0];
+    document.querySelectorAll('#presets button')[index].setAttribute('aria-pressed', 'true');
+    this.update();
+  }
+
+  /** As a photograph was taken, the light at the camera. */
+  lookFrom(view) {
+    const a = (view.azimuth_deg * Math.PI) / 180;
+    const at = [view.off_top_deg * Math.cos(a), view.off_top_deg * Math.sin(a)];
+    this.move('view', ...at);
+    this.move('light', ...at);
+    $('material').scrollIntoView({ block: 'start' });
+    $('quad').focus({ preventScroll: true });
+  }
+
+  /** One turn of the light, once, to show that it can be moved. */
+  intro() {
+    const [start, from, seconds] = [performance.now(), offDome(data.presets[0].light_mm), 4.5];
+    const turn = (now) => {
+      const t = (now - start) / 1000 / seconds;
+      if (this.still) return;
+      if (t >= 1) return this.move('light', ...from, false);
+      const a = 2 * Math.PI * (t * t * (3 - 2 * t));
+      const r = 26 * Math.sin(Math.PI * t);
+      this.move('light', from[0] + r * Math.cos(a), from[1] + r * Math.sin(a), false);
+      requestAnimationFrame(turn);
+    };
+    requestAnimationFrame(turn);
+  }
+}
+
+/** Without WebGL 2: pictures. */
+function stills() {
+  $('quad').hidden = true;
+  $('dome').style.display = 'none';
+  document.querySelectorAll('.drag, .sliders, #keys').forEach((element) => (element.hidden = true));
+  $('hint').textContent = 'Pictures, since this browser has no WebGL 2';
+  $('still').hidden = false;
+  const show = (index) => {
+    $('still').src = data.presets[index].picture;
+    $('still').alt = `The material: ${data.presets[index].label}`;
+    document.querySelectorAll('#presets button').forEach((b, i) => b.setAttribute('aria-pressed', String(i === index)));
+  };
+  return { preset: show };
+}
+
+let stage = null;
+const lightings = data.presets.map((preset, index) =>
+  make('button', { type: 'button', 'aria-pressed': 'false', click: () => (stage ?? pictures).preset(index) },
+    make('img', { src: preset.picture, alt: '' }), make('span', {}, preset.label)));
+$('presets').append(...lightings);
+
+let pictures = null;
+try {
+  stage = new Stage(new Viewer($('quad'), $('fragment').textContent, data.sample_mm));
+  [stage.light, stage.view, stage.stops] = [offDome(data.presets[0].light_mm), [0, 0], Math.log2(data.presets[0].exposure)];
+  stage.update();
+} catch (fault) {
+  console.info(`no viewer: ${fault.message}`);
+  pictures = stills();
+  pictures.preset(0);
+}
+
+/* Maps side by side */
+
+const encode = (v) => 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const KINDS = [
+  ['Normal', (m, i) => {
+    const [p, q] = [m.shape[4 * i], m.shape[4 * i + 1]];
+    const z = 1 / Math.hypot(p, q, 1);
+    return [127.5 * (p * z + 1), 127.5 * (q * z + 1), 127.5 * (z + 1)];
+  }, (m, i) => {
+    const [p, q] = [m.shape[4 * i], m.shape[4 * i + 1]];
+    return `${((Math.atan(Math.hypot(p, q)) * 180) / Math.PI).toFixed(1)}° off the top`;
+  }],
+  ['Diffuse albedo', (m, i) => [0, 1, 2].map((c) => encode(m.diffuse[4 * i + c])), (m, i) => triple(m.diffuse, i)],
+  ['Specular albedo (F0)', (m, i) => [0, 1, 2].map((c) => encode(m.specular[4 * i + c])), (m, i) => triple(m.specular, i)],
+  ['Roughness', (m, i) => Array(3).fill(255 * m.shape[4 * i + 2]), (m, i) => m.shape[4 * i + 2].toFixed(2)],
+];
+const triple = (plane, i) => [0, 1, 2].map((c) => plane[4 * i + c].toFixed(3)).join(', ');
+
+const MapsView = {
+  point: null,
+  cells: KINDS.map(([title], k) => {
+    const canvas = make('canvas', { tabindex: '0', role: 'img', 'aria-label': `${title} map` });
+    const point = make('span', { class: 'point', hidden: true });
+    const value = make('span', { class: 'quiet' });
+    canvas.addEventListener('pointermove', (event) => {
+      const box = canvas.getBoundingClientRect();
+      MapsView.show((event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height);
+    });
+    canvas.addEventListener('keydown', (event) => {
+      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const [x, y] = MapsView.point ?? [0.5, 0.5];
+      MapsView.show(x + step[0] / 64, y + step[1] / 64);
+    });
+    return { canvas, point, value, figure: make('figure', {}, make('div', { class: 'frame' }, canvas, point), make('figcaption', {}, title, value)) };
+  }),
+
+  load(maps) {
+    this.maps = maps;
+    this.cells.forEach(({ canvas }, k) => {
+      [canvas.width, canvas.height] = [maps.width, maps.height];
+      const context = canvas.getContext('2d');
+      const picture = context.createImageData(maps.width, maps.height);
+      for (let i = 0; i < maps.width * maps.height; i++) {
+        const rgb = KINDS[k][1](maps, i);
+        for (let c = 0; c < 3; c++) picture.data[4 * i + c] = rgb[c] + 0.5;
+        picture.data[4 * i + 3] = 255;
+      }
+      context.putImageData(picture, 0, 0);
+    });
+    if (this.point) this.show(...this.point);
+  },
+
+  show(x, y) {
+    this.point = [x, y].map((v) => Math.min(Math.max(v, 0), 0.9999));
+    const { width, height } = this.maps;
+    const [column, row] = [Math.floor(this.point[0] * width), Math.floor(this.point[1] * height)];
+    this.cells.forEach(({ point, value }, k) => {
+      point.hidden = false;
+      [point.style.left, point.style.top] = this.point.map((v) => `${100 * v}%`);
+      value.textContent = KINDS[k][2](this.maps, row * width + column);
+    });
+    const [mmX, mmY] = [(this.point[0] - 0.5) * data.sample_mm[0], (0.5 - this.point[1]) * data.sample_mm[1]];
+    $('probe').textContent = `At ${mmX.toFixed(1)}, ${mmY.toFixed(1)} mm from the middle.`;
+  },
+};
+$('maps').append(...MapsView.cells.map((cell) => cell.figure));
+
+/* Earlier moments */
+
+const moments = [...data.snapshots.map((s) => () => Maps.snapshot(s)), () => Maps.full(data.maps)];
+const fitted = data.photographs.filter((p) => p.status === 'accepted' && !p.held_out).length;
+let wanted = -1;
+
+async function showMoment(index) {
+  wanted = index;
+  const count = data.snapshots[index]?.photographs ?? fitted;
+  const text = index === moments.length - 1 ? `all ${plural(count, 'photograph')}` : plural(count, 'photograph');
+  $('moment').value = index;
+  $('moment').setAttribute('aria-valuetext', `after ${text}`);
+  $('moment-text').textContent = count === 1 ? '1 photograph' : text;
+  const maps = await (moments[index].made ??= moments[index]());
+  if (wanted !== index) return;
+  stage?.viewer.load(maps);
+  MapsView.load(maps);
+}
+
+if (moments.length > 1) {
+  $('timeline').hidden = false;
+  $('moment').max = moments.length - 1;
+  $('moment').addEventListener('input', () => showMoment(+$('moment').value));
+  let timer = null;
+  const stop = () => (clearInterval(timer), (timer = null), ($('play').textContent = 'Play'));
+  $('play').addEventListener('click', () => {
+    if (timer) return stop();
+    $('play').textContent = 'Stop';
+    showMoment(0);
+    timer = setInterval(() => (wanted < moments.length - 1 ? showMoment(wanted + 1) : stop()), 900);
+  });
+}
+const ready = showMoment(moments.length - 1);
+
+/* Photographs, curves */
+
+$('photographs').append(...data.photographs.map(photograph));
+if (data.photographs.some((p) => p.outlines)) {
+  $('photographs').before(make('p', { class: 'quiet legend' },
+    make('i', { style: 'color: var(--board)' }), 'board as found', make('i', { style: 'color: var(--sample)' }), 'sample'));
+}
+const placed = data.photographs.filter((p) => p.view);
+const settled = data.photographs.filter((p) => typeof p.loss_after === 'number');
+if (settled.length) {
+  $('charts').append(lineChart({
+    title: 'Residual', note: 'mean difference of logarithms, all photographs so far; hollow: before the fit', tone: 'a',
+    points: settled.map((p, i) => [i + 1, p.loss_after]),
+    before: settled.map((p, i) => [i + 1, p.loss_before]),
+  }));
+}
+if (data.held_out?.length && data.held_out[0].each.length) {
+  $('charts').append(lineChart({
+    title: 'Error on photographs held out', note: 'root mean square, gamma 2.2', tone: 'b',
+    points: data.held_out.map((a) => [a.fitted, a.error]),
+    each: data.held_out[0].each.length > 1 ? data.held_out[0].each.map((_, j) => data.held_out.map((a) => [a.fitted, a.each[j]])) : [],
+  }));
+}
+if (placed.length) $('charts').append(viewsChart(placed, data.next_view));
+if (data.predictions.length) {
+  $('held-out').hidden = false;
+  $('predictions').append(...data.predictions.map((p) =>
+    make('figure', {},
+      make('div', { class: 'three' }, ['the photograph', 'its prediction', 'the difference'].map((what) =>
+        make('img', { src: p.picture, alt: `Photo ${p.index + 1}: ${what}` }))),
+      make('figcaption', {}, `Photo ${p.index + 1}: error ${digits(p.error)}, brightness ×${p.brightness.toFixed(2)}`))));
+}
+
+/** For programs that look at the page. */
+window.svbrdfReport = { data, stage, ready, showMoment };

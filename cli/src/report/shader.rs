@@ -1,0 +1,45 @@
+//! The viewer's shader.
+
+use std::f32::consts::PI;
+
+use svbrdf::reflectance::{FRESNEL, MIN_COSINE};
+use svbrdf::svbrdf::MIN_ROUGHNESS;
+
+/// The reflection of `svbrdf::reflectance` in GLSL, its constants missing.
+const SOURCE: &str = include_str!("reflection.glsl");
+
+/// The fragment shader, with the constants of the library.
+pub fn fragment() -> String {
+    let constants = [
+        ("PI", PI),
+        ("MIN_COSINE", MIN_COSINE),
+        ("MIN_ROUGHNESS", MIN_ROUGHNESS),
+        ("FRESNEL_A", FRESNEL[0]),
+        ("FRESNEL_B", FRESNEL[1]),
+    ]
+    .map(|(name, value)| format!("const float {name} = {value:?};\n"));
+    SOURCE.replacen("// {{constants}}\n", &constants.concat(), 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A constant that the page states itself could differ from the library's one day.
+    #[test]
+    fn constants_are_the_librarys_and_stated_once() {
+        let shader = fragment();
+        for line in [
+            "const float MIN_COSINE = 0.001;",
+            "const float MIN_ROUGHNESS = 0.02;",
+            "const float FRESNEL_A = -5.55473;",
+            "const float FRESNEL_B = -6.98316;",
+        ] {
+            assert_eq!(shader.matches(line).count(), 1, "{line}");
+        }
+        for number in ["0.001", "1e-3", "0.02", "5.55", "6.98", "3.14"] {
+            assert!(!SOURCE.contains(number), "{number} is the library's to say");
+        }
+        assert!(!shader.contains("{{"));
+    }
+}
