@@ -7,7 +7,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::capture::{Capture, Frame, read_camera};
-use svbrdf::export::{check_writable, write_atomic, write_maps, write_preview};
+use svbrdf::export::{
+    ExportOptions, Format, check_writable, export, write_atomic, write_preview, write_sized_maps,
+};
 use svbrdf::session::{Accepted, Budget, Method, Pushed, Session, Settings};
 
 use crate::failure::{Failure, Result};
@@ -50,6 +52,9 @@ pub struct Arguments {
     /// Camera to use instead of the capture's (JSON, as `camera` in capture.json)
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    /// Also export the maps, see `svbrdf export`: glb, usdz, materialx, unreal, unity-hdrp, unity-urp, blender
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = crate::export::format)]
+    export: Vec<Format>,
     /// No progress
     #[arg(long)]
     quiet: bool,
@@ -113,7 +118,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     bar.finish_and_clear();
     let maps = session.snapshot()?;
-    write_maps(&arguments.out, &maps)?;
+    write_sized_maps(&arguments.out, &maps, capture.sample_mm)?;
+    write_exports(arguments, &maps, capture.sample_mm, &rows)?;
     write_preview(arguments.out.join("preview.png"), &maps, capture.sample_mm)?;
     final_poses(&session, &mut rows);
     let camera = session.camera();
@@ -190,6 +196,26 @@ fn take(session: &Session, frame: &Frame, index: usize) -> Result<Value> {
         "first_maps_seconds": maps_seconds,
         "hints": hints,
     }))
+}
+
+/// Writes the formats of `--export` beside the maps.
+fn write_exports(
+    arguments: &Arguments,
+    maps: &svbrdf::Svbrdf,
+    sample_mm: [f32; 2],
+    rows: &[Value],
+) -> Result<()> {
+    if arguments.export.is_empty() {
+        return Ok(());
+    }
+    let accepted = rows.iter().filter(|row| row["status"] == "accepted").count();
+    let options = ExportOptions {
+        formats: arguments.export.clone(),
+        sample_mm,
+        photographs: u32::try_from(accepted).ok(),
+        ..ExportOptions::default()
+    };
+    Ok(export(maps, &options)?.write(&arguments.out)?)
 }
 
 /// Waits for the fit.
