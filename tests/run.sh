@@ -38,6 +38,7 @@ tests/android-tools.sh || echo "SKIPPED: tools for android-example cannot be had
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"
+tests/exports.sh
 tests/inlined.sh
 ffi/size.sh
 RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace --quiet

@@ -10,6 +10,7 @@
 
 pub mod budget;
 pub mod capture;
+pub mod export;
 mod handles;
 pub mod image;
 pub mod info;

@@ -171,3 +171,8 @@ impl Bundle {
 
 /// Stem of the height's texture.
 pub(super) const HEIGHT: &str = "height";
+
+/// A number as JSON that reads as short as it is.
+pub(super) fn number(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}

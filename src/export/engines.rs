@@ -2,12 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::bundle::{Bundle, Files, HEIGHT, Splits};
+use super::bundle::{Bundle, Files, HEIGHT, Splits, number};
 use super::convert::MetallicModel;
 use crate::Result;
 
 fn lost(splits: &Splits) -> Value {
-    json!({ "diffuse": splits.rms[0], "specular": splits.rms[1] })
+    json!({ "diffuse": number(splits.rms[0]), "specular": number(splits.rms[1]) })
 }
 
 /// Unreal's default lit model: DirectX normals, occlusion, roughness and metalness in one texture,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::bundle::{Bundle, Layered};
+use super::bundle::{Bundle, Layered, number};
 use crate::Result;
 
 /// What a GLB holds, in words and numbers.
@@ -10,12 +10,12 @@ pub(super) fn describe(layered: &Layered) -> Value {
     match layered.rms {
         Some([diffuse, specular]) => json!({
             "workflow": "metallic: kd = 0.96 (1 - m) base, F0 = 0.04 (1 - m) + m base; least squares",
-            "rms_error": { "diffuse": diffuse, "specular": specular },
+            "rms_error": { "diffuse": number(diffuse), "specular": number(specular) },
         }),
         None => json!({
             "workflow": "KHR_materials_specular and KHR_materials_ior: base = kd / (1 - max F0), \
                          specular colour = F0 / F0 of the index of refraction",
-            "ior": layered.ior,
+            "ior": number(layered.ior),
         }),
     }
 }
@@ -75,13 +75,13 @@ fn material(bundle: &Bundle, layered: &Layered) -> Value {
         "normalTexture": { "index": 1 },
         "occlusionTexture": { "index": 2 },
         "extras": {
-            "size_mm": bundle.sample_mm,
-            "height_range_mm": bundle.height.range_mm(),
+            "size_mm": bundle.sample_mm.map(number),
+            "height_range_mm": bundle.height.range_mm().map(number),
         },
     });
     if layered.tint.is_some() {
         material["extensions"] = json!({
-            "KHR_materials_ior": { "ior": layered.ior },
+            "KHR_materials_ior": { "ior": number(layered.ior) },
             "KHR_materials_specular": { "specularColorTexture": { "index": 3 } },
         });
     }

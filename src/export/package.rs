@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::bundle::{Bundle, Files, HEIGHT};
+use super::bundle::{Bundle, Files, HEIGHT, number};
 use super::files::write_files;
 use super::height::{Height, occlusion};
 use super::maps::{check_size, map_files};
@@ -136,8 +136,8 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     let mut maps = limited(maps, options.max_size);
     maps.clamp();
     let (maps, seam) = if options.tile {
-        let tiled = tile::seamless(&maps)?;
-        (tiled.maps, Some(tiled.seam))
+        let tile::Tiled { maps, seam, cuts } = tile::seamless(&maps)?;
+        (maps, Some([seam, cuts]))
     } else {
         (maps, None)
     };
@@ -154,10 +154,13 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     };
     let mut files = Files::new();
     let mut record = record(&bundle, options.photographs);
-    if let Some(seam) = seam {
+    if let Some([seam, cuts]) = seam {
         record["tile"] = json!({
-            "seam": seam.measure(), "border": seam.border, "cuts": seam.cuts,
-            "meaning": "mean difference across borders and cuts against the mean difference of neighbours inside",
+            "seam": number(seam),
+            "cuts": number(cuts),
+            "meaning": "seam: mean difference of neighbours across the border against that inside; \
+                        cuts: how much both sides of the cuts disagree, in the same unit; of the map \
+                        for which it is greatest",
         });
         let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
@@ -255,9 +258,9 @@ fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
     json!({
         "format": "svbrdf-material/1",
         "generator": concat!("svbrdf ", env!("CARGO_PKG_VERSION")),
-        "size_mm": mm,
+        "size_mm": mm.map(number),
         "texels": size,
-        "texels_per_mm": [size[0] as f32 / mm[0], size[1] as f32 / mm[1]],
+        "texels_per_mm": [0, 1].map(|i| number(size[i] as f32 / mm[i])),
         "tileable": bundle.tileable,
         "texture": bundle.texture.name(),
         "conventions": {
@@ -272,10 +275,10 @@ fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
             "derived": ["height", "occlusion"],
         },
         "height": {
-            "range_mm": bundle.height.range_mm(),
+            "range_mm": bundle.height.range_mm().map(number),
             "png": "16 bits: 0 is the range's low end, 65535 its high end",
             "exr": "mm above the mean",
-            "unexplained_share": bundle.height.unexplained,
+            "unexplained_share": number(bundle.height.unexplained),
         },
         "occlusion": "from the height: cosine-weighted part of the sky that is seen, within 40 texels",
         "exports": {},
@@ -286,3 +289,7 @@ fn pretty(value: &Value) -> Result<Vec<u8>> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Error::Internal(e.to_string()))?;
     Ok((text + "\n").into_bytes())
 }
+
+#[cfg(test)]
+#[path = "package_tests.rs"]
+mod tests;

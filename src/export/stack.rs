@@ -15,31 +15,12 @@ const MAPS: [std::ops::Range<usize>; 4] = [
 /// Smallest mean difference of neighbours that is told from none.
 const LEAST_DIFFERENCE: f32 = 1e-4;
 
-/// Mean difference of neighbours across seams against that of all neighbours in the same direction,
-/// of the map for which it is greatest; 1: seams are like the inside.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seam {
-    /// Where tiles meet.
-    pub border: f32,
-    /// Along the cuts inside.
-    pub cuts: f32,
-}
-
-impl Seam {
-    /// The greater of the two.
-    pub fn measure(&self) -> f32 {
-        self.border.max(self.cuts)
-    }
-}
-
 /// Slopes, square roots of albedos, roughness.
 #[derive(Debug, Clone)]
 pub(super) struct Stack {
     pub width: usize,
     pub height: usize,
     pub planes: Vec<Vec<f32>>,
-    /// Whether a cut runs between a texel and its right, its lower neighbour.
-    pub cuts: [Vec<bool>; 2],
 }
 
 impl Stack {
@@ -47,18 +28,11 @@ impl Stack {
         let root = |c: usize| (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
         let encode = |c: usize, v: f32| if root(c) { v.max(0.0).sqrt() } else { v };
         let planes = (0..CHANNELS).map(|c| maps.plane(c).iter().map(|&v| encode(c, v)).collect());
-        let none = vec![false; maps.texels()];
-        Self {
-            width: maps.width(),
-            height: maps.height(),
-            planes: planes.collect(),
-            cuts: [none.clone(), none],
-        }
+        Self { width: maps.width(), height: maps.height(), planes: planes.collect() }
     }
 
-    /// The maps, within their physical range, and how much seams stand out.
-    pub fn into_maps(self) -> (Svbrdf, Seam) {
-        let seam = self.seam();
+    /// The maps, within their physical range.
+    pub fn into_maps(self) -> Svbrdf {
         let mut data: Vec<f32> = self.planes.concat();
         let n = self.width * self.height;
         for v in &mut data[channel::DIFFUSE * n..channel::ROUGHNESS * n] {
@@ -66,19 +40,14 @@ impl Stack {
         }
         let mut maps = Svbrdf::from_planes(self.width, self.height, data).expect("nine planes");
         maps.clamp();
-        (maps, seam)
+        maps
     }
 
     /// Columns become rows.
     pub fn transposed(&self) -> Self {
         let (w, h) = (self.width, self.height);
-        let [right, down] = &self.cuts;
-        Self {
-            width: h,
-            height: w,
-            planes: self.planes.iter().map(|plane| swapped(plane, w, h)).collect(),
-            cuts: [swapped(down, w, h), swapped(right, w, h)],
-        }
+        let swapped = |plane: &Vec<f32>| (0..w * h).map(|i| plane[i % h * w + i / h]).collect();
+        Self { width: h, height: w, planes: self.planes.iter().map(swapped).collect() }
     }
 
     /// Means of blocks of `factor` by `factor` texels; what is left over at the end is dropped.
@@ -91,8 +60,7 @@ impl Stack {
             (0..factor).map(row).sum::<f32>() / area
         };
         let planes = self.planes.iter().map(|p| (0..w * h).map(|i| mean(p, i)).collect());
-        let none = vec![false; w * h];
-        Self { width: w, height: h, planes: planes.collect(), cuts: [none.clone(), none] }
+        Self { width: w, height: h, planes: planes.collect() }
     }
 
     /// Weight of each channel's squared differences: neighbours inside differ by 1 in the mean.
@@ -126,21 +94,34 @@ impl Stack {
             width: w,
             height: h,
             planes: self.planes.iter().map(|p| (0..w * h).map(|i| p[from(i)]).collect()).collect(),
-            cuts: [0, 1].map(|a| (0..w * h).map(|i| self.cuts[a][from(i)]).collect()),
         }
     }
 
-    /// How much seams stand out, borders being periodic.
-    pub fn seam(&self) -> Seam {
+    /// Mean difference of neighbours across the border against that of all neighbours in the same
+    /// direction, of the map and axis for which it is greatest.
+    pub fn border(&self) -> f32 {
         let ends = [self.width - 1, self.height - 1];
-        let border = |lines: &[Lines; 2]| greatest([0, 1].map(|a| lines[a].ratio(ends[a])));
-        let cuts = |lines: &[Lines; 2]| {
-            let [cut, usual] = [0, 1]
-                .map(|which| lines.iter().map(|l| [l.cut, l.cuts * l.mean()][which]).sum::<f64>());
-            if usual > 0.0 { (cut / usual) as f32 } else { 0.0 }
-        };
         let lines = self.lines();
-        Seam { border: greatest(lines.iter().map(border)), cuts: greatest(lines.iter().map(cuts)) }
+        greatest(lines.iter().flat_map(|map| [0, 1].map(|axis| map[axis].ratio(ends[axis]))))
+    }
+
+    /// Mean of what `differences` gives for pairs of neighbours (channel, pair, axis) against the
+    /// mean difference of all neighbours, of the map for which it is greatest; 0 without pairs.
+    pub fn relative(
+        &self,
+        pairs: &[(usize, usize)],
+        difference: impl Fn(usize, usize, usize) -> f32 + Sync,
+    ) -> f32 {
+        let lines = self.lines();
+        let ratios = parallel::map(MAPS.len(), |map| {
+            let (mut sum, mut usual) = (0.0f64, 0.0f64);
+            for &(pair, axis) in pairs {
+                sum += MAPS[map].clone().map(|c| f64::from(difference(c, pair, axis))).sum::<f64>();
+                usual += lines[map][axis].mean();
+            }
+            if usual > 0.0 { (sum / usual) as f32 } else { 0.0 }
+        });
+        greatest(ratios)
     }
 
     /// Differences between neighbours of each map, to the right and below.
@@ -151,17 +132,13 @@ impl Stack {
     fn lines_of(&self, channels: std::ops::Range<usize>, axis: usize) -> Lines {
         let (w, h) = (self.width, self.height);
         let [lines, across] = [[w, h], [h, w]].map(|sides| sides[axis]);
-        let mut out = Lines { sums: vec![0.0; lines], across, cut: 0.0, cuts: 0.0 };
+        let mut out = Lines { sums: vec![0.0; lines], across };
         for i in 0..w * h {
             let (x, y) = (i % w, i / w);
             let to = if axis == 0 { y * w + (x + 1) % w } else { (y + 1) % h * w + x };
             let planes = &self.planes[channels.clone()];
             let difference: f32 = planes.iter().map(|p| (p[to] - p[i]).abs()).sum();
             out.sums[[x, y][axis]] += f64::from(difference);
-            if self.cuts[axis][i] {
-                out.cut += f64::from(difference);
-                out.cuts += 1.0;
-            }
         }
         out
     }
@@ -177,9 +154,6 @@ struct Lines {
     sums: Vec<f64>,
     /// Pairs of neighbours between two lines.
     across: usize,
-    /// Across cuts, and the number of such pairs.
-    cut: f64,
-    cuts: f64,
 }
 
 impl Lines {
@@ -193,8 +167,4 @@ impl Lines {
     fn ratio(&self, line: usize) -> f32 {
         (self.sums[line] / self.across as f64 / self.mean()) as f32
     }
-}
-
-fn swapped<T: Copy>(values: &[T], width: usize, height: usize) -> Vec<T> {
-    (0..width * height).map(|i| values[i % height * width + i / height]).collect()
 }

@@ -12,7 +12,7 @@ use std::f32::consts::PI;
 
 use super::poisson::{Border, Differences, Grid};
 use super::resample::resized;
-use super::stack::{Seam, Stack};
+use super::stack::Stack;
 use super::textures::{Texture, TextureFormat};
 use crate::observation::{Falloff, View};
 use crate::render::render;
@@ -29,7 +29,12 @@ const SEARCH_SIDE: usize = 96;
 #[derive(Debug)]
 pub(super) struct Tiled {
     pub maps: Svbrdf,
-    pub seam: Seam,
+    /// Mean difference of neighbours where tiles meet against that inside, of the map for which it
+    /// is greatest; 1: the border is like the inside.
+    pub seam: f32,
+    /// How much the two sides of the cuts disagree about the difference of neighbours, in the same
+    /// unit; independent textures would be at about 1.4.
+    pub cuts: f32,
 }
 
 /// Makes maps seamless.
@@ -43,10 +48,10 @@ pub(super) fn seamless(maps: &Svbrdf) -> Result<Tiled> {
             format!("{w} x {h} texels given, at least {MIN_SIDE} x {MIN_SIDE} can become seamless");
         return Err(Error::argument("maps", message));
     }
-    let across = joined(&Stack::of(maps), false);
-    let both = joined(&across.transposed(), true).transposed();
-    let (maps, seam) = both.with_quiet_borders().into_maps();
-    Ok(Tiled { maps, seam })
+    let (across, first) = joined(&Stack::of(maps), false);
+    let (both, second) = joined(&across.transposed(), true);
+    let tile = both.transposed().with_quiet_borders();
+    Ok(Tiled { seam: tile.border(), cuts: first.max(second), maps: tile.into_maps() })
 }
 
 /// A patch over the left and right borders.
@@ -62,8 +67,9 @@ struct Patch<'a> {
     end: Vec<usize>,
 }
 
-/// Makes columns periodic. `closed`: rows are so already.
-fn joined(stack: &Stack, closed: bool) -> Stack {
+/// Makes columns periodic, and tells how much the sides of the cuts disagree. `closed`: rows are
+/// periodic already.
+fn joined(stack: &Stack, closed: bool) -> (Stack, f32) {
     let source = place(stack, closed);
     let patch = Patch::cut(stack, source, closed);
     let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
@@ -76,7 +82,7 @@ fn joined(stack: &Stack, closed: bool) -> Stack {
         plane.iter_mut().for_each(|v| *v += mean / n as f32);
         plane
     });
-    Stack { width: stack.width, height: stack.height, planes, cuts: patch.cuts(closed) }
+    (Stack { width: stack.width, height: stack.height, planes }, patch.disagreement(closed))
 }
 
 /// Columns that a patch covers of each border.
@@ -231,15 +237,21 @@ impl<'a> Patch<'a> {
 
     /// Difference between two neighbouring texels: of the source that has both, or the mean.
     fn difference(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
-        let plane = &self.stack.planes[c];
-        let w = self.stack.width;
-        let own = || plane[b[1] * w + b[0]] - plane[a[1] * w + a[0]];
-        let patch = || plane[self.origin(b[0], b[1])] - plane[self.origin(a[0], a[1])];
         match (self.covers(a[0], a[1]), self.covers(b[0], b[1])) {
-            (false, false) => own(),
-            (true, true) => patch(),
-            _ => 0.5 * (own() + patch()),
+            (false, false) => self.own(c, a, b),
+            (true, true) => self.patch(c, a, b),
+            _ => 0.5 * (self.own(c, a, b) + self.patch(c, a, b)),
         }
+    }
+
+    fn own(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
+        let (plane, w) = (&self.stack.planes[c], self.stack.width);
+        plane[b[1] * w + b[0]] - plane[a[1] * w + a[0]]
+    }
+
+    fn patch(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
+        let plane = &self.stack.planes[c];
+        plane[self.origin(b[0], b[1])] - plane[self.origin(a[0], a[1])]
     }
 
     fn differences(&self, c: usize) -> Differences {
@@ -256,22 +268,24 @@ impl<'a> Patch<'a> {
         }
     }
 
-    /// Neighbours (to the right, below) between which a cut runs: those of the sources, and new ones.
-    fn cuts(&self, closed: bool) -> [Vec<bool>; 2] {
+    /// How much the two sources' differences differ along the cuts, see [`Tiled::cuts`].
+    fn disagreement(&self, closed: bool) -> f32 {
         let (w, h) = (self.stack.width, self.stack.height);
-        [0, 1].map(|axis| {
-            (0..w * h)
-                .map(|i| {
-                    let (x, y) = (i % w, i / w);
-                    let to = if axis == 0 { [(x + 1) % w, y] } else { [x, (y + 1) % h] };
-                    let (here, there) = (self.covers(x, y), self.covers(to[0], to[1]));
-                    if axis == 1 && !closed && y + 1 == h {
-                        return false;
-                    }
-                    let old = if here { self.origin(x, y) } else { i };
-                    here != there || self.stack.cuts[axis][old]
-                })
-                .collect()
+        let neighbour = |i: usize, axis: usize| match axis {
+            0 => [(i % w + 1) % w, i / w],
+            _ => [i % w, (i / w + 1) % h],
+        };
+        let pairs: Vec<(usize, usize)> = (0..w * h)
+            .flat_map(|i| [(i, 0), (i, 1)])
+            .filter(|&(i, axis)| {
+                let to = neighbour(i, axis);
+                (closed || axis == 0 || i / w + 1 < h)
+                    && self.covers(i % w, i / w) != self.covers(to[0], to[1])
+            })
+            .collect();
+        self.stack.relative(&pairs, |c, i, axis| {
+            let (a, b) = ([i % w, i / w], neighbour(i, axis));
+            (self.own(c, a, b) - self.patch(c, a, b)).abs()
         })
     }
 }

@@ -4,7 +4,7 @@
 
 use serde_json::{Value, json};
 
-use super::bundle::{Bundle, Files};
+use super::bundle::{Bundle, Files, number};
 use super::convert::MetallicModel;
 use crate::Result;
 
@@ -25,7 +25,7 @@ pub(super) fn encode(bundle: &Bundle) -> Result<(Vec<u8>, Value)> {
     let description = json!({
         "workflow": "UsdPreviewSurface, metallic: kd = (1 - m) base, F0 = 0.04 (1 - m) + m base; \
                      least squares",
-        "rms_error": { "diffuse": diffuse, "specular": specular },
+        "rms_error": { "diffuse": number(diffuse), "specular": number(specular) },
     });
     Ok((archive(&files), description))
 }
