@@ -143,6 +143,43 @@ struct MapView {
     }
 };
 
+/// Exported files in memory.
+class Package {
+public:
+    explicit Package(svbrdf_package* package) noexcept : owner_(package) {}
+    /// Number of files.
+    std::uint32_t count() const {
+        std::uint32_t count = 0;
+        check(svbrdf_package_count(owner_.get(), &count));
+        return count;
+    }
+    /// Name of a file: relative, "/" between folders.
+    std::string name(std::uint32_t index) const {
+        const char* name = nullptr;
+        check(svbrdf_package_file(owner_.get(), index, &name, nullptr, nullptr));
+        return name;
+    }
+    /// Valid as long as this package.
+    Span<const std::uint8_t> bytes(std::uint32_t index) const {
+        const void* data = nullptr;
+        std::size_t size = 0;
+        check(svbrdf_package_file(owner_.get(), index, nullptr, &data, &size));
+        return {static_cast<const std::uint8_t*>(data), size};
+    }
+    /// The file of that name; empty where there is none.
+    Span<const std::uint8_t> bytes(const std::string& wanted) const {
+        for (std::uint32_t i = 0, n = count(); i < n; ++i) {
+            if (name(i) == wanted) {
+                return bytes(i);
+            }
+        }
+        return {};
+    }
+
+private:
+    detail::Owner<svbrdf_package, svbrdf_package_destroy> owner_;
+};
+
 /// Maps at one moment.
 class Maps {
 public:
@@ -177,6 +214,20 @@ public:
     }
     /// Writes PNG, EXR and a preview into a folder.
     void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), path.c_str())); }
+    /// Files for other programs, e.g. "glb,usdz", into a folder: all of them or none.
+    void export_formats(const std::string& path, const std::string& formats,
+                        svbrdf_export_options options = make(svbrdf_export_options_init)) const {
+        options.formats = formats.c_str();
+        check(svbrdf_maps_export_formats(get(), &options, path.c_str()));
+    }
+    /// The same in memory.
+    Package package(const std::string& formats,
+                    svbrdf_export_options options = make(svbrdf_export_options_init)) const {
+        options.formats = formats.c_str();
+        svbrdf_package* package = nullptr;
+        check(svbrdf_maps_export_package(get(), &options, &package));
+        return Package(package);
+    }
     svbrdf_maps* get() const noexcept { return owner_.get(); }
 
 private:

@@ -47,6 +47,7 @@ tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"
+tests/exports.sh
 tests/inlined.sh
 tests/report.sh
 ffi/size.sh

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use svbrdf::capture::{Capture, read_camera};
-use svbrdf::export::{check_writable, write_atomic, write_maps, write_preview};
+use svbrdf::export::{
+    ExportOptions, Format, check_writable, export, write_atomic, write_preview, write_sized_maps,
+};
 use svbrdf::session::{Budget, Method, Session, Settings};
 
 use self::document::Document;
@@ -60,6 +62,9 @@ pub struct Arguments {
     /// Camera to use instead of the capture's (JSON, as `camera` in capture.json)
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
+    /// Also export the maps, see `svbrdf export`: glb, usdz, materialx, unreal, unity-hdrp, unity-urp, blender
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = crate::export::format)]
+    export: Vec<Format>,
     /// No progress
     #[arg(long)]
     quiet: bool,
@@ -85,7 +90,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     fit.run()?;
     check_fitted(arguments, &fit)?;
     let maps = session.snapshot()?;
-    write_maps(&arguments.out, &maps)?;
+    write_sized_maps(&arguments.out, &maps, capture.sample_mm)?;
+    write_exports(arguments, &maps, capture.sample_mm, fit.fitted())?;
     write_preview(arguments.out.join("preview.png"), &maps, capture.sample_mm)?;
     let held_out = fit.held_out()?;
     let errors = Errors::measure(&fit.stages, held_out)?;
@@ -118,6 +124,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+/// Writes the formats of `--export` beside the maps.
+fn write_exports(
+    arguments: &Arguments,
+    maps: &svbrdf::Svbrdf,
+    sample_mm: [f32; 2],
+    photographs: usize,
+) -> Result<()> {
+    if arguments.export.is_empty() {
+        return Ok(());
+    }
+    let options = ExportOptions {
+        formats: arguments.export.clone(),
+        sample_mm,
+        photographs: u32::try_from(photographs).ok(),
+        ..ExportOptions::default()
+    };
+    Ok(export(maps, &options)?.write(&arguments.out)?)
 }
 
 fn session(arguments: &Arguments, capture: &Capture) -> Result<Session> {

@@ -5,6 +5,7 @@ mod board;
 mod board_text;
 mod calibrate;
 mod compare;
+mod export;
 mod failure;
 mod fit;
 mod interrupt;
@@ -28,6 +29,7 @@ struct Arguments {
 enum Command {
     Fit(fit::Arguments),
     Render(render::Arguments),
+    Export(export::Arguments),
     Board(board::Arguments),
     Calibrate(calibrate::Arguments),
     Simulate(simulate::Arguments),
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Board(arguments) => board::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),

@@ -38,7 +38,8 @@ fn position(text: &str) -> std::result::Result<[f32; 3], String> {
     numbers.filter(|p| p[2] > 0.0).ok_or_else(|| expected.to_owned())
 }
 
-fn length(text: &str) -> std::result::Result<f32, String> {
+/// A positive length in mm.
+pub fn length(text: &str) -> std::result::Result<f32, String> {
     let value = text.parse().ok().filter(|v: &f32| v.is_finite() && *v > 0.0);
     value.ok_or_else(|| "a positive length in mm expected".to_owned())
 }

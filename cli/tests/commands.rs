@@ -13,7 +13,7 @@ use svbrdf::svbrdf::channel;
 
 #[test]
 fn help_gives_an_example_for_every_command() {
-    for command in ["fit", "render", "board", "calibrate", "simulate", "compare"] {
+    for command in ["fit", "render", "export", "board", "calibrate", "simulate", "compare"] {
         let help = succeed(&[command, "--help"]);
         assert!(help.contains(&format!("svbrdf {command} ")), "{help}");
         assert!(help.contains("Example"), "{help}");
@@ -277,4 +277,101 @@ fn simulated_faults_of_a_board_do_not_tell_the_flash() {
     let photo = capture.frames[0].read().unwrap();
     let luma = svbrdf::calibration::LumaImage::from_photo(&photo);
     assert!(svbrdf::calibration::detect(&luma, target).is_ok());
+}
+
+#[test]
+fn export_writes_every_format() {
+    let dir = tempfile::tempdir().unwrap();
+    let source = dir.path().join("maps");
+    svbrdf::export::write_sized_maps(&source, &maps(16), [64.0, 64.0]).unwrap();
+    std::fs::write(
+        source.join("report.json"),
+        r#"{ "frames": [{ "status": "accepted" }, { "status": "rejected" }] }"#,
+    )
+    .unwrap();
+    let out = dir.path().join("out");
+    succeed(&[
+        "export",
+        text(&source),
+        "--format",
+        "glb,usdz,materialx,unreal,unity-hdrp,unity-urp,blender",
+        "--out",
+        text(&out),
+        "--metallic",
+        "--tile",
+        "--texture",
+        "png16",
+        "--max-size",
+        "16",
+    ]);
+    let record = std::fs::read_to_string(out.join("material.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&record).unwrap();
+    // The size is read from the maps, the count of photographs from the report beside them.
+    assert_eq!(record["size_mm"], serde_json::json!([64.0, 64.0]));
+    assert_eq!(record["estimated"]["photographs"], 1);
+    for file in [
+        "material.glb",
+        "material.usdz",
+        "materialx/material.mtlx",
+        "unreal/orm.png",
+        "unity-hdrp/mask_map.png",
+        "unity-urp/specular_map.png",
+        "blender/material.py",
+        "height.png",
+        "height.exr",
+        "tile.png",
+        "maps/maps.exr",
+    ] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+    for folder in ["materialx", "unreal", "unity-hdrp", "unity-urp", "blender"] {
+        assert!(out.join(folder).join("material.json").is_file(), "{folder}");
+    }
+    succeed(&[
+        "render",
+        text(&out.join("maps")),
+        "--camera-mm",
+        "0,0,300",
+        "--light-mm",
+        "0,0,300",
+        "--out",
+        text(&out.join("lit.png")),
+    ]);
+}
+
+/// Every fault of the input is told with the file and the field, and leaves nothing behind.
+#[test]
+fn what_cannot_be_exported_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let source = dir.path().join("maps");
+    let check = |format: &str, status: i32, words: &[&str]| {
+        let said =
+            failure(&["export", text(&source), "--format", format, "--out", text(&out)], status);
+        for word in words {
+            assert!(said.contains(word), "{said}");
+        }
+        assert!(!out.exists());
+    };
+    check("glb", 2, &["maps", "normal"]);
+    write_maps(&source, &maps(8)).unwrap();
+    check("gltf", 2, &["--format", "gltf", "unity-urp"]);
+    check("glb,", 2, &["--format"]);
+    let exr = source.join("maps.exr");
+    std::fs::remove_file(&exr).unwrap();
+    image::GrayImage::new(3, 3).save(source.join("roughness.png")).unwrap();
+    check("glb", 2, &["roughness.png", "8 x 8"]);
+    std::fs::remove_file(source.join("roughness.png")).unwrap();
+    check("glb", 2, &["roughness"]);
+    let mut broken = maps(8);
+    broken.plane_mut(channel::ROUGHNESS)[3] = f32::NAN;
+    write_maps(&source, &broken).unwrap();
+    check("glb", 2, &["maps.exr", "roughness.Y", "NaN"]);
+    write_maps(&source, &svbrdf::Svbrdf::new(1, 1)).unwrap();
+    check("usdz", 2, &[text(&source), "1 x 1 texels"]);
+    write_maps(&source, &maps(8)).unwrap();
+    std::fs::write(&out, b"a file").unwrap();
+    let inside = out.join("inside");
+    let said = failure(&["export", text(&source), "--format", "glb", "--out", text(&inside)], 1);
+    assert!(said.contains(text(&inside)), "{said}");
 }

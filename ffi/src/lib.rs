@@ -11,6 +11,7 @@
 pub mod budget;
 mod callbacks;
 pub mod capture;
+pub mod export;
 mod handles;
 pub mod image;
 pub mod info;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
-use engine::export::{write_maps, write_preview};
+use engine::export::{write_preview, write_sized_maps};
 use engine::frame::Encoding;
 use engine::svbrdf::channel;
 
@@ -131,6 +131,12 @@ pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_ma
     std::ptr::without_provenance_mut(handle)
 }
 
+/// The maps behind a handle and the size of their sample, mm.
+pub(crate) fn shared(maps: *const svbrdf_maps) -> Result<(Arc<Svbrdf>, [f32; 2]), Fault> {
+    let maps = MAPS.get(maps.addr())?;
+    Ok((Arc::clone(&maps.maps), maps.sample_mm))
+}
+
 /// A caller's folder name.
 ///
 /// # Safety
@@ -150,7 +156,7 @@ pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> 
 
 /// Writes the files of svbrdf_maps_export().
 pub(crate) fn export(maps: &Svbrdf, sample_mm: [f32; 2], dir: &Path) -> Result<(), Fault> {
-    write_maps(dir, maps)?;
+    write_sized_maps(dir, maps, sample_mm)?;
     Ok(write_preview(dir.join("preview.png"), maps, sample_mm)?)
 }
 

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageBuffer};
 
+use super::floats::encode_channels;
 use crate::{Error, Result};
 
 /// Writes a file under a temporary name in the same folder, then renames it, so that nothing
@@ -26,6 +27,80 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         let _ = fs::remove_file(&temporary);
         Error::io(path, fault)
     })
+}
+
+/// Writes several files below `dir`, all of them or none: first under temporary names, then renamed.
+/// Folders are made if missing. Names are relative, with `/` between folders.
+///
+/// # Errors
+/// [`Error::Io`] naming the file that cannot be written; files that stood there before are untouched
+/// unless renaming itself fails part way.
+pub fn write_files(dir: impl AsRef<Path>, files: &[(String, Vec<u8>)]) -> Result<()> {
+    let dir = dir.as_ref();
+    let mut made = Made::default();
+    let result = made.write(dir, files);
+    if result.is_err() {
+        made.undo();
+    }
+    result
+}
+
+/// What [`write_files`] has made so far.
+#[derive(Default)]
+struct Made {
+    /// Folders, outer ones first.
+    folders: Vec<PathBuf>,
+    files: Vec<PathBuf>,
+}
+
+impl Made {
+    fn write(&mut self, dir: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
+        self.folder(dir)?;
+        let mut names = Vec::with_capacity(files.len());
+        for (name, bytes) in files {
+            let path = dir.join(name);
+            self.folder(path.parent().unwrap_or(dir))?;
+            if path.is_dir() {
+                let taken = std::io::Error::other("a folder has this name");
+                return Err(Error::io(path, taken));
+            }
+            let temporary = temporary_name(&path);
+            self.files.push(temporary.clone());
+            fs::File::create(&temporary)
+                .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+                .map_err(|e| Error::io(&path, e))?;
+            names.push((temporary, path));
+        }
+        for (temporary, path) in names {
+            let new = !path.exists();
+            fs::rename(&temporary, &path).map_err(|e| Error::io(&path, e))?;
+            if new {
+                self.files.push(path);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a folder and those above it that are missing.
+    fn folder(&mut self, dir: &Path) -> Result<()> {
+        let missing = dir.ancestors().take_while(|d| !d.as_os_str().is_empty() && !d.exists());
+        let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
+        for folder in missing.into_iter().rev() {
+            fs::create_dir(&folder).map_err(|e| Error::io(&folder, e))?;
+            self.folders.push(folder);
+        }
+        Ok(())
+    }
+
+    /// Removes everything again; the first fault is the one to tell.
+    fn undo(&self) {
+        for file in &self.files {
+            let _ = fs::remove_file(file);
+        }
+        for folder in self.folders.iter().rev() {
+            let _ = fs::remove_dir(folder);
+        }
+    }
 }
 
 /// Creates a folder if it is missing and checks that files can be made in it.
@@ -59,18 +134,14 @@ pub(super) fn write_png(path: &Path, picture: &DynamicImage) -> Result<()> {
 }
 
 /// A 16-bit RGB picture whose pixel `i` has the channels `value(i)`, each clipped to [0, 1].
-pub(super) fn rgb16(
-    width: usize,
-    height: usize,
-    value: impl Fn(usize) -> [f32; 3],
-) -> DynamicImage {
+fn rgb16(width: usize, height: usize, value: impl Fn(usize) -> [f32; 3]) -> DynamicImage {
     let data = (0..width * height).flat_map(|i| value(i).map(quantise)).collect();
     let buffer = ImageBuffer::from_raw(width as u32, height as u32, data);
     DynamicImage::ImageRgb16(buffer.expect("three values a pixel"))
 }
 
 /// The nearest 16-bit value; what is not a number becomes 0.
-pub(super) fn quantise(value: f32) -> u16 {
+fn quantise(value: f32) -> u16 {
     (f64::from(value) * 65535.0).round() as u16
 }
 
@@ -97,4 +168,21 @@ pub fn write_png16_image(
     check_planes(width, height, rgb)?;
     let n = width * height;
     write_png(path.as_ref(), &rgb16(width, height, |i| [rgb[i], rgb[n + i], rgb[2 * n + i]]))
+}
+
+/// Writes three planes (R, G, B) of linear values as a float EXR picture.
+///
+/// # Errors
+/// When the sizes do not fit or the file cannot be written.
+pub fn write_exr_image(
+    path: impl AsRef<Path>,
+    width: usize,
+    height: usize,
+    rgb: &[f32],
+) -> Result<()> {
+    check_planes(width, height, rgb)?;
+    let planes = ["R", "G", "B"].into_iter().zip(rgb.chunks_exact(width * height));
+    let planes = planes.map(|(name, plane)| (name, plane.to_vec())).collect();
+    let path = path.as_ref();
+    write_atomic(path, &encode_channels(width, height, planes, None)?)
 }

@@ -6,55 +6,53 @@ use std::path::Path;
 
 use exr::meta::MetaData;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels,
-    ReadLayers, WritableImage, read,
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+    ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
 };
 
-use super::files::{check_planes, write_atomic};
 use crate::frame::MAX_PIXELS;
 use crate::{Error, Result};
 
-/// Writes planes of `width * height` floats as the channels of one layer.
-pub fn write_channels(
-    path: &Path,
+/// Attribute with the width and height of all texels together, mm.
+const SAMPLE_MM: &str = "sampleSizeMm";
+
+/// The bytes of a file with planes of `width * height` floats as the channels of one layer. The
+/// size of the sample goes into its attributes `sampleSizeMm` (two floats), `xDensity` (texels an
+/// inch) and `pixelAspectRatio`.
+pub fn encode_channels(
     width: usize,
     height: usize,
     planes: Vec<(&str, Vec<f32>)>,
-) -> Result<()> {
+    sample_mm: Option<[f32; 2]>,
+) -> Result<Vec<u8>> {
     let channels = planes
         .into_iter()
         .map(|(name, plane)| AnyChannel::new(name, FlatSamples::F32(plane)))
         .collect();
+    let mut attributes = LayerAttributes::default();
+    if let Some([x, y]) = sample_mm {
+        attributes.horizontal_density = Some(25.4 * width as f32 / x);
+        let size = AttributeValue::FloatVec2(Vec2(x, y));
+        attributes.other.insert(SAMPLE_MM.into(), size);
+    }
     let layer = Layer::new(
         (width, height),
-        LayerAttributes::default(),
+        attributes,
         Encoding::FAST_LOSSLESS,
         AnyChannels::sort(channels),
     );
+    let mut image = Image::from_layer(layer);
+    if let Some([x, y]) = sample_mm {
+        image.attributes.pixel_aspect = (x / width as f32) / (y / height as f32);
+    }
     let mut bytes = Cursor::new(Vec::new());
     // One thread: the same bytes every time.
-    Image::from_layer(layer)
+    image
         .write()
         .non_parallel()
         .to_buffered(&mut bytes)
-        .map_err(|e| Error::Image { path: path.to_owned(), message: e.to_string() })?;
-    write_atomic(path, bytes.get_ref())
-}
-
-/// Writes three planes (R, G, B) of linear values as a float EXR picture.
-///
-/// # Errors
-/// When the sizes do not fit or the file cannot be written.
-pub fn write_exr_image(
-    path: impl AsRef<Path>,
-    width: usize,
-    height: usize,
-    rgb: &[f32],
-) -> Result<()> {
-    check_planes(width, height, rgb)?;
-    let planes = ["R", "G", "B"].into_iter().zip(rgb.chunks_exact(width * height));
-    let planes = planes.map(|(name, plane)| (name, plane.to_vec())).collect();
-    write_channels(path.as_ref(), width, height, planes)
+        .map_err(|e| Error::Internal(format!("floats could not be encoded: {e}")))?;
+    Ok(bytes.into_inner())
 }
 
 /// Size and channels of a file.
@@ -65,6 +63,8 @@ pub struct Channels {
     pub height: usize,
     /// Planes by name.
     pub planes: HashMap<String, Vec<f32>>,
+    /// Width and height of all texels together, mm, where stated.
+    pub sample_mm: Option<[f32; 2]>,
 }
 
 /// Reads every channel of the first layer.
@@ -95,5 +95,9 @@ pub fn read_channels(path: &Path) -> Result<Channels> {
     let planes = layer.channel_data.list.into_iter();
     let planes =
         planes.map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect();
-    Ok(Channels { width: layer.size.width(), height: layer.size.height(), planes })
+    let sample_mm = match layer.attributes.other.get(&Text::from(SAMPLE_MM)) {
+        Some(&AttributeValue::FloatVec2(Vec2(x, y))) => Some([x, y]),
+        _ => None,
+    };
+    Ok(Channels { width: layer.size.width(), height: layer.size.height(), planes, sample_mm })
 }

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageBuffer};
-
-use super::files::{check_writable, quantise, rgb16, write_png};
-use super::floats::{read_channels, write_channels};
+use super::files::write_files;
+use super::floats::{encode_channels, read_channels};
+use super::textures::{Density, Texture, TextureFormat};
 use crate::frame::{Encoding, read_picture};
+use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
 use crate::{Error, Result, Svbrdf};
 
@@ -25,35 +25,91 @@ const OTHERS: [&str; 7] = [
 
 /// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB
 /// curve), `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`,
-/// `diffuse.R/G/B`, `specular.R/G/B`, `roughness.Y`) into a folder, which is made if missing.
+/// `diffuse.R/G/B`, `specular.R/G/B`, `roughness.Y`) into a folder, which is made if missing: all
+/// files or none.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file that cannot be written.
 pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
-    let dir = dir.as_ref();
-    check_writable(dir)?;
-    let (w, h) = (maps.width(), maps.height());
-    let normal = |i: usize| maps.normal(i % w, i / w);
-    write_png(&dir.join("normal.png"), &rgb16(w, h, |i| normal(i).map(|v| 0.5 * v + 0.5)))?;
-    for (name, first) in [("diffuse.png", channel::DIFFUSE), ("specular.png", channel::SPECULAR)] {
-        let planes: [&[f32]; 3] = std::array::from_fn(|c| maps.plane(first + c));
-        let picture =
-            rgb16(w, h, |i| planes.map(|p| Encoding::Srgb.encode(f64::from(p[i])) as f32));
-        write_png(&dir.join(name), &picture)?;
+    write_files(dir, &map_files(maps, None)?)
+}
+
+/// As [`write_maps`]; the width and height of the sample go into every file (PNG: `pHYs`, OpenEXR:
+/// the attributes `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
+///
+/// # Errors
+/// As [`write_maps`]; [`Error::Argument`] where a length is not positive.
+pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
+    check_size(sample_mm)?;
+    write_files(dir, &map_files(maps, Some(sample_mm))?)
+}
+
+/// Checks that both lengths are positive.
+pub(super) fn check_size(sample_mm: [f32; 2]) -> Result<()> {
+    if sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Ok(());
     }
-    let roughness = maps.plane(channel::ROUGHNESS).iter().map(|&v| quantise(v)).collect();
-    let roughness = ImageBuffer::from_raw(w as u32, h as u32, roughness);
-    let roughness = DynamicImage::ImageLuma16(roughness.expect("one value a texel"));
-    write_png(&dir.join("roughness.png"), &roughness)?;
+    let message = format!("{sample_mm:?} given, two positive lengths in mm expected");
+    Err(Error::argument("sample_mm", message))
+}
+
+/// Names and bytes of the files of [`write_maps`].
+pub(super) fn map_files(
+    maps: &Svbrdf,
+    sample_mm: Option<[f32; 2]>,
+) -> Result<Vec<(String, Vec<u8>)>> {
+    let (w, h) = (maps.width(), maps.height());
+    let density = sample_mm.map(|mm| Density::of([w, h], mm));
+    let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
+    let (diffuse, specular) = (three(channel::DIFFUSE), three(channel::SPECULAR));
+    let roughness = maps.plane(channel::ROUGHNESS);
+    let textures = [
+        ("normal", Texture::data(w, h, |i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5))),
+        ("diffuse", Texture::colour(w, h, |i| diffuse.map(|p| p[i]))),
+        ("specular", Texture::colour(w, h, |i| specular.map(|p| p[i]))),
+        ("roughness", Texture::gray(w, h, |i| roughness[i])),
+    ];
+    let mut files = parallel::map(textures.len(), |i| {
+        let (name, texture) = &textures[i];
+        Ok((format!("{name}.png"), texture.encode(TextureFormat::Png16, density)?))
+    })
+    .into_iter()
+    .collect::<Result<Vec<_>>>()?;
 
     let mut planes = Vec::with_capacity(10);
     for (axis, name) in NORMAL.into_iter().enumerate() {
-        planes.push((name, (0..w * h).map(|i| normal(i)[axis]).collect()));
+        planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
     for (c, name) in OTHERS.into_iter().enumerate() {
         planes.push((name, maps.plane(channel::DIFFUSE + c).to_vec()));
     }
-    write_channels(&dir.join("maps.exr"), w, h, planes)
+    files.push(("maps.exr".into(), encode_channels(w, h, planes, sample_mm)?));
+    Ok(files)
+}
+
+/// Width and height of the sample, mm, as the files of a folder of maps state them: `maps.exr`, or
+/// else `normal.png`. `None` where they do not.
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Image`] naming the file that is missing or damaged.
+pub fn read_sample_mm(dir: impl AsRef<Path>) -> Result<Option<[f32; 2]>> {
+    let float = dir.as_ref().join("maps.exr");
+    if float.is_file() {
+        let stated = read_channels(&float)?.sample_mm;
+        return Ok(stated.filter(|mm| mm.iter().all(|v| v.is_finite() && *v > 0.0)));
+    }
+    let path = find_picture(dir.as_ref(), "normal")?;
+    if path.extension().is_none_or(|e| e != "png") {
+        return Ok(None);
+    }
+    let file = std::fs::File::open(&path).map_err(|e| Error::io(&path, e))?;
+    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info();
+    let reader = reader.map_err(|e| Error::Image { path, message: e.to_string() })?;
+    let info = reader.info();
+    let stated = info.pixel_dims.filter(|dims| dims.unit == png::Unit::Meter);
+    let stated = stated.filter(|dims| dims.xppu > 0 && dims.yppu > 0);
+    let mm = |texels: u32, per_metre: u32| 1000.0 * texels as f32 / per_metre as f32;
+    Ok(stated.map(|d| [mm(info.width, d.xppu), mm(info.height, d.yppu)]))
 }
 
 /// Reads maps back from a folder: `maps.exr`, or else the four pictures `normal`, `diffuse`,
@@ -62,7 +118,7 @@ pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Image`] naming the file that is missing, damaged or of another size
-/// than the rest.
+/// than the rest; [`Error::Field`] naming file and channel that hold values that are not finite.
 pub fn read_maps(dir: impl AsRef<Path>) -> Result<Svbrdf> {
     let dir = dir.as_ref();
     let float = dir.join("maps.exr");
@@ -73,11 +129,21 @@ pub fn read_maps(dir: impl AsRef<Path>) -> Result<Svbrdf> {
 
 fn read_float(path: &Path) -> Result<Svbrdf> {
     let mut file = read_channels(path)?;
+    let width = file.width;
     let mut take = |name: &str| {
-        file.planes.remove(name).ok_or_else(|| Error::Image {
+        let plane = file.planes.remove(name).ok_or_else(|| Error::Image {
             path: path.to_owned(),
             message: format!("no channel {name}; expected {NORMAL:?} and {OTHERS:?}"),
-        })
+        })?;
+        match plane.iter().position(|v| !v.is_finite()) {
+            None => Ok(plane),
+            Some(i) => Err(Error::Field {
+                path: path.to_owned(),
+                field: name.to_owned(),
+                message: format!("{} at column {}, row {}", plane[i], i % width, i / width),
+                expected: "finite numbers".into(),
+            }),
+        }
     };
     let normal = [take(NORMAL[0])?, take(NORMAL[1])?, take(NORMAL[2])?];
     let n = normal[0].len();

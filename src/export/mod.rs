@@ -1,19 +1,35 @@
-//! Maps to files and back: PNG, OpenEXR, previews.
+//! Maps to files and back, and to what other programs read: PNG, OpenEXR, previews; glTF, USDZ,
+//! MaterialX, Unreal, Unity and Blender ([`export()`]).
 //!
 //! Every file appears under its name complete or not at all: it is written under a temporary name
 //! in the same folder, then renamed.
 
+mod blender;
+mod bundle;
+mod convert;
+mod engines;
 mod files;
 mod floats;
+mod glb;
+mod height;
 mod maps;
+mod materialx;
+mod package;
+mod poisson;
 mod preview;
 mod resample;
+mod stack;
+mod textures;
+mod tile;
+mod usdz;
 
-pub use files::{check_writable, write_atomic, write_png16_image};
-pub use floats::write_exr_image;
-pub use maps::{read_maps, write_maps};
+pub use files::{check_writable, write_atomic, write_exr_image, write_files, write_png16_image};
+pub use height::{Height, occlusion};
+pub use maps::{read_maps, read_sample_mm, write_maps, write_sized_maps};
+pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, relit, write_preview};
 pub use resample::resized;
+pub use textures::TextureFormat;
 
 #[cfg(test)]
 mod tests;

@@ -54,6 +54,37 @@ fn maps_come_back_from_floats_and_from_pictures() {
     assert_eq!(normal.color(), image::ColorType::Rgb16);
 }
 
+/// Both kinds of files state the size of the sample; others state none.
+#[test]
+fn maps_state_the_size_of_their_sample() {
+    let dir = tempfile::tempdir().unwrap();
+    let maps = varied(12, 7);
+    write_maps(dir.path(), &maps).unwrap();
+    assert_eq!(read_sample_mm(dir.path()).unwrap(), None);
+    write_sized_maps(dir.path(), &maps, [60.0, 35.5]).unwrap();
+    assert_eq!(read_sample_mm(dir.path()).unwrap(), Some([60.0, 35.5]));
+    assert_eq!(read_maps(dir.path()).unwrap().texels(), 84);
+    std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
+    // Whole texels a metre: half of one in 200.
+    let [x, y] = read_sample_mm(dir.path()).unwrap().unwrap();
+    assert!((x - 60.0).abs() < 0.16 && (y - 35.5).abs() < 0.1, "{x} {y}");
+    assert!(write_sized_maps(dir.path(), &maps, [0.0, 1.0]).is_err());
+    std::fs::remove_file(dir.path().join("normal.png")).unwrap();
+    assert!(read_sample_mm(dir.path()).unwrap_err().to_string().contains("normal"));
+}
+
+#[test]
+fn values_that_are_no_numbers_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut maps = varied(6, 4);
+    maps.plane_mut(channel::SPECULAR + 2)[8] = f32::NAN;
+    write_maps(dir.path(), &maps).unwrap();
+    let fault = read_maps(dir.path()).unwrap_err();
+    let text = fault.to_string();
+    assert!(matches!(&fault, Error::Field { .. }) && text.contains("maps.exr"), "{text}");
+    assert!(text.contains("specular.B") && text.contains("column 2, row 1"), "{text}");
+}
+
 #[test]
 fn a_slope_to_the_right_is_red_and_one_upwards_green() {
     let dir = tempfile::tempdir().unwrap();

@@ -56,6 +56,68 @@ static svbrdf_models *load_models(const char *folder)
     return models;
 }
 
+/* Files for other programs, in memory and on disk. */
+static void check_packages(const svbrdf_maps *maps, const char *folder)
+{
+    svbrdf_export_options options;
+    svbrdf_package *package = NULL;
+    const char *name = NULL;
+    const void *data = NULL;
+    char path[4096];
+    size_t bytes = 0;
+    uint32_t count = 0, i, found = 0;
+    OK(svbrdf_export_options_init(&options, sizeof options));
+    options.formats = "glb, usdz,unity-hdrp";
+    options.texture = SVBRDF_TEXTURE_JPEG;
+    options.max_size = 16;
+    options.photos = 3;
+    OK(svbrdf_maps_export_package(maps, &options, &package));
+    OK(svbrdf_package_count(package, &count));
+    CHECK(count > 6);
+    for (i = 0; i < count; i++) {
+        OK(svbrdf_package_file(package, i, &name, &data, &bytes));
+        CHECK(bytes > 0);
+        if (strcmp(name, "material.glb") == 0) {
+            CHECK(memcmp(data, "glTF\2\0\0\0", 8) == 0);
+            found++;
+        } else if (strcmp(name, "material.usdz") == 0) {
+            CHECK(memcmp(data, "PK\3\4", 4) == 0);
+            found++;
+        } else if (strcmp(name, "unity-hdrp/mask_map.png") == 0) {
+            CHECK(memcmp(data, "\x89PNG", 4) == 0);
+            found++;
+        }
+    }
+    CHECK(found == 3);
+    EXPECT(svbrdf_package_file(package, count, &name, &data, &bytes), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_package_file(package, 0, NULL, NULL, NULL));
+    EXPECT(svbrdf_package_count(package, NULL), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_package_destroy(package));
+    EXPECT(svbrdf_package_destroy(package), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_package_count(package, &count), SVBRDF_INVALID_HANDLE);
+    OK(svbrdf_package_destroy(NULL));
+
+    CHECK(snprintf(path, sizeof path, "%s/packages", folder) < (int)sizeof path);
+    OK(svbrdf_maps_export_formats(maps, &options, path));
+    EXPECT(svbrdf_maps_export_formats(maps, &options, "/proc/nowhere"), SVBRDF_IO);
+    EXPECT(svbrdf_maps_export_formats(maps, &options, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export_formats(maps, NULL, path), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export_package(maps, &options, NULL), SVBRDF_INVALID_ARGUMENT);
+    options.formats = "glb,obj";
+    EXPECT(svbrdf_maps_export_package(maps, &options, &package), SVBRDF_INVALID_ARGUMENT);
+    CHECK(strstr(svbrdf_last_error_message(), "obj") != NULL);
+    options.formats = NULL;
+    options.tile = 2;
+    EXPECT(svbrdf_maps_export_package(maps, &options, &package), SVBRDF_INVALID_ARGUMENT);
+    CHECK(strstr(svbrdf_last_error_message(), "tile") != NULL);
+    options.tile = 0;
+    options.texture = 9;
+    EXPECT(svbrdf_maps_export_package(maps, &options, &package), SVBRDF_INVALID_ARGUMENT);
+    options.texture = SVBRDF_TEXTURE_PNG8;
+    options.max_size = 1;
+    EXPECT(svbrdf_maps_export_package(maps, &options, &package), SVBRDF_INVALID_ARGUMENT);
+}
+
 void test_maps(const char *folder)
 {
     static const unsigned formats[] = {SVBRDF_MAP_FORMAT_F32, SVBRDF_MAP_FORMAT_RGB8,
@@ -149,6 +211,7 @@ void test_maps(const char *folder)
     EXPECT(svbrdf_maps_export(maps, ""), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_export(maps, "\xff\xfe"), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_export(maps, "/proc/nowhere"), SVBRDF_IO);
+    check_packages(maps, folder);
     OK(svbrdf_maps_destroy(maps));
     EXPECT(svbrdf_maps_destroy(maps), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_maps_size(maps, &width, &height, NULL), SVBRDF_INVALID_HANDLE);

@@ -1,0 +1,178 @@
+//! What every export starts from: maps of one size, height and occlusion, and textures of them.
+
+use super::convert::{Albedos, Interface, MetallicModel, Split};
+use super::floats::encode_channels;
+use super::height::Height;
+use super::textures::{Density, Texture, TextureFormat};
+use crate::svbrdf::channel;
+use crate::{Result, Svbrdf, parallel};
+
+/// Files by name.
+pub(super) type Files = Vec<(String, Vec<u8>)>;
+
+/// Maps and what follows from them.
+pub(super) struct Bundle {
+    pub maps: Svbrdf,
+    pub sample_mm: [f32; 2],
+    pub tileable: bool,
+    pub height: Height,
+    /// One value a texel, 1 = open.
+    pub occlusion: Vec<f32>,
+    pub texture: TextureFormat,
+    /// Base colour and metalness in place of a specular colour where there is a choice.
+    pub metallic: bool,
+}
+
+/// Texels split for a renderer with metalness, and what they lose.
+pub(super) struct Splits {
+    pub texels: Vec<Split>,
+    /// Root-mean-square difference of diffuse albedo and of F0, as that renderer shows them.
+    pub rms: [f32; 2],
+}
+
+/// Inputs of renderers that follow glTF's layering: a diffuse base under one interface.
+pub(super) struct Layered {
+    pub base: Texture,
+    /// Scales the interface's reflectance; none: white.
+    pub tint: Option<Texture>,
+    /// Occlusion, roughness, metalness.
+    pub orm: Texture,
+    pub ior: f32,
+    /// What metalness lost.
+    pub rms: Option<[f32; 2]>,
+}
+
+impl Bundle {
+    /// Width and height, texels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.maps.width(), self.maps.height()]
+    }
+
+    /// Albedos of a texel.
+    pub fn albedos(&self, i: usize) -> Albedos {
+        let three = |first: usize| [0, 1, 2].map(|c| self.maps.plane(first + c)[i]);
+        Albedos { diffuse: three(channel::DIFFUSE), specular: three(channel::SPECULAR) }
+    }
+
+    /// The index of refraction that the largest F0 of all texels asks for.
+    pub fn interface(&self) -> Interface {
+        let n = self.maps.texels();
+        let specular = &self.maps.planes()[channel::SPECULAR * n..channel::ROUGHNESS * n];
+        Interface::of(specular.iter().copied().fold(0.0, f32::max))
+    }
+
+    pub fn roughness(&self) -> &[f32] {
+        self.maps.plane(channel::ROUGHNESS)
+    }
+
+    /// A linear texture of three channels.
+    pub fn data(&self, value: impl Fn(usize) -> [f32; 3] + Sync) -> Texture {
+        Texture::data(self.maps.width(), self.maps.height(), value)
+    }
+
+    /// A texture of three channels with the sRGB curve.
+    pub fn colour(&self, value: impl Fn(usize) -> [f32; 3] + Sync) -> Texture {
+        Texture::colour(self.maps.width(), self.maps.height(), value)
+    }
+
+    /// A linear texture of one channel.
+    pub fn gray(&self, value: impl Fn(usize) -> f32 + Sync) -> Texture {
+        Texture::gray(self.maps.width(), self.maps.height(), value)
+    }
+
+    /// A texture of four channels; `colour`: the first three with the sRGB curve.
+    pub fn rgba(&self, colour: bool, value: impl Fn(usize) -> [f32; 4] + Sync) -> Texture {
+        Texture::rgba(self.maps.width(), self.maps.height(), colour, value)
+    }
+
+    /// Normals as `(n + 1) / 2`; `up` 1: green towards +Y (OpenGL), -1: towards -Y (DirectX).
+    pub fn normals(&self, up: f32) -> Texture {
+        let width = self.maps.width();
+        self.data(|i| {
+            let [x, y, z] = self.maps.normal(i % width, i / width);
+            [x, up * y, z].map(|v| 0.5 * v + 0.5)
+        })
+    }
+
+    /// Every texel split for a kind of renderer.
+    pub fn splits(&self, model: MetallicModel) -> Splits {
+        let width = self.maps.width();
+        let rows = parallel::map(self.maps.height(), |y| {
+            let texels = y * width..(y + 1) * width;
+            let mut squares = [0.0f64; 2];
+            let splits: Vec<Split> = texels
+                .map(|i| {
+                    let wanted = self.albedos(i);
+                    let split = model.split(&wanted);
+                    let shown = model.albedos(&split);
+                    for c in 0..3 {
+                        squares[0] += f64::from(shown.diffuse[c] - wanted.diffuse[c]).powi(2);
+                        squares[1] += f64::from(shown.specular[c] - wanted.specular[c]).powi(2);
+                    }
+                    split
+                })
+                .collect();
+            (splits, squares)
+        });
+        let count = 3.0 * self.maps.texels() as f64;
+        let rms = [0, 1].map(|k| (rows.iter().map(|r| r.1[k]).sum::<f64>() / count).sqrt() as f32);
+        Splits { texels: rows.into_iter().flat_map(|r| r.0).collect(), rms }
+    }
+
+    /// Textures for glTF, MaterialX and Blender.
+    pub fn layered(&self) -> Layered {
+        let (occlusion, roughness) = (&self.occlusion, self.roughness());
+        if self.metallic {
+            let splits = self.splits(MetallicModel::GLTF);
+            return Layered {
+                base: self.colour(|i| splits.texels[i].base),
+                tint: None,
+                orm: self.data(|i| [occlusion[i], roughness[i], splits.texels[i].metallic]),
+                ior: 1.5,
+                rms: Some(splits.rms),
+            };
+        }
+        let interface = self.interface();
+        Layered {
+            base: self.colour(|i| self.albedos(i).base_below_coat()),
+            tint: Some(self.colour(|i| interface.tint(self.albedos(i).specular))),
+            orm: self.data(|i| [occlusion[i], roughness[i], 0.0]),
+            ior: interface.ior,
+            rms: None,
+        }
+    }
+
+    /// Height as a texture: 0 is the lowest, 1 the highest value.
+    pub fn height_texture(&self) -> Texture {
+        let [low, high] = self.height.range_mm();
+        let scale = if high > low { (high - low).recip() } else { 0.0 };
+        self.gray(|i| (self.height.mm[i] - low) * scale)
+    }
+
+    /// Height in mm as OpenEXR, channel `Y`.
+    pub fn height_floats(&self) -> Result<Vec<u8>> {
+        let [w, h] = self.size();
+        encode_channels(w, h, vec![("Y", self.height.mm.clone())], Some(self.sample_mm))
+    }
+
+    /// Encodes textures in the format of the export, each under its folder, stem and ending.
+    /// Height is always stored in 16 bits.
+    pub fn encode(&self, folder: &str, textures: &[(&str, Texture)]) -> Result<Files> {
+        let density = Some(Density::of(self.size(), self.sample_mm));
+        let encoded = parallel::map(textures.len(), |i| {
+            let (stem, texture) = &textures[i];
+            let wanted = if *stem == HEIGHT { TextureFormat::Png16 } else { self.texture };
+            let ending = texture.format(wanted).extension();
+            Ok((format!("{folder}{stem}.{ending}"), texture.encode(wanted, density)?))
+        });
+        encoded.into_iter().collect()
+    }
+}
+
+/// Stem of the height's texture.
+pub(super) const HEIGHT: &str = "height";
+
+/// A number as JSON that reads as short as it is.
+pub(super) fn number(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}

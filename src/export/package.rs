@@ -1,0 +1,295 @@
+//! Materials as other programs read them: the exporter.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::bundle::{Bundle, Files, HEIGHT, number};
+use super::files::write_files;
+use super::height::{Height, occlusion};
+use super::maps::{check_size, map_files};
+use super::resample::resized;
+use super::textures::TextureFormat;
+use super::{blender, engines, glb, materialx, tile, usdz};
+use crate::svbrdf::CHANNELS;
+use crate::{Error, Result, Svbrdf};
+
+/// What an export is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// `material.glb`: binary glTF 2.0 with `KHR_materials_specular` and `KHR_materials_ior`.
+    Glb,
+    /// `material.usdz`: `UsdPreviewSurface` with metalness.
+    Usdz,
+    /// `materialx/`: MaterialX 1.39, `gltf_pbr` and `open_pbr_surface`.
+    MaterialX,
+    /// `unreal/`: textures for Unreal's default lit material.
+    Unreal,
+    /// `unity-hdrp/`: textures for Unity's HDRP Lit shader.
+    UnityHdrp,
+    /// `unity-urp/`: textures for Unity's URP Lit shader, specular set-up.
+    UnityUrp,
+    /// `blender/`: a script that builds the nodes.
+    Blender,
+}
+
+impl Format {
+    /// Every format.
+    pub const ALL: [Self; 7] = [
+        Self::Glb,
+        Self::Usdz,
+        Self::MaterialX,
+        Self::Unreal,
+        Self::UnityHdrp,
+        Self::UnityUrp,
+        Self::Blender,
+    ];
+
+    /// `glb`, `usdz`, `materialx`, `unreal`, `unity-hdrp`, `unity-urp`, `blender`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Glb => "glb",
+            Self::Usdz => "usdz",
+            Self::MaterialX => "materialx",
+            Self::Unreal => "unreal",
+            Self::UnityHdrp => "unity-hdrp",
+            Self::UnityUrp => "unity-urp",
+            Self::Blender => "blender",
+        }
+    }
+
+    /// The format of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.name() == name)
+    }
+}
+
+/// How to export.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExportOptions {
+    /// Formats to make.
+    pub formats: Vec<Format>,
+    /// Width and height of the sample, mm.
+    pub sample_mm: [f32; 2],
+    /// GLB, MaterialX and Blender: base colour and metalness (a least-squares split whose error
+    /// `material.json` states) in place of a specular colour, for programs that do not know it. The
+    /// other formats follow what their programs know.
+    pub metallic: bool,
+    /// Make the maps seamless first.
+    pub tile: bool,
+    /// How textures are stored; height always has 16 bits.
+    pub texture: TextureFormat,
+    /// Longer side of the textures at most, texels; 0: no limit.
+    pub max_size: usize,
+    /// Photographs that the maps were estimated from, if known.
+    pub photographs: Option<u32>,
+}
+
+impl Default for ExportOptions {
+    /// A GLB of a sample of 100 mm.
+    fn default() -> Self {
+        Self {
+            formats: vec![Format::Glb],
+            sample_mm: [100.0; 2],
+            metallic: false,
+            tile: false,
+            texture: TextureFormat::default(),
+            max_size: 0,
+            photographs: None,
+        }
+    }
+}
+
+/// Exported files in memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Package {
+    /// Names (relative, `/` between folders) and bytes.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl Package {
+    /// The file of that name.
+    pub fn file(&self, name: &str) -> Option<&[u8]> {
+        self.files.iter().find(|(n, _)| n == name).map(|(_, bytes)| bytes.as_slice())
+    }
+
+    /// Writes all files below a folder, which is made if missing, or none of them.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file that cannot be written.
+    pub fn write(&self, dir: impl AsRef<Path>) -> Result<()> {
+        write_files(dir, &self.files)
+    }
+}
+
+/// Exports maps: `material.glb`, `material.usdz` and a folder for every other format. Beside them
+/// stand `material.json` (units, conventions, size, what each file holds; in every folder, too),
+/// `height.png` (16 bits, range in `material.json`), `height.exr` (mm), and, for seamless maps,
+/// `maps/` (as [`write_maps`](super::write_maps) writes them) and `tile.png`, a picture of 3 x 3.
+///
+/// # Errors
+/// [`Error::Argument`] where no format is given, the size of the sample is not positive, the maps
+/// have fewer than two texels along a side (sixteen, to become seamless) or hold values that are
+/// not finite.
+pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
+    check(maps, options)?;
+    let mut maps = limited(maps, options.max_size);
+    maps.clamp();
+    let (maps, seam) = if options.tile {
+        let tile::Tiled { maps, seam, cuts } = tile::seamless(&maps)?;
+        (maps, Some([seam, cuts]))
+    } else {
+        (maps, None)
+    };
+    let height = Height::of(&maps, options.sample_mm, options.tile)?;
+    let occlusion = occlusion(&maps, &height, options.sample_mm, options.tile)?;
+    let bundle = Bundle {
+        maps,
+        sample_mm: options.sample_mm,
+        tileable: options.tile,
+        height,
+        occlusion,
+        texture: options.texture,
+        metallic: options.metallic,
+    };
+    let mut files = Files::new();
+    let mut record = record(&bundle, options.photographs);
+    if let Some([seam, cuts]) = seam {
+        record["tile"] = json!({
+            "seam": number(seam),
+            "cuts": number(cuts),
+            "meaning": "seam: mean difference of neighbours across the border against that inside; \
+                        cuts: how much both sides of the cuts disagree, in the same unit; of the map \
+                        for which it is greatest",
+        });
+        let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
+        files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
+        files.push(("tile.png".into(), tile::picture(&bundle.maps, bundle.sample_mm)?));
+    }
+    files.extend(bundle.encode("", &[(HEIGHT, bundle.height_texture())])?);
+    files.push((format!("{HEIGHT}.exr"), bundle.height_floats()?));
+    let shared = record.clone();
+    for &format in &options.formats {
+        let (made, description) = encode(&bundle, format)?;
+        if made.len() > 1 {
+            let mut own = shared.clone();
+            own["exports"] = json!({ format.name(): description });
+            files.push((format!("{}/material.json", format.name()), pretty(&own)?));
+        }
+        files.extend(made);
+        record["exports"][format.name()] = description;
+    }
+    files.push(("material.json".into(), pretty(&record)?));
+    Ok(Package { files })
+}
+
+/// Files of one format and what they hold.
+fn encode(bundle: &Bundle, format: Format) -> Result<(Files, Value)> {
+    let folder = &format!("{}/", format.name());
+    match format {
+        Format::Glb => {
+            let layered = bundle.layered();
+            let file = ("material.glb".into(), glb::encode(bundle, &layered)?);
+            Ok((vec![file], glb::describe(&layered)))
+        }
+        Format::Usdz => {
+            let (bytes, description) = usdz::encode(bundle)?;
+            Ok((vec![("material.usdz".into(), bytes)], description))
+        }
+        Format::MaterialX => materialx::encode(bundle, &bundle.layered(), folder),
+        Format::Unreal => engines::unreal(bundle, folder),
+        Format::UnityHdrp => engines::unity_hdrp(bundle, folder),
+        Format::UnityUrp => engines::unity_urp(bundle, folder),
+        Format::Blender => blender::encode(bundle, &bundle.layered(), folder),
+    }
+}
+
+fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
+    const NAMES: [&str; CHANNELS] = [
+        "slope x",
+        "slope y",
+        "diffuse red",
+        "diffuse green",
+        "diffuse blue",
+        "specular red",
+        "specular green",
+        "specular blue",
+        "roughness",
+    ];
+    check_size(options.sample_mm)?;
+    if options.formats.is_empty() {
+        let names = Format::ALL.map(Format::name).join(", ");
+        return Err(Error::argument("formats", format!("none given, some of {names} expected")));
+    }
+    let (w, h) = (maps.width(), maps.height());
+    if w.min(h) < 2 {
+        let message = format!("{w} x {h} texels given, at least 2 x 2 expected");
+        return Err(Error::argument("maps", message));
+    }
+    if options.max_size == 1 {
+        return Err(Error::argument("max_size", "1 given, 0 or at least 2 expected"));
+    }
+    if let Some(i) = maps.planes().iter().position(|v| !v.is_finite()) {
+        let (plane, texel) = (i / maps.texels(), i % maps.texels());
+        let (value, name) = (maps.planes()[i], NAMES[plane]);
+        let message = format!(
+            "{name} is {value} at column {}, row {}; finite numbers expected",
+            texel % w,
+            texel / w
+        );
+        return Err(Error::argument("maps", message));
+    }
+    Ok(())
+}
+
+/// Maps whose longer side has at most so many texels, the other in proportion.
+fn limited(maps: &Svbrdf, max_size: usize) -> Svbrdf {
+    let longer = maps.width().max(maps.height());
+    if max_size == 0 || longer <= max_size {
+        return maps.clone();
+    }
+    let side = |n: usize| ((n * max_size + longer / 2) / longer).max(2);
+    resized(maps, side(maps.width()), side(maps.height()))
+}
+
+/// What `material.json` says of all formats.
+fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
+    let (size, mm) = (bundle.size(), bundle.sample_mm);
+    json!({
+        "format": "svbrdf-material/1",
+        "generator": concat!("svbrdf ", env!("CARGO_PKG_VERSION")),
+        "size_mm": mm.map(number),
+        "texels": size,
+        "texels_per_mm": [0, 1].map(|i| number(size[i] as f32 / mm[i])),
+        "tileable": bundle.tileable,
+        "texture": bundle.texture.name(),
+        "conventions": {
+            "layout": "row 0 is the sample's +Y edge, column 0 its -X edge",
+            "brdf": "kd / pi + D F G / (4 NoL NoV); GGX, alpha = roughness^2; Schlick's F with F0",
+            "colour": "linear Rec. 709; colour textures are stored with the sRGB curve",
+            "normal": "X right, Y up (OpenGL), Z out, as (n + 1) / 2, except where stated",
+        },
+        "estimated": {
+            "photographs": photographs,
+            "maps": ["normal", "diffuse", "specular", "roughness"],
+            "derived": ["height", "occlusion"],
+        },
+        "height": {
+            "range_mm": bundle.height.range_mm().map(number),
+            "png": "16 bits: 0 is the range's low end, 65535 its high end",
+            "exr": "mm above the mean",
+            "unexplained_share": number(bundle.height.unexplained),
+        },
+        "occlusion": "from the height: cosine-weighted part of the sky that is seen, within 40 texels",
+        "exports": {},
+    })
+}
+
+fn pretty(value: &Value) -> Result<Vec<u8>> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Error::Internal(e.to_string()))?;
+    Ok((text + "\n").into_bytes())
+}
+
+#[cfg(test)]
+#[path = "package_tests.rs"]
+mod tests;

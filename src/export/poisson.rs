@@ -1,0 +1,265 @@
+//! Functions from their differences between neighbours, by least squares (Poisson's equation),
+//! solved with trigonometric transforms as by Frankot and Chellappa (PAMI 10(4), 1988), here with
+//! the eigenvalues of finite differences, for which borders are exact.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftDirection, FftPlannerScalar};
+
+use crate::parallel;
+
+/// How an axis ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Border {
+    /// Nothing is known beyond the last value: the solution is extended by its mirror image.
+    Free,
+    /// The last value stands beside the first.
+    Periodic,
+}
+
+/// Differences from each value to its right and lower neighbour; in the last column or row of a
+/// free axis they do not count.
+pub(super) struct Differences {
+    pub right: Vec<f32>,
+    pub down: Vec<f32>,
+}
+
+/// A grid of values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    pub width: usize,
+    pub height: usize,
+    /// Of rows (from left to right) and of columns.
+    pub borders: [Border; 2],
+    /// Distances between columns and between rows: differences are weighed as slopes.
+    pub spacing: [f64; 2],
+}
+
+impl Grid {
+    /// The function of mean 0 whose slopes differ least from the given ones in the squares' sum.
+    pub fn integrate(&self, differences: &Differences) -> Vec<f32> {
+        let (w, h) = (self.width, self.height);
+        let (along, down) = (Axis::new(w, self.borders[0]), Axis::new(h, self.borders[1]));
+        let mut values = self.divergence(differences);
+        along.transform(&mut values, Axis::forward);
+        let mut columns = transposed(&values, w, h);
+        down.transform(&mut columns, Axis::forward);
+        let [kx, ky] = self.spacing.map(|s| (s * s).recip());
+        for (x, column) in columns.chunks_exact_mut(h).enumerate() {
+            for (y, v) in column.iter_mut().enumerate() {
+                let eigenvalue = kx * along.eigenvalue(x) + ky * down.eigenvalue(y);
+                *v = if x + y == 0 { 0.0 } else { *v / -eigenvalue };
+            }
+        }
+        down.transform(&mut columns, Axis::inverse);
+        values = transposed(&columns, h, w);
+        along.transform(&mut values, Axis::inverse);
+        values.into_iter().map(|v| v as f32).collect()
+    }
+
+    /// Share of the squared slopes that the function does not have, 0 to 1; 0 where there are none.
+    pub fn unexplained(&self, differences: &Differences, values: &[f32]) -> f32 {
+        let (w, h) = (self.width, self.height);
+        let [kx, ky] = self.spacing.map(|s| (s * s).recip());
+        let (mut all, mut left) = (0.0, 0.0);
+        for i in 0..w * h {
+            let (x, y) = (i % w, i / w);
+            for (axis, last, to, given, k) in [
+                (0, x + 1 == w, y * w + (x + 1) % w, differences.right[i], kx),
+                (1, y + 1 == h, (y + 1) % h * w + x, differences.down[i], ky),
+            ] {
+                if last && self.borders[axis] == Border::Free {
+                    continue;
+                }
+                let found = f64::from(values[to]) - f64::from(values[i]);
+                all += k * f64::from(given).powi(2);
+                left += k * (found - f64::from(given)).powi(2);
+            }
+        }
+        if all > 0.0 { (left / all) as f32 } else { 0.0 }
+    }
+
+    fn divergence(&self, differences: &Differences) -> Vec<f64> {
+        let (w, h) = (self.width, self.height);
+        let [kx, ky] = self.spacing.map(|s| (s * s).recip());
+        let [free_x, free_y] = self.borders.map(|b| b == Border::Free);
+        let mut out = vec![0.0; w * h];
+        parallel::parts(out.chunks_mut(w), |y, row| {
+            let above = (y + h - 1) % h;
+            for (x, v) in row.iter_mut().enumerate() {
+                let i = y * w + x;
+                let right = if free_x && x + 1 == w { 0.0 } else { differences.right[i] };
+                let left =
+                    if free_x && x == 0 { 0.0 } else { differences.right[y * w + (x + w - 1) % w] };
+                let down = if free_y && y + 1 == h { 0.0 } else { differences.down[i] };
+                let up = if free_y && y == 0 { 0.0 } else { differences.down[above * w + x] };
+                *v = kx * f64::from(right - left) + ky * f64::from(down - up);
+            }
+        });
+        out
+    }
+}
+
+/// Rows of a grid become columns.
+fn transposed(values: &[f64], width: usize, height: usize) -> Vec<f64> {
+    /// Values along each side of the blocks that are copied at once: they fit the caches.
+    const BLOCK: usize = 16;
+    let mut out = vec![0.0; values.len()];
+    parallel::parts(out.chunks_mut(BLOCK * height), |band, out| {
+        for y0 in (0..height).step_by(BLOCK) {
+            for (x, column) in out.chunks_exact_mut(height).enumerate() {
+                for y in y0..(y0 + BLOCK).min(height) {
+                    column[y] = values[y * width + band * BLOCK + x];
+                }
+            }
+        }
+    });
+    out
+}
+
+/// Transform of one axis whose basis are the eigenvectors of second differences: cosines where it
+/// ends free (DCT-II, after Makhoul 1980), cosine plus sine where it is periodic (Hartley).
+struct Axis {
+    border: Border,
+    length: usize,
+    forward: Arc<dyn Fft<f64>>,
+    inverse: Arc<dyn Fft<f64>>,
+    /// `exp(-i pi k / 2n)`
+    twiddles: Vec<Complex<f64>>,
+}
+
+/// A transform of a row in place, with a buffer of as many values.
+type Transform = fn(&Axis, &mut [f64], &mut [Complex<f64>]);
+
+impl Axis {
+    fn new(length: usize, border: Border) -> Self {
+        let mut planner = FftPlannerScalar::new();
+        let angle = |k: usize| -0.5 * PI * k as f64 / length as f64;
+        Self {
+            border,
+            length,
+            forward: planner.plan_fft(length, FftDirection::Forward),
+            inverse: planner.plan_fft(length, FftDirection::Inverse),
+            twiddles: (0..length).map(|k| Complex::from_polar(1.0, angle(k))).collect(),
+        }
+    }
+
+    /// Of minus the second differences.
+    fn eigenvalue(&self, k: usize) -> f64 {
+        let turn = if self.border == Border::Free { PI } else { 2.0 * PI };
+        2.0 - 2.0 * (turn * k as f64 / self.length as f64).cos()
+    }
+
+    fn transform(&self, rows: &mut [f64], row: Transform) {
+        let buffer = || vec![Complex::default(); self.length];
+        parallel::parts_with(rows.chunks_mut(self.length), buffer, |buffer, _, values| {
+            row(self, values, buffer);
+        });
+    }
+
+    fn forward(&self, row: &mut [f64], buffer: &mut [Complex<f64>]) {
+        match self.border {
+            Border::Periodic => self.hartley(row, buffer, 1.0),
+            Border::Free => {
+                for (n, &v) in row.iter().enumerate() {
+                    buffer[self.folded(n)] = v.into();
+                }
+                self.forward.process(buffer);
+                for (v, (b, t)) in row.iter_mut().zip(buffer.iter().zip(&self.twiddles)) {
+                    *v = (b * t).re;
+                }
+            }
+        }
+    }
+
+    fn inverse(&self, row: &mut [f64], buffer: &mut [Complex<f64>]) {
+        let scale = (self.length as f64).recip();
+        match self.border {
+            Border::Periodic => self.hartley(row, buffer, scale),
+            Border::Free => {
+                buffer[0] = row[0].into();
+                for k in 1..self.length {
+                    let mirrored = Complex::new(row[k], -row[self.length - k]);
+                    buffer[k] = self.twiddles[k].conj() * mirrored;
+                }
+                self.inverse.process(buffer);
+                for (n, v) in row.iter_mut().enumerate() {
+                    *v = scale * buffer[self.folded(n)].re;
+                }
+            }
+        }
+    }
+
+    fn hartley(&self, row: &mut [f64], buffer: &mut [Complex<f64>], scale: f64) {
+        for (b, &v) in buffer.iter_mut().zip(row.iter()) {
+            *b = v.into();
+        }
+        self.forward.process(buffer);
+        for (v, b) in row.iter_mut().zip(buffer.iter()) {
+            *v = scale * (b.re - b.im);
+        }
+    }
+
+    /// Even values in order, then odd ones backwards.
+    fn folded(&self, n: usize) -> usize {
+        if n % 2 == 0 { n / 2 } else { self.length - 1 - n / 2 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Differences of given values.
+    fn differences(values: &[f32], w: usize, h: usize) -> Differences {
+        let to = |f: fn(usize, usize, usize, usize) -> usize| {
+            (0..w * h).map(|i| values[f(i % w, i / w, w, h)] - values[i]).collect()
+        };
+        Differences {
+            right: to(|x, y, w, _| y * w + (x + 1) % w),
+            down: to(|x, y, w, h| (y + 1) % h * w + x),
+        }
+    }
+
+    /// Any function comes back from its own differences, whatever the size and the borders.
+    #[test]
+    fn values_come_back_from_their_differences() {
+        for (w, h) in [(2, 2), (5, 8), (16, 9), (1, 7), (30, 1), (13, 13)] {
+            let mut values: Vec<f32> =
+                (0..w * h).map(|i| ((i * i * 7 + 3 * i) % 101) as f32 * 0.1).collect();
+            let mean = values.iter().sum::<f32>() / values.len() as f32;
+            values.iter_mut().for_each(|v| *v -= mean);
+            for borders in [
+                [Border::Free; 2],
+                [Border::Periodic; 2],
+                [Border::Periodic, Border::Free],
+                [Border::Free, Border::Periodic],
+            ] {
+                let grid = Grid { width: w, height: h, borders, spacing: [0.5, 2.0] };
+                let given = differences(&values, w, h);
+                let found = grid.integrate(&given);
+                for (a, b) in found.iter().zip(&values) {
+                    assert!((a - b).abs() < 1e-4, "{w} x {h} {borders:?}: {a} {b}");
+                }
+                assert!(grid.unexplained(&given, &found) < 1e-9);
+            }
+        }
+    }
+
+    /// A field that turns round has no height; what is found is flat, and all of it unexplained.
+    #[test]
+    fn a_vortex_stays_unexplained() {
+        let (w, h) = (16, 16);
+        let turn = |i: usize| (2.0 * PI * i as f64 / 16.0).sin() as f32;
+        let given = Differences {
+            right: (0..w * h).map(|i| turn(i / w)).collect(),
+            down: (0..w * h).map(|i| turn(i % w)).collect(),
+        };
+        let grid = Grid { width: w, height: h, borders: [Border::Periodic; 2], spacing: [1.0; 2] };
+        let found = grid.integrate(&given);
+        assert!(found.iter().all(|v| v.abs() < 1e-6));
+        assert!((grid.unexplained(&given, &found) - 1.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,139 @@
+//! Seams of materials that have none, one, or cannot.
+
+use super::*;
+use crate::svbrdf::channel;
+
+/// A hash as noise in [0, 1).
+fn noise(i: usize) -> f32 {
+    let mut v = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
+    v ^= v >> 29;
+    v = v.wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    ((v >> 40) as f32) / (1u64 << 24) as f32
+}
+
+/// Blurred noise under a strong gradient from side to side: borders differ much.
+fn stains(w: usize, h: usize) -> Svbrdf {
+    let mut maps = Svbrdf::new(w, h);
+    for i in 0..w * h {
+        let (x, y) = (i % w, i / w);
+        let mut sum = 0.0;
+        for (dx, dy) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))) {
+            sum += noise((y + dy) * 1000 + x + dx) / 9.0;
+        }
+        let ramp = x as f32 / w as f32 + 0.5 * y as f32 / h as f32;
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[i] = 0.1 + 0.4 * sum + 0.3 * ramp;
+        }
+        maps.plane_mut(channel::SLOPE_X)[i] = sum - 0.5 + 0.2 * ramp;
+        maps.plane_mut(channel::SLOPE_Y)[i] = noise(i) * 0.3 - 0.15;
+        maps.plane_mut(channel::ROUGHNESS)[i] = 0.3 + 0.3 * ramp;
+    }
+    maps
+}
+
+/// Mean difference across the border of a plane against that inside, of columns and of rows.
+fn border(maps: &Svbrdf, c: usize) -> f32 {
+    let (w, h) = (maps.width(), maps.height());
+    let plane = maps.plane(c);
+    let step = |a: usize, b: usize| (plane[a] - plane[b]).abs();
+    let column = |x: usize| (0..h).map(|y| step(y * w + x, y * w + (x + 1) % w)).sum::<f32>();
+    let row = |y: usize| (0..w).map(|x| step(y * w + x, (y + 1) % h * w + x)).sum::<f32>();
+    let columns = (0..w - 1).map(column).sum::<f32>() / (w - 1) as f32;
+    let rows = (0..h - 1).map(row).sum::<f32>() / (h - 1) as f32;
+    (column(w - 1) / columns).max(row(h - 1) / rows)
+}
+
+#[test]
+fn seams_vanish_and_sizes_stay() {
+    for (w, h) in [(64, 48), (33, 50), (130, 100)] {
+        let maps = stains(w, h);
+        assert!(border(&maps, channel::DIFFUSE) > 2.0);
+        let tiled = seamless(&maps).unwrap();
+        assert_eq!((tiled.maps.width(), tiled.maps.height()), (w, h));
+        for c in [channel::SLOPE_X, channel::DIFFUSE] {
+            let seam = border(&tiled.maps, c);
+            assert!(seam <= 1.1, "{w} x {h}, channel {c}: {seam}");
+        }
+        assert!(tiled.seam <= 1.1 && tiled.cuts <= 1.1, "{} {}", tiled.seam, tiled.cuts);
+        // The material is the same: neither mean nor contrast of the diffuse albedo changes much.
+        let moments = |maps: &Svbrdf| {
+            let plane = maps.plane(channel::DIFFUSE);
+            let mean = plane.iter().sum::<f32>() / plane.len() as f32;
+            let fine = plane.windows(2).map(|p| (p[1] - p[0]).abs()).sum::<f32>();
+            [mean, fine / plane.len() as f32]
+        };
+        for (a, b) in moments(&tiled.maps).into_iter().zip(moments(&maps)) {
+            assert!((a / b - 1.0).abs() < 0.1, "{a} {b}");
+        }
+    }
+}
+
+/// What tiles already stays itself but for where it begins.
+#[test]
+fn a_tile_stays_a_tile() {
+    let (w, h) = (48, 48);
+    let mut maps = Svbrdf::new(w, h);
+    for i in 0..w * h {
+        // Period 12 along both axes.
+        let v = noise(i % w % 12 + 12 * (i / w % 12));
+        for c in channel::DIFFUSE..channel::ROUGHNESS {
+            maps.plane_mut(c)[i] = 0.2 + 0.6 * v;
+        }
+    }
+    let tiled = seamless(&maps).unwrap();
+    let plane = tiled.maps.plane(channel::DIFFUSE);
+    for i in 0..w * h {
+        let next = i / w * w + (i % w + 12) % w;
+        assert!((plane[i] - plane[next]).abs() < 1e-3);
+    }
+    assert!(tiled.seam <= 1.0 + 1e-3 && tiled.cuts < 1e-3, "{} {}", tiled.seam, tiled.cuts);
+}
+
+#[test]
+fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
+    let maps = Svbrdf::new(20, 17);
+    let tiled = seamless(&maps).unwrap();
+    for (a, b) in tiled.maps.planes().iter().zip(maps.planes()) {
+        assert!((a - b).abs() < 1e-5);
+    }
+    let fault = seamless(&Svbrdf::new(15, 40)).unwrap_err().to_string();
+    assert!(fault.contains("maps") && fault.contains("15 x 40"), "{fault}");
+    let picture = picture(&tiled.maps, [20.0, 17.0]).unwrap();
+    let picture = image::load_from_memory(&picture).unwrap();
+    assert_eq!((picture.width(), picture.height()), (60, 51));
+}
+
+/// Against all paths of a small grid, enumerated.
+#[test]
+fn the_cheapest_path_is_found() {
+    let (width, rows) = (4, 5);
+    let costs: Vec<f32> = (0..width * rows).map(noise).collect();
+    let mut best = [f32::MAX; 2];
+    for code in 0..width * 3usize.pow(rows as u32 - 1) {
+        let (start, mut steps) = (code % width, code / width);
+        let (mut x, mut cost, mut inside) = (start as isize, costs[start], true);
+        for y in 1..rows {
+            x += (steps % 3) as isize - 1;
+            steps /= 3;
+            inside &= (0..width as isize).contains(&x);
+            if !inside {
+                break;
+            }
+            cost += costs[y * width + x as usize];
+        }
+        if inside {
+            best[0] = best[0].min(cost);
+            if x.abs_diff(start as isize) <= 1 {
+                best[1] = best[1].min(cost);
+            }
+        }
+    }
+    let sum = |path: &[usize]| -> f32 {
+        path.iter().enumerate().map(|(y, &x)| costs[y * width + x]).sum()
+    };
+    let (cost, path) = least_path(&costs, width, None);
+    assert!((cost - best[0]).abs() < 1e-6 && (sum(&path) - cost).abs() < 1e-6);
+    let closed = least_closed_path(&costs, width);
+    assert!((sum(&closed) - best[1]).abs() < 1e-6);
+    assert!(closed[0].abs_diff(closed[rows - 1]) <= 1);
+}

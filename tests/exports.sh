@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Validates exports with the formats' own tools: gltf-validator and three.js (npm), usd-core and
+# MaterialX (PyPI), Debian's Chromium. What cannot be had is skipped, and said.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+tools=$PWD/target/exports-tools
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+[ -x target/release/svbrdf ] || cargo build --release -p svbrdf-cli --bin svbrdf
+svbrdf=$PWD/target/release/svbrdf
+skip() { echo "SKIPPED: $*"; }
+
+packages=()
+command -v npm >/dev/null || packages+=(nodejs npm)
+command -v chromium >/dev/null || packages+=(chromium)
+python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3-venv)
+if [ ${#packages[@]} -gt 0 ]; then
+  sudo=$([ "$(id -u)" = 0 ] || echo sudo)
+  { $sudo apt-get update -q &&
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"; } ||
+    skip "${packages[*]} cannot be installed"
+fi
+mkdir -p "$tools"
+cp tests/exports/*.mjs tests/exports/views.json "$tools"
+if [ ! -d "$tools/node_modules/playwright-core" ]; then
+  npm install --silent --no-audit --no-fund --prefix "$tools" gltf-validator three playwright-core ||
+    skip "npm packages cannot be had"
+fi
+if [ ! -x "$tools/venv/bin/python" ] || ! "$tools/venv/bin/python" -c 'import MaterialX, pxr' 2>/dev/null; then
+  { python3 -m venv "$tools/venv" && "$tools/venv/bin/pip" install -q usd-core MaterialX; } ||
+    skip "Python packages cannot be had"
+fi
+
+# Four uniform materials and captures' maps, each rendered by the library for every view.
+captures=()
+if [ -n "${SVBRDF_TEST_DATA:-}" ]; then
+  captures=("$SVBRDF_TEST_DATA"/captures/dev/{leather,tile}/truth)
+else
+  skip "exports of captures; SVBRDF_TEST_DATA is not set"
+fi
+command -v node >/dev/null || { skip "exports: no Node.js"; exit 0; }
+tests/exports/cases.sh "$svbrdf" "$work/cases" "${captures[@]}"
+variant=0
+for options in "--metallic --texture png16" "--tile --texture jpeg --max-size 32"; do
+  variant=$((variant + 1))
+  for maps in "$work"/cases.maps/{varnish,gold}; do
+    # shellcheck disable=SC2086
+    "$svbrdf" export "$maps" --format glb,usdz,materialx --sample-mm 76.2 $options \
+      --out "$work/variants/$(basename "$maps")-$variant"
+  done
+done
+
+if [ -d "$tools/node_modules/gltf-validator" ]; then
+  node "$tools/glb.mjs" "$work"/{cases,variants}/*/material.glb
+else
+  skip "gltf-validator"
+fi
+if "$tools/venv/bin/python" -c 'import MaterialX, pxr' 2>/dev/null; then
+  "$tools/venv/bin/python" tests/exports/validate.py \
+    "$work"/{cases,variants}/*/{material.usdz,materialx/material.mtlx}
+else
+  skip "validation of USDZ and MaterialX"
+fi
+# three.js compensates for multiple scattering, which the library does not: a few percent for rough
+# metals; the rest is the rounding of stored values.
+if command -v chromium >/dev/null && [ -d "$tools/node_modules/playwright-core" ]; then
+  CHROMIUM=$(command -v chromium) node "$tools/three.mjs" "$work/cases" 0.05
+else
+  skip "three.js: no Chromium"
+fi

@@ -1,0 +1,52 @@
+// Writes four uniform materials as folders of maps (8-bit PNG, 64 x 64 texels): materials.mjs DIR.
+import { mkdirSync, writeFileSync } from 'node:fs';
+import { crc32, deflateSync } from 'node:zlib';
+
+const SIDE = 64;
+const MATERIALS = {
+  plaster: { diffuse: [0.5, 0.45, 0.4], specular: [0.04, 0.04, 0.04], roughness: 0.7 },
+  plastic: { diffuse: [0.18, 0.18, 0.18], specular: [0.04, 0.04, 0.04], roughness: 0.5 },
+  varnish: { diffuse: [0.3, 0.12, 0.05], specular: [0.2, 0.16, 0.1], roughness: 0.35 },
+  gold: { diffuse: [0, 0, 0], specular: [0.9, 0.68, 0.3], roughness: 0.3 },
+};
+
+function chunk(name, data) {
+  const body = Buffer.concat([Buffer.from(name), data]);
+  const out = Buffer.alloc(8);
+  out.writeUInt32BE(data.length, 0);
+  out.writeUInt32BE(crc32 ? crc32(body) : crc(body), 4);
+  return Buffer.concat([out.subarray(0, 4), body, out.subarray(4)]);
+}
+
+// For versions of Node without zlib.crc32.
+function crc(bytes) {
+  let value = ~0;
+  for (const byte of bytes) {
+    value ^= byte;
+    for (let bit = 0; bit < 8; bit++) value = (value >>> 1) ^ (value & 1 ? 0xedb88320 : 0);
+  }
+  return ~value >>> 0;
+}
+
+function png(rgb) {
+  const header = Buffer.alloc(13);
+  header.writeUInt32BE(SIDE, 0);
+  header.writeUInt32BE(SIDE, 4);
+  header.set([8, 2, 0, 0, 0], 8);
+  const row = Buffer.from([0, ...Array(SIDE).fill(rgb).flat()]);
+  const rows = Buffer.concat(Array(SIDE).fill(row));
+  const signature = Buffer.from([0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]);
+  const parts = [chunk('IHDR', header), chunk('IDAT', deflateSync(rows)), chunk('IEND', Buffer.alloc(0))];
+  return Buffer.concat([signature, ...parts]);
+}
+
+const srgb = (v) => Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
+
+for (const [name, { diffuse, specular, roughness }] of Object.entries(MATERIALS)) {
+  const dir = `${process.argv[2]}/${name}`;
+  mkdirSync(dir, { recursive: true });
+  writeFileSync(`${dir}/normal.png`, png([128, 128, 255]));
+  writeFileSync(`${dir}/diffuse.png`, png(diffuse.map(srgb)));
+  writeFileSync(`${dir}/specular.png`, png(specular.map(srgb)));
+  writeFileSync(`${dir}/roughness.png`, png(Array(3).fill(Math.round(255 * roughness))));
+}

@@ -1,0 +1,82 @@
+"""Validates USDZ packages with every validator of usd-core, and MaterialX documents by validation
+and generation of GLSL: validate.py FILES..."""
+import os
+import sys
+import zipfile
+
+import MaterialX as mx
+import MaterialX.PyMaterialXGenGlsl as mx_glsl
+import MaterialX.PyMaterialXGenShader as mx_shader
+from pxr import Usd, UsdShade, UsdValidation
+
+
+def usdz(path):
+    registry = UsdValidation.ValidationRegistry()
+    validators = registry.GetOrLoadAllValidators()
+    context = UsdValidation.ValidationContext(validators)
+    stage = Usd.Stage.Open(path)
+    findings = [f"{e.GetName()}: {e.GetMessage()}" for e in context.Validate(stage)]
+    # Quick Look reads stored data where it lies.
+    for entry in zipfile.ZipFile(path).infolist():
+        with open(path, "rb") as file:
+            file.seek(entry.header_offset + 26)
+            name, extra = (int.from_bytes(file.read(2), "little") for _ in range(2))
+        start = entry.header_offset + 30 + name + extra
+        if entry.compress_type != zipfile.ZIP_STORED or start % 64:
+            findings.append(f"{entry.filename}: not stored at a multiple of 64 bytes")
+    bad = zipfile.ZipFile(path).testzip()
+    if bad:
+        findings.append(f"{bad}: wrong checksum")
+    # Every input of the surface ends in a texture that can be opened.
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/Sample/Looks/Surface/Preview"))
+    for name in ["diffuseColor", "metallic", "roughness", "normal", "occlusion"]:
+        source = surface.GetInput(name).GetConnectedSources()[0][0].source
+        asset = UsdShade.Shader(source.GetPrim()).GetInput("file").Get()
+        if not asset.resolvedPath:
+            findings.append(f"{name}: {asset.path} cannot be found")
+    return f"{len(validators)} validators", findings
+
+
+def materialx(path):
+    library = mx.createDocument()
+    search = mx.getDefaultDataSearchPath()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), search, library)
+    document = mx.createDocument()
+    mx.readFromXmlFile(document, path)
+    document.setDataLibrary(library)
+    valid, message = document.validate()
+    findings = [] if valid else [message]
+    for image in document.getNodeGraphs()[0].getNodes("image"):
+        file = image.getInput("file").getValueString()
+        if not os.path.isfile(os.path.join(os.path.dirname(path), file)):
+            findings.append(f"{file} cannot be found")
+    # The context does not keep the generator alive.
+    generator = mx_glsl.GlslShaderGenerator.create()
+    context = mx_shader.GenContext(generator)
+    context.registerSourceCodeSearchPath(search)
+    colors = mx_shader.DefaultColorManagementSystem.create(generator.getTarget())
+    colors.loadLibrary(library)
+    generator.setColorManagementSystem(colors)
+    materials = document.getMaterialNodes()
+    if len(materials) != 2:
+        findings.append(f"{len(materials)} materials, 2 expected")
+    for material in materials:
+        shader = generator.generate(material.getName(), material, context)
+        lines = shader.getSourceCode("pixel").count("\n")
+        if lines < 100:
+            findings.append(f"{material.getName()}: {lines} lines of GLSL")
+    return f"validation and GLSL of {len(materials)} materials", findings
+
+
+def main():
+    failed = False
+    for path in sys.argv[1:]:
+        what, findings = (usdz if path.endswith(".usdz") else materialx)(path)
+        print(f"{path}: {what}: {len(findings)} findings")
+        for finding in findings:
+            print(f"  {finding}")
+        failed |= bool(findings)
+    sys.exit(failed)
+
+
+main()
