@@ -16,6 +16,7 @@ import math
 import os
 import re
 import warnings
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import torch
@@ -159,15 +160,23 @@ def list_materials(materials, licences="all"):
     return [r for r in rows if licences == "all" or is_permissive(r[2])]
 
 
-def pack_folder(materials, out, licences="all"):
-    """Pack the materials of a folder that :func:`list_materials` gives; returns
-    their number by licence."""
+def load_square(folder):
+    """Maps of a material folder as a pack holds them, array [9, SIZE, SIZE]."""
+    torch.set_num_threads(1)
+    return to_square(load_material(folder)).numpy()
+
+
+def pack_folder(materials, out, licences="all", jobs=1):
+    """Pack the materials of a folder that :func:`list_materials` gives, in ``jobs``
+    processes; returns their number by licence."""
     rows = list_materials(materials, licences)
     if not rows:
         raise SystemExit(f"{materials}: no material with a {licences} licence")
     writer = PackWriter(out, len(rows))
-    for identifier, tier, licence in rows:
-        writer.add(identifier, tier, licence, to_square(load_material(os.path.join(materials, identifier))))
+    with ProcessPoolExecutor(jobs) as pool:
+        loaded = pool.map(load_square, [os.path.join(materials, r[0]) for r in rows], chunksize=4)
+        for row, maps in zip(rows, loaded):
+            writer.add(*row, torch.from_numpy(maps))
     writer.close()
     return count_licences(writer.meta)
 
@@ -281,30 +290,32 @@ class MaterialPool:
             return half[i].float()
         return F.interpolate(level[i : i + 1].float(), (size, size), mode="bilinear", antialias=True)[0]
 
-    def place(self, size, rng, frame):
-        """Random crop of ``size`` texels out of a sample of ``frame``: (halved
-        level?, y, x, side, turns, flip)."""
-        side = int(round(size * 2 ** rng.uniform(0, np.log2(SIZE / frame))))
+    def places(self, picks, size, rng, frame):
+        """Random crops of ``size`` texels out of samples of ``frame`` of the materials
+        ``picks``: whether of the halved level [B], and [B, 6] of (material, y, x, side,
+        turns, flip)."""
+        n = len(picks)
+        side = np.round(size * 2 ** rng.uniform(0, np.log2(SIZE / frame), n)).astype(int)
         halved = side >= 2 * size
-        full, side = (SIZE // 2, side // 2) if halved else (SIZE, side)
-        y, x = (int(rng.integers(0, full - side + 1)) for _ in range(2))
-        return halved, y, x, side, int(rng.integers(4)), bool(rng.integers(2))
+        full, side = np.where(halved, SIZE // 2, SIZE), np.where(halved, side // 2, side)
+        y, x = (np.floor(rng.random(n) * (full - side + 1)).astype(int) for _ in range(2))
+        return halved, np.stack([self.numbers[picks], y, x, side, rng.integers(4, size=n), rng.integers(2, size=n)], 1)
 
     def crops(self, picks, size, rng, frame):
         """Random crops [B, 9, size, size] of the materials ``picks``."""
-        places = [self.place(size, rng, frame) for _ in picks]
+        halved, places = self.places(picks, size, rng, frame)
         if self.stacked is None:
             out = []
-            for i, (halved, *place) in zip(picks, places):
+            for i, half, (_, *square, turns, flip) in zip(picks, halved, places.tolist()):
                 pack, index, _ = self.entries[i]
-                out.append(slice_crop(self.packs[pack][halved][index], *place[:3], size, *place[3:]))
+                out.append(slice_crop(self.packs[pack][int(half)][index], *square, size, turns, flip))
             return torch.stack(out)
         out = torch.empty(len(picks), 9, size, size, device=self.device)
-        for halved in (False, True):
-            chosen = [k for k, p in enumerate(places) if p[0] == halved]
-            if chosen:
-                table = torch.tensor([[self.numbers[picks[k]], *map(int, places[k][1:])] for k in chosen])
-                out[torch.tensor(chosen, device=self.device)] = gather_crops(self.stacked[halved], table, size)
+        for level in (0, 1):
+            chosen = np.flatnonzero(halved == level)
+            if len(chosen):
+                table = torch.from_numpy(places[chosen])
+                out[torch.from_numpy(chosen).to(self.device)] = gather_crops(self.stacked[level], table, size)
         return out
 
     def batch(self, batch, size, rng, change=None, blended=0.4, frame=None):
@@ -404,8 +415,9 @@ def main():
     parser.add_argument(
         "--licences", choices=("all", "permissive"), default="all", help="permissive: CC0, CC-BY and this project's own"
     )
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     args = parser.parse_args()
-    for licence, count in pack_folder(args.materials, args.out, args.licences).items():
+    for licence, count in pack_folder(args.materials, args.out, args.licences, args.jobs).items():
         print(f"{count:5d} {licence}")
 
 

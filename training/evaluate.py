@@ -20,14 +20,13 @@ from torch.nn import functional as F
 
 from data import MaterialPool, load_material
 from import_weights import load_exported
-from networks import PhotoNetwork, has_spread
 from renderer import (
     LOG_OFFSET,
     decode_maps,
     photo_configurations,
     render,
 )
-from schedule import load_ema
+from schedule import load_ema, load_photo_network
 from train_autoencoder import AutoEncoder
 from train_photo import make_example, photo_input
 
@@ -69,6 +68,18 @@ def errors(pred, truth, views=40):
     out["render"] = (total / views).sqrt()
     out["normal²"] = 3 * out["normal"] ** 2
     return out
+
+
+def relief(pred, truth):
+    """Correlation of slopes with the true ones and their amplitude relative to these, of
+    deviations from the material's mean: dict of [B] tensors."""
+    centred = lambda e: e[:, :2] - e[:, :2].mean((2, 3), keepdim=True)
+    a, b = centred(pred), centred(truth)
+    rms = lambda x: (x**2).mean((1, 2, 3)).sqrt()
+    return {
+        "correlation": (a * b).mean((1, 2, 3)) / (rms(a) * rms(b)).clamp_min(1e-9),
+        "amplitude": rms(a) / rms(b).clamp_min(1e-9),
+    }
 
 
 def show(label, e):
@@ -158,7 +169,7 @@ def evaluate_photo(photo, truth, names, captures, faulty, each):
             torch.manual_seed(seed)
             planes = make_example(truth) if faulty else network_input(*capture(truth, 1, seed))
             maps, log_sigma = first_maps(photo, planes)
-            for k, v in errors(maps, truth).items():
+            for k, v in {**errors(maps, truth), **relief(maps, truth)}.items():
                 total[k] = total.get(k, 0) + v / captures
             if log_sigma is not None:
                 z = (maps - truth).abs() * torch.exp(-log_sigma)
@@ -262,8 +273,7 @@ def load_photo(args):
     """Photo network of a checkpoint or of a models folder."""
     if args.models:
         return load_exported(args.models, "photo")[0].requires_grad_(False)
-    spread = has_spread(torch.load(args.photo, map_location="cpu")["ema"])
-    photo, state = load_ema(PhotoNetwork(spread=spread), args.photo)
+    photo, state = load_photo_network(args.photo)
     print(f"photo network: {state['step']} steps, {state['samples']} samples")
     return photo.requires_grad_(False)
 

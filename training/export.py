@@ -31,9 +31,8 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
 from evaluate import prior_statistics
-from networks import PHOTO_CHANNELS, SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork
-from networks import has_spread, multiply_accumulates, without_spread
-from schedule import load_ema
+from networks import PHOTO_CHANNELS, SLOPE, STRIDE, CompletionNetwork, OnePhoto, multiply_accumulates
+from schedule import load_ema, load_photo_network
 from train_autoencoder import AutoEncoder
 from train_photo import make_example
 
@@ -206,10 +205,10 @@ def export_autoencoder(args, path):
 
 def export_photo(args, path):
     """Photo network; its part of the manifest."""
-    spread = args.spread and has_spread(torch.load(args.photo, map_location="cpu")["ema"])
-    network, state = load_ema(PhotoNetwork(spread=spread), args.photo, without_spread if not spread else lambda w: w)
+    network, state = load_photo_network(args.photo, None if args.spread else False)
     network = round_to_half(contiguous(network))
-    photo = OnePhoto(network, spread)
+    photo = OnePhoto(network)
+    spread = network.has_spread
     outputs = ["maps", "log_sigma"] if spread else ["maps"]
     print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, PHOTO_CHANNELS, 64, 64), "photo", *outputs))
     print("photo error", verify(path("photo.onnx"), photo, PHOTO_CHANNELS, "photo"))
@@ -221,6 +220,7 @@ def export_photo(args, path):
         "mac_at_256": {"photo": multiply_accumulates(photo, torch.rand(1, PHOTO_CHANNELS, 256, 256))},
         "training": {"photo": length(state)},
         "licences": {"photo": state.get("licences", {})},
+        "networks": {"photo": network.options},
         # one photo, with the degradations of the training
         "statistics": statistics(args, photo=lambda truth: network(make_example(truth))),
     }

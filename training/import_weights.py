@@ -17,7 +17,7 @@ import onnx
 import torch
 from onnx import numpy_helper
 
-from networks import CompletionNetwork, OnePhoto, PhotoNetwork, has_spread
+from networks import CompletionNetwork, OnePhoto, PhotoNetwork
 
 # Checkpoint's network, graph, test vectors with the names of input and output
 NETWORKS = {
@@ -53,13 +53,18 @@ def read_weights(path):
     return state
 
 
+def read_manifest(models, key):
+    """An object of a models folder's manifest, empty if there is none."""
+    with open(os.path.join(models, "manifest.json")) as f:
+        return json.load(f).get(key, {})
+
+
 def load_exported(models, name):
     """Network ``name`` with the weights of a models folder, checked against
     that folder's test vectors."""
     kind, graph, vectors, source, target = NETWORKS[name]
-    weights = read_weights(os.path.join(models, graph))
-    network = kind(spread=True) if has_spread(weights) else kind()
-    network.load_state_dict(weights)
+    network = kind(**read_manifest(models, "networks").get(name, {}))
+    network.load_state_dict(read_weights(os.path.join(models, graph)))
     network.eval()
     run = OnePhoto(network) if name == "photo" else network
     arrays = read_vectors(os.path.join(models, vectors))
@@ -77,9 +82,9 @@ def main():
     parser.add_argument("--out", required=True, help="checkpoint to write")
     args = parser.parse_args()
     network, difference = load_exported(args.models, args.network)
-    with open(os.path.join(args.models, "manifest.json")) as f:
-        licences = json.load(f).get("licences", {}).get(args.network, {})
-    torch.save({"ema": network.state_dict(), "step": 0, "samples": 0, "licences": licences}, args.out)
+    state = {"ema": network.state_dict(), "step": 0, "samples": 0, "options": getattr(network, "options", {})}
+    state["licences"] = read_manifest(args.models, "licences").get(args.network, {})
+    torch.save(state, args.out)
     print(f"{args.network}: {sum(p.numel() for p in network.parameters())} weights, off the test vectors by {difference:.1e}")
 
 

@@ -246,16 +246,6 @@ def widen_photo_input(state):
     return {**state, "down1.weight": F.pad(weight, (0, 0, 0, 0, 0, missing))}
 
 
-def has_spread(state):
-    """Whether weights are those of a photo network with ``spread``."""
-    return "spread.weight" in state
-
-
-def without_spread(state):
-    """Weights of a photo network without those of the second head."""
-    return {k: v for k, v in state.items() if not k.startswith("spread")}
-
-
 class PhotoNetwork(nn.Module):
     """Photos with geometry [B, N, PHOTO_CHANNELS, H, W] -> encoded maps [B, 9, H, W].
 
@@ -265,15 +255,17 @@ class PhotoNetwork(nn.Module):
     by their mean: any number of photos in any order. H, W: multiples of 32.
 
     With ``spread`` there is a second head, see :meth:`predict`. It learns from the
-    features without changing them.
+    features without changing them. ``rounds``: how often the residual blocks at
+    1/16 and 1/32 are passed, with the same weights: more computation, not more to store.
     """
 
     # Logarithm of the standard deviation of an encoded map: middle and half the range
     LOG_SIGMA = (-2.5, 2.5)
 
-    def __init__(self, widths=(24, 48, 72, 128, 160), spread=False):
+    def __init__(self, widths=(24, 48, 72, 128, 160), spread=False, rounds=1):
         super().__init__()
-        self.has_spread = spread
+        self.options = {"widths": list(widths), "spread": spread, "rounds": rounds}
+        self.has_spread, self.rounds = spread, rounds
         a, b, c, d, e = self.widths = widths
         self.down1 = nn.Conv2d(PHOTO_CHANNELS, a, 4, 2, 1)  # 1/2
         self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
@@ -312,8 +304,12 @@ class PhotoNetwork(nn.Module):
         x1 = act(self.down1(photo))
         x2 = self.down2(x1)
         x3 = self.res3(self.down3(act(x2)))
-        x4 = self.res4(self.down4(act(x3)))
-        x5 = self.res5(self.down5(act(x4)))
+        x4 = self.down4(act(x3))
+        for _ in range(self.rounds):
+            x4 = self.res4(x4)
+        x5 = self.down5(act(x4))
+        for _ in range(self.rounds):
+            x5 = self.res5(x5)
         return x1, x2, x3, x4, x5
 
     def last(self, x1, x2, x3, x4, x5):
@@ -357,15 +353,15 @@ class PhotoNetwork(nn.Module):
 
 class OnePhoto(nn.Module):
     """PhotoNetwork for one photo [B, PHOTO_CHANNELS, H, W]: what the library runs.
-    With ``spread`` the logarithm of the standard deviations is a second output."""
+    Of a network with ``spread`` the logarithm of the standard deviations is a second output."""
 
-    def __init__(self, network, spread=False):
+    def __init__(self, network):
         super().__init__()
-        self.network, self.spread = network, spread
+        self.network = network
 
     def forward(self, photo):
         maps, log_sigma = self.network.heads(self.network.last(*self.network.features(photo)))
-        return (maps, log_sigma) if self.spread else maps
+        return maps if log_sigma is None else (maps, log_sigma)
 
 
 class CompletionNetwork(nn.Module):

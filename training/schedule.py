@@ -13,6 +13,8 @@ import time
 import numpy as np
 import torch
 
+from networks import PhotoNetwork
+
 
 def arguments(description, batch, lr, packs=True):
     parser = argparse.ArgumentParser(description=description)
@@ -139,6 +141,7 @@ class Run:
         self.seconds += time.time() - self.mark
         self.mark = self.last_save = time.time()
         weights = dict(ema=self.ema, step=self.step, samples=self.samples, licences=self.licences)
+        weights["options"] = getattr(self.model, "options", {})
         state = dict(
             model=self.model.state_dict(), optimizer=self.optimizer.state_dict(), seconds=self.seconds, **weights
         )
@@ -156,3 +159,14 @@ def load_ema(model, path, change=lambda weights: weights):
     weights = {k: v.to(reference[k].dtype) for k, v in change(state["ema"]).items()}
     model.load_state_dict({**reference, **weights})
     return model.eval(), state
+
+
+def load_photo_network(path, spread=None):
+    """Photo network of a checkpoint, as it was built, and the checkpoint.
+    ``spread`` False: without its second head."""
+    options = torch.load(path, map_location="cpu").get("options", {})
+    if spread is False:
+        options = {**options, "spread": False}
+    network = PhotoNetwork(**options)
+    wanted = network.state_dict()
+    return load_ema(network, path, lambda weights: {k: v for k, v in weights.items() if k in wanted})

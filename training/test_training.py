@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import tempfile
 import unittest
 
 import numpy as np
@@ -11,8 +12,20 @@ import torch
 import data
 import faults
 import import_weights
+import photo_losses
+import procedural
+import relief
 from faults import Draws, Ranges
-from renderer import encode_maps, in_window, lobe_scale, photo_configurations, render
+from networks import PHOTO_CHANNELS, OnePhoto, PhotoNetwork
+from renderer import (
+    decode_maps,
+    encode_maps,
+    in_window,
+    lobe_scale,
+    photo_configurations,
+    random_configurations,
+    render,
+)
 from textures import noise
 
 MODELS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "models")
@@ -191,10 +204,77 @@ class Materials(unittest.TestCase):
             self.assertLess(float((sliced - gathered).abs().max()), 1e-5)
 
 
+    def test_pool_gives_the_same_crops_by_either_way(self):
+        with tempfile.TemporaryDirectory() as folder:
+            writer = data.PackWriter(folder, 2)
+            torch.manual_seed(0)
+            for i in range(2):
+                writer.add(f"m{i}", "P", "project", torch.rand(9, data.SIZE, data.SIZE))
+            writer.close()
+            pool = data.MaterialPool([folder], subset="all")
+            self.assertEqual(pool.licences(), {"project": 2})
+            picks = np.array([0, 1, 1, 0])
+            sliced = pool.crops(picks, 96, np.random.default_rng(0), 256)
+            pool.stacked = [torch.cat([p[k] for p in pool.packs]) for k in (0, 1)]
+            gathered = pool.crops(picks, 96, np.random.default_rng(0), 256)
+            # positions up to 512 have seven digits, and these maps are white noise
+            self.assertLess(float((sliced - gathered).abs().max()), 1e-4)
+
+    def test_generated_materials_are_physical(self):
+        for name in procedural.FAMILIES:
+            slope, kd, ks, roughness = decode_maps(torch.from_numpy(procedural.generate(name, 64, 3)))
+            self.assertLessEqual(float((kd + ks).max()), 1 + 1e-4, name)
+            self.assertGreaterEqual(float(roughness.min()), 0.05 - 1e-4, name)
+            self.assertLess(float(slope.mean((1, 2)).abs().max()), 0.25, name)
+        for name in relief.FAMILIES:
+            rms = [float((decode_maps(torch.from_numpy(procedural.generate(name, 128, s)))[0] ** 2).sum(0).mean().sqrt()) for s in range(4)]
+            self.assertGreater(max(rms), 0.08, name)
+
+
+class Losses(unittest.TestCase):
+    def setUp(self):
+        torch.manual_seed(0)
+        self.truth = uniform_maps(2, 64)
+        self.truth[:, :2] = 0.15 * torch.randn(2, 2, 64, 64)
+
+    def test_no_difference_costs_nothing(self):
+        lights = photo_losses.distant_lights(2, 4, torch.device("cpu"))
+        camera, light = random_configurations(2, 1, 1, 1)
+        for loss in photo_losses.photo_losses(self.truth, self.truth, camera, light, lights):
+            self.assertLess(float(loss), 1e-6)
+
+    def test_flat_relief_costs_the_amplitude_that_it_lacks(self):
+        for factor in (0.5, 2.0):
+            scaled = self.truth.clone()
+            scaled[:, :2] *= factor
+            cost = float(photo_losses.amplitude_loss(scaled, self.truth))
+            self.assertAlmostEqual(cost, abs(math.log(factor)), delta=0.02)
+
+    def test_shading_does_not_see_albedo(self):
+        other = self.truth.clone()
+        other[:, 2:] = -0.5
+        lights = photo_losses.distant_lights(2, 4, torch.device("cpu"))
+        self.assertEqual(float(photo_losses.shading_loss(other, self.truth, lights)), 0.0)
+
+    def test_spread_is_least_at_the_true_deviation(self):
+        found = self.truth + 0.1 * torch.randn_like(self.truth)
+        cost = lambda s: float(photo_losses.spread_loss(torch.full_like(found, math.log(s)), found, self.truth))
+        self.assertLess(cost(0.1), min(cost(0.09), cost(0.11)))
+
+
 class Weights(unittest.TestCase):
     def test_exported_graphs_become_networks_again(self):
         for name in import_weights.NETWORKS:
             self.assertLess(import_weights.load_exported(MODELS, name)[1], import_weights.TOLERANCE)
+
+    def test_second_head_does_not_move_the_first(self):
+        torch.manual_seed(0)
+        network = PhotoNetwork(spread=True, rounds=2)
+        maps, log_sigma = OnePhoto(network)(torch.rand(1, PHOTO_CHANNELS, 64, 32))
+        self.assertEqual(log_sigma.shape, maps.shape)
+        photo_losses.spread_loss(log_sigma, maps, torch.zeros_like(maps)).backward()
+        moved = {n for n, p in network.named_parameters() if p.grad is not None and float(p.grad.abs().max()) > 0}
+        self.assertTrue(moved and all(n.startswith("spread") for n in moved), moved)
 
 
 if __name__ == "__main__":
