@@ -113,16 +113,16 @@ class Run:
             for k, v in self.model.state_dict().items():
                 if v.dtype.is_floating_point:
                     self.ema[k].lerp_(v.float(), 1 - decay)
-        for k, v in values.items():
+        for k, v in values.items():  # tensors: a GPU need not be waited for
             total, count = self.sums.get(k, (0.0, 0))
-            self.sums[k] = (total + float(v), count + 1)
+            self.sums[k] = (total + v, count + 1)
         self.count += batch
         if self.stop:  # SIGTERM: save and leave
             self.save()
             sys.exit(0)
         if self.step % self.args.log_every == 0:
             now = time.time()
-            row = {k: round(total / count, 5) for k, (total, count) in sorted(self.sums.items())}
+            row = {k: round(float(total) / count, 5) for k, (total, count) in sorted(self.sums.items())}
             row.update(
                 step=self.step,
                 samples=self.samples,

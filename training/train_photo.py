@@ -79,7 +79,7 @@ def options():
     parser = arguments(__doc__, batch=16, lr=1.2e-3)
     parser.add_argument("--render-weight", type=float, default=0.5, help="of renderings in the loss")
     parser.add_argument("--shading-weight", type=float, default=4.0, help="of white shading in the loss")
-    parser.add_argument("--amplitude-weight", type=float, default=0.03, help="of the amount of relief in the loss")
+    parser.add_argument("--amplitude-weight", type=float, default=0.005, help="of the amount of relief in the loss")
     parser.add_argument("--single", type=float, default=1.0, help="share of examples with one photo")
     parser.add_argument("--rounds", type=int, default=1, help="passes of the blocks at low resolution")
     parser.add_argument("--spread", action="store_true", help="predict standard deviations too")
