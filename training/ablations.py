@@ -14,9 +14,9 @@ import torch
 from torch.nn import functional as F
 
 from evaluate import capture, errors, fit, start_maps, validation_materials
-from networks import PaperAutoEncoder, PhotoNetwork
+from networks import PaperAutoEncoder
 from renderer import render
-from schedule import load_ema
+from schedule import load_ema, load_photo_network
 
 
 def load(folder):
@@ -26,9 +26,9 @@ def load(folder):
     means = [name for name in weights if name.endswith("running_mean")]
     normalisation = {0: "none", 1: "last"}.get(len(means), "all")
     model = PaperAutoEncoder(normalisation, weights["encoder_body.body.0.weight"].shape[0] / 64)
-    model, steps, _ = load_ema(model, path)
+    model, state = load_ema(model, path)
     model.requires_grad_(False)
-    return model, steps
+    return model, state["step"]
 
 
 def rendering_error(maps, truth):
@@ -47,7 +47,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
-    photo, _, _ = load_ema(PhotoNetwork(), args.photo)
+    photo, _ = load_photo_network(args.photo)
     photo.requires_grad_(False)
     _, truth = validation_materials(args.materials, 256)
     truth = F.interpolate(truth, (args.size, args.size), mode="area")

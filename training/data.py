@@ -1,17 +1,22 @@
 """Training data: packing of material folders, random crops, augmentation.
 
 A *pack* is a folder with ``level512.npy`` and ``level256.npy`` (float16
-[M, 9, S, S] encoded maps, see renderer.py) and ``meta.json`` (one entry per
-material: id, tier, held_out). Tier ``A``: physical roughness and F0; ``B``:
-spatial detail real, absolute roughness and F0 not; ``P``: procedural.
+[M, 9, S, S] encoded maps, see renderer.py) and ``meta.json``: under
+``materials`` one entry per material (id, tier, licence, held_out), under
+``licences`` how many materials each licence has. Tier ``A``: physical roughness
+and F0; ``B``: spatial detail real, absolute roughness and F0 not; ``P``: procedural.
 """
 
 import argparse
+import collections
 import csv
 import hashlib
 import json
 import math
 import os
+import re
+import warnings
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import torch
@@ -20,6 +25,28 @@ from torch.nn import functional as F
 from renderer import MAX_SLOPE, decode_maps, encode_maps
 
 SIZE = 512
+
+# Licences under which derived weights carry no condition beyond attribution
+PERMISSIVE = {"CC0-1.0", "CC-BY-3.0", "CC-BY-4.0", "project"}
+# The licence of materials that this project generates
+OWN_LICENCE = "project"
+
+
+# --------------------------------------------------------------- licences
+
+
+def is_permissive(licence):
+    """Whether a licence text of a manifest is permissive. Of alternatives
+    ("A or B") one suffices; of licences that differ by file ("A / B") all must
+    be. Remarks in parentheses do not count."""
+    text = re.sub(r"\(.*?\)", "", licence)
+    needed = [part.strip() for part in text.split("/")]
+    return all(any(one.strip() in PERMISSIVE for one in part.split(" or ")) for part in needed)
+
+
+def count_licences(entries):
+    """Number of materials by licence, most frequent first."""
+    return dict(collections.Counter(e["licence"] for e in entries).most_common())
 
 
 # ---------------------------------------------------------------- packing
@@ -96,35 +123,62 @@ class PackWriter:
         }
         self.meta = []
 
-    def add(self, identifier, tier, e):
+    def add(self, identifier, tier, licence, e):
         i = len(self.meta)
         self.levels[SIZE][i] = e.numpy()
         half = F.avg_pool2d(e[None], 2)[0]
         self.levels[SIZE // 2][i] = half.numpy()
-        self.meta.append({"id": identifier, "tier": tier, "held_out": held_out(identifier)})
+        entry = {"id": identifier, "tier": tier, "licence": licence, "held_out": held_out(identifier)}
+        self.meta.append(entry)
 
     def close(self):
         for level in self.levels.values():
             level.flush()
         with open(os.path.join(self.folder, "meta.json"), "w") as f:
-            json.dump(self.meta, f, indent=0)
+            json.dump({"licences": count_licences(self.meta), "materials": self.meta}, f, indent=0)
 
 
-def pack_folder(materials, out):
-    """Pack a folder of materials with its manifest.csv (columns id, licence,
-    tier, ...). Rows without a licence are skipped; without a manifest every
-    sub-folder is taken as tier A."""
+def read_meta(folder):
+    """Entries of the materials of a pack."""
+    with open(os.path.join(folder, "meta.json")) as f:
+        return json.load(f)["materials"]
+
+
+def list_materials(materials, licences="all"):
+    """Materials of a folder: (id, tier, licence) of the rows of its
+    manifest.csv (columns id, licence, tier, ...). Rows without a licence are
+    skipped, with ``licences`` "permissive" all others than permissive ones too.
+    Without a manifest every sub-folder is taken as tier A of unknown licence."""
     manifest = os.path.join(materials, "manifest.csv")
     if os.path.exists(manifest):
         with open(manifest, newline="") as f:
-            rows = [(r["id"], r.get("tier") or "A") for r in csv.DictReader(f) if (r.get("licence") or "").strip()]
+            rows = [(r["id"], r.get("tier") or "A", (r.get("licence") or "").strip()) for r in csv.DictReader(f)]
+        rows = [r for r in rows if r[2]]
     else:
-        rows = [(d, "A") for d in sorted(os.listdir(materials)) if os.path.isdir(os.path.join(materials, d))]
+        folders = (d for d in sorted(os.listdir(materials)) if os.path.isdir(os.path.join(materials, d)))
+        rows = [(d, "A", "unknown") for d in folders]
+    return [r for r in rows if licences == "all" or is_permissive(r[2])]
+
+
+def load_square(folder):
+    """Maps of a material folder as a pack holds them, array [9, SIZE, SIZE]."""
+    torch.set_num_threads(1)
+    return to_square(load_material(folder)).numpy()
+
+
+def pack_folder(materials, out, licences="all", jobs=1):
+    """Pack the materials of a folder that :func:`list_materials` gives, in ``jobs``
+    processes; returns their number by licence."""
+    rows = list_materials(materials, licences)
+    if not rows:
+        raise SystemExit(f"{materials}: no material with a {licences} licence")
     writer = PackWriter(out, len(rows))
-    for identifier, tier in rows:
-        writer.add(identifier, tier, to_square(load_material(os.path.join(materials, identifier))))
+    with ProcessPoolExecutor(jobs) as pool:
+        loaded = pool.map(load_square, [os.path.join(materials, r[0]) for r in rows], chunksize=4)
+        for row, maps in zip(rows, loaded):
+            writer.add(*row, torch.from_numpy(maps))
     writer.close()
-    return len(rows)
+    return count_licences(writer.meta)
 
 
 # ---------------------------------------------------------------- sampling
@@ -159,59 +213,120 @@ def waves(batch, size, device):
     return slope * (level / (slope**2).mean((1, 2, 3), keepdim=True).sqrt())
 
 
+def slice_crop(source, y, x, side, size, turns, flip):
+    """Square of ``side`` texels of maps [9, S, S] at row y, column x, resampled to
+    ``size``, rotated by quarter turns and mirrored: [9, size, size]."""
+    e = source[:, y : y + side, x : x + side].float()
+    if side != size:
+        e = F.interpolate(e[None], (size, size), mode="bilinear", align_corners=False)[0]
+    return rotate_flip(e, turns, flip)
+
+
+def gather_crops(level, places, size):
+    """What :func:`slice_crop` gives, for a whole batch on a GPU: level
+    [M, 9, S, S], places [B, 6] (material, y, x, side, turns, flip) ->
+    [B, 9, size, size]."""
+    index, y, x, side, turns, flip = (p.view(-1, 1, 1) for p in places.to(level.device).unbind(1))
+    t = torch.arange(size, device=level.device)
+    row, column = t.view(1, -1, 1).expand(len(places), -1, size), t.view(1, 1, -1).expand(len(places), size, -1)
+    column = torch.where(flip > 0, size - 1 - column, column)
+    for turn in (1, 2, 3):
+        turned = turns >= turn
+        row, column = torch.where(turned, column, row), torch.where(turned, size - 1 - row, column)
+
+    def taps(at, first):
+        p = ((at + 0.5) * side / size - 0.5).clamp_min(0)
+        low = p.floor().long().minimum(side - 1)
+        return first + low, first + (low + 1).minimum(side - 1), (p - low)[..., None]
+
+    (y0, y1, fy), (x0, x1, fx) = taps(row, y), taps(column, x)
+    at = lambda r, c: level[index, :, r, c].float()
+    e = torch.lerp(torch.lerp(at(y0, x0), at(y0, x1), fx), torch.lerp(at(y1, x0), at(y1, x1), fx), fy)
+    e = e.permute(0, 3, 1, 2)
+    sx, sy = e[:, 0], e[:, 1]
+    for turn in (1, 2, 3):
+        sx, sy = torch.where(turns >= turn, -sy, sx), torch.where(turns >= turn, sx, sy)
+    return torch.cat([torch.where(flip > 0, -sx, sx)[:, None], sy[:, None], e[:, 2:]], 1)
+
+
 class MaterialPool:
-    """Materials of several packs in memory (5.9 MB each)."""
+    """Materials of several packs: on a GPU in its memory (5.9 MB each), else mapped
+    from the files."""
 
     def __init__(self, folders, device="cpu", subset="train"):
         self.device = torch.device(device)
-        self.entries = []  # (level512, level256, index, tier, id)
+        self.entries = []  # (pack, index, meta)
+        self.packs = []
         for folder in folders:
-            with open(os.path.join(folder, "meta.json")) as f:
-                meta = json.load(f)
-            levels = [
-                torch.from_numpy(np.load(os.path.join(folder, f"level{s}.npy"))).to(self.device)
-                for s in (SIZE, SIZE // 2)
-            ]
-            for i, m in enumerate(meta):
+            arrays = [np.load(os.path.join(folder, f"level{s}.npy"), mmap_mode="r") for s in (SIZE, SIZE // 2)]
+            with warnings.catch_warnings():  # the files are mapped for reading only
+                warnings.simplefilter("ignore")
+                levels = [torch.from_numpy(a) for a in arrays]
+            for i, m in enumerate(read_meta(folder)):
                 if subset == "all" or (subset == "held_out") == m["held_out"]:
-                    self.entries.append((levels[0], levels[1], i, m["tier"], m["id"]))
+                    self.entries.append((len(self.packs), i, m))
+            self.packs.append(levels)
+        self.stacked = None
+        if self.device.type == "cuda":
+            self.stacked = [torch.cat([p[k] for p in self.packs]).to(self.device) for k in (0, 1)]
+        starts = np.cumsum([0] + [len(p[0]) for p in self.packs])
+        self.numbers = np.array([starts[pack] + i for pack, i, _ in self.entries])
         weight = {"A": 2.0, "B": 1.0, "P": 1.3}
-        w = np.array([weight[t[3]] for t in self.entries])
+        w = np.array([weight[m["tier"]] for _, _, m in self.entries])
         self.probability = w / w.sum()
 
     def __len__(self):
         return len(self.entries)
 
+    def licences(self):
+        """Number of materials by licence."""
+        return count_licences([m for _, _, m in self.entries])
+
     def whole(self, index, size=256):
         """Maps of one material, unaugmented [9, size, size]."""
-        level, half, i, _, _ = self.entries[index]
+        pack, i, _ = self.entries[index]
+        level, half = self.packs[pack]
         if size == SIZE // 2:
             return half[i].float()
         return F.interpolate(level[i : i + 1].float(), (size, size), mode="bilinear", antialias=True)[0]
 
-    def crop(self, index, size, rng):
-        """Random crop at a random scale, rotated and flipped: [9, size, size]."""
-        level, half, i, tier, _ = self.entries[index]
-        side = int(round(min(SIZE, size * 2 ** rng.uniform(0, np.log2(SIZE / size)))))
-        if side >= 2 * size:
-            source, side = half[i], side // 2
-        else:
-            source = level[i]
-        full = source.shape[-1]
-        y, x = (int(rng.integers(0, full - side + 1)) for _ in range(2))
-        e = source[:, y : y + side, x : x + side].float()
-        if side != size:
-            e = F.interpolate(e[None], (size, size), mode="bilinear", align_corners=False)[0]
-        return rotate_flip(e, int(rng.integers(4)), bool(rng.integers(2)))
+    def places(self, picks, size, rng, frame):
+        """Random crops of ``size`` texels out of samples of ``frame`` of the materials
+        ``picks``: whether of the halved level [B], and [B, 6] of (material, y, x, side,
+        turns, flip)."""
+        n = len(picks)
+        side = np.round(size * 2 ** rng.uniform(0, np.log2(SIZE / frame), n)).astype(int)
+        halved = side >= 2 * size
+        full, side = np.where(halved, SIZE // 2, SIZE), np.where(halved, side // 2, side)
+        y, x = (np.floor(rng.random(n) * (full - side + 1)).astype(int) for _ in range(2))
+        return halved, np.stack([self.numbers[picks], y, x, side, rng.integers(4, size=n), rng.integers(2, size=n)], 1)
 
-    def batch(self, batch, size, rng, change=None, blended=0.4):
+    def crops(self, picks, size, rng, frame):
+        """Random crops [B, 9, size, size] of the materials ``picks``."""
+        halved, places = self.places(picks, size, rng, frame)
+        if self.stacked is None:
+            out = []
+            for i, half, (_, *square, turns, flip) in zip(picks, halved, places.tolist()):
+                pack, index, _ = self.entries[i]
+                out.append(slice_crop(self.packs[pack][int(half)][index], *square, size, turns, flip))
+            return torch.stack(out)
+        out = torch.empty(len(picks), 9, size, size, device=self.device)
+        for level in (0, 1):
+            chosen = np.flatnonzero(halved == level)
+            if len(chosen):
+                table = torch.from_numpy(places[chosen])
+                out[torch.from_numpy(chosen).to(self.device)] = gather_crops(self.stacked[level], table, size)
+        return out
+
+    def batch(self, batch, size, rng, change=None, blended=0.4, frame=None):
         """Augmented training batch [B, 9, size, size]; the first ``blended``
         part of it are blends of two materials. ``change``: the augmentation
-        (a compiled :func:`augment`)."""
+        (a compiled :func:`augment`). ``frame``: the crops are parts of samples of
+        so many texels, and have their texel size."""
         second = int(round(blended * batch))
         picks = rng.choice(len(self.entries), batch + second, p=self.probability)
-        maps = torch.stack([self.crop(i, size, rng) for i in picks])
-        b_like = torch.tensor([self.entries[i][3] == "B" for i in picks], device=self.device)
+        maps = self.crops(picks, size, rng, frame or size)
+        b_like = torch.tensor([self.entries[i][2]["tier"] == "B" for i in picks], device=self.device)
         maps = (change or augment)(maps, b_like)
         if second == 0:
             return maps
@@ -273,7 +388,7 @@ def augment(e, b_like):
     ks = torch.where(metal, metal_f0, ks)
     kd = torch.where(metal, kd * u(0.0, 0.12), kd)
     # and some between: bronzed, dusty, or finer than a texel
-    share = torch.where(~metal & chance(0.1), u(0.05, 0.6), torch.zeros(1, device=device))
+    share = torch.where(~metal & chance(0.15), u(0.05, 0.7), torch.zeros(1, device=device))
     ks = torch.lerp(ks, metal_f0, share)
     kd = kd * (1 - share)
     ks = ks.clamp(0.01, 0.98)
@@ -297,8 +412,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--materials", default=os.environ.get("SVBRDF_MATERIALS"), required="SVBRDF_MATERIALS" not in os.environ)
     parser.add_argument("--out", required=True, help="pack folder to write")
+    parser.add_argument(
+        "--licences", choices=("all", "permissive"), default="all", help="permissive: CC0, CC-BY and this project's own"
+    )
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     args = parser.parse_args()
-    print(pack_folder(args.materials, args.out), "materials packed")
+    for licence, count in pack_folder(args.materials, args.out, args.licences, args.jobs).items():
+        print(f"{count:5d} {licence}")
 
 
 if __name__ == "__main__":

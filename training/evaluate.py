@@ -1,12 +1,13 @@
 """Evaluate the networks: photo network, auto-encoder, latent fit.
 
-    evaluate.py --autoencoder autoencoder.pt --photo photo.pt \\
-        --materials validation-folder [--fit 1 2 5] [--rates 0.03] [--iterations 200]
+    evaluate.py --photo photo.pt --materials validation-folder [--captures 4] [--faults]
+        [--autoencoder autoencoder.pt [--fit 1 2 5] [--rates 0.03] [--iterations 200]]
 
-With ``--packs`` instead of ``--materials`` the held-out materials of the packs
+``--models`` takes the exported photo network instead of a checkpoint. With
+``--packs`` instead of ``--materials`` the held-out materials of the packs
 are used (for choosing the recipe; validation materials are for reporting).
 Errors are RMSE: unit normal, kd, ks (linear), roughness, and renderings of novel
-views clipped to [0, 1].
+views clipped to [0, 1]; and the mean square of normals (all three components).
 """
 
 import argparse
@@ -18,16 +19,16 @@ import torch
 from torch.nn import functional as F
 
 from data import MaterialPool, load_material
-from networks import PhotoNetwork
+from import_weights import load_exported
 from renderer import (
     LOG_OFFSET,
     decode_maps,
     photo_configurations,
     render,
 )
-from schedule import load_ema
+from schedule import load_ema, load_photo_network
 from train_autoencoder import AutoEncoder
-from train_photo import photo_input
+from train_photo import make_example, photo_input
 
 
 def unit_normal(slope):
@@ -65,7 +66,20 @@ def errors(pred, truth, views=40):
         d = render(pred, c, l).clamp(0, 1) - render(truth, c, l).clamp(0, 1)
         total += (d**2).mean((1, 2, 3, 4))
     out["render"] = (total / views).sqrt()
+    out["normal²"] = 3 * out["normal"] ** 2
     return out
+
+
+def relief(pred, truth):
+    """Correlation of slopes with the true ones and their amplitude relative to these, of
+    deviations from the material's mean: dict of [B] tensors."""
+    centred = lambda e: e[:, :2] - e[:, :2].mean((2, 3), keepdim=True)
+    a, b = centred(pred), centred(truth)
+    rms = lambda x: (x**2).mean((1, 2, 3)).sqrt()
+    return {
+        "correlation": (a * b).mean((1, 2, 3)) / (rms(a) * rms(b)).clamp_min(1e-9),
+        "amplitude": rms(a) / rms(b).clamp_min(1e-9),
+    }
 
 
 def show(label, e):
@@ -116,14 +130,59 @@ def capture(truth, frames, seed=3):
     return x.clamp(0, 1), camera, light
 
 
-def start_maps(photo, radiance, camera, light):
-    """Maps of the photo network from all photos [B, N, 3, S, S], clamped to 1."""
+def network_input(radiance, camera, light):
+    """Photos [B, N, 3, S, S] clamped to 1, with geometry [B, N, 3], as the photo network takes them."""
     batch, count = radiance.shape[:2]
     weight = torch.ones_like(radiance[:, :, :1])
     saturated = (radiance >= 1).float().mean(2, keepdim=True)
     flat = [x.flatten(0, 1) for x in (radiance, weight, saturated, camera, light)]
+    return photo_input(*flat).unflatten(0, (batch, count))
+
+
+def start_maps(photo, radiance, camera, light):
+    """Maps of the photo network from all photos [B, N, 3, S, S], clamped to 1."""
     with torch.no_grad():
-        return photo(photo_input(*flat).unflatten(0, (batch, count)))
+        return photo(network_input(radiance, camera, light))
+
+
+def half_turn(x, odd):
+    """Planes [..., C, H, W] of the sample turned by 180 degrees; ``odd`` change their sign."""
+    x = torch.flip(x, (-2, -1)).clone()
+    x[..., odd, :, :] *= -1
+    return x
+
+
+def first_maps(photo, planes):
+    """Maps and logarithm of their standard deviations (or None) from network input
+    [B, 1, C, S, S], as the library makes them: the mean of both orientations."""
+    straight, log_sigma = photo.predict(planes)
+    turned, _ = photo.predict(half_turn(planes, [3, 4, 6, 7]))
+    return 0.5 * (straight + half_turn(turned, [0, 1])), log_sigma
+
+
+def evaluate_photo(photo, truth, names, captures, faulty, each):
+    """Errors of first maps from single photographs, means over several captures; and
+    how often the true maps lie within one and two predicted standard deviations."""
+    total, within = {}, []
+    with torch.no_grad():
+        for seed in range(3, 3 + captures):
+            torch.manual_seed(seed)
+            planes = make_example(truth) if faulty else network_input(*capture(truth, 1, seed))
+            maps, log_sigma = first_maps(photo, planes)
+            for k, v in {**errors(maps, truth), **relief(maps, truth)}.items():
+                total[k] = total.get(k, 0) + v / captures
+            if log_sigma is not None:
+                z = (maps - truth).abs() * torch.exp(-log_sigma)
+                within.append(torch.stack([(z < 1).float().mean((0, 2, 3)), (z < 2).float().mean((0, 2, 3))]))
+    show("photo network" + (", faulty photographs" if faulty else ""), total)
+    if each:
+        for i, n in enumerate(names):
+            show("  " + n[:34], {k: v[i : i + 1] for k, v in total.items()})
+    if within:
+        one, two = torch.stack(within).mean(0)
+        groups = {"slopes": slice(0, 2), "diffuse": slice(2, 5), "specular": slice(5, 8), "roughness": slice(8, 9)}
+        text = [f"{k} {one[g].mean():.2f}, {two[g].mean():.2f}" for k, g in groups.items()]
+        print("within one, two sigma: " + "; ".join(text))
 
 
 def fit(encoder, decoder, start, radiance, camera, light, rate, iterations, residual=False,
@@ -177,43 +236,12 @@ def prior_statistics(packs, networks, count=48):
     return result
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--autoencoder", required=True)
-    parser.add_argument("--photo", required=True)
-    parser.add_argument("--materials")
-    parser.add_argument("--packs", nargs="*")
-    parser.add_argument("--count", type=int, default=12, help="held-out materials")
-    parser.add_argument("--size", type=int, default=256)
-    parser.add_argument("--fit", type=int, nargs="*", default=[], help="numbers of photos to fit")
-    parser.add_argument("--rates", type=float, nargs="*", default=[0.03])
-    parser.add_argument("--iterations", type=int, nargs="*", default=[150])
-    parser.add_argument("--residual", action="store_true")
-    parser.add_argument("--each", action="store_true", help="print every material")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--sheet", help="PNG: truth, start and fit renderings")
-    args = parser.parse_args()
-    torch.set_num_threads(args.threads)
-    autoencoder, steps, samples = load_ema(AutoEncoder(), args.autoencoder)
-    photo, photo_steps, photo_samples = load_ema(PhotoNetwork(), args.photo)
-    for m in (autoencoder, photo):
-        m.requires_grad_(False)
+def evaluate_fits(args, autoencoder, photo, truth):
+    """Errors of the auto-encoder and of latent fits; returns maps to be shown."""
     encoder, decoder = autoencoder.encoder, autoencoder.decoder
-    print(f"auto-encoder {steps} steps, {samples} samples; photo network {photo_steps} steps, {photo_samples} samples")
-    if args.materials:
-        names, truth = validation_materials(args.materials, args.size)
-    else:
-        truth = held_out_materials(args.packs, args.count, args.size)
-        names = [str(i) for i in range(len(truth))]
     with torch.no_grad():
         show("auto-encoder", errors(decoder(encoder(truth)), truth))
-        radiance, camera, light = capture(truth, 1)
-        start = start_maps(photo, radiance, camera, light)
-        e = errors(start, truth)
-        show("photo network", e)
-        if args.each:
-            for i, n in enumerate(names):
-                show("  " + n[:34], {k: v[i : i + 1] for k, v in e.items()})
+        start = start_maps(photo, *capture(truth, 1))
         show("photo network, then auto-encoder", errors(decoder(encoder(start)), truth))
     images = [truth, start]
     for n in args.fit:
@@ -225,16 +253,68 @@ def main():
             for count in args.iterations:
                 maps, loss = fit(encoder, decoder, start, radiance, camera, light, rate, count, args.residual, draw=draw)
                 with torch.no_grad():
-                    e = errors(maps, truth)
-                    show(f"fit N={n} rate {rate:g} x {count}: loss {loss:.4f}", e)
+                    show(f"fit N={n} rate {rate:g} x {count}: loss {loss:.4f}", errors(maps, truth))
         images.append(maps)
-    if args.sheet:
-        from PIL import Image
+    return images
 
-        c, l = torch.tensor([[[0.0, 0.0, 2.2]]]), torch.tensor([[[0.5, 0.4, 1.8]]])
-        rows = [torch.cat(list(render(m, c.expand(len(m), -1, -1), l.expand(len(m), -1, -1))[:, 0].clamp(0, 1) ** (1 / 2.2)), 2) for m in images]
-        sheet = F.interpolate(torch.cat(rows, 1)[None], scale_factor=0.5, mode="area")[0]
-        Image.fromarray((sheet.permute(1, 2, 0).numpy() * 255).astype(np.uint8)).save(args.sheet)
+
+def write_sheet(path, images):
+    """Renderings of rows of maps, half the size, as PNG."""
+    from PIL import Image
+
+    c, l = torch.tensor([[[0.0, 0.0, 2.2]]]), torch.tensor([[[0.5, 0.4, 1.8]]])
+    shown = lambda m: render(m, c.expand(len(m), -1, -1), l.expand(len(m), -1, -1))[:, 0].clamp(0, 1) ** (1 / 2.2)
+    sheet = torch.cat([torch.cat(list(shown(m)), 2) for m in images], 1)
+    sheet = F.interpolate(sheet[None], scale_factor=0.5, mode="area")[0]
+    Image.fromarray((sheet.permute(1, 2, 0).numpy() * 255).astype(np.uint8)).save(path)
+
+
+def load_photo(args):
+    """Photo network of a checkpoint or of a models folder."""
+    if args.models:
+        return load_exported(args.models, "photo")[0].requires_grad_(False)
+    photo, state = load_photo_network(args.photo)
+    print(f"photo network: {state['step']} steps, {state['samples']} samples")
+    return photo.requires_grad_(False)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--autoencoder")
+    parser.add_argument("--photo", help="checkpoint")
+    parser.add_argument("--models", help="folder with photo.onnx")
+    parser.add_argument("--materials")
+    parser.add_argument("--packs", nargs="*")
+    parser.add_argument("--count", type=int, default=12, help="held-out materials")
+    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--captures", type=int, default=1, help="single photographs of every material")
+    parser.add_argument("--faults", action="store_true", help="also photographs with faults")
+    parser.add_argument("--fit", type=int, nargs="*", default=[], help="numbers of photos to fit")
+    parser.add_argument("--rates", type=float, nargs="*", default=[0.03])
+    parser.add_argument("--iterations", type=int, nargs="*", default=[150])
+    parser.add_argument("--residual", action="store_true")
+    parser.add_argument("--each", action="store_true", help="print every material")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--sheet", help="PNG: truth, start and fit renderings")
+    args = parser.parse_args()
+    if bool(args.photo) == bool(args.models):
+        parser.error("--photo or --models")
+    torch.set_num_threads(args.threads)
+    photo = load_photo(args)
+    if args.materials:
+        names, truth = validation_materials(args.materials, args.size)
+    else:
+        truth = held_out_materials(args.packs, args.count, args.size)
+        names = [str(i) for i in range(len(truth))]
+    for faulty in (False, True) if args.faults else (False,):
+        evaluate_photo(photo, truth, names, args.captures, faulty, args.each)
+    images = [truth, start_maps(photo, *capture(truth, 1))]
+    if args.autoencoder:
+        autoencoder, state = load_ema(AutoEncoder(), args.autoencoder)
+        print(f"auto-encoder: {state['step']} steps, {state['samples']} samples")
+        images = evaluate_fits(args, autoencoder.requires_grad_(False), photo, truth)
+    if args.sheet:
+        write_sheet(args.sheet, images)
 
 
 if __name__ == "__main__":

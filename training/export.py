@@ -1,12 +1,13 @@
 """Export trained weights to what the library embeds.
 
     encoder.onnx   maps  [1, 9, H, W]  -> code [1, C, H/16, W/16]
-    photo.onnx     photo [1, 14, H, W] -> maps [1, 9, H, W]
+    photo.onnx     photo [1, 14, H, W] -> maps [1, 9, H, W], with --spread also
+                   log_sigma [1, 9, H, W], the logarithm of their standard deviations
     completion.onnx  features [1, 43, H, W] -> moves [1, 9, H, W]
     decoder.bin    own container, see write_decoder
     *_test.bin     inputs and outputs computed here, to test other
                    implementations against
-    manifest.json  names, checksums, prior statistics
+    manifest.json  names, checksums, prior statistics, licences of the materials
 
 Auto-encoder, photo network and completion network, or some of them: the others in
 the folder are left.
@@ -30,8 +31,8 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
 from evaluate import prior_statistics
-from networks import PHOTO_CHANNELS, SLOPE, STRIDE, CompletionNetwork, OnePhoto, PhotoNetwork, multiply_accumulates
-from schedule import load_ema
+from networks import PHOTO_CHANNELS, SLOPE, STRIDE, CompletionNetwork, OnePhoto, multiply_accumulates
+from schedule import load_ema, load_photo_network
 from train_autoencoder import AutoEncoder
 from train_photo import make_example
 
@@ -99,7 +100,7 @@ def write_vectors(path, arrays):
     write_container(path, b"SVBRDFT1", header, data)
 
 
-def to_onnx(path, module, example, input_name, output_name, out_stride):
+def to_onnx(path, module, example, input_name, *output_names):
     """Plain ONNX graph with dynamic height and width, float16 initialisers."""
     buffer = io.BytesIO()
     torch.onnx.export(
@@ -107,8 +108,8 @@ def to_onnx(path, module, example, input_name, output_name, out_stride):
         (example,),
         buffer,
         input_names=[input_name],
-        output_names=[output_name],
-        dynamic_axes={input_name: {2: "H", 3: "W"}, output_name: {2: "Ho", 3: "Wo"}},
+        output_names=list(output_names),
+        dynamic_axes={input_name: {2: "H", 3: "W"}, **{name: {2: "Ho", 3: "Wo"} for name in output_names}},
         opset_version=13,
         dynamo=False,
         do_constant_folding=True,
@@ -148,10 +149,12 @@ def verify(path, module, channels, name):
     for h, w in ((64, 64), (256, 256), (128, 192)):
         x = torch.rand(1, channels, h, w) * 2 - 1
         with torch.no_grad():
-            expected = module(x).numpy()
-        got = session.run(None, {name: x.numpy()})[0]
-        assert got.shape == expected.shape, (got.shape, expected.shape)
-        worst = max(worst, float(np.abs(got - expected).max()))
+            expected = module(x)
+        found = session.run(None, {name: x.numpy()})
+        expected = expected if isinstance(expected, tuple) else [expected]
+        for got, wanted in zip(found, expected, strict=True):
+            assert got.shape == wanted.shape, (got.shape, wanted.shape)
+            worst = max(worst, float(np.abs(got - wanted.numpy()).max()))
     assert worst < 2e-3, worst
     return worst
 
@@ -163,10 +166,10 @@ def checksum(path):
 
 def export_autoencoder(args, path):
     """Encoder and decoder; their part of the manifest."""
-    autoencoder, steps, samples = load_ema(AutoEncoder(), args.autoencoder)
+    autoencoder, state = load_ema(AutoEncoder(), args.autoencoder)
     encoder = round_to_half(contiguous(autoencoder.encoder.folded()))
     decoder = round_to_half(contiguous(autoencoder.decoder))
-    print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code", STRIDE))
+    print("encoder", to_onnx(path("encoder.onnx"), encoder, torch.rand(1, 9, 64, 64), "maps", "code"))
     write_decoder(path("decoder.bin"), decoder)
     print("encoder error", verify(path("encoder.onnx"), encoder, 9, "maps"))
 
@@ -194,27 +197,38 @@ def export_autoencoder(args, path):
             "encoder": multiply_accumulates(encoder, torch.rand(1, 9, 256, 256)),
             "decoder": multiply_accumulates(decoder, torch.rand(1, decoder.code, 16, 16)),
         },
-        "training": {"autoencoder": {"steps": steps, "samples": samples}},
+        "training": {"autoencoder": length(state)},
+        "licences": {"autoencoder": state.get("licences", {})},
         "statistics": statistics(args, autoencoder=lambda truth: decoder(encoder(truth))),
     }
 
 
 def export_photo(args, path):
     """Photo network; its part of the manifest."""
-    network, steps, samples = load_ema(PhotoNetwork(), args.photo)
+    network, state = load_photo_network(args.photo, None if args.spread else False)
     network = round_to_half(contiguous(network))
     photo = OnePhoto(network)
-    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, PHOTO_CHANNELS, 64, 64), "photo", "maps", 1))
+    spread = network.has_spread
+    outputs = ["maps", "log_sigma"] if spread else ["maps"]
+    print("photo", to_onnx(path("photo.onnx"), photo, torch.rand(1, PHOTO_CHANNELS, 64, 64), "photo", *outputs))
     print("photo error", verify(path("photo.onnx"), photo, PHOTO_CHANNELS, "photo"))
     x = torch.tanh(nn.functional.interpolate(torch.randn(1, PHOTO_CHANNELS, 5, 9), (32, 64), mode="bicubic"))
     with torch.no_grad():
-        write_vectors(path("photo_test.bin"), {"photo": x.numpy(), "maps": photo(x).numpy()})
+        found = photo(x) if spread else [photo(x)]
+    write_vectors(path("photo_test.bin"), {"photo": x.numpy(), **{n: y.numpy() for n, y in zip(outputs, found)}})
     return {
         "mac_at_256": {"photo": multiply_accumulates(photo, torch.rand(1, PHOTO_CHANNELS, 256, 256))},
-        "training": {"photo": {"steps": steps, "samples": samples}},
+        "training": {"photo": length(state)},
+        "licences": {"photo": state.get("licences", {})},
+        "networks": {"photo": network.options},
         # one photo, with the degradations of the training
         "statistics": statistics(args, photo=lambda truth: network(make_example(truth))),
     }
+
+
+def length(state):
+    """Of the training of a checkpoint, for the manifest."""
+    return {"steps": state["step"], "samples": state["samples"]}
 
 
 def statistics(args, **networks):
@@ -223,18 +237,18 @@ def statistics(args, **networks):
 
 def export_completion(args, path):
     """Completion network; its part of the manifest."""
-    network, steps, samples = load_ema(CompletionNetwork(), args.completion)
+    network, state = load_ema(CompletionNetwork(), args.completion)
     network = round_to_half(contiguous(network))
     channels = network.down1.in_channels
     example = torch.rand(1, channels, 64, 64)
-    print("completion", to_onnx(path("completion.onnx"), network, example, "features", "moves", 1))
+    print("completion", to_onnx(path("completion.onnx"), network, example, "features", "moves"))
     print("completion error", verify(path("completion.onnx"), network, channels, "features"))
     x = torch.tanh(nn.functional.interpolate(torch.randn(1, channels, 5, 9), (32, 64), mode="bicubic"))
     with torch.no_grad():
         write_vectors(path("completion_test.bin"), {"features": x.numpy(), "moves": network(x).numpy()})
     return {
         "mac_at_256": {"completion": multiply_accumulates(network, torch.rand(1, channels, 256, 256))},
-        "training": {"completion": {"steps": steps, "samples": samples}},
+        "training": {"completion": length(state)},
     }
 
 
@@ -243,6 +257,7 @@ def main():
     parser.add_argument("--autoencoder", help="checkpoint autoencoder.pt")
     parser.add_argument("--photo", help="checkpoint photo.pt")
     parser.add_argument("--completion", help="checkpoint completion.pt")
+    parser.add_argument("--spread", action="store_true", help="standard deviations as a second output of photo.onnx")
     parser.add_argument("--out", required=True, help="models folder")
     parser.add_argument("--version", default=datetime.date.today().isoformat())
     parser.add_argument("--packs", nargs="*", default=[], help="packs whose held-out materials give the statistics")

@@ -53,7 +53,7 @@ def main():
         write_material(os.path.join(args.out, f"pack-{args.seed}-{i:04}"), e)
     names = list(FAMILIES)
     for i in range(args.procedural):
-        e = generate(names[i % len(names)], SIDE, 910000 + 1000 * args.seed + i)[None]
+        e = torch.from_numpy(generate(names[i % len(names)], SIDE, 910000 + 1000 * args.seed + i))[None]
         if i % 2:
             e = augment(e, torch.zeros(1, dtype=torch.bool))
         write_material(os.path.join(args.out, f"procedural-{args.seed}-{i:04}"), e[0])

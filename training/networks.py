@@ -253,10 +253,19 @@ class PhotoNetwork(nn.Module):
     back at three levels. Every photo goes down alone; the features of all
     photos are pooled at each level, half of the channels by their maximum, half
     by their mean: any number of photos in any order. H, W: multiples of 32.
+
+    With ``spread`` there is a second head, see :meth:`predict`. It learns from the
+    features without changing them. ``rounds``: how often the residual blocks at
+    1/16 and 1/32 are passed, with the same weights: more computation, not more to store.
     """
 
-    def __init__(self, widths=(24, 48, 72, 128, 160)):
+    # Logarithm of the standard deviation of an encoded map: middle and half the range
+    LOG_SIGMA = (-2.5, 2.5)
+
+    def __init__(self, widths=(24, 48, 72, 128, 160), spread=False, rounds=1):
         super().__init__()
+        self.options = {"widths": list(widths), "spread": spread, "rounds": rounds}
+        self.has_spread, self.rounds = spread, rounds
         a, b, c, d, e = self.widths = widths
         self.down1 = nn.Conv2d(PHOTO_CHANNELS, a, 4, 2, 1)  # 1/2
         self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
@@ -280,9 +289,14 @@ class PhotoNetwork(nn.Module):
         self.up1 = nn.ConvTranspose2d(b, a, 4, 2, 1)
         self.mix1 = nn.Conv2d(2 * a, a, 3, 1, 1)
         self.out = nn.ConvTranspose2d(a, 9, 4, 2, 1)
+        if spread:
+            self.spread1 = nn.Conv2d(a, a, 3, 1, 1)
+            self.spread = nn.ConvTranspose2d(a, 9, 4, 2, 1)
         start(self)
         with torch.no_grad():
             self.out.weight.mul_(0.3)
+            if spread:
+                self.spread.weight.mul_(0.1)
 
     def features(self, photo):
         """[B, PHOTO_CHANNELS, H, W] -> five levels [B, widths[i], H / 2^(i+1), W / 2^(i+1)]."""
@@ -290,12 +304,16 @@ class PhotoNetwork(nn.Module):
         x1 = act(self.down1(photo))
         x2 = self.down2(x1)
         x3 = self.res3(self.down3(act(x2)))
-        x4 = self.res4(self.down4(act(x3)))
-        x5 = self.res5(self.down5(act(x4)))
+        x4 = self.down4(act(x3))
+        for _ in range(self.rounds):
+            x4 = self.res4(x4)
+        x5 = self.down5(act(x4))
+        for _ in range(self.rounds):
+            x5 = self.res5(x5)
         return x1, x2, x3, x4, x5
 
-    def maps(self, x1, x2, x3, x4, x5):
-        """Pooled features -> encoded maps."""
+    def last(self, x1, x2, x3, x4, x5):
+        """Pooled features -> features at half the resolution."""
         act = lambda x: F.leaky_relu(x, SLOPE)
         g = act(self.global1(F.adaptive_avg_pool2d(act(x5), 1)))
         y = act(x5 + self.global5(g))
@@ -304,10 +322,23 @@ class PhotoNetwork(nn.Module):
         y = self.mix3(self.up3(act(y)) + x3 + self.global3(g))
         y = self.mix2(self.up2(act(y)) + x2)
         y = act(self.up1(act(y)))
-        y = act(self.mix1(torch.cat([y, x1], 1)))
-        return torch.tanh(self.out(y).float())
+        return act(self.mix1(torch.cat([y, x1], 1)))
+
+    def heads(self, y):
+        """Features at half the resolution -> encoded maps [B, 9, H, W] and, of a
+        network with ``spread``, the logarithm of their standard deviations."""
+        maps = torch.tanh(self.out(y).float())
+        if not self.has_spread:
+            return maps, None
+        middle, half = self.LOG_SIGMA
+        x = F.leaky_relu(self.spread1(y.detach()), SLOPE)
+        return maps, half * torch.tanh(self.spread(x).float()) + middle
 
     def forward(self, photos):
+        return self.predict(photos)[0]
+
+    def predict(self, photos):
+        """Encoded maps and the logarithm of their standard deviations (None without ``spread``)."""
         batch, count = photos.shape[:2]
         flat = photos.flatten(0, 1).contiguous(memory_format=torch.channels_last)
         pooled = []
@@ -317,18 +348,20 @@ class PhotoNetwork(nn.Module):
                 x = x.unflatten(0, (batch, count))
                 x = torch.cat([x[:, :, :half].amax(1), x[:, :, half:].mean(1)], 1)
             pooled.append(x)
-        return self.maps(*pooled)
+        return self.heads(self.last(*pooled))
 
 
 class OnePhoto(nn.Module):
-    """PhotoNetwork for one photo [B, PHOTO_CHANNELS, H, W]: what the library runs."""
+    """PhotoNetwork for one photo [B, PHOTO_CHANNELS, H, W]: what the library runs.
+    Of a network with ``spread`` the logarithm of the standard deviations is a second output."""
 
     def __init__(self, network):
         super().__init__()
         self.network = network
 
     def forward(self, photo):
-        return self.network.maps(*self.network.features(photo))
+        maps, log_sigma = self.network.heads(self.network.last(*self.network.features(photo)))
+        return maps if log_sigma is None else (maps, log_sigma)
 
 
 class CompletionNetwork(nn.Module):

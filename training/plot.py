@@ -24,8 +24,9 @@ def main():
         title = titles[name]
         with open(path) as f:
             rows = [json.loads(line) for line in f]
-        # photo network: 1 photo, 8 photos, between
-        keys = [k + n for k in ("maps", "render", "smooth") for n in ("", "1", "N", "8")]
+        # photo network: by texels a side and number of photos
+        counts = {"step", "samples", "minutes", "lr", "rate"}
+        keys = sorted(set().union(*rows) - counts) if rows else []
         for key in keys:
             points = [(r["samples"] / 1000, r[key]) for r in rows if math.isfinite(r.get(key, math.inf))]
             if not points:

@@ -1,133 +1,22 @@
 """Procedural materials for what free material sets lack: leather, woven and
 knitted fabric, plastics, painted, brushed, polished and rough metals, ceramics
-with grout, varnished wood, paper, polished stone, patchworks.
+with grout, varnished wood, paper, polished stone, patchworks; and, from relief.py,
+strong relief.
 
 Every generator takes (size, rng) and returns (height or slope, kd, ks,
 roughness) as float32 arrays; everything tiles. The whole module is numpy only.
 """
 
 import argparse
-import colorsys
-import os
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import torch
 
-from data import PackWriter
+import relief
+from data import OWN_LICENCE, PackWriter
 from renderer import encode_maps
-
-# ------------------------------------------------------------------ tools
-
-
-def grid(size):
-    """Texel coordinates in [0, 1): (x to the right, y upwards), [size, size]."""
-    t = (np.arange(size, dtype=np.float32) + 0.5) / size
-    return np.meshgrid(t, t[::-1])
-
-
-def noise(size, rng, beta=1.5, stretch=(1.0, 1.0), low=1.0, high=1e9):
-    """Tileable noise of spectrum 1/f^beta between ``low`` and ``high`` cycles
-    per tile, stretched along x or y; mean 0, standard deviation 1."""
-    fy = np.fft.fftfreq(size)[:, None] * size * stretch[1]
-    fx = np.fft.rfftfreq(size)[None, :] * size * stretch[0]
-    f = np.hypot(fx, fy)
-    with np.errstate(divide="ignore"):
-        gain = np.where((f >= low * 0.5) & (f > 0), (np.maximum(f, low)) ** -beta, 0) * np.exp(-((f / high) ** 2))
-    spectrum = np.fft.rfft2(rng.standard_normal((size, size)).astype(np.float32)) * gain
-    out = np.fft.irfft2(spectrum, (size, size)).astype(np.float32)
-    return out / max(1e-9, float(out.std()))
-
-
-def worley(size, rng, cells, jitter=0.9, warp=0.0, aspect=1.0):
-    """Tileable cellular pattern on a jittered grid: (distance to the nearest
-    point, to the second nearest, in cell sizes; id of the nearest)."""
-    x, y = grid(size)
-    if warp:
-        x = x + warp / cells * noise(size, rng, 2.0, low=2)
-        y = y + warp / cells * noise(size, rng, 2.0, low=2)
-    nx, ny = cells, max(1, int(round(cells * aspect)))
-    px = 0.5 + jitter * (rng.random((ny, nx), dtype=np.float32) - 0.5)
-    py = 0.5 + jitter * (rng.random((ny, nx), dtype=np.float32) - 0.5)
-    gx, gy = x * nx, y * ny
-    cx, cy = np.floor(gx).astype(int), np.floor(gy).astype(int)
-    first = np.full(x.shape, 9.0, np.float32)
-    second = first.copy()
-    ident = np.zeros(x.shape, np.int64)
-    for oy in (-1, 0, 1):
-        for ox in (-1, 0, 1):
-            jx, jy = (cx + ox) % nx, (cy + oy) % ny
-            d = np.hypot(cx + ox + px[jy, jx] - gx, cy + oy + py[jy, jx] - gy)
-            closer = d < first
-            second = np.where(closer, first, np.minimum(second, d))
-            ident = np.where(closer, jy * nx + jx, ident)
-            first = np.where(closer, d, first)
-    return first, second, ident
-
-
-def smoothstep(low, high, x):
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def hue(rng, value=(0.05, 0.8), saturation=(0.0, 0.9), h=None):
-    """Random linear RGB colour [3]."""
-    c = colorsys.hsv_to_rgb(rng.random() if h is None else h % 1.0, rng.uniform(*saturation), 1.0)
-    v = np.exp(rng.uniform(np.log(value[0]), np.log(value[1])))
-    return np.array(c, np.float32) ** 1.5 * v
-
-
-def paint(colour, field):
-    """colour [3] times field [S, S] -> [3, S, S]."""
-    return colour[:, None, None] * field[None]
-
-
-def mix(a, b, mask):
-    """Maps or colours a, b blended by mask [S, S]."""
-    if np.ndim(a) == 1:
-        a = a[:, None, None]
-    if np.ndim(b) == 1:
-        b = b[:, None, None]
-    return a * (1 - mask) + b * mask
-
-
-def slopes(height, rms=None):
-    """Tileable height field -> slopes of the normal [2, S, S] (x right, y up):
-    n.x/n.z = -dh/dx. ``rms``: scale to this root mean square."""
-    dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) * 0.5
-    dy = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) * 0.5
-    s = -np.stack([dx, dy])
-    if rms is not None:
-        s *= rms / max(1e-6, float(np.sqrt((s**2).sum(0).mean())))
-    return s
-
-
-def dielectric(rng):
-    return np.full(3, np.clip(0.04 * np.exp(rng.normal(0, 0.2)), 0.02, 0.09), np.float32)
-
-
-METALS = {
-    "silver": (0.95, 0.93, 0.88),
-    "aluminium": (0.91, 0.92, 0.92),
-    "gold": (1.0, 0.71, 0.29),
-    "copper": (0.95, 0.64, 0.54),
-    "brass": (0.91, 0.78, 0.42),
-    "bronze": (0.72, 0.54, 0.34),
-    "iron": (0.56, 0.57, 0.58),
-    "steel": (0.62, 0.60, 0.57),
-    "titanium": (0.54, 0.50, 0.45),
-    "chromium": (0.55, 0.56, 0.55),
-    "tungsten": (0.50, 0.48, 0.45),
-    "zinc": (0.66, 0.82, 0.87),
-}
-
-
-def metal_f0(rng):
-    """F0 of a random metal, sometimes tinted (anodised) [3]."""
-    c = np.array(METALS[list(METALS)[rng.integers(len(METALS))]], np.float32)
-    if rng.random() < 0.15:
-        c = c * hue(rng, (0.7, 1.0), (0.2, 0.8))
-    return np.clip(c * rng.uniform(0.75, 1.02), 0.15, 0.98)
-
+from textures import dielectric, grid, hue, metal_f0, mix, noise, paint, slopes, smoothstep, worley
 
 # ------------------------------------------------------------- generators
 
@@ -257,16 +146,20 @@ def plastic(size, rng):
 
 
 def scratches(size, rng, count, length=0.4):
-    """Random straight scratches, [S, S] in [0, 1]."""
-    import cv2
-
-    canvas = np.zeros((size, size), np.uint8)
+    """Random straight scratches a texel wide, [S, S] in [0, 1]."""
+    canvas = np.zeros((size, size), np.float32)
     for _ in range(count):
-        p = rng.random(2) * size
-        a = rng.uniform(0, 2 * np.pi)
-        q = p + size * length * rng.random() * np.array([np.cos(a), np.sin(a)])
-        cv2.line(canvas, tuple(int(t) for t in p), tuple(int(t) for t in q), int(rng.integers(80, 255)), 1, cv2.LINE_AA)
-    return canvas.astype(np.float32) / 255
+        a, angle = rng.random(2) * size, rng.uniform(0, 2 * np.pi)
+        b = a + size * length * rng.random() * np.array([np.cos(angle), np.sin(angle)])
+        low = np.clip(np.floor(np.minimum(a, b)).astype(int) - 1, 0, size - 1)
+        high = np.clip(np.ceil(np.maximum(a, b)).astype(int) + 2, 1, size)
+        y, x = np.mgrid[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+        d = b - a
+        t = np.clip(((x - a[0]) * d[0] + (y - a[1]) * d[1]) / max(float(d @ d), 1e-6), 0, 1)
+        distance = np.hypot(x - a[0] - t * d[0], y - a[1] - t * d[1])
+        part = canvas[low[1] : high[1], low[0] : high[0]]
+        np.maximum(part, rng.uniform(0.3, 1) * np.clip(1.2 - distance, 0, 1), out=part)
+    return canvas
 
 
 def painted_metal(size, rng):
@@ -314,7 +207,7 @@ def metal(size, rng):
     fine = noise(size, rng, rng.uniform(0.5, 1.5), low=8)
     s = slopes(fine, rng.uniform(0.0, 0.08 if kind == 0 else 0.3))
     rough = rng.uniform(0.06, 0.35) if kind == 0 else rng.uniform(0.2, 0.8)
-    rough = rough + rng.uniform(0.01, 0.08) * noise(size, rng, 1.5) + 0 * fine
+    rough = rough + rng.uniform(0.01, 0.08) * noise(size, rng, 1.5)
     if kind == 1:
         f1, _, _ = worley(size, rng, int(rng.integers(6, 24)), 0.9, 0.3)
         s = s * 0.4 + slopes(f1**2, rng.uniform(0.08, 0.4))
@@ -334,7 +227,7 @@ def metal(size, rng):
         kd = mix(kd, paint(rust, np.clip(1 + 0.3 * fine, 0.2, 2)), mask)
         ks = mix(ks, dielectric(rng), mask)
         rough = mix(rough, rng.uniform(0.6, 0.97), mask)
-        s = s + slopes(mask * f, 1)[:] * 0 + slopes(fine * mask, rng.uniform(0.05, 0.4))
+        s = s + slopes(fine * mask, rng.uniform(0.05, 0.4))
     return s, kd, ks, rough
 
 
@@ -378,10 +271,10 @@ def wood(size, rng):
     planks = int(rng.integers(1, 8))
     j = np.floor(x * planks).astype(int)
     off = rng.random(planks)[j % planks]
-    warp = noise(size, rng, 2.2, (1, 0.25), low=1, high=30)
+    warp = noise(size, rng, 2.2, (0.25, 1), low=1, high=30)
     ring = np.sin(2 * np.pi * (x * rng.integers(3, 18) + off * 7 + rng.uniform(0.1, 0.8) * warp))
-    streak = noise(size, rng, 0.8, (1, 0.04), low=6)
-    pore = smoothstep(rng.uniform(1.0, 2.2), 2.8, noise(size, rng, 0.4, (1, 0.06), low=40))
+    streak = noise(size, rng, 0.8, (0.04, 1), low=6)
+    pore = smoothstep(rng.uniform(1.0, 2.2), 2.8, noise(size, rng, 0.4, (0.06, 1), low=40))
     base = hue(rng, (0.06, 0.5), (0.4, 0.8), h=rng.uniform(0.04, 0.11))
     tone = 1 + 0.2 * ring * rng.random() + 0.12 * streak + 0.35 * (off - 0.5)
     dark = base * np.array([0.6, 0.5, 0.4], np.float32)
@@ -492,11 +385,12 @@ FAMILIES = {
     "stone": (stone, 4),
     "patchwork": (patchwork, 3),
     "plain": (plain, 3),
+    **relief.FAMILIES,
 }
 
 
 def generate(name, size, seed):
-    """One material of a family -> encoded maps [9, size, size] float32."""
+    """One material of a family -> encoded maps [9, size, size], float32 array."""
     rng = np.random.default_rng([seed, sum(map(ord, name))])
     s, kd, ks, rough = FAMILIES[name][0](size, rng)
     kd, ks = np.broadcast_to(kd, (3, size, size)), np.broadcast_to(ks, (3, size, size))
@@ -506,7 +400,7 @@ def generate(name, size, seed):
     to = lambda a: torch.from_numpy(np.ascontiguousarray(a, dtype=np.float32))
     e = encode_maps(to(np.clip(s, -2, 2)), to(kd), to(ks), to(rough))
     assert torch.isfinite(e).all(), (name, seed)
-    return e
+    return e.numpy()
 
 
 def contact_sheet(path, columns=2, tile=64, seed=7):
@@ -518,12 +412,10 @@ def contact_sheet(path, columns=2, tile=64, seed=7):
     rows = []
     for name in FAMILIES:
         for c in range(columns):
-            e = generate(name, 256, seed + c)[None]
+            e = torch.from_numpy(generate(name, 256, seed + c))[None]
             image = render(e, torch.tensor([[[0.1, 0.1, 2.2]]]), torch.tensor([[[-0.35, 0.3, 2.2]]]))[0, 0]
             image = torch.nn.functional.interpolate(image.clamp(0, 1)[None] ** (1 / 2.2), (tile, tile), mode="area")[0]
             rows.append(image)
-    while len(rows) % 13:
-        rows.append(torch.ones(3, tile, tile))
     # one column per family
     sheet = torch.cat([torch.cat(rows[c :: columns], 2) for c in range(columns)], 1)
     image = Image.fromarray((sheet.permute(1, 2, 0).numpy() * 255).astype(np.uint8))
@@ -536,17 +428,23 @@ def main():
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--families", nargs="*", choices=list(FAMILIES), help="these only")
     parser.add_argument("--sheet", help="write a contact sheet (PNG) instead")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.sheet:
         contact_sheet(args.sheet, 4)
         return
-    order = [n for n, (_, w) in FAMILIES.items() for _ in range(w)]
+    order = [n for n, (_, w) in FAMILIES.items() if not args.families or n in args.families for _ in range(w)]
+    np.random.default_rng(0).shuffle(order)
+    names = [order[i % len(order)] for i in range(args.count)]
+    seeds = [args.seed * 100003 + i for i in range(args.count)]
     writer = PackWriter(args.out, args.count)
-    for i in range(args.count):
-        name = order[i % len(order)]
-        writer.add(f"{name}-{args.seed}-{i}", "P", generate(name, args.size, args.seed * 100003 + i))
+    with ProcessPoolExecutor(args.jobs) as pool:
+        made = pool.map(generate, names, [args.size] * args.count, seeds, chunksize=4)
+        for i, (name, maps) in enumerate(zip(names, made)):
+            writer.add(f"{name}-{args.seed}-{i}", "P", OWN_LICENCE, torch.from_numpy(maps))
     writer.close()
 
 

@@ -63,10 +63,24 @@ def directions(points, height, width):
     return dx * inv, dy * inv, dz * inv
 
 
-def render(e, camera, light):
+def in_window(points, centre, scale):
+    """Positions [B, 3] in half widths of a sample -> in half widths of a square
+    part of it with ``centre`` [B, 2] and half width ``scale``."""
+    return torch.cat([points[:, :2] - centre, points[:, 2:]], 1) / scale
+
+
+def lobe_scale(a2, exponent):
+    """pi c of the distribution of normals c / ((a² - 1) cos² + 1)^exponent, whose
+    projected integral over the hemisphere is 1 (GTR; exponent 2 is GGX, where it is a²)."""
+    a2, m = a2.clamp_max(0.999), exponent - 1
+    return m * (1 - a2) / (a2 ** (-m) - 1)
+
+
+def render(e, camera, light, exponent=None):
     """Render encoded maps under several configurations.
 
-    e: [B, 9, H, W]; camera, light: [B, L, 3] positions in half widths.
+    e: [B, 9, H, W]; camera, light: [B, L, 3] positions in half widths;
+    exponent [B, 1, 1, 1]: of the lobe's denominator (None: GGX, which has 2).
     Returns linear radiance [B, L, 3, H, W], unclamped.
     """
     height, width = e.shape[-2:]
@@ -88,7 +102,8 @@ def render(e, camera, light):
     q = noh * noh * (a2 - 1) + 1
     k = r2 * 0.5
     # D G / (4 NoL NoV), without the colour
-    lobe = a2 / (4 * math.pi * q * q * (nol * (1 - k) + k) * (nov * (1 - k) + k))
+    distribution = a2 / (q * q) if exponent is None else lobe_scale(a2, exponent) * q ** (-exponent)
+    lobe = distribution / (4 * math.pi * (nol * (1 - k) + k) * (nov * (1 - k) + k))
     fresnel = torch.exp2((-5.55473 * voh - 6.98316) * voh)
     kd, ks = kd[:, None], ks[:, None]  # [B, 1, 3, H, W]
     f = ks + (1 - ks) * fresnel[:, :, None]

@@ -13,6 +13,8 @@ import time
 import numpy as np
 import torch
 
+from networks import PhotoNetwork
+
 
 def arguments(description, batch, lr, packs=True):
     parser = argparse.ArgumentParser(description=description)
@@ -25,7 +27,9 @@ def arguments(description, batch, lr, packs=True):
     parser.add_argument("--size", type=int, default=128, help="texels a side")
     parser.add_argument("--fine-from", type=float, default=1.0, help="progress in [0,1] from which 256x256 is used")
     parser.add_argument("--lr", type=float, default=lr)
+    parser.add_argument("--warmup", type=int, default=300, help="steps of the linear warm-up")
     parser.add_argument("--views", type=int, default=3, help="renderings in the loss")
+    parser.add_argument("--log-every", type=int, default=50, help="steps")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
@@ -34,10 +38,27 @@ def arguments(description, batch, lr, packs=True):
     return parser
 
 
-class Run:
-    """State of a training run: step, spent time, EMA, checkpoint, log."""
+def mixed_precision(device):
+    """bfloat16 where the device computes with it faster than with 32 bits."""
+    kind = torch.device(device).type
+    fast = kind == "cuda" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    return torch.autocast(kind, torch.bfloat16, enabled=fast)
 
-    def __init__(self, name, model, args, betas=(0.9, 0.99)):
+
+def merge_licences(counts):
+    """Materials by licence of a training and of the ones that it goes on from: of
+    each licence the larger number, as they share materials."""
+    names = sorted(set().union(*counts))
+    return {n: max(c.get(n, 0) for c in counts) for n in names}
+
+
+class Run:
+    """State of a training run: step, spent time, EMA, checkpoint, log. Saved are
+    NAME.pt, from which it goes on, and NAME-weights.pt, the averaged weights alone.
+    ``licences``: numbers of materials by licence, of this run and of what its
+    weights have seen before."""
+
+    def __init__(self, name, model, args, betas=(0.9, 0.99), licences=()):
         self.name, self.model, self.args = name, model, args
         self.path = os.path.join(args.work, f"{name}.pt")
         self.log_path = os.path.join(args.work, f"{name}.jsonl")
@@ -45,6 +66,7 @@ class Run:
         self.optimizer = torch.optim.AdamW(model.parameters(), lr=args.lr, betas=betas, weight_decay=1e-4, fused=True)
         self.ema = {k: v.detach().clone().float() for k, v in model.state_dict().items()}
         self.step, self.samples, self.seconds = 0, 0, 0.0
+        self.licences = merge_licences(list(licences))
         self.started = self.last_save = time.time()
         self.sums, self.count = {}, 0
         if os.path.exists(self.path):
@@ -53,6 +75,7 @@ class Run:
             self.optimizer.load_state_dict(state["optimizer"])
             self.ema = state["ema"]
             self.step, self.samples, self.seconds = state["step"], state["samples"], state["seconds"]
+            self.licences = merge_licences([self.licences, state.get("licences", {})])
         random.seed(args.seed + self.step)
         torch.manual_seed(args.seed + self.step)
         self.rng = np.random.default_rng(args.seed + self.step)
@@ -70,9 +93,9 @@ class Run:
         return (self.seconds + time.time() - self.mark) / 60 / (self.args.minutes or 60)
 
     def learning_rate(self):
-        """Linear warm-up of 300 steps, then cosine to 2 % of the peak."""
+        """Linear warm-up, then cosine to 2 % of the peak."""
         p = min(1.0, self.progress)
-        return self.args.lr * min(1.0, (self.step + 1) / 300) * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * p)))
+        return self.args.lr * min(1.0, (self.step + 1) / self.args.warmup) * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * p)))
 
     def update(self, loss, batch, values):
         """One optimiser step; ``values``: name -> detached tensor to log."""
@@ -90,16 +113,16 @@ class Run:
             for k, v in self.model.state_dict().items():
                 if v.dtype.is_floating_point:
                     self.ema[k].lerp_(v.float(), 1 - decay)
-        for k, v in values.items():
+        for k, v in values.items():  # tensors: a GPU need not be waited for
             total, count = self.sums.get(k, (0.0, 0))
-            self.sums[k] = (total + float(v), count + 1)
+            self.sums[k] = (total + v, count + 1)
         self.count += batch
         if self.stop:  # SIGTERM: save and leave
             self.save()
             sys.exit(0)
-        if self.step % 50 == 0:
+        if self.step % self.args.log_every == 0:
             now = time.time()
-            row = {k: round(total / count, 5) for k, (total, count) in sorted(self.sums.items())}
+            row = {k: round(float(total) / count, 5) for k, (total, count) in sorted(self.sums.items())}
             row.update(
                 step=self.step,
                 samples=self.samples,
@@ -117,22 +140,33 @@ class Run:
     def save(self):
         self.seconds += time.time() - self.mark
         self.mark = self.last_save = time.time()
+        weights = dict(ema=self.ema, step=self.step, samples=self.samples, licences=self.licences)
+        weights["options"] = getattr(self.model, "options", {})
         state = dict(
-            model=self.model.state_dict(),
-            optimizer=self.optimizer.state_dict(),
-            ema=self.ema,
-            step=self.step,
-            samples=self.samples,
-            seconds=self.seconds,
+            model=self.model.state_dict(), optimizer=self.optimizer.state_dict(), seconds=self.seconds, **weights
         )
-        torch.save(state, self.path + ".tmp")
-        os.replace(self.path + ".tmp", self.path)
+        for path, content in ((self.path, state), (self.path.replace(".pt", "-weights.pt"), weights)):
+            torch.save(content, path + ".tmp")
+            os.replace(path + ".tmp", path)
 
 
 def load_ema(model, path, change=lambda weights: weights):
     """Load the averaged weights of a checkpoint, changed where asked, into a
-    model; returns (model, steps, samples)."""
+    model; what the checkpoint lacks (a new head) is left as it is. Returns the
+    model and the checkpoint (step, samples, licences)."""
     state = torch.load(path, map_location="cpu")
     reference = model.state_dict()
-    model.load_state_dict({k: v.to(reference[k].dtype) for k, v in change(state["ema"]).items()})
-    return model.eval(), state["step"], state["samples"]
+    weights = {k: v.to(reference[k].dtype) for k, v in change(state["ema"]).items()}
+    model.load_state_dict({**reference, **weights})
+    return model.eval(), state
+
+
+def load_photo_network(path, spread=None):
+    """Photo network of a checkpoint, as it was built, and the checkpoint.
+    ``spread`` False: without its second head."""
+    options = torch.load(path, map_location="cpu").get("options", {})
+    if spread is False:
+        options = {**options, "spread": False}
+    network = PhotoNetwork(**options)
+    wanted = network.state_dict()
+    return load_ema(network, path, lambda weights: {k: v for k, v in weights.items() if k in wanted})

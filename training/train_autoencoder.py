@@ -10,19 +10,15 @@ from torch import nn
 
 from data import MaterialPool, augment
 from networks import Decoder, Encoder, principal_start
-from renderer import log_l1, random_configurations, render
-from schedule import Run, arguments
-
-# slopes are stored at half scale and vary less than the colours
-CHANNEL_WEIGHT = [4.0, 4.0] + [1.0] * 6 + [1.0]
+from photo_losses import CHANNEL_WEIGHT, rendering_loss
+from renderer import random_configurations
+from schedule import Run, arguments, mixed_precision
 
 
 def losses(y, x, camera, light, weight):
     """Prediction and truth [B, 9, S, S] -> (weighted L1 of the maps, log-L1 of
     the renderings)."""
-    with torch.no_grad():
-        reference = render(x, camera, light)
-    return ((y - x).abs() * weight).mean(), log_l1(render(y, camera, light), reference)
+    return ((y - x).abs() * weight).mean(), rendering_loss(y, x, camera, light)
 
 
 class AutoEncoder(nn.Module):
@@ -48,7 +44,7 @@ def main():
     torch.set_num_threads(args.threads)
     pool = MaterialPool(args.packs, args.device)
     model = AutoEncoder().to(args.device).to(memory_format=torch.channels_last).train()
-    run = Run("autoencoder", model, args)
+    run = Run("autoencoder", model, args, licences=[pool.licences()])
     compute, change = losses, augment
     if not args.no_compile:
         compute, change = torch.compile(losses, dynamic=False), torch.compile(augment, dynamic=False)
@@ -57,13 +53,12 @@ def main():
             maps = torch.cat([pool.batch(16, 128, run.rng) for _ in range(60)])
             principal_start(model.encoder, model.decoder, maps, torch.tensor(CHANNEL_WEIGHT))
     weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
-    kind = torch.device(args.device).type
     while run.progress < 1:
         fine = run.progress >= args.fine_from
         size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
         with torch.no_grad():
             x = pool.batch(batch, size, run.rng, change)
-        with torch.autocast(kind, torch.bfloat16):
+        with mixed_precision(args.device):
             y, yn = model(x.to(memory_format=torch.channels_last), args.noise)
         y, yn = y.float().contiguous(), yn.float().contiguous()
         camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)

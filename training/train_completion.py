@@ -17,7 +17,7 @@ import torch
 from fits import GROUPS, REFINED, TRUTH, Fits, encoded, features, followed, scales
 from networks import CompletionNetwork
 from renderer import log_l1, random_configurations, render
-from schedule import Run, arguments, load_ema
+from schedule import Run, arguments, load_ema, mixed_precision
 
 # Distance, in sigmas, below which the loss is quadratic
 SOFT = 0.1
@@ -107,7 +107,7 @@ def main():
         while run.progress < 1:
             x, sigma, count = (t.to(args.device) for t in following.result())
             following = reader.submit(load)
-            with torch.autocast(torch.device(args.device).type, torch.bfloat16):
+            with mixed_precision(args.device):
                 maps, means, logarithmic, rendering = losses(network, x, sigma, count, args.views, run.rng)
             loss = maps + 0.05 * means + args.render_weight * (logarithmic + rendering)
             run.update(loss, len(x), {"maps": maps.detach(), "render": rendering.detach()})

@@ -9,8 +9,9 @@ import torch
 
 from data import MaterialPool, augment
 from networks import PaperAutoEncoder
-from renderer import log_l1, random_configurations, render
-from schedule import Run, arguments
+from photo_losses import rendering_loss
+from renderer import random_configurations
+from schedule import Run, arguments, mixed_precision
 
 VARIANCE = 0.2
 
@@ -18,12 +19,6 @@ VARIANCE = 0.2
 def variant_arguments(parser):
     parser.add_argument("--normalisation", choices=["none", "last", "all"], default="last")
     parser.add_argument("--width", type=float, default=1.0, help="number of channels, 1: the paper's")
-
-
-def rendering_loss(y, x, camera, light):
-    with torch.no_grad():
-        reference = render(x, camera, light)
-    return log_l1(render(y, camera, light), reference)
 
 
 def main():
@@ -38,16 +33,15 @@ def main():
     pool = MaterialPool(args.packs, args.device)
     model = PaperAutoEncoder(args.normalisation, args.width)
     model = model.to(args.device).to(memory_format=torch.channels_last).train()
-    run = Run("paper", model, args, betas=(0.5, 0.999))
+    run = Run("paper", model, args, betas=(0.5, 0.999), licences=[pool.licences()])
     rendering, change = rendering_loss, augment
     if not args.no_compile:
         rendering, change = torch.compile(rendering, dynamic=False), torch.compile(augment, dynamic=False)
-    kind = torch.device(args.device).type
     independent = args.views // 3
     while run.progress < 1:
         with torch.no_grad():
             x = pool.batch(args.batch, args.size, run.rng, change)
-        with torch.autocast(kind, torch.bfloat16):
+        with mixed_precision(args.device):
             z = model.encoder(x.to(memory_format=torch.channels_last))
             codes = [z, z + VARIANCE**0.5 * torch.randn_like(z)] if args.smoothness > 0 else [z]
             # one pass each, as batch statistics of perturbed codes would differ

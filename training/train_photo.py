@@ -1,31 +1,29 @@
 """Train the photo network: one to eight flash photos with their geometry -> maps.
 
-Photos are rendered from random materials with random (known) camera and flash
-positions, then degraded: exposure error, ambient light, noise, blur,
-saturation, holes without data.
+Photos are rendered from random materials with random camera and flash positions,
+with the faults of real ones (faults.py). Most of the training sees crops of
+``--size`` texels out of samples of 256, with directions, highlights and texture of
+the size that they have there; the rest (``--fine-from``) whole samples.
 """
 
 import math
 import os
 
 import torch
-from torch.nn import functional as F
 
-from data import MaterialPool, augment, smooth_noise
+from data import MaterialPool, augment
+from faults import Ranges, photograph
 from networks import PhotoNetwork, widen_photo_input
-from renderer import (
-    decode_maps,
-    directions,
-    log_encode,
-    photo_configurations,
-    random_configurations,
-    render,
-)
-from schedule import Run, arguments, load_ema
-from train_autoencoder import CHANNEL_WEIGHT, losses
+from photo_losses import distant_lights, photo_losses, spread_loss
+from renderer import directions, log_encode, photo_configurations, random_configurations, render
+from schedule import Run, arguments, load_ema, mixed_precision
 
 # Largest radiance that the network tells from larger ones
 BRIGHTEST = 100.0
+# Texels a side of a sample, at which the library runs the network
+FRAME = 256
+# How many photos an example has when it has several, and how often
+COUNTS = {2: 0.3, 3: 0.2, 4: 0.2, 6: 0.15, 8: 0.15}
 
 
 def photo_input(radiance, weight, saturated, camera, light):
@@ -43,115 +41,84 @@ def photo_input(radiance, weight, saturated, camera, light):
     return torch.cat([x, view, incident, weight, torch.where(seen, saturated, none), excess], 1)
 
 
-def sensor_limit(u, v):
-    """Where the sensor clips, of two uniform variables: a bit below to above a
-    white diffuse surface for most photos, high or nowhere for the others."""
-    low = 0.5 * 2.6**u
-    high = 1.3 * 6.0**u
-    return torch.where(v < 0.45, low, torch.where(v < 0.65, high, torch.full_like(u, 1e9)))
+def random_window(batch, size, device):
+    """Which part of a sample a crop of ``size`` texels is: centre [B, 2] and scale
+    (see renderer.in_window)."""
+    scale = size / FRAME
+    return (torch.rand(batch, 2, device=device) * 2 - 1) * (1 - scale), scale
 
 
-def degrade(radiance, e):
-    """Clean renderings [B, 3, H, W] of maps e -> (radiance, weight, share of
-    saturated channels) as a capture delivers them."""
-    batch, _, height, width = radiance.shape
-    device = radiance.device
-
-    def rand(channels=1):
-        return torch.rand(batch, channels, 1, 1, device=device)
-
-    def randn(channels=1):
-        return torch.randn(batch, channels, 1, 1, device=device)
-
-    # errors of exposure and white balance
-    radiance = radiance * torch.exp(0.05 * randn() + 0.015 * randn(3))
-    # ambient light: what a uniform dome adds, up to 5 %
-    _, kd, ks, _ = decode_maps(e)
-    amount = torch.where(rand() < 0.35, 0.05 * rand(), torch.zeros(1, device=device))
-    radiance = radiance + amount * (kd + ks) * (1 + 0.15 * randn(3)).clamp_min(0.3)
-    # residual vignetting or fall-off
-    radiance = radiance * torch.exp(0.04 * smooth_noise(batch, max(height, width), device, 3)[..., :height, :width])
-    blur = (rand() < 0.3).float() * rand()
-    radiance = torch.lerp(radiance, F.avg_pool2d(radiance, 3, 1, 1, count_include_pad=False), blur)
-    shot = 0.02 * rand() * radiance.clamp(0, 1).sqrt() + 0.004 * rand()
-    radiance = (radiance + shot * torch.randn_like(radiance)).clamp_min(0)
-    limit = sensor_limit(rand(), rand())
-    saturated = (radiance >= limit).float().mean(1, keepdim=True)
-    # resampling spreads the mark to neighbours
-    saturated = torch.where(rand() < 0.5, F.max_pool2d(saturated, 3, 1, 1), saturated)
-    radiance = torch.minimum(radiance, limit)
-    # holes, sometimes a whole band outside of the photo
-    noise = smooth_noise(batch, max(height, width), device, 9)[..., :height, :width]
-    level = torch.where(rand() < 0.2, 1.0 + 1.2 * rand(), 9 * torch.ones(1, device=device))
-    weight = (noise < level).float()
-    soft = torch.where(rand() < 0.2, 0.3 + 0.7 * rand(), torch.ones(1, device=device))
-    return radiance, weight * soft, saturated
-
-
-# How many photos an example has when it has several, and how often
-COUNTS = {2: 0.3, 3: 0.2, 4: 0.2, 6: 0.15, 8: 0.15}
-
-
-def photo_losses(y, x, camera, light, weight):
-    """As for the auto-encoder, but errors of slopes count by their square below
-    0.2, three times: the mean of what the slope may be, not its median, which
-    is too flat."""
-    maps, rendering = losses(y, x, camera, light, weight)
-    d = (y[:, :2] - x[:, :2]).abs()
-    slopes = torch.where(d < 0.1, 15 * d * d + 0.15, 3 * d) - d
-    return maps + (slopes * weight[:, :2]).mean() * (2 / 9), rendering
-
-
-def make_example(x, draw=render, count=1):
-    """Maps [B, 9, H, W] -> network input [B, count, PHOTO_CHANNELS, H, W] of random
-    photos, most often the first near the top view."""
+def make_example(x, draw=render, count=1, ranges=None):
+    """Maps [B, 9, H, W], of less than FRAME texels parts of a sample -> network input
+    [B, count, PHOTO_CHANNELS, H, W] of random photos, most often the first near
+    the top view."""
+    batch, device = len(x), x.device
+    centre, scale = random_window(batch, x.shape[-1], device)
+    window = centre.repeat_interleave(count, 0), scale
     x = x.repeat_interleave(count, 0)
-    first = photo_configurations(len(x), x.device)
-    other = photo_configurations(len(x), x.device, top_fraction=0.25)
-    is_first = (torch.arange(len(x), device=x.device) % count == 0)[:, None]
+    first = photo_configurations(len(x), device)
+    other = photo_configurations(len(x), device, top_fraction=0.25)
+    is_first = (torch.arange(len(x), device=device) % count == 0)[:, None]
     camera, light = (torch.where(is_first, a, b) for a, b in zip(first, other))
-    radiance = draw(x, camera[:, None], light[:, None])[:, 0]
-    radiance, weight, saturated = degrade(radiance, x)
-    return photo_input(radiance, weight, saturated, camera, light).unflatten(0, (-1, count))
+    parts = photograph(x, camera, light, ranges or Ranges(), window, draw=draw)
+    return photo_input(*parts).unflatten(0, (-1, count))
+
+
+def example_shape(args, run):
+    """Texels a side, materials and photos of the next batch: as costly whatever they are."""
+    fine = run.progress >= args.fine_from
+    size = FRAME if fine else args.size
+    batch = max(2, args.batch * args.size**2 // FRAME**2) if fine else args.batch
+    if run.rng.random() < args.single:
+        return size, batch, 1
+    count = int(run.rng.choice(list(COUNTS), p=list(COUNTS.values())))
+    return size, max(1, 3 * batch // (2 * count)), count
+
+
+def options():
+    parser = arguments(__doc__, batch=16, lr=1.2e-3)
+    parser.add_argument("--render-weight", type=float, default=0.5, help="of renderings in the loss")
+    parser.add_argument("--shading-weight", type=float, default=4.0, help="of white shading in the loss")
+    parser.add_argument("--amplitude-weight", type=float, default=0.005, help="of the amount of relief in the loss")
+    parser.add_argument("--single", type=float, default=1.0, help="share of examples with one photo")
+    parser.add_argument("--rounds", type=int, default=1, help="passes of the blocks at low resolution")
+    parser.add_argument("--spread", action="store_true", help="predict standard deviations too")
+    parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
+    parser.set_defaults(size=96)
+    return parser.parse_args()
 
 
 def main():
-    parser = arguments(__doc__, batch=16, lr=1.2e-3)
-    parser.add_argument("--render-weight", type=float, default=0.5)
-    parser.add_argument("--single", type=float, default=0.4, help="share of examples with one photo")
-    parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
-    args = parser.parse_args()
+    args = options()
     torch.set_num_threads(args.threads)
+    torch.manual_seed(args.seed)
     pool = MaterialPool(args.packs, args.device)
-    model = PhotoNetwork()
+    model, licences = PhotoNetwork(spread=args.spread, rounds=args.rounds), [pool.licences()]
     if args.init and not os.path.exists(os.path.join(args.work, "photo.pt")):
-        load_ema(model, args.init, widen_photo_input)
+        _, state = load_ema(model, args.init, widen_photo_input)
+        licences.append(state.get("licences", {}))
     model = model.to(args.device).to(memory_format=torch.channels_last).train()
-    run = Run("photo", model, args)
+    run = Run("photo", model, args, licences=licences)
     draw, compute, change = render, photo_losses, augment
     if not args.no_compile:
         draw, compute, change = (torch.compile(f, dynamic=False) for f in (render, photo_losses, augment))
-    weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
-    kind = torch.device(args.device).type
     while run.progress < 1:
-        fine = run.progress >= args.fine_from
-        size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
-        single = run.rng.random() < args.single
-        count = 1 if single else int(run.rng.choice(list(COUNTS), p=list(COUNTS.values())))
-        if count > 1:  # as costly as one photo each
-            batch = max(1, 3 * batch // (2 * count))
+        size, batch, count = example_shape(args, run)
         with torch.no_grad():
-            x = pool.batch(batch, size, run.rng, change)
+            x = pool.batch(batch, size, run.rng, change, frame=FRAME)
             photos = make_example(x, draw, count)
-        with torch.autocast(kind, torch.bfloat16):
-            y = model(photos)
+        with mixed_precision(args.device):
+            y, log_sigma = model.predict(photos)
         y = y.float().contiguous()
         camera, light = random_configurations(batch, 1, args.views - 2, 1, args.device)
-        maps, rendering = compute(y, x, camera, light, weight)
-        loss = maps + args.render_weight * rendering
-        values = {"maps": maps.detach(), "render": rendering.detach()}
-        values = {k + (str(count) if count in (1, 8) else "N"): v for k, v in values.items()}
-        run.update(loss, batch, values)
+        maps, rendering, shading, amplitude = compute(y, x, camera, light, distant_lights(batch, 4, args.device))
+        loss = maps + args.render_weight * rendering + args.shading_weight * shading + args.amplitude_weight * amplitude
+        values = {"maps": maps, "render": rendering, "shading": shading, "amplitude": amplitude}
+        if log_sigma is not None:
+            spread = spread_loss(log_sigma.float(), y, x)
+            loss, values["spread"] = loss + 0.1 * spread, spread
+        suffix = f"@{size}" + (f"x{count}" if count in (1, 8) else "xN")
+        run.update(loss, batch, {k + suffix: v.detach() for k, v in values.items()})
     run.save()
 
 
