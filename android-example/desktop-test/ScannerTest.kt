@@ -156,7 +156,11 @@ fun captureToMaps() {
             val packed = maps.rgba8(MapKind.ROUGHNESS)
             verify(packed[0] == 255.toByte() && packed[3] == 255.toByte()) { "occlusion, alpha" }
             maps.export(out)
-            File(out, "material.glb").outputStream().use { Gltf.write(maps, it) }
+            File(out, "material.glb").writeBytes(maps.glb())
+            verify(maps.usdz().size > 1000) { "USDZ" }
+            maps.export(File(out, "export"), listOf("glb", "unreal"), tile = true)
+            verify(File(out, "export/unreal/orm.png").isFile) { "Unreal" }
+            throws<IllegalArgumentException>("obj") { maps.export(out, listOf("obj")) }
             val relight = Relight(maps)
             val argb = IntArray(256 * 256)
             relight.render(floatArrayOf(0f, 0f, 250f), floatArrayOf(60f, 40f, 200f), argb, 0.8f)

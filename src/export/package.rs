@@ -255,12 +255,13 @@ fn limited(maps: &Svbrdf, max_size: usize) -> Svbrdf {
 /// What `material.json` says of all formats.
 fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
     let (size, mm) = (bundle.size(), bundle.sample_mm);
+    let density = [0, 1].map(|i| number(size[i] as f32 / mm[i]));
     json!({
         "format": "svbrdf-material/1",
         "generator": concat!("svbrdf ", env!("CARGO_PKG_VERSION")),
         "size_mm": mm.map(number),
         "texels": size,
-        "texels_per_mm": [0, 1].map(|i| number(size[i] as f32 / mm[i])),
+        "texels_per_mm": density,
         "tileable": bundle.tileable,
         "texture": bundle.texture.name(),
         "conventions": {

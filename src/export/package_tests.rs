@@ -2,6 +2,8 @@
 
 use std::io::Cursor;
 
+use exr::prelude::{ReadChannels as _, ReadLayers as _};
+
 use serde_json::Value;
 
 use super::*;

@@ -104,6 +104,7 @@ impl WidthTrials {
     pub fn chosen(&self) -> Option<Widths> {
         let sums: Vec<f64> =
             self.errors.chunks(self.folds.len().max(1)).map(|e| e.iter().sum()).collect();
+        if std::env::var("SVDEBUG").is_ok() { eprintln!("CV n={} {:?}", self.sample.photographs.len(), sums.iter().map(|s| (s / self.folds.len() as f64).sqrt()).collect::<Vec<_>>()); }
         let (widest, narrow) = sums.split_last()?;
         let best = narrow.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
         (*best.1 < self.options.evidence * widest).then(|| self.options.candidates[best.0])

@@ -11,6 +11,7 @@
 
 #include <jni.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "svbrdf.h"
 

@@ -38,6 +38,82 @@ static void maps_export(JNIEnv *env, jclass class, jobject owner, jlong handle, 
     }
 }
 
+/* Exports into a folder; formats are names with commas between them. */
+static void maps_export_formats(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                jbyteArray path, jbyteArray formats, jboolean tile,
+                                jboolean metallic)
+{
+    jbyte *held, *names_held;
+    const char *text = read_text(env, path, &held), *names;
+    (void)class, (void)owner;
+    if (text == NULL) {
+        return;
+    }
+    names = read_text(env, formats, &names_held);
+    if (names != NULL) {
+        svbrdf_export_options options;
+        svbrdf_export_options_init(&options, sizeof options);
+        options.formats = names;
+        options.tile = tile ? 1 : 0;
+        options.metallic = metallic ? 1 : 0;
+        throw_status(env, svbrdf_maps_export_formats(HANDLE(svbrdf_maps, handle), &options, text));
+        release_text(env, formats, names_held);
+    }
+    release_text(env, path, held);
+}
+
+/* The file of that name of a package; NULL and an exception when there is none. */
+static jbyteArray file_of(JNIEnv *env, const svbrdf_package *package, const char *wanted)
+{
+    const char *name = NULL;
+    const void *data = NULL;
+    size_t bytes = 0;
+    jbyteArray out;
+    uint32_t i;
+    for (i = 0; svbrdf_package_file(package, i, &name, &data, &bytes) == SVBRDF_OK; i++) {
+        if (strcmp(name, wanted) == 0) {
+            if (bytes > INT32_MAX) {
+                break;
+            }
+            out = (*env)->NewByteArray(env, (jsize)bytes);
+            if (out != NULL) {
+                (*env)->SetByteArrayRegion(env, out, 0, (jsize)bytes, data);
+            }
+            return out;
+        }
+    }
+    throw_bad(env, "no such file in the export");
+    return NULL;
+}
+
+/* One file of an export, in memory. */
+static jbyteArray maps_file(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                            jbyteArray format, jbyteArray name)
+{
+    jbyte *held, *name_held;
+    const char *text = read_text(env, format, &held), *wanted;
+    jbyteArray out = NULL;
+    (void)class, (void)owner;
+    if (text == NULL) {
+        return NULL;
+    }
+    wanted = read_text(env, name, &name_held);
+    if (wanted != NULL) {
+        svbrdf_export_options options;
+        svbrdf_package *package = NULL;
+        svbrdf_export_options_init(&options, sizeof options);
+        options.formats = text;
+        if (!throw_status(env, svbrdf_maps_export_package(HANDLE(svbrdf_maps, handle), &options,
+                                                          &package))) {
+            out = file_of(env, package, wanted);
+            svbrdf_package_destroy(package);
+        }
+        release_text(env, name, name_held);
+    }
+    release_text(env, format, held);
+    return out;
+}
+
 static void maps_destroy(JNIEnv *env, jclass class, jlong handle)
 {
     (void)env, (void)class;
@@ -90,6 +166,8 @@ const JNINativeMethod maps_methods[] = {
     METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),
+    METHOD("mapsExportFormats", "(" OWNER "J[B[BZZ)V", maps_export_formats),
+    METHOD("mapsFile", "(" OWNER "J[B[B)[B", maps_file),
     METHOD("mapsDestroy", "(J)V", maps_destroy),
     METHOD("modelsFromMemory", "(" BUFFER BUFFER BUFFER BUFFER ")J", models_from_memory),
     METHOD("modelsFromFolder", "([B)J", models_from_folder),

@@ -23,7 +23,6 @@ import java.util.zip.ZipOutputStream
 import kotlin.math.roundToInt
 import org.svbrdf.scanner.Board
 import org.svbrdf.scanner.Flash
-import org.svbrdf.scanner.Gltf
 import org.svbrdf.scanner.Hint
 import org.svbrdf.scanner.LogLevel
 import org.svbrdf.scanner.MaterialMaps
@@ -438,7 +437,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     private fun write(maps: MaterialMaps): List<File> {
         val target = ShareProvider.folder(this)
         val gltf = File(target, "material.glb")
-        gltf.outputStream().buffered().use { Gltf.write(maps, it) }
+        gltf.writeBytes(maps.glb())
         val folder = File(cacheDir, "maps")
         maps.export(folder)
         val archive = File(target, "material.zip")

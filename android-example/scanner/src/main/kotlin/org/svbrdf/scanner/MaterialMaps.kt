@@ -47,6 +47,26 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
      */
     fun export(folder: File) = Native.mapsExport(this, handle.now, Native.text(folder.path))
 
+    /**
+     * Exports the maps for other programs into a folder, all files or none. Formats: glb, usdz,
+     * materialx, unreal, unity-hdrp, unity-urp, blender. [tile]: made seamless first; [metallic]:
+     * base colour and metalness instead of a specular colour.
+     */
+    @JvmOverloads
+    fun export(folder: File, formats: List<String>, tile: Boolean = false, metallic: Boolean = false) =
+        Native.mapsExportFormats(
+            this, handle.now, Native.text(folder.path), Native.text(formats.joinToString(",")), tile, metallic,
+        )
+
+    /** The maps as a binary glTF file, in memory. */
+    fun glb(): ByteArray = file("glb", "material.glb")
+
+    /** The maps as a USDZ file, in memory. */
+    fun usdz(): ByteArray = file("usdz", "material.usdz")
+
+    private fun file(format: String, name: String): ByteArray =
+        Native.mapsFile(this, handle.now, Native.text(format), Native.text(name))
+
     /** Frees the maps; copies stay. */
     override fun close() = handle.close()
 

@@ -52,6 +52,12 @@ internal object Native {
         owner: Any, handle: Long, map: Int, format: Int, out: ByteBuffer, bytes: Long,
     )
     @JvmStatic external fun mapsExport(owner: Any, handle: Long, path: ByteArray)
+    @JvmStatic external fun mapsExportFormats(
+        owner: Any, handle: Long, path: ByteArray, formats: ByteArray, tile: Boolean, metallic: Boolean,
+    )
+    @JvmStatic external fun mapsFile(
+        owner: Any, handle: Long, format: ByteArray, name: ByteArray,
+    ): ByteArray
     @JvmStatic external fun mapsDestroy(handle: Long)
 
     @JvmStatic external fun modelsFromMemory(
