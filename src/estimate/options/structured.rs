@@ -25,6 +25,10 @@ pub struct StructuredOptions {
     /// Mean squared error of a photograph left out, relative to that of the widest, that a narrow prior
     /// must reach. Tuned.
     pub evidence: f64,
+    /// Mean residual of all photographs that the widest prior leaves, relative to what the narrow one
+    /// leaves, at least: below it texels explain the photographs, and there is no error of the model to
+    /// be held off. Tuned.
+    pub min_misfit: f64,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
@@ -64,6 +68,7 @@ impl Default for StructuredOptions {
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],
             evidence: 1.0,
+            min_misfit: 0.2,
             noise: 0.3,
             huber: 0.02,
             gain_sigma: 0.05,

@@ -51,7 +51,8 @@ pub(crate) struct WidthTrials {
     sample: Sample,
     /// Photographs left out, each in turn.
     folds: Vec<usize>,
-    /// Squared errors of the trials done: of each candidate, each photograph left out.
+    /// Of the trials done: squared errors of each candidate for each photograph left out; then what
+    /// the best narrow one and the widest leave of all photographs.
     pub errors: Vec<f64>,
 }
 
@@ -70,6 +71,11 @@ impl WidthTrials {
 
     /// Trials in all.
     pub fn count(&self) -> usize {
+        self.predictions() + 2
+    }
+
+    /// Trials that predict photographs.
+    fn predictions(&self) -> usize {
         self.options.candidates.len() * self.folds.len()
     }
 
@@ -78,20 +84,38 @@ impl WidthTrials {
         self.errors.len() >= self.count()
     }
 
-    /// The next trial: predicts a photograph from all others.
+    /// The next trial: predicts a photograph from all others, or fits all.
     pub fn step(&mut self) {
-        let (candidate, fold) =
-            (self.errors.len() / self.folds.len(), self.errors.len() % self.folds.len());
-        let (Some(widths), left_out) = (self.options.candidates.get(candidate), self.folds[fold])
-        else {
-            return;
+        let (done, last) = (self.errors.len(), self.options.candidates.len() - 1);
+        let folds = self.folds.len();
+        let (candidate, left_out) = match done.checked_sub(self.predictions()) {
+            None => (done / folds, Some(self.folds[done % folds])),
+            Some(0) => (self.best_narrow(), None),
+            Some(_) => (last, None),
         };
+        let widths = self.options.candidates[candidate];
         let which: Vec<usize> =
-            (0..self.sample.photographs.len()).filter(|&i| i != left_out).collect();
+            (0..self.sample.photographs.len()).filter(|&i| Some(i) != left_out).collect();
         let setup = Setup::new(&self.sample, &which, widths.classes);
-        let problem = setup.problem(&self.sample, &which, *widths, self.free, &self.options);
+        let problem = setup.problem(&self.sample, &which, widths, self.free, &self.options);
         let state = problem.descend(problem.start(), self.options.trial_steps);
-        self.errors.push(prediction_error(&problem, &state, left_out));
+        self.errors.push(match left_out {
+            Some(left_out) => prediction_error(&problem, &state, left_out),
+            None => problem.mean_residual(&state),
+        });
+    }
+
+    /// Sum of the squared errors of each candidate.
+    fn sums(&self) -> Vec<f64> {
+        let predictions = &self.errors[..self.predictions().min(self.errors.len())];
+        predictions.chunks(self.folds.len().max(1)).map(|e| e.iter().sum()).collect()
+    }
+
+    /// The candidate but the last that predicts best.
+    fn best_narrow(&self) -> usize {
+        let sums = self.sums();
+        let narrow = sums.iter().take(self.options.candidates.len() - 1).enumerate();
+        narrow.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(i, _)| i)
     }
 
     /// Takes over errors of trials that were done before; whether they fit.
@@ -100,14 +124,24 @@ impl WidthTrials {
         self.errors.len() <= self.count()
     }
 
-    /// The candidate that predicts best, unless it is the widest or hardly better.
+    /// The narrow candidate that predicts best, if it predicts better than the widest, and if the
+    /// photographs are not explained much better without it: what is left even when every texel is
+    /// free is the model's error, which texels follow.
     pub fn chosen(&self) -> Option<Widths> {
-        let sums: Vec<f64> =
-            self.errors.chunks(self.folds.len().max(1)).map(|e| e.iter().sum()).collect();
-        if std::env::var("SVDEBUG").is_ok() { eprintln!("CV n={} {:?}", self.sample.photographs.len(), sums.iter().map(|s| (s / self.folds.len() as f64).sqrt()).collect::<Vec<_>>()); }
-        let (widest, narrow) = sums.split_last()?;
-        let best = narrow.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
-        (*best.1 < self.options.evidence * widest).then(|| self.options.candidates[best.0])
+        let (sums, best) = (self.sums(), self.best_narrow());
+        let &[narrow_residual, widest_residual] = self.errors.last_chunk()?;
+        let predicts = sums[best] < self.options.evidence * sums.last()?;
+        let misfits = widest_residual > self.options.min_misfit * narrow_residual;
+        if std::env::var("SVDEBUG").is_ok() {
+            eprintln!(
+                "CV n={} {:.4?} A {:.3} {narrow_residual:.4} {widest_residual:.4} -> {}",
+                self.sample.photographs.len(),
+                sums.iter().map(|s| (s / self.folds.len() as f64).sqrt()).collect::<Vec<_>>(),
+                widest_residual / narrow_residual,
+                predicts && misfits
+            );
+        }
+        (predicts && misfits).then(|| self.options.candidates[best])
     }
 }
 

@@ -198,6 +198,26 @@ impl Problem<'_> {
         parallel::values(n, texel)
     }
 
+    /// Mean of absolute log residuals.
+    pub fn mean_residual(&self, state: &State) -> f64 {
+        let (lights, n) = (self.lights(state), self.sample.texels());
+        let (mut sum, mut total) = (0.0, 1e-12);
+        for t in 0..n {
+            let natural = natural(&self.coordinates(t, state));
+            for (light, &i) in lights.iter().zip(self.which) {
+                let photograph = &self.sample.photographs[i];
+                let weight = f64::from(photograph.weight[t]);
+                let radiance = light.radiance(&natural, self.sample.places[t]);
+                for c in 0..3 {
+                    let (r, _) = residual(radiance.value[c], photograph.radiance[c * n + t]);
+                    sum += weight * r.abs();
+                }
+                total += 3.0 * weight;
+            }
+        }
+        sum / total
+    }
+
     pub(super) fn shared_cost(&self, state: &State) -> f64 {
         let squares: f64 = self.nuisances(state).iter().map(|[v, s, _]| (v / s).powi(2)).sum();
         let mut classes = 0.0;
