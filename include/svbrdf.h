@@ -28,8 +28,8 @@
  * Time: limits and timeouts are counted by a monotonic clock; setting the system's does nothing.
  *
  * Ownership: svbrdf_session_destroy(), svbrdf_maps_destroy(), svbrdf_models_destroy(),
- * svbrdf_capture_destroy() and svbrdf_buffer_destroy() free what the calls that hand such a handle
- * out made; there is nothing else to free.
+ * svbrdf_capture_destroy(), svbrdf_buffer_destroy() and svbrdf_package_destroy() free what the calls
+ * that hand such a handle out made; there is nothing else to free.
  */
 
 #ifndef SVBRDF_H
@@ -93,6 +93,11 @@ typedef struct svbrdf_maps svbrdf_maps;
  * fine.
  */
 typedef struct svbrdf_models svbrdf_models;
+
+/**
+ * Exported files in memory; independent of the maps.
+ */
+typedef struct svbrdf_package svbrdf_package;
 
 /**
  * A capture in progress: push photos, take maps at any time.
@@ -517,6 +522,51 @@ typedef struct svbrdf_frame_report {
 } svbrdf_frame_report;
 
 /**
+ * How textures are stored.
+ */
+typedef uint32_t svbrdf_texture_format;
+
+/**
+ * How maps are exported.
+ */
+typedef struct svbrdf_export_options {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Formats, separated by commas: glb, usdz, materialx, unreal, unity-hdrp, unity-urp, blender.
+     * Needed during the call only. NULL, the default: glb.
+     */
+    const char *formats;
+    /**
+     * Whether GLB, MaterialX and Blender get base colour and metalness instead of a specular
+     * colour, 0 or 1. Default: 0.
+     */
+    uint32_t metallic;
+    /**
+     * Whether the maps are made seamless first, 0 or 1. Default: 0.
+     */
+    uint32_t tile;
+    /**
+     * One of SVBRDF_TEXTURE_. Default: SVBRDF_TEXTURE_PNG8.
+     */
+    svbrdf_texture_format texture;
+    /**
+     * Longer side of the textures at most, texels; 0, the default: no limit.
+     */
+    uint32_t max_size;
+    /**
+     * Photos that the maps were estimated from, for material.json; 0, the default: not said.
+     */
+    uint32_t photos;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_export_options;
+
+/**
  * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
  */
 typedef uint32_t svbrdf_pixel_format;
@@ -783,6 +833,21 @@ typedef struct svbrdf_paper {
      */
     double elevation_sigma_mm;
 } svbrdf_paper;
+
+/**
+ * PNG, 8 bits a channel.
+ */
+#define SVBRDF_TEXTURE_PNG8 1
+
+/**
+ * PNG, 16 bits a channel.
+ */
+#define SVBRDF_TEXTURE_PNG16 2
+
+/**
+ * JPEG; textures of four channels are PNG of 8 bits.
+ */
+#define SVBRDF_TEXTURE_JPEG 3
 
 /**
  * 3 bytes a pixel.
@@ -1222,6 +1287,47 @@ svbrdf_status svbrdf_session_push_capture(struct svbrdf_session *session,
  * Frees a capture; NULL is fine. Sessions do not need it.
  */
 svbrdf_status svbrdf_capture_destroy(struct svbrdf_capture *capture);
+
+/**
+ * Fills options with defaults: pass sizeof(svbrdf_export_options).
+ */
+svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, size_t size);
+
+/**
+ * Exports maps into a folder (UTF-8), which is made if missing: material.glb, material.usdz, a
+ * folder for every other format, and material.json, height.png and height.exr. All files are
+ * written or none.
+ */
+svbrdf_status svbrdf_maps_export_formats(const struct svbrdf_maps *maps,
+                                         const struct svbrdf_export_options *options,
+                                         const char *path);
+
+/**
+ * As svbrdf_maps_export_formats(), into memory. Free with svbrdf_package_destroy().
+ */
+svbrdf_status svbrdf_maps_export_package(const struct svbrdf_maps *maps,
+                                         const struct svbrdf_export_options *options,
+                                         struct svbrdf_package **out);
+
+/**
+ * Number of files of a package.
+ */
+svbrdf_status svbrdf_package_count(const struct svbrdf_package *package, uint32_t *count);
+
+/**
+ * Name (UTF-8, relative, "/" between folders) and bytes of a file of a package, from index 0 on;
+ * valid until svbrdf_package_destroy(). Results may be NULL.
+ */
+svbrdf_status svbrdf_package_file(const struct svbrdf_package *package,
+                                  uint32_t index,
+                                  const char **name,
+                                  const void **data,
+                                  size_t *bytes);
+
+/**
+ * Frees a package; NULL is fine.
+ */
+svbrdf_status svbrdf_package_destroy(struct svbrdf_package *package);
 
 /**
  * Fills a picture description with defaults: pass sizeof(svbrdf_image).
