@@ -244,7 +244,11 @@ fn the_step_descends_as_its_gradient_says() {
     let texels = problem.start.clone();
     let offset = std::array::from_fn(|c| 0.01 * (c as f64 - 4.0));
     let mirrored = (0..given.len()).map(|i| 0.1 * i as f64 - 0.2).collect();
-    let state = State { texels, correction: Correction { turns, ambient: 0.01, mirrored }, offset };
+    let state = State {
+        texels,
+        correction: Correction { turns, ambient: 0.01, mirrored, ..Correction::default() },
+        offset,
+    };
     let linear = problem.linearise(&state);
     let damping = Damping(vec![0.01; problem.texels()]);
     let step = problem.step(&state, &damping).unwrap();

@@ -29,6 +29,8 @@ pub struct StructuredOptions {
     /// leaves, at least: below it texels explain the photographs, and there is no error of the model to
     /// be held off. Tuned.
     pub min_misfit: f64,
+    /// The same itself, at least: less is noise and rounding. Tuned.
+    pub min_residual: f64,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
@@ -67,8 +69,9 @@ impl Default for StructuredOptions {
                 Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],
-            evidence: 1.0,
-            min_misfit: 0.2,
+            evidence: 0.8,
+            min_misfit: 0.25,
+            min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,
             gain_sigma: 0.05,

@@ -131,16 +131,8 @@ impl WidthTrials {
         let (sums, best) = (self.sums(), self.best_narrow());
         let &[narrow_residual, widest_residual] = self.errors.last_chunk()?;
         let predicts = sums[best] < self.options.evidence * sums.last()?;
-        let misfits = widest_residual > self.options.min_misfit * narrow_residual;
-        if std::env::var("SVDEBUG").is_ok() {
-            eprintln!(
-                "CV n={} {:.4?} A {:.3} {narrow_residual:.4} {widest_residual:.4} -> {}",
-                self.sample.photographs.len(),
-                sums.iter().map(|s| (s / self.folds.len() as f64).sqrt()).collect::<Vec<_>>(),
-                widest_residual / narrow_residual,
-                predicts && misfits
-            );
-        }
+        let StructuredOptions { min_misfit, min_residual, .. } = self.options;
+        let misfits = widest_residual > (min_misfit * narrow_residual).max(min_residual);
         (predicts && misfits).then(|| self.options.candidates[best])
     }
 }

@@ -231,7 +231,7 @@ impl Problem<'_> {
 
     /// Rows of the linear model of a texel: each residual, its weight, and its derivatives by the
     /// texel's coordinates and the nuisances.
-    fn rows(
+    pub(super) fn rows(
         &self,
         t: usize,
         x: &Coordinates,

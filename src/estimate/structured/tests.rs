@@ -1,1 +1,193 @@
+use super::problem::Problem;
+use super::*;
+use crate::estimate::correction::Exposure;
+use crate::estimate::options::EstimateOptions;
+use crate::observation::{Falloff, Observation, View};
+use crate::random::Random;
+use crate::test_support::{photograph, view_from};
 
+const SIDE: usize = 32;
+
+/// Two colours of one gloss on a sheet that is flat, or bumpy.
+fn material(bumps: f32) -> Svbrdf {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    let mut random = Random::new(5);
+    for t in 0..SIDE * SIDE {
+        let dark = (t % SIDE / 4 + t / SIDE / 4).is_multiple_of(2);
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[t] = if dark { 0.1 } else { [0.4, 0.3, 0.2][c] };
+            maps.plane_mut(channel::SPECULAR + c)[t] = 0.05;
+        }
+        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+            maps.plane_mut(c)[t] = bumps * (2.0 * random.uniform() as f32 - 1.0);
+        }
+        maps.plane_mut(channel::ROUGHNESS)[t] = 0.35;
+    }
+    maps
+}
+
+fn place(i: usize) -> [f32; 3] {
+    let angle = 2.4 * i as f32;
+    [50.0 * angle.sin(), 50.0 * angle.cos(), 140.0 + 12.0 * (i % 3) as f32]
+}
+
+fn given(i: usize) -> View {
+    let falloff = Falloff::InverseSquare { power_mm2: [6e4; 3] };
+    View { falloff, ..view_from(place(i)) }
+}
+
+/// Photographs with lights moved, exposures changed and radiances spoiled; their views as given.
+fn photographs(truth: &Svbrdf, count: usize, exposure: &Exposure, noise: f32) -> Photographs {
+    let mut all = Photographs::new(SIDE);
+    let mut random = Random::new(8);
+    let correction = Correction { exposure: exposure.clone(), ..Correction::default() };
+    for i in 0..count {
+        let taken = photograph(truth, correction.apply(&given(i), i));
+        let (mut radiance, weight) = taken.planes();
+        radiance.iter_mut().for_each(|v| *v *= 1.0 + noise * random.bell() as f32);
+        let observation = Observation::new(SIDE, SIDE, given(i), &radiance, &weight).unwrap();
+        all.add(observation).unwrap();
+    }
+    all
+}
+
+fn planted() -> Exposure {
+    let views: Vec<View> = (0..6).map(given).collect();
+    let gains = vec![0.05, -0.04, 0.03, 0.0, -0.05, 0.02];
+    let offset_mm = [6.0, -9.0, 3.0];
+    Exposure { gains, exponent: 1.5, offset_mm, ..Exposure::as_given(views.iter()) }
+}
+
+fn options() -> StructuredOptions {
+    EstimateOptions::default().structured
+}
+
+/// Central differences of steps h: truncation is h² / 6 times the third derivative, at most 1e3 for
+/// slopes inside a lobe of roughness 0.35, rounding 1e-15 / h; views are in single precision.
+#[test]
+fn rows_are_derivatives_of_residuals() {
+    let photographs = photographs(&material(0.05), 4, &planted(), 0.0);
+    let options = options();
+    let sample = Sample::new(&photographs, SIDE);
+    let which = [0, 1, 2, 3];
+    let widths = Widths { classes: 1, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.1 };
+    let setup = Setup::new(&sample, &which, widths.classes);
+    let free = Free { exposure: true, offset: true };
+    let problem = setup.problem(&sample, &which, widths, free, &options);
+    let mut state = problem.start();
+    let exposure = &mut state.correction.exposure;
+    exposure.gains = vec![0.02, -0.03, 0.05, 0.01];
+    (exposure.exponent, exposure.offset_mm) = (0.7, [1.0, 2.0, -3.0]);
+    for t in [0, 77, 500, 1023] {
+        state.deviations[t] = [0.02, -0.03, 0.05, 0.02, -0.01, 0.03, 0.02, -0.02, 0.05];
+        check_rows(&problem, &state, t);
+    }
+}
+
+fn check_rows(problem: &Problem, state: &State, t: usize) {
+    let x = problem.coordinates(t, state);
+    let at = |x: &Coordinates, correction: &Correction| -> Vec<f64> {
+        let mut all = Vec::new();
+        for (i, photograph) in problem.sample.photographs.iter().enumerate() {
+            let light = Lit::with(&photograph.view, correction, i);
+            let radiance = light.radiance(&natural(x), problem.sample.places[t]);
+            let n = problem.sample.texels();
+            let seen = |c: usize| photograph.radiance[c * n + t];
+            all.extend((0..3).map(|c| sample::residual(radiance.value[c], seen(c)).0));
+        }
+        all
+    };
+    let mut rows = Vec::new();
+    problem.rows(t, &x, &problem.lights(state), &state.correction, |_, _, row, shared| {
+        rows.push((*row, shared.to_vec()));
+    });
+    assert_eq!(rows.len(), 12);
+    let compare = |of: &dyn Fn(usize) -> f64, plus: &[f64], minus: &[f64], h: f64| {
+        for (i, (a, b)) in plus.iter().zip(minus).enumerate() {
+            let numeric = (a - b) / (2.0 * h);
+            let tolerance = 2e-3 * numeric.abs() + 2e-4;
+            assert!((numeric - of(i)).abs() < tolerance, "{i}: {numeric} {}", of(i));
+        }
+    };
+    for c in 0..CHANNELS {
+        let moved = |h: f64| {
+            let mut x = x;
+            x[c] += h;
+            at(&x, &state.correction)
+        };
+        compare(&|i| rows[i].0[c], &moved(1e-4), &moved(-1e-4), 1e-4);
+    }
+    for a in 0..8 {
+        let h = if a < 5 { 0.01 } else { 0.5 };
+        let moved = |h: f64| {
+            let mut correction = state.correction.clone();
+            let exposure = &mut correction.exposure;
+            match a {
+                0..4 => exposure.gains[a] += h,
+                4 => exposure.exponent += h,
+                _ => exposure.offset_mm[a - 5] += h,
+            }
+            at(&x, &correction)
+        };
+        compare(&|i| rows[i].1[a], &moved(h), &moved(-h), h);
+    }
+}
+
+/// Gains and exponent share what they explain as their priors say: their sum is compared.
+#[test]
+fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
+    for exposure in [planted(), Exposure::default()] {
+        let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
+        let options = StructuredOptions { steps: 25, texels: SIDE, ..options() };
+        let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
+        fit(&mut photographs, &mut belief, options.candidates[0], true, &options);
+        let found = &photographs.correction().exposure;
+        for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
+            // A tenth of a degree at this distance is 0.25 mm.
+            assert!((a - b).abs() < 1.5, "{found:?}");
+        }
+        let logs = |exposure: &Exposure| -> Vec<f64> {
+            let all: Vec<f64> = (0..6).map(|i| exposure.factor(&given(i), Some(i)).ln()).collect();
+            let mean = all.iter().sum::<f64>() / all.len() as f64;
+            all.into_iter().map(|v| v - mean).collect()
+        };
+        for (a, b) in logs(found).iter().zip(logs(&exposure)) {
+            assert!((a - b).abs() < 0.03, "{found:?}");
+        }
+        let roughness = belief.base.plane(channel::ROUGHNESS);
+        let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
+        assert!((mean - 0.35).abs() < 0.05, "{mean}");
+        assert_eq!(belief.fixed_noise, Some(options.noise as f32));
+    }
+}
+
+#[test]
+fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
+    let mut photographs = photographs(&material(0.0), 4, &Exposure::default(), 0.02);
+    let options = options();
+    let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
+    fit(&mut photographs, &mut belief, options.candidates[0], false, &options);
+    let found = &photographs.correction().exposure;
+    assert!(found.gains.iter().all(|g| *g == 0.0) && found.offset_mm == [0.0; 3]);
+    assert_eq!(photographs.full()[2].view, given(2));
+}
+
+fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
+    let mut trials = WidthTrials::new(photographs, free, &options());
+    while !trials.is_done() {
+        trials.step();
+    }
+    assert_eq!(trials.errors.len(), trials.count());
+    trials.chosen()
+}
+
+/// Photographs of a flat sheet that the model cannot explain (lights elsewhere, noise alike over
+/// texels of a photograph) ask for one class; a bumpy one that it explains asks for none.
+#[test]
+fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let narrow = chosen(&flat, true);
+    assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
+    let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
+    assert_eq!(chosen(&bumpy, true), None);
+}
