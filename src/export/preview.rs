@@ -282,7 +282,7 @@ mod tests {
             x.hypot(y).atan2(z).to_degrees()
         };
         assert!(off_top(&material(0.7, 0.04, 0.9, 0.1)) > 60.0);
-        assert!(off_top(&material(0.0, 0.9, 0.2, 0.0)) < 30.0);
+        assert!(off_top(&material(0.0, 0.9, 0.05, 0.0)) < 30.0);
     }
 
     #[test]
