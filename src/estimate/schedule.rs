@@ -87,7 +87,11 @@ pub(crate) fn rows(
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [
         (1, row(Phase::Latent, 1, 0, 0)),
-        (options.structured.from, row(Phase::Widths, 1, 0, 0)),
+        // What a room mirrors is not in the structured prior's light.
+        (
+            options.structured.from,
+            row(Phase::Widths, usize::from(lights != LightsKnown::InRoom), 0, 0),
+        ),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
         (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
         (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),

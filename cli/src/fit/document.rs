@@ -47,6 +47,7 @@ impl Document {
             "paper": paper,
             "elevation": elevation,
             "flash": flash,
+            "light": light(session, camera.is_none(), fit.fitted()),
             "next_view": next_view,
             "ambient_fraction": session.ambient_fraction(),
             "resolution": resolution,
@@ -64,6 +65,19 @@ impl Document {
         write_atomic(dir.join("report.json"), format!("{text}\n").as_bytes())?;
         Ok(())
     }
+}
+
+/// What the fit corrected of the lights of rectified photographs.
+fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value> {
+    let exposure = session.exposure();
+    let gain = |i: usize| exposure.gains.get(i).copied().unwrap_or(0.0).exp();
+    rectified.then(|| {
+        json!({
+            "offset_mm": exposure.offset_mm,
+            "gain": (0..photographs).map(gain).collect::<Vec<f64>>(),
+            "exposure_exponent": exposure.exponent,
+        })
+    })
 }
 
 /// Largest resident memory so far, where the system tells.

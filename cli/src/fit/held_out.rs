@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::comparison::{Prediction, predict};
 use svbrdf::export::resized;
-use svbrdf::session::Observed;
+use svbrdf::session::{Exposure, Observed};
 
 use crate::failure::Result;
 
@@ -22,12 +22,13 @@ pub struct HeldOut {
 pub struct Stage {
     photographs: usize,
     maps: Svbrdf,
+    exposure: Exposure,
 }
 
 impl Stage {
-    /// Maps after so many photographs.
-    pub fn new(photographs: usize, maps: &Svbrdf) -> Self {
-        Self { photographs, maps: resized(maps, TEXELS, TEXELS) }
+    /// Maps after so many photographs, and what they go with.
+    pub fn new(photographs: usize, maps: &Svbrdf, exposure: Exposure) -> Self {
+        Self { photographs, maps: resized(maps, TEXELS, TEXELS), exposure }
     }
 }
 
@@ -55,7 +56,10 @@ impl Errors {
             }
             let mut latest = None;
             for (stage, (_, errors)) in stages.iter().zip(&mut after) {
+                let given = photograph.view;
+                photograph.view = stage.exposure.predict(&given);
                 let prediction = predict(&stage.maps, &photograph)?;
+                photograph.view = given;
                 errors.push(prediction.error);
                 latest = Some(prediction);
             }
