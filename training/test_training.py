@@ -14,7 +14,6 @@ import faults
 import import_weights
 import photo_losses
 import procedural
-import refit_slopes
 import relief
 from faults import Draws, Ranges
 from networks import PHOTO_CHANNELS, OnePhoto, PhotoNetwork
@@ -276,27 +275,6 @@ class Weights(unittest.TestCase):
         photo_losses.spread_loss(log_sigma, maps, torch.zeros_like(maps)).backward()
         moved = {n for n, p in network.named_parameters() if p.grad is not None and float(p.grad.abs().max()) > 0}
         self.assertTrue(moved and all(n.startswith("spread") for n in moved), moved)
-
-
-class Refit(unittest.TestCase):
-    def test_least_squares_finds_the_layer_that_made_the_slopes(self):
-        torch.manual_seed(0)
-        made, layer = (torch.nn.ConvTranspose2d(6, 9, 4, 2, 1) for _ in range(2))
-        with torch.no_grad():
-            made.bias.zero_(), layer.bias.zero_()
-            layer.weight.copy_(made.weight)
-            layer.weight[:, :2] *= 0.7
-            layer.weight[:, :2] += 0.01 * torch.randn(6, 2, 4, 4)
-            features = 0.3 * torch.randn(2, 6, 24, 16)
-            truth = torch.tanh(made(features))
-            error = lambda: float((torch.tanh(layer(features)) - truth)[:, :2].abs().max())
-            before, others = error(), layer.weight[:, 2:].clone()
-            equations = refit_slopes.NormalEquations(layer)
-            equations.add(features, truth, 1.0, np.random.default_rng(0))
-            equations.step(0.0)
-            # Gauss-Newton: what is left is quadratic in the error before
-            self.assertLess(error(), before**2)
-            self.assertTrue(torch.equal(others, layer.weight[:, 2:]))
 
 
 if __name__ == "__main__":
