@@ -47,6 +47,7 @@ pub(crate) struct SavedEstimation<'a> {
 }
 
 /// The part in progress.
+#[allow(clippy::large_enum_variant)] // there is one at a time
 pub(crate) enum SavedWork<'a> {
     Pending,
     Maps(Cow<'a, SolverState>),

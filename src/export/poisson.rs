@@ -204,7 +204,7 @@ impl Axis {
 
     /// Even values in order, then odd ones backwards.
     fn folded(&self, n: usize) -> usize {
-        if n % 2 == 0 { n / 2 } else { self.length - 1 - n / 2 }
+        if n.is_multiple_of(2) { n / 2 } else { self.length - 1 - n / 2 }
     }
 }
 

@@ -36,7 +36,7 @@ impl Stack {
         let mut data: Vec<f32> = self.planes.concat();
         let n = self.width * self.height;
         for v in &mut data[channel::DIFFUSE * n..channel::ROUGHNESS * n] {
-            *v = v.max(0.0) * *v;
+            *v *= v.max(0.0);
         }
         let mut maps = Svbrdf::from_planes(self.width, self.height, data).expect("nine planes");
         maps.clamp();
