@@ -27,7 +27,7 @@ mkdir -p "$tools"
   npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core pngjs axe-core ||
   skip "playwright-core, pngjs and axe-core cannot be installed"
 
-cargo build --quiet --release -p svbrdf-cli --bin svbrdf
+[ -x "$folder/release/svbrdf" ] || cargo build --quiet --release -p svbrdf-cli --bin svbrdf
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$folder/release/svbrdf" fit examples/captures/tile --out "$work/maps" --steps 6 --hold-out 2 --quiet

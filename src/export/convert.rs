@@ -230,7 +230,8 @@ mod tests {
                         };
                         error += (0..=50).map(|b| channel(b as f32 / 50.0)).fold(f32::MAX, f32::min);
                     }
-                    prop_assert!(found <= error + 2e-5, "{found} for {error} at {m} {dielectric}");
+                    // A free dielectric is found from means, before base colours are clamped: 1 % off.
+                    prop_assert!(found <= 1.01 * error + 2e-5, "{found} for {error} at {m} {dielectric}");
                 }
             }
         }

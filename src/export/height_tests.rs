@@ -91,9 +91,12 @@ fn a_periodic_height_goes_on_across_its_border() {
     let found = Height::of(&maps, mm, true).unwrap();
     assert!(error(&found, &known) < 1e-3);
     let step = |a: usize, b: usize| f64::from(found.mm[a] - found.mm[b]).abs();
-    let across: f64 = (0..h).map(|y| step(y * w, y * w + w - 1)).sum();
-    let inside: f64 = (0..h).map(|y| step(y * w + 1, y * w)).sum();
-    assert!((across / inside - 1.0).abs() < 0.1, "{across} {inside}");
+    let true_step = |a: usize, b: usize| (known[a] - known[b]).abs();
+    let across = |step: &dyn Fn(usize, usize) -> f64| -> f64 {
+        (0..h).map(|y| step(y * w, y * w + w - 1)).sum()
+    };
+    let (found, expected) = (across(&step), across(&true_step));
+    assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
 }
 
 #[test]

@@ -95,7 +95,8 @@ fn place(stack: &Stack, closed: bool) -> [usize; 2] {
     let factor = stack.width.max(stack.height).div_ceil(SEARCH_SIDE);
     let small = stack.reduced(factor);
     let half = half_width(&small);
-    let columns = half..small.width - half + 1;
+    // Differences across a cut need one column more of the source on either side.
+    let columns = half + 1..small.width - half;
     let rows = if closed { small.height } else { 1 };
     let weights = small.weights();
     let places: Vec<[usize; 2]> = columns.flat_map(|x| (0..rows).map(move |y| [x, y])).collect();
@@ -106,13 +107,13 @@ fn place(stack: &Stack, closed: bool) -> [usize; 2] {
     let half = half_width(stack);
     let weights = stack.weights();
     let mut at = [
-        (best[0] * factor).clamp(half, stack.width - half),
+        (best[0] * factor).clamp(half + 1, stack.width - half - 1),
         if closed { best[1] * factor % stack.height } else { 0 },
     ];
     let around = |v: usize, low: usize, high: usize| {
         (v + 1).saturating_sub(factor).max(low)..(v + factor).min(high)
     };
-    let places: Vec<_> = around(at[0], half, stack.width - half + 1).map(|x| [x, at[1]]).collect();
+    let places: Vec<_> = around(at[0], half + 1, stack.width - half).map(|x| [x, at[1]]).collect();
     at = cheapest(stack, &weights, &places);
     if closed {
         let places: Vec<_> = around(at[1], 0, stack.height).map(|y| [at[0], y]).collect();
@@ -134,7 +135,7 @@ fn cheapest(stack: &Stack, weights: &[f32; CHANNELS], places: &[[usize; 2]]) -> 
             .sum::<f32>()
     });
     let best = costs.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-    best.map_or([half, 0], |(i, _)| places[i])
+    best.map_or([half + 1, 0], |(i, _)| places[i])
 }
 
 /// Squared differences between the material and the patch over `half` columns at the left or right
