@@ -87,7 +87,7 @@ fn faults_exit_with_2() {
         ("checkerboard:6x9:0", "SQUARE_MM"),
         ("checkerboard:6:25", "ROWSxCOLS"),
         ("checkerboard:2x3:25", "20 inner corners"),
-        ("dots:6x9:25", "no kind of board"),
+        ("dots:6x9:25", "not a kind of board"),
         ("ring:17x17:10", "odd"),
         ("ring:17x16:10:1,2", "whole numbers"),
         ("charuco-ring:17x16:10:3,3,14,13:12", "marker_mm"),

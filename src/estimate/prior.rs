@@ -112,6 +112,12 @@ pub(super) fn limits(c: usize) -> (f32, f32) {
     }
 }
 
+/// The same in double precision.
+pub(super) fn range(c: usize) -> (f64, f64) {
+    let (low, high) = limits(c);
+    (f64::from(low), f64::from(high))
+}
+
 /// Coordinates of eight texels.
 #[inline(always)]
 pub(super) fn to_coordinates<V: Lanes>(natural: [V; CHANNELS]) -> [V; CHANNELS] {

@@ -153,9 +153,9 @@ void board(const std::string& folder) {
     const auto glb = package.bytes("material.glb");
     CHECK(package.count() > 5 && glb.size() > 1000 && glb.data()[0] == 'g');
     CHECK(package.bytes("unreal/orm.png").size() > 100 && package.bytes("none").size() == 0);
-    auto options = svbrdf::make(svbrdf_export_options_init);
-    options.max_size = 32;
-    maps->export_formats(folder + "/cpp/export", "usdz", options);
+    auto exported = svbrdf::make(svbrdf_export_options_init);
+    exported.max_size = 32;
+    maps->export_formats(folder + "/cpp/export", "usdz", exported);
     CHECK(thrown([&] { maps->package("gltf"); }) == SVBRDF_INVALID_ARGUMENT);
     svbrdf::Session moved = std::move(session);
     CHECK(session.get() == nullptr && moved.progress().settled == 1);

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::problem::{Light, Problem, range};
+use super::problem::{Light, Problem};
 use super::state::{Damping, State};
 use crate::estimate::correction::Correction;
+use crate::estimate::prior::range;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
 
@@ -293,40 +294,8 @@ impl Problem {
             sum.matrix += part.matrix;
             sum.gradient += part.gradient;
         }
-        let [by_turn, by_ambient, by_mirrored] = self.shared_precision();
-        let last = self.shared() - 1;
-        if self.free.turn {
-            for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
-                sum.matrix[(i, i)] += by_turn;
-                sum.gradient[i] += by_turn * turn;
-            }
-        }
-        if self.free.mirror {
-            for (i, mirrored) in state.correction.mirrored.iter().enumerate() {
-                let at = self.first_mirrored() + i;
-                sum.matrix[(at, at)] += by_mirrored;
-                sum.gradient[at] += by_mirrored * mirrored;
-            }
-        }
-        sum.matrix[(last, last)] += by_ambient;
-        sum.gradient[last] += by_ambient * state.correction.ambient;
-        for (c, by) in state.offset.iter().enumerate() {
-            let [own, flat, mean] = self.offset_prior(c);
-            let at = self.first_offset() + c;
-            sum.matrix[(at, at)] += own + flat;
-            sum.gradient[at] += own * by + flat * (by + mean);
-        }
-        let mut shared = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
-        if state.correction.ambient + shared[last] < 0.0 {
-            // At its bound: the others without it.
-            let ambient = -state.correction.ambient;
-            let matrix = sum.matrix.view((0, 0), (last, last)).into_owned();
-            let side = sum.matrix.view((0, last), (last, 1)).column(0) * ambient;
-            let gradient = sum.gradient.rows(0, last) + side;
-            let turns = matrix.cholesky()?.solve(&-gradient);
-            shared.rows_mut(0, last).copy_from(&turns);
-            shared[last] = ambient;
-        }
+        self.add_priors(state, &mut sum);
+        let shared = self.solved(state, &sum)?;
         let shared = &shared;
         let steps: Vec<Column> = parallel::map_parts(chunks.iter(), |_, &first| {
             let texels = first..(first + CHUNK).min(n);
@@ -352,8 +321,56 @@ impl Problem {
         };
         let mirrored = (0..self.logs.len()).map(mirrored).collect();
         let offset = std::array::from_fn(|c| shared[self.first_offset() + c]);
-        let correction =
-            Correction { turns, ambient: shared[last], mirrored, ..Correction::default() };
+        let correction = Correction {
+            turns,
+            ambient: shared[self.shared() - 1],
+            mirrored,
+            ..Correction::default()
+        };
         Some(State { texels, correction, offset })
+    }
+
+    /// Adds the priors of what texels share.
+    fn add_priors(&self, state: &State, sum: &mut SharedSystem) {
+        let [by_turn, by_ambient, by_mirrored] = self.shared_precision();
+        let last = self.shared() - 1;
+        if self.free.turn {
+            for (i, turn) in state.correction.turns.iter().flatten().enumerate() {
+                sum.matrix[(i, i)] += by_turn;
+                sum.gradient[i] += by_turn * turn;
+            }
+        }
+        if self.free.mirror {
+            for (i, mirrored) in state.correction.mirrored.iter().enumerate() {
+                let at = self.first_mirrored() + i;
+                sum.matrix[(at, at)] += by_mirrored;
+                sum.gradient[at] += by_mirrored * mirrored;
+            }
+        }
+        sum.matrix[(last, last)] += by_ambient;
+        sum.gradient[last] += by_ambient * state.correction.ambient;
+        for (c, by) in state.offset.iter().enumerate() {
+            let [own, flat, mean] = self.offset_prior(c);
+            let at = self.first_offset() + c;
+            sum.matrix[(at, at)] += own + flat;
+            sum.gradient[at] += own * by + flat * (by + mean);
+        }
+    }
+
+    /// The step of what texels share; ambient light stays at its bound where it would leave it.
+    fn solved(&self, state: &State, sum: &SharedSystem) -> Option<DVector<f64>> {
+        let last = self.shared() - 1;
+        let mut shared = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
+        if state.correction.ambient + shared[last] < 0.0 {
+            // At its bound: the others without it.
+            let ambient = -state.correction.ambient;
+            let matrix = sum.matrix.view((0, 0), (last, last)).into_owned();
+            let side = sum.matrix.view((0, last), (last, 1)).column(0) * ambient;
+            let gradient = sum.gradient.rows(0, last) + side;
+            let turns = matrix.cholesky()?.solve(&-gradient);
+            shared.rows_mut(0, last).copy_from(&turns);
+            shared[last] = ambient;
+        }
+        Some(shared)
     }
 }

@@ -29,18 +29,7 @@ use super::prior::Prior;
 use crate::Svbrdf;
 use crate::observation::{Observation, View};
 use problem::Problem;
-pub(crate) use state::{Damping, State};
-
-/// Which lights are free.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Free {
-    /// Whether lights turn.
-    pub turn: bool,
-    /// Whether ambient light is looked for that the given views do not have.
-    pub ambient: bool,
-    /// Whether the surround differs from photograph to photograph where the sample mirrors it.
-    pub mirror: bool,
-}
+pub(crate) use state::{Damping, Free, State};
 
 /// What the fit of lights starts from.
 #[derive(Clone, Copy)]

@@ -1,22 +1,15 @@
 //! The posterior of a grid of texels and their lights.
 
-use super::Free;
-use super::state::{State, Trial};
+use super::state::{Free, State, Trial};
 use crate::Svbrdf;
 use crate::estimate::correction::{Correction, corrected};
 use crate::estimate::options::{LightOptions, ScheduleOptions};
-use crate::estimate::prior::{Prior, is_albedo, limits};
+use crate::estimate::prior::{Prior, is_albedo, range};
 use crate::loss::{huber, to_logarithms};
 use crate::observation::{Observation, View};
 use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, channel};
-
-/// Range of a coordinate.
-pub(super) fn range(c: usize) -> (f64, f64) {
-    let (low, high) = limits(c);
-    (f64::from(low), f64::from(high))
-}
 
 /// What is believed of one photograph's light, see [`Correction`].
 #[derive(Clone, Copy)]

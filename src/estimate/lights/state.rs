@@ -1,9 +1,20 @@
 //! Unknowns of lights and texels, and steps of them.
 
-use super::problem::range;
 use crate::estimate::correction::{Correction, MAX_MIRRORED};
 use crate::estimate::options::LightOptions;
+use crate::estimate::prior::range;
 use crate::svbrdf::CHANNELS;
+
+/// Which lights are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Free {
+    /// Whether lights turn.
+    pub turn: bool,
+    /// Whether ambient light is looked for that the given views do not have.
+    pub ambient: bool,
+    /// Whether the surround differs from photograph to photograph where the sample mirrors it.
+    pub mirror: bool,
+}
 
 /// Unknowns: nine planes of texel coordinates (see [`crate::estimate::prior`]), lights, and by how much
 /// the coordinates of the estimate are off everywhere.

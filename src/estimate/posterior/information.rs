@@ -1,9 +1,10 @@
 //! What photographs tell of texels as they are: precisions and covariances of the quadratic model.
 
+use super::model::Posterior;
 use super::normal_equations::{NormalEquations, PAIRS};
-use super::{Noise, Posterior, Prior};
 use crate::Svbrdf;
-use crate::estimate::prior::to_coordinates;
+use crate::estimate::noise::Noise;
+use crate::estimate::prior::{Prior, to_coordinates};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;

@@ -11,29 +11,11 @@
 //! log residuals a photograph.
 
 mod information;
+mod model;
 mod normal_equations;
 
 pub(super) use information::{
     At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision,
 };
+pub(super) use model::Posterior;
 pub(super) use normal_equations::{NormalEquations, cost};
-
-use super::noise::Noise;
-use super::prior::Prior;
-use crate::render::Prepared;
-use crate::svbrdf::CHANNELS;
-
-/// The posterior of a texel, apart from its prior mean.
-pub(super) struct Posterior<'a> {
-    pub observations: &'a [Prepared<'a>],
-    /// Of each colour.
-    pub noise: [Noise; 3],
-    /// 1 / sigma².
-    pub precision: [f32; CHANNELS],
-}
-
-impl<'a> Posterior<'a> {
-    pub fn new(observations: &'a [Prepared<'a>], noise: [Noise; 3], prior: &Prior) -> Self {
-        Self { observations, noise, precision: prior.precision() }
-    }
-}

@@ -1,6 +1,6 @@
 //! The quadratic model of eight texels' objective, and its minimum.
 
-use super::Posterior;
+use super::model::Posterior;
 use crate::estimate::noise::Noise;
 use crate::estimate::prior::from_coordinates;
 use crate::loss::{EPSILON, OffsetPair};

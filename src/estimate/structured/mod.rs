@@ -29,17 +29,8 @@ use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
 use groups::{Classes, Feature};
-use problem::{CLASS, GLOSS, Problem, State, precision};
+use problem::{CLASS, Free, GLOSS, Problem, State, precision};
 use sample::{Coordinates, Lit, Sample, colours, natural};
-
-/// What photographs leave open beside the maps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Free {
-    /// Gain of each photograph and the exposure law between them.
-    pub exposure: bool,
-    /// Offset of all lights.
-    pub offset: bool,
-}
 
 /// Fraction of the colour seen that is diffuse, in the prior's mean.
 const DIFFUSE_FRACTION: f32 = 0.8;

@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::Free;
 use super::sample::{Coordinates, Lit, Sample, by_log, natural, range, residual};
 use crate::estimate::correction::{Correction, Exposure, log_distance};
 use crate::estimate::options::{StructuredOptions, Widths};
@@ -16,6 +15,15 @@ use crate::estimate::prior::is_albedo;
 use crate::loss::{huber, huber_weight};
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
+
+/// What photographs leave open beside the maps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Free {
+    /// Gain of each photograph and the exposure law between them.
+    pub exposure: bool,
+    /// Offset of all lights.
+    pub offset: bool,
+}
 
 /// Coordinates that classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;

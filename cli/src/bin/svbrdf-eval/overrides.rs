@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn options_are_set_by_path() {
         let set =
-            ["solver.max_step=0.2", "refinement.widths.1=0.5", "refinement.name=narrow", "limit=3"];
+            ["refinement.steps=6", "refinement.widths.1=0.5", "refinement.name=narrow", "limit=3"];
         let options = overrides(&set, None).apply(&defaults()).unwrap();
         let refinement = Refinement { steps: 6, widths: [0.1, 0.5], name: "narrow".into() };
         assert_eq!(options, Options { refinement, limit: Some(3.0) });
@@ -183,7 +183,7 @@ mod tests {
                 "field `refinment.steps`: `refinment` is no option; expected one of limit, refinement",
             ),
             ("refinement.step=6", "expected one of name, steps, widths"),
-            ("solver.max_step=0.2.5", "field `refinement.steps`: found 6.5"),
+            ("refinement.steps=6.5", "field `refinement.steps`: found 6.5"),
             ("refinement.steps=-1", "expected a value like 20"),
             ("refinement=3", "field `refinement`: found 3"),
             ("refinement.widths.2=1", "an index below 2"),
