@@ -64,7 +64,8 @@ fn seams_vanish_and_sizes_stay() {
             [mean, fine / plane.len() as f32]
         };
         for (a, b) in moments(&tiled.maps).into_iter().zip(moments(&maps)) {
-            assert!((a / b - 1.0).abs() < 0.1, "{a} {b}");
+            // The ramp's own part of the contrast, a tenth to a fifth, goes.
+            assert!((a / b - 1.0).abs() < 0.2, "{a} {b}");
         }
     }
 }

@@ -46,7 +46,8 @@ def materialx(path):
     document.setDataLibrary(library)
     valid, message = document.validate()
     findings = [] if valid else [message]
-    for image in document.getNodeGraphs()[0].getNodes("image"):
+    # The data library has node graphs of its own.
+    for image in document.getNodeGraph("svbrdf_maps").getNodes("image"):
         file = image.getInput("file").getValueString()
         if not os.path.isfile(os.path.join(os.path.dirname(path), file)):
             findings.append(f"{file} cannot be found")
