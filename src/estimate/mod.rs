@@ -25,10 +25,10 @@
 //! ```
 //!
 //! and whose widths `Λ^-½` are those of [`Prior`], narrower where the material shows it
-//! (`updates/widths`), wider where slopes do ([`solver`]).
+//! (`updates/widths`), wider where slopes do (`solver`).
 //!
 //! # Phases
-//! Each changes one of these, all others held, in the order of [`schedule`]:
+//! Each changes one of these, all others held, in the order of `schedule`:
 //!
 //! | phase | changes | by |
 //! |---|---|---|
@@ -43,7 +43,7 @@
 //! `docs/method.md` has the equations, a diagram and a glossary.
 //!
 //! # Files
-//! [`options`] holds every tuned number, [`schedule`] the one table of phases, `estimation` what is
+//! [`options`] holds every tuned number, `schedule` the one table of phases, `estimation` what is
 //! known and where in the schedule it is, `steps` one step of each phase. A phase that moves the prior
 //! is an update: a small type with one method from photographs and belief to belief.
 

@@ -25,9 +25,9 @@ pub(super) struct Tensors {
     pub gradient: Vec<f32>,
 }
 
-/// All buffers of a [`Decoder`] for one size of the code, allocated once.
+/// All buffers of a [`Decoder`](super::Decoder) for one size of the code, allocated once.
 ///
-/// It also carries the activations of the last forward pass, from which [`Decoder::vjp`] starts.
+/// It also carries the activations of the last forward pass, from which [`Decoder::vjp`](super::Decoder::vjp) starts.
 #[derive(Debug)]
 pub struct Workspace {
     pub(super) height: usize,

@@ -13,7 +13,7 @@
 //! the exact Smith term of GGX divides by `x + sqrt(a² + (1 - a²) x²)`, Schlick's form is a few
 //! percent off at grazing angles, is as reciprocal, and needs no root. There is no factor (1 - F)
 //! on the diffuse part. All cosines are held at [`MIN_COSINE`] or above, with derivative zero
-//! below it; roughness at [`MIN_ROUGHNESS`] or above, likewise.
+//! below it; roughness at [`MIN_ROUGHNESS`](crate::svbrdf::MIN_ROUGHNESS) or above, likewise.
 //!
 //! [`reflect`] is plain `f64`: the reference for the eight-lane version that `render` and
 //! `refinement` use.

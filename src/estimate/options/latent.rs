@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Options of the [fit of the latent code](super::super::latent).
+/// Options of the fit of the latent code.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LatentOptions {
@@ -63,7 +63,7 @@ impl Default for LatentOptions {
     }
 }
 
-/// Options of the [gains](super::super::latent) of maps as a whole.
+/// Options of the gains of maps as a whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GainOptions {
@@ -104,7 +104,7 @@ impl Default for GainOptions {
     }
 }
 
-/// Options of the [baseline](super::super::baseline): the best of a search over rates, decays and lengths
+/// Options of the baseline: the best of a search over rates, decays and lengths
 /// on synthetic texels; longer or faster runs fit the noise, not the material.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

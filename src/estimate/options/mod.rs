@@ -56,7 +56,7 @@ pub struct EstimateOptions {
     pub baseline: BaselineOptions,
 }
 
-/// Options of the [schedule](super::schedule): photographs from which on a phase runs, rounds, and
+/// Options of the schedule: photographs from which on a phase runs, rounds, and
 /// steps of the solver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -135,7 +135,7 @@ impl Default for ScheduleOptions {
     }
 }
 
-/// Options of the [noise](super::noise) of log residuals.
+/// Options of the noise of log residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseOptions {
@@ -168,7 +168,7 @@ impl Default for NoiseOptions {
     }
 }
 
-/// Options of the [solver](super::solver) of texels.
+/// Options of the solver of texels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverOptions {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Options of the [structured prior](super::super::structured): material classes with small
+/// Options of the structured prior: material classes with small
 /// deviations of texels, fitted together with exposure and place of the flash.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Options of the [groups](super::super::updates) of texels of like diffuse colour.
+/// Options of the groups of texels of like diffuse colour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GroupOptions {
@@ -33,7 +33,7 @@ impl Default for GroupOptions {
     }
 }
 
-/// Options of the [pooling](super::super::updates) of gloss.
+/// Options of the pooling of gloss.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PoolingOptions {
@@ -50,7 +50,7 @@ impl Default for PoolingOptions {
     }
 }
 
-/// Options of the [material classes](super::super::updates).
+/// Options of the material classes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClassOptions {
@@ -102,7 +102,7 @@ impl Default for ClassOptions {
     }
 }
 
-/// Options of the [regression of slopes](super::super::updates).
+/// Options of the regression of slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SlopeOptions {
@@ -122,7 +122,7 @@ impl Default for SlopeOptions {
     }
 }
 
-/// Options of the [widths](super::super::updates) that the material shows.
+/// Options of the widths that the material shows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WidthOptions {
@@ -156,7 +156,7 @@ impl Default for WidthOptions {
     }
 }
 
-/// Options of the [learned prior](super::super::updates).
+/// Options of the learned prior.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NetworkOptions {
