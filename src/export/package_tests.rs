@@ -60,6 +60,7 @@ fn check_colour(stored: f32, expected: f32, texture: TextureFormat, what: &str) 
 }
 
 /// Parts of a GLB: the JSON and the images by name.
+#[allow(clippy::type_complexity)] // a test helper
 fn glb(package: &Package) -> (Value, Vec<(String, Vec<[f32; 4]>)>) {
     let bytes = package.file("material.glb").unwrap();
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
