@@ -94,8 +94,8 @@ try {
   };
   tab.on('pageerror', (error) => complain(error.message));
   tab.on('console', (message) => message.type() === 'error' && !message.text().includes('404') && complain(message.text()));
-  await tab.goto(`http://127.0.0.1:${server.address().port}/`);
-  await tab.waitForFunction('window.ready', null, { timeout: 60000 });
+  await tab.goto(`http://127.0.0.1:${server.address().port}/`, { timeout: 180_000 });
+  await tab.waitForFunction('window.ready', null, { timeout: 180_000 });
   for (const name of readdirSync(cases).sort()) {
     for (const [index, view] of views.entries()) {
       const call = ([name, view, index]) => window.compare(name, view, index);
