@@ -63,9 +63,10 @@ fn seams_vanish_and_sizes_stay() {
             let fine = plane.windows(2).map(|p| (p[1] - p[0]).abs()).sum::<f32>();
             [mean, fine / plane.len() as f32]
         };
-        for (a, b) in moments(&tiled.maps).into_iter().zip(moments(&maps)) {
-            // The ramp's own part of the contrast, a tenth to a fifth, goes.
-            assert!((a / b - 1.0).abs() < 0.2, "{a} {b}");
+        // The ramp's own part of the contrast, more of it on small samples, goes.
+        let limits = [0.1, 0.35];
+        for ((a, b), limit) in moments(&tiled.maps).into_iter().zip(moments(&maps)).zip(limits) {
+            assert!((a / b - 1.0).abs() < limit, "{w} x {h}: {a} {b}");
         }
     }
 }
