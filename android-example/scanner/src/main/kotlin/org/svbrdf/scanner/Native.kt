@@ -7,8 +7,8 @@ import java.util.concurrent.ConcurrentHashMap
 import java.util.concurrent.atomic.AtomicLong
 
 /**
- * The functions of `cpp/*_jni.c`, and what it calls. `owner` is the object that owns the handle:
- * it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
+ * The functions of the C files in `cpp`, and what they call. `owner` is the object that owns the
+ * handle: it is not collected during the call. Text is UTF-8; text for the library ends with a NUL.
  */
 internal object Native {
     init {
