@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ "$(uname -m)" = x86_64 ] || { echo "SKIPPED: inlining of vector instructions is checked on x86-64"; exit 0; }
-cargo build --quiet --release --bin svbrdf
+cargo build --quiet --release --workspace --bin svbrdf
 objdump -dC --no-show-raw-insn "${CARGO_TARGET_DIR:-target}/release/svbrdf" | awk '
   /^[0-9a-f]+ <.*>:$/ { function_name = $0; if (/svbrdf::/) ours++ }
   /(call|jmp) .*_mm(256)?_/ && function_name !~ /tract|rustfft/ { print function_name; found = 1 }

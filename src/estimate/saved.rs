@@ -174,9 +174,9 @@ impl Estimation {
                 let fit = fit.and_then(|fit| fit.resume(lights));
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
-            (SavedWork::Widths(errors), Some(Phase::Widths), Some(_)) => {
+            (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
                 let (free, options) = (self.task.free_lights, &self.options.structured);
-                let mut trials = WidthTrials::new(&self.photographs, free, options);
+                let mut trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
                 if !trials.resume(errors.into_owned()) {
                     return Err(fault("trials of widths are too many"));
                 }

@@ -3,7 +3,7 @@
 //! | phase                | photographs | rounds | steps before | steps after | changes          |
 //! |----------------------|-------------|--------|--------------|-------------|------------------|
 //! | latent code          | 1           | 1      |              |             | base, mean, maps |
-//! | widths               | 3           | 1      |              |             | views, mean, widths |
+//! | widths               | 2 or 3      | 1      |              |             | views, mean, widths |
 //! | pool gloss           | 1           | 1      |              |             | base, mean, maps |
 //! | lights held          | 3           | 4 or 2 | 4            |             | views, mean      |
 //! | lights turn          | 8           | 4      | 4            |             | views, mean      |
@@ -84,14 +84,16 @@ pub(crate) fn rows(
         LightsKnown::Roughly => o.ambient_rounds,
     };
     let turn_rounds = if lights == LightsKnown::Roughly { o.turn_rounds } else { 0 };
+    let widths_from = match lights {
+        LightsKnown::Roughly => options.structured.from,
+        LightsKnown::Well => options.structured.from.max(options.structured.leave_out_from),
+        // What a room mirrors is not in the structured prior's light.
+        LightsKnown::InRoom => usize::MAX,
+    };
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [
         (1, row(Phase::Latent, 1, 0, 0)),
-        // What a room mirrors is not in the structured prior's light.
-        (
-            options.structured.from,
-            row(Phase::Widths, usize::from(lights != LightsKnown::InRoom), 0, 0),
-        ),
+        (widths_from, row(Phase::Widths, 1, 0, 0)),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
         (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
         (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),

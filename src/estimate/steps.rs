@@ -125,7 +125,7 @@ impl Estimation {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         let (free, options) = (self.task.free_lights, &self.options.structured);
         if !matches!(self.work, Work::Widths(_)) {
-            let trials = WidthTrials::new(&self.photographs, free, options);
+            let trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };

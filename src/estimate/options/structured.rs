@@ -7,8 +7,18 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StructuredOptions {
-    /// Photographs from which on it is considered. Derived: leaving one out of fewer tells nothing.
+    /// Photographs from which on it is considered.
     pub from: usize,
+    /// Photographs from which on leaving one out chooses. Derived: of fewer it tells nothing.
+    pub leave_out_from: usize,
+    /// The prior of fewer photographs, round the latent estimate, where exposure and flash are not as
+    /// given.
+    pub few: Widths,
+    /// Part of the estimate's own deviation from its class that the mean of that prior keeps. Tuned.
+    pub own_share: f64,
+    /// Cost with exposure and flash as given, relative to that with both free, from which on few
+    /// photographs contradict what was given. Tuned.
+    pub contradiction: f64,
     /// Texels along the longer side that are fitted, at most. Tuned.
     pub texels: usize,
     /// The same while photographs are left out. Tuned.
@@ -58,7 +68,11 @@ impl Default for StructuredOptions {
         let narrow =
             Widths { classes: 1, slope: 0.01, diffuse: 0.3, specular: 0.002, roughness: 0.001 };
         Self {
-            from: 3,
+            from: 2,
+            leave_out_from: 3,
+            few: Widths { classes: 8, diffuse: 0.1, specular: 0.02, roughness: 0.01, ..narrow },
+            own_share: 0.5,
+            contradiction: 1.2,
             texels: 64,
             trial_texels: 32,
             steps: 12,

@@ -69,7 +69,7 @@ impl Problem<'_> {
         }
         let scale = self.scale();
         for (k, class) in state.classes.iter().enumerate() {
-            for (i, [mean, sigma]) in self.class_prior().into_iter().enumerate() {
+            for (i, [mean, sigma]) in self.class_prior(k).into_iter().enumerate() {
                 let weight = scale / self.widths.classes as f64 * sigma.powi(-2);
                 sum.matrix[(CLASS * k + i, CLASS * k + i)] += weight;
                 sum.gradient[CLASS * k + i] += weight * (class[i] - mean);

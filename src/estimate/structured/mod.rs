@@ -12,6 +12,10 @@
 //! they predict each of the latest photographs from all others (leave-one-out cross-validation), at a
 //! few texels. Where the widest wins, as on bumpy materials that photographs explain well, the other
 //! phases of the schedule do better, and nothing is changed.
+//!
+//! Two photographs cannot be left out. They tell whether exposure and flash are as given: where the
+//! classes explain them clearly better with both free (a likelihood ratio), the light is known badly,
+//! texels would follow it, and the classes are taken, round the latent estimate.
 
 mod descent;
 mod groups;
@@ -24,37 +28,57 @@ use super::belief::Belief;
 use super::correction::Correction;
 use super::options::{StructuredOptions, Widths};
 use super::photographs::Photographs;
-use super::prior::{Prior, from_coordinate};
+use super::prior::{Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
 use groups::{Classes, Feature};
 use problem::{CLASS, Free, GLOSS, Problem, State, precision};
 use sample::{Coordinates, Lit, Sample, colours, natural};
+use std::ops::Range;
 
 /// Fraction of the colour seen that is diffuse, in the prior's mean.
 const DIFFUSE_FRACTION: f32 = 0.8;
+
+/// Coordinates of the diffuse albedo.
+const DIFFUSE: Range<usize> = channel::DIFFUSE..channel::DIFFUSE + 3;
 
 /// Trials of the widths in progress.
 pub(crate) struct WidthTrials {
     options: StructuredOptions,
     free: Free,
     sample: Sample,
+    /// Classes round the estimate, where photographs are too few to leave one out.
+    few: Option<Setup>,
     /// Photographs left out, each in turn.
     folds: Vec<usize>,
     /// Of the trials done: squared errors of each candidate for each photograph left out; then what
-    /// the best narrow one and the widest leave of all photographs.
+    /// the best narrow one and the widest leave of all photographs. Of few photographs: costs with
+    /// exposure and flash as given, and free.
     pub errors: Vec<f64>,
 }
 
 impl WidthTrials {
-    /// Before the first trial. Where a board tells exposure and flash, they are not `free`.
-    pub fn new(photographs: &Photographs, free: bool, options: &StructuredOptions) -> Self {
+    /// Before the first trial, with the latent estimate. Where a board tells exposure and flash, they
+    /// are not `free`.
+    pub fn new(
+        photographs: &Photographs,
+        estimate: &Svbrdf,
+        free: bool,
+        options: &StructuredOptions,
+    ) -> Self {
         let count = photographs.len();
+        let sample = Sample::new(photographs, options.trial_texels);
+        let few = (count < options.leave_out_from).then(|| {
+            let which: Vec<usize> = (0..count).collect();
+            let setup = Setup::new(&sample, &which, options.few.classes, options);
+            setup.around(&sample.coordinates(estimate), options.own_share)
+        });
         Self {
             options: options.clone(),
             free: Free { exposure: free, offset: free },
-            sample: Sample::new(photographs, options.trial_texels),
+            sample,
+            few,
             folds: (count.saturating_sub(options.folds)..count).collect(),
             errors: Vec::new(),
         }
@@ -62,7 +86,7 @@ impl WidthTrials {
 
     /// Trials in all.
     pub fn count(&self) -> usize {
-        self.predictions() + 2
+        if self.few.is_some() { 2 } else { self.predictions() + 2 }
     }
 
     /// Trials that predict photographs.
@@ -75,8 +99,26 @@ impl WidthTrials {
         self.errors.len() >= self.count()
     }
 
-    /// The next trial: predicts a photograph from all others, or fits all.
+    /// The next trial.
     pub fn step(&mut self) {
+        let error = match &self.few {
+            Some(setup) => self.cost_of_all(setup),
+            None => self.error_of_next(),
+        };
+        self.errors.push(error);
+    }
+
+    /// The cost of all photographs, first with exposure and flash as given, then with both free.
+    fn cost_of_all(&self, setup: &Setup) -> f64 {
+        let (options, is_free) = (&self.options, !self.errors.is_empty());
+        let which: Vec<usize> = (0..self.sample.photographs.len()).collect();
+        let free = if is_free { self.free } else { Free { exposure: false, offset: false } };
+        let problem = setup.problem(&self.sample, &which, options.few, free, options);
+        problem.cost(&problem.descend(problem.start(), options.trial_steps))
+    }
+
+    /// Predicts the next photograph that is left out from all others, or fits all.
+    fn error_of_next(&self) -> f64 {
         let (done, last) = (self.errors.len(), self.options.candidates.len() - 1);
         let folds = self.folds.len();
         let (candidate, left_out) = match done.checked_sub(self.predictions()) {
@@ -87,13 +129,13 @@ impl WidthTrials {
         let widths = self.options.candidates[candidate];
         let which: Vec<usize> =
             (0..self.sample.photographs.len()).filter(|&i| Some(i) != left_out).collect();
-        let setup = Setup::new(&self.sample, &which, widths.classes);
+        let setup = Setup::new(&self.sample, &which, widths.classes, &self.options);
         let problem = setup.problem(&self.sample, &which, widths, self.free, &self.options);
         let state = problem.descend(problem.start(), self.options.trial_steps);
-        self.errors.push(match left_out {
+        match left_out {
             Some(left_out) => prediction_error(&problem, &state, left_out),
             None => problem.mean_residual(&state),
-        });
+        }
     }
 
     /// Sum of the squared errors of each candidate.
@@ -115,10 +157,20 @@ impl WidthTrials {
         self.errors.len() <= self.count()
     }
 
+    /// The prior that was chosen, if any.
+    pub fn chosen(&self) -> Option<Widths> {
+        match self.errors.as_slice() {
+            &[given, free] if self.few.is_some() => {
+                (given > self.options.contradiction * free).then_some(self.options.few)
+            }
+            _ => self.chosen_by_prediction(),
+        }
+    }
+
     /// The narrow candidate that predicts best, if it predicts better than the widest, and if the
     /// photographs are not explained much better without it: what is left even when every texel is
     /// free is the model's error, which texels follow.
-    pub fn chosen(&self) -> Option<Widths> {
+    fn chosen_by_prediction(&self) -> Option<Widths> {
         let (sums, best) = (self.sums(), self.best_narrow());
         let &[narrow_residual, widest_residual] = self.errors.last_chunk()?;
         let predicts = sums[best] < self.options.evidence * sums.last()?;
@@ -129,7 +181,8 @@ impl WidthTrials {
 }
 
 /// Fits classes, texels, exposure and flash with the chosen widths; the belief's mean are flat maps
-/// with the gloss of their classes, its widths those chosen.
+/// with the gloss of their classes, of few photographs with a part of the estimate's own deviation,
+/// its widths those chosen.
 pub(super) fn fit(
     photographs: &mut Photographs,
     belief: &mut Belief,
@@ -140,11 +193,19 @@ pub(super) fn fit(
     let free = Free { exposure: free, offset: free };
     let sample = Sample::new(photographs, options.texels);
     let which: Vec<usize> = (0..photographs.len()).collect();
-    let setup = Setup::new(&sample, &which, widths.classes);
+    let mut setup = Setup::new(&sample, &which, widths.classes, options);
+    let own = (which.len() < options.leave_out_from).then_some(options.own_share);
+    if let Some(own) = own {
+        setup = setup.around(&sample.coordinates(&belief.maps), own);
+    }
     let problem = setup.problem(&sample, &which, widths, free, options);
     let state = problem.descend(problem.start(), options.steps);
+    let mut gloss = state.classes.clone();
+    for (class, mean) in gloss.iter_mut().zip(&setup.class_means) {
+        class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
+    }
     let colours = colours(photographs.full(), photographs.given());
-    belief.base = flat_maps(&belief.maps, &colours, &setup.classes, &state.classes);
+    belief.base = flat_maps(&belief.maps, own, &colours, &setup.classes, &gloss);
     belief.mean.clone_from(&belief.base);
     belief.maps.clone_from(&belief.base);
     belief.prior =
@@ -158,12 +219,13 @@ pub(super) fn fit(
 struct Setup {
     classes: Classes,
     shares: Vec<f32>,
-    /// Prior means of texels, but for gloss.
+    /// Prior means of texels, but for gloss: what is added to that of the classes.
     mean: Vec<Coordinates>,
+    class_means: Vec<[f64; CLASS]>,
 }
 
 impl Setup {
-    fn new(sample: &Sample, which: &[usize], count: usize) -> Self {
+    fn new(sample: &Sample, which: &[usize], count: usize, options: &StructuredOptions) -> Self {
         let colours = sample.colours(which);
         let classes = Classes::find(&colours, count);
         let mut shares = vec![0.0; colours.len() * classes.len()];
@@ -178,7 +240,37 @@ impl Setup {
             }
             mean
         });
-        Self { mean: mean.collect(), classes, shares }
+        let [root, roughness] = options.class_mean;
+        let class_means = vec![[root, root, root, roughness]; classes.len()];
+        Self { mean: mean.collect(), classes, shares, class_means }
+    }
+
+    /// Round an estimate: its diffuse albedo, its mean gloss of each class, and an `own` part of each
+    /// texel's deviation from that.
+    fn around(mut self, estimate: &[Coordinates], own: f64) -> Self {
+        let count = self.classes.len();
+        let mut totals = vec![1e-9; count];
+        self.class_means.fill([0.0; CLASS]);
+        for (x, shares) in estimate.iter().zip(self.shares.chunks_exact(count)) {
+            for ((mean, total), share) in self.class_means.iter_mut().zip(&mut totals).zip(shares) {
+                *total += f64::from(*share);
+                mean.iter_mut().zip(&x[GLOSS]).for_each(|(m, v)| *m += f64::from(*share) * v);
+            }
+        }
+        for (mean, total) in self.class_means.iter_mut().zip(totals) {
+            mean.iter_mut().for_each(|m| *m /= total);
+        }
+        for ((mean, x), shares) in
+            self.mean.iter_mut().zip(estimate).zip(self.shares.chunks_exact(count))
+        {
+            mean[DIFFUSE].copy_from_slice(&x[DIFFUSE]);
+            for (i, c) in GLOSS.enumerate() {
+                let of_classes = shares.iter().zip(&self.class_means);
+                let of_classes: f64 = of_classes.map(|(s, m)| f64::from(*s) * m[i]).sum();
+                mean[c] = own * (x[c] - of_classes);
+            }
+        }
+        self
     }
 
     fn problem<'a>(
@@ -190,24 +282,33 @@ impl Setup {
         options: &'a StructuredOptions,
     ) -> Problem<'a> {
         let widths = Widths { classes: self.classes.len(), ..widths };
-        let Self { shares, mean, .. } = self;
-        Problem { sample, which, mean, shares, widths, free, options }
+        let Self { shares, mean, class_means, .. } = self;
+        Problem { sample, which, mean, shares, class_means, widths, free, options }
     }
 }
 
-/// Flat maps of given colours, with the gloss of their classes.
+/// Flat maps with the gloss of their classes, of given colours; or with an `own` part of the
+/// estimate's gloss added, and its diffuse albedo.
 fn flat_maps(
-    like: &Svbrdf,
+    estimate: &Svbrdf,
+    own: Option<f64>,
     colours: &[Feature],
     classes: &Classes,
     gloss: &[[f64; CLASS]],
 ) -> Svbrdf {
-    let mut maps = Svbrdf::new(like.width(), like.height());
+    let mut maps = Svbrdf::new(estimate.width(), estimate.height());
     let width = maps.width();
-    for c in 0..3 {
-        let plane = maps.plane_mut(channel::DIFFUSE + c).iter_mut();
-        plane.zip(colours).for_each(|(v, f)| *v = DIFFUSE_FRACTION * f[c] * f[c]);
+    for (i, c) in DIFFUSE.enumerate() {
+        let plane = maps.plane_mut(c);
+        match own {
+            Some(_) => plane.copy_from_slice(estimate.plane(c)),
+            None => {
+                let pairs = plane.iter_mut().zip(colours);
+                pairs.for_each(|(v, f)| *v = DIFFUSE_FRACTION * f[i] * f[i]);
+            }
+        }
     }
+    let own = own.unwrap_or(0.0) as f32;
     for (i, c) in GLOSS.enumerate() {
         let rows = maps.plane_mut(c).chunks_mut(width);
         parallel::parts_with(
@@ -218,7 +319,8 @@ fn flat_maps(
                     classes.shares(&colours[y * width + x], shares);
                     let value: f64 =
                         shares.iter().zip(gloss).map(|(s, g)| f64::from(*s) * g[i]).sum();
-                    *v = from_coordinate(c, value as f32);
+                    let estimate = to_coordinate(c, estimate.plane(c)[y * width + x]);
+                    *v = from_coordinate(c, value as f32 + own * estimate);
                 }
             },
         );

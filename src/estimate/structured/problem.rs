@@ -64,10 +64,12 @@ pub(super) struct Problem<'a> {
     pub sample: &'a Sample,
     /// Photographs that are fitted.
     pub which: &'a [usize],
-    /// Prior means but for gloss.
+    /// Prior means, but for gloss: what is added to that of the classes.
     pub mean: &'a [Coordinates],
     /// Shares of each texel in each class.
     pub shares: &'a [f32],
+    /// Prior means of the classes.
+    pub class_means: &'a [[f64; CLASS]],
     pub widths: Widths,
     pub free: Free,
     pub options: &'a StructuredOptions,
@@ -92,10 +94,9 @@ impl Problem<'_> {
     pub fn start(&self) -> State {
         let views = self.which.iter().map(|&i| &self.sample.photographs[i].view);
         let exposure = Exposure::as_given(views);
-        let [root, roughness] = self.options.class_mean;
         State {
             deviations: vec![[0.0; CHANNELS]; self.sample.texels()],
-            classes: vec![[root, root, root, roughness]; self.widths.classes],
+            classes: self.class_means.to_vec(),
             correction: Correction { exposure, ..Correction::default() },
         }
     }
@@ -143,11 +144,10 @@ impl Problem<'_> {
     }
 
     /// Mean and deviation of each number of a class.
-    pub(super) fn class_prior(&self) -> [[f64; 2]; CLASS] {
-        let ([root, roughness], [root_sigma, roughness_sigma]) =
-            (self.options.class_mean, self.options.class_sigma);
-        let of_root = [root, root_sigma];
-        [of_root, of_root, of_root, [roughness, roughness_sigma]]
+    pub(super) fn class_prior(&self, class: usize) -> [[f64; 2]; CLASS] {
+        let [root, roughness] = self.options.class_sigma;
+        let sigmas = [root, root, root, roughness];
+        std::array::from_fn(|i| [self.class_means[class][i], sigmas[i]])
     }
 
     pub(super) fn texel_shares(&self, t: usize) -> &[f32] {
@@ -229,10 +229,10 @@ impl Problem<'_> {
     pub(super) fn shared_cost(&self, state: &State) -> f64 {
         let squares: f64 = self.nuisances(state).iter().map(|[v, s, _]| (v / s).powi(2)).sum();
         let mut classes = 0.0;
-        for (v, [mean, sigma]) in
-            state.classes.iter().flat_map(|c| c.iter().zip(self.class_prior()))
-        {
-            classes += ((v - mean) / sigma).powi(2);
+        for (k, class) in state.classes.iter().enumerate() {
+            for (v, [mean, sigma]) in class.iter().zip(self.class_prior(k)) {
+                classes += ((v - mean) / sigma).powi(2);
+            }
         }
         0.5 * self.scale() * (squares + classes / self.widths.classes as f64)
     }

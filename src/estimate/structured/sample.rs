@@ -1,16 +1,18 @@
 //! Photographs at a few texels, as the structured fit sees them.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use super::groups::Feature;
 use crate::estimate::correction::Correction;
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::{MIN_ROOT, is_albedo};
+use crate::estimate::prior::{MIN_ROOT, is_albedo, to_coordinate};
 use crate::loss::{EPSILON, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::reflectance::reflect;
-use crate::svbrdf::{CHANNELS, RANGE, channel};
+use crate::svbrdf::{CHANNELS, RANGE, Svbrdf, channel};
 
 /// Coordinates of a texel: slopes, square roots of albedos, roughness.
 pub(super) type Coordinates = [f64; CHANNELS];
@@ -68,6 +70,17 @@ impl Sample {
 
     pub fn texels(&self) -> usize {
         self.places.len()
+    }
+
+    /// Coordinates of maps of the photographs' size, averaged as the sample's texels are.
+    pub fn coordinates(&self, maps: &Svbrdf) -> Vec<Coordinates> {
+        let width = self.observations.first().map_or(1, Observation::width);
+        let mut maps = Cow::Borrowed(maps);
+        while maps.width() > width {
+            maps = Cow::Owned(maps.downsampled());
+        }
+        let at = |t: usize, c: usize| f64::from(to_coordinate(c, maps.plane(c)[t]));
+        (0..self.texels()).map(|t| std::array::from_fn(|c| at(t, c))).collect()
     }
 }
 

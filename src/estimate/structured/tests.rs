@@ -71,7 +71,7 @@ fn rows_are_derivatives_of_residuals() {
     let sample = Sample::new(&photographs, SIDE);
     let which = [0, 1, 2, 3];
     let widths = Widths { classes: 1, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.1 };
-    let setup = Setup::new(&sample, &which, widths.classes);
+    let setup = Setup::new(&sample, &which, widths.classes, &options);
     let free = Free { exposure: true, offset: true };
     let problem = setup.problem(&sample, &which, widths, free, &options);
     let mut state = problem.start();
@@ -173,7 +173,7 @@ fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
 }
 
 fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
-    let mut trials = WidthTrials::new(photographs, free, &options());
+    let mut trials = WidthTrials::new(photographs, &material(0.0), free, &options());
     while !trials.is_done() {
         trials.step();
     }
@@ -190,4 +190,48 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
     assert_eq!(chosen(&bumpy, true), None);
+}
+
+/// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
+/// a board tells them.
+#[test]
+fn two_photographs_take_classes_where_the_light_is_not_as_given() {
+    let wrong = photographs(&material(0.0), 2, &planted(), 0.01);
+    assert_eq!(chosen(&wrong, true), Some(options().few));
+    assert_eq!(chosen(&wrong, false), None);
+    let right = photographs(&material(0.0), 2, &Exposure::default(), 0.01);
+    assert_eq!(chosen(&right, true), None);
+}
+
+/// With all of its own deviations an estimate is its own mean: nothing is lost between classes and
+/// texels.
+#[test]
+fn classes_and_all_own_deviations_make_up_the_estimate() {
+    let mut estimate = material(0.0);
+    let mut random = Random::new(3);
+    for c in GLOSS {
+        let plane = estimate.plane_mut(c).iter_mut();
+        plane.for_each(|v| *v *= 0.8 + 0.4 * random.uniform() as f32);
+    }
+    let photographs = photographs(&material(0.0), 2, &Exposure::default(), 0.0);
+    let (options, which) = (options(), [0, 1]);
+    let sample = Sample::new(&photographs, SIDE);
+    let coordinates = sample.coordinates(&estimate);
+    let setup = Setup::new(&sample, &which, 4, &options).around(&coordinates, 1.0);
+    let free = Free { exposure: false, offset: false };
+    let problem = setup.problem(&sample, &which, options.few, free, &options);
+    let state = problem.start();
+    for (t, estimate) in coordinates.iter().enumerate() {
+        let mean = problem.mean(t, &state);
+        for c in channel::DIFFUSE..CHANNELS {
+            // shares are in single precision
+            assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
+        }
+    }
+    let nothing = vec![[0.0; CLASS]; 4];
+    let colours = colours(photographs.full(), photographs.given());
+    let maps = flat_maps(&estimate, Some(1.0), &colours, &setup.classes, &nothing);
+    for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
 }
