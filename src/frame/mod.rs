@@ -10,6 +10,7 @@ mod file;
 mod photo;
 mod plane;
 mod stored;
+mod turn;
 
 pub(crate) use file::read_picture;
 pub(crate) use stored::Stored;

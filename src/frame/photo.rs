@@ -214,6 +214,11 @@ impl Photo {
         Self { saturation, ..self }
     }
 
+    /// With other pixels, of which there are as many.
+    pub(super) fn with_pixels(self, width: u32, height: u32, pixels: Pixels) -> Self {
+        Self { width, height, pixels, ..self }
+    }
+
     /// Whether every value is a finite number.
     pub fn is_finite(&self) -> bool {
         self.finite
