@@ -139,7 +139,7 @@ fn rejected_pictures_tell_what_was_found() {
         assert_eq!(rejection.code(), expected);
     }
     // Dark, but the board is seen: the pose is told.
-    let dim = changed(photo, |row, i| 0.012 * row[i]);
+    let dim = changed(photo, |row, i| 0.006 * row[i]);
     let probe = session.probe(&dim).unwrap();
     assert!(matches!(probe.rejection, Some(Rejection::TooDark { .. })), "{probe:?}");
     assert!(probe.pose.is_some() && probe.corners.len() > 60 && probe.light.is_some());
