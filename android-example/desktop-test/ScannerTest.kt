@@ -105,7 +105,7 @@ fun captureToMaps() {
             verify(probe.corners.size > 60 && probe.corners.all { it[0] in 0f..2016f }) { "corners" }
             verify(probe.timestampNs == 1000L + i && probe.whiteLevel!! > 0.05f) { "light" }
             verify((probe.view!!.offNextDeg == null) == (i == 0)) { "next" }
-            verify(probe.view!!.samplePx.size == 4 && probe.view!!.sampleSeen == 1f) { "sample" }
+            verify(probe.view.samplePx.size == 4 && probe.view.sampleSeen == 1f) { "sample" }
             val pushed = scanner.push(photo(i, direct = i == 0), info)
             verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
             verify(pushed.timestampNs == 1000L + i) { "$pushed" }
