@@ -9,6 +9,7 @@ mod exif;
 mod file;
 mod photo;
 mod plane;
+mod reduced;
 mod stored;
 mod turn;
 
