@@ -18,7 +18,7 @@ use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
 use svbrdf::estimate::{Estimator, Method, Phase};
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::frame::{Encoding, Photo, Plane, Rotation, YuvMatrix};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
 use svbrdf::observation::Observation;
@@ -104,6 +104,54 @@ fn main() -> Result<(), Failure> {
     pool.install(|| stages(&Bench { filter }, threads))
 }
 
+/// Pictures that are judged and not taken in, on one thread whatever their number.
+fn probes(
+    bench: &Bench,
+    capture: &Capture,
+    networks: &Arc<Networks>,
+    large: &Path,
+) -> Result<(), Failure> {
+    let picture = image::open(&capture.frames[0].path)?.to_rgb8();
+    let wide = image::imageops::crop_imm(&picture, 0, 189, 2016, 1134).to_image();
+    let filter = image::imageops::FilterType::CatmullRom;
+    let preview = image::imageops::resize(&wide, 1280, 720, filter);
+    let preview = Photo::from_rgb8(1280, 720, &preview, 3 * 1280, Encoding::Srgb, 1.0)?;
+    let large = Photo::read(large, Encoding::Srgb, 1.0)?;
+    let Scene::Board { target, flash_offset_mm, elevation_mm, .. } = capture.scene.clone() else {
+        return Err("a board is expected".into());
+    };
+    let unknown = Scene::Board { target, camera: None, flash_offset_mm, elevation_mm };
+    let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
+    for (scene, what) in [(unknown, "camera unknown"), (capture.scene.clone(), "camera known")] {
+        let session = Session::with_networks(scene, settings.clone(), networks.clone())?;
+        session.pause();
+        if what == "camera known" {
+            for frame in &capture.frames[..4] {
+                session.push(&frame.read()?)?;
+            }
+        }
+        for (photo, size) in [(&preview, "1280x720"), (&large, "12 megapixels")] {
+            let probe = session.probe(photo)?;
+            assert!(probe.rejection.is_none(), "{probe:?}");
+            bench.run(&format!("probe {size}, {what}"), Work::default(), || {
+                black_box(session.probe(photo)).expect("a good picture");
+            });
+        }
+    }
+    let (w, h) = (large.width() as usize, large.height() as usize);
+    let bytes = vec![90_u8; 3 * w * h / 2];
+    let (luma, chroma) = bytes.split_at(w * h);
+    let plane = |data, row_stride, pixel_stride| Plane { data, row_stride, pixel_stride };
+    bench.run("copy of YUV, 12 megapixels", Work::default(), || {
+        let planes = [plane(luma, w, 1), plane(chroma, w, 2), plane(&chroma[1..], w, 2)];
+        let (matrix, rotation) = (YuvMatrix::Bt601Full, Rotation::None);
+        let size = [w as u32, h as u32];
+        let photo = Photo::from_yuv420(size, planes, matrix, Encoding::Linear, rotation, 1.0);
+        black_box(photo).expect("planes that fit");
+    });
+    Ok(())
+}
+
 fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/captures/tile");
     let capture = Capture::load(&folder)?;
@@ -156,6 +204,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     }
 
     let networks = Arc::new(Networks::embedded()?);
+    probes(bench, &capture, &networks, large.path())?;
     let mut observations = Vec::new();
     let mut calibrator = PhotometricCalibrator::new(target.clone(), FlashOffset::Known(flash));
     for frame in &capture.frames[..PHOTOS] {

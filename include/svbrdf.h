@@ -271,6 +271,11 @@ typedef struct svbrdf_camera {
 typedef uint32_t svbrdf_state;
 
 /**
+ * What a fit is doing. Values may be added; their order is not that in which they run.
+ */
+typedef uint32_t svbrdf_phase;
+
+/**
  * State of a fit.
  */
 typedef struct svbrdf_progress {
@@ -314,6 +319,14 @@ typedef struct svbrdf_progress {
      * Sets of maps published so far: when it has grown there are newer maps.
      */
     uint64_t maps_revision;
+    /**
+     * What the fit is doing: one of SVBRDF_PHASE_, see svbrdf_phase_name().
+     */
+    svbrdf_phase phase;
+    /**
+     * 0.
+     */
+    uint32_t reserved_too;
 } svbrdf_progress;
 
 /**
@@ -567,6 +580,33 @@ typedef struct svbrdf_export_options {
 } svbrdf_export_options;
 
 /**
+ * How the maps of the moment explain an accepted photo.
+ */
+typedef struct svbrdf_frame_fit {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Median over its texels of the absolute difference of the logarithms of rendered and measured
+     * radiance: a relative error.
+     */
+    float residual;
+    /**
+     * Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen.
+     */
+    float weight;
+    /**
+     * 1 when it contradicts the others: its residual stands out. 0 for fewer than four photos.
+     */
+    uint32_t outlier;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_frame_fit;
+
+/**
  * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
  */
 typedef uint32_t svbrdf_pixel_format;
@@ -764,33 +804,6 @@ typedef struct svbrdf_frame_info {
 } svbrdf_frame_info;
 
 /**
- * Where the next photo tells most: from where highlights reach slopes of the sample that they have
- * not swept.
- */
-typedef struct svbrdf_next_view {
-    /**
-     * Size of this struct.
-     */
-    size_t size;
-    /**
-     * 1 when the rest is known: a session of a board with a photo.
-     */
-    uint32_t known;
-    /**
-     * Angle off the top, degrees.
-     */
-    float tilt_deg;
-    /**
-     * Side to go to: degrees counter-clockwise from the board's +X, seen from the top.
-     */
-    float azimuth_deg;
-    /**
-     * Unit vector from the sample towards the camera, board frame.
-     */
-    float direction[3];
-} svbrdf_next_view;
-
-/**
  * The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
  * photos and more contradict that clearly.
  */
@@ -833,6 +846,174 @@ typedef struct svbrdf_paper {
      */
     double elevation_sigma_mm;
 } svbrdf_paper;
+
+/**
+ * What a photo that is only looked at would be good for, see svbrdf_session_probe(). Lengths in
+ * px are those of the picture as it came, turned as svbrdf_image.rotation says.
+ */
+typedef struct svbrdf_probe {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when a photo like it would be accepted.
+     */
+    uint32_t acceptable;
+    /**
+     * Why not: one of SVBRDF_REJECTION_.
+     */
+    svbrdf_rejection rejection;
+    /**
+     * Things to tell about it, whether it would be accepted or not: bits of SVBRDF_HINT_.
+     */
+    svbrdf_hints hints;
+    /**
+     * As in svbrdf_frame_report.
+     */
+    uint32_t same_view_as;
+    /**
+     * Corners of the board that were found.
+     */
+    uint32_t corners_found;
+    /**
+     * Corners that lie inside the picture; 0 where the board was not found.
+     */
+    uint32_t corners_in_view;
+    /**
+     * Corners that the board has.
+     */
+    uint32_t corners_expected;
+    /**
+     * 1 when what follows up to azimuth_deg is known, also of a photo that would be rejected.
+     */
+    uint32_t has_pose;
+    /**
+     * Rotation from the board to the camera, row by row.
+     */
+    double rotation[9];
+    /**
+     * Board origin in the camera frame, mm.
+     */
+    double translation_mm[3];
+    /**
+     * Reprojection error of the board's corners, px.
+     */
+    double reprojection_rms_px;
+    /**
+     * From the sample's centre to the camera, mm.
+     */
+    float distance_mm;
+    /**
+     * Angle off the top, degrees.
+     */
+    float tilt_deg;
+    /**
+     * Side of the camera: degrees counter-clockwise from the board's +X, 0 to 360.
+     */
+    float azimuth_deg;
+    /**
+     * Angle to the view of svbrdf_session_next_view(), degrees; negative when there is none.
+     */
+    float off_next_deg;
+    /**
+     * Share of the sample inside the picture, 0 to 1; negative when not known.
+     */
+    float sample_seen;
+    /**
+     * Share of what is seen of the sample that is saturated in all channels, 0 to 1; negative when
+     * not known.
+     */
+    float sample_clipped;
+    /**
+     * The sample's corners, x and y, px, clockwise from the maps' upper left; also outside of the
+     * picture. Not numbers where they are not known.
+     */
+    float sample_px[8];
+    /**
+     * Mean scale of the sample in the picture, px/mm; 0 when not known. A texel of the maps wants
+     * one pixel.
+     */
+    float px_per_mm;
+    /**
+     * Width of the board's edges (one sigma), px; negative when not known. Large pictures are
+     * reduced first: widths below one pixel of the reduced one cannot be told apart.
+     */
+    float blur_px;
+    /**
+     * Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: soft
+     * all round, or not known.
+     */
+    float blur_direction_deg;
+    /**
+     * Median level of the white squares, 1 is full scale, linear; negative when not known.
+     */
+    float white_level;
+    /**
+     * Share of the white squares that are clipped, 0 to 1; negative when not known.
+     */
+    float white_clipped;
+    /**
+     * For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+     */
+    float over_white;
+    /**
+     * As in svbrdf_frame_report.
+     */
+    float measured;
+    /**
+     * As in svbrdf_frame_report.
+     */
+    float limit;
+    /**
+     * The timestamp that was given with the photo.
+     */
+    int64_t timestamp_ns;
+    /**
+     * What to tell the user, in English, UTF-8: why it would be rejected, or the hints; empty where
+     * there is nothing to tell.
+     */
+    char advice[SVBRDF_ADVICE_BYTES];
+    /**
+     * Set by the caller: where the corners found go, x and y of each, px; NULL: nowhere.
+     */
+    float *corners_px;
+    /**
+     * Set by the caller: corners that there is room for.
+     */
+    uint32_t corners_capacity;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_probe;
+
+/**
+ * Where the next photo tells most: from where highlights reach slopes of the sample that they have
+ * not swept.
+ */
+typedef struct svbrdf_next_view {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when the rest is known: a session of a board with a photo.
+     */
+    uint32_t known;
+    /**
+     * Angle off the top, degrees.
+     */
+    float tilt_deg;
+    /**
+     * Side to go to: degrees counter-clockwise from the board's +X, seen from the top.
+     */
+    float azimuth_deg;
+    /**
+     * Unit vector from the sample towards the camera, board frame.
+     */
+    float direction[3];
+} svbrdf_next_view;
 
 /**
  * PNG, 8 bits a channel.
@@ -1065,6 +1246,71 @@ typedef struct svbrdf_paper {
  * The lamp was on all the time.
  */
 #define SVBRDF_FLASH_TORCH 3
+
+/**
+ * Nothing, or it has not begun.
+ */
+#define SVBRDF_PHASE_NONE 0
+
+/**
+ * Something that this version of the header does not know.
+ */
+#define SVBRDF_PHASE_OTHER 1
+
+/**
+ * Fits the latent code.
+ */
+#define SVBRDF_PHASE_LATENT 2
+
+/**
+ * Chooses how far texels may differ from each other; finds few materials where there are few.
+ */
+#define SVBRDF_PHASE_WIDTHS 3
+
+/**
+ * Pools the gloss of texels that look alike.
+ */
+#define SVBRDF_PHASE_POOL_GLOSS 4
+
+/**
+ * Corrects ambient light, or what a room mirrors.
+ */
+#define SVBRDF_PHASE_HELD_LIGHTS 5
+
+/**
+ * Corrects lights as well.
+ */
+#define SVBRDF_PHASE_TURNING_LIGHTS 6
+
+/**
+ * Refines the maps texel by texel.
+ */
+#define SVBRDF_PHASE_MAPS 7
+
+/**
+ * Regresses slopes.
+ */
+#define SVBRDF_PHASE_SLOPES 8
+
+/**
+ * Infers material classes.
+ */
+#define SVBRDF_PHASE_CLASSES 9
+
+/**
+ * Pools what is left of gloss.
+ */
+#define SVBRDF_PHASE_POOL_RESIDUALS 10
+
+/**
+ * Asks the learned prior.
+ */
+#define SVBRDF_PHASE_NETWORK 11
+
+/**
+ * SVBRDF_METHOD_CLASSIC: inverse rendering on the maps themselves.
+ */
+#define SVBRDF_PHASE_BASELINE 12
 
 /**
  * It was used.
@@ -1330,6 +1576,19 @@ svbrdf_status svbrdf_package_file(const struct svbrdf_package *package,
 svbrdf_status svbrdf_package_destroy(struct svbrdf_package *package);
 
 /**
+ * Fills a fit with zeros: pass sizeof(svbrdf_frame_fit).
+ */
+svbrdf_status svbrdf_frame_fit_init(struct svbrdf_frame_fit *fit, size_t size);
+
+/**
+ * How the maps of the moment explain an accepted photo; meaningful once the fit has settled.
+ * `index` counts the accepted photos from 0. Waits for a step of the fit.
+ */
+svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
+                                       uint32_t index,
+                                       struct svbrdf_frame_fit *fit);
+
+/**
  * Fills a picture description with defaults: pass sizeof(svbrdf_image).
  */
 svbrdf_status svbrdf_image_init(struct svbrdf_image *image, size_t size);
@@ -1439,6 +1698,38 @@ svbrdf_status svbrdf_session_options_init(struct svbrdf_session_options *options
 svbrdf_status svbrdf_frame_info_init(struct svbrdf_frame_info *info, size_t size);
 
 /**
+ * Fills a paper with that of a plan: pass sizeof(svbrdf_paper).
+ */
+svbrdf_status svbrdf_paper_init(struct svbrdf_paper *paper, size_t size);
+
+/**
+ * The name of a phase in lower case, e.g. "held_lights"; "unknown" for other numbers. Static,
+ * never NULL.
+ */
+const char *svbrdf_phase_name(svbrdf_phase phase);
+
+/**
+ * Fills a probe with defaults: pass sizeof(svbrdf_probe).
+ */
+svbrdf_status svbrdf_probe_init(struct svbrdf_probe *probe, size_t size);
+
+/**
+ * Judges a photo of a board, or a picture of the camera's preview, without taking it in: nothing
+ * of the session changes. Answers SVBRDF_OK also for a photo that would be rejected: the probe says
+ * so. `info` may be NULL; with SVBRDF_FLASH_OFF the light says nothing about the photo to come and
+ * is not judged.
+ *
+ * A picture of another size than the camera's is taken for a preview: scaled to its width or height and
+ * cut at the other sides; where that does not fit, and before a camera is known, the camera is
+ * estimated from the picture. Runs on the calling thread alone; waits neither for the fit nor for
+ * a push.
+ */
+svbrdf_status svbrdf_session_probe(const struct svbrdf_session *session,
+                                   const struct svbrdf_image *image,
+                                   const struct svbrdf_frame_info *info,
+                                   struct svbrdf_probe *probe);
+
+/**
  * Fills a report with defaults: pass sizeof(svbrdf_frame_report).
  */
 svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
@@ -1447,11 +1738,6 @@ svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_
  * Fills a view with zeros: pass sizeof(svbrdf_next_view).
  */
 svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
-
-/**
- * Fills a paper with that of a plan: pass sizeof(svbrdf_paper).
- */
-svbrdf_status svbrdf_paper_init(struct svbrdf_paper *paper, size_t size);
 
 /**
  * Fills a progress with defaults: pass sizeof(svbrdf_progress).
@@ -1533,6 +1819,16 @@ svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
                                             const float *camera_mm,
                                             const float *light_mm,
                                             struct svbrdf_frame_report *report);
+
+/**
+ * Takes an accepted photo back: the session is as if it had never come, calibration included. `index`
+ * counts the accepted photos from 0; later ones move up by one. The fit begins anew, and when this
+ * returns, the maps do not know of the photo any more; without any photo left there are none.
+ * Another index, or a photo without which others would have been rejected:
+ * SVBRDF_INVALID_ARGUMENT, and nothing has changed. Waits for a push and for a step of the fit.
+ */
+svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
+                                          uint32_t index);
 
 /**
  * Blocks until the fit has settled on all photos so far, for at most `timeout_ms` milliseconds

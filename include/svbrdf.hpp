@@ -6,6 +6,7 @@
 #ifndef SVBRDF_HPP
 #define SVBRDF_HPP
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -16,6 +17,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "svbrdf.h"
 
@@ -302,6 +304,23 @@ struct Pose {
     double reprojection_rms_px = 0.0;
 };
 
+/// What a photo that was only looked at would be good for.
+struct Probe {
+    /// Whether a photo like it would be accepted.
+    bool acceptable;
+    /// Why not: one of SVBRDF_REJECTION_.
+    svbrdf_rejection rejection;
+    /// What to tell the user: why not, or hints; empty without any.
+    std::string advice;
+    /// Pose, view, blur, light and figures.
+    svbrdf_probe report;
+    /// Corners of the board that were found: x and y, px.
+    std::vector<std::array<float, 2>> corners;
+    /// Whether a hint was given: one of SVBRDF_HINT_.
+    bool has(svbrdf_hints hint) const noexcept { return (report.hints & hint) != 0; }
+    explicit operator bool() const noexcept { return acceptable; }
+};
+
 /// Functions a session calls on its own thread (log also on yours). They may use the session's
 /// C handle; what they throw is dropped.
 struct Callbacks {
@@ -371,6 +390,26 @@ public:
     Pushed push(const Capture& capture, std::uint32_t index) {
         svbrdf_frame_report report = make(svbrdf_frame_report_init);
         return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
+    }
+    /// Judges a photo of a board, or a picture of the preview, without taking it in.
+    Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
+        svbrdf_probe report = make(svbrdf_probe_init);
+        std::vector<std::array<float, 2>> corners(1024);
+        report.corners_px = corners.front().data();
+        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
+        check(svbrdf_session_probe(get(), &image, info, &report));
+        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
+        report.corners_px = nullptr;
+        report.corners_capacity = 0;
+        return {report.acceptable == 1, report.rejection, report.advice, report, std::move(corners)};
+    }
+    /// Takes an accepted photo back, as if it had never come; later ones move up by one.
+    void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
+    /// How the maps of the moment explain an accepted photo.
+    svbrdf_frame_fit frame_fit(std::uint32_t index) const {
+        svbrdf_frame_fit fit = make(svbrdf_frame_fit_init);
+        check(svbrdf_session_frame_fit(get(), index, &fit));
+        return fit;
     }
     /// Limits the work on each photo.
     void set_budget(const svbrdf_budget& budget) {

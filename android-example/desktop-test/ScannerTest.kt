@@ -100,6 +100,12 @@ fun captureToMaps() {
         verify(scanner.nextView == null && scanner.camera!!.camera == camera) { "before photos" }
         for (i in 0..1) {
             val info = PhotoInfo(1f, Flash.TORCH, 1000L + i)
+            val probe = scanner.probe(photo(i), info)
+            verify(probe.acceptable && probe.advice.isEmpty() && probe.hints.isEmpty()) { probe.advice }
+            verify(probe.corners.size > 60 && probe.corners.all { it[0] in 0f..2016f }) { "corners" }
+            verify(probe.timestampNs == 1000L + i && probe.whiteLevel!! > 0.05f) { "light" }
+            verify((probe.view!!.offNextDeg == null) == (i == 0)) { "next" }
+            verify(probe.view.samplePx.size == 4 && probe.view.sampleSeen == 1f) { "sample" }
             val pushed = scanner.push(photo(i, direct = i == 0), info)
             verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
             verify(pushed.timestampNs == 1000L + i) { "$pushed" }
@@ -182,6 +188,30 @@ fun captureToMaps() {
     verify(lines.any { it.startsWith("WARNING") }) { "$lines" }
     for (file in listOf("normal", "diffuse", "specular", "roughness", "preview")) {
         verify(ImageIO.read(File(out, "$file.png")) != null) { file }
+    }
+}
+
+/** Photos that are looked at, pushed and taken back. */
+fun lookedAt() {
+    MaterialScanner(options).use { scanner ->
+        scanner.pause()
+        for (i in 0..1) {
+            verify(scanner.push(photo(i)) is Pushed.Accepted) { "$i" }
+        }
+        val again = scanner.probe(photo(0), PhotoInfo(flash = Flash.OFF))
+        verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { again.advice }
+        verify(again.whiteLevel == null && again.view!!.offNextDeg!! > 1f) { "without flash" }
+        val nothing = scanner.probe(gray())
+        verify(nothing.reason == Rejection.BOARD_NOT_FOUND && nothing.view == null) { nothing.advice }
+        verify(nothing.corners.isEmpty() && nothing.blurPx == null) { "nothing found" }
+        verify(scanner.push(photo(0)) is Pushed.Accepted && scanner.progress.photos == 3) { "push" }
+        throws<IllegalArgumentException>("index") { scanner.remove(3) }
+        throws<IllegalArgumentException>("index") { scanner.remove(-1) }
+        scanner.remove(2)
+        verify(scanner.progress.photos == 2) { "${scanner.progress}" }
+        val fit = scanner.photoFit(1)
+        verify(fit.weight > 0.3f && fit.residual > 0f && !fit.outlier) { "$fit" }
+        throws<IllegalArgumentException>("index") { scanner.photoFit(2) }
     }
 }
 
@@ -538,6 +568,7 @@ fun codesOfTheHeader() {
         "LOG_" to LogLevel.entries.associate { it.name to it.code },
         "STATE_" to ScanState.entries.associate { it.name to it.code },
         "REJECTION_" to Rejection.entries.associate { it.name to it.code } + ("NONE" to 0),
+        "PHASE_" to Phase.entries.associate { it.name to it.code },
         "HINT_" to Hint.entries.associate { it.name to it.code },
         "" to Fault.entries.associate { it.name to it.code } +
             mapOf(
@@ -565,6 +596,7 @@ fun main(arguments: Array<String>) {
     val tests = listOf<Pair<String, () -> Unit>>(
         "codes of the header" to ::codesOfTheHeader,
         "capture to maps" to ::captureToMaps,
+        "looked at" to ::lookedAt,
         "hints" to ::hints,
         "bad input" to ::badInput,
         "layouts" to ::layouts,

@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// The board to print: top left black, patches below.
-fn target(text: &str) -> Result<Target> {
+pub fn target(text: &str) -> Result<Target> {
     let fault = |message: &str| Failure::Input(format!("--board {text}: {message}"));
     let target = targets(text)?.swap_remove(0);
     if target.hole.row_start == target.hole.row_end {
@@ -101,7 +101,7 @@ fn target(text: &str) -> Result<Target> {
 }
 
 /// The `board` object of `capture.json`.
-fn description(target: &Target) -> Value {
+pub fn description(target: &Target) -> Value {
     let hole = &target.hole;
     let mut board = json!({
         "kind": "checkerboard-ring",

@@ -9,6 +9,7 @@ mod export;
 mod failure;
 mod fit;
 mod interrupt;
+mod pictures;
 mod progress;
 mod render;
 mod report;

@@ -1,25 +1,49 @@
-//! What `fit` says while it works: a bar on a terminal, and lines.
+//! What `fit` says while it works: a bar on a terminal, and lines; or JSON for machines.
+
+use std::io::Write;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
 
 const STEPS: u64 = 1000;
+/// Smallest step of progress that machines are told, as a share.
+const EVENT_STEP: f32 = 0.05;
 
-/// Progress on standard error.
+/// Who reads.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Log {
+    /// People: lines on standard error.
+    Text,
+    /// Programs: a JSON object a line on standard output.
+    Json,
+}
+
+/// Progress on standard error, or events on standard output.
 pub struct Progress {
     quiet: bool,
+    log: Log,
     /// The piece of work that is shown.
     bar: Option<ProgressBar>,
+    /// How far it was when a program was told.
+    told: f32,
 }
 
 impl Progress {
     /// Says nothing if `quiet`. Bars are drawn on terminals only.
-    pub fn new(quiet: bool) -> Self {
-        Self { quiet, bar: None }
+    pub fn new(quiet: bool, log: Log) -> Self {
+        Self { quiet, log, bar: None, told: 0.0 }
     }
 
     /// Shows how far a piece of work is.
     pub fn show(&mut self, fraction: f32, message: String) {
         if self.quiet {
+            return;
+        }
+        if self.log == Log::Json {
+            if fraction >= self.told + EVENT_STEP {
+                self.told = fraction;
+                self.event("progress", json!({ "fraction": fraction, "text": message }));
+            }
             return;
         }
         let bar = self.bar.get_or_insert_with(|| {
@@ -32,6 +56,7 @@ impl Progress {
 
     /// Takes the bar off the terminal: the piece of work is done.
     pub fn done(&mut self) {
+        self.told = 0.0;
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
@@ -40,8 +65,17 @@ impl Progress {
     /// Says a line in place of the bar.
     pub fn say(&mut self, line: &str) {
         self.done();
-        if !self.quiet {
+        if !self.quiet && self.log == Log::Text {
             eprintln!("{line}");
+        }
+    }
+
+    /// Tells a program what happened; `quiet` does not keep this back.
+    pub fn event(&self, name: &str, mut what: Value) {
+        if self.log == Log::Json {
+            what["event"] = json!(name);
+            // A reader that has gone away is no reason to end.
+            let _ = writeln!(std::io::stdout().lock(), "{what}");
         }
     }
 }

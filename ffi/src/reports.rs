@@ -4,8 +4,9 @@ use std::ffi::c_char;
 use std::mem::offset_of;
 
 use engine::Rejection;
-use engine::session::{Accepted, Hint, NextView, Progress, Session};
+use engine::session::{Accepted, Hint, NextView, Progress};
 
+use crate::phase::{SVBRDF_PHASE_NONE, phase_code, svbrdf_phase};
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
@@ -71,7 +72,7 @@ pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 pub const SVBRDF_ADVICE_BYTES: usize = 256;
 
 /// What was measured and the limit it did not keep, see [`svbrdf_frame_report`].
-fn measured(rejection: &Rejection) -> (f32, f32) {
+pub(crate) fn measured(rejection: &Rejection) -> (f32, f32) {
     match *rejection {
         Rejection::TooFewCorners { found, needed, .. } => (found as f32, needed as f32),
         Rejection::PoseUncertain { rms_px } => (rms_px, 0.0),
@@ -84,7 +85,7 @@ fn measured(rejection: &Rejection) -> (f32, f32) {
 }
 
 /// Text with a NUL at its end, as much of it as there is room for.
-fn text(text: &str) -> [c_char; SVBRDF_ADVICE_BYTES] {
+pub(crate) fn text(text: &str) -> [c_char; SVBRDF_ADVICE_BYTES] {
     let end = text.floor_char_boundary(SVBRDF_ADVICE_BYTES - 1);
     let mut out = [0; SVBRDF_ADVICE_BYTES];
     for (to, from) in out.iter_mut().zip(text[..end].bytes()) {
@@ -178,18 +179,13 @@ impl svbrdf_frame_report {
             report.rotation = pose.rotation.transpose().to_cols_array();
             report.translation_mm = pose.translation.to_array();
         }
+        report.hints = hint_bits(&accepted.hints);
         for hint in &accepted.hints {
-            report.hints |= match *hint {
-                Hint::NothingNew { index } => {
-                    report.same_view_as = index as u32;
-                    SVBRDF_HINT_NOTHING_NEW
-                }
-                Hint::NotLinear { ratio, .. } => {
-                    report.over_white = ratio;
-                    SVBRDF_HINT_NOT_LINEAR
-                }
-                _ => SVBRDF_HINT_OTHER,
-            };
+            match *hint {
+                Hint::NothingNew { index } => report.same_view_as = index as u32,
+                Hint::NotLinear { ratio, .. } => report.over_white = ratio,
+                _ => {}
+            }
         }
         report.advice = text(&words(&accepted.hints));
         report
@@ -224,6 +220,16 @@ pub unsafe extern "C" fn svbrdf_frame_report_init(
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(report, size) })
+}
+
+/// Bits of hints.
+pub(crate) fn hint_bits(hints: &[Hint]) -> svbrdf_hints {
+    let bit = |hint: &Hint| match hint {
+        Hint::NothingNew { .. } => SVBRDF_HINT_NOTHING_NEW,
+        Hint::NotLinear { .. } => SVBRDF_HINT_NOT_LINEAR,
+        _ => SVBRDF_HINT_OTHER,
+    };
+    hints.iter().map(bit).fold(0, |bits, bit| bits | bit)
 }
 
 /// Hints as the user may read them.
@@ -282,78 +288,6 @@ pub unsafe extern "C" fn svbrdf_next_view_init(
     entry(|| unsafe { versioned::init(view, size) })
 }
 
-/// The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
-/// photos and more contradict that clearly.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct svbrdf_paper {
-    /// Size of this struct.
-    pub size: usize,
-    /// 1 when the rest means something: a session of a board.
-    pub known: u32,
-    /// 0.
-    pub reserved: u32,
-    /// Scale of the print along Y relative to that along X, which is as planned.
-    pub aspect: f64,
-    /// Its standard deviation.
-    pub aspect_sigma: f64,
-    /// How far the board's left and right edges rise above its middle, and its upper and lower
-    /// edges, mm.
-    pub bow_mm: [f64; 2],
-    /// Their standard deviations, mm.
-    pub bow_sigma_mm: [f64; 2],
-    /// Height of the sample's surface above the board's plane, mm.
-    pub elevation_mm: f64,
-    /// Its standard deviation, mm; 0 where the height was given.
-    pub elevation_sigma_mm: f64,
-}
-
-impl Default for svbrdf_paper {
-    fn default() -> Self {
-        Self {
-            size: size_of::<Self>(),
-            known: 0,
-            reserved: 0,
-            aspect: 1.0,
-            aspect_sigma: 0.0,
-            bow_mm: [0.0; 2],
-            bow_sigma_mm: [0.0; 2],
-            elevation_mm: 0.0,
-            elevation_sigma_mm: 0.0,
-        }
-    }
-}
-versioned!(svbrdf_paper, size_of::<svbrdf_paper>());
-
-impl svbrdf_paper {
-    pub(crate) fn of(session: &Session) -> Self {
-        let (Some(sheet), Some(elevation)) = (session.paper(), session.elevation()) else {
-            return Self::default();
-        };
-        let [aspect_sigma, x, y] = sheet.sigma;
-        Self {
-            known: 1,
-            aspect: sheet.paper.aspect,
-            aspect_sigma,
-            bow_mm: sheet.paper.bow_mm,
-            bow_sigma_mm: [x, y],
-            elevation_mm: elevation.mm,
-            elevation_sigma_mm: elevation.sigma_mm,
-            ..Self::default()
-        }
-    }
-}
-
-/// Fills a paper with that of a plan: pass sizeof(svbrdf_paper).
-///
-/// # Safety
-/// `paper` is NULL or has `size` writable bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_paper_init(paper: *mut svbrdf_paper, size: usize) -> svbrdf_status {
-    // SAFETY: as the caller vouches.
-    entry(|| unsafe { versioned::init(paper, size) })
-}
-
 /// What a session is doing.
 pub type svbrdf_state = u32;
 /// Nothing: no photo yet, or the fit has settled on all photos so far.
@@ -391,6 +325,10 @@ pub struct svbrdf_progress {
     pub reserved: u32,
     /// Sets of maps published so far: when it has grown there are newer maps.
     pub maps_revision: u64,
+    /// What the fit is doing: one of SVBRDF_PHASE_, see svbrdf_phase_name().
+    pub phase: svbrdf_phase,
+    /// 0.
+    pub reserved_too: u32,
 }
 
 impl Default for svbrdf_progress {
@@ -406,10 +344,12 @@ impl Default for svbrdf_progress {
             seconds_left: -1.0,
             reserved: 0,
             maps_revision: 0,
+            phase: SVBRDF_PHASE_NONE,
+            reserved_too: 0,
         }
     }
 }
-versioned!(svbrdf_progress, size_of::<svbrdf_progress>());
+versioned!(svbrdf_progress, offset_of!(svbrdf_progress, phase));
 
 impl svbrdf_progress {
     pub(crate) fn new(progress: &Progress, state: svbrdf_state, maps_revision: u64) -> Self {
@@ -422,6 +362,7 @@ impl svbrdf_progress {
             loss: progress.loss,
             seconds_left: progress.seconds_left.unwrap_or(-1.0),
             maps_revision,
+            phase: phase_code(progress.phase),
             ..Self::default()
         }
     }

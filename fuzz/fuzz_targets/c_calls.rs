@@ -8,6 +8,8 @@ mod budget;
 mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
+#[path = "../../ffi/src/frame_fit.rs"]
+mod frame_fit;
 #[path = "../../ffi/src/handles.rs"]
 mod handles;
 #[path = "../../ffi/src/image.rs"]
@@ -24,6 +26,12 @@ mod models;
 mod notifier;
 #[path = "../../ffi/src/options/mod.rs"]
 mod options;
+#[path = "../../ffi/src/paper.rs"]
+mod paper;
+#[path = "../../ffi/src/phase.rs"]
+mod phase;
+#[path = "../../ffi/src/probe.rs"]
+mod probe;
 #[path = "../../ffi/src/reports.rs"]
 mod reports;
 #[path = "../../ffi/src/saved.rs"]

@@ -6,9 +6,12 @@ use std::ptr;
 
 use crate::budget::*;
 use crate::capture::*;
+use crate::frame_fit::*;
+use crate::handles::svbrdf_session;
 use crate::image::*;
 use crate::maps::*;
 use crate::options::*;
+use crate::probe::*;
 use crate::reports::*;
 use crate::saved::*;
 use crate::session::*;
@@ -170,7 +173,7 @@ pub fn run(data: &[u8]) {
 }
 
 fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
-    let choice = bytes.u8() % 28;
+    let choice = bytes.u8() % 32;
     // SAFETY: every pointer is NULL or to something alive of the size said.
     let status = unsafe {
         match choice {
@@ -310,6 +313,39 @@ fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
                 let mut sigma = [0.0; 9];
                 let sigma = if bytes.u8() < 128 { sigma.as_mut_ptr() } else { ptr::null_mut() };
                 svbrdf_session_camera(world.pick(bytes), &raw mut camera, sigma)
+            }
+            28 | 29 => {
+                let session: *mut svbrdf_session = world.pick(bytes);
+                let image = image(bytes, pixels);
+                let info = svbrdf_frame_info {
+                    exposure: bytes.f32(),
+                    flash: bytes.u32(),
+                    focal_35mm: bytes.f32(),
+                    ..Default::default()
+                };
+                let mut corners = [0.0_f32; 2 * 64];
+                let mut probe = svbrdf_probe::default();
+                if choice == 29 {
+                    probe.size = bytes.usize().min(size_of::<svbrdf_probe>());
+                    probe.corners_px = corners.as_mut_ptr();
+                    probe.corners_capacity = bytes.u32() % 65;
+                }
+                let status = svbrdf_session_probe(
+                    session,
+                    &raw const image,
+                    &raw const info,
+                    &raw mut probe,
+                );
+                assert!(status == SVBRDF_OK || probe.acceptable == 0);
+                status
+            }
+            30 => svbrdf_session_remove_frame(world.pick(bytes), bytes.u32()),
+            31 => {
+                let mut fit = svbrdf_frame_fit {
+                    size: bytes.usize().min(size_of::<svbrdf_frame_fit>()),
+                    ..Default::default()
+                };
+                svbrdf_session_frame_fit(world.pick(bytes), bytes.u32(), &raw mut fit)
             }
             27 => {
                 let mut rms = 0.0;

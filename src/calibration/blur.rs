@@ -12,7 +12,7 @@ const DIRECTED: f64 = 1.5;
 
 /// How soft edges are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct EdgeSpread {
+pub(crate) struct EdgeSpread {
     /// Standard deviation, px.
     pub px: f64,
     /// Across the softer edges, where they clearly are: degrees clockwise from the picture's x

@@ -4,7 +4,7 @@
 //! known layout, followed down to full size, and completed there. When the small version does not
 //! show the whole board, the next larger one is tried.
 
-use super::blur;
+use super::blur::{self, EdgeSpread};
 use super::corners;
 use super::lattice;
 use super::layout::{Labelling, Layout};
@@ -66,6 +66,31 @@ pub struct Detection {
 /// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`] or [`Rejection::Blurred`];
 /// [`Rejection::NotFinite`] when the picture holds such values or its sizes do not fit.
 pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection> {
+    let Sighting { corners, blur, rejection, .. } = sight(luma, target)?;
+    match rejection {
+        Some(rejection) => Err(rejection),
+        None => Ok(Detection { corners, blur_px: blur.map_or(0.0, |s| s.px) }),
+    }
+}
+
+/// What is seen of a board, of use or not.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Sighting {
+    /// As in [`Detection`].
+    pub corners: Vec<Corner>,
+    /// Corners that lie inside the picture if these are right.
+    pub in_view: usize,
+    /// How soft edges are; `None` where no edge has both ends.
+    pub blur: Option<EdgeSpread>,
+    /// Why it is of no use.
+    pub rejection: Option<Rejection>,
+}
+
+/// As [`detect`], but tells of a board of no use what was found.
+///
+/// # Errors
+/// As [`detect`], where nothing fits the board.
+pub(crate) fn sight(luma: &LumaImage, target: &Target) -> Result<Sighting, Rejection> {
     // Whole blocks at a time: this way it runs in vector registers.
     let finite = |block: &[f32]| block.iter().fold(true, |all, v| all & v.is_finite());
     if luma.data.len() != luma.width * luma.height || !luma.data.chunks(4096).all(finite) {
@@ -73,32 +98,40 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
     }
     let layout = Layout::new(target);
     let best = search(&layout, luma)?;
+    let in_view = best.corners as f64 / best.share.max(1e-3);
+    let blur = blur::edge_spread(luma, &layout, &best.labelling);
     let (needed, share) = best.needed();
-    if best.corners < needed || best.share < share {
+    let rejection = if best.corners < needed || best.share < share {
         let all = layout.corners.len();
-        let of_share = (best.corners as f64 / best.share.max(1e-3) * share).ceil() as usize;
-        return Err(Rejection::TooFewCorners {
+        let of_share = (in_view * share).ceil() as usize;
+        Some(Rejection::TooFewCorners {
             found: best.corners as u32,
             expected: all as u32,
             needed: of_share.clamp(needed, all) as u32,
-        });
-    }
+        })
+    } else {
+        blur.and_then(|spread| too_soft(spread, luma, &layout, &best.labelling))
+    };
     let labelling = best.labelling;
-    let spread = blur::edge_spread(luma, &layout, &labelling);
-    let blur_px = spread.map_or(0.0, |s| s.px);
-    let diagonal = (luma.width as f64).hypot(luma.height as f64);
-    let limit = (BLUR_CELLS_MAX * layout.usual_cell(&labelling)).min(BLUR_DIAGONAL_MAX * diagonal);
-    if blur_px > limit {
-        let direction_deg = spread.and_then(|s| s.direction_deg).map(|d| d as f32);
-        return Err(Rejection::Blurred { blur_px: blur_px as f32, direction_deg });
-    }
     let corners = layout
         .corners
         .iter()
         .zip(&labelling.px)
         .filter_map(|(&(row, col), px)| Some(Corner { row, col, px: (*px)? }))
         .collect();
-    Ok(Detection { corners, blur_px })
+    Ok(Sighting { corners, in_view: in_view.round() as usize, blur, rejection })
+}
+
+fn too_soft(
+    spread: EdgeSpread,
+    luma: &LumaImage,
+    layout: &Layout,
+    labelling: &Labelling,
+) -> Option<Rejection> {
+    let diagonal = (luma.width as f64).hypot(luma.height as f64);
+    let limit = (BLUR_CELLS_MAX * layout.usual_cell(labelling)).min(BLUR_DIAGONAL_MAX * diagonal);
+    let direction_deg = spread.direction_deg.map(|d| d as f32);
+    (spread.px > limit).then_some(Rejection::Blurred { blur_px: spread.px as f32, direction_deg })
 }
 
 /// The best labelling of the board in the picture, the smallest version that shows enough of it

@@ -21,8 +21,16 @@ pub struct LumaImage {
 impl LumaImage {
     /// Square-rooted luminance of a photograph. Values that are not finite or negative count as 0.
     pub fn from_photo(photo: &Photo) -> Self {
+        Self::from_luma(photo, photo.luma())
+    }
+
+    /// The same, made on the calling thread alone.
+    pub(crate) fn on_this_thread(photo: &Photo) -> Self {
+        Self::from_luma(photo, photo.luma_on_this_thread())
+    }
+
+    fn from_luma(photo: &Photo, mut data: Vec<f32>) -> Self {
         let (width, height) = (photo.width() as usize, photo.height() as usize);
-        let mut data = photo.luma();
         for v in &mut data {
             *v = if v.is_finite() { v.max(0.0).sqrt() } else { 0.0 };
         }

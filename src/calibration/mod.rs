@@ -44,9 +44,11 @@ pub use camera_estimation::{
     estimate_paper,
 };
 pub use detector::{Corner, Detection, detect};
+pub(crate) use detector::{Sighting, sight};
 pub use luma::LumaImage;
 pub use markers::Marker;
 pub use paper::{Paper, PaperEstimate};
+pub(crate) use pose::likeliest_pose;
 pub use pose::{PoseEstimate, VIEW_ANGLE_MAX_DEG, estimate_pose, estimate_pose_on_paper};
 pub use projection::Projection;
 pub use target::{Hole, Patch, Target, TargetKind, TopLeft};

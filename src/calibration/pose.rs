@@ -96,10 +96,7 @@ pub fn estimate_pose_on_paper(
     if corners.len() < inliers_min {
         return Err(too_few(corners.len(), inliers_min));
     }
-    let sheet = Sheet::new(target, *paper);
-    let board: Vec<DVec3> =
-        corners.iter().map(|c| sheet.at(target.grid_mm(c.row.into(), c.col.into()))).collect();
-    let px: Vec<DVec2> = corners.iter().map(|c| c.px).collect();
+    let (board, px) = positions(target, paper, corners);
     let finite = |p: &DVec2| p.is_finite() && camera.undistort(*p).is_finite();
     let unknown = Rejection::PoseUncertain { rms_px: f32::INFINITY };
     if camera.fault().is_some() || !paper.is_plausible() || !px.iter().all(finite) {
@@ -149,6 +146,32 @@ pub fn estimate_pose_on_paper(
     let inverse = normal.try_inverse().ok_or(uncertain)?;
     let covariance = std::array::from_fn(|i| std::array::from_fn(|j| variance * inverse[(i, j)]));
     Ok(PoseEstimate { pose: best.pose, rms_px: rms, inliers: best.inliers.clone(), covariance })
+}
+
+/// The pose that explains corners best and what it leaves, px, whether it can be relied on or not;
+/// `None` where none faces the camera.
+pub(crate) fn likeliest_pose(
+    camera: &Camera,
+    target: &Target,
+    paper: &Paper,
+    corners: &[Corner],
+) -> Option<(Pose, f64)> {
+    let (board, px) = positions(target, paper, corners);
+    let finite = |p: &DVec2| p.is_finite() && camera.undistort(*p).is_finite();
+    if corners.len() < 4 || camera.fault().is_some() || !px.iter().all(finite) {
+        return None;
+    }
+    let minima = pose_minima(camera, &board, &px);
+    let best = minima.first()?;
+    let rms = best.rms();
+    (rms.is_finite() && best.pose.camera_centre().z > 0.0).then_some((best.pose, rms))
+}
+
+/// Positions of corners on the board, mm, and in the picture, px.
+fn positions(target: &Target, paper: &Paper, corners: &[Corner]) -> (Vec<DVec3>, Vec<DVec2>) {
+    let sheet = Sheet::new(target, *paper);
+    let at = |c: &Corner| (sheet.at(target.grid_mm(c.row.into(), c.col.into())), c.px);
+    corners.iter().map(at).unzip()
 }
 
 /// Corners of the target that the pose puts inside the picture.

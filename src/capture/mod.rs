@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
-use crate::frame::{Encoding, Photo};
+use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
 use crate::rectification::elevation;
@@ -48,6 +48,9 @@ pub struct Frame {
     pub exposure: f32,
     /// Camera and light of an already rectified photograph.
     pub rectified: Option<RectifiedView>,
+    /// How far the upright picture is turned clockwise, so that the camera's sides are those of the
+    /// other photographs.
+    pub turn: Rotation,
     /// The same view without flash, to be subtracted: the file and its relative exposure.
     pub ambient: Option<(PathBuf, f32)>,
 }
@@ -68,11 +71,12 @@ impl Frame {
     /// Those of [`Photo::read`], and when a photograph without flash has another size.
     pub fn read(&self) -> Result<Photo> {
         let photo = Photo::read(&self.path, self.encoding, self.exposure)?;
-        let Some((path, exposure)) = &self.ambient else { return Ok(photo) };
+        let Some((path, exposure)) = &self.ambient else { return Ok(photo.turned(self.turn)) };
         let ambient = Photo::read(path, self.encoding, *exposure)?;
-        photo
+        let less = photo
             .without_ambient(&ambient)
-            .map_err(|fault| Error::Image { path: path.clone(), message: fault.to_string() })
+            .map_err(|fault| Error::Image { path: path.clone(), message: fault.to_string() })?;
+        Ok(less.turned(self.turn))
     }
 }
 
@@ -288,7 +292,8 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
     } else {
         None
     };
-    Ok(Frame { path, encoding, exposure, rectified, ambient })
+    let turn = turn(node.get("turn"))?;
+    Ok(Frame { path, encoding, exposure, rectified, turn, ambient })
 }
 
 /// A picture file that exists.
@@ -305,6 +310,12 @@ fn picture(dir: &Path, node: &Node) -> Result<PathBuf> {
         });
     }
     Ok(path)
+}
+
+fn turn(node: Node) -> Result<Rotation> {
+    let Some(node) = node.optional() else { return Ok(Rotation::None) };
+    let expected = "0, 90, 180 or 270 degrees clockwise";
+    Rotation::from_degrees(node.count(expected)?).ok_or_else(|| node.fault(expected))
 }
 
 fn exposure(node: Node, default: f32) -> Result<f32> {

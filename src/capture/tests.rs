@@ -98,6 +98,13 @@ fn optional_parts_may_be_missing() {
 }
 
 #[test]
+fn photographs_are_turned_as_stated() {
+    let capture = load(&with(board_capture(), "/frames/1/turn", json!(270))).unwrap();
+    assert_eq!(capture.frames[0].turn, Rotation::None);
+    assert_eq!(capture.frames[1].turn, Rotation::ThreeQuarters);
+}
+
+#[test]
 fn photographs_without_flash_are_named() {
     let capture = with(board_capture(), "/frames/1/ambient", json!("a.png"));
     let loaded = load(&capture).unwrap();
@@ -185,6 +192,8 @@ fn faults_name_file_field_and_expectation() {
         ("/frames/0/image", json!(""), "frames[0].image", "path of a picture"),
         ("/frames/1/encoding", null.clone(), "frames[1].encoding", "gamma2.2"),
         ("/frames/1/encoding", json!("sRGB"), "frames[1].encoding", "srgb"),
+        ("/frames/1/turn", json!(45), "frames[1].turn", "180"),
+        ("/frames/1/turn", json!("left"), "frames[1].turn", "clockwise"),
         ("/frames/1/exposure", json!(0), "frames[1].exposure", "positive number"),
         ("/frames/1/exposure", json!(1e-300), "frames[1].exposure", "positive number"),
     ];

@@ -45,6 +45,13 @@ impl Photographs {
         Ok(photographs)
     }
 
+    /// At full resolution, with their views as given.
+    pub fn into_given(self) -> Vec<Observation> {
+        let mut photographs = self.full;
+        photographs.iter_mut().zip(&self.given).for_each(|(o, view)| o.view = *view);
+        photographs
+    }
+
     /// Photographs so far.
     pub fn len(&self) -> usize {
         self.full.len()

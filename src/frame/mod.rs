@@ -9,7 +9,9 @@ mod exif;
 mod file;
 mod photo;
 mod plane;
+mod reduced;
 mod stored;
+mod turn;
 
 pub(crate) use file::read_picture;
 pub(crate) use stored::Stored;

@@ -13,8 +13,8 @@ pub const MAX_PIXELS: u64 = 100_000_000;
 /// formats), *not* yet divided by [`Photo::exposure`].
 #[derive(Debug, Clone)]
 pub struct Photo {
-    width: u32,
-    height: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
     pub(super) pixels: Pixels,
     exposure: f32,
     /// A linear channel at or above this value is saturated.
@@ -37,7 +37,7 @@ const SATURATED_8: u8 = 254;
 const SATURATED_16: u16 = 0xFFC0;
 
 /// Weights of the luma of linear Rec. 709 RGB.
-const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
+pub(super) const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 impl Photo {
     /// Takes interleaved linear RGB. `exposure` is relative: value = radiance * exposure. A
@@ -210,8 +210,18 @@ impl Photo {
     }
 
     /// With another level from which on a channel counts as clipped.
+    /// Other pixels, everything else as here.
+    pub(super) fn with_pixels(&self, width: u32, height: u32, pixels: Pixels) -> Self {
+        Self { width, height, pixels, ..*self }
+    }
+
     pub(super) fn with_saturation(self, saturation: f32) -> Self {
         Self { saturation, ..self }
+    }
+
+    /// With other pixels, of which there are as many.
+    pub(super) fn with_pixels(self, width: u32, height: u32, pixels: Pixels) -> Self {
+        Self { width, height, pixels, ..self }
     }
 
     /// Whether every value is a finite number.
@@ -322,7 +332,7 @@ impl Photo {
             }
             Pixels::F32(data) => Pixels::F32(rows.flat_map(|r| &data[r]).copied().collect()),
         };
-        Self { width, height, pixels, ..*self }
+        self.with_pixels(width, height, pixels)
     }
 
     /// A value of every pixel; the kind of storage is looked at once.

@@ -24,6 +24,35 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The camera of pictures of another size that the same lens and sensor make: scaled until they
+    /// span the picture's width or height, the rest cut off equally at both sides, as previews
+    /// are. `None` for an upright picture of a camera that lies, and the other way round.
+    pub fn of_size(&self, width: u32, height: u32) -> Option<Self> {
+        if (self.width, self.height) == (width, height) {
+            return Some(*self);
+        }
+        if self.width.cmp(&self.height).is_lt() != width.cmp(&height).is_lt() {
+            return None;
+        }
+        let (from, to) = (
+            DVec2::new(self.width.into(), self.height.into()),
+            DVec2::new(width.into(), height.into()),
+        );
+        let scale = (to / from).max_element();
+        let centre = (DVec2::new(self.cx, self.cy) + 0.5) * scale - 0.5 - 0.5 * (from * scale - to);
+        let (fx, fy) = (scale * self.fx, scale * self.fy);
+        Some(Self { width, height, fx, fy, cx: centre.x, cy: centre.y, ..*self })
+    }
+
+    /// The camera of pictures in which `step` x `step` pixels have become one; those at the end that
+    /// fill no block are left out.
+    pub(crate) fn reduced(&self, step: u32) -> Self {
+        let (s, middle) = (f64::from(step), 0.5 * (f64::from(step) - 1.0));
+        let (cx, cy) = ((self.cx - middle) / s, (self.cy - middle) / s);
+        let (width, height) = (self.width / step, self.height / step);
+        Self { width, height, fx: self.fx / s, fy: self.fy / s, cx, cy, ..*self }
+    }
+
     /// Normalised image position (x/z, y/z) with distortion applied.
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let [k1, k2, p1, p2, k3] = self.distortion;
@@ -133,6 +162,33 @@ mod tests {
                 assert!((camera.undistort(pixel) - p).length() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn pictures_of_another_size_show_the_same_directions() {
+        let camera = Camera {
+            width: 4032,
+            height: 3024,
+            fx: 2900.0,
+            fy: 2910.0,
+            cx: 2010.0,
+            cy: 1500.0,
+            distortion: [0.05, -0.08, 0.001, -0.002, 0.01],
+        };
+        let p = DVec3::new(20.0, -30.0, 300.0);
+        let px = camera.project(p).unwrap();
+        // Blocks of 3 x 3 pixels; the middle of the first is (1, 1).
+        let third = camera.reduced(3);
+        assert_eq!((third.width, third.height), (1344, 1008));
+        assert!((third.project(p).unwrap() * 3.0 + 1.0 - px).length() < 1e-9);
+        let scaled = camera.of_size(1344, 1008).unwrap();
+        assert!((scaled.project(p).unwrap() - third.project(p).unwrap()).length() < 1e-9);
+        // A wide preview lacks an eighth of the height at either side.
+        let wide = camera.of_size(1344, 756).unwrap();
+        let cut = scaled.project(p).unwrap() - wide.project(p).unwrap();
+        assert!((cut - DVec2::new(0.0, 126.0)).length() < 1e-9);
+        assert_eq!(camera.of_size(1008, 1344), None);
+        assert_eq!(camera.of_size(4032, 3024), Some(camera));
     }
 
     #[test]

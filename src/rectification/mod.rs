@@ -27,9 +27,9 @@ const MAX_VIEW_DEGREES: f64 = 80.0;
 /// From here on the weight fades to reach 0 at [`MAX_VIEW_DEGREES`].
 const FADE_VIEW_DEGREES: f64 = 75.0;
 /// Least share of the sample that must be seen.
-const MIN_SEEN: f32 = 0.25;
+pub(crate) const MIN_SEEN: f32 = 0.25;
 /// Share of texels saturated in all channels above which a photo says too little.
-const MAX_CLIPPED: f32 = 0.9;
+pub(crate) const MAX_CLIPPED: f32 = 0.9;
 
 /// Rectifies a photo of a sample that lies in the board's plane.
 ///

@@ -1,12 +1,15 @@
 //! What happens to a photograph before the fit sees it: calibration and rectification.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::board::BoardIntake;
+use super::board::replay::Replayed;
+use super::board::{BoardIntake, Update};
 use super::reports::BoardPose;
 use super::settings::{RectifiedFalloff, Scene};
+use super::sight::Known;
 use super::taken::Taken;
 use crate::calibration::PaperEstimate;
 use crate::frame::Photo;
@@ -15,6 +18,15 @@ use crate::observation::{Falloff, View};
 use crate::rectification;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result};
+
+/// An intake without one of its photographs.
+pub(super) struct Remaining {
+    pub(super) intake: Intake,
+    /// What the rectified views of the others need, one entry each.
+    pub(super) updates: Vec<Option<Update>>,
+    /// Whether the power of their light is to be that of the first one left.
+    pub(super) power: bool,
+}
 
 /// Takes photographs in, one at a time.
 #[derive(Clone)]
@@ -84,6 +96,11 @@ impl Intake {
         photometry.map_or(0.0, |p| (p.ambient.iter().sum::<f64>() / 3.0) as f32)
     }
 
+    /// What probes look with; `None` for rectified photographs.
+    pub(super) fn known(&self, sample_mm: [f32; 2]) -> Option<Arc<Known>> {
+        Some(Arc::new(self.board()?.known(sample_mm)))
+    }
+
     /// Calibrates and rectifies a photograph of a board.
     pub(super) fn take(
         &mut self,
@@ -97,6 +114,30 @@ impl Intake {
                 "photo",
                 "this session expects rectified photographs with camera and light positions",
             )),
+        }
+    }
+
+    /// As if one of so many photographs had never come.
+    ///
+    /// # Errors
+    /// The first photograph that would have been rejected without that one, and why.
+    pub(super) fn without(
+        &self,
+        index: usize,
+        photographs: usize,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> std::result::Result<Remaining, (usize, Rejection)> {
+        match self {
+            Self::Board(board) => {
+                let Replayed { intake, updates } = board.without(index, sample_mm, resolution)?;
+                Ok(Remaining { intake: Self::Board(Box::new(intake)), updates, power: false })
+            }
+            Self::Rectified { falloff, .. } => Ok(Remaining {
+                intake: self.clone(),
+                updates: vec![None; photographs - 1],
+                power: index == 0 && *falloff == RectifiedFalloff::InverseSquareAuto,
+            }),
         }
     }
 
@@ -120,7 +161,7 @@ impl Intake {
                 return Err(Error::argument(name, "three finite numbers with z > 0 are expected"));
             }
         }
-        let own_power = [PI * camera_mm.iter().map(|v| v * v).sum::<f32>(); 3];
+        let own_power = own_power(camera_mm);
         let falloff = match *falloff {
             RectifiedFalloff::Given(falloff) => falloff,
             RectifiedFalloff::InverseSquareAuto => {
@@ -144,4 +185,9 @@ impl Intake {
             Err(rejection) => Ok(Err(rejection)),
         }
     }
+}
+
+/// Power of a light that is as bright at the sample as pi at a camera's distance.
+pub(super) fn own_power(camera_mm: [f32; 3]) -> [f32; 3] {
+    [PI * camera_mm.iter().map(|v| v * v).sum::<f32>(); 3]
 }

@@ -22,6 +22,8 @@ const COMPLETED: u64 = 1800;
 const MOST_COMPLETED: u64 = 256 * 256;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 const DETECTION: u64 = 16;
+/// Most pixels of a reduced photograph.
+const REDUCED: u64 = 2560 * 2560;
 /// Threads, tables, and what the first networks need for a moment.
 const BASE: u64 = 24 << 20;
 
@@ -52,6 +54,11 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
 pub(super) fn while_pushed(photo: &Photo, kept: u64) -> u64 {
     let pixels = u64::from(photo.width()) * u64::from(photo.height());
     kept + photo.stored_bytes() as u64 + DETECTION * pixels
+}
+
+/// What a photograph needs while it is looked at: itself, and a reduced version without its colours.
+pub(super) fn while_probed(photo: &Photo) -> u64 {
+    photo.stored_bytes() as u64 + DETECTION * REDUCED
 }
 
 /// Refuses what would need more than is allowed.

@@ -5,8 +5,11 @@ mod feedback;
 mod intake;
 mod memory;
 mod observed;
+mod probe;
+mod removal;
 mod reports;
 mod settings;
+mod sight;
 mod state;
 mod taken;
 mod worker;
@@ -22,13 +25,17 @@ use rayon::ThreadPool;
 
 pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
-pub use self::reports::{Accepted, BoardPose, Observed, Progress, Pushed, Revision};
+pub use self::reports::{
+    Accepted, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress, Pushed,
+    Revision,
+};
 pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
+use self::sight::Known;
 use self::state::StateWriter;
 use self::taken::Taken;
 use self::worker::{Command, NewFrame, Shared};
 use crate::calibration::PaperEstimate;
-pub use crate::estimate::{Budget, Exposure, Method};
+pub use crate::estimate::{Budget, Exposure, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -46,6 +53,8 @@ pub struct Session {
     pool: Arc<ThreadPool>,
     networks: Arc<Networks>,
     intake: Mutex<Intake>,
+    /// What probes look with: replaced with every photograph, never waited for.
+    known: Mutex<Option<Arc<Known>>>,
     shared: Arc<Shared>,
     commands: Sender<Command>,
     worker: Option<JoinHandle<()>>,
@@ -113,8 +122,9 @@ impl Session {
                 .spawn(move || worker::run(&shared, &received, &pool, estimation, meter))
                 .map_err(|e| Error::Internal(format!("cannot start the thread of the fit: {e}")))?
         };
+        let known = Mutex::new(intake.known(settings.sample_mm));
         let (intake, worker) = (Mutex::new(intake), Some(worker));
-        Ok(Self { scene, settings, pool, networks, intake, shared, commands, worker })
+        Ok(Self { scene, settings, pool, networks, intake, known, shared, commands, worker })
     }
 
     /// The session as bytes, from which [`Session::restore`] goes on as if nothing had happened:
@@ -171,6 +181,7 @@ impl Session {
                 loss: estimation.loss(),
                 seconds_left: None,
                 settled: estimation.is_done(),
+                phase: None,
             };
             if let Some(maps) = restored_maps {
                 state.publish(Arc::new(maps));
@@ -254,6 +265,7 @@ impl Session {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),
         };
+        self.remember(intake);
         let first = self.shared.lock().maps.is_none();
         let start = if first {
             let maps = self.pool.install(|| first_maps(&self.networks, &taken.observation))?;

@@ -2,6 +2,8 @@
 
 use super::feedback::Hint;
 use crate::Rejection;
+use crate::calibration::Corner;
+use crate::estimate::Phase;
 use crate::geometry::Pose;
 use crate::observation::Observation;
 
@@ -49,6 +51,98 @@ pub struct Observed {
     pub hints: Vec<Hint>,
 }
 
+/// What a photograph that is only looked at would be good for, see
+/// [`Session::probe`](super::Session::probe).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probe {
+    /// Why a photograph like it would not be used; `None`: it would.
+    pub rejection: Option<Rejection>,
+    /// What there is to tell about it, whether it would be used or not.
+    pub hints: Vec<Hint>,
+    /// Corners of the board found, px of the picture as it came.
+    pub corners: Vec<Corner>,
+    /// Corners the board has.
+    pub corners_expected: usize,
+    /// Corners that lie inside the picture; 0 where the board was not found.
+    pub corners_in_view: usize,
+    /// Edge spread (one sigma) in the board's softer direction, px. Large pictures are reduced first:
+    /// below one pixel of the reduced one, widths cannot be told apart.
+    pub blur_px: Option<f32>,
+    /// Across the softer edges, where they clearly are: degrees clockwise from the picture's x
+    /// axis, 0 to 180.
+    pub blur_direction_deg: Option<f32>,
+    /// Where the board lies, also in a picture that would not be used; `None` where it was not found.
+    pub pose: Option<BoardPose>,
+    /// Where the camera is; `None` without a pose.
+    pub view: Option<ProbedView>,
+    /// How the board is lit; `None` without a pose, or where the light says nothing.
+    pub light: Option<ProbedLight>,
+}
+
+impl Probe {
+    pub(super) fn rejected(corners_expected: usize, rejection: Rejection) -> Self {
+        Self {
+            rejection: Some(rejection),
+            hints: Vec::new(),
+            corners: Vec::new(),
+            corners_expected,
+            corners_in_view: 0,
+            blur_px: None,
+            blur_direction_deg: None,
+            pose: None,
+            view: None,
+            light: None,
+        }
+    }
+}
+
+/// Where a camera looks at the sample from, and how much of it is seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbedView {
+    /// Unit vector from the sample's centre towards the camera, board frame.
+    pub direction: [f32; 3],
+    /// From the sample's centre to the camera, mm.
+    pub distance_mm: f32,
+    /// Angle off the top, degrees.
+    pub tilt_deg: f32,
+    /// Side of the camera: degrees counter-clockwise from the sample's +X, 0 to 360.
+    pub azimuth_deg: f32,
+    /// Angle to the direction of [`Session::next_view`](super::Session::next_view), degrees; `None`
+    /// before the first photograph.
+    pub off_next_deg: Option<f32>,
+    /// Share of the sample inside the picture, 0 to 1.
+    pub sample_seen: f32,
+    /// Share of what is seen of the sample that is saturated in all channels, 0 to 1.
+    pub sample_clipped: f32,
+    /// The sample's corners in the picture as it came, px, clockwise from the upper left of the
+    /// maps; also outside of it. `None` where one is behind the camera.
+    pub sample_px: Option<[[f32; 2]; 4]>,
+    /// Mean scale of the sample in the picture as it came, px/mm.
+    pub px_per_mm: f32,
+}
+
+/// How the board of a picture is lit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbedLight {
+    /// Median level of the white squares, share of full scale, linear.
+    pub white_level: f32,
+    /// Share of the white squares that are clipped, 0 to 1.
+    pub clipped_share: f32,
+}
+
+/// How the maps of the moment explain an accepted photograph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameFit {
+    /// Median over its texels of the absolute difference of the logarithms of rendered and measured
+    /// radiance, mean of the channels: a relative error.
+    pub residual: f32,
+    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels that it does not show.
+    pub weight: f32,
+    /// Whether it contradicts the others: its residual stands out. Of fewer than four photographs
+    /// none does.
+    pub outlier: bool,
+}
+
 /// State of the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
@@ -64,6 +158,8 @@ pub struct Progress {
     pub seconds_left: Option<f32>,
     /// Whether the fit has finished on all photographs so far.
     pub settled: bool,
+    /// What the fit is doing; `None` where it has nothing to do, or has not begun.
+    pub phase: Option<Phase>,
 }
 
 /// Counters that grow with a session's state, to tell whether anything is new.

@@ -9,10 +9,11 @@ use crossbeam_channel::{Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
 use super::board::Update;
+use super::intake::own_power;
 use super::state::{SavedProgress, StateWriter, write_estimation};
 use super::{Progress, Revision};
-use crate::estimate::{Budget, Estimation, Exposure, Meter};
-use crate::observation::Observation;
+use crate::estimate::{Budget, Change, Estimation, Exposure, Meter, Residual, first_maps};
+use crate::observation::{Falloff, Observation};
 use crate::{Error, Result, Svbrdf};
 
 /// What callers and the worker share.
@@ -57,6 +58,7 @@ impl Shared {
             loss: 0.0,
             seconds_left: None,
             settled: true,
+            phase: None,
         };
         Self {
             state: Mutex::new(State {
@@ -132,12 +134,27 @@ pub(super) struct NewFrame {
     pub(super) restart: bool,
 }
 
+/// A photograph to be taken back.
+pub(super) struct Removal {
+    pub(super) index: usize,
+    /// What the others need to go with what is known without it, one entry each.
+    pub(super) updates: Vec<Option<Update>>,
+    /// Whether the power of the light is to be that of the first one left.
+    pub(super) power: bool,
+    /// Gets that power.
+    pub(super) reply: Sender<Option<[f32; 3]>>,
+}
+
 /// Messages to the worker.
 pub(super) enum Command {
     /// A new photograph.
     Frame(Box<NewFrame>),
     /// Add the fit to a saved session and hand that back.
     Save(StateWriter, Sender<StateWriter>),
+    /// Take a photograph back and begin anew.
+    Remove(Box<Removal>),
+    /// Tell how the maps explain each photograph.
+    Residuals(Sender<Vec<Residual>>),
     /// Look at the flags again.
     Wake,
 }
@@ -209,6 +226,14 @@ impl Worker<'_> {
                 Ok(Command::Save(state, reply)) => {
                     self.save(pool, &estimation, &meter, state, &reply);
                 }
+                Ok(Command::Remove(removal)) => {
+                    self.remove(pool, &mut estimation, &mut meter, *removal)?;
+                }
+                Ok(Command::Residuals(reply)) => {
+                    let residuals = pool.install(|| estimation.residuals());
+                    // Without photographs there is nothing to tell; whoever asked may have gone.
+                    let _ = reply.send(residuals.unwrap_or_default());
+                }
                 Ok(Command::Wake) => self.follow_budget(&mut estimation, &mut meter),
                 Err(TryRecvError::Empty) => self.step(pool, &mut estimation, &mut meter)?,
                 Err(TryRecvError::Disconnected) => return Ok(()),
@@ -235,6 +260,61 @@ impl Worker<'_> {
         drop(state);
         self.shared.notify();
         self.busy = true;
+        Ok(())
+    }
+
+    /// Begins anew without a photograph.
+    fn remove(
+        &mut self,
+        pool: &ThreadPool,
+        estimation: &mut Estimation,
+        meter: &mut Meter,
+        removal: Removal,
+    ) -> Result<()> {
+        let Removal { index, updates, power, reply } = removal;
+        let fresh = estimation.afresh();
+        let mut left = std::mem::replace(estimation, fresh).into_photographs();
+        left.remove(index);
+        let first_power = left.first().map(|first| own_power(first.view.camera_mm));
+        let start = pool.install(|| -> Result<_> {
+            for (observation, update) in left.iter_mut().zip(&updates) {
+                if let Some(update) = update {
+                    update.apply(observation);
+                }
+                if let Some(power_mm2) = first_power.filter(|_| power) {
+                    observation.view.falloff = Falloff::InverseSquare { power_mm2 };
+                }
+            }
+            let networks = estimation.networks().clone();
+            let start = left.first().map(|first| first_maps(&networks, first)).transpose()?;
+            let none: [Update; 0] = [];
+            for (i, observation) in left.into_iter().enumerate() {
+                let start = start.as_ref().filter(|_| i == 0);
+                estimation.add(observation, start, &none, false)?;
+            }
+            Ok(start)
+        })?;
+        meter.reset();
+        self.busy = !estimation.is_done();
+        let mut state = self.shared.lock();
+        state.maps = start.map(Arc::new);
+        state.revision.maps += 1;
+        state.exposure = Exposure::default();
+        (state.fitted, state.cut) = (estimation.frames(), false);
+        let loss = estimation.loss();
+        state.progress = Progress {
+            frames: estimation.frames(),
+            fraction: 0.0,
+            loss_before: loss,
+            loss,
+            seconds_left: None,
+            settled: !self.busy,
+            phase: None,
+        };
+        drop(state);
+        // Whoever asked is told before those who wait for changes.
+        let _ = reply.send(first_power);
+        self.shared.notify();
         Ok(())
     }
 
@@ -295,6 +375,7 @@ impl Worker<'_> {
         }
         let mut state = self.shared.lock();
         state.progress.fraction = step.fraction;
+        state.progress.phase = if step.done { None } else { step.phase };
         state.progress.loss = step.loss;
         state.progress.seconds_left = (step.fraction > 0.02)
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));

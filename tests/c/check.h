@@ -63,5 +63,6 @@ void test_capture(const char *folder);
 void test_faults(const char *folder);
 void test_feedback(const char *folder);
 void test_races(const char *folder);
+void test_looked_at(const char *folder);
 
 #endif

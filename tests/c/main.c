@@ -49,7 +49,7 @@ int main(int argc, char **argv)
         {"lifecycle", test_lifecycle}, {"threads", test_threads},
         {"state", test_state},         {"capture", test_capture},
         {"faults", test_faults},       {"feedback", test_feedback},
-        {"races", test_races},
+        {"races", test_races},         {"looked-at", test_looked_at},
     };
     size_t i;
     CHECK(argc == 3);

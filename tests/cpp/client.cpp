@@ -110,6 +110,9 @@ void board(const std::string& folder) {
     std::optional<Picture> first;
     for (const char* name : {"/00.ppm", "/01.ppm"}) {
         const Picture photo = read_ppm(folder + name);
+        const auto probe = session.probe(photo.view());
+        CHECK(probe && probe.advice.empty() && probe.report.has_pose == 1);
+        CHECK(probe.corners.size() == probe.report.corners_found && probe.corners.size() > 60);
         const auto pushed = session.push(photo.view());
         CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
         CHECK(!pushed.has(SVBRDF_HINT_NOTHING_NEW));
@@ -121,6 +124,13 @@ void board(const std::string& folder) {
     CHECK(session.paper() && session.paper()->aspect == 1.0 && session.paper()->elevation_mm == 0.0);
     CHECK(session.pose(1).translation_mm[2] > 50.0 && session.pose(1).reprojection_rms_px < 1.0);
     CHECK(thrown([&] { session.pose(2); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(session.probe(first->view()).has(SVBRDF_HINT_NOTHING_NEW));
+    CHECK(session.frame_fit(1).weight > 0.3f && session.frame_fit(1).outlier == 0);
+    CHECK(thrown([&] { session.frame_fit(2); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(thrown([&] { session.remove(2); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(session.push(first->view()) && session.progress().frames == 3);
+    session.remove(2);
+    CHECK(session.progress().frames == 2);
     // All of its light was there without the flash: no board is left.
     const auto without = first->view();
     auto info = svbrdf::make(svbrdf_frame_info_init);
@@ -128,6 +138,7 @@ void board(const std::string& folder) {
     const auto nothing_left = session.push(first->view(), &info);
     CHECK(!nothing_left && nothing_left.rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     Picture black = gray();
+    CHECK(session.probe(black.view()).rejection == SVBRDF_REJECTION_BOARD_NOT_FOUND);
     const auto refused = session.push(black.view());
     CHECK(!refused && refused.rejection == SVBRDF_REJECTION_WRONG_SIZE);
     CHECK(refused.advice.find("2016x1512") != std::string::npos);
@@ -258,6 +269,7 @@ void bad_arguments(const std::string&) {
     auto image = gray().view();
     image.planes[0].data = nullptr;
     CHECK(thrown([&] { session.push_rectified(image, above, above); }) == SVBRDF_INVALID_ARGUMENT);
+    CHECK(thrown([&] { session.probe(gray().view()); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(!session.next_view() && !session.camera() && !session.paper());
     CHECK(thrown([&] { session.export_to("/nowhere"); }) == SVBRDF_NO_MAPS);
     svbrdf::Session other = std::move(session);

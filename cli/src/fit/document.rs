@@ -11,6 +11,9 @@ use super::held_out::Errors;
 use super::photographs::Fit;
 use crate::failure::{Failure, Result};
 
+/// Name of the file.
+pub const FILE_NAME: &str = "report.json";
+
 /// What a fit did and found.
 pub struct Document {
     pub value: Value,
@@ -62,7 +65,7 @@ impl Document {
     pub fn write(&self, dir: &Path) -> Result<()> {
         let text =
             serde_json::to_string_pretty(&self.value).map_err(|e| Failure::Other(e.to_string()))?;
-        write_atomic(dir.join("report.json"), format!("{text}\n").as_bytes())?;
+        write_atomic(dir.join(FILE_NAME), format!("{text}\n").as_bytes())?;
         Ok(())
     }
 }

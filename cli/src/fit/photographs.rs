@@ -1,6 +1,7 @@
 //! The photographs of a capture through a session, one after the other.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -13,6 +14,7 @@ use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
+use crate::pictures;
 use crate::progress::Progress;
 use crate::report::Recorder;
 
@@ -22,7 +24,8 @@ pub struct Options {
     pub at_once: bool,
     /// How many of the last ones are predicted instead of fitted.
     pub hold_out: usize,
-    pub quiet: bool,
+    /// Whether more photographs may come.
+    pub endless: bool,
     /// Whether pictures are kept for the page.
     pub report: bool,
 }
@@ -32,7 +35,10 @@ pub struct Fit<'a> {
     options: Options,
     session: &'a Session,
     interrupt: &'a Interrupt,
-    frames: &'a [Frame],
+    /// The photographs, in the order of their rows.
+    pub frames: Vec<Frame>,
+    /// The first that is not gone through yet.
+    next: usize,
     /// Photographs accepted and not fitted yet: the last ones stay so.
     waiting: VecDeque<usize>,
     /// Rows of the report by photograph.
@@ -44,41 +50,48 @@ pub struct Fit<'a> {
     /// Photographs of the fit when its maps were kept last.
     recorded: usize,
     cut: bool,
+    /// What is to be said about photographs besides the session's hints.
+    remarks: HashMap<usize, String>,
 }
 
 impl<'a> Fit<'a> {
     pub fn new(
         options: Options,
-        frames: &'a [Frame],
+        frames: Vec<Frame>,
         session: &'a Session,
         interrupt: &'a Interrupt,
+        progress: Progress,
     ) -> Self {
         Self {
             session,
             interrupt,
-            frames,
+            next: 0,
             waiting: VecDeque::new(),
             rows: Vec::new(),
             stages: Vec::new(),
-            progress: Progress::new(options.quiet),
+            progress,
             recorder: Recorder::new(frames.len(), options.report),
             recorded: 0,
             cut: false,
+            remarks: HashMap::new(),
+            frames,
             options,
         }
     }
 
-    /// Takes all photographs in, unless interrupted.
+    /// Takes all photographs in that have not been, unless interrupted.
     pub fn run(&mut self) -> Result<()> {
         let begun = Instant::now();
         if self.options.at_once {
             self.session.pause();
         }
-        for index in 0..self.frames.len() {
+        while self.next < self.frames.len() {
             if self.interrupt.is_set() {
                 self.cut = true;
                 break;
             }
+            let index = self.next;
+            self.next += 1;
             let next = if self.options.hold_out == 0 { Some(index) } else { self.hold(index)? };
             if let Some(next) = next {
                 self.add(next)?;
@@ -114,8 +127,9 @@ impl<'a> Fit<'a> {
     /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
-        match self.frames[index].read() {
-            Ok(photo) => {
+        match pictures::read(&self.frames[index]) {
+            Ok((photo, remark)) => {
+                self.remarks.extend(remark.map(|remark| (index, remark)));
                 self.recorder.photograph(index, &photo)?;
                 Ok(Ok(photo))
             }
@@ -154,7 +168,7 @@ impl<'a> Fit<'a> {
         let begun = Instant::now();
         let mut row = self.push(index)?;
         if row["status"] == "accepted" && !self.options.at_once {
-            self.settle(&format!("photo {}/{}", index + 1, self.frames.len()))?;
+            self.settle(&self.place(index))?;
             add_losses(&mut row, self.session);
             row["seconds"] = json!(begun.elapsed().as_secs_f64());
             self.record()?;
@@ -188,7 +202,7 @@ impl<'a> Fit<'a> {
             "status": "accepted",
             "seconds": begun.elapsed().as_secs_f64(),
             "first_maps_seconds": maps_seconds,
-            "hints": hints_json(&hints),
+            "hints": self.hints(index, &hints),
         });
         set_pose(&mut row, pose.as_ref());
         Ok(row)
@@ -224,9 +238,19 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
+    fn hints(&self, index: usize, hints: &[Hint]) -> Vec<Value> {
+        let own = self.remarks.get(&index);
+        let own = own.map(|text| json!({ "code": "profile_unusable", "hint": text }));
+        let hints = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
+        hints.chain(own).collect()
+    }
+
     fn tell(&mut self, row: Value) {
         let line = self.line(&row);
         self.progress.say(&line);
+        let mut event = row.clone();
+        event["image"] = json!(self.path(&row).to_string_lossy());
+        self.progress.event("photo", event);
         self.rows.push(row);
     }
 
@@ -242,7 +266,7 @@ impl<'a> Fit<'a> {
                         "status": "accepted",
                         "held_out": true,
                         "seconds": begun.elapsed().as_secs_f64(),
-                        "hints": hints_json(&observed.hints),
+                        "hints": self.hints(index, &observed.hints),
                     });
                     set_pose(&mut row, observed.pose.as_ref());
                     self.rows.push(row);
@@ -279,11 +303,31 @@ impl<'a> Fit<'a> {
         self.rows.sort_by_key(|row| row["index"].as_u64());
     }
 
+    /// The file of a row.
+    pub fn path(&self, row: &Value) -> &Path {
+        &self.frames[row["index"].as_u64().unwrap_or(0) as usize].path
+    }
+
+    /// Whether the latest word on a file is that it cannot be read.
+    pub fn is_unreadable(&self, path: &Path) -> bool {
+        let row = self.rows.iter().rev().find(|row| self.path(row) == path);
+        row.is_some_and(|row| row["reason"] == "unreadable")
+    }
+
+    /// Which photograph of how many.
+    fn place(&self, index: usize) -> String {
+        let number = index + 1;
+        if self.options.endless {
+            format!("photo {number}")
+        } else {
+            format!("photo {number}/{}", self.frames.len())
+        }
+    }
+
     /// One line about a photograph.
     fn line(&self, row: &Value) -> String {
         let index = row["index"].as_u64().unwrap_or(0) as usize;
-        let path = self.frames[index].path.display();
-        let place = format!("photo {}/{} {path}", index + 1, self.frames.len());
+        let place = format!("{} {}", self.place(index), self.path(row).display());
         let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
         if row["status"] != "accepted" {
             let text = |key: &str| row[key].as_str().unwrap_or_default();
@@ -306,10 +350,6 @@ impl<'a> Fit<'a> {
 fn rejected(index: usize, reason: &str, hint: String, begun: Instant) -> Value {
     json!({ "index": index, "status": "rejected", "reason": reason, "hint": hint,
             "seconds": begun.elapsed().as_secs_f64() })
-}
-
-fn hints_json(hints: &[Hint]) -> Vec<Value> {
-    hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() })).collect()
 }
 
 fn set_pose(row: &mut Value, known: Option<&BoardPose>) {

@@ -43,7 +43,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// For so many photographs; keeps nothing unless `enabled`.
+    /// For so many photographs, or some more; keeps nothing unless `enabled`.
     pub fn new(photographs: usize, enabled: bool) -> Self {
         // About half a megabyte for all of them together.
         let longest = (360.0 * (16.0 / photographs.max(1) as f64).sqrt()).clamp(48.0, 360.0) as u32;
@@ -53,6 +53,9 @@ impl Recorder {
 
     /// Keeps a small copy of a photograph.
     pub fn photograph(&mut self, index: usize, photo: &Photo) -> Result<()> {
+        if self.thumbnails.len() <= index {
+            self.thumbnails.resize(index + 1, None);
+        }
         if self.enabled && self.thumbnails[index].is_none() {
             self.thumbnails[index] = Some(Thumbnail::new(photo, self.longest)?);
         }
@@ -211,6 +214,7 @@ mod tests {
                 encoding: svbrdf::frame::Encoding::Linear,
                 exposure: 1.0,
                 rectified: None,
+                turn: svbrdf::frame::Rotation::None,
                 ambient: None,
             };
             let capture = Capture {

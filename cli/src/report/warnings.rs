@@ -1,5 +1,7 @@
 //! What may be wrong with a capture or its maps, in words.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 use svbrdf::svbrdf::{MIN_ROUGHNESS, channel};
 
@@ -18,6 +20,8 @@ const REPROJECTION_PX: f64 = 1.0;
 const FOCAL_SIGMA: f64 = 0.01;
 /// Rise of the error on photographs held out that is no noise, relative.
 const WORSE: f64 = 1.05;
+/// Files that are named at most.
+const SHOWN: usize = 6;
 /// Share of texels at the end of a map's range that is worth a word.
 const AT_LIMIT: f32 = 0.05;
 
@@ -27,6 +31,8 @@ pub fn warnings(subject: &Subject) -> Vec<Value> {
     let found = [
         interrupted(subject),
         rejected(&rows),
+        left_out(subject),
+        remarks(subject),
         few(&rows),
         views(subject, &rows),
         hints(&rows, "not_linear", "Tone-mapped photographs"),
@@ -83,6 +89,33 @@ fn rejected(rows: &[&Value]) -> Warning {
         title,
         format!("{} {verb} left out. Photo {number}: {reason}.{rest}", capitalised(&which)),
     ))
+}
+
+fn left_out(subject: &Subject) -> Warning {
+    let out = subject.report["photographs"]["left_out"].as_array()?;
+    let text = |v: &Value, key: &str| v[key].as_str().unwrap_or_default().to_owned();
+    let each: Vec<String> = out
+        .iter()
+        .take(SHOWN)
+        .map(|photo| {
+            let image = text(photo, "image");
+            let name = Path::new(&image).file_name().unwrap_or_default().to_string_lossy();
+            format!("{name}: {}.", text(photo, "reason"))
+        })
+        .collect();
+    let rest = if out.len() > SHOWN { " More are in report.json." } else { "" };
+    let title = format!("Of another camera, left out: {}", out.len());
+    (!out.is_empty()).then(|| (title, format!("{}{rest}", each.join(" "))))
+}
+
+fn remarks(subject: &Subject) -> Warning {
+    let remarks = subject.report["photographs"]["remarks"].as_array()?;
+    let each: Vec<String> = remarks
+        .iter()
+        .take(SHOWN)
+        .map(|remark| format!("{}.", remark.as_str().unwrap_or_default()))
+        .collect();
+    (!each.is_empty()).then(|| ("What the files say".into(), each.join(" ")))
 }
 
 fn few(rows: &[&Value]) -> Warning {

@@ -129,3 +129,20 @@ pub(crate) unsafe fn tell(
     }
     result
 }
+
+/// Takes an accepted photo back: the session is as if it had never come, calibration included. `index`
+/// counts the accepted photos from 0; later ones move up by one. The fit begins anew, and when this
+/// returns, the maps do not know of the photo any more; without any photo left there are none.
+/// Another index, or a photo without which others would have been rejected:
+/// SVBRDF_INVALID_ARGUMENT, and nothing has changed. Waits for a push and for a step of the fit.
+#[unsafe(no_mangle)]
+pub extern "C" fn svbrdf_session_remove_frame(
+    session: *mut svbrdf_session,
+    index: u32,
+) -> svbrdf_status {
+    act(session, |live| {
+        live.session.remove_frame(index as usize)?;
+        live.callbacks.log(SVBRDF_LOG_INFO, || format!("photo number {index} taken back"));
+        Ok(())
+    })
+}

@@ -7,7 +7,8 @@ use crate::handles::svbrdf_session;
 use crate::live::{act, look};
 use crate::maps::{self, svbrdf_maps};
 use crate::options::svbrdf_camera;
-use crate::reports::{svbrdf_next_view, svbrdf_paper, svbrdf_progress};
+use crate::paper::svbrdf_paper;
+use crate::reports::{svbrdf_next_view, svbrdf_progress};
 use crate::status::{Fault, SVBRDF_TIMEOUT, svbrdf_status};
 use crate::versioned;
 

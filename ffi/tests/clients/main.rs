@@ -75,6 +75,7 @@ fn photos_are_told_about() {
     write_photos(dir.path(), 2);
     let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
     run(&mut client(&program, "feedback", dir.path()));
+    run(&mut client(&program, "looked-at", dir.path()));
 }
 
 #[test]

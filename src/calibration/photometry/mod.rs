@@ -155,6 +155,16 @@ impl PhotometricCalibrator {
         Self { target, flash, frames: Vec::new(), photometry: None }
     }
 
+    /// The same without photos.
+    pub(crate) fn emptied(&self) -> Self {
+        Self::new(self.target.clone(), self.flash)
+    }
+
+    /// Whether one photo's squares, taken alone, leave room for the flash.
+    pub(crate) fn is_lit(&self, squares: &Squares, pose: &Pose) -> bool {
+        self.shows_flash(&Frame { pose: *pose, squares: squares.clone() })
+    }
+
     /// Takes the photos of an earlier calibrator over, see [`Self::squares`].
     pub(crate) fn resume(&mut self, frames: impl IntoIterator<Item = (Pose, Squares)>) {
         self.frames = frames.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();

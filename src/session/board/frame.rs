@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::update::{Kept, Update, Used, moves};
-use crate::calibration::Corner;
+use crate::calibration::{CameraPrior, Corner};
 use crate::geometry::{Camera, Pose};
 use crate::rectification::elevation::Detail;
 
@@ -19,6 +19,8 @@ pub(in crate::session) struct Seen {
 #[derive(Clone)]
 pub(in crate::session) struct Frame {
     pub(in crate::session) corners: Vec<Corner>,
+    /// What was expected of the camera; not known of a saved session's photographs.
+    pub(in crate::session) prior: Option<CameraPrior>,
     /// For another rectification, while camera, paper or sample are not settled.
     pub(in crate::session) kept: Option<Arc<Kept>>,
     /// Made from that when needed.

@@ -2,14 +2,16 @@
 //! earlier ones.
 
 mod frame;
+pub(super) mod replay;
 mod update;
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::feedback::{self, Hint};
+use super::feedback;
 use super::reports::BoardPose;
+use super::sight::{Known, why_no_board};
 use super::taken::Taken;
 use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
@@ -20,7 +22,6 @@ use crate::calibration::{
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
-use crate::observation::Observation;
 use crate::rectification;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
@@ -72,6 +73,7 @@ struct Solved {
 /// What a new photograph changes, computed before anything is changed.
 struct Plan {
     corners: Vec<Corner>,
+    prior: CameraPrior,
     solved: Solved,
     photometry: PhotometricCalibrator,
     /// The new photograph's.
@@ -80,8 +82,6 @@ struct Plan {
     /// Details of all photographs, where the sample's height was measured.
     seen: Vec<Arc<Seen>>,
     elevation: ElevationEstimate,
-    observation: Observation,
-    hints: Vec<Hint>,
 }
 
 impl BoardIntake {
@@ -155,6 +155,23 @@ impl BoardIntake {
         self.photometry.photometry()
     }
 
+    /// What probes look with.
+    pub(super) fn known(&self, sample_mm: [f32; 2]) -> Known {
+        let poses: Vec<Pose> = self.frames.iter().map(|f| f.pose).collect();
+        let flash_mm = self.photometry().map_or(DVec3::ZERO, |p| p.flash_offset_mm);
+        Known {
+            target: self.target.clone(),
+            camera: self.camera(),
+            paper: self.paper.paper,
+            elevation_mm: self.elevation.mm,
+            next: feedback::next_view(&poses, flash_mm, sample_mm),
+            poses,
+            photometry: self.photometry().cloned(),
+            calibrator: self.photometry.emptied(),
+            sample_mm,
+        }
+    }
+
     /// The camera's estimate, where it is estimated and a photograph tells.
     pub(super) fn estimate(&self) -> Option<&CameraEstimate> {
         match &self.intrinsics {
@@ -203,30 +220,52 @@ impl BoardIntake {
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Taken, Rejection> {
-        let plan = self.plan(photo, sample_mm, resolution)?;
-        Ok(self.commit(plan, sample_mm, resolution))
+        let corners = self.detect(photo)?;
+        let prior = CameraPrior::of_photo(photo);
+        let solved = self.solve(&prior, &corners)?;
+        let (camera, pose) = (solved.camera, solved.new.pose);
+        let squares = Squares::measure(photo, &self.target, &camera, &pose)?;
+        let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
+        let keep = || Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm));
+        let kept = self.may_move().then(keep);
+        let plan = self.plan(corners, prior, solved, squares, kept, sample_mm, resolution)?;
+        let observation = rectification::rectify_raised(
+            photo,
+            &camera,
+            &pose,
+            &plan.radiometry,
+            sample_mm,
+            plan.elevation.mm as f32,
+            resolution,
+            resolution,
+        )?;
+        let poses: Vec<Pose> = self.frames.iter().map(|f| f.pose).collect();
+        let mut hints = Vec::from_iter(feedback::nothing_new(&poses, &pose));
+        if let Some(known) = plan.photometry.photometry() {
+            hints.extend(feedback::linearity(photo, &self.target, &camera, &pose, known));
+        }
+        let rms_px = Some(plan.solved.new.rms_px);
+        let (updates, restart) = self.commit(plan, sample_mm, resolution);
+        Ok(Taken { observation, pose: Some(pose), rms_px, updates, restart, hints })
     }
 
-    /// What a photograph would change.
+    /// What a photograph would change whose corners and squares are known.
     fn plan(
         &self,
-        photo: &Photo,
+        corners: Vec<Corner>,
+        prior: CameraPrior,
+        solved: Solved,
+        squares: Squares,
+        kept: Option<Arc<Kept>>,
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Plan, Rejection> {
-        let corners = self.detect(photo)?;
-        let solved = self.solve(photo, &corners)?;
-        let (camera, pose) = (solved.camera, solved.new.pose);
         let mut photometry = self.photometry.clone();
         if let Some(earlier) = &solved.earlier {
             let poses: Vec<Pose> = earlier.iter().map(|e| e.0).collect();
             photometry.set_poses(&poses);
         }
-        let radiometry = photometry.push(photo, &camera, &pose)?;
-        let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
-        let kept = self
-            .may_move()
-            .then(|| Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm)));
+        let radiometry = photometry.push_squares(squares, &solved.new.pose)?;
         let (seen, elevation) = match &kept {
             // one photograph tells nothing, and its maps are waited for
             Some(kept) if !self.stated && !self.frames.is_empty() => {
@@ -234,37 +273,18 @@ impl BoardIntake {
             }
             _ => (Vec::new(), self.elevation),
         };
-        let observation = rectification::rectify_raised(
-            photo,
-            &camera,
-            &pose,
-            &radiometry,
-            sample_mm,
-            elevation.mm as f32,
-            resolution,
-            resolution,
-        )?;
-        let poses: Vec<Pose> = self.frames.iter().map(|f| f.pose).collect();
-        let mut hints = Vec::from_iter(feedback::nothing_new(&poses, &pose));
-        if let Some(known) = photometry.photometry() {
-            hints.extend(feedback::linearity(photo, &self.target, &camera, &pose, known));
-        }
-        Ok(Plan {
-            corners,
-            solved,
-            photometry,
-            radiometry,
-            kept,
-            seen,
-            elevation,
-            observation,
-            hints,
-        })
+        Ok(Plan { corners, prior, solved, photometry, radiometry, kept, seen, elevation })
     }
 
-    /// Takes over what a photograph changes.
-    fn commit(&mut self, plan: Plan, sample_mm: [f32; 2], resolution: usize) -> Taken {
-        let Plan { corners, solved, photometry, radiometry, kept, elevation, .. } = plan;
+    /// Takes over what a photograph changes: what the fit must do, and whether its maps are no start
+    /// any more.
+    fn commit(
+        &mut self,
+        plan: Plan,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> (Vec<Update>, bool) {
+        let Plan { corners, prior, solved, photometry, radiometry, kept, elevation, .. } = plan;
         let (camera, pose, elevation_mm) = (solved.camera, solved.new.pose, elevation.mm);
         if let Some(earlier) = &solved.earlier {
             for (frame, (pose, rms_px)) in self.frames.iter_mut().zip(earlier) {
@@ -279,7 +299,15 @@ impl BoardIntake {
         let updates = self.frames.iter_mut().enumerate().filter_map(update).collect();
         let rms_px = solved.new.rms_px;
         let used = Used { camera, pose, radiometry, elevation_mm };
-        self.frames.push(Frame { corners, kept, seen: None, pose, rms_px, used });
+        self.frames.push(Frame {
+            corners,
+            prior: Some(prior),
+            kept,
+            seen: None,
+            pose,
+            rms_px,
+            used,
+        });
         for (frame, seen) in self.frames.iter_mut().zip(plan.seen) {
             frame.seen = Some(seen);
         }
@@ -292,8 +320,7 @@ impl BoardIntake {
         self.photometry = photometry;
         self.paper = solved.paper;
         self.settle(sample_mm, resolution);
-        let Plan { observation, hints, .. } = plan;
-        Taken { observation, pose: Some(pose), rms_px: Some(rms_px), updates, restart, hints }
+        (updates, restart)
     }
 
     /// Corners of a photograph of the size that is known.
@@ -355,16 +382,19 @@ impl BoardIntake {
     }
 
     /// Camera and poses from all photographs so far and a new one.
-    fn solve(&self, photo: &Photo, corners: &[Corner]) -> std::result::Result<Solved, Rejection> {
+    fn solve(
+        &self,
+        prior: &CameraPrior,
+        corners: &[Corner],
+    ) -> std::result::Result<Solved, Rejection> {
         let earlier = match &self.intrinsics {
             Intrinsics::Given(camera) => return self.solve_given(camera, corners),
             Intrinsics::Estimated(estimate) => estimate.as_deref(),
         };
         let mut all: Vec<&[Corner]> = self.frames.iter().map(|f| f.corners.as_slice()).collect();
         all.push(corners);
-        let prior = CameraPrior::of_photo(photo);
         let start = earlier.map(|e| &e.camera);
-        let estimate = calibration::estimate_camera_and_paper(&self.target, &all, &prior, start)?;
+        let estimate = calibration::estimate_camera_and_paper(&self.target, &all, prior, start)?;
         let (camera, paper) = (estimate.camera, estimate.paper);
         let new = self.pose_of(&camera, &paper.paper, corners)?;
         // The minority goes: a new photograph that the others contradict, never most of them.
@@ -447,28 +477,5 @@ impl BoardIntake {
                 (frame.kept, frame.seen) = (None, None);
             }
         }
-    }
-}
-
-/// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
-fn why_no_board(photo: &Photo) -> Rejection {
-    const SAMPLES: u32 = 128;
-    let (w, h) = (photo.width(), photo.height());
-    let full = if photo.saturation().is_finite() { photo.saturation() } else { 1.0 };
-    let across =
-        |n: u32| (0..SAMPLES).map(move |i| ((2 * i + 1) * n.div_ceil(2) / SAMPLES).min(n - 1));
-    let mut levels: Vec<f32> = across(h)
-        .flat_map(|y| across(w).map(move |x| (x, y)))
-        .map(|(x, y)| photo.pixel(x, y).into_iter().fold(0.0, f32::max) / full)
-        .collect();
-    levels.sort_by(f32::total_cmp);
-    let share = levels.iter().filter(|&&v| v >= 1.0).count() as f32 / levels.len() as f32;
-    let level = levels[levels.len() * 99 / 100];
-    if share > 0.5 {
-        Rejection::Clipped { share }
-    } else if level < 0.02 {
-        Rejection::TooDark { level }
-    } else {
-        Rejection::BoardNotFound
     }
 }

@@ -184,7 +184,7 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
         return Err(damaged("the height of the sample is out of range"));
     }
     let used = Used { camera, pose, radiometry, elevation_mm };
-    Ok((Frame { corners, kept, seen: None, pose: latest, rms_px, used }, squares))
+    Ok((Frame { corners, prior: None, kept, seen: None, pose: latest, rms_px, used }, squares))
 }
 
 fn read_squares(r: &mut Reader) -> Result<Squares> {

@@ -46,7 +46,7 @@ void release_text(JNIEnv *env, jbyteArray text, jbyte *held);
 void *direct_memory(JNIEnv *env, jobject buffer, jlong position, jlong bytes);
 
 /* Callbacks; `user` is the id by which Native.kt knows the session. */
-enum { PROGRESS = 8 };
+enum { PROGRESS = 9 };
 void fill_progress(const svbrdf_progress *progress, jdouble out[PROGRESS]);
 void call_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress);
 void call_maps(void *user, svbrdf_session *session);

@@ -50,6 +50,7 @@ void fill_progress(const svbrdf_progress *progress, jdouble out[PROGRESS])
     out[5] = (jdouble)progress->loss;
     out[6] = (jdouble)progress->seconds_left;
     out[7] = (jdouble)progress->maps_revision;
+    out[8] = progress->phase;
 }
 
 void call_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress)

@@ -1,10 +1,10 @@
-/* The method of Native.kt that hands a photo over. */
+/* The methods of Native.kt that hand a photo over. */
 #include <string.h>
 
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24 };
+enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROBE = 43, CORNERS = 1024 };
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -117,7 +117,85 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
 }
 
+/* Numbers from `at` on. */
+static void widen(const float *from, int count, jdouble *at)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        at[i] = (jdouble)from[i];
+    }
+}
+
+static void fill_probe(const svbrdf_probe *probe, jdouble out[PROBE])
+{
+    out[0] = probe->acceptable;
+    out[1] = probe->rejection;
+    out[2] = probe->hints;
+    out[3] = probe->same_view_as;
+    out[4] = probe->corners_found;
+    out[5] = probe->corners_in_view;
+    out[6] = probe->corners_expected;
+    out[7] = probe->has_pose;
+    memcpy(out + 8, probe->rotation, sizeof probe->rotation);
+    memcpy(out + 17, probe->translation_mm, sizeof probe->translation_mm);
+    out[20] = probe->reprojection_rms_px;
+    out[21] = (jdouble)probe->distance_mm;
+    out[22] = (jdouble)probe->tilt_deg;
+    out[23] = (jdouble)probe->azimuth_deg;
+    out[24] = (jdouble)probe->off_next_deg;
+    out[25] = (jdouble)probe->sample_seen;
+    out[26] = (jdouble)probe->sample_clipped;
+    widen(probe->sample_px, 8, out + 27);
+    out[35] = (jdouble)probe->px_per_mm;
+    out[36] = (jdouble)probe->blur_px;
+    out[37] = (jdouble)probe->blur_direction_deg;
+    out[38] = (jdouble)probe->white_level;
+    out[39] = (jdouble)probe->white_clipped;
+    out[40] = (jdouble)probe->over_white;
+    out[41] = (jdouble)probe->measured;
+    out[42] = (jdouble)probe->limit;
+}
+
+/* What to tell the user; empty where there is nothing to tell. */
+static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                jintArray ints, jobjectArray planes, jlongArray layout,
+                                jfloatArray levels, jfloat exposure, jint flash, jfloat focal_35mm,
+                                jfloatArray corners, jdoubleArray out)
+{
+    svbrdf_image image;
+    svbrdf_frame_info info;
+    svbrdf_probe probe;
+    jdouble values[PROBE];
+    float px[2 * CORNERS];
+    uint32_t found;
+
+    (void)class, (void)owner;
+    if (read_image(env, ints, planes, layout, levels, &image)) {
+        return NULL;
+    }
+    svbrdf_frame_info_init(&info, sizeof info);
+    info.exposure = exposure;
+    info.flash = (svbrdf_flash)flash;
+    info.focal_35mm = focal_35mm;
+    svbrdf_probe_init(&probe, sizeof probe);
+    probe.corners_px = px;
+    probe.corners_capacity = CORNERS;
+    if (throw_status(env, svbrdf_session_probe(HANDLE(svbrdf_session, handle), &image, &info,
+                                               &probe))) {
+        return NULL;
+    }
+    fill_probe(&probe, values);
+    found = probe.corners_found < CORNERS ? probe.corners_found : CORNERS;
+    (*env)->SetFloatArrayRegion(env, corners, 0, (jsize)(2 * found), px);
+    if ((*env)->ExceptionCheck(env)) {
+        return NULL;
+    }
+    (*env)->SetDoubleArrayRegion(env, out, 0, PROBE, values);
+    return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, probe.advice);
+}
+
 const JNINativeMethod frame_methods[] = {
+    METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
            session_push),
 };

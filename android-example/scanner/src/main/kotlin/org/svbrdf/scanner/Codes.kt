@@ -96,6 +96,29 @@ enum class ScanState(internal val code: Int) {
     }
 }
 
+/** What a fit is doing. */
+enum class Phase(internal val code: Int) {
+    NONE(0),
+
+    /** Something that a newer library may do. */
+    OTHER(1),
+    LATENT(2),
+    WIDTHS(3),
+    POOL_GLOSS(4),
+    HELD_LIGHTS(5),
+    TURNING_LIGHTS(6),
+    MAPS(7),
+    SLOPES(8),
+    CLASSES(9),
+    POOL_RESIDUALS(10),
+    NETWORK(11),
+    BASELINE(12);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
+    }
+}
+
 /** Why a photo was not used. */
 enum class Rejection(internal val code: Int) {
     /** A reason that a newer library may give. */

@@ -87,6 +87,28 @@ class MaterialScanner private constructor(
         info: PhotoInfo = PhotoInfo(),
     ): Pushed = photo.push(this, handle.now, info, cameraMm, lightMm)
 
+    /**
+     * Judges a photo of the board, or a picture of the preview of any size, without taking it in:
+     * nothing of the scan changes. Waits for nothing; some hundredths of a second. With [Flash.OFF]
+     * the light is not judged. [PhotoInfo.ambient] is ignored.
+     */
+    @JvmOverloads
+    fun probe(photo: Photo, info: PhotoInfo = PhotoInfo()): Probe =
+        photo.probe(this, handle.now, info)
+
+    /**
+     * Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one,
+     * and the fit begins anew. Takes as long as a few photos take to push.
+     */
+    fun remove(index: Int) = Native.sessionRemove(this, handle.now, index)
+
+    /** How the maps of the moment explain an accepted photo; meaningful once the fit has settled. */
+    fun photoFit(index: Int): PhotoFit {
+        val v = DoubleArray(3)
+        Native.sessionFrameFit(this, handle.now, index, v)
+        return PhotoFit(v[0].toFloat(), v[1].toFloat(), v[2] == 1.0)
+    }
+
     /** Blocks until the fit has settled on all photos so far; false when the time is over first. */
     @JvmOverloads
     fun await(limitMillis: Long = -1): Boolean = Native.sessionWait(this, handle.now, limitMillis)

@@ -31,6 +31,13 @@ internal object Native {
         darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
         report: DoubleArray,
     ): ByteArray
+    @JvmStatic external fun sessionProbe(
+        owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
+        levels: FloatArray, exposure: Float, flash: Int, focal35mm: Float, corners: FloatArray,
+        out: DoubleArray,
+    ): ByteArray
+    @JvmStatic external fun sessionRemove(owner: Any, handle: Long, index: Int)
+    @JvmStatic external fun sessionFrameFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
     @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionLight(owner: Any, handle: Long, out: DoubleArray)

@@ -63,6 +63,17 @@ class Photo @JvmOverloads constructor(
         return Pushed.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
     }
 
+    internal fun probe(scanner: MaterialScanner, handle: Long, info: PhotoInfo): Probe {
+        val photo = numbers()
+        val corners = FloatArray(2 * Probe.CORNERS)
+        val values = DoubleArray(Probe.SIZE)
+        val advice = Native.sessionProbe(
+            scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels, info.exposure,
+            info.flash.code, info.focal35mm, corners, values,
+        )
+        return Probe.of(values, corners, String(advice, Charsets.UTF_8), info.timestampNs)
+    }
+
     /** What crosses to the library. */
     private class Numbers(
         val ints: IntArray,

@@ -190,13 +190,16 @@ data class Progress(
     val secondsLeft: Float?,
     /** Grows with every newer set of maps. */
     val mapsRevision: Long,
+    /** What the fit is doing. */
+    val phase: Phase = Phase.NONE,
 ) {
     internal companion object {
-        const val SIZE = 8
+        const val SIZE = 9
 
         fun of(v: DoubleArray) = Progress(
             ScanState.of(v[0].toInt()), v[1].toInt(), v[2] != 0.0, v[3].toFloat(), v[4].toFloat(),
             v[5].toFloat(), if (v[6] < 0.0) null else v[6].toFloat(), v[7].toLong(),
+            Phase.of(v[8].toInt()),
         )
     }
 }

@@ -1,0 +1,62 @@
+//! Photographs that arrive while the fit runs.
+
+use std::path::PathBuf;
+
+use super::input::{self, Input, LOOK};
+use super::output::Output;
+use super::photographs::Fit;
+use crate::failure::Result;
+use crate::interrupt::Interrupt;
+use crate::pictures::Metadata;
+
+/// Takes photographs until interrupted, and writes everything after each.
+pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interrupt) -> Result<()> {
+    let mut written = 0;
+    loop {
+        refuse_unreadable(input, fit);
+        if fit.fitted() > written && !interrupt.is_set() {
+            output.write(input, fit)?;
+            written = fit.fitted();
+            let out = output.arguments.out.display();
+            fit.progress.say(&format!(
+                "{out} holds the maps so far, photos in the fit: {written}; waiting for more, Ctrl-C ends"
+            ));
+        }
+        let arrived = loop {
+            if interrupt.is_set() {
+                return Ok(());
+            }
+            std::thread::sleep(LOOK);
+            let arrived = arrived(input)?;
+            if !arrived.is_empty() {
+                break arrived;
+            }
+        };
+        add(input, fit, arrived);
+        fit.run()?;
+    }
+}
+
+fn arrived(input: &mut Input) -> Result<Vec<PathBuf>> {
+    let watch = input.photographs.as_mut().and_then(|p| p.watch.as_mut());
+    watch.map_or(Ok(Vec::new()), |watch| watch.arrived())
+}
+
+/// What cannot be read may still be on its way.
+fn refuse_unreadable(input: &mut Input, fit: &Fit) {
+    let Some(watch) = input.photographs.as_mut().and_then(|p| p.watch.as_mut()) else { return };
+    for frame in fit.frames.iter().filter(|frame| fit.is_unreadable(&frame.path)) {
+        watch.refuse(&frame.path);
+    }
+}
+
+fn add(input: &mut Input, fit: &mut Fit, arrived: Vec<PathBuf>) {
+    let Some(photographs) = input.photographs.as_mut() else { return };
+    let choice = &mut photographs.choice;
+    choice.take_back(&arrived);
+    let (remarks, left_out, chosen) =
+        (choice.remarks.len(), choice.left_out.len(), choice.chosen.len());
+    choice.add(arrived.into_iter().map(|path| (Metadata::read(&path), path)).collect());
+    fit.frames.extend(choice.chosen[chosen..].iter().map(input::frame));
+    input::tell(&choice.left_out[left_out..], &choice.remarks[remarks..], &mut fit.progress);
+}

@@ -1,0 +1,132 @@
+//! What a photograph's file says of how it was taken.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use exif::{Exif, In, Reader, Tag, Value};
+use image::{ColorType, ImageDecoder, ImageReader};
+
+/// Exposure times there are, seconds.
+const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
+/// Sensitivities there are.
+const ISO: std::ops::RangeInclusive<f64> = 1.0..=1e7;
+/// Apertures there are.
+const F_NUMBER: std::ops::RangeInclusive<f64> = 0.5..=128.0;
+/// What stands for sensitivities that do not fit into 16 bits.
+const ISO_ELSEWHERE: f64 = 65_535.0;
+
+/// What is known of a photograph; all of it may be missing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Metadata {
+    /// Who made the camera.
+    pub make: Option<String>,
+    /// Which camera it is.
+    pub model: Option<String>,
+    /// Which lens it is.
+    pub lens: Option<String>,
+    /// Focal length of the lens, mm.
+    pub focal_mm: Option<f64>,
+    /// Width and height as the sensor has them, px.
+    pub size: Option<[u32; 2]>,
+    /// Whether the pixels are floats.
+    pub is_float: bool,
+    /// How far the picture is turned clockwise to stand upright, degrees; mirrored ones are not
+    /// known.
+    pub upright_deg: Option<u32>,
+    /// Light that the sensor counts, relative: seconds * ISO / F-number².
+    pub exposure: Option<f64>,
+    /// Whether the flash fired.
+    pub flash_fired: Option<bool>,
+    /// When the shutter opened, in digits whose order is that of time.
+    pub taken: Option<String>,
+}
+
+impl Metadata {
+    /// Reads a file's metadata; what is absent or damaged is left out.
+    pub fn read(path: &Path) -> Self {
+        let known = exif(path).map_or_else(Self::default, |exif| Self::of(&exif));
+        let (size, is_float) = pixels(path).unzip();
+        Self { size, is_float: is_float.unwrap_or(false), ..known }
+    }
+
+    fn of(exif: &Exif) -> Self {
+        let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
+        Self {
+            make: text(exif, Tag::Make),
+            model: text(exif, Tag::Model),
+            lens: text(exif, Tag::LensModel),
+            focal_mm: positive(Tag::FocalLength),
+            size: None,
+            is_float: false,
+            upright_deg: match number(exif, Tag::Orientation).map(|v| v as u32) {
+                Some(1) => Some(0),
+                Some(6) => Some(90),
+                Some(3) => Some(180),
+                Some(8) => Some(270),
+                _ => None,
+            },
+            exposure: exposure(exif),
+            flash_fired: number(exif, Tag::Flash).map(|bits| bits as u32 & 1 == 1),
+            taken: taken(exif),
+        }
+    }
+}
+
+fn exif(path: &Path) -> Option<Exif> {
+    let mut file = BufReader::new(File::open(path).ok()?);
+    let read = Reader::new().continue_on_error(true).read_from_container(&mut file);
+    read.or_else(|fault| fault.distill_partial_result(|_| ())).ok()
+}
+
+/// Width and height, and whether the values are floats.
+fn pixels(path: &Path) -> Option<([u32; 2], bool)> {
+    let decoder = ImageReader::open(path).ok()?.with_guessed_format().ok()?.into_decoder().ok()?;
+    let (width, height) = decoder.dimensions();
+    let is_float = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
+    Some(([width, height], is_float))
+}
+
+fn text(exif: &Exif, tag: Tag) -> Option<String> {
+    let Value::Ascii(parts) = &exif.get_field(tag, In::PRIMARY)?.value else { return None };
+    let text = String::from_utf8_lossy(parts.first()?).trim_matches(['\0', ' ']).to_owned();
+    (!text.is_empty()).then_some(text)
+}
+
+fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = &exif.get_field(tag, In::PRIMARY)?.value;
+    let number = match value {
+        Value::Rational(v) => v.first()?.to_f64(),
+        Value::SRational(v) => v.first()?.to_f64(),
+        other => f64::from(other.get_uint(0)?),
+    };
+    number.is_finite().then_some(number)
+}
+
+/// Needs time and sensitivity; phones whose aperture is fixed may leave that out.
+fn exposure(exif: &Exif) -> Option<f64> {
+    let within = |tag, range: &std::ops::RangeInclusive<f64>| {
+        number(exif, tag).filter(|v| range.contains(v))
+    };
+    let seconds = within(Tag::ExposureTime, &SECONDS).or_else(|| {
+        let seconds = (-number(exif, Tag::ShutterSpeedValue)?).exp2();
+        SECONDS.contains(&seconds).then_some(seconds)
+    })?;
+    let iso = within(Tag::PhotographicSensitivity, &ISO)
+        .filter(|v| *v < ISO_ELSEWHERE)
+        .or_else(|| within(Tag::ISOSpeed, &ISO))
+        .or_else(|| within(Tag::RecommendedExposureIndex, &ISO))?;
+    let f_number = within(Tag::FNumber, &F_NUMBER).or_else(|| {
+        let f_number = (0.5 * number(exif, Tag::ApertureValue)?).exp2();
+        F_NUMBER.contains(&f_number).then_some(f_number)
+    });
+    Some(seconds * iso / f_number.unwrap_or(1.0).powi(2))
+}
+
+/// `2024:05:06 07:08:09` and a fraction of a second.
+fn taken(exif: &Exif) -> Option<String> {
+    let time = text(exif, Tag::DateTimeOriginal)
+        .filter(|t| t.starts_with(|c: char| c.is_ascii_digit()))?;
+    let fraction = text(exif, Tag::SubSecTimeOriginal).unwrap_or_default();
+    Some(format!("{time}.{fraction}"))
+}

@@ -1,0 +1,96 @@
+//! A folder into which photographs arrive.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use super::files::look_into;
+use crate::failure::Result;
+
+/// Size and time of a file.
+type Stamp = (u64, Option<SystemTime>);
+
+/// What has been seen of a file.
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    /// Looked like this at the last look.
+    Seen(Stamp),
+    /// Was handed out.
+    Taken(Stamp),
+    /// Was handed out and is of no use as it is.
+    Refused(Stamp),
+}
+
+/// Hands out each picture of a folder once its size stays.
+pub struct Watch {
+    folder: PathBuf,
+    files: HashMap<PathBuf, State>,
+}
+
+impl Watch {
+    /// Looks into a folder from now on.
+    pub fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), files: HashMap::new() }
+    }
+
+    /// Pictures that look as they did at the last look, and were not handed out before.
+    pub fn arrived(&mut self) -> Result<Vec<PathBuf>> {
+        let mut arrived = Vec::new();
+        for path in look_into(&self.folder)?.pictures {
+            // A file may be gone again.
+            let Some(stamp) = stamp(&path).filter(|(size, _)| *size > 0) else { continue };
+            let state = match self.files.get(&path) {
+                Some(State::Taken(_)) => continue,
+                Some(State::Refused(before)) if *before == stamp => continue,
+                Some(State::Seen(before)) if *before == stamp => {
+                    arrived.push(path.clone());
+                    State::Taken(stamp)
+                }
+                _ => State::Seen(stamp),
+            };
+            self.files.insert(path, state);
+        }
+        Ok(arrived)
+    }
+
+    /// Hands a picture out again when it has changed: it was cut short.
+    pub fn refuse(&mut self, path: &Path) {
+        if let Some(State::Taken(stamp)) = self.files.get(path).copied() {
+            self.files.insert(path.to_owned(), State::Refused(stamp));
+        }
+    }
+}
+
+fn stamp(path: &Path) -> Option<Stamp> {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.len(), metadata.modified().ok()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_handed_out_once_it_stays_as_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut watch = Watch::new(dir.path());
+        let path = dir.path().join("ärger mit leerzeichen.JPG");
+        let write = |bytes: &[u8]| std::fs::write(&path, bytes).unwrap();
+        write(b"");
+        std::fs::write(dir.path().join("notes.txt"), b"no picture").unwrap();
+        assert!(watch.arrived().unwrap().is_empty() && watch.arrived().unwrap().is_empty());
+        write(b"half");
+        assert!(watch.arrived().unwrap().is_empty());
+        write(b"half and more");
+        assert!(watch.arrived().unwrap().is_empty());
+        assert_eq!(watch.arrived().unwrap(), std::slice::from_ref(&path));
+        assert!(watch.arrived().unwrap().is_empty());
+        // It was cut short after all, and is offered once more when it has grown.
+        watch.refuse(&path);
+        assert!(watch.arrived().unwrap().is_empty());
+        write(b"half and more, and the rest");
+        assert!(watch.arrived().unwrap().is_empty());
+        assert_eq!(watch.arrived().unwrap(), [path]);
+        assert!(watch.arrived().unwrap().is_empty());
+    }
+}

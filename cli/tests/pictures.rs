@@ -1,0 +1,354 @@
+//! `fit` on photographs without capture.json.
+
+mod common;
+#[path = "common/photos.rs"]
+mod photos;
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::LazyLock;
+
+use common::{failure, maps, run, succeed, text};
+use image::RgbImage;
+use image::imageops::{self, FilterType};
+use moxcms::ColorProfile;
+use photos::{Written, changed, delta_e, lab, to_display_p3};
+use serde_json::Value;
+use svbrdf::svbrdf::channel;
+
+const FAST: [&str; 8] =
+    ["--sample-mm", "100", "--method", "classic", "--steps", "2", "--no-report", "--at-once"];
+
+/// Three photographs of stripes in vivid colours on the default board.
+static SHOTS: LazyLock<Vec<RgbImage>> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let mut known = maps(32);
+    for i in 0..32 * 32 {
+        let colour = [[0.5, 0.1, 0.05], [0.05, 0.45, 0.1], [0.1, 0.15, 0.5]][i % 32 / 4 % 3];
+        for (c, v) in colour.into_iter().enumerate() {
+            known.plane_mut(channel::DIFFUSE + c)[i] = v;
+        }
+    }
+    let (source, out) = (dir.path().join("known"), dir.path().join("simulated"));
+    svbrdf::export::write_maps(&source, &known).unwrap();
+    succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "3"]);
+    // Half the size is enough, and four times as fast.
+    let open = |i| {
+        let shot = image::open(out.join(format!("frames/{i:02}.png"))).unwrap().into_rgb8();
+        imageops::resize(&shot, shot.width() / 2, shot.height() / 2, FilterType::Triangle)
+    };
+    (0..3).map(open).collect()
+});
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Fits quickly; what was said on standard error.
+fn fit(inputs: &[&Path], out: &Path) -> String {
+    let inputs: Vec<&str> = inputs.iter().map(|path| text(path)).collect();
+    let output = run(&[&["fit", "--out", text(out)][..], &FAST, &inputs].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    said
+}
+
+/// Fits what an earlier fit has described.
+fn fit_again(out: &Path, again: &Path) -> Vec<u8> {
+    succeed(&[&["fit", text(out), "--out", text(again)][..], &FAST[2..]].concat());
+    fs::read(again.join("maps.exr")).unwrap()
+}
+
+#[test]
+fn exposure_order_and_camera_come_from_metadata() {
+    let dir = tempfile::tempdir().unwrap();
+    let shots = &*SHOTS;
+    let folder = dir.path().join("Küche 台所");
+    fs::create_dir(&folder).unwrap();
+    // What the metadata amount to, relative to the first in time: 1, 1/2, 3/4.
+    let seconds = [([1, 50], 100, 18), ([1, 25], 100, 36), ([1, 100], 150, 18)];
+    let truth = [1.0, 0.5, 0.75];
+    for (i, shot) in shots.iter().enumerate() {
+        let (time, subsec) = [
+            ("2026:05:06 07:08:09", "1"),
+            ("2026:05:06 07:08:09", "25"),
+            ("2026:05:06 07:08:10", "0"),
+        ][i];
+        let written = Written {
+            model: Some("Phone"),
+            exposure: Some(seconds[i]),
+            time: Some(time),
+            subsec: Some(subsec),
+            flash: Some(if i == 2 { 16 } else { 25 }),
+            ..Written::default()
+        };
+        let darker = changed(shot, |rgb| rgb.map(|v| truth[i] * v));
+        written.save(&folder.join(format!("foto {}.jpg", 9 - i)), &darker);
+    }
+    let other = Written { model: Some("Other"), ..Written::default() };
+    other.save(&folder.join("anders.jpg"), &shots[0]);
+    let out = dir.path().join("maps");
+    let said = fit(&[&folder], &out);
+    assert!(said.contains("anders.jpg: taken with Maker Other, most with Maker Phone"), "{said}");
+    assert!(said.contains("foto 7.jpg: the flash did not fire"), "{said}");
+    let capture = json(&out.join("capture.json"));
+    let frames = capture["frames"].as_array().unwrap();
+    let names: Vec<&str> =
+        frames.iter().map(|f| f["image"].as_str().unwrap().rsplit_once('/').unwrap().1).collect();
+    assert_eq!(names, ["foto 9.jpg", "foto 8.jpg", "foto 7.jpg"]);
+    for (frame, truth) in frames.iter().zip(truth) {
+        let exposure = frame["exposure"].as_f64().unwrap();
+        assert!((exposure / truth - 1.0).abs() < 1e-6, "{exposure} for {truth}");
+    }
+    let report = json(&out.join("report.json"));
+    let left_out = report["photographs"]["left_out"][0]["image"].as_str().unwrap();
+    assert!(left_out.ends_with("anders.jpg"));
+    assert!(report["frames"].as_array().unwrap().iter().all(|f| f["status"] == "accepted"));
+    // What was written repeats the run, moved elsewhere together with the photographs.
+    let first = fs::read(out.join("maps.exr")).unwrap();
+    assert_eq!(fit_again(&out, &dir.path().join("again")), first);
+    let (moved, photos) = (dir.path().join("x/y"), dir.path().join("x/Küche 台所"));
+    fs::create_dir(dir.path().join("x")).unwrap();
+    fs::rename(&out, &moved).unwrap();
+    fs::rename(&folder, photos).unwrap();
+    assert_eq!(fit_again(&moved.join("capture.json"), &dir.path().join("moved")), first);
+}
+
+/// The published pairs that tell the parts of the formula apart.
+#[test]
+fn colour_differences_are_those_of_the_standard() {
+    for (a, b, expected) in [
+        ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
+        ([50.0, 2.5, 0.0], [50.0, 3.2592, 0.3350], 1.0),
+        ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
+        ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
+        ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
+    ] {
+        assert!((delta_e(a, b) - expected).abs() < 1e-4, "{}", delta_e(a, b));
+    }
+}
+
+/// Mean and largest difference of two diffuse maps, averaged over 4 x 4 texels.
+fn difference(a: &Path, b: &Path) -> (f64, f64) {
+    let [a, b] = [a, b].map(|dir| svbrdf::export::read_maps(dir).unwrap());
+    let (w, mut each) = (a.width(), Vec::new());
+    for block in 0..(w / 4).pow(2) {
+        let (x, y) = (4 * (block % (w / 4)), 4 * (block / (w / 4)));
+        let mean = |maps: &svbrdf::Svbrdf| {
+            [0, 1, 2].map(|c| {
+                let plane = maps.plane(channel::DIFFUSE + c);
+                let sum: f32 = (0..16).map(|i| plane[(y + i / 4) * w + x + i % 4]).sum();
+                f64::from(sum) / 16.0
+            })
+        };
+        each.push(delta_e(lab(mean(&a)), lab(mean(&b))));
+    }
+    (each.iter().sum::<f64>() / each.len() as f64, each.iter().copied().fold(0.0, f64::max))
+}
+
+#[test]
+fn a_display_p3_picture_gives_the_colours_of_a_rec_709_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let shot = &SHOTS[0];
+    let wide = changed(shot, to_display_p3);
+    // The same light with another curve as well.
+    let steep = {
+        let mut steep = wide.clone();
+        for (to, from) in steep.pixels_mut().zip(wide.pixels()) {
+            let linear = from.0.map(|v| svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0));
+            to.0 = linear.map(|v| (255.0 * v.powf(1.0 / 1.8)).round() as u8);
+        }
+        steep
+    };
+    let p3 = ColorProfile::new_display_p3();
+    let mut p3_steep = p3.clone();
+    let gamma = moxcms::curve_from_gamma(1.8);
+    p3_steep.red_trc = Some(gamma.clone());
+    p3_steep.green_trc = Some(gamma.clone());
+    p3_steep.blue_trc = Some(gamma);
+    p3_steep.cicp = None;
+    let tagged = |profile: &ColorProfile| Some(profile.encode().unwrap());
+    let broken = tagged(&p3).map(|bytes| bytes[..bytes.len() / 3].to_vec());
+    let cases = [
+        ("plain", shot, None),
+        ("srgb", shot, tagged(&ColorProfile::new_srgb())),
+        ("p3", &wide, tagged(&p3)),
+        ("gamma", &steep, tagged(&p3_steep)),
+        ("broken", shot, broken),
+        ("untagged", &wide, None),
+    ];
+    let results = cases.map(|(name, picture, profile)| {
+        // The errors of JPEG differ from one encoding to the other.
+        let (path, out) = (dir.path().join(format!("{name}.png")), dir.path().join(name));
+        Written { profile, ..Written::default() }.save(&path, picture);
+        let said = fit(&[&path], &out);
+        assert_eq!(said.contains("ICC profile cannot be used"), name == "broken", "{said}");
+        (name, out)
+    });
+    let plain = &results[0].1;
+    let exr = |out: &PathBuf| fs::read(out.join("maps.exr")).unwrap();
+    for (name, out) in &results[1..] {
+        let (mean, worst) = difference(plain, out);
+        println!("{name}: {mean:.3} in the mean, {worst:.3} at worst");
+        match *name {
+            "srgb" | "broken" => assert_eq!(exr(plain), exr(out), "{name}"),
+            "untagged" => assert!(mean > 2.0, "{mean}: the test cannot tell"),
+            // 8 bits are rounded differently in each.
+            _ => assert!(mean < 0.3 && worst < 1.0, "{name}: {mean} {worst}"),
+        }
+    }
+}
+
+#[test]
+fn a_turned_picture_gives_the_same_maps() {
+    let dir = tempfile::tempdir().unwrap();
+    let shot = &SHOTS[0];
+    let [upright, turned] = ["upright", "turned"].map(|name| dir.path().join(name));
+    let path = |out: &Path| out.with_extension("png");
+    Written::default().save(&path(&upright), shot);
+    let tagged = Written { orientation: Some(6), ..Written::default() };
+    tagged.save(&path(&turned), &imageops::rotate270(shot));
+    let maps = [upright, turned].map(|out| {
+        fit(&[&path(&out)], &out);
+        fs::read(out.join("maps.exr")).unwrap()
+    });
+    assert_eq!(maps[0], maps[1]);
+}
+
+/// A phone above a table takes itself for held upright in one photograph and not in the next; lens
+/// and flash stay where they are in the phone.
+#[test]
+fn photographs_lie_as_the_sensor_saw_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let shots = &*SHOTS;
+    let maps = [[1, 1, 1], [1, 3, 6]].map(|orientations| {
+        let folder = dir.path().join(format!("photos{}", orientations[1]));
+        fs::create_dir(&folder).unwrap();
+        for (i, (shot, orientation)) in shots.iter().zip(orientations).enumerate() {
+            let written = Written { orientation: Some(orientation), ..Written::default() };
+            written.save(&folder.join(format!("{i}.png")), shot);
+        }
+        let out = folder.with_extension("maps");
+        fit(&[&folder], &out);
+        let maps = fs::read(out.join("maps.exr")).unwrap();
+        assert_eq!(fit_again(&out, &folder.with_extension("again")), maps);
+        let capture = json(&out.join("capture.json"));
+        let turn = |i: usize| capture["frames"][i]["turn"].as_u64().unwrap_or(0);
+        assert!([0, 1, 2].map(turn) == [0; 3] || [0, 1, 2].map(turn) == [0, 180, 270]);
+        maps
+    });
+    assert_eq!(maps[0], maps[1]);
+}
+
+#[test]
+fn pictures_that_cannot_be_used_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let folder = dir.path().join("photos");
+    fs::create_dir(&folder).unwrap();
+    let refused = |extra: &[&str], expected: &[&str]| {
+        let (status, said) =
+            failure(&[&["fit", text(&folder), "--out", text(&out)][..], extra].concat());
+        assert_eq!(status, 2, "{said}");
+        expected.iter().for_each(|part| assert!(said.contains(part), "{part}: {said}"));
+        assert!(!out.join("capture.json").exists());
+    };
+    refused(&[], &["photos: neither capture.json nor photographs", "JPEG"]);
+    fs::write(folder.join("IMG_1.HEIC"), b"heic").unwrap();
+    refused(&[], &["IMG_1.HEIC", "must be converted", "Most Compatible"]);
+    fs::write(folder.join("text.jpg"), b"no picture").unwrap();
+    refused(&[], &["text.jpg", "unreadable", "every photo was rejected"]);
+    refused(&["--sample-mm", "300"], &["--sample-mm 300x300", "115x126.5"]);
+    refused(&["--board", "dots"], &["--board dots"]);
+    let (status, said) = failure(&["fit", text(&folder), "--out", text(&folder)]);
+    assert!(status == 2 && said.contains("another folder"), "{said}");
+    for i in 0..500 {
+        fs::write(folder.join(format!("{i}.jpg")), b"").unwrap();
+    }
+    refused(&[], &["501 photographs; expected at most 100", "--frames"]);
+    let nowhere = dir.path().join("nowhere.jpg");
+    let (status, said) = failure(&["fit", text(&nowhere), "--out", text(&out)]);
+    assert!(status == 2 && said.contains("nowhere.jpg: no such file"), "{said}");
+}
+
+#[test]
+fn a_cut_photograph_is_left_out_and_a_complete_fit_is_skipped() {
+    let dir = tempfile::tempdir().unwrap();
+    let shot = &SHOTS[0];
+    let (good, cut) = (dir.path().join("a good one.jpg"), dir.path().join("cut.jpg"));
+    Written::default().save(&good, shot);
+    let bytes = fs::read(&good).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let out = dir.path().join("out");
+    let said = fit(&[&good, &cut, &good], &out);
+    assert!(said.contains("cut.jpg: rejected (unreadable)"), "{said}");
+    assert!(said.contains("no exposure in the metadata"), "{said}");
+    let report = json(&out.join("report.json"));
+    assert_eq!(report["frames"].as_array().unwrap().len(), 2, "the same file counts once");
+    assert_eq!(report["frames"][1]["reason"], "unreadable");
+    // Nothing is done where everything is there, whatever the photographs.
+    let skip = |extra: &[&str]| {
+        let fixed = ["fit", text(&cut), "--out", text(&out), "--skip-existing"];
+        run(&[&fixed[..], &FAST, extra].concat())
+    };
+    let skipped = skip(&["--log", "json"]);
+    assert_eq!(skipped.status.code(), Some(0));
+    let events = String::from_utf8(skipped.stdout).unwrap();
+    let first: Value = serde_json::from_str(events.lines().next().unwrap()).unwrap();
+    assert_eq!(first["event"], "skipped");
+    // A fit with other settings, or whose files are gone, is made again; this one fails.
+    assert_eq!(skip(&["--resolution", "512"]).status.code(), Some(2));
+    fs::remove_file(out.join("normal.png")).unwrap();
+    assert_eq!(skip(&[]).status.code(), Some(2));
+}
+
+#[test]
+fn photographs_are_taken_as_they_arrive() {
+    let dir = tempfile::tempdir().unwrap();
+    let shots = &*SHOTS;
+    let (incoming, out) = (dir.path().join("incoming"), dir.path().join("out"));
+    fs::create_dir(&incoming).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_svbrdf"))
+        .args(["fit", "--watch", text(&incoming), "--out", text(&out), "--log", "json"])
+        .args(&FAST[..7])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let mut until = |name: &str| loop {
+        let event: Value = serde_json::from_str(&lines.next().unwrap().unwrap()).unwrap();
+        if event["event"] == name {
+            break event;
+        }
+    };
+    let photo = |name: &str, shot: &RgbImage| {
+        let path = dir.path().join(name);
+        Written::default().save(&path, shot);
+        fs::read(path).unwrap()
+    };
+    fs::write(incoming.join("one.jpg"), photo("one.jpg", &shots[0])).unwrap();
+    assert_eq!(until("photo")["status"], "accepted");
+    assert_eq!(until("maps")["photographs"], 1);
+    let first = fs::read(out.join("maps.exr")).unwrap();
+    // A file that stands still halfway is refused, and taken when the rest has come.
+    let bytes = photo("two.jpg", &shots[1]);
+    fs::write(incoming.join("two.jpg"), &bytes[..bytes.len() / 2]).unwrap();
+    assert_eq!(until("photo")["reason"], "unreadable");
+    fs::write(incoming.join("two.jpg"), &bytes).unwrap();
+    assert_eq!(until("photo")["status"], "accepted");
+    assert_eq!(until("maps")["photographs"], 2);
+    let process = child.id().to_string();
+    assert!(Command::new("kill").args(["-s", "INT", &process]).status().unwrap().success());
+    assert_eq!(until("failed")["status"], 130);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let second = fs::read(out.join("maps.exr")).unwrap();
+    assert_ne!(first, second);
+    assert_eq!(json(&out.join("capture.json"))["frames"].as_array().unwrap().len(), 2);
+    assert_eq!(json(&out.join("report.json"))["interrupted"], false);
+    let again = dir.path().join("again");
+    let settings = &FAST[2..7];
+    succeed(&[&["fit", text(&out), "--out", text(&again)][..], settings].concat());
+    assert_eq!(fs::read(again.join("maps.exr")).unwrap(), second);
+}

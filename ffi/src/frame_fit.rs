@@ -1,0 +1,77 @@
+//! What each photo is worth.
+
+use engine::session::FrameFit;
+
+use crate::handles::svbrdf_session;
+use crate::live::act;
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// How the maps of the moment explain an accepted photo.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_frame_fit {
+    /// Size of this struct.
+    pub size: usize,
+    /// Median over its texels of the absolute difference of the logarithms of rendered and measured
+    /// radiance: a relative error.
+    pub residual: f32,
+    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen.
+    pub weight: f32,
+    /// 1 when it contradicts the others: its residual stands out. 0 for fewer than four photos.
+    pub outlier: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+impl Default for svbrdf_frame_fit {
+    fn default() -> Self {
+        Self { size: size_of::<Self>(), residual: 0.0, weight: 0.0, outlier: 0, reserved: 0 }
+    }
+}
+versioned!(svbrdf_frame_fit, size_of::<svbrdf_frame_fit>());
+
+impl svbrdf_frame_fit {
+    fn new(fit: &FrameFit) -> Self {
+        let FrameFit { residual, weight, outlier } = *fit;
+        Self { residual, weight, outlier: outlier.into(), ..Self::default() }
+    }
+}
+
+/// Fills a fit with zeros: pass sizeof(svbrdf_frame_fit).
+///
+/// # Safety
+/// `fit` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_frame_fit_init(
+    fit: *mut svbrdf_frame_fit,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(fit, size) })
+}
+
+/// How the maps of the moment explain an accepted photo; meaningful once the fit has settled.
+/// `index` counts the accepted photos from 0. Waits for a step of the fit.
+///
+/// # Safety
+/// `fit` is NULL or initialised by svbrdf_frame_fit_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_frame_fit(
+    session: *const svbrdf_session,
+    index: u32,
+    fit: *mut svbrdf_frame_fit,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(fit) }?;
+        let size = size.ok_or_else(|| Fault::argument("fit: NULL given"))?;
+        let fits = live.session.frame_fits()?;
+        let found = fits.get(index as usize).ok_or_else(|| {
+            Fault::argument(format!("index: {index} given, but there are {} photos", fits.len()))
+        })?;
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(fit, size, svbrdf_frame_fit::new(found)) };
+        Ok(())
+    })
+}

@@ -1,0 +1,78 @@
+//! The printed sheet and the sample's height.
+
+use engine::session::Session;
+
+use crate::status::{entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
+/// photos and more contradict that clearly.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_paper {
+    /// Size of this struct.
+    pub size: usize,
+    /// 1 when the rest means something: a session of a board.
+    pub known: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Scale of the print along Y relative to that along X, which is as planned.
+    pub aspect: f64,
+    /// Its standard deviation.
+    pub aspect_sigma: f64,
+    /// How far the board's left and right edges rise above its middle, and its upper and lower
+    /// edges, mm.
+    pub bow_mm: [f64; 2],
+    /// Their standard deviations, mm.
+    pub bow_sigma_mm: [f64; 2],
+    /// Height of the sample's surface above the board's plane, mm.
+    pub elevation_mm: f64,
+    /// Its standard deviation, mm; 0 where the height was given.
+    pub elevation_sigma_mm: f64,
+}
+
+impl Default for svbrdf_paper {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            known: 0,
+            reserved: 0,
+            aspect: 1.0,
+            aspect_sigma: 0.0,
+            bow_mm: [0.0; 2],
+            bow_sigma_mm: [0.0; 2],
+            elevation_mm: 0.0,
+            elevation_sigma_mm: 0.0,
+        }
+    }
+}
+versioned!(svbrdf_paper, size_of::<svbrdf_paper>());
+
+impl svbrdf_paper {
+    pub(crate) fn of(session: &Session) -> Self {
+        let (Some(sheet), Some(elevation)) = (session.paper(), session.elevation()) else {
+            return Self::default();
+        };
+        let [aspect_sigma, x, y] = sheet.sigma;
+        Self {
+            known: 1,
+            aspect: sheet.paper.aspect,
+            aspect_sigma,
+            bow_mm: sheet.paper.bow_mm,
+            bow_sigma_mm: [x, y],
+            elevation_mm: elevation.mm,
+            elevation_sigma_mm: elevation.sigma_mm,
+            ..Self::default()
+        }
+    }
+}
+
+/// Fills a paper with that of a plan: pass sizeof(svbrdf_paper).
+///
+/// # Safety
+/// `paper` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_paper_init(paper: *mut svbrdf_paper, size: usize) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(paper, size) })
+}

@@ -1,0 +1,247 @@
+//! Photos that are judged and not taken in.
+
+use std::ffi::c_char;
+
+use engine::session::{Hint, Probe};
+
+use crate::handles::svbrdf_session;
+use crate::image::svbrdf_image;
+use crate::live::act;
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::reports::{
+    SVBRDF_ADVICE_BYTES, SVBRDF_REJECTION_NONE, hint_bits, measured, rejection_code, svbrdf_hints,
+    svbrdf_rejection, text, words,
+};
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// What a photo that is only looked at would be good for, see svbrdf_session_probe(). Lengths in
+/// px are those of the picture as it came, turned as svbrdf_image.rotation says.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_probe {
+    /// Size of this struct.
+    pub size: usize,
+    /// 1 when a photo like it would be accepted.
+    pub acceptable: u32,
+    /// Why not: one of SVBRDF_REJECTION_.
+    pub rejection: svbrdf_rejection,
+    /// Things to tell about it, whether it would be accepted or not: bits of SVBRDF_HINT_.
+    pub hints: svbrdf_hints,
+    /// As in svbrdf_frame_report.
+    pub same_view_as: u32,
+    /// Corners of the board that were found.
+    pub corners_found: u32,
+    /// Corners that lie inside the picture; 0 where the board was not found.
+    pub corners_in_view: u32,
+    /// Corners that the board has.
+    pub corners_expected: u32,
+    /// 1 when what follows up to azimuth_deg is known, also of a photo that would be rejected.
+    pub has_pose: u32,
+    /// Rotation from the board to the camera, row by row.
+    pub rotation: [f64; 9],
+    /// Board origin in the camera frame, mm.
+    pub translation_mm: [f64; 3],
+    /// Reprojection error of the board's corners, px.
+    pub reprojection_rms_px: f64,
+    /// From the sample's centre to the camera, mm.
+    pub distance_mm: f32,
+    /// Angle off the top, degrees.
+    pub tilt_deg: f32,
+    /// Side of the camera: degrees counter-clockwise from the board's +X, 0 to 360.
+    pub azimuth_deg: f32,
+    /// Angle to the view of svbrdf_session_next_view(), degrees; negative when there is none.
+    pub off_next_deg: f32,
+    /// Share of the sample inside the picture, 0 to 1; negative when not known.
+    pub sample_seen: f32,
+    /// Share of what is seen of the sample that is saturated in all channels, 0 to 1; negative when
+    /// not known.
+    pub sample_clipped: f32,
+    /// The sample's corners, x and y, px, clockwise from the maps' upper left; also outside of the
+    /// picture. Not numbers where they are not known.
+    pub sample_px: [f32; 8],
+    /// Mean scale of the sample in the picture, px/mm; 0 when not known. A texel of the maps wants
+    /// one pixel.
+    pub px_per_mm: f32,
+    /// Width of the board's edges (one sigma), px; negative when not known. Large pictures are
+    /// reduced first: widths below one pixel of the reduced one cannot be told apart.
+    pub blur_px: f32,
+    /// Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: soft
+    /// all round, or not known.
+    pub blur_direction_deg: f32,
+    /// Median level of the white squares, 1 is full scale, linear; negative when not known.
+    pub white_level: f32,
+    /// Share of the white squares that are clipped, 0 to 1; negative when not known.
+    pub white_clipped: f32,
+    /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+    pub over_white: f32,
+    /// As in svbrdf_frame_report.
+    pub measured: f32,
+    /// As in svbrdf_frame_report.
+    pub limit: f32,
+    /// The timestamp that was given with the photo.
+    pub timestamp_ns: i64,
+    /// What to tell the user, in English, UTF-8: why it would be rejected, or the hints; empty where
+    /// there is nothing to tell.
+    pub advice: [c_char; SVBRDF_ADVICE_BYTES],
+    /// Set by the caller: where the corners found go, x and y of each, px; NULL: nowhere.
+    pub corners_px: *mut f32,
+    /// Set by the caller: corners that there is room for.
+    pub corners_capacity: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+impl Default for svbrdf_probe {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            acceptable: 0,
+            rejection: SVBRDF_REJECTION_NONE,
+            hints: 0,
+            same_view_as: 0,
+            corners_found: 0,
+            corners_in_view: 0,
+            corners_expected: 0,
+            has_pose: 0,
+            rotation: [0.0; 9],
+            translation_mm: [0.0; 3],
+            reprojection_rms_px: 0.0,
+            distance_mm: 0.0,
+            tilt_deg: 0.0,
+            azimuth_deg: 0.0,
+            off_next_deg: -1.0,
+            sample_seen: -1.0,
+            sample_clipped: -1.0,
+            sample_px: [f32::NAN; 8],
+            px_per_mm: 0.0,
+            blur_px: -1.0,
+            blur_direction_deg: -1.0,
+            white_level: -1.0,
+            white_clipped: -1.0,
+            over_white: 0.0,
+            measured: 0.0,
+            limit: 0.0,
+            timestamp_ns: 0,
+            advice: [0; SVBRDF_ADVICE_BYTES],
+            corners_px: std::ptr::null_mut(),
+            corners_capacity: 0,
+            reserved: 0,
+        }
+    }
+}
+versioned!(svbrdf_probe, size_of::<svbrdf_probe>());
+
+impl svbrdf_probe {
+    fn new(probe: &Probe, timestamp_ns: i64) -> Self {
+        let mut out = Self {
+            acceptable: probe.rejection.is_none().into(),
+            corners_found: probe.corners.len() as u32,
+            corners_in_view: probe.corners_in_view as u32,
+            corners_expected: probe.corners_expected as u32,
+            blur_px: probe.blur_px.unwrap_or(-1.0),
+            blur_direction_deg: probe.blur_direction_deg.unwrap_or(-1.0),
+            timestamp_ns,
+            ..Self::default()
+        };
+        out.hints = hint_bits(&probe.hints);
+        for hint in &probe.hints {
+            match *hint {
+                Hint::NothingNew { index } => out.same_view_as = index as u32,
+                Hint::NotLinear { ratio, .. } => out.over_white = ratio,
+                _ => {}
+            }
+        }
+        if let Some(board) = &probe.pose {
+            out.has_pose = 1;
+            out.rotation = board.pose.rotation.transpose().to_cols_array();
+            out.translation_mm = board.pose.translation.to_array();
+            out.reprojection_rms_px = board.reprojection_rms_px;
+        }
+        if let Some(view) = &probe.view {
+            out.distance_mm = view.distance_mm;
+            out.tilt_deg = view.tilt_deg;
+            out.azimuth_deg = view.azimuth_deg;
+            out.off_next_deg = view.off_next_deg.unwrap_or(-1.0);
+            (out.sample_seen, out.sample_clipped) = (view.sample_seen, view.sample_clipped);
+            out.px_per_mm = view.px_per_mm;
+            if let Some(corners) = view.sample_px {
+                out.sample_px.copy_from_slice(corners.as_flattened());
+            }
+        }
+        if let Some(light) = &probe.light {
+            (out.white_level, out.white_clipped) = (light.white_level, light.clipped_share);
+        }
+        out.advice = text(&words(&probe.hints));
+        if let Some(rejection) = &probe.rejection {
+            out.rejection = rejection_code(rejection);
+            (out.measured, out.limit) = measured(rejection);
+            out.advice = text(&rejection.to_string());
+        }
+        out
+    }
+}
+
+/// Fills a probe with defaults: pass sizeof(svbrdf_probe).
+///
+/// # Safety
+/// `probe` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_probe_init(probe: *mut svbrdf_probe, size: usize) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(probe, size) })
+}
+
+/// Judges a photo of a board, or a picture of the camera's preview, without taking it in: nothing
+/// of the session changes. Answers SVBRDF_OK also for a photo that would be rejected: the probe says
+/// so. `info` may be NULL; with SVBRDF_FLASH_OFF the light says nothing about the photo to come and
+/// is not judged.
+///
+/// A picture of another size than the camera's is taken for a preview: scaled to its width or height and
+/// cut at the other sides; where that does not fit, and before a camera is known, the camera is
+/// estimated from the picture. Runs on the calling thread alone; waits neither for the fit nor for
+/// a push.
+///
+/// # Safety
+/// As svbrdf_session_push_frame(); `probe.corners_px` is NULL or has room for as many corners as
+/// said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_probe(
+    session: *const svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    probe: *mut svbrdf_probe,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the structs.
+        let (image, info, size, given) = unsafe {
+            (
+                versioned::read(image)?,
+                svbrdf_frame_info::from_caller(info)?,
+                versioned::result_size(probe)?,
+                versioned::read(probe)?,
+            )
+        };
+        let size = size.ok_or_else(|| Fault::argument("svbrdf_probe: NULL given"))?;
+        // SAFETY: the caller vouches for the planes.
+        let photo = unsafe { info.photo(&image) }?;
+        let found = match info.flash {
+            SVBRDF_FLASH_OFF => live.session.probe_without_flash(&photo)?,
+            _ => live.session.probe(&photo)?,
+        };
+        let mut value = svbrdf_probe::new(&found, info.timestamp_ns);
+        (value.corners_px, value.corners_capacity) = (given.corners_px, given.corners_capacity);
+        if !given.corners_px.is_null() {
+            for (i, corner) in
+                found.corners.iter().take(given.corners_capacity as usize).enumerate()
+            {
+                let px = corner.px.as_vec2().to_array();
+                // SAFETY: the caller vouches for room for that many corners.
+                unsafe { given.corners_px.cast::<[f32; 2]>().add(i).write_unaligned(px) };
+            }
+        }
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(probe, size, value) };
+        Ok(())
+    })
+}
