@@ -210,18 +210,13 @@ impl Photo {
     }
 
     /// With another level from which on a channel counts as clipped.
-    /// Other pixels, everything else as here.
-    pub(super) fn with_pixels(&self, width: u32, height: u32, pixels: Pixels) -> Self {
-        Self { width, height, pixels, ..*self }
-    }
-
     pub(super) fn with_saturation(self, saturation: f32) -> Self {
         Self { saturation, ..self }
     }
 
-    /// With other pixels, of which there are as many.
-    pub(super) fn with_pixels(self, width: u32, height: u32, pixels: Pixels) -> Self {
-        Self { width, height, pixels, ..self }
+    /// With other pixels, everything else as here.
+    pub(super) fn with_pixels(&self, width: u32, height: u32, pixels: Pixels) -> Self {
+        Self { width, height, pixels, ..*self }
     }
 
     /// Whether every value is a finite number.
