@@ -50,5 +50,4 @@ cargo test --release --workspace "$@"
 tests/exports.sh
 tests/inlined.sh
 tests/report.sh
-ffi/size.sh
 RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace --quiet
