@@ -113,8 +113,12 @@ fn check_fitted(
             arguments.hold_out
         )));
     }
+    let board = match (&input.photographs, &arguments.board) {
+        (Some(_), None) => "; `ring` is looked for, --board names another board",
+        _ => "",
+    };
     Err(Failure::Input(format!(
-        "{}: every photo was rejected; expected at least one that can be used\n{}",
+        "{}: every photo was rejected; expected at least one that can be used{board}\n{}",
         input.origin,
         fit.lines().join("\n")
     )))

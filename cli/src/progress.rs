@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 const STEPS: u64 = 1000;
-/// Smallest step of progress that machines are told, as a share.
+/// Smallest step of progress that is an event, as a fraction.
 const EVENT_STEP: f32 = 0.05;
 
 /// Who reads.
@@ -24,14 +24,14 @@ pub struct Progress {
     log: Log,
     /// The piece of work that is shown.
     bar: Option<ProgressBar>,
-    /// How far it was when a program was told.
-    told: f32,
+    /// Fraction at the latest event.
+    reported: f32,
 }
 
 impl Progress {
     /// Says nothing if `quiet`. Bars are drawn on terminals only.
     pub fn new(quiet: bool, log: Log) -> Self {
-        Self { quiet, log, bar: None, told: 0.0 }
+        Self { quiet, log, bar: None, reported: 0.0 }
     }
 
     /// Shows how far a piece of work is.
@@ -40,8 +40,8 @@ impl Progress {
             return;
         }
         if self.log == Log::Json {
-            if fraction >= self.told + EVENT_STEP {
-                self.told = fraction;
+            if fraction >= self.reported + EVENT_STEP {
+                self.reported = fraction;
                 self.event("progress", json!({ "fraction": fraction, "text": message }));
             }
             return;
@@ -56,7 +56,7 @@ impl Progress {
 
     /// Takes the bar off the terminal: the piece of work is done.
     pub fn done(&mut self) {
-        self.told = 0.0;
+        self.reported = 0.0;
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
