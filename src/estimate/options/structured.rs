@@ -23,6 +23,8 @@ pub struct StructuredOptions {
     pub texels: usize,
     /// The same while photographs are left out. Tuned.
     pub trial_texels: usize,
+    /// Texels along the longer side of which those are taken as they are, at most.
+    pub trial_averaged: usize,
     /// Steps of a fit, at most. Tuned.
     pub steps: usize,
     /// The same while photographs are left out. Tuned.
@@ -75,6 +77,7 @@ impl Default for StructuredOptions {
             contradiction: 1.2,
             texels: 64,
             trial_texels: 32,
+            trial_averaged: 32,
             steps: 12,
             trial_steps: 8,
             folds: 3,

@@ -68,7 +68,9 @@ impl WidthTrials {
         options: &StructuredOptions,
     ) -> Self {
         let count = photographs.len();
-        let sample = Sample::new(photographs, options.trial_texels);
+        let averaged =
+            if count < options.leave_out_from { options.trial_texels } else { options.trial_averaged };
+        let sample = Sample::new(photographs, averaged, options.trial_texels);
         let few = (count < options.leave_out_from).then(|| {
             let which: Vec<usize> = (0..count).collect();
             let setup = Setup::new(&sample, &which, options.few.classes, options);
@@ -159,6 +161,18 @@ impl WidthTrials {
 
     /// The prior that was chosen, if any.
     pub fn chosen(&self) -> Option<Widths> {
+        if std::env::var_os("TRIALS").is_some() {
+            let n = self.sample.photographs.len();
+            if self.few.is_some() {
+                eprintln!("TRIAL {n} ratio {:.3}", self.errors[0] / self.errors[1]);
+            } else {
+                let sums = self.sums();
+                let &[a, b] = self.errors.last_chunk().unwrap();
+                let scale = sums[2];
+                let rel: Vec<String> = sums.iter().map(|s| format!("{:.3}", s / scale)).collect();
+                eprintln!("TRIAL {n} rel {} rms {:.4} narrow {a:.4} widest {b:.4} misfit {:.3} free {}", rel.join(" "), (scale / self.folds.len() as f64).sqrt(), b / a, self.free.exposure);
+            }
+        }
         match self.errors.as_slice() {
             &[given, free] if self.few.is_some() => {
                 (given > self.options.contradiction * free).then_some(self.options.few)
@@ -191,7 +205,7 @@ pub(super) fn fit(
     options: &StructuredOptions,
 ) {
     let free = Free { exposure: free, offset: free };
-    let sample = Sample::new(photographs, options.texels);
+    let sample = Sample::new(photographs, options.texels, options.texels);
     let which: Vec<usize> = (0..photographs.len()).collect();
     let mut setup = Setup::new(&sample, &which, widths.classes, options);
     let own = (which.len() < options.leave_out_from).then_some(options.own_share);

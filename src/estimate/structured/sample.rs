@@ -36,10 +36,15 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Photographs halved until they have at most `side` texels along the longer side, their views as
-    /// given.
-    pub fn new(photographs: &Photographs, side: usize) -> Self {
-        let observations = photographs.level(photographs.halvings_to(side));
+    /// Photographs halved until they have at most `averaged` texels along the longer side, and of
+    /// those a grid of at most `side`; their views as given.
+    pub fn new(photographs: &Photographs, averaged: usize, side: usize) -> Self {
+        let halvings = photographs.halvings_to(averaged);
+        let stride = 1 << photographs.halvings_to(side).saturating_sub(halvings);
+        let mut observations = photographs.level(halvings);
+        if stride > 1 {
+            observations = observations.iter().map(|o| o.strided(stride)).collect();
+        }
         let (width, height) = observations.first().map_or((1, 1), |o| (o.width(), o.height()));
         let photograph = |(o, view): (&Observation, &View)| {
             let n = o.texels();

@@ -68,7 +68,7 @@ fn options() -> StructuredOptions {
 fn rows_are_derivatives_of_residuals() {
     let photographs = photographs(&material(0.05), 4, &planted(), 0.0);
     let options = options();
-    let sample = Sample::new(&photographs, SIDE);
+    let sample = Sample::new(&photographs, SIDE, SIDE);
     let which = [0, 1, 2, 3];
     let widths = Widths { classes: 1, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.1 };
     let setup = Setup::new(&sample, &which, widths.classes, &options);
@@ -215,7 +215,7 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
     }
     let photographs = photographs(&material(0.0), 2, &Exposure::default(), 0.0);
     let (options, which) = (options(), [0, 1]);
-    let sample = Sample::new(&photographs, SIDE);
+    let sample = Sample::new(&photographs, SIDE, SIDE);
     let coordinates = sample.coordinates(&estimate);
     let setup = Setup::new(&sample, &which, 4, &options).around(&coordinates, 1.0);
     let free = Free { exposure: false, offset: false };
