@@ -246,20 +246,6 @@ impl Observation {
         );
         Self { width: w2, height: h2, view: self.view, packed }
     }
-
-    /// Every so many texels of every so many rows, as they are: relief is kept that
-    /// [`downsampled`](Self::downsampled) texels lose. Their places are the small grid's to within half
-    /// a texel of this one.
-    pub(crate) fn strided(&self, stride: usize) -> Self {
-        let (width, height) = (self.width / stride, self.height / stride);
-        let at = |x: usize, y: usize| (y * stride + stride / 2) * self.width + x * stride + stride / 2;
-        let rows = (0..3 * height).flat_map(|row| {
-            let (c, y) = (row / height, row % height);
-            (0..width).map(move |x| c * self.texels() + at(x, y))
-        });
-        let packed = rows.map(|i| self.packed[i]).collect();
-        Self { width, height, view: self.view, packed }
-    }
 }
 
 /// A weight in sevenths: what is seen at all stays so.

@@ -50,6 +50,8 @@
 mod baseline;
 mod belief;
 mod budget;
+mod bundle;
+mod clusters;
 mod correction;
 mod estimation;
 mod estimator;

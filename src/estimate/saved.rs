@@ -8,12 +8,13 @@ pub(crate) use super::baseline::Moments;
 pub(crate) use super::belief::Belief;
 use super::budget::Shown;
 pub(crate) use super::budget::Trend;
+pub(crate) use super::bundle::{Progress, State};
 pub(crate) use super::correction::{Correction, Exposure, MAX_MIRRORED, Offset};
 pub(crate) use super::estimation::Cut;
 use super::estimation::{Estimation, Method, Task, Work};
 use super::latent::LatentFit;
 pub(crate) use super::latent::{LatentPosition, SavedFit, SavedLevel};
-pub(crate) use super::lights::{Damping, Progress, SavedLights, State};
+pub(crate) use super::lights::{SavedDescent, SavedLights};
 pub(crate) use super::noise::Noise;
 use super::options::EstimateOptions;
 pub(crate) use super::photographs::Photographs;
@@ -175,7 +176,7 @@ impl Estimation {
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
-                let (free, options) = (self.task.free_lights, &self.options.structured);
+                let (free, options) = (self.task.free_lights, &self.options);
                 let mut trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
                 if !trials.resume(errors.into_owned()) {
                     return Err(fault("trials of widths are too many"));

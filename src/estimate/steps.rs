@@ -123,7 +123,7 @@ impl Estimation {
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let (free, options) = (self.task.free_lights, &self.options.structured);
+        let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
             let trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
             self.work = Work::Widths(Box::new(trials));
@@ -196,9 +196,8 @@ impl Estimation {
         options: &EstimateOptions,
     ) -> Option<LightFit> {
         let free = Free { turn, ambient: free_lights, mirror: !free_lights };
-        let maps = (&belief.maps, &belief.base);
-        let start = Start::new(photographs, maps, &belief.found, &belief.offset);
-        LightFit::new(start, free, &options.lights, &options.schedule)
+        let Belief { maps, base, found: prior, offset, .. } = belief;
+        LightFit::new(Start { photographs, maps, base, prior, offset }, free, options)
     }
 
     /// A trial of a class; whether it was the last.

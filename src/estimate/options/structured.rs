@@ -48,6 +48,16 @@ pub struct StructuredOptions {
     pub noise: f64,
     /// Residual below which the loss is quadratic.
     pub huber: f64,
+    /// Relative gain of a step that is not worth another. Tuned.
+    pub converged: f64,
+    /// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm. Tuned.
+    pub max_steps: [f64; 3],
+    /// Part of the colour seen that is diffuse, in the prior's mean.
+    pub diffuse_fraction: f32,
+    /// Rounds of k-means of classes. Converged.
+    pub rounds: usize,
+    /// Texels that find the classes, at most. Tuned.
+    pub samples: usize,
     /// Expected logarithm of a photograph's gain.
     pub gain_sigma: f64,
     /// Expected exponent of exposure over distance.
@@ -91,6 +101,11 @@ impl Default for StructuredOptions {
             min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,
+            converged: 1e-4,
+            max_steps: [1.0, 0.2, 15.0],
+            diffuse_fraction: 0.8,
+            rounds: 25,
+            samples: 4096,
             gain_sigma: 0.05,
             exponent_sigma: 2.0,
             offset_sigma_mm: 30.0,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
-    Belief, Correction, Cut, Damping, Exposure, LatentPosition, MAX_MIRRORED, Moments, Noise,
-    Offset, Part, Photographs, Position, Prior, Progress, SavedEstimation, SavedFit, SavedLevel,
+    Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Moments, Noise, Offset, Part,
+    Photographs, Position, Prior, Progress, SavedDescent, SavedEstimation, SavedFit, SavedLevel,
     SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
@@ -320,31 +320,30 @@ fn read_work(mut r: Reader) -> Result<SavedWork<'static>> {
     Ok(work)
 }
 
-fn write_descent(w: &mut Writer, progress: &Progress) {
-    let State { texels, correction, offset } = &progress.state;
-    w.u32(texels.len() as u32);
-    w.f64s(texels);
-    write_correction(w, correction);
-    w.f64s(offset);
-    w.u32(progress.damping.0.len() as u32);
-    w.f64s(&progress.damping.0);
-    w.u32(progress.steps as u32);
-    w.u32(progress.still_steps as u32);
-    w.flag(progress.changed);
-    w.flag(progress.done);
+fn write_descent(w: &mut Writer, descent: &SavedDescent) {
+    let Progress { state, damping, steps, changed, done } = &descent.progress;
+    for texels in [&state.deviations, &state.groups] {
+        w.u32(texels.len() as u32);
+        texels.iter().for_each(|x| w.f64s(x));
+    }
+    write_correction(w, &state.correction);
+    w.f64(*damping);
+    w.u32(*steps as u32);
+    w.flag(*changed);
+    w.flag(*done);
+    w.u32(descent.still_steps as u32);
 }
 
-fn read_descent(r: &mut Reader) -> Result<Progress> {
-    let many = |r: &mut Reader| -> Result<Vec<f64>> {
-        let count = r.count(8)?;
-        (0..count).map(|_| r.f64()).collect()
+fn read_descent(r: &mut Reader) -> Result<SavedDescent> {
+    let texels = |r: &mut Reader| -> Result<Vec<[f64; CHANNELS]>> {
+        let count = r.count(8 * CHANNELS)?;
+        (0..count).map(|_| r.f64s()).collect()
     };
-    let texels = many(r)?;
-    let (correction, offset) = (read_correction(r)?, r.f64s()?);
-    let damping = Damping(many(r)?);
-    let (steps, still_steps) = (r.u32()? as usize, r.u32()? as usize);
-    let state = State { texels, correction, offset };
-    Ok(Progress { state, damping, steps, still_steps, changed: r.flag()?, done: r.flag()? })
+    let (deviations, groups) = (texels(r)?, texels(r)?);
+    let state = State { deviations, groups, correction: read_correction(r)? };
+    let (damping, steps) = (r.f64()?, r.u32()? as usize);
+    let progress = Progress { state, damping, steps, changed: r.flag()?, done: r.flag()? };
+    Ok(SavedDescent { progress, still_steps: r.u32()? as usize })
 }
 
 fn write_size(w: &mut Writer, maps: &Svbrdf) {
