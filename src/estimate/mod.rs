@@ -47,6 +47,7 @@
 //! known and where in the schedule it is, `steps` one step of each phase. A phase that moves the prior
 //! is an update: a small type with one method from photographs and belief to belief.
 
+mod adam;
 mod baseline;
 mod belief;
 mod budget;

@@ -125,7 +125,8 @@ impl Estimation {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
-            let trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
+            let trials =
+                WidthTrials::new(&self.photographs, &belief.maps, free, self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };
@@ -232,7 +233,7 @@ impl Estimation {
         // Adam's loss jumps about: every fiftieth is compared.
         let steps = self.options.baseline.steps;
         let trend = self.trend.get_or_insert_with(|| Trend::new(steps, 50));
-        let is_flat = meter.budget.stop_when_invisible && trend.is_flat(baseline.steps, loss);
+        let is_flat = meter.budget.stop_when_invisible && trend.is_flat(baseline.steps(), loss);
         if is_flat && !baseline.is_done() {
             self.cut = self.cut.or(Some(Cut::Invisible));
         }

@@ -23,7 +23,7 @@ pub struct StructuredOptions {
     pub texels: usize,
     /// The same while photographs are left out. Tuned.
     pub trial_texels: usize,
-    /// Texels along the longer side of which those are taken as they are, at most.
+    /// Texels along the longer side of which those are taken as they are, at most. Tuned.
     pub trial_averaged: usize,
     /// Steps of a fit, at most. Tuned.
     pub steps: usize,
@@ -35,13 +35,10 @@ pub struct StructuredOptions {
     /// schedule goes on with them.
     pub candidates: Vec<Widths>,
     /// Mean squared error of a photograph left out, relative to that of the widest, that a narrow prior
-    /// must reach. Tuned.
-    pub evidence: f64,
-    /// Mean residual of all photographs that the widest prior leaves, relative to what the narrow one
-    /// leaves, at least: below it texels explain the photographs, and there is no error of the model to
-    /// be held off. Tuned.
-    pub min_misfit: f64,
-    /// The same itself, at least: less is noise and rounding. Tuned.
+    /// must reach: to begin with, and to go on. Tuned; derived.
+    pub evidence: [f64; 2],
+    /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
+    /// one: less is noise and rounding. Tuned.
     pub min_residual: f64,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
@@ -87,7 +84,7 @@ impl Default for StructuredOptions {
             contradiction: 1.2,
             texels: 64,
             trial_texels: 32,
-            trial_averaged: 32,
+            trial_averaged: 256,
             steps: 12,
             trial_steps: 8,
             folds: 3,
@@ -96,8 +93,7 @@ impl Default for StructuredOptions {
                 Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],
-            evidence: 0.8,
-            min_misfit: 0.25,
+            evidence: [0.8, 1.0],
             min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,

@@ -10,14 +10,16 @@
 //!
 //! How far texels may deviate differs from material to material. Candidates are compared by how well
 //! they predict each of the latest photographs from all others (leave-one-out cross-validation), at a
-//! few texels. Where the widest wins, as on bumpy materials that photographs explain well, the other
-//! phases of the schedule do better, and nothing is changed.
+//! few texels as they are: averages would hide relief. Where the widest wins, or the maps of the other
+//! phases have predicted the latest photograph better (prequential error), those go on, and nothing is
+//! changed. A choice once made needs less evidence to stay.
 //!
 //! Two photographs cannot be left out. They tell whether exposure and flash are as given: where the
 //! classes explain them clearly better with both free (a likelihood ratio), the light is known badly,
 //! texels would follow it, and the classes are taken, round the latent estimate.
 
 mod groups;
+mod prediction;
 #[cfg(test)]
 mod tests;
 
@@ -26,8 +28,7 @@ use std::sync::Arc;
 
 use super::belief::Belief;
 use super::bundle::{
-    Coordinates, Descent, Groups, Limits, Lit, Parameter, Problem, Sample, Shared, State, colours,
-    natural,
+    Coordinates, Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State, colours,
 };
 use super::clusters::Feature;
 use super::correction::{Correction, Exposure};
@@ -39,6 +40,7 @@ use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
 use groups::Classes;
+pub(crate) use prediction::Predicted;
 
 /// Coordinates that classes share.
 const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
@@ -56,9 +58,11 @@ pub(crate) struct WidthTrials {
     few: Option<Setup>,
     /// Photographs left out, each in turn.
     folds: Vec<usize>,
+    /// How the maps before the latest photograph predicted it.
+    predicted: Option<Predicted>,
     /// Of the trials done: squared errors of each candidate for each photograph left out; then what
-    /// the best narrow one and the widest leave of all photographs. Of few photographs: costs with
-    /// exposure and flash as given, and free.
+    /// the widest leaves of all photographs. Of few photographs: costs with exposure and flash as
+    /// given, and free.
     pub errors: Vec<f64>,
 }
 
@@ -69,6 +73,7 @@ impl WidthTrials {
         photographs: &Photographs,
         estimate: &Svbrdf,
         free: bool,
+        predicted: Option<Predicted>,
         options: &EstimateOptions,
     ) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
@@ -85,13 +90,14 @@ impl WidthTrials {
             sample: Arc::new(sample),
             few,
             folds: (count.saturating_sub(o.folds)..count).collect(),
+            predicted,
             errors: Vec::new(),
         }
     }
 
     /// Trials in all.
     pub fn count(&self) -> usize {
-        if self.few.is_some() { 2 } else { self.predictions() + 2 }
+        if self.few.is_some() { 2 } else { self.predictions() + 1 }
     }
 
     /// Trials that predict photographs.
@@ -129,7 +135,6 @@ impl WidthTrials {
         let folds = self.folds.len();
         let (candidate, left_out) = match done.checked_sub(self.predictions()) {
             None => (done / folds, Some(self.folds[done % folds])),
-            Some(0) => (self.best_narrow(), None),
             Some(_) => (last, None),
         };
         let widths = self.options.structured.candidates[candidate];
@@ -140,7 +145,11 @@ impl WidthTrials {
         let (problem, state) =
             descended(problem, self.options.structured.trial_steps, &self.options);
         match left_out {
-            Some(left_out) => prediction_error(&problem, &state, left_out),
+            Some(left_out) => {
+                let exposure = &state.correction.exposure;
+                let at = |t| problem.coordinates(t, &state);
+                prediction::error(&problem.sample, left_out, exposure, at)
+            }
             None => problem.mean_residual(&state),
         }
     }
@@ -166,24 +175,6 @@ impl WidthTrials {
 
     /// The prior that was chosen, if any.
     pub fn chosen(&self) -> Option<Widths> {
-        if std::env::var_os("TRIALS").is_some() {
-            let n = self.sample.photographs.len();
-            if self.few.is_some() {
-                eprintln!("TRIAL {n} ratio {:.3}", self.errors[0] / self.errors[1]);
-            } else {
-                let sums = self.sums();
-                let &[a, b] = self.errors.last_chunk().unwrap();
-                let scale = sums[2];
-                let rel: Vec<String> = sums.iter().map(|s| format!("{:.3}", s / scale)).collect();
-                eprintln!(
-                    "TRIAL {n} rel {} rms {:.4} narrow {a:.4} widest {b:.4} misfit {:.3} free {}",
-                    rel.join(" "),
-                    (scale / self.folds.len() as f64).sqrt(),
-                    b / a,
-                    self.free
-                );
-            }
-        }
         match self.errors.as_slice() {
             &[given, free] if self.few.is_some() => {
                 let StructuredOptions { contradiction, few, .. } = self.options.structured;
@@ -193,16 +184,22 @@ impl WidthTrials {
         }
     }
 
-    /// The narrow candidate that predicts best, if it predicts better than the widest, and if the
-    /// photographs are not explained much better without it: what is left even when every texel is
-    /// free is the model's error, which texels follow.
+    /// The narrow candidate that predicts best, where it predicts better than the widest. To begin
+    /// with it, it must predict the latest photograph better than the maps before it did, if those
+    /// are of the other phases; and photographs must not be explained to within noise and rounding
+    /// where every texel is free.
     fn chosen_by_prediction(&self) -> Option<Widths> {
         let (sums, best) = (self.sums(), self.best_narrow());
-        let &[narrow_residual, widest_residual] = self.errors.last_chunk()?;
-        let StructuredOptions { evidence, min_misfit, min_residual, .. } = self.options.structured;
+        let StructuredOptions { evidence: [begin, go_on], min_residual, leave_out_from, .. } =
+            self.options.structured;
+        let before = self.sample.photographs.len() - 1;
+        let goes_on = before >= leave_out_from && self.predicted.is_some_and(|p| p.structured);
+        let evidence = if goes_on { go_on } else { begin };
         let predicts = sums[best] < evidence * sums.last()?;
-        let misfits = widest_residual > (min_misfit * narrow_residual).max(min_residual);
-        (predicts && misfits).then(|| self.options.structured.candidates[best])
+        let latest = self.errors[(best + 1) * self.folds.len() - 1];
+        let others = self.predicted.filter(|p| !p.structured);
+        let begins = others.is_none_or(|p| latest < p.error) && *self.errors.last()? > min_residual;
+        (predicts && (goes_on || begins)).then(|| self.options.structured.candidates[best])
     }
 }
 
@@ -425,36 +422,4 @@ impl Gloss {
         maps.clamp();
         maps
     }
-}
-
-/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
-/// apart.
-fn prediction_error(problem: &Problem, state: &State, left_out: usize) -> f64 {
-    let sample = &problem.sample;
-    let photograph = &sample.photographs[left_out];
-    let light = Lit::new(&state.correction.exposure.predict(&photograph.view));
-    let n = sample.texels();
-    let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
-    let mut values = Vec::with_capacity(3 * n);
-    let (mut products, mut squares) = (0.0, 1e-12);
-    for t in 0..n {
-        let weight = f64::from(photograph.weight[t]);
-        let radiance = light.radiance(&natural(&problem.coordinates(t, state)), sample.places[t]);
-        for c in 0..3 {
-            let seen = f64::from(photograph.radiance[c * n + t]);
-            let (ours, theirs) = (gamma(radiance.value[c]), gamma(seen.abs()));
-            if seen >= 0.0 {
-                products += weight * ours * theirs;
-                squares += weight * ours * ours;
-            }
-            values.push([weight, ours, theirs, if seen < 0.0 { theirs } else { f64::MAX }]);
-        }
-    }
-    let factor = products / squares;
-    let (mut sum, mut total) = (0.0, 1e-12);
-    for [weight, ours, theirs, limit] in values {
-        sum += weight * ((factor * ours).min(limit) - theirs).powi(2);
-        total += weight;
-    }
-    sum / total
 }

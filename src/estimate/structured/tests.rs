@@ -102,7 +102,16 @@ fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
 }
 
 fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
-    let mut trials = WidthTrials::new(photographs, &material(0.0), free, &options());
+    chosen_after(photographs, free, None)
+}
+
+/// What is chosen when earlier maps have predicted the latest photograph like this.
+fn chosen_after(
+    photographs: &Photographs,
+    free: bool,
+    predicted: Option<Predicted>,
+) -> Option<Widths> {
+    let mut trials = WidthTrials::new(photographs, &material(0.0), free, predicted, &options());
     while !trials.is_done() {
         trials.step();
     }
@@ -119,6 +128,42 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
     assert_eq!(chosen(&bumpy, true), None);
+}
+
+/// Maps of the other phases that predict better than a narrow prior would go on; those of a narrow
+/// prior are no such rivals.
+#[test]
+fn maps_that_predict_the_latest_photograph_better_go_on() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let after = |error: f64, structured| {
+        chosen_after(&flat, true, Some(Predicted { error, structured })).is_some()
+    };
+    assert!(after(1.0, false) && !after(1e-6, false));
+    assert!(after(1.0, true) && after(1e-6, true));
+}
+
+/// Noise makes every texel deviate, and small deviations are what a narrow prior is for; what is
+/// explained to within noise and rounding needs none, unless it was chosen before.
+#[test]
+fn photographs_that_free_texels_explain_begin_no_narrow_prior() {
+    let exact = photographs(&material(0.0), 6, &Exposure::default(), 0.002);
+    assert_eq!(chosen(&exact, true), None);
+}
+
+/// A choice stays with less evidence than it needs to begin.
+#[test]
+fn a_choice_once_made_needs_less_evidence() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let mut options = options();
+    let mut choose = |begin: f64, go_on: f64, structured| {
+        options.structured.evidence = [begin, go_on];
+        let predicted = Some(Predicted { error: 1.0, structured });
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
+        (0..trials.count()).for_each(|_| trials.step());
+        trials.chosen().is_some()
+    };
+    assert!(!choose(0.0, 1.0, false) && choose(0.0, 1.0, true));
+    assert!(choose(1.0, 0.0, false) && !choose(1.0, 0.0, true));
 }
 
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
-    Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Moments, Noise, Offset, Part,
-    Photographs, Position, Prior, Progress, SavedDescent, SavedEstimation, SavedFit, SavedLevel,
-    SavedLights, SavedWork, SolverState, State, Trend,
+    Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
+    Photographs, Position, Predicted, Prior, Progress, SavedBaseline, SavedDescent,
+    SavedEstimation, SavedFit, SavedLevel, SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
 use crate::initial_estimate::Networks;
@@ -69,6 +69,10 @@ pub(in crate::session) fn write(
         write_correction(w, &saved.lights_before);
         w.flag(saved.repeated);
         w.flag(saved.structured);
+        w.option(saved.predicted, |w, predicted| {
+            w.f64(predicted.error);
+            w.flag(predicted.structured);
+        });
         w.option(saved.previous.as_deref(), |w, values| {
             w.u32(values.len() as u32);
             w.f32s(values);
@@ -126,6 +130,7 @@ pub(super) fn read(
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
     let (repeated, structured) = (r.flag()?, r.flag()?);
+    let predicted = r.option(|r| Ok(Predicted { error: r.f64()?, structured: r.flag()? }))?;
     let previous = r.option(|r| {
         let count = r.count(4)?;
         r.f32s(count)
@@ -166,6 +171,7 @@ pub(super) fn read(
         lights_before: Cow::Owned(lights_before),
         repeated,
         structured,
+        predicted,
         previous: previous.map(Cow::Owned),
         trend,
     };
@@ -261,11 +267,9 @@ fn write_work(w: &mut Writer, work: &SavedWork) {
                 w.f32s(cost);
             }
         }
-        SavedWork::Baseline(steps, moments) => {
+        SavedWork::Baseline(state) => {
             w.u8(4);
-            w.u32(*steps as u32);
-            w.u32(moments.len() as u32);
-            moments.iter().for_each(|m| w.f32s(&[m.encoded, m.mean, m.square]));
+            write_adam(w, &state.encoded, &state.adam);
         }
     }
 }
@@ -302,12 +306,8 @@ fn read_work(mut r: Reader) -> Result<SavedWork<'static>> {
             SavedWork::Classes(Cow::Owned((0..count).map(cost).collect::<Result<_>>()?))
         }
         4 => {
-            let (steps, count) = (r.u32()? as usize, r.count(12)?);
-            let moments = (0..count).map(|_| {
-                let m = Moments { encoded: r.f32()?, mean: r.f32()?, square: r.f32()?.max(0.0) };
-                Ok(m)
-            });
-            SavedWork::Baseline(steps, Cow::Owned(moments.collect::<Result<_>>()?))
+            let (encoded, adam) = read_adam(&mut r)?;
+            SavedWork::Baseline(Cow::Owned(SavedBaseline { encoded, adam }))
         }
         5 => {
             let count = r.count(8)?;
@@ -381,11 +381,7 @@ fn write_latent(w: &mut Writer, saved: &SavedFit) {
     w.u32(saved.stages.len() as u32);
     for (level, carried) in &saved.stages {
         w.option(level.as_ref(), |w, level| {
-            w.u32(level.code.len() as u32);
-            w.f32s(&level.code);
-            w.f32s(&level.moments[0]);
-            w.f32s(&level.moments[1]);
-            w.i32(level.steps);
+            write_adam(w, &level.code, &level.adam);
             w.u32(level.anchor.len() as u32);
             w.f32s(&level.anchor);
             w.f32(level.deviation);
@@ -411,19 +407,30 @@ fn read_latent(mut r: Reader, networks: &Arc<Networks>) -> Result<(bool, SavedFi
     Ok((same_networks, SavedFit { position, stages }))
 }
 
-fn read_level(r: &mut Reader) -> Result<SavedLevel> {
+/// Values and their moments.
+fn write_adam(w: &mut Writer, values: &[f32], adam: &Adam) {
+    w.u32(values.len() as u32);
+    [values, &adam.first, &adam.second].into_iter().for_each(|v| w.f32s(v));
+    w.i32(adam.steps);
+}
+
+fn read_adam(r: &mut Reader) -> Result<(Vec<f32>, Adam)> {
     let count = r.count(12)?;
-    let (code, moments) = (r.f32s(count)?, [r.f32s(count)?, r.f32s(count)?]);
-    if moments[1].iter().any(|v| *v < 0.0) {
+    let (values, first, second) = (r.f32s(count)?, r.f32s(count)?, r.f32s(count)?);
+    if second.iter().any(|v| *v < 0.0) {
         return Err(damaged("a mean square is negative"));
     }
-    let steps = r.i32()?.max(0);
+    Ok((values, Adam { first, second, steps: r.i32()?.max(0) }))
+}
+
+fn read_level(r: &mut Reader) -> Result<SavedLevel> {
+    let (code, adam) = read_adam(r)?;
     let count = r.count(4)?;
     let (anchor, deviation) = (r.f32s(count)?, r.f32()?);
     let count = r.count(4)?;
     let detail = r.f32s(count)?;
     let (maps, stale) = (read_maps(r)?, r.flag()?);
-    Ok(SavedLevel { code, moments, steps, anchor, deviation, detail, maps, stale })
+    Ok(SavedLevel { code, adam, anchor, deviation, detail, maps, stale })
 }
 
 /// A photograph with its view before lights were corrected.

@@ -1,0 +1,67 @@
+//! Errors of predicted photographs.
+
+use crate::Svbrdf;
+use crate::estimate::bundle::{Coordinates, Lit, Sample, natural};
+use crate::estimate::correction::Exposure;
+use crate::estimate::options::StructuredOptions;
+use crate::estimate::photographs::Photographs;
+
+/// How maps predicted a photograph that they had not seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Predicted {
+    /// Mean squared error, see [`error`].
+    pub error: f64,
+    /// Whether the maps had the structured prior.
+    pub structured: bool,
+}
+
+impl Predicted {
+    /// The prediction of a photograph, the only one, at the texels of the trials.
+    pub fn new(
+        maps: &Svbrdf,
+        photograph: &Photographs,
+        exposure: &Exposure,
+        structured: bool,
+        options: &StructuredOptions,
+    ) -> Self {
+        let sample = Sample::new(photograph, options.trial_averaged, options.trial_texels);
+        let coordinates = sample.coordinates(maps);
+        Self { error: error(&sample, 0, exposure, |t| coordinates[t]), structured }
+    }
+}
+
+/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
+/// apart.
+pub(super) fn error(
+    sample: &Sample,
+    photograph: usize,
+    exposure: &Exposure,
+    coordinates: impl Fn(usize) -> Coordinates,
+) -> f64 {
+    let photograph = &sample.photographs[photograph];
+    let light = Lit::new(&exposure.predict(&photograph.view));
+    let n = sample.texels();
+    let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
+    let mut values = Vec::with_capacity(3 * n);
+    let (mut products, mut squares) = (0.0, 1e-12);
+    for t in 0..n {
+        let weight = f64::from(photograph.weight[t]);
+        let radiance = light.radiance(&natural(&coordinates(t)), sample.places[t]);
+        for c in 0..3 {
+            let seen = f64::from(photograph.radiance[c * n + t]);
+            let (ours, theirs) = (gamma(radiance.value[c]), gamma(seen.abs()));
+            if seen >= 0.0 {
+                products += weight * ours * theirs;
+                squares += weight * ours * ours;
+            }
+            values.push([weight, ours, theirs, if seen < 0.0 { theirs } else { f64::MAX }]);
+        }
+    }
+    let factor = products / squares;
+    let (mut sum, mut total) = (0.0, 1e-12);
+    for [weight, ours, theirs, limit] in values {
+        sum += weight * ((factor * ours).min(limit) - theirs).powi(2);
+        total += weight;
+    }
+    sum / total
+}
