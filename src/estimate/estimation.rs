@@ -237,8 +237,8 @@ impl Estimation {
         let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
         let mut alone = Photographs::new(self.options.latent.finest_texels);
         alone.add(observation.clone())?;
-        let (exposure, options) = (self.exposure(), &self.options.structured);
-        Ok(Some(Predicted::new(maps, &alone, exposure, self.structured, options)))
+        let of = (maps, &self.photographs);
+        Ok(Some(Predicted::new(of, &alone, self.structured, &self.options.structured)))
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {

@@ -5,9 +5,8 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use super::light::{Lit, by_log, natural};
 use super::parameters::Derivative;
 use super::problem::{Problem, State};
-use super::sample::Coordinates;
 use crate::estimate::correction::Correction;
-use crate::estimate::prior::{is_albedo, range};
+use crate::estimate::prior::{Coordinates, is_albedo, range};
 use crate::loss::{huber_weight, log_residual};
 use crate::svbrdf::CHANNELS;
 
@@ -82,8 +81,7 @@ impl Problem {
                 let by = match derivative {
                     Derivative::Factor(factor) => here.value.map(|v| factor * v),
                     Derivative::Difference(lights, scale) => {
-                        let [ahead, behind] =
-                            lights.each_ref().map(|l| l.radiance(&natural, at).value);
+                        let [ahead, behind] = lights.each_ref().map(|l| l.value(&natural, at));
                         std::array::from_fn(|c| scale * (ahead[c] - behind[c]))
                     }
                 };

@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::sample::Coordinates;
-use crate::estimate::prior::{is_albedo, range};
+use crate::estimate::prior::{Coordinates, is_albedo, range};
 use crate::loss::EPSILON;
 use crate::observation::{Falloff, View};
 use crate::reflectance::reflect;
@@ -55,6 +54,12 @@ impl Lit {
         self.power.map(|p| p * shared)
     }
 
+    /// Radiances alone: with [`Lit::radiance`] inlined, what only derivatives need is left out.
+    pub fn value(&self, natural: &[f64; CHANNELS], place: [f64; 2]) -> [f64; 3] {
+        self.radiance(natural, place).value
+    }
+
+    #[inline(always)]
     pub fn radiance(&self, natural: &[f64; CHANNELS], [x, y]: [f64; 2]) -> Radiance {
         let at = DVec3::new(x, y, 0.0);
         let (to_light, to_camera) = (self.light - at, self.camera - at);

@@ -21,4 +21,4 @@ pub(super) use light::{Lit, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
 pub(crate) use problem::State;
 pub(super) use problem::{Groups, Problem};
-pub(super) use sample::{Coordinates, Sample, colours};
+pub(super) use sample::{Sample, colours};

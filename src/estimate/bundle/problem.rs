@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use super::light::{Lit, clamped, natural};
 use super::parameters::Shared;
-use super::sample::{Coordinates, Photograph, Sample};
+use super::sample::{Photograph, Sample};
 use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::BundleOptions;
+use crate::estimate::prior::Coordinates;
 use crate::loss::{huber, log_residual};
 use crate::parallel;
 use crate::svbrdf::CHANNELS;
@@ -131,10 +132,10 @@ impl Problem {
             if weight <= 0.0 {
                 continue;
             }
-            let radiance = light.radiance(&natural, self.sample.places[t]);
+            let value = light.value(&natural, self.sample.places[t]);
             for c in 0..3 {
                 let seen = f64::from(photograph.radiance[c * n + t]);
-                each(weight, log_residual(radiance.value[c].max(0.0), seen));
+                each(weight, log_residual(value[c].max(0.0), seen));
             }
         }
     }

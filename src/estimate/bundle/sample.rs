@@ -3,13 +3,10 @@
 use super::light::{Lit, clamped};
 use crate::estimate::clusters::Feature;
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::to_coordinate;
+use crate::estimate::prior::{Coordinates, to_coordinate};
 use crate::observation::{Observation, View};
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, Svbrdf};
-
-/// Coordinates of a texel: slopes, square roots of albedos, roughness.
-pub(in crate::estimate) type Coordinates = [f64; CHANNELS];
+use crate::svbrdf::Svbrdf;
 
 /// One photograph at the sample's texels.
 #[derive(Debug, Clone)]

@@ -7,6 +7,7 @@ use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::BundleOptions;
 use crate::estimate::photographs::Photographs;
+use crate::estimate::prior::Coordinates;
 use crate::loss::log_residual;
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;

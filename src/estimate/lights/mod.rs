@@ -20,14 +20,13 @@ mod tests;
 use std::sync::Arc;
 
 use super::bundle::{
-    Coordinates, Descent, Groups, Limits, MIRRORED, Parameter, Problem, Progress, Sample, Shared,
-    State,
+    Descent, Groups, Limits, MIRRORED, Parameter, Problem, Progress, Sample, Shared, State,
 };
 use super::correction::{Correction, Offset};
 use super::noise::Noise;
 use super::options::{EstimateOptions, LightOptions};
 use super::photographs::Photographs;
-use super::prior::Prior;
+use super::prior::{Coordinates, Prior};
 use crate::Svbrdf;
 use crate::svbrdf::{CHANNELS, channel};
 

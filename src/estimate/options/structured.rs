@@ -34,9 +34,11 @@ pub struct StructuredOptions {
     /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
     /// schedule goes on with them.
     pub candidates: Vec<Widths>,
-    /// Mean squared error of a photograph left out, relative to that of the widest, that a narrow prior
-    /// must reach: to begin with, and to go on. Tuned; derived.
-    pub evidence: [f64; 2],
+    /// Mean squared error of photographs left out, relative to that of the widest prior, and of the
+    /// latest, relative to that of the maps before it, that a narrow prior must reach. Tuned.
+    pub evidence: f64,
+    /// The same relative to the widest alone, where there were no finished maps before. Tuned.
+    pub evidence_alone: f64,
     /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
     /// one: less is noise and rounding. Tuned.
     pub min_residual: f64,
@@ -84,7 +86,7 @@ impl Default for StructuredOptions {
             contradiction: 1.2,
             texels: 64,
             trial_texels: 32,
-            trial_averaged: 256,
+            trial_averaged: 64,
             steps: 12,
             trial_steps: 8,
             folds: 3,
@@ -93,7 +95,8 @@ impl Default for StructuredOptions {
                 Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],
-            evidence: [0.8, 1.0],
+            evidence: 0.9,
+            evidence_alone: 0.5,
             min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,

@@ -27,15 +27,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::belief::Belief;
-use super::bundle::{
-    Coordinates, Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State, colours,
-};
+use super::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State, colours};
 use super::clusters::Feature;
 use super::correction::{Correction, Exposure};
 use super::noise::Noise;
 use super::options::{EstimateOptions, StructuredOptions, Widths};
 use super::photographs::Photographs;
-use super::prior::{Prior, from_coordinate, to_coordinate};
+use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
@@ -146,9 +144,8 @@ impl WidthTrials {
             descended(problem, self.options.structured.trial_steps, &self.options);
         match left_out {
             Some(left_out) => {
-                let exposure = &state.correction.exposure;
                 let at = |t| problem.coordinates(t, &state);
-                prediction::error(&problem.sample, left_out, exposure, at)
+                prediction::error(&problem.sample, left_out, &state.correction, at)
             }
             None => problem.mean_residual(&state),
         }
@@ -184,22 +181,28 @@ impl WidthTrials {
         }
     }
 
-    /// The narrow candidate that predicts best, where it predicts better than the widest. To begin
-    /// with it, it must predict the latest photograph better than the maps before it did, if those
-    /// are of the other phases; and photographs must not be explained to within noise and rounding
-    /// where every texel is free.
+    /// The narrow candidate that predicts best, where it predicts better than the widest and than the
+    /// maps of the other phases that were before the latest photograph. Where there are none, it must
+    /// be the better for it; a choice made before stays until the widest predicts better. None begins
+    /// where free texels explain the photographs to within noise and rounding.
     fn chosen_by_prediction(&self) -> Option<Widths> {
         let (sums, best) = (self.sums(), self.best_narrow());
-        let StructuredOptions { evidence: [begin, go_on], min_residual, leave_out_from, .. } =
-            self.options.structured;
-        let before = self.sample.photographs.len() - 1;
-        let goes_on = before >= leave_out_from && self.predicted.is_some_and(|p| p.structured);
-        let evidence = if goes_on { go_on } else { begin };
-        let predicts = sums[best] < evidence * sums.last()?;
+        let options = &self.options.structured;
+        let of_widest = sums[best] / sums.last()?.max(f64::MIN_POSITIVE);
         let latest = self.errors[(best + 1) * self.folds.len() - 1];
-        let others = self.predicted.filter(|p| !p.structured);
-        let begins = others.is_none_or(|p| latest < p.error) && *self.errors.last()? > min_residual;
-        (predicts && (goes_on || begins)).then(|| self.options.structured.candidates[best])
+        let begins = *self.errors.last()? > options.min_residual;
+        let is_chosen = match self.predicted {
+            Some(Predicted { structured: true, photographs, .. })
+                if photographs >= options.leave_out_from =>
+            {
+                of_widest < 1.0
+            }
+            Some(Predicted { structured: false, error, .. }) => {
+                begins && of_widest < options.evidence && latest < options.evidence * error
+            }
+            _ => begins && of_widest < options.evidence_alone,
+        };
+        is_chosen.then(|| options.candidates[best])
     }
 }
 

@@ -124,10 +124,12 @@ fn chosen_after(
 #[test]
 fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    let narrow = chosen(&flat, true);
+    // Maps before that were worse than either.
+    let poor = Some(Predicted { error: 1.0, structured: false, photographs: 5 });
+    let narrow = chosen_after(&flat, true, poor);
     assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
-    assert_eq!(chosen(&bumpy, true), None);
+    assert_eq!(chosen_after(&bumpy, true, poor), None);
 }
 
 /// Maps of the other phases that predict better than a narrow prior would go on; those of a narrow
@@ -136,7 +138,7 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
 fn maps_that_predict_the_latest_photograph_better_go_on() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let after = |error: f64, structured| {
-        chosen_after(&flat, true, Some(Predicted { error, structured })).is_some()
+        chosen_after(&flat, true, Some(Predicted { error, structured, photographs: 5 })).is_some()
     };
     assert!(after(1.0, false) && !after(1e-6, false));
     assert!(after(1.0, true) && after(1e-6, true));
@@ -150,20 +152,22 @@ fn photographs_that_free_texels_explain_begin_no_narrow_prior() {
     assert_eq!(chosen(&exact, true), None);
 }
 
-/// A choice stays with less evidence than it needs to begin.
+/// Without maps before, a narrow prior needs more evidence; once chosen, less.
 #[test]
 fn a_choice_once_made_needs_less_evidence() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let mut options = options();
-    let mut choose = |begin: f64, go_on: f64, structured| {
-        options.structured.evidence = [begin, go_on];
-        let predicted = Some(Predicted { error: 1.0, structured });
+    let mut choose = |evidence: f64, alone: f64, structured: Option<bool>| {
+        (options.structured.evidence, options.structured.evidence_alone) = (evidence, alone);
+        let predicted =
+            structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
         let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
         (0..trials.count()).for_each(|_| trials.step());
         trials.chosen().is_some()
     };
-    assert!(!choose(0.0, 1.0, false) && choose(0.0, 1.0, true));
-    assert!(choose(1.0, 0.0, false) && !choose(1.0, 0.0, true));
+    assert!(choose(0.0, 0.0, Some(true)));
+    assert!(!choose(0.0, 1.0, Some(false)) && choose(1.0, 0.0, Some(false)));
+    assert!(!choose(1.0, 0.0, None) && choose(0.0, 1.0, None));
 }
 
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where

@@ -72,6 +72,7 @@ pub(in crate::session) fn write(
         w.option(saved.predicted, |w, predicted| {
             w.f64(predicted.error);
             w.flag(predicted.structured);
+            w.u32(predicted.photographs as u32);
         });
         w.option(saved.previous.as_deref(), |w, values| {
             w.u32(values.len() as u32);
@@ -130,7 +131,10 @@ pub(super) fn read(
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
     let (repeated, structured) = (r.flag()?, r.flag()?);
-    let predicted = r.option(|r| Ok(Predicted { error: r.f64()?, structured: r.flag()? }))?;
+    let predicted = r.option(|r| {
+        let (error, structured) = (r.f64()?, r.flag()?);
+        Ok(Predicted { error, structured, photographs: r.u32()? as usize })
+    })?;
     let previous = r.option(|r| {
         let count = r.count(4)?;
         r.f32s(count)
