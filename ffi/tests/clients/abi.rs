@@ -33,7 +33,11 @@ fn changes_that_break_programs_are_named() {
         ("int64_t timeout_ms);", "int32_t timeout_ms);", "svbrdf_session_wait("),
         ("svbrdf_status svbrdf_session_pause(struct svbrdf_session *session);", "", "_pause("),
         ("float seconds;", "double seconds;", "svbrdf_budget at 8 float seconds"),
-        ("float seconds;", "float before; float seconds;", "svbrdf_budget at 12 uint32_t max_steps"),
+        (
+            "float seconds;",
+            "float before; float seconds;",
+            "svbrdf_budget at 12 uint32_t max_steps",
+        ),
         // A plane does not tell its size: arrays of them would no longer fit.
         ("} svbrdf_plane;", "size_t more; } svbrdf_plane;", "svbrdf_plane bytes"),
     ] {
