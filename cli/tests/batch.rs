@@ -91,7 +91,7 @@ fn shares_of_an_array_do_each_capture_once() {
     let dir = tempfile::tempdir().unwrap();
     let captures = captures(dir.path());
     let path = without_parallel(dir.path());
-    let mut found = Vec::new();
+    let mut found: Vec<&str> = Vec::new();
     for task in ["1", "2"] {
         let out = dir.path().join(task);
         let array = [
@@ -103,10 +103,10 @@ fn shares_of_an_array_do_each_capture_once() {
         let output = fit_all(&captures, &out, &array);
         let expected = if task == "1" { 0 } else { 2 };
         assert_eq!(output.status.code(), Some(expected), "{}", said(&output));
-        found.extend(NAMES.iter().filter(|name| written(&out, name).is_some()));
+        found.extend(NAMES.into_iter().filter(|name| written(&out, name).is_some()));
     }
     found.sort_unstable();
-    assert_eq!(found, NAMES.iter().collect::<Vec<_>>());
+    assert_eq!(found, NAMES);
     let beyond = [("SVBRDF_SHARES", "2"), ("JOB_COMPLETION_INDEX", "2")];
     let output = fit_all(&captures, &dir.path().join("out"), &beyond);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
