@@ -57,10 +57,10 @@ impl Networks {
     #[cfg(feature = "embedded-models")]
     pub fn embedded() -> Result<Self> {
         Self::from_bytes(
-            include_bytes!("../models/decoder.bin"),
-            include_bytes!("../models/encoder.onnx"),
-            include_bytes!("../models/photo.onnx"),
-            include_bytes!("../models/completion.onnx"),
+            svbrdf_models::DECODER,
+            svbrdf_models::ENCODER,
+            svbrdf_models::PHOTO,
+            svbrdf_models::COMPLETION,
         )
     }
 
@@ -389,15 +389,15 @@ mod tests {
         let networks = networks();
         // f32 sums in another order through about 20 layers
         let tolerance = 2e-4;
-        let vectors = test_vectors(include_bytes!("../models/encoder_test.bin"));
+        let vectors = test_vectors(svbrdf_models::test_vectors::ENCODER);
         let (shape, maps) = &vectors["maps"];
         let code = networks.encoder.run(shape[2], shape[3], maps.clone()).unwrap();
         assert!(difference(&code, &vectors["code"].1) < tolerance);
-        let vectors = test_vectors(include_bytes!("../models/photo_test.bin"));
+        let vectors = test_vectors(svbrdf_models::test_vectors::PHOTO);
         let (shape, photo) = &vectors["photo"];
         let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
         assert!(difference(&maps, &vectors["maps"].1) < tolerance);
-        let vectors = test_vectors(include_bytes!("../models/completion_test.bin"));
+        let vectors = test_vectors(svbrdf_models::test_vectors::COMPLETION);
         let (shape, features) = &vectors["features"];
         let moves = networks.completion.run(shape[2], shape[3], features.clone()).unwrap();
         assert!(difference(&moves, &vectors["moves"].1) < tolerance);
@@ -492,7 +492,7 @@ mod tests {
 
     #[test]
     fn damaged_graphs_are_errors() {
-        let good = include_bytes!("../models/encoder.onnx");
+        let good = svbrdf_models::ENCODER;
         for end in [0, 10, 1000, good.len() / 2] {
             let broken = Network::parse("encoder", &good[..end], CHANNELS)
                 .and_then(|n| n.run(16, 16, vec![0.0; CHANNELS * 256]));

@@ -21,6 +21,7 @@ for tool in gcc g++ make; do
   command -v "$tool" >/dev/null || { packages+=(build-essential); break; }
 done
 command -v valgrind >/dev/null || packages+=(valgrind)
+command -v parallel >/dev/null || packages+=(parallel)
 command -v cmake >/dev/null || packages+=(cmake)
 if [ ${#packages[@]} -gt 0 ]; then
   sudo=$([ "$(id -u)" = 0 ] || echo sudo)
@@ -47,6 +48,8 @@ tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
 cargo test --release --workspace "$@"
+tests/package.sh
+tests/licences.sh
 tests/exports.sh
 tests/inlined.sh
 tests/report.sh

@@ -1,19 +1,20 @@
 # find_package(svbrdf): the targets svbrdf::svbrdf (shared library) and svbrdf::svbrdf-static, as
 # far as they are installed. svbrdf.h needs C99, svbrdf.hpp C++17.
 #
-# Installed as PREFIX/lib/cmake/svbrdf, or below a lib folder of another name or depth.
+# Installed as PREFIX/lib/cmake/svbrdf, or below a lib folder of another name or depth; or as
+# PREFIX/share/svbrdf, where vcpkg moves it.
 
 get_filename_component(_svbrdf_lib "${CMAKE_CURRENT_LIST_DIR}/../.." ABSOLUTE)
 find_path(svbrdf_INCLUDE_DIR svbrdf.h
-  PATHS "${_svbrdf_lib}/../include" "${_svbrdf_lib}/../../include"
+  PATHS "${_svbrdf_lib}/../include" "${_svbrdf_lib}/../../include" "${_svbrdf_lib}/include"
   NO_DEFAULT_PATH)
 find_library(svbrdf_SHARED
   NAMES svbrdf
-  PATHS "${_svbrdf_lib}" "${_svbrdf_lib}/../bin"
+  PATHS "${_svbrdf_lib}" "${_svbrdf_lib}/../bin" "${_svbrdf_lib}/lib"
   NO_DEFAULT_PATH)
 find_file(svbrdf_STATIC
   NAMES libsvbrdf.a svbrdf.lib
-  PATHS "${_svbrdf_lib}"
+  PATHS "${_svbrdf_lib}" "${_svbrdf_lib}/lib"
   NO_DEFAULT_PATH)
 mark_as_advanced(svbrdf_INCLUDE_DIR svbrdf_SHARED svbrdf_STATIC)
 

@@ -3,8 +3,8 @@ use super::*;
 use crate::Error;
 use crate::svbrdf::CHANNELS;
 
-const FILE: &[u8] = include_bytes!("../../models/decoder.bin");
-const VECTORS: &[u8] = include_bytes!("../../models/decoder_test.bin");
+const FILE: &[u8] = svbrdf_models::DECODER;
+const VECTORS: &[u8] = svbrdf_models::test_vectors::DECODER;
 
 /// Reproducible values in [-1, 1].
 fn noise(length: usize, seed: u32) -> Vec<f32> {

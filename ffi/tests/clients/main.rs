@@ -2,6 +2,7 @@
 //! AddressSanitizer and UndefinedBehaviorSanitizer, and under valgrind.
 #![cfg(target_os = "linux")]
 
+mod abi;
 mod common;
 mod packaging;
 

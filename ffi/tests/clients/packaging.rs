@@ -139,3 +139,20 @@ fn pkg_config_names_what_a_compiler_needs() {
     let output = run(Command::new(&program).env("LD_LIBRARY_PATH", dir.path().join("lib")));
     assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), env!("CARGO_PKG_VERSION"));
 }
+
+#[test]
+fn symbols_are_put_apart() {
+    if !has("objcopy") || !has("nm") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    run(Command::new(root().join("ffi/symbols.sh")).arg(library()).arg(dir.path()));
+    let (ships, apart) = (dir.path().join("libsvbrdf.so"), dir.path().join("libsvbrdf.so.debug"));
+    let exported = |path: &Path| run(Command::new("nm").arg("-D").arg(path)).stdout;
+    assert!(exported(&ships) == exported(library()), "what is exported differs");
+    let symbols =
+        |path: &Path| run(Command::new("nm").arg(path)).stdout.split(|b| *b == b'\n').count();
+    assert!(symbols(&ships) < 2 && symbols(&apart) > 1000);
+    let link = run(Command::new("readelf").args(["-p", ".gnu_debuglink"]).arg(&ships)).stdout;
+    assert!(String::from_utf8_lossy(&link).contains("libsvbrdf.so.debug"));
+}

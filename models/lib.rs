@@ -1,0 +1,29 @@
+//! The networks of the crate `svbrdf`, as the bytes of their files.
+//!
+//! `svbrdf` embeds them with its feature `embedded-models`; whoever brings networks of their own
+//! needs none of this. What the weights were trained on, and under which terms they are offered, is
+//! in `README.md`.
+#![no_std]
+
+/// Code to encoded maps: the container that `svbrdf::network` reads.
+pub const DECODER: &[u8] = include_bytes!("decoder.bin");
+/// Encoded maps to their code: an ONNX graph.
+pub const ENCODER: &[u8] = include_bytes!("encoder.onnx");
+/// One flash photograph and its geometry to encoded maps: an ONNX graph.
+pub const PHOTO: &[u8] = include_bytes!("photo.onnx");
+/// What a fit knows to how far the mean of its prior should move: an ONNX graph.
+pub const COMPLETION: &[u8] = include_bytes!("completion.onnx");
+/// Checksums, sizes, training and materials by licence of each network, as JSON.
+pub const MANIFEST: &str = include_str!("manifest.json");
+
+/// Inputs and outputs that the training framework computed with the same networks.
+pub mod test_vectors {
+    /// Of the decoder, with its gradient.
+    pub const DECODER: &[u8] = include_bytes!("decoder_test.bin");
+    /// Of the encoder.
+    pub const ENCODER: &[u8] = include_bytes!("encoder_test.bin");
+    /// Of the photo network.
+    pub const PHOTO: &[u8] = include_bytes!("photo_test.bin");
+    /// Of the completion network.
+    pub const COMPLETION: &[u8] = include_bytes!("completion_test.bin");
+}
