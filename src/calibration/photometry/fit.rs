@@ -14,7 +14,7 @@ const EXPONENT_SIGMA: f64 = 2.0;
 const CURVATURE_SIGMA: f64 = 3.0;
 /// Quadrupole of a flash's pattern: an emitter and its lens are rarely round to better than some per
 /// cent at the border of a photo, where the square of the sine is a tenth.
-const PATTERN_SIGMA: f64 = 0.5;
+const PATTERN_SIGMA: f64 = 0.3;
 /// Log of the true over the nominal albedo of black squares: toner is rarely measured.
 const BLACK_SIGMA: f64 = 0.3;
 /// Exposure metadata is rounded and flashes repeat to about this.
