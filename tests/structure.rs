@@ -39,6 +39,7 @@ const TABLE: &[(&str, &[&str])] = &[
             "loss",
             "network",
             "observation",
+            "random",
             "reflectance",
             "render",
             "simd",

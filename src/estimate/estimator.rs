@@ -7,6 +7,7 @@ use super::budget::{Budget, Meter};
 use super::correction::Exposure;
 use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
+use super::outlook::Place;
 use super::updates::FitRecord;
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -78,6 +79,20 @@ impl Estimator {
     /// `None` before the second photograph.
     pub fn record(&self) -> Option<&FitRecord> {
         self.estimation.record.as_ref()
+    }
+
+    /// Evidence.
+    pub fn evidence(&self) -> Result<super::Evidence> {
+        self.estimation.evidence()
+    }
+
+    /// By how much a photograph from each of some places would lower the expected squared error of
+    /// renderings, see [`Session::next_view`](crate::session::Session::next_view): fractions, 0 to 1.
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn outlook(&self, places: &[Place]) -> Result<Vec<f64>> {
+        self.estimation.outlook(places)
     }
 
     /// Photographs added.

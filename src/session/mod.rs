@@ -1,6 +1,7 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
+mod confidence;
 mod feedback;
 mod intake;
 mod memory;

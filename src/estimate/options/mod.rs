@@ -7,6 +7,7 @@
 
 mod latent;
 mod lights;
+mod outlook;
 mod structured;
 mod updates;
 
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::prior::Prior;
 pub use latent::{BaselineOptions, GainOptions, LatentOptions};
 pub use lights::LightOptions;
+pub use outlook::OutlookOptions;
 pub use structured::{StructuredOptions, Widths};
 pub use updates::{
     ClassOptions, GroupOptions, NetworkOptions, PoolingOptions, SlopeOptions, WidthOptions,
@@ -54,6 +56,8 @@ pub struct EstimateOptions {
     pub network: NetworkOptions,
     /// Baseline without a prior.
     pub baseline: BaselineOptions,
+    /// Choice of the next view.
+    pub outlook: OutlookOptions,
 }
 
 /// Options of the schedule: photographs from which on a phase runs, rounds, and
