@@ -35,6 +35,7 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "estimate",
         &[
+            "confidence",
             "initial_estimate",
             "loss",
             "network",
@@ -46,13 +47,15 @@ const TABLE: &[(&str, &[&str])] = &[
             "svbrdf",
         ],
     ),
+    ("confidence", &[]),
     ("random", &[]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
-    ("export", &["frame", "render", "svbrdf", "observation"]),
+    ("export", &["confidence", "frame", "render", "svbrdf", "observation"]),
     (
         "session",
         &[
             "calibration",
+            "confidence",
             "estimate",
             "frame",
             "geometry",

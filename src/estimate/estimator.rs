@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
+use super::confidence::Evidence;
 use super::correction::Exposure;
 use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
@@ -81,8 +82,12 @@ impl Estimator {
         self.estimation.record.as_ref()
     }
 
-    /// Evidence.
-    pub fn evidence(&self) -> Result<super::Evidence> {
+    /// What is known of how far the maps of the moment may be off, see
+    /// [`Session::assess`](crate::session::Session::assess).
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn evidence(&self) -> Result<Evidence> {
         self.estimation.evidence()
     }
 

@@ -72,16 +72,14 @@ impl Estimation {
         let views: Vec<View> = places.iter().map(view).collect();
         let renderings = renderings(&first.view, options);
         let sigma = self.options.prior.sigma;
-        let prior = Matrix::from_diagonal(&Coordinates::from_fn(|c, _| {
-            f64::from(sigma[c]).powi(-2)
-        }));
+        let prior =
+            Matrix::from_diagonal(&Coordinates::from_fn(|c, _| f64::from(sigma[c]).powi(-2)));
         let starts: Vec<usize> = (0..maps.texels()).step_by(CHUNK).collect();
         let sums = parallel::map_parts(starts.iter(), |_, &from| {
             let mut sums = vec![0.0; views.len() + 1];
             let mut random = Random::new(SEED + from as u64);
             for t in from..(from + CHUNK).min(maps.texels()) {
-                let Some(texel) =
-                    Texel::new(&maps, t, &observations, &renderings, &prior, options)
+                let Some(texel) = Texel::new(&maps, t, &observations, &renderings, &prior, options)
                 else {
                     continue;
                 };

@@ -18,9 +18,6 @@ const PLANES: usize = CHANNELS + 2;
 pub(super) struct Widths {
     texels: usize,
     planes: Vec<f32>,
-    /// Mean over the texels of the precision that photographs alone give each coordinate, whatever
-    /// the others are.
-    pub information: [f64; CHANNELS],
 }
 
 impl Widths {
@@ -59,15 +56,11 @@ pub(super) fn widths(
     let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
     let mut planes = vec![0.0; PLANES * texels];
     let bands = bands::<PLANES, _>(&mut planes, width, height, BAND_ROWS);
-    let sums = parallel::map_parts(bands, |band, planes| {
+    parallel::parts(bands, |band, planes| {
         let first_row = band * BAND_ROWS;
-        dispatch(Band { posterior: &posterior, maps, first_row, planes })
+        dispatch(Band { posterior: &posterior, maps, first_row, planes });
     });
-    let mut information = [0.0; CHANNELS];
-    for sum in sums {
-        information.iter_mut().zip(sum).for_each(|(a, b)| *a += b / texels as f64);
-    }
-    Widths { texels, planes, information }
+    Widths { texels, planes }
 }
 
 struct Band<'a> {
@@ -78,15 +71,13 @@ struct Band<'a> {
 }
 
 impl Kernel for Band<'_> {
-    /// Sums of the precisions that photographs give.
-    type Output = [f64; CHANNELS];
+    type Output = ();
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> [f64; CHANNELS] {
-        let Self { posterior, maps, first_row, mut planes } = self;
+    fn run<V: Lanes>(self) {
+        let Self { posterior, maps, first_row, planes } = self;
         let width = maps.width();
         let mut directions = vec![Directions::none(); posterior.observations.len()];
-        let mut sums = [0.0; CHANNELS];
         for r in 0..planes[0].len() / width {
             let row = first_row + r;
             for column in (0..width).step_by(LANES) {
@@ -108,15 +99,11 @@ impl Kernel for Band<'_> {
                     let variance = covariance[diagonal].max(V::splat(1e-12));
                     diagonal += CHANNELS - c;
                     variance.store(&mut planes[c][here.clone()]);
-                    let prior = V::splat(posterior.precision[c]);
-                    let data = (variance.reciprocal() - prior).max(V::splat(0.0)).to_array();
-                    sums[c] += data[..here.len()].iter().map(|v| f64::from(*v)).sum::<f64>();
                 }
                 weight.store(&mut planes[CHANNELS][here.clone()]);
                 let loss = (red + green + blue) * V::splat(1.0 / 3.0);
                 loss.store(&mut planes[CHANNELS + 1][here.clone()]);
             }
         }
-        sums
     }
 }

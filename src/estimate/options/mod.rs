@@ -5,6 +5,7 @@
 //! simulated from them, unless it names another set. What is part of a trained network's input, and
 //! guards against rounding, are constants beside the code they belong to.
 
+mod confidence;
 mod latent;
 mod lights;
 mod outlook;
@@ -14,6 +15,7 @@ mod updates;
 use serde::{Deserialize, Serialize};
 
 use super::prior::Prior;
+pub use confidence::{CONFIDENCE_TERMS, ConfidenceOptions};
 pub use latent::{BaselineOptions, GainOptions, LatentOptions};
 pub use lights::LightOptions;
 pub use outlook::OutlookOptions;
@@ -56,6 +58,8 @@ pub struct EstimateOptions {
     pub network: NetworkOptions,
     /// Baseline without a prior.
     pub baseline: BaselineOptions,
+    /// Calibration of the stated deviations of the maps.
+    pub confidence: ConfidenceOptions,
     /// Choice of the next view.
     pub outlook: OutlookOptions,
 }

@@ -8,6 +8,7 @@ mod experiments;
 mod gate;
 mod hashes;
 mod heldout;
+mod next_view;
 mod overrides;
 mod protocol;
 mod report;
@@ -53,6 +54,8 @@ enum Command {
     Heldout(heldout::Arguments),
     /// Whether stated deviations of the maps are those of the errors
     Confidence(confidence::Arguments),
+    /// Errors after photographs from suggested views, from a circle, and from random places
+    NextView(next_view::Arguments),
     /// Compares errors and time with an earlier build's
     Gate(gate::Arguments),
     /// Hashes of the maps' bits, to show that a change leaves results as they were
@@ -149,6 +152,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
         Command::Confidence(of) => confidence::run(of, &setup)?,
+        Command::NextView(of) => next_view::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
         tables => print_table(tables, &setup)?,
     }
@@ -180,6 +184,7 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Captures(_)
         | Command::Heldout(_)
         | Command::Confidence(_)
+        | Command::NextView(_)
         | Command::Gate(_)
         | Command::Hashes(_) => Ok(()),
     }
