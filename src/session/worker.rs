@@ -13,7 +13,7 @@ use super::intake::own_power;
 use super::state::{SavedProgress, StateWriter, write_estimation};
 use super::{Progress, Revision};
 use crate::estimate::{
-    Budget, Change, Estimation, Evidence, Exposure, Meter, Residual, first_maps,
+    Budget, Change, Estimation, Evidence, Exposure, Meter, Place, Residual, first_maps,
 };
 use crate::observation::{Falloff, Observation};
 use crate::{Error, Result, Svbrdf};
