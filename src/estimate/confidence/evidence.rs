@@ -97,16 +97,14 @@ impl Estimation {
             ),
             variation: variation(&maps, range),
         });
-        let pairs = widths.loss().iter().zip(widths.weight());
-        let residual: Vec<f32> = pairs.map(|(loss, weight)| loss / weight.max(1e-3)).collect();
-        let mean = residual.iter().map(|r| f64::from(*r)).sum::<f64>() / residual.len() as f64;
+        let (residual, mean_residual) = residuals(&widths);
         Ok(Evidence {
             photographs: photographs.len(),
             structured: self.structured,
             calibration: self.options.confidence,
             planes,
             residual,
-            mean_residual: mean as f32,
+            mean_residual,
             specular: root_mean_square(&maps, channel::SPECULAR..channel::ROUGHNESS),
             roughness: root_mean_square(&maps, channel::ROUGHNESS..CHANNELS),
             maps,
@@ -194,6 +192,17 @@ impl Evidence {
         );
         Confidence::from_planes(self.maps.width(), self.maps.height(), planes.collect())
     }
+}
+
+/// Mean residual of each texel, and of all; texels that no photograph shows have that of all.
+fn residuals(widths: &Widths) -> (Vec<f32>, f32) {
+    let pairs = || widths.loss().iter().zip(widths.weight());
+    let seen = pairs().filter(|(_, weight)| **weight > 0.0);
+    let (sum, count) = seen
+        .fold((0.0, 0), |(sum, count), (loss, weight)| (sum + f64::from(loss / weight), count + 1));
+    let mean = (sum / f64::from(count.max(1))) as f32;
+    let of = |(loss, weight): (&f32, &f32)| if *weight > 0.0 { loss / weight } else { mean };
+    (pairs().map(of).collect(), mean)
 }
 
 /// Deviation of the natural parameters of a map, root mean square of its channels.

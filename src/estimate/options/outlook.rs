@@ -19,6 +19,6 @@ pub struct OutlookOptions {
 
 impl Default for OutlookOptions {
     fn default() -> Self {
-        Self { texels: 24, noise: 0.1, renderings: 16, tilt_deg: 70.0 }
+        Self { texels: 24, noise: 0.03, renderings: 16, tilt_deg: 70.0 }
     }
 }

@@ -1,6 +1,8 @@
 //! What suggested views are worth: errors after photographs from them, from a circle, and from random
 //! places, the first from above.
 
+use std::time::Instant;
+
 use svbrdf::Result;
 use svbrdf::comparison::compare;
 use svbrdf::estimate::{Estimator, Method, Place};
@@ -81,11 +83,16 @@ fn errors(
     let mut estimator = setup.estimator(Method::Deep, true);
     estimator.correct_lights(false);
     let most = arguments.photos.iter().copied().max().unwrap_or(1);
-    let mut found = Vec::new();
+    let (mut found, mut seconds) = (Vec::new(), 0.0);
     for i in 0..most {
         let at = match way {
             _ if i == 0 => place(0.0, 0.0),
-            Way::Suggested => suggested(&estimator)?,
+            Way::Suggested => {
+                let begun = Instant::now();
+                let at = suggested(&estimator)?;
+                seconds += begun.elapsed().as_secs_f64();
+                at
+            }
             Way::Circle => place(30.0, SIDES[(i - 1) % SIDES.len()]),
             Way::Random => random.direction(50.0f64.to_radians()).map(|v| v as f32 * DISTANCE),
         };
@@ -99,6 +106,10 @@ fn errors(
         if arguments.photos.contains(&(i + 1)) {
             found.push(compare(&maps, &crop.truth)?.render);
         }
+    }
+    if arguments.materials.verbose && way == Way::Suggested {
+        let ms = 1e3 * seconds / (most - 1).max(1) as f64;
+        println!("{}: {ms:.0} ms a suggestion", crop.name);
     }
     Ok(found)
 }
