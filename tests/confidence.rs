@@ -1,4 +1,4 @@
-//! How far maps are said to be off, and how far they are.
+//! How far maps are said to be off, and how far they are; where a photograph would tell most.
 
 #[path = "common/rectified.rs"]
 mod rectified;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use rectified::{POSITIONS, SIZE, material, observation, photo, scene, view};
 use svbrdf::confidence::MapDeviations;
-use svbrdf::estimate::{Estimator, Method};
+use svbrdf::estimate::{Estimator, Method, Place};
 use svbrdf::export::{read_maps, write_assessed_maps};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
@@ -101,10 +101,32 @@ fn texels_that_no_photograph_shows_are_known_least() {
         let (sum, count) = of.fold((0.0, 0.0), |(sum, count), (_, v)| (sum + v, count + 1.0));
         sum / count
     };
-    for plane in [confidence.normal(), confidence.diffuse(), confidence.roughness()] {
+    for plane in [confidence.normal(), confidence.specular(), confidence.roughness()] {
         let (hidden, seen) = (mean(plane, true), mean(plane, false));
         assert!(hidden > 1.5 * seen, "{hidden} {seen}");
     }
+}
+
+#[test]
+fn views_tell_most_where_none_was() {
+    let truth = material();
+    let networks = Arc::new(Networks::embedded().unwrap());
+    let mut estimator = Estimator::new(networks, Method::Deep, true);
+    let at = |camera_mm: [f32; 3]| Place { camera_mm, light_mm: camera_mm };
+    assert!(matches!(estimator.outlook(&[at(POSITIONS[0])]), Err(Error::NoMaps)));
+    estimator.correct_lights(false);
+    estimator.add(observation(&truth, view(POSITIONS[0]))).unwrap();
+    estimator.settle().unwrap();
+    let elsewhere = [60.0, 0.0, 95.0];
+    let places = [POSITIONS[0], [4.0, 0.0, 110.0], elsewhere].map(at);
+    let [same, near, far] = estimator.outlook(&places).unwrap().try_into().unwrap();
+    assert!(same == 0.0 && near < 0.2 * far && far < 1.0, "{same} {near} {far}");
+    // What that view has told it does not tell again; less is left to tell elsewhere, too.
+    estimator.add(observation(&truth, view(elsewhere))).unwrap();
+    estimator.settle().unwrap();
+    let gains = estimator.outlook(&[elsewhere, [0.0, 60.0, 95.0]].map(at)).unwrap();
+    assert!(gains[0] == 0.0 && gains[1] > 0.0, "{gains:?}");
+    assert_eq!(gains, estimator.outlook(&[elsewhere, [0.0, 60.0, 95.0]].map(at)).unwrap());
 }
 
 #[test]

@@ -22,6 +22,8 @@ const TABLE: &[(&str, &[&str])] = &[
     ("simd", &[]),
     ("geometry", &[]),
     ("svbrdf", &[]),
+    ("confidence", &[]),
+    ("random", &[]),
     ("observation", &["svbrdf"]),
     ("frame", &["geometry"]),
     ("least_squares", &[]),
@@ -47,8 +49,6 @@ const TABLE: &[(&str, &[&str])] = &[
             "svbrdf",
         ],
     ),
-    ("confidence", &[]),
-    ("random", &[]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
     ("export", &["confidence", "frame", "render", "svbrdf", "observation"]),
     (

@@ -96,7 +96,9 @@ impl Estimation {
             total.iter_mut().zip(part).for_each(|(a, b)| *a += b);
         }
         let all = total.pop().unwrap_or_default().max(f64::MIN_POSITIVE);
-        Ok(total.into_iter().map(|gain| gain / all).collect())
+        let given = photographs.given();
+        let gains = total.into_iter().zip(&views);
+        Ok(gains.map(|(gain, view)| gain / all * novelty(view, given, options)).collect())
     }
 }
 
@@ -165,6 +167,15 @@ impl Texel {
         let gained = jacobian * self.weighed * jacobian.transpose();
         known.cholesky().map_or(0.0, |known| known.solve(&gained).trace())
     }
+}
+
+/// Share of what a view tells that earlier ones do not tell as well, errors of the model being alike in
+/// views that are close to each other.
+fn novelty(view: &View, earlier: &[View], options: &OutlookOptions) -> f64 {
+    let direction = |view: &View| towards(view.camera_mm, [0.0; 2]).0;
+    let angles = earlier.iter().map(|other| direction(view).angle_between(direction(other)));
+    let nearest = angles.fold(f64::INFINITY, f64::min).to_degrees();
+    1.0 - (-(nearest / options.apart_deg).powi(2)).exp()
 }
 
 /// Derivative of a log residual by its radiance, in units of the noise.

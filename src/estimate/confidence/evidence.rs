@@ -60,6 +60,8 @@ pub struct Evidence {
     calibration: ConfidenceOptions,
     /// Of each map.
     planes: [Planes; MAPS.len()],
+    /// Whether no photograph shows a texel.
+    hidden: Vec<bool>,
     /// Mean absolute log residual of each texel, and of the sample.
     residual: Vec<f32>,
     mean_residual: f32,
@@ -103,6 +105,7 @@ impl Estimation {
             structured: self.structured,
             calibration: self.options.confidence,
             planes,
+            hidden: widths.weight().iter().map(|weight| *weight <= 0.0).collect(),
             residual,
             mean_residual,
             specular: root_mean_square(&maps, channel::SPECULAR..channel::ROUGHNESS),
@@ -186,7 +189,10 @@ impl Evidence {
                 parallel::values(texels, |t| {
                     let terms = self.terms(map, t);
                     let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
-                    sum.exp().clamp(LEAST, MOST[map])
+                    let found = sum.exp();
+                    // Of what was never seen the calibration knows nothing: the prior's width is added.
+                    let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
+                    found.hypot(prior).clamp(LEAST, MOST[map])
                 })
             },
         );

@@ -9,6 +9,9 @@ pub struct OutlookOptions {
     /// Texels along the longer side that are looked at, at most. Derived: a view's gain, a sum over
     /// them, moves by less than 2 % with more.
     pub texels: usize,
+    /// Errors of the model are alike in views less than about this apart, degrees: the second tells
+    /// little more. Tuned.
+    pub apart_deg: f64,
     /// Log residual that noise and errors of the model leave. Tuned.
     pub noise: f64,
     /// Renderings that count. Converged.
@@ -19,6 +22,6 @@ pub struct OutlookOptions {
 
 impl Default for OutlookOptions {
     fn default() -> Self {
-        Self { texels: 24, noise: 0.03, renderings: 16, tilt_deg: 70.0 }
+        Self { texels: 24, apart_deg: 20.0, noise: 0.03, renderings: 16, tilt_deg: 70.0 }
     }
 }

@@ -11,7 +11,7 @@ use svbrdf::random::Random;
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf};
 
-use self::table::{Group, Table};
+use self::table::{Group, MAPS, Table};
 use crate::captures::with_truth;
 use crate::experiments::seed;
 use crate::protocol::{self, Conditions, crops, photographs};
@@ -40,14 +40,6 @@ pub struct Arguments {
 const SAMPLES: usize = 500;
 /// Median roughness from which on a material counts as matt.
 const MATT: f32 = 0.45;
-/// Coordinates of each map.
-pub const MAPS: [(&str, std::ops::Range<usize>); 4] = [
-    ("normal", channel::SLOPE_X..channel::DIFFUSE),
-    ("diffuse", channel::DIFFUSE..channel::SPECULAR),
-    ("specular", channel::SPECULAR..channel::ROUGHNESS),
-    ("roughness", channel::ROUGHNESS..channel::ROUGHNESS + 1),
-];
-
 /// Where the evidence goes.
 struct Judge {
     table: Table,

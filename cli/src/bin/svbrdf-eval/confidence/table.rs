@@ -1,6 +1,14 @@
 //! Coverage and rank correlation, as Markdown tables.
 
-use super::MAPS;
+use svbrdf::svbrdf::channel;
+
+/// Coordinates of each map.
+pub const MAPS: [(&str, std::ops::Range<usize>); 4] = [
+    ("normal", channel::SLOPE_X..channel::DIFFUSE),
+    ("diffuse", channel::DIFFUSE..channel::SPECULAR),
+    ("specular", channel::SPECULAR..channel::ROUGHNESS),
+    ("roughness", channel::ROUGHNESS..channel::ROUGHNESS + 1),
+];
 
 /// What an estimate is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
