@@ -103,7 +103,7 @@ fn texels_that_no_photograph_shows_are_known_least() {
     };
     for plane in [confidence.normal(), confidence.specular(), confidence.roughness()] {
         let (hidden, seen) = (mean(plane, true), mean(plane, false));
-        assert!(hidden > 1.5 * seen, "{hidden} {seen}");
+        assert!(hidden > 1.2 * seen, "{hidden} {seen}");
     }
 }
 

@@ -106,7 +106,27 @@ static void probes(const picture *first, const picture *second)
     rgb8(&image, second);
     CHECK(probed(session, &image, NULL).hints == 0);
 
-    /* Deviations of the maps of the moment, at every texel and of each map. */
+    /* Nothing to be seen; without the flash nothing can be said about the light. */
+    black = calloc((size_t)3 * first->width * first->height, 1);
+    CHECK(black != NULL);
+    image.planes[0].data = black;
+    probe = probed(session, &image, NULL);
+    CHECK(probe.rejection == SVBRDF_REJECTION_TOO_DARK && probe.has_pose == 0);
+    CHECK(strstr(probe.advice, "too dark") != NULL && isnan(probe.sample_px[0]));
+    free(black);
+    rgb8(&image, first);
+    info.flash = SVBRDF_FLASH_OFF;
+    probe = probed(session, &image, &info);
+    CHECK(probe.acceptable == 1 && probe.white_level < 0.0f);
+    EXPECT(svbrdf_session_probe(session, &image, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_probe(session, NULL, NULL, &probe), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_session_cancel(session));
+    EXPECT(svbrdf_session_probe(session, &image, NULL, &probe), SVBRDF_CANCELLED);
+    OK(svbrdf_session_destroy(session));
+    EXPECT(svbrdf_session_probe(session, &image, NULL, &probe), SVBRDF_INVALID_HANDLE);
+}
+
+/* Deviations of the maps of the moment, at every texel and of each map. */
 static void trusted(svbrdf_session *session)
 {
     svbrdf_maps *maps = NULL;
@@ -134,26 +154,6 @@ static void trusted(svbrdf_session *session)
     EXPECT(svbrdf_maps_confidence(maps, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_snapshot_confidence(session, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_maps_destroy(maps));
-}
-
-/* Nothing to be seen; without the flash nothing can be said about the light. */
-    black = calloc((size_t)3 * first->width * first->height, 1);
-    CHECK(black != NULL);
-    image.planes[0].data = black;
-    probe = probed(session, &image, NULL);
-    CHECK(probe.rejection == SVBRDF_REJECTION_TOO_DARK && probe.has_pose == 0);
-    CHECK(strstr(probe.advice, "too dark") != NULL && isnan(probe.sample_px[0]));
-    free(black);
-    rgb8(&image, first);
-    info.flash = SVBRDF_FLASH_OFF;
-    probe = probed(session, &image, &info);
-    CHECK(probe.acceptable == 1 && probe.white_level < 0.0f);
-    EXPECT(svbrdf_session_probe(session, &image, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_probe(session, NULL, NULL, &probe), SVBRDF_INVALID_ARGUMENT);
-    OK(svbrdf_session_cancel(session));
-    EXPECT(svbrdf_session_probe(session, &image, NULL, &probe), SVBRDF_CANCELLED);
-    OK(svbrdf_session_destroy(session));
-    EXPECT(svbrdf_session_probe(session, &image, NULL, &probe), SVBRDF_INVALID_HANDLE);
 }
 
 static void taken_back(const picture *first, const picture *second)

@@ -22,6 +22,6 @@ pub struct OutlookOptions {
 
 impl Default for OutlookOptions {
     fn default() -> Self {
-        Self { texels: 24, apart_deg: 20.0, noise: 0.03, renderings: 16, tilt_deg: 70.0 }
+        Self { texels: 24, apart_deg: 10.0, noise: 0.03, renderings: 16, tilt_deg: 70.0 }
     }
 }
