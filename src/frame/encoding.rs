@@ -99,19 +99,11 @@ mod hlg {
     }
 
     pub fn decode(signal: f64) -> f64 {
-        if signal <= 0.5 {
-            signal * signal / 3.0
-        } else {
-            (((signal - c()) / A).exp() + B) / 12.0
-        }
+        if signal <= 0.5 { signal * signal / 3.0 } else { (((signal - c()) / A).exp() + B) / 12.0 }
     }
 
     pub fn encode(light: f64) -> f64 {
-        if light <= 1.0 / 12.0 {
-            (3.0 * light).sqrt()
-        } else {
-            A * (12.0 * light - B).ln() + c()
-        }
+        if light <= 1.0 / 12.0 { (3.0 * light).sqrt() } else { A * (12.0 * light - B).ln() + c() }
     }
 }
 

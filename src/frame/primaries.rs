@@ -60,7 +60,8 @@ impl Photo {
         let matrix = primaries.to_rec709();
         // What was not clipped stays below this: a row's positive part times the old level.
         let gain = matrix.map(|row| row.iter().map(|v| v.max(0.0)).sum::<f32>());
-        let (before, after) = (self.saturation(), self.saturation() * gain[0].max(gain[1]).max(gain[2]));
+        let (before, after) =
+            (self.saturation(), self.saturation() * gain[0].max(gain[1]).max(gain[2]));
         let mut rgb = self.to_linear();
         for pixel in rgb.as_chunks_mut::<3>().0 {
             let [r, g, b] = *pixel;
@@ -126,7 +127,8 @@ mod tests {
         let same = photo.clone().with_primaries(Primaries::Rec709);
         assert_eq!(same.stored_bytes(), 9);
         assert_eq!(same.to_linear(), photo.to_linear());
-        for (primaries, red_in_709) in [(Primaries::DisplayP3, 1.2249), (Primaries::Rec2020, 1.6605)]
+        for (primaries, red_in_709) in
+            [(Primaries::DisplayP3, 1.2249), (Primaries::Rec2020, 1.6605)]
         {
             let wide = photo.clone().with_primaries(primaries);
             assert_eq!((wide.width(), wide.height(), wide.exposure()), (3, 1, 2.0));
