@@ -687,7 +687,7 @@ typedef uint32_t svbrdf_pixel_format;
 typedef uint32_t svbrdf_transfer;
 
 /**
- * How luma and chroma were made.
+ * How luma and chroma were made. Numbers are of 8 bits: of 10 bits, they are four times that.
  */
 typedef uint32_t svbrdf_yuv_matrix;
 
@@ -717,6 +717,12 @@ typedef struct svbrdf_plane {
  * Colours of the top-left 2 x 2 sensor pixels, row by row.
  */
 typedef uint32_t svbrdf_bayer_pattern;
+
+/**
+ * Primaries of RGB, all with D65 as white. What is not Rec. 709 is converted in linear light to
+ * floats (four times the memory of 8 bits); what would be negative gets 0.
+ */
+typedef uint32_t svbrdf_primaries;
 
 /**
  * A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
@@ -749,11 +755,11 @@ typedef struct svbrdf_image {
      */
     uint32_t rotation;
     /**
-     * For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
+     * For YUV and P010: one of SVBRDF_YUV_. Default: BT.601, all values.
      */
     svbrdf_yuv_matrix yuv_matrix;
     /**
-     * The planes: three for YUV, otherwise the first.
+     * The planes: three for YUV and P010, otherwise the first.
      */
     struct svbrdf_plane planes[3];
     /**
@@ -781,6 +787,10 @@ typedef struct svbrdf_image {
      * Default: identity.
      */
     float color_matrix[9];
+    /**
+     * Of all but Bayer: one of SVBRDF_PRIMARIES_. Default: Rec. 709.
+     */
+    svbrdf_primaries primaries;
 } svbrdf_image;
 
 /**
@@ -1104,6 +1114,17 @@ typedef struct svbrdf_next_view {
 #define SVBRDF_PIXEL_BAYER16 9
 
 /**
+ * 4 bytes a pixel, blue first, the fourth ignored: iOS's kCVPixelFormatType_32BGRA.
+ */
+#define SVBRDF_PIXEL_BGRA8 10
+
+/**
+ * As SVBRDF_PIXEL_YUV420 in 16-bit words, of which the upper 10 bits count: Android's YCBCR_P010,
+ * iOS's 420YpCbCr10BiPlanar. U and V of one plane: the second begins 2 bytes later.
+ */
+#define SVBRDF_PIXEL_P010 11
+
+/**
  * Proportional to light: the best there is. Floats and raw values are this always.
  */
 #define SVBRDF_TRANSFER_LINEAR 1
@@ -1117,6 +1138,31 @@ typedef struct svbrdf_next_view {
  * Pure power law of 2.2.
  */
 #define SVBRDF_TRANSFER_GAMMA22 3
+
+/**
+ * Hybrid log-gamma of ITU-R BT.2100, scene linear (its inverse OETF): 1 at the largest signal.
+ */
+#define SVBRDF_TRANSFER_HLG 4
+
+/**
+ * Perceptual quantiser of ITU-R BT.2100: 1 at 203 cd/m2, 49.26 at the largest signal.
+ */
+#define SVBRDF_TRANSFER_PQ 5
+
+/**
+ * ITU-R BT.709: sRGB.
+ */
+#define SVBRDF_PRIMARIES_REC709 1
+
+/**
+ * Display P3, as phones take photos.
+ */
+#define SVBRDF_PRIMARIES_DISPLAY_P3 2
+
+/**
+ * ITU-R BT.2020 and BT.2100.
+ */
+#define SVBRDF_PRIMARIES_REC2020 3
 
 /**
  * BT.601, all 256 values: JPEG and Android.
@@ -1137,6 +1183,16 @@ typedef struct svbrdf_next_view {
  * BT.709, luma 16 to 235.
  */
 #define SVBRDF_YUV_BT709_LIMITED 4
+
+/**
+ * BT.2020 with non-constant luminance, all values.
+ */
+#define SVBRDF_YUV_BT2020_FULL 5
+
+/**
+ * BT.2020 with non-constant luminance, luma 16 to 235.
+ */
+#define SVBRDF_YUV_BT2020_LIMITED 6
 
 /**
  * Red, green; green, blue.

@@ -567,6 +567,7 @@ fun codesOfTheHeader() {
         "FEATURE_" to Feature.entries.associate { it.name to it.code },
         "PIXEL_" to PixelFormat.entries.associate { it.name to it.code },
         "TRANSFER_" to Transfer.entries.associate { it.name to it.code },
+        "PRIMARIES_" to Primaries.entries.associate { it.name to it.code },
         "YUV_" to YuvMatrix.entries.associate { it.name to it.code },
         "BAYER_" to BayerPattern.entries.associate { it.name to it.code },
         "MAP_" to MapKind.entries.associate { it.name to it.code },

@@ -4,7 +4,7 @@ use std::ffi::c_void;
 use std::slice;
 
 use engine::frame::{
-    Bayer, BayerPattern, Encoding, Interleaved, Photo, Plane, Rotation, YuvMatrix,
+    Bayer, BayerPattern, Encoding, Interleaved, Photo, Plane, Primaries, Rotation, YuvMatrix,
 };
 
 use crate::status::{Fault, entry, svbrdf_status};
@@ -31,6 +31,11 @@ pub const SVBRDF_PIXEL_RGBA_F32: svbrdf_pixel_format = 7;
 pub const SVBRDF_PIXEL_YUV420: svbrdf_pixel_format = 8;
 /// One plane of 16-bit sensor values behind a Bayer mosaic, as Android's RAW_SENSOR.
 pub const SVBRDF_PIXEL_BAYER16: svbrdf_pixel_format = 9;
+/// 4 bytes a pixel, blue first, the fourth ignored: iOS's kCVPixelFormatType_32BGRA.
+pub const SVBRDF_PIXEL_BGRA8: svbrdf_pixel_format = 10;
+/// As SVBRDF_PIXEL_YUV420 in 16-bit words, of which the upper 10 bits count: Android's YCBCR_P010,
+/// iOS's 420YpCbCr10BiPlanar. U and V of one plane: the second begins 2 bytes later.
+pub const SVBRDF_PIXEL_P010: svbrdf_pixel_format = 11;
 
 /// Transfer curve of stored values.
 pub type svbrdf_transfer = u32;
@@ -40,8 +45,22 @@ pub const SVBRDF_TRANSFER_LINEAR: svbrdf_transfer = 1;
 pub const SVBRDF_TRANSFER_SRGB: svbrdf_transfer = 2;
 /// Pure power law of 2.2.
 pub const SVBRDF_TRANSFER_GAMMA22: svbrdf_transfer = 3;
+/// Hybrid log-gamma of ITU-R BT.2100, scene linear (its inverse OETF): 1 at the largest signal.
+pub const SVBRDF_TRANSFER_HLG: svbrdf_transfer = 4;
+/// Perceptual quantiser of ITU-R BT.2100: 1 at 203 cd/m2, 49.26 at the largest signal.
+pub const SVBRDF_TRANSFER_PQ: svbrdf_transfer = 5;
 
-/// How luma and chroma were made.
+/// Primaries of RGB, all with D65 as white. What is not Rec. 709 is converted in linear light to
+/// floats (four times the memory of 8 bits); what would be negative gets 0.
+pub type svbrdf_primaries = u32;
+/// ITU-R BT.709: sRGB.
+pub const SVBRDF_PRIMARIES_REC709: svbrdf_primaries = 1;
+/// Display P3, as phones take photos.
+pub const SVBRDF_PRIMARIES_DISPLAY_P3: svbrdf_primaries = 2;
+/// ITU-R BT.2020 and BT.2100.
+pub const SVBRDF_PRIMARIES_REC2020: svbrdf_primaries = 3;
+
+/// How luma and chroma were made. Numbers are of 8 bits: of 10 bits, they are four times that.
 pub type svbrdf_yuv_matrix = u32;
 /// BT.601, all 256 values: JPEG and Android.
 pub const SVBRDF_YUV_BT601_FULL: svbrdf_yuv_matrix = 1;
@@ -51,6 +70,10 @@ pub const SVBRDF_YUV_BT601_LIMITED: svbrdf_yuv_matrix = 2;
 pub const SVBRDF_YUV_BT709_FULL: svbrdf_yuv_matrix = 3;
 /// BT.709, luma 16 to 235.
 pub const SVBRDF_YUV_BT709_LIMITED: svbrdf_yuv_matrix = 4;
+/// BT.2020 with non-constant luminance, all values.
+pub const SVBRDF_YUV_BT2020_FULL: svbrdf_yuv_matrix = 5;
+/// BT.2020 with non-constant luminance, luma 16 to 235.
+pub const SVBRDF_YUV_BT2020_LIMITED: svbrdf_yuv_matrix = 6;
 
 /// Colours of the top-left 2 x 2 sensor pixels, row by row.
 pub type svbrdf_bayer_pattern = u32;
@@ -95,9 +118,9 @@ pub struct svbrdf_image {
     /// How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
     /// session's camera describes the turned picture. Boards need no turning.
     pub rotation: u32,
-    /// For YUV: one of SVBRDF_YUV_. Default: BT.601, all values.
+    /// For YUV and P010: one of SVBRDF_YUV_. Default: BT.601, all values.
     pub yuv_matrix: svbrdf_yuv_matrix,
-    /// The planes: three for YUV, otherwise the first.
+    /// The planes: three for YUV and P010, otherwise the first.
     pub planes: [svbrdf_plane; 3],
     /// For floats: the level at which a channel is clipped. Default: infinite, never.
     pub saturation: f32,
@@ -112,6 +135,8 @@ pub struct svbrdf_image {
     /// For Bayer: matrix from white-balanced sensor colours to linear Rec. 709, row by row.
     /// Default: identity.
     pub color_matrix: [f32; 9],
+    /// Of all but Bayer: one of SVBRDF_PRIMARIES_. Default: Rec. 709.
+    pub primaries: svbrdf_primaries,
 }
 
 impl Default for svbrdf_image {
@@ -133,6 +158,7 @@ impl Default for svbrdf_image {
             white_level: 65535.0,
             white_balance: [1.0; 3],
             color_matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            primaries: SVBRDF_PRIMARIES_REC709,
         }
     }
 }
@@ -185,15 +211,20 @@ impl svbrdf_image {
             Ok(Plane { data, row_stride: p.row_stride, pixel_stride: p.pixel_stride })
         };
         let size = [self.width, self.height];
-        let rotation = self.rotation()?;
+        let (rotation, primaries) = (self.rotation()?, self.primaries()?);
         let photo = match self.format {
-            SVBRDF_PIXEL_YUV420 => {
+            SVBRDF_PIXEL_YUV420 | SVBRDF_PIXEL_P010 => {
+                let convert = match self.format {
+                    SVBRDF_PIXEL_P010 => Photo::from_p010,
+                    _ => Photo::from_yuv420,
+                };
                 let planes = [plane(0)?, plane(1)?, plane(2)?];
                 let (matrix, encoding) = (self.yuv_matrix()?, self.encoding()?);
-                Photo::from_yuv420(size, planes, matrix, encoding, rotation, exposure)
+                convert(size, planes, matrix, encoding, rotation, exposure)
             }
             SVBRDF_PIXEL_BAYER16 => {
-                Photo::from_bayer16(size, plane(0)?, &self.bayer()?, rotation, exposure)
+                let bayer = self.bayer()?;
+                return Ok(Photo::from_bayer16(size, plane(0)?, &bayer, rotation, exposure)?);
             }
             _ => {
                 let layout = self.layout()?;
@@ -213,13 +244,14 @@ impl svbrdf_image {
                 )
             }
         };
-        Ok(photo?)
+        Ok(photo?.with_primaries(primaries))
     }
 
     fn layout(&self) -> Result<Interleaved, Fault> {
         Ok(match self.format {
             SVBRDF_PIXEL_RGB8 => Interleaved::Rgb8,
             SVBRDF_PIXEL_RGBA8 => Interleaved::Rgba8,
+            SVBRDF_PIXEL_BGRA8 => Interleaved::Bgra8,
             SVBRDF_PIXEL_RGB16 => Interleaved::Rgb16,
             SVBRDF_PIXEL_RGBA16 => Interleaved::Rgba16,
             SVBRDF_PIXEL_RGBA_F16 => Interleaved::RgbaF16,
@@ -234,6 +266,8 @@ impl svbrdf_image {
             SVBRDF_TRANSFER_LINEAR => Encoding::Linear,
             SVBRDF_TRANSFER_SRGB => Encoding::Srgb,
             SVBRDF_TRANSFER_GAMMA22 => Encoding::Gamma22,
+            SVBRDF_TRANSFER_HLG => Encoding::Hlg,
+            SVBRDF_TRANSFER_PQ => Encoding::Pq,
             other => return unknown("transfer", other),
         })
     }
@@ -254,7 +288,18 @@ impl svbrdf_image {
             SVBRDF_YUV_BT601_LIMITED => YuvMatrix::Bt601Limited,
             SVBRDF_YUV_BT709_FULL => YuvMatrix::Bt709Full,
             SVBRDF_YUV_BT709_LIMITED => YuvMatrix::Bt709Limited,
+            SVBRDF_YUV_BT2020_FULL => YuvMatrix::Bt2020Full,
+            SVBRDF_YUV_BT2020_LIMITED => YuvMatrix::Bt2020Limited,
             other => return unknown("yuv_matrix", other),
+        })
+    }
+
+    fn primaries(&self) -> Result<Primaries, Fault> {
+        Ok(match self.primaries {
+            SVBRDF_PRIMARIES_REC709 => Primaries::Rec709,
+            SVBRDF_PRIMARIES_DISPLAY_P3 => Primaries::DisplayP3,
+            SVBRDF_PRIMARIES_REC2020 => Primaries::Rec2020,
+            other => return unknown("primaries", other),
         })
     }
 

@@ -19,6 +19,8 @@ pub enum Interleaved {
     Rgb8,
     /// Four bytes.
     Rgba8,
+    /// Four bytes, blue first.
+    Bgra8,
     /// Three 16-bit numbers.
     Rgb16,
     /// Four 16-bit numbers.
@@ -36,7 +38,7 @@ impl Interleaved {
     pub fn bytes(self) -> usize {
         match self {
             Self::Rgb8 => 3,
-            Self::Rgba8 => 4,
+            Self::Rgba8 | Self::Bgra8 => 4,
             Self::Rgb16 => 6,
             Self::Rgba16 | Self::RgbaF16 => 8,
             Self::RgbF32 => 12,
@@ -45,7 +47,8 @@ impl Interleaved {
     }
 }
 
-/// How luma and chroma were made from R'G'B'.
+/// How luma and chroma were made from R'G'B'. Ranges are those of 8 bits; with 10 bits, they are
+/// four times that: luma 64 to 940, chroma 64 to 960.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum YuvMatrix {
     /// ITU-R BT.601, luma and chroma use all 256 values: JPEG, and Android's `YUV_420_888`.
@@ -56,6 +59,10 @@ pub enum YuvMatrix {
     Bt709Full,
     /// ITU-R BT.709, luma 16 to 235, chroma 16 to 240.
     Bt709Limited,
+    /// ITU-R BT.2020 with non-constant luminance, all values.
+    Bt2020Full,
+    /// ITU-R BT.2020 with non-constant luminance, luma 16 to 235, chroma 16 to 240.
+    Bt2020Limited,
 }
 
 impl Photo {
@@ -79,6 +86,10 @@ impl Photo {
         match layout {
             Interleaved::Rgb8 | Interleaved::Rgba8 => {
                 let rgb = reader.gather(|p: &[u8]| [p[0], p[1], p[2]]);
+                Self::from_u8(w, h, rotation.apply([width, height], rgb), encoding, exposure)
+            }
+            Interleaved::Bgra8 => {
+                let rgb = reader.gather(|p: &[u8]| [p[2], p[1], p[0]]);
                 Self::from_u8(w, h, rotation.apply([width, height], rgb), encoding, exposure)
             }
             Interleaved::Rgb16 | Interleaved::Rgba16 => {
@@ -115,40 +126,80 @@ impl Photo {
     /// # Errors
     /// When the sizes do not fit the planes or the exposure is not positive.
     pub fn from_yuv420(
-        [width, height]: [u32; 2],
+        size: [u32; 2],
         planes: [Plane; 3],
         matrix: YuvMatrix,
         encoding: Encoding,
         rotation: Rotation,
         exposure: f32,
     ) -> Result<Self> {
-        let half = [width.div_ceil(2), height.div_ceil(2)];
-        let luma = Reader::new([width, height], planes[0], 1)?;
-        let chroma = [Reader::new(half, planes[1], 1)?, Reader::new(half, planes[2], 1)?];
-        let coefficients = matrix.coefficients();
-        let mut rgb = Vec::with_capacity(3 * luma.pixels());
-        for y in 0..height as usize {
-            for x in 0..width as usize {
-                let [u, v] = [0, 1].map(|i| between(&chroma[i], x, y));
-                let luma = f32::from(luma.at(x, y)[0]);
-                rgb.extend(coefficients.rgb(luma, u, v));
-            }
-        }
-        let [w, h] = rotation.size([width, height]);
-        Self::from_u8(w, h, rotation.apply([width, height], rgb), encoding, exposure)
+        let coefficients = matrix.coefficients(1.0);
+        // The conversion saturates: below 0 and above 255 are cut off.
+        let store = |v: f32| (v + 0.5) as u8;
+        let rgb = yuv420::<_, 1>(size, planes, &coefficients, |[v]| f32::from(v), store)?;
+        let [w, h] = rotation.size(size);
+        Self::from_u8(w, h, rotation.apply(size, rgb), encoding, exposure)
     }
+
+    /// As [`Photo::from_yuv420`] with 10 bits in the upper ones of 16-bit words, the lower ones
+    /// ignored (P010): 16-bit R'G'B'.
+    ///
+    /// # Errors
+    /// When the sizes do not fit the planes or the exposure is not positive.
+    pub fn from_p010(
+        size: [u32; 2],
+        planes: [Plane; 3],
+        matrix: YuvMatrix,
+        encoding: Encoding,
+        rotation: Rotation,
+        exposure: f32,
+    ) -> Result<Self> {
+        let coefficients = matrix.coefficients(4.0);
+        let sample = |bytes| f32::from(u16::from_ne_bytes(bytes) >> 6);
+        let store = |v: f32| (v * (65535.0 / 1023.0) + 0.5) as u16;
+        let rgb = yuv420::<_, 2>(size, planes, &coefficients, sample, store)?;
+        let [w, h] = rotation.size(size);
+        Self::from_u16(w, h, rotation.apply(size, rgb), encoding, exposure)
+    }
+}
+
+/// Interleaved R'G'B' of luma and half-resolution chroma with `N` bytes a sample.
+fn yuv420<T, const N: usize>(
+    [width, height]: [u32; 2],
+    planes: [Plane; 3],
+    coefficients: &YuvCoefficients,
+    sample: impl Fn([u8; N]) -> f32,
+    store: impl Fn(f32) -> T,
+) -> Result<Vec<T>> {
+    let half = [width.div_ceil(2), height.div_ceil(2)];
+    let luma = Reader::new([width, height], planes[0], N)?;
+    let chroma = [Reader::new(half, planes[1], N)?, Reader::new(half, planes[2], N)?];
+    let value = |plane: &Reader, x, y| sample(std::array::from_fn(|i| plane.at(x, y)[i]));
+    let mut rgb = Vec::with_capacity(3 * luma.pixels());
+    for y in 0..height as usize {
+        for x in 0..width as usize {
+            let [u, v] = [0, 1].map(|i| between(&chroma[i], x, y, &value));
+            rgb.extend(coefficients.rgb(value(&luma, x, y), u, v).map(&store));
+        }
+    }
+    Ok(rgb)
 }
 
 /// Chroma at a pixel from the four samples round it: they lie in the middle of 2 x 2 pixels.
 #[inline]
-fn between(plane: &Reader, x: usize, y: usize) -> f32 {
+fn between(
+    plane: &Reader,
+    x: usize,
+    y: usize,
+    value: &impl Fn(&Reader, usize, usize) -> f32,
+) -> f32 {
     let neighbour = |i: usize, n: usize| {
         let other = if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 };
         other.min(n - 1)
     };
     let (x0, y0) = (x / 2, y / 2);
     let (x1, y1) = (neighbour(x, plane.width), neighbour(y, plane.height));
-    let value = |x, y| f32::from(plane.at(x, y)[0]);
+    let value = |x, y| value(plane, x, y);
     (9.0 * value(x0, y0) + 3.0 * (value(x1, y0) + value(x0, y1)) + value(x1, y1)) / 16.0
 }
 
@@ -156,6 +207,7 @@ fn between(plane: &Reader, x: usize, y: usize) -> f32 {
 struct YuvCoefficients {
     luma_offset: f32,
     luma: f32,
+    chroma_offset: f32,
     red_v: f32,
     green_u: f32,
     green_v: f32,
@@ -163,19 +215,26 @@ struct YuvCoefficients {
 }
 
 impl YuvMatrix {
-    fn coefficients(self) -> YuvCoefficients {
+    /// For samples of `step` to one of 8 bits.
+    fn coefficients(self, step: f32) -> YuvCoefficients {
         let (kr, kb) = match self {
             Self::Bt601Full | Self::Bt601Limited => (0.299, 0.114),
             Self::Bt709Full | Self::Bt709Limited => (0.2126, 0.0722),
+            Self::Bt2020Full | Self::Bt2020Limited => (0.2627, 0.0593),
         };
-        let full = matches!(self, Self::Bt601Full | Self::Bt709Full);
-        let (luma_offset, luma, chroma) =
-            if full { (0.0, 1.0, 1.0) } else { (16.0, 255.0 / 219.0, 255.0 / 224.0) };
+        let full = matches!(self, Self::Bt601Full | Self::Bt709Full | Self::Bt2020Full);
+        let largest = 256.0 * step - 1.0;
+        let (luma_offset, luma, chroma) = if full {
+            (0.0, 1.0, 1.0)
+        } else {
+            (16.0 * step, largest / (219.0 * step), largest / (224.0 * step))
+        };
         let (red_v, blue_u) = (2.0 * (1.0 - kr) * chroma, 2.0 * (1.0 - kb) * chroma);
         let kg = 1.0 - kr - kb;
         YuvCoefficients {
             luma_offset,
             luma,
+            chroma_offset: 128.0 * step,
             red_v,
             green_u: -blue_u * kb / kg,
             green_v: -red_v * kr / kg,
@@ -186,12 +245,10 @@ impl YuvMatrix {
 
 impl YuvCoefficients {
     #[inline]
-    fn rgb(&self, luma: f32, u: f32, v: f32) -> [u8; 3] {
+    fn rgb(&self, luma: f32, u: f32, v: f32) -> [f32; 3] {
         let y = (luma - self.luma_offset) * self.luma;
-        let (u, v) = (u - 128.0, v - 128.0);
+        let (u, v) = (u - self.chroma_offset, v - self.chroma_offset);
         [y + self.red_v * v, y + self.green_u * u + self.green_v * v, y + self.blue_u * u]
-            // The conversion saturates: below 0 and above 255 are cut off.
-            .map(|v| (v + 0.5) as u8)
     }
 }
 

@@ -11,18 +11,29 @@ pub enum Encoding {
     Srgb,
     /// Pure power law of 2.2.
     Gamma22,
+    /// Hybrid log-gamma of ITU-R BT.2100, scene linear: its inverse OETF, 1 at the largest signal.
+    /// The reference white of ITU-R BT.2408, 75 % of the signal, comes out at 0.265.
+    Hlg,
+    /// Perceptual quantiser of ITU-R BT.2100: its EOTF, 1 at 203 cd/m² (the reference white of
+    /// ITU-R BT.2408), 49.26 at the largest signal.
+    Pq,
 }
+
+/// The reference white of ITU-R BT.2408, cd/m²: 1 in linear values of PQ.
+const REFERENCE_WHITE: f64 = 203.0;
 
 impl Encoding {
     /// Every encoding.
-    pub const ALL: [Self; 3] = [Self::Linear, Self::Srgb, Self::Gamma22];
+    pub const ALL: [Self; 5] = [Self::Linear, Self::Srgb, Self::Gamma22, Self::Hlg, Self::Pq];
 
-    /// Name in capture files: `linear`, `srgb`, `gamma2.2`.
+    /// Name in capture files: `linear`, `srgb`, `gamma2.2`, `hlg`, `pq`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",
             Self::Srgb => "srgb",
             Self::Gamma22 => "gamma2.2",
+            Self::Hlg => "hlg",
+            Self::Pq => "pq",
         }
     }
 
@@ -31,35 +42,42 @@ impl Encoding {
         Self::ALL.into_iter().find(|e| e.name() == name)
     }
 
-    /// Linear value of a stored one, 1 = full scale; odd below 0.
+    /// Linear value of a stored one, 1 = full scale; odd below 0. Of [`Encoding::Pq`], 1 is 203
+    /// cd/m², and stored values beyond 1 are taken for 1.
     pub fn decode(self, stored: f64) -> f64 {
         match self {
             Self::Linear => stored,
             Self::Srgb if stored.abs() <= 0.040_45 => stored / 12.92,
             Self::Srgb => ((stored.abs() + 0.055) / 1.055).powf(2.4).copysign(stored),
             Self::Gamma22 => stored.abs().powf(2.2).copysign(stored),
+            Self::Hlg => hlg::decode(stored.abs()).copysign(stored),
+            Self::Pq => (pq::decode(stored.abs()) / REFERENCE_WHITE).copysign(stored),
         }
     }
 
-    /// Stored value of a linear one, 1 = full scale; odd below 0.
+    /// Stored value of a linear one: inverts [`Encoding::decode`].
     pub fn encode(self, linear: f64) -> f64 {
         match self {
             Self::Linear => linear,
             Self::Srgb if linear.abs() <= 0.003_130_8 => linear * 12.92,
             Self::Srgb => (1.055 * linear.abs().powf(1.0 / 2.4) - 0.055).copysign(linear),
             Self::Gamma22 => linear.abs().powf(1.0 / 2.2).copysign(linear),
+            Self::Hlg => hlg::encode(linear.abs()).copysign(linear),
+            Self::Pq => pq::encode(linear.abs() * REFERENCE_WHITE).copysign(linear),
         }
     }
 
     /// Linear value of every 8-bit one.
     pub(super) fn table8(self) -> &'static [f32; 256] {
-        static TABLES: [OnceLock<Box<[f32; 256]>>; 3] = [const { OnceLock::new() }; 3];
+        static TABLES: [OnceLock<Box<[f32; 256]>>; Encoding::ALL.len()] =
+            [const { OnceLock::new() }; Encoding::ALL.len()];
         TABLES[self as usize].get_or_init(|| self.table())
     }
 
     /// Linear value of every 16-bit one.
     pub(super) fn table16(self) -> &'static [f32; 65536] {
-        static TABLES: [OnceLock<Box<[f32; 65536]>>; 3] = [const { OnceLock::new() }; 3];
+        static TABLES: [OnceLock<Box<[f32; 65536]>>; Encoding::ALL.len()] =
+            [const { OnceLock::new() }; Encoding::ALL.len()];
         TABLES[self as usize].get_or_init(|| self.table())
     }
 
@@ -67,6 +85,46 @@ impl Encoding {
         let scale = ((N - 1) as f64).recip();
         let values: Box<[f32]> = (0..N).map(|i| self.decode(i as f64 * scale) as f32).collect();
         values.try_into().expect("N values")
+    }
+}
+
+/// Hybrid log-gamma, ITU-R BT.2100 table 5: signal and scene light, both 0 to 1.
+mod hlg {
+    const A: f64 = 0.178_832_77;
+    const B: f64 = 1.0 - 4.0 * A;
+
+    /// The standard's 0.5 - a ln(4 a).
+    fn c() -> f64 {
+        0.5 - A * (4.0 * A).ln()
+    }
+
+    pub fn decode(signal: f64) -> f64 {
+        if signal <= 0.5 { signal * signal / 3.0 } else { (((signal - c()) / A).exp() + B) / 12.0 }
+    }
+
+    pub fn encode(light: f64) -> f64 {
+        if light <= 1.0 / 12.0 { (3.0 * light).sqrt() } else { A * (12.0 * light - B).ln() + c() }
+    }
+}
+
+/// Perceptual quantiser, ITU-R BT.2100 table 4: signal 0 to 1, light in cd/m².
+mod pq {
+    const PEAK: f64 = 10_000.0;
+    const M1: f64 = 2610.0 / 16384.0;
+    const M2: f64 = 2523.0 / 4096.0 * 128.0;
+    const C1: f64 = 3424.0 / 4096.0;
+    const C2: f64 = 2413.0 / 4096.0 * 32.0;
+    const C3: f64 = 2392.0 / 4096.0 * 32.0;
+
+    pub fn decode(signal: f64) -> f64 {
+        // The curve has a pole a little above 1.
+        let x = signal.min(1.0).powf(1.0 / M2);
+        PEAK * ((x - C1).max(0.0) / (C2 - C3 * x)).powf(1.0 / M1)
+    }
+
+    pub fn encode(light: f64) -> f64 {
+        let y = (light / PEAK).powf(M1);
+        ((C1 + C2 * y) / (1.0 + C3 * y)).powf(M2)
     }
 }
 
@@ -80,13 +138,27 @@ mod tests {
             assert_eq!(Encoding::from_name(encoding.name()), Some(encoding));
             for i in -50..=400 {
                 let v = f64::from(i) / 200.0;
-                // The two branches of sRGB meet within 1e-7 only, by the standard's own rounding.
+                if encoding == Encoding::Pq && v.abs() > 1.0 {
+                    continue;
+                }
+                // The two branches of sRGB meet within 1e-7 only, by the standard's own rounding;
+                // PQ's OETF is 7e-7 at 0.
                 assert!((encoding.encode(encoding.decode(v)) - v).abs() < 1e-6, "{encoding:?} {v}");
             }
         }
         // IEC 61966-2-1: middle gray 0.5 is 0.2140 linear; the power law's is 0.2176.
         assert!((Encoding::Srgb.decode(0.5) - 0.214_041).abs() < 1e-6);
         assert!((Encoding::Gamma22.decode(0.5) - 0.217_638).abs() < 1e-6);
+        // ITU-R BT.2408 table 1: a reference white of 203 cd/m² is 58 % of PQ and 75 % of HLG.
+        assert!((Encoding::Pq.encode(1.0) - 0.58).abs() < 0.005);
+        assert!((Encoding::Hlg.decode(0.75) - 0.265).abs() < 5e-4);
+        // SMPTE ST 2084: 100 cd/m² are 0.508 078 of the signal, 10 000 all of it.
+        assert!((Encoding::Pq.decode(0.508_078) * 203.0 - 100.0).abs() < 1e-3);
+        assert!((Encoding::Pq.decode(1.0) * 203.0 - 10_000.0).abs() < 1e-6);
+        assert_eq!(Encoding::Pq.decode(1.5), Encoding::Pq.decode(1.0));
+        // ITU-R BT.2100: 1/12 of the light is half the signal, all of it all.
+        assert!((Encoding::Hlg.decode(0.5) - 1.0 / 12.0).abs() < 1e-12);
+        assert!((Encoding::Hlg.decode(1.0) - 1.0).abs() < 1e-7);
         assert_eq!(Encoding::from_name("sRGB"), None);
     }
 

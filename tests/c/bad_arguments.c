@@ -122,9 +122,12 @@ static void images(void)
     gray_image(&good, rgb, 90);
     REFUSED_IMAGE(i.size = 8);
     REFUSED_IMAGE(i.format = 0);
-    REFUSED_IMAGE(i.format = 10);
+    REFUSED_IMAGE(i.format = 12);
     REFUSED_IMAGE(i.transfer = 0);
-    REFUSED_IMAGE(i.transfer = 4);
+    REFUSED_IMAGE(i.transfer = 6);
+    REFUSED_IMAGE(i.primaries = 0);
+    CHECK(strstr(svbrdf_last_error_message(), "svbrdf_image.primaries") != NULL);
+    REFUSED_IMAGE(i.primaries = 4);
     REFUSED_IMAGE(i.rotation = 45);
     REFUSED_IMAGE(i.width = 0);
     REFUSED_IMAGE(i.height = 0);
@@ -139,10 +142,12 @@ static void images(void)
     REFUSED_IMAGE(i.planes[0].row_stride = (size_t)-1);
     REFUSED_IMAGE(i.planes[0].pixel_stride = 2);
     REFUSED_IMAGE(i.planes[0].pixel_stride = (size_t)-1 / 2);
-    for (format = SVBRDF_PIXEL_RGBA8; format <= SVBRDF_PIXEL_BAYER16; format++) {
+    for (format = SVBRDF_PIXEL_RGBA8; format <= SVBRDF_PIXEL_P010; format++) {
         REFUSED_IMAGE((i.format = format, i.planes[0].bytes = 100));
     }
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_YUV420)); /* no chroma */
+    REFUSED_IMAGE((i.format = SVBRDF_PIXEL_P010));
+    REFUSED_IMAGE((i.format = SVBRDF_PIXEL_P010, i.yuv_matrix = 7));
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.bayer_pattern = 0));
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.white_level = NAN));
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.black_level[3] = 70000.0f));

@@ -232,7 +232,7 @@ void test_layouts(const char *folder)
     rgb8(&image, &p);
     OK(svbrdf_session_push_frame(session, &image, NULL, &reference));
 
-    for (format = SVBRDF_PIXEL_RGBA8; format <= SVBRDF_PIXEL_BAYER16; format++) {
+    for (format = SVBRDF_PIXEL_RGBA8; format <= SVBRDF_PIXEL_P010; format++) {
         double tolerance_mm = 0.02;
         rgb8(&image, &p);
         image.format = format;
@@ -307,6 +307,40 @@ void test_layouts(const char *folder)
                 image.planes[i].row_stride = w;
                 image.planes[i].pixel_stride = 2;
                 image.planes[i].bytes = n / 2 - (i == 1);
+            }
+            tolerance_mm = 0.1;
+            break;
+        case SVBRDF_PIXEL_BGRA8: /* upside down */
+            for (i = 0; i < n; i++) {
+                const unsigned char *q = p.rgb + 3 * (n - 1 - i);
+                bytes[4 * i] = q[2];
+                bytes[4 * i + 1] = q[1];
+                bytes[4 * i + 2] = q[0];
+            }
+            image.rotation = 180;
+            image.planes[0].row_stride = 4 * w;
+            image.planes[0].bytes = 4 * n;
+            break;
+        case SVBRDF_PIXEL_P010: /* as video: BT.2020, 64 to 940 */
+            image.yuv_matrix = SVBRDF_YUV_BT2020_LIMITED;
+            image.planes[0].row_stride = 2 * w;
+            image.planes[0].bytes = 2 * n;
+            for (i = 0; i < n; i++) {
+                const unsigned char *q = p.rgb + 3 * i;
+                double luma = 0.2627 * q[0] + 0.6780 * q[1] + 0.0593 * q[2];
+                uint16_t *words = (uint16_t *)bytes;
+                words[i] = (uint16_t)((unsigned)(64.5 + luma * 876.0 / 255.0) << 6);
+                if (i % w % 2 == 0 && i / w % 2 == 0) {
+                    uint16_t *uv = words + n + i / w / 2 * w + i % w;
+                    uv[0] = (uint16_t)((unsigned)(512.5 + (q[2] - luma) / 1.8814 * 896.0 / 255.0) << 6);
+                    uv[1] = (uint16_t)((unsigned)(512.5 + (q[0] - luma) / 1.4746 * 896.0 / 255.0) << 6);
+                }
+            }
+            for (i = 1; i <= 2; i++) {
+                image.planes[i].data = bytes + 2 * n + (i == 2 ? 2 : 0);
+                image.planes[i].row_stride = 2 * w;
+                image.planes[i].pixel_stride = 4;
+                image.planes[i].bytes = n - (i == 2 ? 2 : 0);
             }
             tolerance_mm = 0.1;
             break;

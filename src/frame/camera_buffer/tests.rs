@@ -17,9 +17,13 @@ fn laid_out(layout: Interleaved, gap: usize) -> (Vec<u8>, usize, usize) {
     let mut data = vec![0xAB; 2 * row];
     for (i, rgb) in PIXELS.as_chunks::<3>().0.iter().enumerate() {
         let mut bytes = Vec::new();
-        for &v in rgb {
+        let mut stored = *rgb;
+        if layout == Interleaved::Bgra8 {
+            stored.reverse();
+        }
+        for v in stored {
             match layout {
-                Interleaved::Rgb8 | Interleaved::Rgba8 => bytes.push(v),
+                Interleaved::Rgb8 | Interleaved::Rgba8 | Interleaved::Bgra8 => bytes.push(v),
                 Interleaved::Rgb16 | Interleaved::Rgba16 => {
                     bytes.extend((u16::from(v) * 257).to_ne_bytes());
                 }
@@ -41,6 +45,7 @@ fn every_layout_gives_the_same_pixels_whatever_the_strides() {
     for layout in [
         Interleaved::Rgb8,
         Interleaved::Rgba8,
+        Interleaved::Bgra8,
         Interleaved::Rgb16,
         Interleaved::Rgba16,
         Interleaved::RgbaF16,
@@ -132,23 +137,67 @@ fn planes_that_are_too_short_or_overflow_are_refused() {
     assert!(floats.is_err(), "floats with a curve");
 }
 
+/// The definitions of the standards, from R'G'B' to luma and chroma.
+fn luma_chroma(rgb: [f64; 3], kr: f64, kb: f64, full: bool, bits: i32) -> [u16; 3] {
+    let y = kr * rgb[0] + (1.0 - kr - kb) * rgb[1] + kb * rgb[2];
+    let (u, v) = (0.5 * (rgb[2] - y) / (1.0 - kb), 0.5 * (rgb[0] - y) / (1.0 - kr));
+    let (largest, step) = (2f64.powi(bits) - 1.0, 2f64.powi(bits - 8));
+    let [a, b, o] =
+        if full { [largest, largest, 0.0] } else { [219.0 * step, 224.0 * step, 16.0 * step] };
+    let middle = 128.0 * step;
+    [o + a * y, middle + b * u, middle + b * v].map(|v| v.round().min(largest) as u16)
+}
+
+const MATRICES: [(YuvMatrix, f64, f64, bool); 6] = [
+    (YuvMatrix::Bt601Full, 0.299, 0.114, true),
+    (YuvMatrix::Bt601Limited, 0.299, 0.114, false),
+    (YuvMatrix::Bt709Full, 0.2126, 0.0722, true),
+    (YuvMatrix::Bt709Limited, 0.2126, 0.0722, false),
+    (YuvMatrix::Bt2020Full, 0.2627, 0.0593, true),
+    (YuvMatrix::Bt2020Limited, 0.2627, 0.0593, false),
+];
+
+const COLORS: [[f64; 3]; 5] =
+    [[1.0, 1.0, 1.0], [0.0; 3], [0.8, 0.3, 0.2], [0.1, 0.6, 0.9], [1.0, 0.0, 0.0]];
+
+#[test]
+fn ten_bits_come_back_four_times_as_fine() {
+    for (matrix, kr, kb, full) in MATRICES {
+        for rgb in COLORS {
+            // Words of 5 x 3 pixels of one colour; the lower bits, of no meaning, are set.
+            let [y, u, v] = luma_chroma(rgb, kr, kb, full, 10).map(|v| (v << 6 | 21).to_ne_bytes());
+            let luma = y.repeat(15);
+            let chroma: Vec<u8> = [u, v].concat().repeat(6);
+            let planes = [
+                Plane { data: &luma, row_stride: 10, pixel_stride: 0 },
+                Plane { data: &chroma[..22], row_stride: 12, pixel_stride: 4 },
+                Plane { data: &chroma[2..], row_stride: 12, pixel_stride: 4 },
+            ];
+            let read = |planes| {
+                let turned = Rotation::Quarter;
+                Photo::from_p010([5, 3], planes, matrix, Encoding::Linear, turned, 1.0)
+            };
+            let photo = read(planes).unwrap();
+            assert_eq!((photo.width(), photo.height()), (3, 5));
+            for (found, expected) in photo.pixel(2, 4).iter().zip(rgb) {
+                // As with 8 bits: 0.5 (1 + 1.88) steps of 1/876.
+                assert!((f64::from(*found) - expected).abs() < 1.5 / 876.0, "{matrix:?} {rgb:?}");
+            }
+            // Rounding of chroma may leave a full red a step below full scale, white never.
+            if rgb != [1.0, 0.0, 0.0] {
+                assert_eq!(photo.is_clipped(0, 0), rgb == [1.0; 3], "{matrix:?} {rgb:?}");
+            }
+            let short = Plane { data: &luma[..29], ..planes[0] };
+            assert!(read([short, planes[1], planes[2]]).is_err());
+        }
+    }
+}
+
 #[test]
 fn yuv_comes_back_as_the_rgb_it_was_made_from() {
-    // The definitions of the standards, from R'G'B' to luma and chroma.
-    let forward = |rgb: [f64; 3], kr: f64, kb: f64, full: bool| {
-        let y = kr * rgb[0] + (1.0 - kr - kb) * rgb[1] + kb * rgb[2];
-        let (u, v) = (0.5 * (rgb[2] - y) / (1.0 - kb), 0.5 * (rgb[0] - y) / (1.0 - kr));
-        let [a, b, o] = if full { [255.0, 255.0, 0.0] } else { [219.0, 224.0, 16.0] };
-        [o + a * y, 128.0 + b * u, 128.0 + b * v].map(|v| v.round().min(255.0) as u8)
-    };
-    for (matrix, kr, kb, full) in [
-        (YuvMatrix::Bt601Full, 0.299, 0.114, true),
-        (YuvMatrix::Bt601Limited, 0.299, 0.114, false),
-        (YuvMatrix::Bt709Full, 0.2126, 0.0722, true),
-        (YuvMatrix::Bt709Limited, 0.2126, 0.0722, false),
-    ] {
-        for rgb in [[1.0, 1.0, 1.0], [0.0; 3], [0.8, 0.3, 0.2], [0.1, 0.6, 0.9], [1.0, 0.0, 0.0]] {
-            let [y, u, v] = forward(rgb, kr, kb, full);
+    for (matrix, kr, kb, full) in MATRICES {
+        for rgb in COLORS {
+            let [y, u, v] = luma_chroma(rgb, kr, kb, full, 8).map(|v| v as u8);
             // 5 x 3 pixels of one colour, chroma interleaved as in NV12: 3 x 2 samples.
             let luma = [y; 15];
             let chroma: Vec<u8> = [u, v].repeat(6);

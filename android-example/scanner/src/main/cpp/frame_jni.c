@@ -4,7 +4,7 @@
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 7, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROBE = 43, CORNERS = 1024 };
+enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROBE = 43, CORNERS = 1024 };
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -33,6 +33,7 @@ static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     image->rotation = (uint32_t)i[4];
     image->yuv_matrix = (svbrdf_yuv_matrix)i[5];
     image->bayer_pattern = (svbrdf_bayer_pattern)i[6];
+    image->primaries = (svbrdf_primaries)i[7];
     image->saturation = f[0];
     memcpy(image->black_level, f + 1, sizeof image->black_level);
     image->white_level = f[5];

@@ -31,14 +31,32 @@ enum class PixelFormat(internal val code: Int) {
 
     /** Sensor values behind a Bayer mosaic, as Android's `RAW_SENSOR`. */
     BAYER16(9),
+
+    /** Blue first. */
+    BGRA8(10),
+
+    /** As [YUV420] with 10 bits in the upper ones of 16-bit words: Android's `YCBCR_P010`. */
+    P010(11),
 }
 
 /** Transfer curve of stored values. A camera's own tone curve is none of these: switch it off. */
-enum class Transfer(internal val code: Int) { LINEAR(1), SRGB(2), GAMMA22(3) }
+enum class Transfer(internal val code: Int) {
+    LINEAR(1), SRGB(2), GAMMA22(3),
+
+    /** ITU-R BT.2100, scene linear: 1 at the largest signal. */
+    HLG(4),
+
+    /** ITU-R BT.2100: 1 at 203 cd/m². */
+    PQ(5),
+}
+
+/** Primaries of RGB; all but [REC709] are converted to that in linear light. */
+enum class Primaries(internal val code: Int) { REC709(1), DISPLAY_P3(2), REC2020(3) }
 
 /** How luma and chroma were made; Android's cameras: [BT601_FULL]. */
 enum class YuvMatrix(internal val code: Int) {
-    BT601_FULL(1), BT601_LIMITED(2), BT709_FULL(3), BT709_LIMITED(4)
+    BT601_FULL(1), BT601_LIMITED(2), BT709_FULL(3), BT709_LIMITED(4),
+    BT2020_FULL(5), BT2020_LIMITED(6),
 }
 
 /** Colours of the top-left 2 x 2 sensor pixels, row by row. */

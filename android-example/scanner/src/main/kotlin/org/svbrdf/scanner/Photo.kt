@@ -33,7 +33,7 @@ class Photo @JvmOverloads constructor(
     val format: PixelFormat,
     val width: Int,
     val height: Int,
-    /** Three for [PixelFormat.YUV420], otherwise one. */
+    /** Three for [PixelFormat.YUV420] and [PixelFormat.P010], otherwise one. */
     val planes: List<Plane>,
     /** Curve of 8- and 16-bit RGB and of YUV. */
     val transfer: Transfer = Transfer.SRGB,
@@ -44,6 +44,8 @@ class Photo @JvmOverloads constructor(
     val saturation: Float = Float.POSITIVE_INFINITY,
     /** For [PixelFormat.BAYER16]. */
     val bayer: Bayer? = null,
+    /** Of all formats but [PixelFormat.BAYER16]. */
+    val primaries: Primaries = Primaries.REC709,
 ) {
     internal fun push(
         scanner: MaterialScanner,
@@ -86,7 +88,7 @@ class Photo @JvmOverloads constructor(
         require(planes.size in 1..3) { "Photo.planes: one or three planes expected" }
         val ints = intArrayOf(
             format.code, width, height, transfer.code, rotation, yuvMatrix.code,
-            (bayer?.pattern ?: BayerPattern.RGGB).code,
+            (bayer?.pattern ?: BayerPattern.RGGB).code, primaries.code,
         )
         val buffers = Array(planes.size) { direct(planes[it].buffer) }
         val layout = LongArray(4 * planes.size)
@@ -127,7 +129,7 @@ class Photo @JvmOverloads constructor(
         ): Photo {
             val bytes = when (format) {
                 PixelFormat.RGB8 -> 3
-                PixelFormat.RGBA8 -> 4
+                PixelFormat.RGBA8, PixelFormat.BGRA8 -> 4
                 PixelFormat.RGB16 -> 6
                 PixelFormat.RGBA16, PixelFormat.RGBA_F16 -> 8
                 PixelFormat.RGB_F32 -> 12
