@@ -3,7 +3,7 @@
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
-use super::Lobe;
+use super::lobe::Lobe;
 use crate::geometry::Pose;
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
 

@@ -22,6 +22,7 @@
 //!   they clearly do the ambient is taken as 0.
 
 mod fit;
+mod lobe;
 mod squares;
 
 use glam::DVec3;
@@ -31,6 +32,7 @@ use crate::calibration::Target;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
+pub use lobe::Lobe;
 pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
@@ -80,28 +82,6 @@ impl Vignetting {
     pub fn at(&self, tan2: f64) -> f64 {
         let u = 0.5 * (1.0 + tan2).ln();
         (-u * (self.exponent + u * self.curvature)).exp()
-    }
-}
-
-/// How the intensity of a flash depends on direction.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Lobe {
-    /// `n` of `cos^n`, of the angle between the direction from flash to surface and the camera's axis.
-    pub exponent: f64,
-    /// What is not round of it: `cos^n` is multiplied by `1 + p[0] (x² - y²) + p[1] 2 x y`, `x` and
-    /// `y` of the unit direction in the camera frame.
-    pub pattern: [f64; 2],
-}
-
-impl Lobe {
-    /// Least of the pattern that is believed.
-    pub(crate) const MIN_PATTERN: f64 = 0.2;
-
-    /// Relative intensity in a direction, camera frame; 1 along the axis.
-    pub fn at(&self, direction: DVec3) -> f64 {
-        let DVec3 { x, y, z } = direction.normalize();
-        let pattern = 1.0 + self.pattern[0] * (x * x - y * y) + self.pattern[1] * 2.0 * x * y;
-        z.max(0.1).powf(self.exponent) * pattern.max(Self::MIN_PATTERN)
     }
 }
 
