@@ -4,6 +4,7 @@
 //! Parameters are those that networks see ([`encoding`]), which are well scaled. The step size
 //! decays along a half cosine, so that the L1 loss settles instead of jumping about its corners.
 
+use super::adam::Adam;
 use super::options::BaselineOptions;
 use crate::observation::Observation;
 use crate::parallel;
@@ -14,18 +15,21 @@ use crate::{Error, Result};
 /// Encoded values stay this far from -1, where the derivative of an albedo vanishes for good.
 const MARGIN: f32 = 0.01;
 
-/// Values that one task updates.
-const CHUNK: usize = 1 << 14;
-
 /// Iterations in progress on maps that the caller keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Baseline {
     options: BaselineOptions,
-    /// Iterations done.
-    pub steps: usize,
-    /// One for each value of the maps.
-    pub moments: Vec<Moments>,
+    pub state: SavedBaseline,
     gradient: Vec<f32>,
+}
+
+/// What differs from iteration to iteration.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SavedBaseline {
+    /// The maps as networks see them.
+    pub encoded: Vec<f32>,
+    /// Their moments, and iterations done.
+    pub adam: Adam,
 }
 
 impl Baseline {
@@ -40,13 +44,10 @@ impl Baseline {
     ) -> Result<Self> {
         maps.clamp();
         let n = maps.texels();
-        let moments = |(i, &v): (usize, &f32)| Moments {
-            encoded: encoding::encode(i / n, v),
-            mean: 0.0,
-            square: 0.0,
-        };
-        let moments = maps.planes().iter().enumerate().map(moments).collect();
-        Self::resume(maps, observations, options, 0, moments)
+        let values = maps.planes().iter().enumerate();
+        let encoded: Vec<f32> = values.map(|(i, &v)| encoding::encode(i / n, v)).collect();
+        let adam = Adam::new(encoded.len());
+        Self::resume(maps, observations, options, SavedBaseline { encoded, adam })
     }
 
     /// Goes on where another stopped.
@@ -57,8 +58,7 @@ impl Baseline {
         maps: &Svbrdf,
         observations: &[Observation],
         options: &BaselineOptions,
-        steps: usize,
-        moments: Vec<Moments>,
+        state: SavedBaseline,
     ) -> Result<Self> {
         check_observations(maps, observations)?;
         let in_range = options.learning_rate > 0.0
@@ -68,10 +68,16 @@ impl Baseline {
         if !in_range {
             return Err(Error::argument("baseline", "rates and decays must lie between 0 and 1"));
         }
-        if moments.len() != maps.planes().len() {
+        let length = maps.planes().len();
+        if state.encoded.len() != length || !state.adam.fits(length) {
             return Err(Error::argument("moments", "one for each value of the maps is expected"));
         }
-        Ok(Self { options: *options, steps, moments, gradient: Vec::new() })
+        Ok(Self { options: *options, state, gradient: Vec::new() })
+    }
+
+    /// Iterations done.
+    pub fn steps(&self) -> usize {
+        self.state.adam.steps.max(0) as usize
     }
 
     /// One iteration; returns the mean log-L1 before it.
@@ -79,13 +85,23 @@ impl Baseline {
         let n = maps.texels();
         self.gradient.resize(CHANNELS * n, 0.0);
         let loss = render::loss_and_gradient(maps, observations, &mut self.gradient);
-        self.steps += 1;
-        let rate = Rate::new(&self.options, self.steps, n as f32);
-        let parts = maps.planes_mut().chunks_mut(CHUNK).zip(self.moments.chunks_mut(CHUNK));
-        let parts = parts.zip(self.gradient.chunks(CHUNK));
-        parallel::parts(parts, |chunk, ((values, moments), gradient)| {
-            for (i, ((value, m), g)) in values.iter_mut().zip(moments).zip(gradient).enumerate() {
-                *value = m.update((chunk * CHUNK + i) / n, *g, &rate);
+        let SavedBaseline { encoded, adam } = &mut self.state;
+        let planes = encoded.chunks(n).zip(self.gradient.chunks_mut(n));
+        parallel::parts(planes, |c, (encoded, gradient)| {
+            for (g, v) in gradient.iter_mut().zip(encoded) {
+                *g *= encoding::decode_derivative(c, *v);
+            }
+        });
+        let BaselineOptions { beta1, beta2, final_fraction, learning_rate, steps } = self.options;
+        let done = (adam.steps + 1) as f32 / steps as f32;
+        let cosine = 0.5 + 0.5 * (std::f32::consts::PI * done).cos();
+        let rate = learning_rate * (final_fraction + (1.0 - final_fraction) * cosine);
+        adam.step(encoded, &self.gradient, rate, [beta1, beta2]);
+        let planes = encoded.chunks_mut(n).zip(maps.planes_mut().chunks_mut(n));
+        parallel::parts(planes, |c, (encoded, values)| {
+            for (v, value) in encoded.iter_mut().zip(values) {
+                *v = v.clamp(MARGIN - 1.0, 1.0);
+                *value = encoding::decode(c, *v);
             }
         });
         loss
@@ -93,57 +109,7 @@ impl Baseline {
 
     /// Whether all iterations are done.
     pub fn is_done(&self) -> bool {
-        self.steps >= self.options.steps
-    }
-}
-
-/// What one iteration multiplies with.
-struct Rate {
-    beta1: f32,
-    beta2: f32,
-    step: f32,
-    /// 1 / sqrt(1 - beta2^t).
-    square_correction: f32,
-    /// The mean over texels makes gradients tiny; this takes it out, so that Adam's epsilon has
-    /// the same meaning at every resolution.
-    texels: f32,
-}
-
-impl Rate {
-    fn new(options: &BaselineOptions, step: usize, texels: f32) -> Self {
-        let done = step as f32 / options.steps as f32;
-        let cosine = 0.5 + 0.5 * (std::f32::consts::PI * done).cos();
-        let fraction = options.final_fraction + (1.0 - options.final_fraction) * cosine;
-        let (beta1, beta2) = (options.beta1, options.beta2);
-        Self {
-            beta1,
-            beta2,
-            step: options.learning_rate * fraction / (1.0 - beta1.powf(step as f32)),
-            square_correction: (1.0 - beta2.powf(step as f32)).sqrt().recip(),
-            texels,
-        }
-    }
-}
-
-/// An encoded value with the moments of its gradient.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Moments {
-    pub encoded: f32,
-    pub mean: f32,
-    pub square: f32,
-}
-
-impl Moments {
-    /// One step of Adam; returns the new natural value.
-    fn update(&mut self, c: usize, natural_gradient: f32, rate: &Rate) -> f32 {
-        let slope = encoding::decode_derivative(c, self.encoded) * rate.texels;
-        let g = natural_gradient * slope;
-        self.mean += (1.0 - rate.beta1) * (g - self.mean);
-        self.square += (1.0 - rate.beta2) * (g * g - self.square);
-        let scale = self.square.sqrt() * rate.square_correction + 1e-8;
-        let moved = self.encoded - rate.step * self.mean / scale;
-        self.encoded = moved.clamp(MARGIN - 1.0, 1.0);
-        encoding::decode(c, self.encoded)
+        self.steps() >= self.options.steps
     }
 }
 
@@ -187,9 +153,8 @@ mod tests {
                 for _ in 0..7 {
                     baseline.step(&mut maps, &photos);
                     if resumed {
-                        let Baseline { steps, moments, .. } = baseline;
                         baseline =
-                            Baseline::resume(&maps, &photos, &options, steps, moments).unwrap();
+                            Baseline::resume(&maps, &photos, &options, baseline.state).unwrap();
                     }
                 }
                 (maps, baseline)

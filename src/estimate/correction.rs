@@ -95,6 +95,11 @@ impl Correction {
         corrected(&view, self.turn(index), self.ambient, self.mirrored(index))
     }
 
+    /// The view of a photograph that was not fitted, with what all photographs share.
+    pub(super) fn predict(&self, given: &View) -> View {
+        self.apply(given, usize::MAX)
+    }
+
     fn turn(&self, index: usize) -> [f64; 2] {
         self.turns.get(index).copied().unwrap_or_default()
     }

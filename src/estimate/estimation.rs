@@ -14,7 +14,7 @@ use super::schedule::{
     LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows,
 };
 use super::solver::Solver;
-use super::structured::WidthTrials;
+use super::structured::{Predicted, WidthTrials};
 use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -115,6 +115,8 @@ pub(crate) struct Estimation {
     pub(super) repeated: bool,
     /// Whether the structured prior was chosen for these photographs.
     pub(super) structured: bool,
+    /// How the finished maps of all earlier photographs predicted the latest.
+    pub(super) predicted: Option<Predicted>,
     /// The latent fit's maps before its latest step, and losses of the maps.
     pub(super) previous: Option<Shown>,
     pub(super) trend: Option<Trend>,
@@ -142,6 +144,7 @@ impl Estimation {
             lights_before: Correction::default(),
             repeated: false,
             structured: false,
+            predicted: None,
             previous: None,
             trend: None,
             keep_record: false,
@@ -197,6 +200,7 @@ impl Estimation {
         changes: &[impl Change],
         restart: bool,
     ) -> Result<()> {
+        self.predicted = self.predict(&observation)?;
         self.leave();
         for change in changes {
             self.photographs.change(change.index(), |observation| change.apply(observation));
@@ -225,6 +229,16 @@ impl Estimation {
         self.go_to(Position::default());
         self.measure();
         Ok(())
+    }
+
+    /// How finished maps predict a photograph that they have not seen.
+    fn predict(&self, observation: &Observation) -> Result<Option<Predicted>> {
+        let finished = self.task.method == Method::Deep && self.is_done() && !self.is_cut();
+        let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
+        let mut alone = Photographs::new(self.options.latent.finest_texels);
+        alone.add(observation.clone())?;
+        let of = (maps, &self.photographs);
+        Ok(Some(Predicted::new(of, &alone, self.structured, &self.options.structured)))
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
@@ -391,7 +405,7 @@ impl Estimation {
             Work::Widths(trials) => [trials.errors.len(), trials.count() + 1],
             Work::Lights(fit) => fit.work(),
             Work::Classes(trials) => [trials.costs.len(), trials.count()],
-            Work::Baseline(baseline) => [baseline.steps, self.options.baseline.steps],
+            Work::Baseline(baseline) => [baseline.steps(), self.options.baseline.steps],
         };
         (done as f32 / all.max(1) as f32).min(1.0)
     }

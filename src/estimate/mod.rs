@@ -18,7 +18,7 @@
 //!
 //! ```text
 //! m = D(z)           maps of the latent code                  latent/
-//!   + offset         what all texels are off                  lights/
+//!   + offset         what all texels are off                  lights/    (with bundle/)
 //!   + groups         pooled gloss and its residuals, classes  updates/pooling, classes
 //!   + regression     slopes by slopes and colours             updates/slopes
 //!   + network        what fits are known to leave open        updates/network
@@ -34,7 +34,8 @@
 //! |---|---|---|
 //! | latent code | `z` | Adam on the mean log-L1 through decoder and renderer (Gao et al. 2019, Section 5) |
 //! | maps | `x`, and `σ`, width of slopes | Levenberg-Marquardt per texel, reweighted; `σ` from residuals; evidence (MacKay 1992) |
-//! | lights | `v`, offset | bundle adjustment: Levenberg-Marquardt, texels eliminated |
+//! | widths | `m`, `Λ`, `v` | leave-one-out cross-validation; classes, exposure and flash as for lights |
+//! | lights | `v`, offset | bundle adjustment (`bundle`): Levenberg-Marquardt, texels eliminated |
 //! | pool gloss, residuals | `m` | precision-weighted means of groups of like colour (empirical Bayes) |
 //! | material classes | `m`, `x` | mixture model, expectation maximisation |
 //! | slopes | `m`, `x` | linear regression by marginal likelihood |
@@ -47,9 +48,12 @@
 //! known and where in the schedule it is, `steps` one step of each phase. A phase that moves the prior
 //! is an update: a small type with one method from photographs and belief to belief.
 
+mod adam;
 mod baseline;
 mod belief;
 mod budget;
+mod bundle;
+mod clusters;
 mod correction;
 mod estimation;
 mod estimator;

@@ -82,6 +82,9 @@ pub(super) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Resul
     Err(Error::argument(argument, message))
 }
 
+/// Coordinates of a texel in double precision: slopes, square roots of albedos, roughness.
+pub(super) type Coordinates = [f64; CHANNELS];
+
 /// Least square root of an albedo: at zero its derivative would vanish for good. As an albedo it is
 /// far below what [`EPSILON`](crate::loss::EPSILON) hides; more of it slopes and gloss would explain
 /// away.

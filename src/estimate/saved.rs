@@ -3,17 +3,19 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+pub(crate) use super::adam::Adam;
 use super::baseline::Baseline;
-pub(crate) use super::baseline::Moments;
+pub(crate) use super::baseline::SavedBaseline;
 pub(crate) use super::belief::Belief;
 use super::budget::Shown;
 pub(crate) use super::budget::Trend;
+pub(crate) use super::bundle::{Progress, State};
 pub(crate) use super::correction::{Correction, Exposure, MAX_MIRRORED, Offset};
 pub(crate) use super::estimation::Cut;
 use super::estimation::{Estimation, Method, Task, Work};
 use super::latent::LatentFit;
 pub(crate) use super::latent::{LatentPosition, SavedFit, SavedLevel};
-pub(crate) use super::lights::{Damping, Progress, SavedLights, State};
+pub(crate) use super::lights::{SavedDescent, SavedLights};
 pub(crate) use super::noise::Noise;
 use super::options::EstimateOptions;
 pub(crate) use super::photographs::Photographs;
@@ -22,6 +24,7 @@ use super::schedule::Phase;
 pub(crate) use super::schedule::{Part, Position};
 use super::solver::Solver;
 pub(crate) use super::solver::SolverState;
+pub(crate) use super::structured::Predicted;
 use super::structured::WidthTrials;
 use super::updates::ClassTrials;
 use crate::initial_estimate::Networks;
@@ -41,6 +44,7 @@ pub(crate) struct SavedEstimation<'a> {
     pub lights_before: Cow<'a, Correction>,
     pub repeated: bool,
     pub structured: bool,
+    pub predicted: Option<Predicted>,
     /// What was to be seen before the latest step of the latent fit.
     pub previous: Option<Cow<'a, [f32]>>,
     pub trend: Option<Trend>,
@@ -56,8 +60,7 @@ pub(crate) enum SavedWork<'a> {
     Lights(SavedLights),
     /// Costs of the trials done.
     Classes(Cow<'a, [Vec<f32>]>),
-    /// Steps and moments.
-    Baseline(usize, Cow<'a, [Moments]>),
+    Baseline(Cow<'a, SavedBaseline>),
 }
 
 impl Estimation {
@@ -69,7 +72,7 @@ impl Estimation {
             Work::Widths(trials) => SavedWork::Widths(Cow::Borrowed(&trials.errors)),
             Work::Lights(fit) => SavedWork::Lights(fit.save()),
             Work::Classes(trials) => SavedWork::Classes(Cow::Borrowed(&trials.costs)),
-            Work::Baseline(b) => SavedWork::Baseline(b.steps, Cow::Borrowed(&b.moments)),
+            Work::Baseline(b) => SavedWork::Baseline(Cow::Borrowed(&b.state)),
         };
         SavedEstimation {
             photographs: Cow::Borrowed(&self.photographs),
@@ -84,6 +87,7 @@ impl Estimation {
             lights_before: Cow::Borrowed(&self.lights_before),
             repeated: self.repeated,
             structured: self.structured,
+            predicted: self.predicted,
             previous: self.previous.as_ref().map(|shown| Cow::Borrowed(&shown.values[..])),
             trend: self.trend.clone(),
         }
@@ -117,6 +121,7 @@ impl Estimation {
         estimation.lights_before = saved.lights_before.into_owned();
         estimation.repeated = saved.repeated;
         estimation.structured = saved.structured;
+        estimation.predicted = saved.predicted;
         estimation.check()?;
         estimation.previous = saved.previous.map(|values| Shown { values: values.into_owned() });
         estimation.trend = saved.trend;
@@ -175,8 +180,14 @@ impl Estimation {
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
-                let (free, options) = (self.task.free_lights, &self.options.structured);
-                let mut trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
+                let (free, options) = (self.task.free_lights, &self.options);
+                let mut trials = WidthTrials::new(
+                    &self.photographs,
+                    &belief.maps,
+                    free,
+                    self.predicted,
+                    options,
+                );
                 if !trials.resume(errors.into_owned()) {
                     return Err(fault("trials of widths are too many"));
                 }
@@ -189,10 +200,10 @@ impl Estimation {
                 }
                 Work::Classes(Box::new(trials))
             }
-            (SavedWork::Baseline(steps, moments), Some(Phase::Baseline), None) => {
+            (SavedWork::Baseline(state), Some(Phase::Baseline), None) => {
                 let maps = self.maps.as_ref().ok_or(Error::NoMaps)?;
-                let (options, moments) = (&self.options.baseline, moments.into_owned());
-                Work::Baseline(Baseline::resume(maps, observations, options, steps, moments)?)
+                let (options, state) = (&self.options.baseline, state.into_owned());
+                Work::Baseline(Baseline::resume(maps, observations, options, state)?)
             }
             _ => return Err(fault("the part in progress is not the schedule's")),
         })

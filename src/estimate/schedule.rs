@@ -86,9 +86,7 @@ pub(crate) fn rows(
     let turn_rounds = if lights == LightsKnown::Roughly { o.turn_rounds } else { 0 };
     let widths_from = match lights {
         LightsKnown::Roughly => options.structured.from,
-        LightsKnown::Well => options.structured.from.max(options.structured.leave_out_from),
-        // What a room mirrors is not in the structured prior's light.
-        LightsKnown::InRoom => usize::MAX,
+        _ => options.structured.from.max(options.structured.leave_out_from),
     };
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [

@@ -123,9 +123,10 @@ impl Estimation {
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let (free, options) = (self.task.free_lights, &self.options.structured);
+        let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
-            let trials = WidthTrials::new(&self.photographs, &belief.maps, free, options);
+            let trials =
+                WidthTrials::new(&self.photographs, &belief.maps, free, self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };
@@ -196,9 +197,8 @@ impl Estimation {
         options: &EstimateOptions,
     ) -> Option<LightFit> {
         let free = Free { turn, ambient: free_lights, mirror: !free_lights };
-        let maps = (&belief.maps, &belief.base);
-        let start = Start::new(photographs, maps, &belief.found, &belief.offset);
-        LightFit::new(start, free, &options.lights, &options.schedule)
+        let Belief { maps, base, found: prior, offset, .. } = belief;
+        LightFit::new(Start { photographs, maps, base, prior, offset }, free, options)
     }
 
     /// A trial of a class; whether it was the last.
@@ -233,7 +233,7 @@ impl Estimation {
         // Adam's loss jumps about: every fiftieth is compared.
         let steps = self.options.baseline.steps;
         let trend = self.trend.get_or_insert_with(|| Trend::new(steps, 50));
-        let is_flat = meter.budget.stop_when_invisible && trend.is_flat(baseline.steps, loss);
+        let is_flat = meter.budget.stop_when_invisible && trend.is_flat(baseline.steps(), loss);
         if is_flat && !baseline.is_done() {
             self.cut = self.cut.or(Some(Cut::Invisible));
         }

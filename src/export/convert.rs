@@ -132,20 +132,42 @@ impl MetallicModel {
         let k = self.diffuse * (1.0 - m);
         let dielectric = match self.dielectric {
             Dielectric::Fixed(d) => d,
-            Dielectric::UpTo(limit) if m < 1.0 => {
-                let mean = |v: [f32; 3]| v.iter().sum::<f32>() / 3.0;
-                let d = mean(albedos.specular) - m * mean(albedos.diffuse) / k;
-                (d / (1.0 - m)).clamp(0.0, limit)
-            }
-            Dielectric::UpTo(_) => 0.0,
+            Dielectric::UpTo(limit) => self.best_dielectric(albedos, m, limit),
         };
-        let norm = k * k + m * m;
-        let base = std::array::from_fn(|c| {
-            let metal = albedos.specular[c] - dielectric * (1.0 - m);
-            ((k * albedos.diffuse[c] + m * metal) / norm).clamp(0.0, 1.0)
-        });
+        let base = std::array::from_fn(|c| best_base(albedos, c, k, m, dielectric).clamp(0.0, 1.0));
         Split { base, metallic: m, dielectric }
     }
+
+    /// The dielectric's reflectance, from 0 to `limit`, that is best together with the base colours
+    /// that are best for it. Their cost is convex in it and its derivative piecewise linear, as base
+    /// colours stop at 0 and 1: Newton's steps end in few.
+    fn best_dielectric(&self, albedos: &Albedos, m: f32, limit: f32) -> f32 {
+        let (k, mut d) = (self.diffuse * (1.0 - m), 0.5 * limit);
+        if k <= 0.0 {
+            return 0.0;
+        }
+        for _ in 0..8 {
+            let (mut residual, mut slope) = (0.0, 0.0);
+            for c in 0..3 {
+                let base = best_base(albedos, c, k, m, d);
+                residual += albedos.specular[c] - d * (1.0 - m) - m * base.clamp(0.0, 1.0);
+                let is_free = (0.0..=1.0).contains(&base);
+                slope += (1.0 - m) * if is_free { k * k / (k * k + m * m) } else { 1.0 };
+            }
+            let next = (d + residual / slope).clamp(0.0, limit);
+            if (next - d).abs() < 1e-6 {
+                return next;
+            }
+            d = next;
+        }
+        d
+    }
+}
+
+/// Best base colour of channel `c` for a metalness, beyond its range where it would be better there.
+fn best_base(albedos: &Albedos, c: usize, k: f32, m: f32, dielectric: f32) -> f32 {
+    let metal = albedos.specular[c] - dielectric * (1.0 - m);
+    (k * albedos.diffuse[c] + m * metal) / (k * k + m * m)
 }
 
 /// Base colour and metalness in place of two albedos.
@@ -230,10 +252,8 @@ mod tests {
                         };
                         error += (0..=50).map(|b| channel(b as f32 / 50.0)).fold(f32::MAX, f32::min);
                     }
-                    // A free dielectric is found from means, before base colours are clamped: some per
-                    // cent off where these are dark.
-                    let slack = if which == 2 { 1.2 } else { 1.0 };
-                    prop_assert!(found <= slack * error + 2e-5, "{found} for {error} at {m} {dielectric}");
+                    // Sixteen samples of the metalness may take the other of two minima of like depth.
+                    prop_assert!(found <= 1.01 * error + 2e-5, "{found} for {error} at {m} {dielectric}");
                 }
             }
         }

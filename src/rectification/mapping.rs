@@ -29,13 +29,13 @@ pub(super) struct Positions {
     pub y: [f32; LANES],
     /// Squared tangent of the angle to the optical axis at the camera.
     pub tan2: [f32; LANES],
-    /// The same at the light.
-    pub tan2_light: [f32; LANES],
+    /// Tangents of the direction from the light, camera frame.
+    pub from_light: [[f32; LANES]; 2],
 }
 
 impl Default for Positions {
     fn default() -> Self {
-        Self { x: [0.0; LANES], y: [0.0; LANES], tan2: [0.0; LANES], tan2_light: [0.0; LANES] }
+        Self { x: [0.0; LANES], y: [0.0; LANES], tan2: [0.0; LANES], from_light: [[0.0; LANES]; 2] }
     }
 }
 
@@ -141,8 +141,9 @@ impl Mapping {
             out.y[lane] = fy * (y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * xy) + cy;
             out.tan2[lane] = r2;
             let from_light = [point[0] - light.x, point[1] - light.y, point[2] - light.z];
-            out.tan2_light[lane] = (from_light[0] * from_light[0] + from_light[1] * from_light[1])
-                / (from_light[2] * from_light[2]);
+            let inverse = 1.0 / from_light[2];
+            out.from_light[0][lane] = from_light[0] * inverse;
+            out.from_light[1][lane] = from_light[1] * inverse;
         }
     }
 

@@ -11,7 +11,7 @@ mod resample;
 mod sampler;
 
 use crate::Rejection;
-use crate::calibration::photometry::Radiometry;
+use crate::calibration::photometry::{Lobe, Radiometry};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{self, Falloff, Observation, View, pack_weight};
@@ -239,6 +239,8 @@ struct Response {
     /// `1 / V` of the lens and `1 / cos^n` of the flash's lobe, at equal steps of tan².
     lens: Vec<f32>,
     lobe: Vec<f32>,
+    /// What is not round of the lobe.
+    pattern: [f32; 2],
     per_tan2: f32,
 }
 
@@ -258,7 +260,8 @@ impl Response {
         Self {
             gain: radiometry.gain.map(|g| g as f32),
             lens: table(&|tan2| radiometry.vignetting.at(tan2)),
-            lobe: table(&|tan2| (1.0 + tan2).powf(-0.5 * radiometry.lobe_exponent)),
+            lobe: table(&|tan2| (1.0 + tan2).powf(-0.5 * radiometry.lobe.exponent)),
+            pattern: radiometry.lobe.pattern.map(|p| p as f32),
             per_tan2: (1.0 / step) as f32,
         }
     }
@@ -270,7 +273,12 @@ impl Response {
             let (low, fraction) = (at as usize, at.fract());
             table[low] + fraction * (table[low + 1] - table[low])
         };
-        read(&self.lens, positions.tan2[lane]) * read(&self.lobe, positions.tan2_light[lane])
+        let [x, y] = positions.from_light.map(|lanes| lanes[lane]);
+        let tan2 = x * x + y * y;
+        let [along, across] = self.pattern;
+        let pattern = 1.0 + (along * (x * x - y * y) + across * 2.0 * x * y) / (1.0 + tan2);
+        let round = read(&self.lens, positions.tan2[lane]) * read(&self.lobe, tan2);
+        round / pattern.max(Lobe::MIN_PATTERN as f32)
     }
 }
 

@@ -1,14 +1,14 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::calibration::photometry::Vignetting;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
+use crate::calibration::photometry::{Lobe, Vignetting};
 
 fn unit_radiometry() -> Radiometry {
     Radiometry {
         gain: [1.0; 3],
         vignetting: Vignetting::default(),
-        lobe_exponent: 0.0,
+        lobe: Lobe::default(),
         flash_offset_mm: DVec3::ZERO,
         power_mm2: [1.0; 3],
         ambient: [0.0; 3],
@@ -343,7 +343,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
     let new = Radiometry {
         gain: [1.5, 0.8, 1.1],
         vignetting: Vignetting { exponent: 4.0, curvature: 1.0 },
-        lobe_exponent: 3.0,
+        lobe: Lobe { exponent: 3.0, pattern: [0.3, -0.2] },
         flash_offset_mm: DVec3::new(5.0, 9.0, 0.0),
         power_mm2: [2.0; 3],
         ambient: [0.1, 0.0, 0.0],

@@ -21,6 +21,7 @@ pub struct Reflection {
 
 /// Reflects light from direction `light` towards `view` (unit vectors from the texel, board frame)
 /// for natural parameters in the order of [`channel`].
+#[inline(always)]
 pub fn reflect(parameters: &[f64; CHANNELS], light: [f64; 3], view: [f64; 3]) -> Reflection {
     let [p, q] = [parameters[channel::SLOPE_X], parameters[channel::SLOPE_Y]];
     let length = (1.0 + p * p + q * q).sqrt();

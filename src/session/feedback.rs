@@ -230,8 +230,8 @@ mod tests {
 
     #[test]
     fn photographs_that_are_not_linear_are_told() {
-        use crate::calibration::photometry::Vignetting;
         use crate::calibration::photometry::tests::{camera, photograph};
+        use crate::calibration::photometry::{Lobe, Vignetting};
         let (camera, pose) = (camera(), pose(0.3, 0.1, 0.0, 420.0));
         let target = Target::default();
         let albedo = |p: DVec2| {
@@ -251,7 +251,7 @@ mod tests {
         // What the squares told, blacks being so many times what the target says.
         let known = |ratio| Photometry {
             vignetting: Vignetting::default(),
-            lobe_exponent: 0.0,
+            lobe: Lobe::default(),
             ambient: [0.0; 3],
             ambient_raw: [(0.0, 0.0); 3],
             flash_offset_mm: DVec3::ZERO,

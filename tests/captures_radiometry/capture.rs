@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use serde_json::Value;
-use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator, Radiometry, Vignetting};
+use svbrdf::calibration::photometry::{
+    FlashOffset, Lobe, PhotometricCalibrator, Radiometry, Vignetting,
+};
 use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
@@ -163,7 +165,7 @@ impl Capture {
                 exponent: (ay * bb - by * ab) / det,
                 curvature: (by * aa - ay * ab) / det,
             },
-            lobe_exponent: self.lobe_exponent(),
+            lobe: Lobe { exponent: self.lobe_exponent(), ..Lobe::default() },
             flash_offset_mm: self.offset,
             power_mm2: [power as f32; 3],
             ambient: self.true_ambient().map(|v| (v / lobe) as f32),

@@ -55,7 +55,9 @@ pub fn library() -> &'static Path {
         let this = env::current_exe().unwrap();
         let profile_dir = this.parent().unwrap().parent().unwrap();
         let mut build = Command::new(env!("CARGO"));
-        build.current_dir(root()).args(["build", "--package", "svbrdf-ffi", "--lib"]);
+        // The default members, as tests are built: of one package alone, dependencies would have other
+        // features and be compiled anew.
+        build.current_dir(root()).args(["build", "--lib"]);
         match profile_dir.file_name().unwrap().to_str().unwrap() {
             "debug" => {}
             profile => {

@@ -83,6 +83,28 @@ impl Vignetting {
     }
 }
 
+/// How the intensity of a flash depends on direction.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Lobe {
+    /// `n` of `cos^n`, of the angle between the direction from flash to surface and the camera's axis.
+    pub exponent: f64,
+    /// What is not round of it: `cos^n` is multiplied by `1 + p[0] (x² - y²) + p[1] 2 x y`, `x` and
+    /// `y` of the unit direction in the camera frame.
+    pub pattern: [f64; 2],
+}
+
+impl Lobe {
+    /// Least of the pattern that is believed.
+    pub(crate) const MIN_PATTERN: f64 = 0.2;
+
+    /// Relative intensity in a direction, camera frame; 1 along the axis.
+    pub fn at(&self, direction: DVec3) -> f64 {
+        let DVec3 { x, y, z } = direction.normalize();
+        let pattern = 1.0 + self.pattern[0] * (x * x - y * y) + self.pattern[1] * 2.0 * x * y;
+        z.max(0.1).powf(self.exponent) * pattern.max(Self::MIN_PATTERN)
+    }
+}
+
 /// How a photo's values become radiance, and the light they were taken under.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radiometry {
@@ -92,9 +114,8 @@ pub struct Radiometry {
     pub gain: [f64; 3],
     /// Response over the photo.
     pub vignetting: Vignetting,
-    /// Exponent `n` of the flash's lobe: its intensity is `cos^n` of the angle between the direction
-    /// from flash to surface and the camera's axis.
-    pub lobe_exponent: f64,
+    /// How the flash's intensity depends on direction.
+    pub lobe: Lobe,
     /// Flash in the camera frame, mm.
     pub flash_offset_mm: DVec3,
     /// Intensity per channel such that irradiance is `power_mm2 / d²`: pi * reference distance²
@@ -110,8 +131,8 @@ pub struct Radiometry {
 pub struct Photometry {
     /// Response over the photo, all photos.
     pub vignetting: Vignetting,
-    /// Exponent of the flash's lobe.
-    pub lobe_exponent: f64,
+    /// How the flash's intensity depends on direction.
+    pub lobe: Lobe,
     /// Radiance of the surround per channel; as irradiance relative to the flash's, facing it at
     /// the reference distance, it is the same number. 0 where the photos cannot tell.
     pub ambient: [f64; 3],
@@ -235,12 +256,11 @@ impl PhotometricCalibrator {
         let (p, frame) = (self.photometry.as_ref()?, self.frames.get(index)?);
         let power = std::f64::consts::PI * p.reference_mm * p.reference_mm;
         // Direction of the sample's centre from the flash, camera frame.
-        let centre = (frame.pose.translation - p.flash_offset_mm).normalize();
-        let lobe = centre.z.max(0.1).powf(p.lobe_exponent);
+        let lobe = p.lobe.at(frame.pose.translation - p.flash_offset_mm);
         Some(Radiometry {
             gain: p.log_scale[index].map(|s| (-s).exp() / f64::from(frame.squares.exposure)),
             vignetting: p.vignetting,
-            lobe_exponent: p.lobe_exponent,
+            lobe: p.lobe,
             flash_offset_mm: p.flash_offset_mm,
             power_mm2: [power as f32; 3],
             ambient: p.ambient.map(|v| (v / lobe) as f32),
@@ -336,7 +356,7 @@ impl PhotometricCalibrator {
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
         let photometry = Photometry {
             vignetting: Vignetting { exponent: solution.exponent, curvature: solution.curvature },
-            lobe_exponent: solution.lobe,
+            lobe: solution.lobe,
             ambient: share.map(|q| q / (1.0 - q)),
             ambient_raw,
             flash_offset_mm: solution.offset_mm,

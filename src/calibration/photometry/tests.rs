@@ -77,6 +77,8 @@ struct Truth {
     scale: [f64; 3],
     vignetting: Vignetting,
     lobe: f64,
+    /// What is not round of it, by the direction's azimuth and the square of its sine.
+    pattern: fn(f64, f64) -> f64,
     /// Relative to the flash at 250 mm.
     ambient: [f64; 3],
     offset: DVec3,
@@ -91,6 +93,7 @@ impl Truth {
             scale: [1.1, 0.9, 0.7],
             vignetting: Vignetting { exponent: 2.0, curvature: -1.5 },
             lobe: 2.5,
+            pattern: |_, _| 1.0,
             ambient: [0.0; 3],
             offset: DVec3::new(7.0, -4.0, 0.0),
         }
@@ -126,7 +129,8 @@ impl Truth {
         let v = pose.to_board(self.offset) - p.extend(0.0);
         let g = REFERENCE * REFERENCE * v.z / v.length().powi(3);
         let w = pose.transform(p.extend(0.0)) - self.offset;
-        let flash = g * (w.z / w.length()).powf(self.lobe);
+        let w = w.normalize();
+        let flash = g * w.z.powf(self.lobe) * (self.pattern)(w.y.atan2(w.x), 1.0 - w.z * w.z);
         let common = self.vignetting.at(tan2) * self.albedo(p);
         std::array::from_fn(|c| common * self.scale[c] * (flash + self.ambient[c]))
     }
@@ -183,10 +187,37 @@ fn light_and_vignetting_are_recovered_from_synthetic_photos() {
     for tan2 in [0.0, 0.1, 0.3, 0.5] {
         // Lens and lobe together: what they are one by one is known less well.
         let lobe = |n: f64| (1.0_f64 + tan2).powf(-0.5 * n);
-        let ratio = p.vignetting.at(tan2) * lobe(p.lobe_exponent)
+        let ratio = p.vignetting.at(tan2) * lobe(p.lobe.exponent)
             / (truth.vignetting.at(tan2) * lobe(truth.lobe));
         assert!((ratio - 1.0).abs() < 0.01, "{tan2}: {ratio}");
     }
+}
+
+/// Two lobes of 10 %, fully so from 30 degrees on, which is not the model's form: they must neither
+/// bend the flash's place nor hide a little ambient light.
+#[test]
+fn a_pattern_that_is_not_round_bends_nothing() {
+    let pattern = |azimuth: f64, sine2: f64| {
+        1.0 + 0.1 * (2.0 * (azimuth - 0.6)).cos() * (sine2 / 0.25).min(1.0)
+    };
+    let truth = Truth { pattern, ambient: [0.02; 3], ..Truth::new() };
+    let mut calibrator = PhotometricCalibrator::new(
+        truth.target.clone(),
+        FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: DVec3::new(50.0, 50.0, 0.0) },
+    );
+    let poses =
+        poses().into_iter().chain([pose(0.4, 0.4, 2.2, 270.0), pose(-0.5, -0.2, 0.8, 300.0)]);
+    for pose in poses {
+        calibrator.push(&truth.photo(&pose, 0.8), &camera(), &pose).unwrap();
+    }
+    let p = calibrator.photometry().unwrap();
+    let off = (p.flash_offset_mm - truth.offset).length();
+    assert!(off < 1.5, "{off} mm: {:?}", p.flash_offset_mm);
+    for (value, sigma) in p.ambient_raw {
+        assert!((value - 0.02).abs() < 0.005, "{value} +- {sigma}");
+    }
+    let amplitude = p.lobe.pattern[0].hypot(p.lobe.pattern[1]);
+    assert!((amplitude - 0.4).abs() < 0.1, "{:?}", p.lobe);
 }
 
 #[test]
@@ -401,7 +432,7 @@ fn priors_hold_single_photos_of_uneven_paper_together() {
             let t = pose.translation - truth.offset;
             let lobe = |n: f64| (t.z / t.length()).powf(n);
             let centre = (pose.translation.truncate() / pose.translation.z).length_squared();
-            let found = p.vignetting.at(centre) * lobe(p.lobe_exponent) / r.gain[1];
+            let found = p.vignetting.at(centre) * lobe(p.lobe.exponent) / r.gain[1];
             let exact = truth.vignetting.at(centre) * lobe(truth.lobe)
                 / true_gain(&truth, 0.6, p.reference_mm, 1);
             let error = found / exact - 1.0;

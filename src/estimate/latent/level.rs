@@ -1,7 +1,7 @@
 //! The fit at one resolution: code, detail kept aside, and everything one step needs.
 
-use super::adam::Adam;
 use super::gains;
+use crate::estimate::adam::Adam;
 use crate::estimate::options::{GainOptions, LatentOptions};
 use crate::initial_estimate::{Networks, encoded_maps};
 use crate::network::Workspace;
@@ -104,11 +104,9 @@ impl Level {
 
     /// What [`Level::restore`] needs.
     pub fn save(&self) -> SavedLevel {
-        let (first, second, steps) = self.adam.parts();
         SavedLevel {
             code: self.code.clone(),
-            moments: [first.to_vec(), second.to_vec()],
-            steps,
+            adam: self.adam.clone(),
             anchor: self.anchor.clone(),
             deviation: self.deviation,
             detail: self.detail.clone(),
@@ -125,7 +123,7 @@ impl Level {
         same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let SavedLevel { code, moments, steps, anchor, deviation, detail, maps, stale } = saved;
+        let SavedLevel { code, adam, anchor, deviation, detail, maps, stale } = saved;
         if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
             return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
         }
@@ -137,11 +135,9 @@ impl Level {
         let decoder = networks.decoder();
         let stride = decoder.stride();
         let length = decoder.code_channels() * (maps.texels() / (stride * stride));
-        let [first, second] = moments;
-        if [&code, &first, &second].iter().any(|v| v.len() != length) {
+        if code.len() != length || !adam.fits(length) {
             return Err(Error::argument("code", "code and moments are not of the level's size"));
         }
-        let adam = Adam::from_parts(first, second, steps);
         Ok(Self { code, anchor, deviation, adam, detail, maps, stale, tools: None })
     }
 
@@ -260,10 +256,8 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
 pub(crate) struct SavedLevel {
     /// The latent code.
     pub code: Vec<f32>,
-    /// Adam's first and second moments, as many as the code.
-    pub moments: [Vec<f32>; 2],
-    /// Steps that the moments have seen.
-    pub steps: i32,
+    /// Its moments, as many.
+    pub adam: Adam,
     /// Slopes that the prior holds on to: two encoded planes.
     pub anchor: Vec<f32>,
     /// Their expected error.

@@ -11,7 +11,6 @@
 //! new photograph it begins again at the coarsest level, with code and moments as they were, and
 //! carries the *change* of each level up to the next, so that detail found before stays.
 
-mod adam;
 mod gains;
 mod level;
 

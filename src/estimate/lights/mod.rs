@@ -6,117 +6,102 @@
 //! the ambient light is one number, a fraction of the flash's irradiance; and what of a surround a
 //! smooth sample mirrors is one number for each photograph, as it lies elsewhere in each.
 //!
-//! Maps would slowly follow wrong lights if each were fitted in turn. So a grid of texels is fitted
-//! together with the lights, as in bundle adjustment: Levenberg-Marquardt on the posterior of
-//! [`super::posterior`] by reweighted least squares, each texel's nine unknowns eliminated (Schur
-//! complement). The maps themselves stay as they are.
+//! A grid of texels is fitted together with the lights ([`super::bundle`]); the maps themselves stay as
+//! they are.
 //!
 //! The mean that the texels are held to came from the same photographs: what wrong lights did
 //! to it, they did everywhere. So it may be off by an [`Offset`], one constant per coordinate. And a
 //! sample is flat: its mean slope is nearly zero, which light directions that only slanted normals
 //! could explain do not survive.
 
-mod equations;
-mod problem;
-mod state;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
+use super::bundle::{
+    Descent, Groups, Limits, MIRRORED, Parameter, Problem, Progress, Sample, Shared, State,
+};
 use super::correction::{Correction, Offset};
-use super::options::{LightOptions, ScheduleOptions};
+use super::noise::Noise;
+use super::options::{EstimateOptions, LightOptions};
 use super::photographs::Photographs;
-use super::prior::Prior;
+use super::prior::{Coordinates, Prior};
 use crate::Svbrdf;
-use crate::observation::{Observation, View};
-use problem::Problem;
-pub(crate) use state::{Damping, Free, State};
+use crate::svbrdf::{CHANNELS, channel};
+
+/// Which lights are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Free {
+    /// Whether lights turn.
+    pub turn: bool,
+    /// Whether ambient light is looked for that the given views do not have.
+    pub ambient: bool,
+    /// Whether the surround differs from photograph to photograph where the sample mirrors it.
+    pub mirror: bool,
+}
 
 /// What the fit of lights starts from.
 #[derive(Clone, Copy)]
 pub(super) struct Start<'a> {
+    pub photographs: &'a Photographs,
     /// Where the texels begin.
     pub maps: &'a Svbrdf,
     /// The prior's mean, which is off by the offset.
     pub base: &'a Svbrdf,
     pub prior: &'a Prior,
-    pub observations: &'a [Observation],
-    /// Views before their correction.
-    pub given: &'a [View],
-    pub correction: &'a Correction,
     pub offset: &'a Offset,
-}
-
-impl<'a> Start<'a> {
-    /// Of a belief.
-    pub fn new(
-        photographs: &'a Photographs,
-        (maps, base): (&'a Svbrdf, &'a Svbrdf),
-        prior: &'a Prior,
-        offset: &'a Offset,
-    ) -> Self {
-        let (observations, given) = (photographs.full(), photographs.given());
-        Self {
-            maps,
-            base,
-            prior,
-            observations,
-            given,
-            correction: photographs.correction(),
-            offset,
-        }
-    }
 }
 
 /// Steps in progress of lights and texels.
 pub(crate) struct LightFit {
-    free: Descent,
+    free: Lights,
     from: State,
     /// Lights held: what turned ones are compared with. Once they have turned, what is left of their
     /// error need not be as large again: then there is none.
-    held: Option<Descent>,
+    held: Option<Lights>,
 }
 
 /// What differs from step to step of a [`LightFit`]: the free lights' and the held ones'.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SavedLights {
-    pub free: Progress,
-    pub held: Option<Progress>,
+    pub free: SavedDescent,
+    pub held: Option<SavedDescent>,
+}
+
+/// A descent's progress, and for how many steps what is shared has hardly changed.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SavedDescent {
+    pub progress: Progress,
+    pub still_steps: usize,
 }
 
 impl LightFit {
     /// Before the first step; nothing where photographs are too few.
-    pub fn new(
-        start: Start,
-        free: Free,
-        options: &LightOptions,
-        schedule: &ScheduleOptions,
-    ) -> Option<Self> {
-        let count = start.observations.len().min(start.given.len());
-        if count < schedule.lights_from {
+    pub fn new(start: Start, free: Free, options: &EstimateOptions) -> Option<Self> {
+        let count = start.photographs.len();
+        if count < options.schedule.lights_from {
             return None;
         }
-        let mut correction = start.correction.clone();
+        let mut correction = start.photographs.correction().clone();
         correction.turns.resize(count, [0.0; 2]);
         correction.mirrored.resize(count, 0.0);
         let as_given = correction.turns.iter().all(|turn| *turn == [0.0; 2]);
-        let problem = |free| {
-            let Start { maps, base, prior, observations, given, .. } = start;
-            let observations = &observations[..count];
-            Problem::new(maps, base, observations, given, free, prior, (options, schedule))
-        };
-        let of_free = problem(free);
-        let texels = of_free.start.clone();
-        let from = State { texels, correction, offset: start.offset.0 };
+        let sample = Arc::new(Sample::new(start.photographs, usize::MAX, options.lights.texels));
+        let of_free = problem(&start, &sample, free, options);
+        let from = from(&of_free, &start, correction);
         let held = (free.turn && as_given).then(|| {
-            let problem = problem(Free { turn: false, ..free });
-            Descent::new(problem, from.clone(), false)
+            let free = Free { turn: false, ..free };
+            let problem = problem(&start, &sample, free, options);
+            Lights::new(problem, from.clone(), false, options)
         });
-        Some(Self { free: Descent::new(of_free, from.clone(), !free.turn), from, held })
+        let free = Lights::new(of_free, from.clone(), !free.turn, options);
+        Some(Self { free, from, held })
     }
 
     /// One step; nothing once done.
     pub fn step(&mut self) {
-        if !self.free.progress.done {
+        if !self.free.progress().done {
             self.free.step();
         } else if let Some(held) = &mut self.held {
             held.step();
@@ -125,41 +110,41 @@ impl LightFit {
 
     /// Whether nothing is left to do.
     pub fn is_done(&self) -> bool {
-        let free = &self.free.progress;
-        free.done && (!free.changed || self.held.as_ref().is_none_or(|held| held.progress.done))
+        let free = self.free.progress();
+        free.done && (!free.changed || self.held.as_ref().is_none_or(|held| held.progress().done))
     }
 
     /// Correction and offset once done, if they changed: lights turn from where they were given only
     /// where that explains much of the residuals.
     pub fn result(&self) -> Option<(Correction, Offset)> {
-        let Progress { state, changed, .. } = &self.free.progress;
+        let Progress { state, changed, .. } = self.free.progress();
         if !changed {
             return None;
         }
         if let Some(held) = &self.held {
-            let LightOptions { evidence, rounding, .. } = self.free.problem.options;
-            let at = if held.progress.changed { &held.progress.state } else { &self.from };
-            let loss = held.problem.loss(at);
-            if self.free.problem.loss(state) > (evidence * loss).min(loss - rounding) {
+            let LightOptions { evidence, rounding, .. } = self.free.options.lights;
+            let at = if held.progress().changed { &held.progress().state } else { &self.from };
+            let loss = held.descent.problem.mean_residual(at);
+            let free = self.free.descent.problem.mean_residual(state);
+            if free > (evidence * loss).min(loss - rounding) {
                 return None;
             }
         }
-        Some((state.correction.clone(), Offset(state.offset)))
+        Some((state.correction.clone(), Offset(state.groups[0])))
     }
 
     /// Steps done, and about how many there will be.
     pub fn work(&self) -> [usize; 2] {
         let runs = [Some(&self.free), self.held.as_ref()];
-        runs.into_iter().flatten().fold([0, 0], |[done, all], descent| {
-            let Progress { steps, done: ended, .. } = descent.progress;
+        runs.into_iter().flatten().fold([0, 0], |[done, all], lights| {
+            let Progress { steps, done: ended, .. } = *lights.progress();
             [done + steps, all + if ended { steps } else { (steps + 2).max(6) }]
         })
     }
 
     /// What [`LightFit::resume`] needs.
     pub fn save(&self) -> SavedLights {
-        let held = self.held.as_ref().map(|held| held.progress.clone());
-        SavedLights { free: self.free.progress.clone(), held }
+        SavedLights { free: self.free.save(), held: self.held.as_ref().map(Lights::save) }
     }
 
     /// Goes on where another stopped that began with the same; `None` where sizes differ.
@@ -175,80 +160,156 @@ impl LightFit {
 }
 
 /// A descent of the posterior.
-struct Descent {
-    problem: Problem,
-    progress: Progress,
+struct Lights {
+    descent: Descent,
     /// Whether ambient light, what is mirrored and offset that stay are the end, whatever texels
     /// still do.
     still: bool,
+    still_steps: usize,
+    options: EstimateOptions,
 }
 
-/// How far a descent is.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Progress {
-    pub state: State,
-    pub damping: Damping,
-    pub steps: usize,
-    pub still_steps: usize,
-    /// Whether a step has descended.
-    pub changed: bool,
-    pub done: bool,
-}
-
-impl Descent {
-    fn new(problem: Problem, state: State, still: bool) -> Self {
-        let damping = Damping::new(problem.texels(), &problem.options);
-        let done = problem.options.steps == 0;
-        let progress = Progress { state, damping, steps: 0, still_steps: 0, changed: false, done };
-        Self { problem, progress, still }
+impl Lights {
+    fn new(problem: Problem, state: State, still: bool, options: &EstimateOptions) -> Self {
+        let LightOptions { steps, converged, .. } = options.lights;
+        let descent = Descent::new(problem, state, Limits { steps, converged });
+        Self { descent, still, still_steps: 0, options: options.clone() }
     }
 
-    fn resume(mut self, progress: Progress) -> Option<Self> {
-        let sizes = |p: &Progress| {
-            let Correction { turns, mirrored, .. } = &p.state.correction;
-            [p.state.texels.len(), p.damping.0.len(), turns.len(), mirrored.len()]
-        };
-        let fits = sizes(&progress) == sizes(&self.progress);
-        self.progress = progress;
-        fits.then_some(self)
+    fn progress(&self) -> &Progress {
+        &self.descent.progress
+    }
+
+    fn save(&self) -> SavedDescent {
+        SavedDescent { progress: self.progress().clone(), still_steps: self.still_steps }
+    }
+
+    fn resume(mut self, saved: SavedDescent) -> Option<Self> {
+        self.descent = self.descent.resume(saved.progress)?;
+        self.still_steps = saved.still_steps;
+        Some(self)
     }
 
     /// One step towards the most probable state.
     fn step(&mut self) {
-        let Self { problem, progress, .. } = self;
-        if progress.done {
+        if self.progress().done {
             return;
         }
-        progress.steps += 1;
-        progress.done = progress.steps >= problem.options.steps;
-        problem.update_scales(&progress.state);
-        let before = problem.cost(&progress.state);
-        let Some(step) = problem.step(&progress.state, &progress.damping) else {
-            progress.done = true;
-            return;
-        };
-        let options = problem.options;
-        let tried = options.lengths.map(|length| problem.stepped(&progress.state, &step, length));
-        let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let Some(next) = best.filter(|best| best.cost < before) else {
-            progress.done |= !progress.damping.raise(&options);
-            return;
-        };
-        progress.damping.update(&next, &options);
-        let whole = next.length == options.lengths[0];
-        let is_still = whole && is_still(&progress.state, &next.state, &options);
-        progress.still_steps = if is_still { progress.still_steps + 1 } else { 0 };
-        (progress.state, progress.changed) = (next.state, true);
-        progress.done |= before - next.cost < options.converged * before
-            || (self.still && progress.still_steps >= options.still_steps);
+        self.update_scales();
+        let before = self.progress().state.clone();
+        self.descent.step();
+        let options = &self.options.lights;
+        let progress = &mut self.descent.progress;
+        let moved = progress.state != before;
+        let is_still = moved && is_still(&before, &progress.state, options);
+        self.still_steps = if is_still { self.still_steps + 1 } else { 0 };
+        progress.done |= self.still && self.still_steps >= options.still_steps;
     }
+
+    /// The noise that the residuals show. And how wrong the lights are: those that turn little are
+    /// held where they were told, as lights that are all farther out, and a sample that bulges,
+    /// explain photographs nearly as well.
+    fn update_scales(&mut self) {
+        let Descent { problem, progress, .. } = &mut self.descent;
+        let loss = problem.mean_residual(&progress.state);
+        problem.noise = Noise::found(&self.options.noise, loss, problem.photographs_per_texel());
+        let options = &self.options.lights;
+        let turns = progress.state.correction.turns.as_flattened();
+        let square = turns.iter().map(|t| t * t).sum::<f64>() / turns.len().max(1) as f64;
+        let widest = options.direction_sigma;
+        let sigma = square.sqrt().clamp(options.min_direction_sigma.min(widest), widest);
+        let scale = scale(&problem.sample, options);
+        for shared in &mut problem.shared {
+            if matches!(shared.parameter, Parameter::Turn(..)) {
+                shared.precision = scale / (sigma * sigma);
+            }
+        }
+    }
+}
+
+/// Texels that count as one.
+fn scale(sample: &Sample, options: &LightOptions) -> f64 {
+    sample.texels() as f64 / options.independent_texels
+}
+
+/// Texels held to the estimate, which is off by one offset.
+fn problem(start: &Start, sample: &Arc<Sample>, free: Free, options: &EstimateOptions) -> Problem {
+    let (noise, descent, options) = (&options.noise, options.bundle, &options.lights);
+    let scale = scale(sample, options);
+    let mean = sample.coordinates(start.base);
+    let precision = start.prior.sigma.map(|s| f64::from(s).powi(-2));
+    let [mut offset_mean, mut offset_precision] = [[0.0; CHANNELS], precision.map(|p| scale * p)];
+    for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+        let [slope, deviation] = moments(&mean, c);
+        let flat = scale * (options.flatness[0] + options.flatness[1] * deviation).powi(-2);
+        offset_precision[c] += flat;
+        offset_mean[c] = -slope * flat / offset_precision[c];
+    }
+    Problem {
+        sample: sample.clone(),
+        which: (0..sample.photographs.len()).collect(),
+        groups: Groups {
+            coordinates: 0..CHANNELS,
+            range: [-1.0, 1.0],
+            shares: vec![1.0; sample.texels()],
+            mean: vec![offset_mean],
+            precision: offset_precision,
+        },
+        mean,
+        precision,
+        shared: parameters(sample.photographs.len(), scale, free, options),
+        noise: Noise::expected(noise),
+        options: descent,
+    }
+}
+
+/// Mean and deviation of a coordinate.
+fn moments(all: &[Coordinates], c: usize) -> [f64; 2] {
+    let count = all.len().max(1) as f64;
+    let mean = all.iter().map(|x| x[c]).sum::<f64>() / count;
+    let square = all.iter().map(|x| (x[c] - mean).powi(2)).sum::<f64>();
+    [mean, (square / count).sqrt()]
+}
+
+/// What is free of the lights of so many photographs.
+fn parameters(photographs: usize, scale: f64, free: Free, options: &LightOptions) -> Vec<Shared> {
+    let LightOptions { direction_sigma, ambient_sigma, mirrored_sigma, .. } = *options;
+    let shared =
+        |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
+    let [longest_step, longest_turn] = options.max_turn;
+    let turn = |i: usize, axis| {
+        let turn = shared(Parameter::Turn(i, axis), direction_sigma, longest_step);
+        turn.within(-longest_turn, longest_turn)
+    };
+    let mut all = Vec::new();
+    for i in 0..photographs {
+        if free.turn {
+            all.extend([turn(i, 0), turn(i, 1)]);
+        }
+        if free.mirror {
+            let [low, high] = MIRRORED;
+            all.push(shared(Parameter::Mirrored(i), mirrored_sigma, 1.0).within(low, high));
+        }
+    }
+    if free.ambient {
+        let ambient = shared(Parameter::Ambient, ambient_sigma, f64::INFINITY);
+        all.push(ambient.within(0.0, options.max_ambient));
+    }
+    all
+}
+
+/// The state with a correction and an offset, texels as the maps say.
+fn from(problem: &Problem, start: &Start, correction: Correction) -> State {
+    let mut state = problem.start(correction);
+    state.groups[0] = start.offset.0;
+    problem.at(state, &problem.sample.coordinates(start.maps))
 }
 
 /// Whether ambient light, what is mirrored of it, and offset hardly changed.
 fn is_still(before: &State, after: &State, options: &LightOptions) -> bool {
     let [still_ambient, still_mirrored, still_offset] = options.still;
     let ambient = (after.correction.ambient - before.correction.ambient).abs();
-    let mut offsets = after.offset.iter().zip(&before.offset);
+    let mut offsets = after.groups[0].iter().zip(&before.groups[0]);
     let mut mirrored = after.correction.mirrored.iter().zip(&before.correction.mirrored);
     ambient < still_ambient
         && offsets.all(|(a, b)| (a - b).abs() < still_offset)

@@ -26,29 +26,10 @@ pub struct LightOptions {
     /// Expected mean slope of a sample's piece: at least, and relative to the slopes' deviation.
     /// Tuned on training materials.
     pub flatness: [f64; 2],
-    /// Noise assumed, log residuals: least and greatest. Tuned.
-    pub noise: [f64; 2],
-    /// Largest residual below which the loss is quadratic. Tuned.
-    pub huber: f64,
-    /// Damping of texels, relative to their diagonal: the first, the least, the greatest; with more,
-    /// texels hold the lights where they are. Tuned.
-    pub first_damping: f64,
-    /// See [`LightOptions::first_damping`].
-    pub damping: [f64; 2],
-    /// What a texel's damping is multiplied by after its whole step. Tuned.
-    pub ease: f64,
-    /// The same after less of it. Tuned.
-    pub raise: f64,
-    /// What every damping is multiplied by when no step descends. Tuned.
-    pub refuse: f64,
-    /// Fractions of a step that are tried. Tuned.
-    pub lengths: [f64; 2],
     /// Longest step of a light, and longest turn, radians. Derived: the small-angle model.
     pub max_turn: [f64; 2],
     /// Largest ambient fraction. Derived: beyond it a capture is no flash capture.
     pub max_ambient: f64,
-    /// Longest step of a texel's coordinate. Tuned.
-    pub max_step: f64,
     /// Mean residual of turned lights relative to that of held ones that turning must reach: with
     /// less, lights follow noise and what the model cannot say. Tuned.
     pub evidence: f64,
@@ -74,17 +55,8 @@ impl Default for LightOptions {
             ambient_sigma: 0.05,
             mirrored_sigma: 0.15,
             flatness: [0.005, 0.12],
-            noise: [0.001, 0.1],
-            huber: 0.02,
-            first_damping: 1e-4,
-            damping: [1e-6, 0.01],
-            ease: 0.2,
-            raise: 2.0,
-            refuse: 30.0,
-            lengths: [1.0, 0.3],
             max_turn: [0.06, 0.3],
             max_ambient: 0.4,
-            max_step: 0.2,
             evidence: 0.6,
             rounding: 2.5e-4,
             converged: 3e-4,

@@ -5,6 +5,7 @@
 //! simulated from them, unless it names another set. What is part of a trained network's input, and
 //! guards against rounding, are constants beside the code they belong to.
 
+mod bundle;
 mod latent;
 mod lights;
 mod structured;
@@ -13,6 +14,7 @@ mod updates;
 use serde::{Deserialize, Serialize};
 
 use super::prior::Prior;
+pub use bundle::BundleOptions;
 pub use latent::{BaselineOptions, GainOptions, LatentOptions};
 pub use lights::LightOptions;
 pub use structured::{StructuredOptions, Widths};
@@ -36,6 +38,8 @@ pub struct EstimateOptions {
     pub latent: LatentOptions,
     /// Gains of the maps as a whole.
     pub gains: GainOptions,
+    /// Descent of texels together with what they share.
+    pub bundle: BundleOptions,
     /// Structured prior.
     pub structured: StructuredOptions,
     /// Lights, ambient light and what texels are off as a whole.

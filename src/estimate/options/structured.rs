@@ -23,6 +23,8 @@ pub struct StructuredOptions {
     pub texels: usize,
     /// The same while photographs are left out. Tuned.
     pub trial_texels: usize,
+    /// Texels along the longer side of which those are taken as they are, at most. Tuned.
+    pub trial_averaged: usize,
     /// Steps of a fit, at most. Tuned.
     pub steps: usize,
     /// The same while photographs are left out. Tuned.
@@ -32,20 +34,29 @@ pub struct StructuredOptions {
     /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
     /// schedule goes on with them.
     pub candidates: Vec<Widths>,
-    /// Mean squared error of a photograph left out, relative to that of the widest, that a narrow prior
-    /// must reach. Tuned.
+    /// Mean squared error of photographs left out, relative to that of the widest prior, and of the
+    /// latest, relative to that of the maps before it, that a narrow prior must reach. Tuned.
     pub evidence: f64,
-    /// Mean residual of all photographs that the widest prior leaves, relative to what the narrow one
-    /// leaves, at least: below it texels explain the photographs, and there is no error of the model to
-    /// be held off. Tuned.
-    pub min_misfit: f64,
-    /// The same itself, at least: less is noise and rounding. Tuned.
+    /// The same relative to the widest alone, where there were no finished maps before. Tuned.
+    pub evidence_alone: f64,
+    /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
+    /// one: less is noise and rounding. Tuned.
     pub min_residual: f64,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
     /// Residual below which the loss is quadratic.
     pub huber: f64,
+    /// Relative gain of a step that is not worth another. Tuned.
+    pub converged: f64,
+    /// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm. Tuned.
+    pub max_steps: [f64; 3],
+    /// Part of the colour seen that is diffuse, in the prior's mean.
+    pub diffuse_fraction: f32,
+    /// Rounds of k-means of classes. Converged.
+    pub rounds: usize,
+    /// Texels that find the classes, at most. Tuned.
+    pub samples: usize,
     /// Expected logarithm of a photograph's gain.
     pub gain_sigma: f64,
     /// Expected exponent of exposure over distance.
@@ -75,6 +86,7 @@ impl Default for StructuredOptions {
             contradiction: 1.2,
             texels: 64,
             trial_texels: 32,
+            trial_averaged: 64,
             steps: 12,
             trial_steps: 8,
             folds: 3,
@@ -83,11 +95,16 @@ impl Default for StructuredOptions {
                 Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],
-            evidence: 0.8,
-            min_misfit: 0.25,
+            evidence: 0.9,
+            evidence_alone: 0.5,
             min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,
+            converged: 1e-4,
+            max_steps: [1.0, 0.2, 15.0],
+            diffuse_fraction: 0.8,
+            rounds: 25,
+            samples: 4096,
             gain_sigma: 0.05,
             exponent_sigma: 2.0,
             offset_sigma_mm: 30.0,

@@ -10,51 +10,57 @@
 //!
 //! How far texels may deviate differs from material to material. Candidates are compared by how well
 //! they predict each of the latest photographs from all others (leave-one-out cross-validation), at a
-//! few texels. Where the widest wins, as on bumpy materials that photographs explain well, the other
-//! phases of the schedule do better, and nothing is changed.
+//! few texels as they are: averages would hide relief. Where the widest wins, or the maps of the other
+//! phases have predicted the latest photograph better (prequential error), those go on, and nothing is
+//! changed. A choice once made needs less evidence to stay.
 //!
 //! Two photographs cannot be left out. They tell whether exposure and flash are as given: where the
 //! classes explain them clearly better with both free (a likelihood ratio), the light is known badly,
 //! texels would follow it, and the classes are taken, round the latent estimate.
 
-mod descent;
 mod groups;
-mod problem;
-mod sample;
+mod prediction;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use super::belief::Belief;
-use super::correction::Correction;
-use super::options::{StructuredOptions, Widths};
+use super::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State, colours};
+use super::clusters::Feature;
+use super::correction::{Correction, Exposure};
+use super::noise::Noise;
+use super::options::{EstimateOptions, StructuredOptions, Widths};
 use super::photographs::Photographs;
-use super::prior::{Prior, from_coordinate, to_coordinate};
+use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
-use groups::{Classes, Feature};
-use problem::{CLASS, Free, GLOSS, Problem, State, precision};
-use sample::{Coordinates, Lit, Sample, colours, natural};
-use std::ops::Range;
+use groups::Classes;
+pub(crate) use prediction::Predicted;
 
-/// Fraction of the colour seen that is diffuse, in the prior's mean.
-const DIFFUSE_FRACTION: f32 = 0.8;
+/// Coordinates that classes share.
+const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
 
 /// Coordinates of the diffuse albedo.
 const DIFFUSE: Range<usize> = channel::DIFFUSE..channel::DIFFUSE + 3;
 
 /// Trials of the widths in progress.
 pub(crate) struct WidthTrials {
-    options: StructuredOptions,
-    free: Free,
-    sample: Sample,
+    options: EstimateOptions,
+    /// Whether exposure and flash are free.
+    free: bool,
+    sample: Arc<Sample>,
     /// Classes round the estimate, where photographs are too few to leave one out.
     few: Option<Setup>,
     /// Photographs left out, each in turn.
     folds: Vec<usize>,
+    /// How the maps before the latest photograph predicted it.
+    predicted: Option<Predicted>,
     /// Of the trials done: squared errors of each candidate for each photograph left out; then what
-    /// the best narrow one and the widest leave of all photographs. Of few photographs: costs with
-    /// exposure and flash as given, and free.
+    /// the widest leaves of all photographs. Of few photographs: costs with exposure and flash as
+    /// given, and free.
     pub errors: Vec<f64>,
 }
 
@@ -65,33 +71,36 @@ impl WidthTrials {
         photographs: &Photographs,
         estimate: &Svbrdf,
         free: bool,
-        options: &StructuredOptions,
+        predicted: Option<Predicted>,
+        options: &EstimateOptions,
     ) -> Self {
-        let count = photographs.len();
-        let sample = Sample::new(photographs, options.trial_texels);
-        let few = (count < options.leave_out_from).then(|| {
+        let (count, o) = (photographs.len(), &options.structured);
+        let averaged = if count < o.leave_out_from { o.trial_texels } else { o.trial_averaged };
+        let sample = Sample::new(photographs, averaged, o.trial_texels);
+        let few = (count < o.leave_out_from).then(|| {
             let which: Vec<usize> = (0..count).collect();
-            let setup = Setup::new(&sample, &which, options.few.classes, options);
-            setup.around(&sample.coordinates(estimate), options.own_share)
+            let setup = Setup::new(&sample, &which, o.few.classes, options);
+            setup.around(&sample.coordinates(estimate), o.own_share)
         });
         Self {
             options: options.clone(),
-            free: Free { exposure: free, offset: free },
-            sample,
+            free,
+            sample: Arc::new(sample),
             few,
-            folds: (count.saturating_sub(options.folds)..count).collect(),
+            folds: (count.saturating_sub(o.folds)..count).collect(),
+            predicted,
             errors: Vec::new(),
         }
     }
 
     /// Trials in all.
     pub fn count(&self) -> usize {
-        if self.few.is_some() { 2 } else { self.predictions() + 2 }
+        if self.few.is_some() { 2 } else { self.predictions() + 1 }
     }
 
     /// Trials that predict photographs.
     fn predictions(&self) -> usize {
-        self.options.candidates.len() * self.folds.len()
+        self.options.structured.candidates.len() * self.folds.len()
     }
 
     /// Whether all trials are done.
@@ -110,30 +119,34 @@ impl WidthTrials {
 
     /// The cost of all photographs, first with exposure and flash as given, then with both free.
     fn cost_of_all(&self, setup: &Setup) -> f64 {
-        let (options, is_free) = (&self.options, !self.errors.is_empty());
+        let (options, few) = (&self.options, self.options.structured.few);
         let which: Vec<usize> = (0..self.sample.photographs.len()).collect();
-        let free = if is_free { self.free } else { Free { exposure: false, offset: false } };
-        let problem = setup.problem(&self.sample, &which, options.few, free, options);
-        problem.cost(&problem.descend(problem.start(), options.trial_steps))
+        let free = self.free && !self.errors.is_empty();
+        let problem = setup.clone().problem(&self.sample, which, few, free, options);
+        let (problem, state) = descended(problem, options.structured.trial_steps, options);
+        problem.cost(&state)
     }
 
     /// Predicts the next photograph that is left out from all others, or fits all.
     fn error_of_next(&self) -> f64 {
-        let (done, last) = (self.errors.len(), self.options.candidates.len() - 1);
+        let (done, last) = (self.errors.len(), self.options.structured.candidates.len() - 1);
         let folds = self.folds.len();
         let (candidate, left_out) = match done.checked_sub(self.predictions()) {
             None => (done / folds, Some(self.folds[done % folds])),
-            Some(0) => (self.best_narrow(), None),
             Some(_) => (last, None),
         };
-        let widths = self.options.candidates[candidate];
+        let widths = self.options.structured.candidates[candidate];
         let which: Vec<usize> =
             (0..self.sample.photographs.len()).filter(|&i| Some(i) != left_out).collect();
         let setup = Setup::new(&self.sample, &which, widths.classes, &self.options);
-        let problem = setup.problem(&self.sample, &which, widths, self.free, &self.options);
-        let state = problem.descend(problem.start(), self.options.trial_steps);
+        let problem = setup.problem(&self.sample, which, widths, self.free, &self.options);
+        let (problem, state) =
+            descended(problem, self.options.structured.trial_steps, &self.options);
         match left_out {
-            Some(left_out) => prediction_error(&problem, &state, left_out),
+            Some(left_out) => {
+                let at = |t| problem.coordinates(t, &state);
+                prediction::error(&problem.sample, left_out, &state.correction, at)
+            }
             None => problem.mean_residual(&state),
         }
     }
@@ -147,7 +160,7 @@ impl WidthTrials {
     /// The candidate but the last that predicts best.
     fn best_narrow(&self) -> usize {
         let sums = self.sums();
-        let narrow = sums.iter().take(self.options.candidates.len() - 1).enumerate();
+        let narrow = sums.iter().take(self.options.structured.candidates.len() - 1).enumerate();
         narrow.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(i, _)| i)
     }
 
@@ -161,22 +174,35 @@ impl WidthTrials {
     pub fn chosen(&self) -> Option<Widths> {
         match self.errors.as_slice() {
             &[given, free] if self.few.is_some() => {
-                (given > self.options.contradiction * free).then_some(self.options.few)
+                let StructuredOptions { contradiction, few, .. } = self.options.structured;
+                (given > contradiction * free).then_some(few)
             }
             _ => self.chosen_by_prediction(),
         }
     }
 
-    /// The narrow candidate that predicts best, if it predicts better than the widest, and if the
-    /// photographs are not explained much better without it: what is left even when every texel is
-    /// free is the model's error, which texels follow.
+    /// The narrow candidate that predicts best, where it predicts better than the widest and than the
+    /// maps of the other phases that were before the latest photograph. Where there are none, it must
+    /// be the better for it; a choice made before stays until the widest predicts better. None begins
+    /// where free texels explain the photographs to within noise and rounding.
     fn chosen_by_prediction(&self) -> Option<Widths> {
         let (sums, best) = (self.sums(), self.best_narrow());
-        let &[narrow_residual, widest_residual] = self.errors.last_chunk()?;
-        let predicts = sums[best] < self.options.evidence * sums.last()?;
-        let StructuredOptions { min_misfit, min_residual, .. } = self.options;
-        let misfits = widest_residual > (min_misfit * narrow_residual).max(min_residual);
-        (predicts && misfits).then(|| self.options.candidates[best])
+        let options = &self.options.structured;
+        let of_widest = sums[best] / sums.last()?.max(f64::MIN_POSITIVE);
+        let latest = self.errors[(best + 1) * self.folds.len() - 1];
+        let begins = *self.errors.last()? > options.min_residual;
+        let is_chosen = match self.predicted {
+            Some(Predicted { structured: true, photographs, .. })
+                if photographs >= options.leave_out_from =>
+            {
+                of_widest < 1.0
+            }
+            Some(Predicted { structured: false, error, .. }) => {
+                begins && of_widest < options.evidence && latest < options.evidence * error
+            }
+            _ => begins && of_widest < options.evidence_alone,
+        };
+        is_chosen.then(|| options.candidates[best])
     }
 }
 
@@ -188,51 +214,83 @@ pub(super) fn fit(
     belief: &mut Belief,
     widths: Widths,
     free: bool,
-    options: &StructuredOptions,
+    options: &EstimateOptions,
 ) {
-    let free = Free { exposure: free, offset: free };
-    let sample = Sample::new(photographs, options.texels);
+    let o = &options.structured;
+    let sample = Arc::new(Sample::new(photographs, o.texels, o.texels));
     let which: Vec<usize> = (0..photographs.len()).collect();
     let mut setup = Setup::new(&sample, &which, widths.classes, options);
-    let own = (which.len() < options.leave_out_from).then_some(options.own_share);
+    let own = (which.len() < o.leave_out_from).then_some(o.own_share);
     if let Some(own) = own {
         setup = setup.around(&sample.coordinates(&belief.maps), own);
     }
-    let problem = setup.problem(&sample, &which, widths, free, options);
-    let state = problem.descend(problem.start(), options.steps);
-    let mut gloss = state.classes.clone();
-    for (class, mean) in gloss.iter_mut().zip(&setup.class_means) {
+    let classes = setup.classes.clone();
+    let problem = setup.problem(&sample, which, widths, free, options);
+    let (problem, state) = descended(problem, o.steps, options);
+    let mut gloss = state.groups;
+    for (class, mean) in gloss.iter_mut().zip(&problem.groups.mean) {
         class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
     }
-    let colours = colours(photographs.full(), photographs.given());
-    belief.base = flat_maps(&belief.maps, own, &colours, &setup.classes, &gloss);
+    let classes = Gloss { classes, values: gloss };
+    belief.base = classes.flat_maps(&belief.maps, own, photographs, o);
     belief.mean.clone_from(&belief.base);
     belief.maps.clone_from(&belief.base);
-    belief.prior =
-        Prior { sigma: std::array::from_fn(|c| precision(&widths, c).powf(-0.5) as f32) };
-    belief.fixed_noise = Some(options.noise as f32);
+    belief.prior = Prior { sigma: sigmas(&widths).map(|s| s as f32) };
+    belief.fixed_noise = Some(o.noise as f32);
     let mirrored = photographs.correction().mirrored.clone();
     photographs.correct(Correction { mirrored, ..state.correction });
 }
 
-/// What a fit's problem refers to.
+/// Standard deviations of texels' coordinates.
+fn sigmas(widths: &Widths) -> Coordinates {
+    std::array::from_fn(|c| match c {
+        channel::SLOPE_X | channel::SLOPE_Y => widths.slope,
+        channel::ROUGHNESS => widths.roughness,
+        _ if c < channel::SPECULAR => widths.diffuse,
+        _ => widths.specular,
+    })
+}
+
+/// The most probable state near the prior's mean.
+fn descended(problem: Problem, steps: usize, options: &EstimateOptions) -> (Problem, State) {
+    let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
+    let correction = Correction { exposure: Exposure::as_given(views), ..Correction::default() };
+    let start = problem.start(correction);
+    Descent::new(problem, start, Limits { steps, converged: options.structured.converged }).run()
+}
+
+/// Colours of all texels.
+fn full_colours(photographs: &Photographs) -> Vec<Feature> {
+    let (full, given) = (photographs.full(), photographs.given());
+    let Some(first) = full.first() else { return Vec::new() };
+    let (width, height) = (first.width(), first.height());
+    let place = |t: usize| given[0].texel_mm(width, height, t % width, t / width).map(f64::from);
+    let seen = |i: usize, t: usize| {
+        (full[i].weight(t) > 0.0).then(|| [0, 1, 2].map(|c| full[i].radiance(c, t)))
+    };
+    colours(given, width * height, place, seen)
+}
+
+/// What the prior of a fit refers to.
+#[derive(Debug, Clone)]
 struct Setup {
     classes: Classes,
     shares: Vec<f32>,
     /// Prior means of texels, but for gloss: what is added to that of the classes.
     mean: Vec<Coordinates>,
-    class_means: Vec<[f64; CLASS]>,
+    class_means: Vec<Coordinates>,
 }
 
 impl Setup {
-    fn new(sample: &Sample, which: &[usize], count: usize, options: &StructuredOptions) -> Self {
+    fn new(sample: &Sample, which: &[usize], count: usize, options: &EstimateOptions) -> Self {
+        let options = &options.structured;
         let colours = sample.colours(which);
-        let classes = Classes::find(&colours, count);
+        let classes = Classes::find(&colours, count, options);
         let mut shares = vec![0.0; colours.len() * classes.len()];
         for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len())) {
             classes.shares(colour, out);
         }
-        let root = f64::from(DIFFUSE_FRACTION.sqrt());
+        let root = f64::from(options.diffuse_fraction.sqrt());
         let mean = colours.iter().map(|colour| {
             let mut mean = [0.0; CHANNELS];
             for c in 0..3 {
@@ -241,7 +299,9 @@ impl Setup {
             mean
         });
         let [root, roughness] = options.class_mean;
-        let class_means = vec![[root, root, root, roughness]; classes.len()];
+        let mut class_mean = [0.0; CHANNELS];
+        class_mean[GLOSS].copy_from_slice(&[root, root, root, roughness]);
+        let class_means = vec![class_mean; classes.len()];
         Self { mean: mean.collect(), classes, shares, class_means }
     }
 
@@ -250,11 +310,11 @@ impl Setup {
     fn around(mut self, estimate: &[Coordinates], own: f64) -> Self {
         let count = self.classes.len();
         let mut totals = vec![1e-9; count];
-        self.class_means.fill([0.0; CLASS]);
+        self.class_means.fill([0.0; CHANNELS]);
         for (x, shares) in estimate.iter().zip(self.shares.chunks_exact(count)) {
             for ((mean, total), share) in self.class_means.iter_mut().zip(&mut totals).zip(shares) {
                 *total += f64::from(*share);
-                mean.iter_mut().zip(&x[GLOSS]).for_each(|(m, v)| *m += f64::from(*share) * v);
+                GLOSS.for_each(|c| mean[c] += f64::from(*share) * x[c]);
             }
         }
         for (mean, total) in self.class_means.iter_mut().zip(totals) {
@@ -264,99 +324,105 @@ impl Setup {
             self.mean.iter_mut().zip(estimate).zip(self.shares.chunks_exact(count))
         {
             mean[DIFFUSE].copy_from_slice(&x[DIFFUSE]);
-            for (i, c) in GLOSS.enumerate() {
+            for c in GLOSS {
                 let of_classes = shares.iter().zip(&self.class_means);
-                let of_classes: f64 = of_classes.map(|(s, m)| f64::from(*s) * m[i]).sum();
+                let of_classes: f64 = of_classes.map(|(s, m)| f64::from(*s) * m[c]).sum();
                 mean[c] = own * (x[c] - of_classes);
             }
         }
         self
     }
 
-    fn problem<'a>(
-        &'a self,
-        sample: &'a Sample,
-        which: &'a [usize],
+    fn problem(
+        self,
+        sample: &Arc<Sample>,
+        which: Vec<usize>,
         widths: Widths,
-        free: Free,
-        options: &'a StructuredOptions,
-    ) -> Problem<'a> {
-        let widths = Widths { classes: self.classes.len(), ..widths };
-        let Self { shares, mean, class_means, .. } = self;
-        Problem { sample, which, mean, shares, class_means, widths, free, options }
+        free: bool,
+        options: &EstimateOptions,
+    ) -> Problem {
+        let (descent, options) = (options.bundle, &options.structured);
+        // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
+        let scale = sample.texels() as f64 / options.independent_texels;
+        let of_class = scale / self.classes.len() as f64;
+        let [root, roughness] = options.class_sigma.map(|s| of_class / (s * s));
+        let precision =
+            std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
+        let shared = if free { exposure(which.len(), scale, options) } else { Vec::new() };
+        Problem {
+            sample: sample.clone(),
+            which,
+            mean: self.mean,
+            precision: sigmas(&widths).map(|s| s.powi(-2)),
+            groups: Groups {
+                coordinates: GLOSS,
+                range: [0.0, 1.0],
+                shares: self.shares,
+                mean: self.class_means,
+                precision,
+            },
+            shared,
+            noise: Noise { scale: options.noise as f32, huber: options.huber as f32 },
+            options: descent,
+        }
     }
 }
 
-/// Flat maps with the gloss of their classes, of given colours; or with an `own` part of the
-/// estimate's gloss added, and its diffuse albedo.
-fn flat_maps(
-    estimate: &Svbrdf,
-    own: Option<f64>,
-    colours: &[Feature],
-    classes: &Classes,
-    gloss: &[[f64; CLASS]],
-) -> Svbrdf {
-    let mut maps = Svbrdf::new(estimate.width(), estimate.height());
-    let width = maps.width();
-    for (i, c) in DIFFUSE.enumerate() {
-        let plane = maps.plane_mut(c);
-        match own {
-            Some(_) => plane.copy_from_slice(estimate.plane(c)),
-            None => {
-                let pairs = plane.iter_mut().zip(colours);
-                pairs.for_each(|(v, f)| *v = DIFFUSE_FRACTION * f[i] * f[i]);
+/// Exposure of so many photographs and place of the flash.
+fn exposure(photographs: usize, scale: f64, options: &StructuredOptions) -> Vec<Shared> {
+    let StructuredOptions { gain_sigma, exponent_sigma, offset_sigma_mm, .. } = *options;
+    let [of_gain, of_exponent, of_flash] = options.max_steps;
+    let shared =
+        |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
+    let gains = (0..photographs).map(|i| shared(Parameter::Gain(i), gain_sigma, of_gain));
+    let flash = (0..3).map(|axis| shared(Parameter::Flash(axis), offset_sigma_mm, of_flash));
+    gains.chain([shared(Parameter::Exponent, exponent_sigma, of_exponent)]).chain(flash).collect()
+}
+
+/// Classes and the gloss of each.
+struct Gloss {
+    classes: Classes,
+    values: Vec<Coordinates>,
+}
+
+impl Gloss {
+    /// Flat maps with the gloss of their classes, of the colours that photographs show; or with an
+    /// `own` part of the estimate's gloss added, and its diffuse albedo.
+    fn flat_maps(
+        &self,
+        estimate: &Svbrdf,
+        own: Option<f64>,
+        photographs: &Photographs,
+        options: &StructuredOptions,
+    ) -> Svbrdf {
+        let colours = full_colours(photographs);
+        let mut maps = Svbrdf::new(estimate.width(), estimate.height());
+        let width = maps.width();
+        for (i, c) in DIFFUSE.enumerate() {
+            let plane = maps.plane_mut(c);
+            match own {
+                Some(_) => plane.copy_from_slice(estimate.plane(c)),
+                None => {
+                    let pairs = plane.iter_mut().zip(&colours);
+                    pairs.for_each(|(v, f)| *v = options.diffuse_fraction * f[i] * f[i]);
+                }
             }
         }
-    }
-    let own = own.unwrap_or(0.0) as f32;
-    for (i, c) in GLOSS.enumerate() {
-        let rows = maps.plane_mut(c).chunks_mut(width);
-        parallel::parts_with(
-            rows,
-            || vec![0.0; classes.len()],
-            |shares, y, row| {
+        let own = own.unwrap_or(0.0) as f32;
+        let scratch = || vec![0.0; self.classes.len()];
+        for c in GLOSS {
+            let rows = maps.plane_mut(c).chunks_mut(width);
+            parallel::parts_with(rows, scratch, |shares, y, row| {
                 for (x, v) in row.iter_mut().enumerate() {
-                    classes.shares(&colours[y * width + x], shares);
-                    let value: f64 =
-                        shares.iter().zip(gloss).map(|(s, g)| f64::from(*s) * g[i]).sum();
+                    self.classes.shares(&colours[y * width + x], shares);
+                    let of_classes = shares.iter().zip(&self.values);
+                    let value: f64 = of_classes.map(|(s, g)| f64::from(*s) * g[c]).sum();
                     let estimate = to_coordinate(c, estimate.plane(c)[y * width + x]);
                     *v = from_coordinate(c, value as f32 + own * estimate);
                 }
-            },
-        );
-    }
-    maps.clamp();
-    maps
-}
-
-/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
-/// apart.
-fn prediction_error(problem: &Problem, state: &State, left_out: usize) -> f64 {
-    let sample = problem.sample;
-    let photograph = &sample.photographs[left_out];
-    let light = Lit::new(&state.correction.exposure.predict(&photograph.view));
-    let n = sample.texels();
-    let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
-    let mut values = Vec::with_capacity(3 * n);
-    let (mut products, mut squares) = (0.0, 1e-12);
-    for t in 0..n {
-        let weight = f64::from(photograph.weight[t]);
-        let radiance = light.radiance(&natural(&problem.coordinates(t, state)), sample.places[t]);
-        for c in 0..3 {
-            let seen = f64::from(photograph.radiance[c * n + t]);
-            let (ours, theirs) = (gamma(radiance.value[c]), gamma(seen.abs()));
-            if seen >= 0.0 {
-                products += weight * ours * theirs;
-                squares += weight * ours * ours;
-            }
-            values.push([weight, ours, theirs, if seen < 0.0 { theirs } else { f64::MAX }]);
+            });
         }
+        maps.clamp();
+        maps
     }
-    let factor = products / squares;
-    let (mut sum, mut total) = (0.0, 1e-12);
-    for [weight, ours, theirs, limit] in values {
-        sum += weight * ((factor * ours).min(limit) - theirs).powi(2);
-        total += weight;
-    }
-    sum / total
 }

@@ -1,4 +1,3 @@
-use super::problem::Problem;
 use super::*;
 use crate::estimate::correction::Exposure;
 use crate::estimate::options::EstimateOptions;
@@ -58,79 +57,8 @@ fn planted() -> Exposure {
     Exposure { gains, exponent: 1.5, offset_mm, ..Exposure::as_given(views.iter()) }
 }
 
-fn options() -> StructuredOptions {
-    EstimateOptions::default().structured
-}
-
-/// Central differences of steps h: truncation is h² / 6 times the third derivative, at most 1e3 for
-/// slopes inside a lobe of roughness 0.35, rounding 1e-15 / h; views are in single precision.
-#[test]
-fn rows_are_derivatives_of_residuals() {
-    let photographs = photographs(&material(0.05), 4, &planted(), 0.0);
-    let options = options();
-    let sample = Sample::new(&photographs, SIDE);
-    let which = [0, 1, 2, 3];
-    let widths = Widths { classes: 1, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.1 };
-    let setup = Setup::new(&sample, &which, widths.classes, &options);
-    let free = Free { exposure: true, offset: true };
-    let problem = setup.problem(&sample, &which, widths, free, &options);
-    let mut state = problem.start();
-    let exposure = &mut state.correction.exposure;
-    exposure.gains = vec![0.02, -0.03, 0.05, 0.01];
-    (exposure.exponent, exposure.offset_mm) = (0.7, [1.0, 2.0, -3.0]);
-    for t in [0, 77, 500, 1023] {
-        state.deviations[t] = [0.02, -0.03, 0.05, 0.02, -0.01, 0.03, 0.02, -0.02, 0.05];
-        check_rows(&problem, &state, t);
-    }
-}
-
-fn check_rows(problem: &Problem, state: &State, t: usize) {
-    let x = problem.coordinates(t, state);
-    let at = |x: &Coordinates, correction: &Correction| -> Vec<f64> {
-        let mut all = Vec::new();
-        for (i, photograph) in problem.sample.photographs.iter().enumerate() {
-            let light = Lit::with(&photograph.view, correction, i);
-            let radiance = light.radiance(&natural(x), problem.sample.places[t]);
-            let n = problem.sample.texels();
-            let seen = |c: usize| photograph.radiance[c * n + t];
-            all.extend((0..3).map(|c| sample::residual(radiance.value[c], seen(c)).0));
-        }
-        all
-    };
-    let mut rows = Vec::new();
-    problem.rows(t, &x, &problem.lights(state), &state.correction, |_, _, row, shared| {
-        rows.push((*row, shared.to_vec()));
-    });
-    assert_eq!(rows.len(), 12);
-    let compare = |of: &dyn Fn(usize) -> f64, plus: &[f64], minus: &[f64], h: f64| {
-        for (i, (a, b)) in plus.iter().zip(minus).enumerate() {
-            let numeric = (a - b) / (2.0 * h);
-            let tolerance = 2e-3 * numeric.abs() + 2e-4;
-            assert!((numeric - of(i)).abs() < tolerance, "{i}: {numeric} {}", of(i));
-        }
-    };
-    for c in 0..CHANNELS {
-        let moved = |h: f64| {
-            let mut x = x;
-            x[c] += h;
-            at(&x, &state.correction)
-        };
-        compare(&|i| rows[i].0[c], &moved(1e-4), &moved(-1e-4), 1e-4);
-    }
-    for a in 0..8 {
-        let h = if a < 5 { 0.01 } else { 0.5 };
-        let moved = |h: f64| {
-            let mut correction = state.correction.clone();
-            let exposure = &mut correction.exposure;
-            match a {
-                0..4 => exposure.gains[a] += h,
-                4 => exposure.exponent += h,
-                _ => exposure.offset_mm[a - 5] += h,
-            }
-            at(&x, &correction)
-        };
-        compare(&|i| rows[i].1[a], &moved(h), &moved(-h), h);
-    }
+fn options() -> EstimateOptions {
+    EstimateOptions::default()
 }
 
 /// Gains and exponent share what they explain as their priors say: their sum is compared.
@@ -138,9 +66,10 @@ fn check_rows(problem: &Problem, state: &State, t: usize) {
 fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
     for exposure in [planted(), Exposure::default()] {
         let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
-        let options = StructuredOptions { steps: 25, texels: SIDE, ..options() };
+        let structured = StructuredOptions { steps: 25, texels: SIDE, ..options().structured };
+        let options = EstimateOptions { structured, ..options() };
         let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
-        fit(&mut photographs, &mut belief, options.candidates[0], true, &options);
+        fit(&mut photographs, &mut belief, options.structured.candidates[0], true, &options);
         let found = &photographs.correction().exposure;
         for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
             // A tenth of a degree at this distance is 0.25 mm.
@@ -157,7 +86,7 @@ fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
         let roughness = belief.base.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
-        assert_eq!(belief.fixed_noise, Some(options.noise as f32));
+        assert_eq!(belief.fixed_noise, Some(options.structured.noise as f32));
     }
 }
 
@@ -166,14 +95,23 @@ fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
     let mut photographs = photographs(&material(0.0), 4, &Exposure::default(), 0.02);
     let options = options();
     let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
-    fit(&mut photographs, &mut belief, options.candidates[0], false, &options);
+    fit(&mut photographs, &mut belief, options.structured.candidates[0], false, &options);
     let found = &photographs.correction().exposure;
     assert!(found.gains.iter().all(|g| *g == 0.0) && found.offset_mm == [0.0; 3]);
     assert_eq!(photographs.full()[2].view, given(2));
 }
 
 fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
-    let mut trials = WidthTrials::new(photographs, &material(0.0), free, &options());
+    chosen_after(photographs, free, None)
+}
+
+/// What is chosen when earlier maps have predicted the latest photograph like this.
+fn chosen_after(
+    photographs: &Photographs,
+    free: bool,
+    predicted: Option<Predicted>,
+) -> Option<Widths> {
+    let mut trials = WidthTrials::new(photographs, &material(0.0), free, predicted, &options());
     while !trials.is_done() {
         trials.step();
     }
@@ -186,10 +124,50 @@ fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
 #[test]
 fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    let narrow = chosen(&flat, true);
+    // Maps before that were worse than either.
+    let poor = Some(Predicted { error: 1.0, structured: false, photographs: 5 });
+    let narrow = chosen_after(&flat, true, poor);
     assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
-    assert_eq!(chosen(&bumpy, true), None);
+    assert_eq!(chosen_after(&bumpy, true, poor), None);
+}
+
+/// Maps of the other phases that predict better than a narrow prior would go on; those of a narrow
+/// prior are no such rivals.
+#[test]
+fn maps_that_predict_the_latest_photograph_better_go_on() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let after = |error: f64, structured| {
+        chosen_after(&flat, true, Some(Predicted { error, structured, photographs: 5 })).is_some()
+    };
+    assert!(after(1.0, false) && !after(1e-6, false));
+    assert!(after(1.0, true) && after(1e-6, true));
+}
+
+/// Noise makes every texel deviate, and small deviations are what a narrow prior is for; what is
+/// explained to within noise and rounding needs none, unless it was chosen before.
+#[test]
+fn photographs_that_free_texels_explain_begin_no_narrow_prior() {
+    let exact = photographs(&material(0.0), 6, &Exposure::default(), 0.002);
+    assert_eq!(chosen(&exact, true), None);
+}
+
+/// Without maps before, a narrow prior needs more evidence; once chosen, less.
+#[test]
+fn a_choice_once_made_needs_less_evidence() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let mut options = options();
+    let mut choose = |evidence: f64, alone: f64, structured: Option<bool>| {
+        (options.structured.evidence, options.structured.evidence_alone) = (evidence, alone);
+        let predicted =
+            structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
+        (0..trials.count()).for_each(|_| trials.step());
+        trials.chosen().is_some()
+    };
+    assert!(choose(0.0, 0.0, Some(true)));
+    assert!(!choose(0.0, 1.0, Some(false)) && choose(1.0, 0.0, Some(false)));
+    assert!(!choose(1.0, 0.0, None) && choose(0.0, 1.0, None));
 }
 
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
@@ -197,7 +175,7 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
 #[test]
 fn two_photographs_take_classes_where_the_light_is_not_as_given() {
     let wrong = photographs(&material(0.0), 2, &planted(), 0.01);
-    assert_eq!(chosen(&wrong, true), Some(options().few));
+    assert_eq!(chosen(&wrong, true), Some(options().structured.few));
     assert_eq!(chosen(&wrong, false), None);
     let right = photographs(&material(0.0), 2, &Exposure::default(), 0.01);
     assert_eq!(chosen(&right, true), None);
@@ -214,13 +192,13 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
         plane.for_each(|v| *v *= 0.8 + 0.4 * random.uniform() as f32);
     }
     let photographs = photographs(&material(0.0), 2, &Exposure::default(), 0.0);
-    let (options, which) = (options(), [0, 1]);
-    let sample = Sample::new(&photographs, SIDE);
+    let options = options();
+    let sample = Arc::new(Sample::new(&photographs, SIDE, SIDE));
     let coordinates = sample.coordinates(&estimate);
-    let setup = Setup::new(&sample, &which, 4, &options).around(&coordinates, 1.0);
-    let free = Free { exposure: false, offset: false };
-    let problem = setup.problem(&sample, &which, options.few, free, &options);
-    let state = problem.start();
+    let setup = Setup::new(&sample, &[0, 1], 4, &options).around(&coordinates, 1.0);
+    let classes = setup.classes.clone();
+    let problem = setup.problem(&sample, vec![0, 1], options.structured.few, false, &options);
+    let state = problem.start(Correction::default());
     for (t, estimate) in coordinates.iter().enumerate() {
         let mean = problem.mean(t, &state);
         for c in channel::DIFFUSE..CHANNELS {
@@ -228,9 +206,8 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
             assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
         }
     }
-    let nothing = vec![[0.0; CLASS]; 4];
-    let colours = colours(photographs.full(), photographs.given());
-    let maps = flat_maps(&estimate, Some(1.0), &colours, &setup.classes, &nothing);
+    let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4] };
+    let maps = gloss.flat_maps(&estimate, Some(1.0), &photographs, &options.structured);
     for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }

@@ -1,6 +1,7 @@
 //! Groups of texels of like diffuse colour.
 
 use crate::Svbrdf;
+use crate::estimate::clusters::{self, Feature};
 use crate::estimate::options::GroupOptions;
 use crate::parallel;
 use crate::svbrdf::channel;
@@ -25,27 +26,21 @@ pub(super) struct Group {
 }
 
 impl Membership {
-    /// Groups of like root diffuse albedo: k-means from seeds far apart.
+    /// Groups of like root diffuse albedo.
     pub fn new(maps: &Svbrdf, options: &GroupOptions) -> Self {
         let n = maps.texels();
-        let root = |t: usize| -> [f32; 3] {
+        let root = |t: usize| -> Feature {
             std::array::from_fn(|c| maps.plane(channel::DIFFUSE + c)[t].max(0.0).sqrt())
         };
         // Steps that share no factor with the width visit all columns.
         let stride = (n / options.samples).max(1) | 1;
-        let samples: Vec<[f32; 3]> = (0..n).step_by(stride).map(root).collect();
-        let centres = cluster(&samples, options);
+        let samples: Vec<Feature> = (0..n).step_by(stride).map(root).collect();
+        let square = options.reach * options.reach;
+        let centres = clusters::centres(&samples, GROUPS, 0.25 * square, options.rounds);
         let shares = parallel::values(n, |t| {
-            let feature = root(t);
             let mut row = [0.0; GROUPS];
-            let nearest = centres.iter().map(|c| distance(c, &feature)).fold(f32::MAX, f32::min);
-            let mut sum = 0.0;
-            for (share, centre) in row.iter_mut().zip(&centres) {
-                let beyond = distance(centre, &feature) - nearest;
-                *share = (-0.5 * beyond / (options.reach * options.reach)).exp();
-                sum += *share;
-            }
-            row.map(|share| share / sum)
+            clusters::shares(&centres, 2.0 * square, &root(t), &mut row[..centres.len()]);
+            row
         });
         Self { shares, groups: centres.len(), options: *options }
     }
@@ -95,46 +90,4 @@ impl Membership {
             })
             .collect()
     }
-}
-
-fn distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
-}
-
-/// Up to [`GROUPS`] centres.
-fn cluster(samples: &[[f32; 3]], options: &GroupOptions) -> Vec<[f32; 3]> {
-    let mut centres: Vec<[f32; 3]> = samples.first().copied().into_iter().collect();
-    let mut nearest = vec![f32::MAX; samples.len()];
-    while centres.len() < GROUPS {
-        let last = centres[centres.len() - 1];
-        for (d, s) in nearest.iter_mut().zip(samples) {
-            *d = d.min(distance(s, &last));
-        }
-        let farthest = (0..samples.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
-        match farthest {
-            Some(i) if nearest[i] > 0.25 * options.reach * options.reach => {
-                centres.push(samples[i])
-            }
-            _ => break,
-        }
-    }
-    for _ in 0..options.rounds {
-        let mut sums = vec![[0.0f32; 4]; centres.len()];
-        for s in samples {
-            let near = (0..centres.len())
-                .min_by(|&a, &b| distance(s, &centres[a]).total_cmp(&distance(s, &centres[b])));
-            if let Some(sum) = near.and_then(|i| sums.get_mut(i)) {
-                for c in 0..3 {
-                    sum[c] += s[c];
-                }
-                sum[3] += 1.0;
-            }
-        }
-        for (centre, [r, g, b, count]) in centres.iter_mut().zip(sums) {
-            if count > 0.0 {
-                *centre = [r / count, g / count, b / count];
-            }
-        }
-    }
-    centres
 }

@@ -2,7 +2,7 @@
 
 use std::array;
 
-use crate::calibration::photometry::{Radiometry, Vignetting};
+use crate::calibration::photometry::{Lobe, Radiometry, Vignetting};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
@@ -57,7 +57,7 @@ impl Detail {
         let plain = Radiometry {
             gain: [1.0; 3],
             vignetting: Vignetting::default(),
-            lobe_exponent: 0.0,
+            lobe: Lobe::default(),
             flash_offset_mm: DVec3::ZERO,
             power_mm2: [1.0; 3],
             ambient: [0.0; 3],

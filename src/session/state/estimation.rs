@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
-    Belief, Correction, Cut, Damping, Exposure, LatentPosition, MAX_MIRRORED, Moments, Noise,
-    Offset, Part, Photographs, Position, Prior, Progress, SavedEstimation, SavedFit, SavedLevel,
-    SavedLights, SavedWork, SolverState, State, Trend,
+    Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
+    Photographs, Position, Predicted, Prior, Progress, SavedBaseline, SavedDescent,
+    SavedEstimation, SavedFit, SavedLevel, SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
 use crate::initial_estimate::Networks;
@@ -69,6 +69,11 @@ pub(in crate::session) fn write(
         write_correction(w, &saved.lights_before);
         w.flag(saved.repeated);
         w.flag(saved.structured);
+        w.option(saved.predicted, |w, predicted| {
+            w.f64(predicted.error);
+            w.flag(predicted.structured);
+            w.u32(predicted.photographs as u32);
+        });
         w.option(saved.previous.as_deref(), |w, values| {
             w.u32(values.len() as u32);
             w.f32s(values);
@@ -126,6 +131,10 @@ pub(super) fn read(
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
     let (repeated, structured) = (r.flag()?, r.flag()?);
+    let predicted = r.option(|r| {
+        let (error, structured) = (r.f64()?, r.flag()?);
+        Ok(Predicted { error, structured, photographs: r.u32()? as usize })
+    })?;
     let previous = r.option(|r| {
         let count = r.count(4)?;
         r.f32s(count)
@@ -166,6 +175,7 @@ pub(super) fn read(
         lights_before: Cow::Owned(lights_before),
         repeated,
         structured,
+        predicted,
         previous: previous.map(Cow::Owned),
         trend,
     };
@@ -261,11 +271,9 @@ fn write_work(w: &mut Writer, work: &SavedWork) {
                 w.f32s(cost);
             }
         }
-        SavedWork::Baseline(steps, moments) => {
+        SavedWork::Baseline(state) => {
             w.u8(4);
-            w.u32(*steps as u32);
-            w.u32(moments.len() as u32);
-            moments.iter().for_each(|m| w.f32s(&[m.encoded, m.mean, m.square]));
+            write_adam(w, &state.encoded, &state.adam);
         }
     }
 }
@@ -302,12 +310,8 @@ fn read_work(mut r: Reader) -> Result<SavedWork<'static>> {
             SavedWork::Classes(Cow::Owned((0..count).map(cost).collect::<Result<_>>()?))
         }
         4 => {
-            let (steps, count) = (r.u32()? as usize, r.count(12)?);
-            let moments = (0..count).map(|_| {
-                let m = Moments { encoded: r.f32()?, mean: r.f32()?, square: r.f32()?.max(0.0) };
-                Ok(m)
-            });
-            SavedWork::Baseline(steps, Cow::Owned(moments.collect::<Result<_>>()?))
+            let (encoded, adam) = read_adam(&mut r)?;
+            SavedWork::Baseline(Cow::Owned(SavedBaseline { encoded, adam }))
         }
         5 => {
             let count = r.count(8)?;
@@ -320,31 +324,30 @@ fn read_work(mut r: Reader) -> Result<SavedWork<'static>> {
     Ok(work)
 }
 
-fn write_descent(w: &mut Writer, progress: &Progress) {
-    let State { texels, correction, offset } = &progress.state;
-    w.u32(texels.len() as u32);
-    w.f64s(texels);
-    write_correction(w, correction);
-    w.f64s(offset);
-    w.u32(progress.damping.0.len() as u32);
-    w.f64s(&progress.damping.0);
-    w.u32(progress.steps as u32);
-    w.u32(progress.still_steps as u32);
-    w.flag(progress.changed);
-    w.flag(progress.done);
+fn write_descent(w: &mut Writer, descent: &SavedDescent) {
+    let Progress { state, damping, steps, changed, done } = &descent.progress;
+    for texels in [&state.deviations, &state.groups] {
+        w.u32(texels.len() as u32);
+        texels.iter().for_each(|x| w.f64s(x));
+    }
+    write_correction(w, &state.correction);
+    w.f64(*damping);
+    w.u32(*steps as u32);
+    w.flag(*changed);
+    w.flag(*done);
+    w.u32(descent.still_steps as u32);
 }
 
-fn read_descent(r: &mut Reader) -> Result<Progress> {
-    let many = |r: &mut Reader| -> Result<Vec<f64>> {
-        let count = r.count(8)?;
-        (0..count).map(|_| r.f64()).collect()
+fn read_descent(r: &mut Reader) -> Result<SavedDescent> {
+    let texels = |r: &mut Reader| -> Result<Vec<[f64; CHANNELS]>> {
+        let count = r.count(8 * CHANNELS)?;
+        (0..count).map(|_| r.f64s()).collect()
     };
-    let texels = many(r)?;
-    let (correction, offset) = (read_correction(r)?, r.f64s()?);
-    let damping = Damping(many(r)?);
-    let (steps, still_steps) = (r.u32()? as usize, r.u32()? as usize);
-    let state = State { texels, correction, offset };
-    Ok(Progress { state, damping, steps, still_steps, changed: r.flag()?, done: r.flag()? })
+    let (deviations, groups) = (texels(r)?, texels(r)?);
+    let state = State { deviations, groups, correction: read_correction(r)? };
+    let (damping, steps) = (r.f64()?, r.u32()? as usize);
+    let progress = Progress { state, damping, steps, changed: r.flag()?, done: r.flag()? };
+    Ok(SavedDescent { progress, still_steps: r.u32()? as usize })
 }
 
 fn write_size(w: &mut Writer, maps: &Svbrdf) {
@@ -382,11 +385,7 @@ fn write_latent(w: &mut Writer, saved: &SavedFit) {
     w.u32(saved.stages.len() as u32);
     for (level, carried) in &saved.stages {
         w.option(level.as_ref(), |w, level| {
-            w.u32(level.code.len() as u32);
-            w.f32s(&level.code);
-            w.f32s(&level.moments[0]);
-            w.f32s(&level.moments[1]);
-            w.i32(level.steps);
+            write_adam(w, &level.code, &level.adam);
             w.u32(level.anchor.len() as u32);
             w.f32s(&level.anchor);
             w.f32(level.deviation);
@@ -412,19 +411,30 @@ fn read_latent(mut r: Reader, networks: &Arc<Networks>) -> Result<(bool, SavedFi
     Ok((same_networks, SavedFit { position, stages }))
 }
 
-fn read_level(r: &mut Reader) -> Result<SavedLevel> {
+/// Values and their moments.
+fn write_adam(w: &mut Writer, values: &[f32], adam: &Adam) {
+    w.u32(values.len() as u32);
+    [values, &adam.first, &adam.second].into_iter().for_each(|v| w.f32s(v));
+    w.i32(adam.steps);
+}
+
+fn read_adam(r: &mut Reader) -> Result<(Vec<f32>, Adam)> {
     let count = r.count(12)?;
-    let (code, moments) = (r.f32s(count)?, [r.f32s(count)?, r.f32s(count)?]);
-    if moments[1].iter().any(|v| *v < 0.0) {
+    let (values, first, second) = (r.f32s(count)?, r.f32s(count)?, r.f32s(count)?);
+    if second.iter().any(|v| *v < 0.0) {
         return Err(damaged("a mean square is negative"));
     }
-    let steps = r.i32()?.max(0);
+    Ok((values, Adam { first, second, steps: r.i32()?.max(0) }))
+}
+
+fn read_level(r: &mut Reader) -> Result<SavedLevel> {
+    let (code, adam) = read_adam(r)?;
     let count = r.count(4)?;
     let (anchor, deviation) = (r.f32s(count)?, r.f32()?);
     let count = r.count(4)?;
     let detail = r.f32s(count)?;
     let (maps, stale) = (read_maps(r)?, r.flag()?);
-    Ok(SavedLevel { code, moments, steps, anchor, deviation, detail, maps, stale })
+    Ok(SavedLevel { code, adam, anchor, deviation, detail, maps, stale })
 }
 
 /// A photograph with its view before lights were corrected.

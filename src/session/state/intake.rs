@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
-use crate::calibration::photometry::{Radiometry, Square, Squares, Vignetting};
+use crate::calibration::photometry::{Lobe, Radiometry, Square, Squares, Vignetting};
 use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
 use crate::geometry::Pose;
@@ -225,7 +225,8 @@ fn read_pose(r: &mut Reader) -> Result<Pose> {
 fn write_radiometry(w: &mut Writer, radiometry: &Radiometry) {
     w.f64s(&radiometry.gain);
     w.f64s(&[radiometry.vignetting.exponent, radiometry.vignetting.curvature]);
-    w.f64(radiometry.lobe_exponent);
+    w.f64(radiometry.lobe.exponent);
+    w.f64s(&radiometry.lobe.pattern);
     w.f64s(&radiometry.flash_offset_mm.to_array());
     w.f32s(&radiometry.power_mm2);
     w.f32s(&radiometry.ambient);
@@ -237,7 +238,7 @@ fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
     let radiometry = Radiometry {
         gain,
         vignetting: Vignetting { exponent, curvature },
-        lobe_exponent: r.f64()?,
+        lobe: Lobe { exponent: r.f64()?, pattern: r.f64s()? },
         flash_offset_mm: DVec3::from_array(r.f64s()?),
         power_mm2: r.three_f32s()?,
         ambient: r.three_f32s()?,

@@ -1,11 +1,16 @@
 //! Adam (Kingma and Ba 2015) with moments that survive a new photograph.
 
+use crate::parallel;
+
+/// Values that one task updates.
+const CHUNK: usize = 1 << 14;
+
 /// First and second moments of the gradient, and how many steps they have seen.
-#[derive(Debug, Clone)]
-pub(super) struct Adam {
-    first: Vec<f32>,
-    second: Vec<f32>,
-    steps: i32,
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Adam {
+    pub first: Vec<f32>,
+    pub second: Vec<f32>,
+    pub steps: i32,
 }
 
 impl Adam {
@@ -13,14 +18,9 @@ impl Adam {
         Self { first: vec![0.0; length], second: vec![0.0; length], steps: 0 }
     }
 
-    /// First and second moments, steps.
-    pub fn parts(&self) -> (&[f32], &[f32], i32) {
-        (&self.first, &self.second, self.steps)
-    }
-
-    /// From moments of one length and the steps they have seen.
-    pub fn from_parts(first: Vec<f32>, second: Vec<f32>, steps: i32) -> Self {
-        Self { first, second, steps }
+    /// Whether moments are as many as this.
+    pub fn fits(&self, length: usize) -> bool {
+        [&self.first, &self.second].iter().all(|moments| moments.len() == length)
     }
 
     /// Moves `values` against `gradient`, at most about `rate` per element.
@@ -31,12 +31,17 @@ impl Adam {
         self.steps = self.steps.saturating_add(1);
         let rate = rate / (1.0 - b1.powi(self.steps));
         let unbias = 1.0 / (1.0 - b2.powi(self.steps));
-        let moments = self.first.iter_mut().zip(&mut self.second);
-        for ((value, &g), (m, v)) in values.iter_mut().zip(gradient).zip(moments) {
-            *m = b1 * *m + (1.0 - b1) * g;
-            *v = b2 * *v + (1.0 - b2) * g * g;
-            *value -= rate * *m / ((*v * unbias).sqrt() + TINY);
-        }
+        let moments = self.first.chunks_mut(CHUNK).zip(self.second.chunks_mut(CHUNK));
+        let parts = values.chunks_mut(CHUNK).zip(gradient.chunks(CHUNK)).zip(moments);
+        parallel::parts(parts, |_, ((values, gradient), (first, second))| {
+            for ((value, &g), (m, v)) in
+                values.iter_mut().zip(gradient).zip(first.iter_mut().zip(second))
+            {
+                *m = b1 * *m + (1.0 - b1) * g;
+                *v = b2 * *v + (1.0 - b2) * g * g;
+                *value -= rate * *m / ((*v * unbias).sqrt() + TINY);
+            }
+        });
     }
 }
 

@@ -1,0 +1,233 @@
+//! Steps of Levenberg and Marquardt.
+
+use nalgebra::DVector;
+
+use super::equations::{Column, Reduced, Solved};
+use super::light::clamped;
+use super::parameters::Shared;
+use super::problem::{Problem, State};
+use crate::estimate::options::BundleOptions;
+use crate::parallel;
+use crate::svbrdf::CHANNELS;
+
+/// Texels of a task.
+const CHUNK: usize = 128;
+
+/// When a descent ends.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::estimate) struct Limits {
+    /// Steps, at most.
+    pub steps: usize,
+    /// Relative gain of a step that is not worth another.
+    pub converged: f64,
+}
+
+/// How far a descent is.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Progress {
+    pub state: State,
+    pub damping: f64,
+    pub steps: usize,
+    /// Whether a step has descended.
+    pub changed: bool,
+    pub done: bool,
+}
+
+/// A descent of a posterior.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Descent {
+    pub problem: Problem,
+    pub progress: Progress,
+    limits: Limits,
+}
+
+impl Descent {
+    pub fn new(problem: Problem, state: State, limits: Limits) -> Self {
+        let done = limits.steps == 0;
+        let damping = problem.options.first_damping;
+        let progress = Progress { state, damping, steps: 0, changed: false, done };
+        Self { problem, progress, limits }
+    }
+
+    /// Goes on where another stopped that began with the same; `None` where sizes differ.
+    pub fn resume(mut self, progress: Progress) -> Option<Self> {
+        let sizes = |p: &Progress| {
+            let State { deviations, groups, correction } = &p.state;
+            let of_lights = [correction.turns.len(), correction.mirrored.len()];
+            (deviations.len(), groups.len(), of_lights, correction.exposure.gains.len())
+        };
+        let fits = sizes(&progress) == sizes(&self.progress);
+        self.progress = progress;
+        fits.then_some(self)
+    }
+
+    /// The most probable state near the first.
+    pub fn run(mut self) -> (Problem, State) {
+        while !self.progress.done {
+            self.step();
+        }
+        (self.problem, self.progress.state)
+    }
+
+    /// One step towards the most probable state; nothing once done.
+    pub fn step(&mut self) {
+        let Self { problem, progress, limits } = self;
+        if progress.done {
+            return;
+        }
+        progress.steps += 1;
+        progress.done = progress.steps >= limits.steps;
+        let before = problem.cost(&progress.state);
+        let Some((shared, solved)) = problem.step(&progress.state, progress.damping) else {
+            progress.done = true;
+            return;
+        };
+        let BundleOptions { lengths, damping: [least, greatest], ease, raise, .. } =
+            problem.options;
+        let tried =
+            lengths.map(|length| problem.stepped(&progress.state, &shared, &solved, length));
+        match tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((next, cost)) if cost < before => {
+                progress.damping = (progress.damping * ease).max(least);
+                (progress.state, progress.changed) = (next, true);
+                progress.done |= before - cost < limits.converged * before;
+            }
+            _ => {
+                progress.done |= progress.damping >= greatest;
+                progress.damping *= raise;
+            }
+        }
+    }
+}
+
+impl Problem {
+    /// The step of all; nothing when the equations cannot be solved.
+    pub(super) fn step(&self, state: &State, damping: f64) -> Option<(DVector<f64>, Vec<Solved>)> {
+        let (g, q) = (self.groups.coordinates.len(), self.shared.len());
+        let empty = Reduced::zeros(g * state.groups.len() + q);
+        let linear = self.linear(&state.correction);
+        let n = self.sample.texels();
+        let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
+        let parts: Vec<(Reduced, Vec<Solved>)> = parallel::map_parts(chunks.iter(), |_, &from| {
+            let (mut sum, mut scratch) = (empty.clone(), Reduced::zeros(g + q));
+            let texels = from..(from + CHUNK).min(n);
+            let solved = texels
+                .map(|t| self.eliminate(t, state, &linear, damping, &mut sum, &mut scratch))
+                .collect();
+            (sum, solved)
+        });
+        let (mut sum, mut solved) = (empty, Vec::with_capacity(n));
+        for (part, texels) in parts {
+            sum.matrix += part.matrix;
+            sum.gradient += part.gradient;
+            solved.extend(texels);
+        }
+        self.add_priors(state, &mut sum);
+        for i in 0..sum.gradient.len() {
+            sum.matrix[(i, i)] *= 1.0 + damping;
+        }
+        sum.matrix.fill_upper_triangle_with_lower_triangle();
+        Some((self.solved(state, &sum)?, solved))
+    }
+
+    /// The step of what texels share. Parameters that would leave their range go to its bound, the
+    /// others as they then are best.
+    fn solved(&self, state: &State, sum: &Reduced) -> Option<DVector<f64>> {
+        let first = sum.gradient.len() - self.shared.len();
+        let mut step = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
+        let beyond = |(a, shared): (usize, &Shared)| {
+            let value = shared.parameter.get(&state.correction);
+            let to = value + step[first + a];
+            let bound = to.clamp(shared.range[0], shared.range[1]);
+            (bound != to).then_some((first + a, bound - value))
+        };
+        let bounded: Vec<(usize, f64)> =
+            self.shared.iter().enumerate().filter_map(beyond).collect();
+        if bounded.is_empty() {
+            return Some(step);
+        }
+        let is_bounded = |i: &usize| bounded.iter().any(|(at, _)| at == i);
+        let rest: Vec<usize> = (0..step.len()).filter(|i| !is_bounded(i)).collect();
+        let rows = sum.matrix.select_rows(&rest);
+        let mut gradient = sum.gradient.select_rows(&rest);
+        for (at, by) in &bounded {
+            gradient.axpy(*by, &rows.column(*at), 1.0);
+            step[*at] = *by;
+        }
+        let others = rows.select_columns(&rest).cholesky()?.solve(&-gradient);
+        rest.iter().zip(&others).for_each(|(i, by)| step[*i] = *by);
+        Some(step)
+    }
+
+    /// After `length` of a step of what is shared, and of each texel's own what is best for it; and
+    /// its cost.
+    pub(super) fn stepped(
+        &self,
+        state: &State,
+        shared: &DVector<f64>,
+        solved: &[Solved],
+        length: f64,
+    ) -> (State, f64) {
+        let (moving, mut next) = (self.groups.coordinates.clone(), state.clone());
+        let (g, first) = (moving.len(), shared.len() - self.shared.len());
+        let [low, high] = self.groups.range;
+        let max_step = self.options.max_step;
+        for (k, group) in next.groups.iter_mut().enumerate() {
+            for (i, c) in moving.clone().enumerate() {
+                let by = (length * shared[g * k + i]).clamp(-max_step, max_step);
+                group[c] = (group[c] + by).clamp(low, high);
+            }
+        }
+        for (s, by) in self.shared.iter().zip(shared.rows_range(first..).iter()) {
+            let by = (length * by).clamp(-s.max_step, s.max_step);
+            let to = (s.parameter.get(&state.correction) + by).clamp(s.range[0], s.range[1]);
+            s.parameter.set(&mut next.correction, to);
+        }
+        let n = self.sample.texels();
+        let steps = parallel::values(n, |t| self.texel_step(t, shared, &solved[t], length));
+        let mut costs = vec![f64::MAX; n];
+        let base = next.clone();
+        for own in self.options.texel_lengths {
+            let mut trial = base.clone();
+            for (t, step) in steps.iter().enumerate() {
+                let mean = self.mean(t, &base);
+                for c in 0..CHANNELS {
+                    let by = (own * step[c]).clamp(-max_step, max_step);
+                    let x = clamped(c, mean[c] + state.deviations[t][c] + by);
+                    trial.deviations[t][c] = x - mean[c];
+                }
+            }
+            for (t, cost) in self.texel_costs(&trial).into_iter().enumerate() {
+                if cost < costs[t] {
+                    costs[t] = cost;
+                    next.deviations[t] = trial.deviations[t];
+                }
+            }
+        }
+        let cost = costs.iter().sum::<f64>() + self.shared_cost(&next);
+        (next, cost)
+    }
+
+    /// The step of a texel when what is shared makes so much of its own.
+    pub(super) fn texel_step(
+        &self,
+        t: usize,
+        shared: &DVector<f64>,
+        solved: &Solved,
+        length: f64,
+    ) -> Column {
+        let g = self.groups.coordinates.len();
+        let first = shared.len() - self.shared.len();
+        let mut step = -solved.own;
+        for (i, column) in solved.columns.iter().enumerate() {
+            let by = if i < g {
+                let shares = self.texel_shares(t).iter().enumerate();
+                shares.map(|(k, s)| f64::from(*s) * shared[g * k + i]).sum::<f64>()
+            } else {
+                shared[first + i - g]
+            };
+            step.axpy(-length * by, column, 1.0);
+        }
+        step
+    }
+}

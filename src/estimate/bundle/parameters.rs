@@ -1,0 +1,124 @@
+//! Numbers that all texels share: those of a [`Correction`].
+
+use super::light::Lit;
+use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
+use crate::observation::View;
+
+/// A number of a correction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::estimate) enum Parameter {
+    /// Logarithm of a photograph's gain.
+    Gain(usize),
+    /// Exponent of exposure over distance.
+    Exponent,
+    /// Offset of the flash along an axis, mm.
+    Flash(usize),
+    /// One of two angles of a photograph's light, radians.
+    Turn(usize, usize),
+    /// Logarithm of what a photograph mirrors of the surround.
+    Mirrored(usize),
+    /// Ambient irradiance, a fraction of the flash's.
+    Ambient,
+}
+
+/// A parameter that is free.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::estimate) struct Shared {
+    pub parameter: Parameter,
+    /// Precision of its prior, round zero.
+    pub precision: f64,
+    /// Longest step.
+    pub max_step: f64,
+    /// Values believed.
+    pub range: [f64; 2],
+}
+
+impl Shared {
+    /// Without bounds.
+    pub fn new(parameter: Parameter, precision: f64, max_step: f64) -> Self {
+        Self { parameter, precision, max_step, range: [f64::NEG_INFINITY, f64::INFINITY] }
+    }
+
+    pub fn within(self, low: f64, high: f64) -> Self {
+        Self { range: [low, high], ..self }
+    }
+}
+
+/// The derivative of a texel's radiance by a parameter.
+pub(super) enum Derivative {
+    /// The radiance times this.
+    Factor(f64),
+    /// The difference of two radiances times this: of the first and the second view.
+    Difference(Box<[Lit; 2]>, f64),
+}
+
+impl Parameter {
+    pub fn get(self, correction: &Correction) -> f64 {
+        let Correction { turns, ambient, mirrored, exposure } = correction;
+        match self {
+            Self::Gain(i) => exposure.gains[i],
+            Self::Exponent => exposure.exponent,
+            Self::Flash(axis) => exposure.offset_mm[axis],
+            Self::Turn(i, axis) => turns[i][axis],
+            Self::Mirrored(i) => mirrored[i],
+            Self::Ambient => *ambient,
+        }
+    }
+
+    pub fn set(self, correction: &mut Correction, value: f64) {
+        let Correction { turns, ambient, mirrored, exposure } = correction;
+        *match self {
+            Self::Gain(i) => &mut exposure.gains[i],
+            Self::Exponent => &mut exposure.exponent,
+            Self::Flash(axis) => &mut exposure.offset_mm[axis],
+            Self::Turn(i, axis) => &mut turns[i][axis],
+            Self::Mirrored(i) => &mut mirrored[i],
+            Self::Ambient => ambient,
+        } = value;
+    }
+
+    /// Whether it changes what photograph `index` shows.
+    fn concerns(self, index: usize) -> bool {
+        match self {
+            Self::Gain(i) | Self::Turn(i, _) | Self::Mirrored(i) => i == index,
+            Self::Exponent | Self::Flash(_) | Self::Ambient => true,
+        }
+    }
+
+    /// Half of the difference that the derivative is formed of.
+    fn difference(self) -> f64 {
+        match self {
+            Self::Flash(_) => 0.5,
+            Self::Mirrored(_) => 1e-2,
+            _ => 1e-3,
+        }
+    }
+
+    /// Its derivative in photograph `index`, with a view as given; `None` where it is zero.
+    pub(super) fn derivative(
+        self,
+        given: &View,
+        index: usize,
+        at: &Correction,
+    ) -> Option<Derivative> {
+        if !self.concerns(index) {
+            return None;
+        }
+        Some(match self {
+            Self::Gain(_) => Derivative::Factor(1.0),
+            Self::Exponent => Derivative::Factor(log_distance(given) - at.exposure.log_distance),
+            _ => {
+                let by = self.difference();
+                let moved = |by: f64| {
+                    let mut correction = at.clone();
+                    self.set(&mut correction, self.get(at) + by);
+                    Lit::new(&correction.apply(given, index))
+                };
+                Derivative::Difference(Box::new([moved(by), moved(-by)]), 0.5 / by)
+            }
+        })
+    }
+}
+
+/// Largest logarithm of what is mirrored, as bounds.
+pub(in crate::estimate) const MIRRORED: [f64; 2] = [-MAX_MIRRORED, MAX_MIRRORED];

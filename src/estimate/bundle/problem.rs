@@ -1,0 +1,175 @@
+//! The posterior of a sample's texels, of groups of them, and of shared parameters.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::light::{Lit, clamped, natural};
+use super::parameters::Shared;
+use super::sample::{Photograph, Sample};
+use crate::estimate::correction::Correction;
+use crate::estimate::noise::Noise;
+use crate::estimate::options::BundleOptions;
+use crate::estimate::prior::Coordinates;
+use crate::loss::{huber, log_residual};
+use crate::parallel;
+use crate::svbrdf::CHANNELS;
+
+/// All unknowns.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct State {
+    /// Deviations of texels from their prior means.
+    pub deviations: Vec<Coordinates>,
+    /// What each group adds to the prior means of its texels.
+    pub groups: Vec<Coordinates>,
+    pub correction: Correction,
+}
+
+/// Groups of texels whose prior means move together.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Groups {
+    /// Coordinates that move.
+    pub coordinates: Range<usize>,
+    /// What a group may add.
+    pub range: [f64; 2],
+    /// How much each texel belongs to each group; texel by texel.
+    pub shares: Vec<f32>,
+    /// Prior mean of each group, and precisions.
+    pub mean: Vec<Coordinates>,
+    pub precision: Coordinates,
+}
+
+/// A fit of some photographs of a sample.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Problem {
+    pub sample: Arc<Sample>,
+    /// Photographs that are fitted; parameters count these.
+    pub which: Vec<usize>,
+    /// Prior means of texels, without what their groups add.
+    pub mean: Vec<Coordinates>,
+    /// Precisions of texels' deviations.
+    pub precision: Coordinates,
+    pub groups: Groups,
+    pub shared: Vec<Shared>,
+    pub noise: Noise,
+    pub options: BundleOptions,
+}
+
+impl Problem {
+    /// Texels at the prior mean of their groups, the correction as given.
+    pub fn start(&self, correction: Correction) -> State {
+        let deviations = vec![[0.0; CHANNELS]; self.sample.texels()];
+        State { deviations, groups: self.groups.mean.clone(), correction }
+    }
+
+    /// Photographs that are fitted.
+    pub(super) fn photographs(&self) -> impl Iterator<Item = &Photograph> {
+        self.which.iter().map(|&i| &self.sample.photographs[i])
+    }
+
+    pub(super) fn texel_shares(&self, t: usize) -> &[f32] {
+        let k = self.groups.mean.len();
+        &self.groups.shares[t * k..(t + 1) * k]
+    }
+
+    /// The prior mean of a texel.
+    pub fn mean(&self, t: usize, state: &State) -> Coordinates {
+        let mut mean = self.mean[t];
+        for (share, group) in self.texel_shares(t).iter().zip(&state.groups) {
+            for c in self.groups.coordinates.clone() {
+                mean[c] += f64::from(*share) * group[c];
+            }
+        }
+        mean
+    }
+
+    /// A texel's coordinates.
+    pub fn coordinates(&self, t: usize, state: &State) -> Coordinates {
+        let mean = self.mean(t, state);
+        std::array::from_fn(|c| clamped(c, mean[c] + state.deviations[t][c]))
+    }
+
+    /// The state whose texels have these coordinates.
+    pub fn at(&self, mut state: State, coordinates: &[Coordinates]) -> State {
+        for (t, x) in coordinates.iter().enumerate() {
+            let mean = self.mean(t, &state);
+            state.deviations[t] = std::array::from_fn(|c| x[c] - mean[c]);
+        }
+        state
+    }
+
+    pub(super) fn lights(&self, correction: &Correction) -> Vec<Lit> {
+        let light = |(i, p): (usize, &Photograph)| Lit::new(&correction.apply(&p.view, i));
+        self.photographs().enumerate().map(light).collect()
+    }
+
+    /// Negative logarithm of the posterior.
+    pub fn cost(&self, state: &State) -> f64 {
+        self.texel_costs(state).iter().sum::<f64>() + self.shared_cost(state)
+    }
+
+    /// Of each texel: of its residuals, and of the prior of its deviations.
+    pub(super) fn texel_costs(&self, state: &State) -> Vec<f64> {
+        let lights = self.lights(&state.correction);
+        let [scale, limit] = [self.noise.scale, self.noise.huber].map(f64::from);
+        parallel::values(self.sample.texels(), |t| {
+            let mut cost = 0.0;
+            self.residuals(t, state, &lights, |weight, r| {
+                cost += weight * huber(r, limit) / scale;
+            });
+            for (d, precision) in state.deviations[t].iter().zip(self.precision) {
+                cost += 0.5 * precision * d * d;
+            }
+            cost
+        })
+    }
+
+    /// `each` gets the weight and value of every log residual of a texel.
+    fn residuals(&self, t: usize, state: &State, lights: &[Lit], mut each: impl FnMut(f64, f64)) {
+        let natural = natural(&self.coordinates(t, state));
+        let n = self.sample.texels();
+        for (light, photograph) in lights.iter().zip(self.photographs()) {
+            let weight = f64::from(photograph.weight[t]);
+            if weight <= 0.0 {
+                continue;
+            }
+            let value = light.value(&natural, self.sample.places[t]);
+            for c in 0..3 {
+                let seen = f64::from(photograph.radiance[c * n + t]);
+                each(weight, log_residual(value[c].max(0.0), seen));
+            }
+        }
+    }
+
+    /// Mean of absolute log residuals.
+    pub fn mean_residual(&self, state: &State) -> f64 {
+        let lights = self.lights(&state.correction);
+        let sums = parallel::values(self.sample.texels(), |t| {
+            let mut sums = [0.0; 2];
+            self.residuals(t, state, &lights, |weight, r| {
+                sums = [sums[0] + weight * r.abs(), sums[1] + weight];
+            });
+            sums
+        });
+        let total = |i: usize| sums.iter().map(|s| s[i]).sum::<f64>();
+        total(0) / total(1).max(1e-12)
+    }
+
+    /// Photographs that show a texel, on average.
+    pub fn photographs_per_texel(&self) -> f64 {
+        let weights = self.photographs().flat_map(|p| &p.weight);
+        weights.map(|w| f64::from(*w)).sum::<f64>() / self.sample.texels() as f64
+    }
+
+    /// Of what texels share.
+    pub(super) fn shared_cost(&self, state: &State) -> f64 {
+        let parameter = |s: &Shared| s.precision * s.parameter.get(&state.correction).powi(2);
+        let parameters: f64 = self.shared.iter().map(parameter).sum();
+        let mut groups = 0.0;
+        for (group, mean) in state.groups.iter().zip(&self.groups.mean) {
+            for c in self.groups.coordinates.clone() {
+                groups += self.groups.precision[c] * (group[c] - mean[c]).powi(2);
+            }
+        }
+        0.5 * (parameters + groups)
+    }
+}

@@ -1,0 +1,125 @@
+//! Photographs at a few texels.
+
+use super::light::{Lit, clamped};
+use crate::estimate::clusters::Feature;
+use crate::estimate::photographs::Photographs;
+use crate::estimate::prior::{Coordinates, to_coordinate};
+use crate::observation::{Observation, View};
+use crate::parallel;
+use crate::svbrdf::Svbrdf;
+
+/// One photograph at the sample's texels.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Photograph {
+    /// As given.
+    pub view: View,
+    /// Three planes of radiances, negative where saturated.
+    pub radiance: Vec<f32>,
+    pub weight: Vec<f32>,
+}
+
+/// A grid of texels with all photographs.
+#[derive(Debug, Clone)]
+pub(in crate::estimate) struct Sample {
+    /// Texel centres, mm.
+    pub places: Vec<[f64; 2]>,
+    pub photographs: Vec<Photograph>,
+    /// Of maps halved so often, the texels.
+    halvings: u32,
+    texels: Vec<usize>,
+}
+
+impl Sample {
+    /// Photographs halved until they have at most `averaged` texels along the longer side, and of
+    /// those a grid of at most `side`. Averages are less noisy, texels as they are keep relief.
+    pub fn new(photographs: &Photographs, averaged: usize, side: usize) -> Self {
+        let halvings = photographs.halvings_to(averaged);
+        let observations = photographs.level(halvings);
+        let (width, height) = observations.first().map_or((1, 1), |o| (o.width(), o.height()));
+        let texels = grid(width, height, side);
+        let photograph = |(o, view): (&Observation, &View)| Photograph {
+            view: *view,
+            radiance: (0..3).flat_map(|c| texels.iter().map(move |t| o.radiance(c, *t))).collect(),
+            weight: texels.iter().map(|t| o.weight(*t)).collect(),
+        };
+        let given = photographs.given();
+        let place = |t: &usize| {
+            let mm = |v: &View| v.texel_mm(width, height, t % width, t / width).map(f64::from);
+            given.first().map_or([0.0; 2], mm)
+        };
+        Self {
+            places: texels.iter().map(place).collect(),
+            photographs: observations.iter().zip(given).map(photograph).collect(),
+            halvings,
+            texels,
+        }
+    }
+
+    pub fn texels(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Colours of the texels as some of the photographs show them, see [`colours`].
+    pub fn colours(&self, which: &[usize]) -> Vec<Feature> {
+        let n = self.texels();
+        let seen = |i: usize, t: usize| {
+            let photograph: &Photograph = &self.photographs[which[i]];
+            let radiance = [0, 1, 2].map(|c| photograph.radiance[c * n + t]);
+            (photograph.weight[t] > 0.0).then_some(radiance)
+        };
+        let views: Vec<View> = which.iter().map(|&i| self.photographs[i].view).collect();
+        colours(&views, n, |t| self.places[t], seen)
+    }
+
+    /// Coordinates of maps of the photographs' size, averaged as the sample's texels are.
+    pub fn coordinates(&self, maps: &Svbrdf) -> Vec<Coordinates> {
+        let mut small = None;
+        for _ in 0..self.halvings {
+            small = Some(small.as_ref().unwrap_or(maps).downsampled());
+        }
+        let maps = small.as_ref().unwrap_or(maps);
+        let at = |t: usize, c: usize| f64::from(to_coordinate(c, maps.plane(c)[t]));
+        let coordinates = |t: &usize| std::array::from_fn(|c| clamped(c, at(*t, c)));
+        self.texels.iter().map(coordinates).collect()
+    }
+}
+
+/// Texels of a regular grid, at most `side` along the longer side.
+fn grid(width: usize, height: usize, side: usize) -> Vec<usize> {
+    let stride = width.max(height).div_ceil(side.max(1));
+    let (w, h) = ((width / stride).max(1), (height / stride).max(1));
+    let along = |i: usize, size: usize| (i * stride + stride / 2).min(size - 1);
+    (0..w * h).map(|i| along(i / w, height) * width + along(i % w, width)).collect()
+}
+
+/// What texels' colours are without highlights, as roots of albedos: of what the photographs show of
+/// each, taken for diffuse and flat, that at a third of their order from the darkest. `seen` is what a
+/// photograph shows of a texel, if anything.
+pub(in crate::estimate) fn colours(
+    views: &[View],
+    texels: usize,
+    place: impl Fn(usize) -> [f64; 2] + Sync,
+    seen: impl Fn(usize, usize) -> Option<[f32; 3]> + Sync,
+) -> Vec<Feature> {
+    let lights: Vec<Lit> = views.iter().map(Lit::new).collect();
+    parallel::values(texels, |t| {
+        let root =
+            |(i, light): (usize, &Lit)| Some(root_albedo(seen(i, t)?, light.white(place(t))));
+        let mut all: Vec<Feature> = lights.iter().enumerate().filter_map(root).collect();
+        let rank = all.len().saturating_sub(1) / 3;
+        [0, 1, 2].map(|c| {
+            all.sort_by(|a, b| a[c].total_cmp(&b[c]));
+            all.get(rank).map_or(UNSEEN, |f| f[c])
+        })
+    })
+}
+
+/// Root albedo of texels that no photograph shows.
+const UNSEEN: f32 = 0.4;
+
+fn root_albedo(radiance: [f32; 3], white: [f64; 3]) -> Feature {
+    std::array::from_fn(|c| {
+        let albedo = f64::from(radiance[c].abs()) / white[c].max(1e-9);
+        albedo.clamp(1e-4, 1.0).sqrt() as f32
+    })
+}

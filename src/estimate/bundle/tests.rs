@@ -1,0 +1,241 @@
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use super::*;
+use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::noise::Noise;
+use crate::estimate::options::BundleOptions;
+use crate::estimate::photographs::Photographs;
+use crate::estimate::prior::Coordinates;
+use crate::loss::log_residual;
+use crate::observation::{Falloff, Observation, View};
+use crate::random::Random;
+use crate::svbrdf::{CHANNELS, Svbrdf, channel};
+use crate::test_support::{photograph, view_from};
+
+const SIDE: usize = 24;
+
+/// Bumpy, with glossy and matt patches.
+fn material() -> Svbrdf {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    for t in 0..SIDE * SIDE {
+        let (u, v) = ((t % SIDE) as f32 / 4.0, (t / SIDE) as f32 / 3.0);
+        maps.plane_mut(channel::SLOPE_X)[t] = 0.15 * u.sin() * v.cos();
+        maps.plane_mut(channel::SLOPE_Y)[t] = 0.1 * (u + v).cos();
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[t] = 0.25 + 0.1 * (u * 0.7).sin();
+            maps.plane_mut(channel::SPECULAR + c)[t] = 0.05 + 0.02 * v.sin();
+        }
+        maps.plane_mut(channel::ROUGHNESS)[t] = 0.4 + 0.1 * (0.5 * (u - v)).sin();
+    }
+    maps
+}
+
+fn photographs(count: usize) -> Photographs {
+    let mut all = Photographs::new(SIDE);
+    let mut random = Random::new(4);
+    for i in 0..count {
+        let angle = 2.4 * i as f32;
+        let at = [50.0 * angle.sin(), 50.0 * angle.cos(), 140.0 + 12.0 * (i % 3) as f32];
+        let falloff = Falloff::InverseSquare { power_mm2: [6e4; 3] };
+        let view = View { falloff, ambient: [0.02; 3], ..view_from(at) };
+        let (mut radiance, weight) = photograph(&material(), view).planes();
+        radiance.iter_mut().for_each(|v| *v *= 1.0 + 0.02 * random.bell() as f32);
+        all.add(Observation::new(SIDE, SIDE, view, &radiance, &weight).unwrap()).unwrap();
+    }
+    all
+}
+
+const COUNT: usize = 4;
+
+/// Every kind of parameter; two groups that share all texels.
+fn problem() -> (Problem, State) {
+    let sample = Arc::new(Sample::new(&photographs(COUNT), usize::MAX, SIDE));
+    let mut shared = vec![
+        Shared::new(Parameter::Exponent, 4.0, 0.3),
+        Shared::new(Parameter::Ambient, 500.0, 0.1).within(0.0, 0.4),
+    ];
+    shared.extend((0..3).map(|axis| Shared::new(Parameter::Flash(axis), 0.01, 15.0)));
+    for i in 0..COUNT {
+        shared.push(Shared::new(Parameter::Gain(i), 400.0, 1.0));
+        shared.push(Shared::new(Parameter::Mirrored(i), 50.0, 1.0));
+        shared.extend((0..2).map(|axis| Shared::new(Parameter::Turn(i, axis), 400.0, 0.06)));
+    }
+    let texels = sample.texels();
+    let shares = (0..texels).flat_map(|t| [t as f32, (texels - t) as f32]);
+    let mut start = material();
+    start.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r += 0.05);
+    let problem = Problem {
+        which: (0..COUNT).collect(),
+        mean: sample.coordinates(&start),
+        precision: [100.0; CHANNELS],
+        groups: Groups {
+            coordinates: channel::SPECULAR..CHANNELS,
+            range: [-1.0, 1.0],
+            shares: shares.map(|s| s / texels as f32).collect(),
+            mean: vec![[0.0; CHANNELS], [0.01; CHANNELS]],
+            precision: [50.0; CHANNELS],
+        },
+        shared,
+        noise: Noise { scale: 0.05, huber: 0.02 },
+        options: BundleOptions::default(),
+        sample,
+    };
+    let views = problem.sample.photographs.iter().map(|p| &p.view).collect::<Vec<_>>();
+    let exposure = Exposure {
+        gains: vec![0.02, -0.03, 0.05, 0.01],
+        exponent: 0.7,
+        offset_mm: [1.0, 2.0, -3.0],
+        ..Exposure::as_given(views.into_iter())
+    };
+    let turns = vec![[0.03, -0.02], [0.01, 0.02], [-0.02, 0.0], [0.0, 0.01]];
+    let mirrored = vec![0.1, -0.2, 0.3, 0.0];
+    let state = problem.start(Correction { turns, ambient: 0.05, mirrored, exposure });
+    (problem, state)
+}
+
+/// Central differences of steps h: truncation is h² / 6 times the third derivative, at most 1e3 for
+/// slopes inside a lobe of roughness 0.35, rounding 1e-15 / h; views are in single precision.
+#[test]
+fn rows_are_derivatives_of_residuals() {
+    let (problem, mut state) = problem();
+    for t in [0, 137, 300, SIDE * SIDE - 1] {
+        state.deviations[t] = [0.05, -0.03, 0.05, 0.02, -0.01, 0.03, 0.02, -0.02, 0.05];
+        check_rows(&problem, &state, t);
+    }
+}
+
+fn residuals(problem: &Problem, x: &Coordinates, correction: &Correction, t: usize) -> Vec<f64> {
+    let n = problem.sample.texels();
+    let lights = problem.lights(correction);
+    let of = |(light, photograph): (&Lit, &super::sample::Photograph)| {
+        let radiance = light.radiance(&natural(x), problem.sample.places[t]);
+        let seen = |c: usize| f64::from(photograph.radiance[c * n + t]);
+        [0, 1, 2].map(|c| log_residual(radiance.value[c].max(0.0), seen(c)))
+    };
+    lights.iter().zip(problem.photographs()).flat_map(of).collect()
+}
+
+fn check_rows(problem: &Problem, state: &State, t: usize) {
+    let x = problem.coordinates(t, state);
+    let mut rows = Vec::new();
+    problem.rows(t, &x, &problem.linear(&state.correction), |r, _, row, shared| {
+        rows.push((r, *row, shared.to_vec()));
+    });
+    let here = residuals(problem, &x, &state.correction, t);
+    assert!(rows.len() == 3 * COUNT && rows.iter().zip(here).all(|(row, r)| row.0 == r));
+    let compare = |of: &dyn Fn(usize) -> f64, plus: &[f64], minus: &[f64], h: f64| {
+        for (i, (a, b)) in plus.iter().zip(minus).enumerate() {
+            let numeric = (a - b) / (2.0 * h);
+            let tolerance = 4e-3 * numeric.abs() + 4e-4;
+            assert!((numeric - of(i)).abs() < tolerance, "{i}: {numeric} {}", of(i));
+        }
+    };
+    for c in 0..CHANNELS {
+        let moved = |h: f64| {
+            let mut x = x;
+            x[c] += h;
+            residuals(problem, &x, &state.correction, t)
+        };
+        compare(&|i| rows[i].1[c], &moved(1e-4), &moved(-1e-4), 1e-4);
+    }
+    for (a, shared) in problem.shared.iter().enumerate() {
+        let h = if matches!(shared.parameter, Parameter::Flash(_)) { 0.7 } else { 2e-3 };
+        let moved = |h: f64| {
+            let mut correction = state.correction.clone();
+            shared.parameter.set(&mut correction, shared.parameter.get(&state.correction) + h);
+            residuals(problem, &x, &correction, t)
+        };
+        let by = |i: usize| {
+            let row: &Vec<(usize, f64)> = &rows[i].2;
+            row.iter().find(|(at, _)| *at == a).map_or(0.0, |(_, by)| *by)
+        };
+        compare(&by, &moved(h), &moved(-h), h);
+    }
+}
+
+/// One step solves the equations of all unknowns together as a dense matrix would.
+#[test]
+fn eliminated_texels_step_as_in_the_whole_system() {
+    let (mut problem, state) = problem();
+    // A dense matrix of five texels.
+    let texels = 5;
+    let mut sample = (*problem.sample).clone();
+    for photograph in &mut sample.photographs {
+        photograph.weight.iter_mut().skip(texels).for_each(|w| *w = 0.0);
+    }
+    problem.sample = Arc::new(sample);
+    let (g, q, damping) = (problem.groups.coordinates.len(), problem.shared.len(), 1e-9);
+    let (shared, solved) = problem.step(&state, damping).unwrap();
+    let size = CHANNELS * texels + 2 * g + q;
+    let (mut matrix, mut gradient) =
+        (nalgebra::DMatrix::<f64>::zeros(size, size), DVector::<f64>::zeros(size));
+    let linear = problem.linear(&state.correction);
+    for t in 0..texels {
+        let x = problem.coordinates(t, &state);
+        problem.rows(t, &x, &linear, |r, weight, row, by| {
+            let mut all = DVector::zeros(size);
+            all.rows_mut(CHANNELS * t, CHANNELS).copy_from(row);
+            for (k, share) in problem.texel_shares(t).iter().enumerate() {
+                for (i, c) in problem.groups.coordinates.clone().enumerate() {
+                    all[CHANNELS * texels + g * k + i] = f64::from(*share) * row[c];
+                }
+            }
+            by.iter().for_each(|(a, by)| all[CHANNELS * texels + 2 * g + a] = *by);
+            matrix.ger(weight, &all, &all, 1.0);
+            gradient.axpy(weight * r, &all, 1.0);
+        });
+    }
+    for i in 0..CHANNELS * texels {
+        matrix[(i, i)] += problem.precision[i % CHANNELS];
+    }
+    let mut priors = super::equations::Reduced::zeros(2 * g + q);
+    problem.add_priors(&state, &mut priors);
+    let first = CHANNELS * texels;
+    for i in 0..2 * g + q {
+        matrix[(first + i, first + i)] += priors.matrix[(i, i)];
+        gradient[first + i] += priors.gradient[i];
+    }
+    let expected = matrix.cholesky().unwrap().solve(&-gradient);
+    let tolerance = 1e-6 * expected.amax();
+    for i in 0..2 * g + q {
+        assert!((shared[i] - expected[first + i]).abs() < tolerance, "{i}");
+    }
+    for t in 0..texels {
+        let step = problem.texel_step(t, &shared, &solved[t], 1.0);
+        let all = expected.rows(CHANNELS * t, CHANNELS);
+        assert!((step - all).amax() < tolerance, "{t}: {step} {all}");
+    }
+}
+
+/// Ambient light that would go below nothing stops there, and the step still descends.
+#[test]
+fn parameters_stop_at_their_bounds_and_the_cost_falls() {
+    let (problem, mut state) = problem();
+    state.correction.ambient = 0.002;
+    let before = problem.cost(&state);
+    let (shared, solved) = problem.step(&state, 1e-3).unwrap();
+    let ambient = problem.shared.iter().position(|s| s.parameter == Parameter::Ambient).unwrap();
+    let to = state.correction.ambient + shared[shared.len() - problem.shared.len() + ambient];
+    assert!(to >= -1e-12, "{to}");
+    let (next, cost) = problem.stepped(&state, &shared, &solved, 1.0);
+    assert!(cost < before && next.correction.ambient >= 0.0, "{before} {cost}");
+}
+
+#[test]
+fn a_descent_that_stopped_goes_on_to_the_same_bits() {
+    let (problem, state) = problem();
+    let limits = Limits { steps: 4, converged: 1e-6 };
+    let begin = || Descent::new(problem.clone(), state.clone(), limits);
+    let (_, whole) = begin().run();
+    let mut parts = begin();
+    while !parts.progress.done {
+        parts.step();
+        parts = begin().resume(parts.progress).unwrap();
+    }
+    assert!(parts.progress.state == whole);
+    let mut other = parts.progress;
+    other.state.deviations.pop();
+    assert!(begin().resume(other).is_none());
+}

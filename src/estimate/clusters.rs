@@ -1,0 +1,91 @@
+//! Clusters of colours: k-means from seeds far apart.
+
+/// A feature of a texel: root of a colour.
+pub(super) type Feature = [f32; 3];
+
+/// At most `count` centres of samples, fewer where all samples lie within a squared distance of them.
+pub(super) fn centres(
+    samples: &[Feature],
+    count: usize,
+    within: f32,
+    rounds: usize,
+) -> Vec<Feature> {
+    let mut centres = seeds(samples, count, within);
+    for _ in 0..rounds {
+        let mut sums = vec![([0.0f64; 3], 0usize); centres.len()];
+        for sample in samples {
+            let (sum, number) = &mut sums[nearest(&centres, sample).0];
+            sum.iter_mut().zip(sample).for_each(|(s, v)| *s += f64::from(*v));
+            *number += 1;
+        }
+        for (centre, (sum, number)) in centres.iter_mut().zip(sums) {
+            if number > 0 {
+                *centre = sum.map(|s| (s / number as f64) as f32);
+            }
+        }
+    }
+    centres
+}
+
+/// The first sample, then always that farthest from all so far.
+fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
+    let mut seeds: Vec<Feature> = samples.first().copied().into_iter().collect();
+    let mut distances = vec![f32::MAX; samples.len()];
+    while let Some(last) = seeds.last().filter(|_| seeds.len() < count).copied() {
+        for (d, s) in distances.iter_mut().zip(samples) {
+            *d = d.min(distance(s, &last));
+        }
+        let farthest = (0..samples.len()).max_by(|&a, &b| distances[a].total_cmp(&distances[b]));
+        match farthest.filter(|i| distances[*i] > within) {
+            Some(i) => seeds.push(samples[i]),
+            None => break,
+        }
+    }
+    seeds
+}
+
+/// The nearest centre and its squared distance; of no centres the first, at no distance.
+pub(super) fn nearest(centres: &[Feature], feature: &Feature) -> (usize, f32) {
+    let distances = centres.iter().map(|c| distance(c, feature)).enumerate();
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+}
+
+/// Shares of a feature in the clusters, which sum to 1: `exp(-(d² - d²_nearest) / spread)`.
+pub(super) fn shares(centres: &[Feature], spread: f32, feature: &Feature, out: &mut [f32]) {
+    let least = nearest(centres, feature).1;
+    let mut sum = 0.0;
+    for (share, centre) in out.iter_mut().zip(centres) {
+        *share = (-(distance(centre, feature) - least) / spread).exp();
+        sum += *share;
+    }
+    out.iter_mut().for_each(|share| *share /= sum);
+}
+
+fn distance(a: &Feature, b: &Feature) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clouds_far_apart_are_found_and_shared_softly_between() {
+        let clouds = [[0.1, 0.2, 0.3], [0.8, 0.7, 0.6], [0.1, 0.9, 0.1]];
+        let samples: Vec<Feature> = (0..300)
+            .map(|i| clouds[i % 3].map(|v| v + 0.02 * ((i % 7) as f32 - 3.0) / 3.0))
+            .collect();
+        let mut found = centres(&samples, 8, 0.01, 10);
+        found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        assert_eq!(found.len(), 3);
+        for (a, b) in found.iter().zip([clouds[0], clouds[2], clouds[1]]) {
+            assert!(distance(a, &b) < 1e-4, "{a:?} {b:?}");
+        }
+        let mut all = [0.0; 3];
+        let between = std::array::from_fn(|c| 0.5 * (found[0][c] + found[1][c]));
+        shares(&found, 0.01, &between, &mut all);
+        assert!((all[0] - 0.5).abs() < 1e-3 && (all[1] - 0.5).abs() < 1e-3, "{all:?}");
+        assert_eq!(centres(&samples, 1, 0.0, 10).len(), 1);
+        assert!(centres(&[], 4, 0.0, 10).is_empty());
+    }
+}

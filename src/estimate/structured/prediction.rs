@@ -1,0 +1,70 @@
+//! Errors of predicted photographs.
+
+use crate::Svbrdf;
+use crate::estimate::bundle::{Lit, Sample, natural};
+use crate::estimate::correction::Correction;
+use crate::estimate::options::StructuredOptions;
+use crate::estimate::photographs::Photographs;
+use crate::estimate::prior::Coordinates;
+
+/// How maps predicted a photograph that they had not seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Predicted {
+    /// Mean squared error, see [`error`].
+    pub error: f64,
+    /// Whether the maps had the structured prior.
+    pub structured: bool,
+    /// Photographs that they were of.
+    pub photographs: usize,
+}
+
+impl Predicted {
+    /// The prediction of the latest photograph, alone, at the texels of the trials, by maps of others.
+    pub fn new(
+        (maps, photographs): (&Svbrdf, &Photographs),
+        latest: &Photographs,
+        structured: bool,
+        options: &StructuredOptions,
+    ) -> Self {
+        let sample = Sample::new(latest, options.trial_averaged, options.trial_texels);
+        let coordinates = sample.coordinates(maps);
+        let error = error(&sample, 0, photographs.correction(), |t| coordinates[t]);
+        Self { error, structured, photographs: photographs.len() }
+    }
+}
+
+/// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
+/// apart.
+pub(super) fn error(
+    sample: &Sample,
+    photograph: usize,
+    correction: &Correction,
+    coordinates: impl Fn(usize) -> Coordinates,
+) -> f64 {
+    let photograph = &sample.photographs[photograph];
+    let light = Lit::new(&correction.predict(&photograph.view));
+    let n = sample.texels();
+    let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
+    let mut values = Vec::with_capacity(3 * n);
+    let (mut products, mut squares) = (0.0, 1e-12);
+    for t in 0..n {
+        let weight = f64::from(photograph.weight[t]);
+        let value = light.value(&natural(&coordinates(t)), sample.places[t]);
+        for c in 0..3 {
+            let seen = f64::from(photograph.radiance[c * n + t]);
+            let (ours, theirs) = (gamma(value[c]), gamma(seen.abs()));
+            if seen >= 0.0 {
+                products += weight * ours * theirs;
+                squares += weight * ours * ours;
+            }
+            values.push([weight, ours, theirs, if seen < 0.0 { theirs } else { f64::MAX }]);
+        }
+    }
+    let factor = products / squares;
+    let (mut sum, mut total) = (0.0, 1e-12);
+    for [weight, ours, theirs, limit] in values {
+        sum += weight * ((factor * ours).min(limit) - theirs).powi(2);
+        total += weight;
+    }
+    sum / total
+}
