@@ -535,6 +535,76 @@ typedef struct svbrdf_frame_report {
 } svbrdf_frame_report;
 
 /**
+ * Standard deviations of the maps as a whole: root mean squares over the texels of what their errors
+ * are expected to be.
+ */
+typedef struct svbrdf_confidence {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Of each slope of the normal: tangent of a tilt.
+     */
+    float normal;
+    /**
+     * Of each colour of the diffuse albedo, linear.
+     */
+    float diffuse;
+    /**
+     * Of each colour of the specular albedo, linear.
+     */
+    float specular;
+    /**
+     * Of roughness.
+     */
+    float roughness;
+} svbrdf_confidence;
+
+/**
+ * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+ */
+typedef uint32_t svbrdf_map;
+
+/**
+ * A map in memory of the library.
+ */
+typedef struct svbrdf_map_view {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
+     */
+    const void *data;
+    /**
+     * Bytes of all rows.
+     */
+    size_t bytes;
+    /**
+     * Bytes from a row to the next.
+     */
+    size_t row_stride;
+    /**
+     * Texels in a row.
+     */
+    uint32_t width;
+    /**
+     * Rows.
+     */
+    uint32_t height;
+    /**
+     * Channels of a texel: 1, 3 or 4.
+     */
+    uint32_t channels;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_map_view;
+
+/**
  * How textures are stored.
  */
 typedef uint32_t svbrdf_texture_format;
@@ -712,49 +782,6 @@ typedef struct svbrdf_image {
      */
     float color_matrix[9];
 } svbrdf_image;
-
-/**
- * A map in memory of the library.
- */
-typedef struct svbrdf_map_view {
-    /**
-     * Size of this struct.
-     */
-    size_t size;
-    /**
-     * First texel, row by row; valid until svbrdf_maps_destroy(). Aligned for floats.
-     */
-    const void *data;
-    /**
-     * Bytes of all rows.
-     */
-    size_t bytes;
-    /**
-     * Bytes from a row to the next.
-     */
-    size_t row_stride;
-    /**
-     * Texels in a row.
-     */
-    uint32_t width;
-    /**
-     * Rows.
-     */
-    uint32_t height;
-    /**
-     * Channels of a texel: 1, 3 or 4.
-     */
-    uint32_t channels;
-    /**
-     * 0.
-     */
-    uint32_t reserved;
-} svbrdf_map_view;
-
-/**
- * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
- */
-typedef uint32_t svbrdf_map;
 
 /**
  * How a map's texels are laid out.
@@ -1535,6 +1562,34 @@ svbrdf_status svbrdf_session_push_capture(struct svbrdf_session *session,
 svbrdf_status svbrdf_capture_destroy(struct svbrdf_capture *capture);
 
 /**
+ * Fills a confidence with zeros: pass sizeof(svbrdf_confidence).
+ */
+svbrdf_status svbrdf_confidence_init(struct svbrdf_confidence *confidence, size_t size);
+
+/**
+ * The maps of the moment with the standard deviation of each at every texel, to be freed with
+ * svbrdf_maps_destroy(); svbrdf_maps_export() writes both. Computed when asked for; meaningful once
+ * the fit has settled. Waits for a step of the fit. SVBRDF_NO_MAPS before the first photo.
+ */
+svbrdf_status svbrdf_session_snapshot_confidence(const struct svbrdf_session *session,
+                                                 struct svbrdf_maps **out);
+
+/**
+ * One number for each map; for maps of svbrdf_session_snapshot_confidence() only.
+ */
+svbrdf_status svbrdf_maps_confidence(const struct svbrdf_maps *maps,
+                                     struct svbrdf_confidence *confidence);
+
+/**
+ * Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
+ * colour of an albedo (linear), of roughness. Errors of two texels of three are within it. For maps
+ * of svbrdf_session_snapshot_confidence() only; memory of the library, freed with the maps.
+ */
+svbrdf_status svbrdf_maps_deviations(const struct svbrdf_maps *maps,
+                                     svbrdf_map map,
+                                     struct svbrdf_map_view *view);
+
+/**
  * Fills options with defaults: pass sizeof(svbrdf_export_options).
  */
 svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, size_t size);
@@ -1642,9 +1697,11 @@ svbrdf_status svbrdf_maps_copy(const struct svbrdf_maps *maps,
 
 /**
  * Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and preview.png
- * into a folder (UTF-8), which is made if missing. No file is ever half-written under its name.
+ * into a folder (UTF-8), which is made if missing; with maps of svbrdf_session_snapshot_confidence()
+ * maps.exr has the standard deviations, too. No file is ever half-written under its name.
  */
-svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps, const char *path);
+svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps,
+                                 const char *path);
 
 /**
  * Frees maps and every view of them; NULL is fine.
@@ -1852,7 +1909,8 @@ svbrdf_status svbrdf_session_light(const struct svbrdf_session *session,
                                    float *ambient_fraction);
 
 /**
- * Where the next photo tells most. Waits for a push in progress.
+ * Where the next photo tells most: of views 10 to 50 degrees off the top that which lowers the expected
+ * error of renderings most. Waits for a push in progress and a step of the fit.
  */
 svbrdf_status svbrdf_session_next_view(const struct svbrdf_session *session,
                                        struct svbrdf_next_view *view);

@@ -214,6 +214,19 @@ public:
         check(svbrdf_maps_size(get(), nullptr, nullptr, mm.data()));
         return mm;
     }
+    /// Standard deviation of each map as a whole; of a Session::snapshot_confidence() only.
+    svbrdf_confidence confidence() const {
+        svbrdf_confidence found = make(svbrdf_confidence_init);
+        check(svbrdf_maps_confidence(get(), &found));
+        return found;
+    }
+    /// The same at every texel, one value each. Valid as long as these maps.
+    MapView<float> deviations(svbrdf_map map) const {
+        svbrdf_map_view v = make(svbrdf_map_view_init);
+        check(svbrdf_maps_deviations(get(), map, &v));
+        return {Span<const float>(static_cast<const float*>(v.data), v.bytes / sizeof(float)),
+                v.width, v.height, v.channels};
+    }
     /// Writes PNG, EXR and a preview into a folder.
     void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), path.c_str())); }
     /// Files for other programs, e.g. "glb,usdz", into a folder: all of them or none.
@@ -447,6 +460,16 @@ public:
     std::optional<Maps> snapshot() const {
         svbrdf_maps* maps = nullptr;
         const svbrdf_status status = svbrdf_session_snapshot_maps(get(), &maps);
+        if (status == SVBRDF_NO_MAPS) {
+            return std::nullopt;
+        }
+        check(status);
+        return Maps(maps);
+    }
+    /// As snapshot(), with the standard deviations of the maps: waits for a step of the fit.
+    std::optional<Maps> snapshot_confidence() const {
+        svbrdf_maps* maps = nullptr;
+        const svbrdf_status status = svbrdf_session_snapshot_confidence(get(), &maps);
         if (status == SVBRDF_NO_MAPS) {
             return std::nullopt;
         }

@@ -25,6 +25,7 @@ mod error;
 pub mod calibration;
 pub mod capture;
 pub mod comparison;
+pub mod confidence;
 pub mod estimate;
 pub mod export;
 pub mod frame;

@@ -11,6 +11,7 @@
 pub mod budget;
 mod callbacks;
 pub mod capture;
+pub mod confidence;
 pub mod export;
 pub mod frame_fit;
 mod handles;

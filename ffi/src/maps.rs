@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
-use engine::export::{write_preview, write_sized_maps};
+use engine::confidence::Confidence;
+use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
 use engine::frame::Encoding;
 use engine::svbrdf::channel;
 
@@ -118,6 +119,7 @@ const FORMAT_COUNT: usize = 3;
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
+    confidence: Option<Confidence>,
     /// Made when first asked for.
     views: [[OnceLock<Plane>; FORMAT_COUNT]; MAP_COUNT],
 }
@@ -126,9 +128,32 @@ static MAPS: Handles<Maps> = Handles::new("maps");
 
 /// A handle for maps.
 pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_maps {
+    insert(maps, sample_mm, None)
+}
+
+/// The same with their standard deviations.
+pub(crate) fn hand_out_assessed(
+    maps: Arc<Svbrdf>,
+    sample_mm: [f32; 2],
+    confidence: Confidence,
+) -> *mut svbrdf_maps {
+    insert(maps, sample_mm, Some(confidence))
+}
+
+fn insert(
+    maps: Arc<Svbrdf>,
+    sample_mm: [f32; 2],
+    confidence: Option<Confidence>,
+) -> *mut svbrdf_maps {
     let handle = Handles::<Maps>::reserve();
-    MAPS.insert(handle, Arc::new(Maps { maps, sample_mm, views: Default::default() }));
+    let maps = Maps { maps, sample_mm, confidence, views: Default::default() };
+    MAPS.insert(handle, Arc::new(maps));
     std::ptr::without_provenance_mut(handle)
+}
+
+/// What is behind a handle.
+pub(crate) fn get(maps: *const svbrdf_maps) -> Result<Arc<Maps>, Fault> {
+    MAPS.get(maps.addr())
 }
 
 /// The maps behind a handle and the size of their sample, mm.
@@ -174,6 +199,13 @@ fn channels(map: svbrdf_map, format: svbrdf_map_format) -> Result<usize, Fault> 
 }
 
 impl Maps {
+    /// Standard deviations, where they were asked for.
+    pub(crate) fn confidence(&self) -> Result<&Confidence, Fault> {
+        self.confidence.as_ref().ok_or_else(|| {
+            Fault::argument("maps: without confidence; see svbrdf_session_snapshot_confidence()")
+        })
+    }
+
     fn texel(&self, map: svbrdf_map, i: usize) -> [f32; 3] {
         let maps = &self.maps;
         let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c)[i]);
@@ -314,7 +346,8 @@ pub unsafe extern "C" fn svbrdf_maps_copy(
 }
 
 /// Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and preview.png
-/// into a folder (UTF-8), which is made if missing. No file is ever half-written under its name.
+/// into a folder (UTF-8), which is made if missing; with maps of svbrdf_session_snapshot_confidence()
+/// maps.exr has the standard deviations, too. No file is ever half-written under its name.
 ///
 /// # Safety
 /// `path` is NULL or a C string.
@@ -326,7 +359,12 @@ pub unsafe extern "C" fn svbrdf_maps_export(
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
         // SAFETY: the caller vouches for the string.
-        export(&maps.maps, maps.sample_mm, unsafe { folder(path) }?)
+        let dir = unsafe { folder(path) }?;
+        let Some(confidence) = &maps.confidence else {
+            return export(&maps.maps, maps.sample_mm, dir);
+        };
+        write_assessed_maps(dir, &maps.maps, confidence, maps.sample_mm)?;
+        Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
     })
 }
 

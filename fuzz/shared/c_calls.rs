@@ -6,6 +6,7 @@ use std::ptr;
 
 use crate::budget::*;
 use crate::capture::*;
+use crate::confidence::*;
 use crate::frame_fit::*;
 use crate::handles::svbrdf_session;
 use crate::image::*;
@@ -173,7 +174,7 @@ pub fn run(data: &[u8]) {
 }
 
 fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
-    let choice = bytes.u8() % 32;
+    let choice = bytes.u8() % 36;
     // SAFETY: every pointer is NULL or to something alive of the size said.
     let status = unsafe {
         match choice {
@@ -346,6 +347,26 @@ fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
                     ..Default::default()
                 };
                 svbrdf_session_frame_fit(world.pick(bytes), bytes.u32(), &raw mut fit)
+            }
+            32 => {
+                let mut maps = ptr::null_mut();
+                let status = svbrdf_session_snapshot_confidence(world.pick(bytes), &raw mut maps);
+                world.add(status, maps);
+                status
+            }
+            33 => {
+                let mut confidence = svbrdf_confidence {
+                    size: bytes.usize().min(size_of::<svbrdf_confidence>()),
+                    ..Default::default()
+                };
+                svbrdf_maps_confidence(world.pick(bytes), &raw mut confidence)
+            }
+            34 => {
+                let mut view = svbrdf_map_view {
+                    size: bytes.usize().min(size_of::<svbrdf_map_view>()),
+                    ..Default::default()
+                };
+                svbrdf_maps_deviations(world.pick(bytes), bytes.u32(), &raw mut view)
             }
             27 => {
                 let mut rms = 0.0;

@@ -4,9 +4,11 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
+use super::confidence::Evidence;
 use super::correction::Exposure;
 use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
+use super::outlook::Place;
 use super::updates::FitRecord;
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -78,6 +80,24 @@ impl Estimator {
     /// `None` before the second photograph.
     pub fn record(&self) -> Option<&FitRecord> {
         self.estimation.record.as_ref()
+    }
+
+    /// What is known of how far the maps of the moment may be off, see
+    /// [`Session::assess`](crate::session::Session::assess).
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn evidence(&self) -> Result<Evidence> {
+        self.estimation.evidence()
+    }
+
+    /// By how much a photograph from each of some places would lower the expected squared error of
+    /// renderings, see [`Session::next_view`](crate::session::Session::next_view): fractions, 0 to 1.
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn outlook(&self, places: &[Place]) -> Result<Vec<f64>> {
+        self.estimation.outlook(places)
     }
 
     /// Photographs added.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::files::write_files;
 use super::floats::{encode_channels, read_channels};
 use super::textures::{Density, Texture, TextureFormat};
+use crate::confidence::Confidence;
 use crate::frame::{Encoding, read_picture};
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
@@ -22,6 +23,10 @@ const OTHERS: [&str; 7] = [
     "specular.B",
     "roughness.Y",
 ];
+
+/// Channels with the standard deviations, in the order of [`Confidence::planes`].
+const DEVIATIONS: [&str; 4] =
+    ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
 
 /// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB
 /// curve), `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`,
@@ -44,6 +49,27 @@ pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2
     write_files(dir, &map_files(maps, Some(sample_mm))?)
 }
 
+/// As [`write_sized_maps`]; `maps.exr` has the standard deviations as well, in the channels
+/// `deviation.normal` (of each slope), `deviation.diffuse` and `deviation.specular` (of each colour,
+/// linear), `deviation.roughness`.
+///
+/// # Errors
+/// As [`write_sized_maps`]; [`Error::Argument`] where the sizes differ.
+pub fn write_assessed_maps(
+    dir: impl AsRef<Path>,
+    maps: &Svbrdf,
+    confidence: &Confidence,
+    sample_mm: [f32; 2],
+) -> Result<()> {
+    check_size(sample_mm)?;
+    let (size, found) = ([maps.width(), maps.height()], [confidence.width(), confidence.height()]);
+    if size != found {
+        let message = format!("{found:?} texels given, {size:?} expected");
+        return Err(Error::argument("confidence", message));
+    }
+    write_files(dir, &files(maps, Some(confidence), Some(sample_mm))?)
+}
+
 /// Checks that both lengths are positive.
 pub(super) fn check_size(sample_mm: [f32; 2]) -> Result<()> {
     if sample_mm.iter().all(|v| v.is_finite() && *v > 0.0) {
@@ -56,6 +82,14 @@ pub(super) fn check_size(sample_mm: [f32; 2]) -> Result<()> {
 /// Names and bytes of the files of [`write_maps`].
 pub(super) fn map_files(
     maps: &Svbrdf,
+    sample_mm: Option<[f32; 2]>,
+) -> Result<Vec<(String, Vec<u8>)>> {
+    files(maps, None, sample_mm)
+}
+
+fn files(
+    maps: &Svbrdf,
+    confidence: Option<&Confidence>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
@@ -76,12 +110,17 @@ pub(super) fn map_files(
     .into_iter()
     .collect::<Result<Vec<_>>>()?;
 
-    let mut planes = Vec::with_capacity(10);
+    let mut planes = Vec::with_capacity(14);
     for (axis, name) in NORMAL.into_iter().enumerate() {
         planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
     for (c, name) in OTHERS.into_iter().enumerate() {
         planes.push((name, maps.plane(channel::DIFFUSE + c).to_vec()));
+    }
+    if let Some(confidence) = confidence {
+        for (name, plane) in DEVIATIONS.into_iter().zip(confidence.planes().chunks_exact(w * h)) {
+            planes.push((name, plane.to_vec()));
+        }
     }
     files.push(("maps.exr".into(), encode_channels(w, h, planes, sample_mm)?));
     Ok(files)

@@ -25,7 +25,7 @@ mod usdz;
 
 pub use files::{check_writable, write_atomic, write_exr_image, write_files, write_png16_image};
 pub use height::{Height, occlusion};
-pub use maps::{read_maps, read_sample_mm, write_maps, write_sized_maps};
+pub use maps::{read_maps, read_sample_mm, write_assessed_maps, write_maps, write_sized_maps};
 pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, relit, write_preview};
 pub use resample::resized;

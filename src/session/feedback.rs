@@ -23,6 +23,8 @@ const SLOPES: i32 = 9;
 /// Angles off the top that are proposed, degrees.
 const TILTS: [f64; 5] = [0.0, 12.0, 24.0, 36.0, 45.0];
 const AZIMUTHS: u32 = 16;
+/// The same of those that are told by what they would show.
+const REACH: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
 
 /// Something to tell about a photograph that was accepted.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -139,9 +141,7 @@ pub(super) fn next_view(
     flash_offset_mm: DVec3,
     sample_mm: [f32; 2],
 ) -> Option<NextView> {
-    let mut distances: Vec<f64> = views.iter().map(|v| v.camera_centre().length()).collect();
-    distances.sort_by(f64::total_cmp);
-    let distance = *distances.get(distances.len() / 2)?;
+    let distance = usual_distance(views)?;
     let half = |camera: DVec3, light: DVec3, p: DVec3| {
         let h = (camera - p).normalize() + (light - p).normalize();
         h.truncate() / h.z.max(1e-3)
@@ -176,34 +176,66 @@ pub(super) fn next_view(
     for tilt in TILTS {
         for k in 0..if tilt == 0.0 { 1 } else { AZIMUTHS } {
             let azimuth = 360.0 * f64::from(k) / f64::from(AZIMUTHS);
-            let (s, c) = tilt.to_radians().sin_cos();
-            let (sa, ca) = azimuth.to_radians().sin_cos();
-            let direction = DVec3::new(s * ca, s * sa, c);
-            let camera = distance * direction;
-            // Held upright as seen from that side; the flash is beside the lens.
-            let right = DVec3::Z.cross(direction).try_normalize().unwrap_or(DVec3::X);
-            let down = -direction.cross(right);
-            let light = camera + flash_offset_mm.x * right + flash_offset_mm.y * down;
+            let Candidate { view, camera_mm, light_mm } =
+                Candidate::new(tilt, azimuth, distance, flash_offset_mm);
             let gain: f64 = points
                 .iter()
                 .zip(&nearest)
                 .map(|(p, nearest)| {
-                    let h = half(camera, light, *p);
+                    let h = half(camera_mm, light_mm, *p);
                     let closer = |(s, n): (&DVec2, &f64)| (n - h.distance_squared(*s)).max(0.0);
                     slopes.iter().zip(nearest).map(closer).sum::<f64>()
                 })
                 .sum();
             if best.is_none_or(|b| gain > b.0 * (1.0 + 1e-9)) {
-                let view = NextView {
-                    direction: direction.as_vec3().to_array(),
-                    tilt_deg: tilt as f32,
-                    azimuth_deg: azimuth as f32,
-                };
                 best = Some((gain, view));
             }
         }
     }
     best.map(|b| b.1)
+}
+
+/// A view that may be proposed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    pub(super) view: NextView,
+    pub(super) camera_mm: DVec3,
+    pub(super) light_mm: DVec3,
+}
+
+impl Candidate {
+    fn new(tilt: f64, azimuth: f64, distance: f64, flash_offset_mm: DVec3) -> Self {
+        let (s, c) = tilt.to_radians().sin_cos();
+        let (sa, ca) = azimuth.to_radians().sin_cos();
+        let direction = DVec3::new(s * ca, s * sa, c);
+        let camera_mm = distance * direction;
+        // Held upright as seen from that side; the flash is beside the lens.
+        let right = DVec3::Z.cross(direction).try_normalize().unwrap_or(DVec3::X);
+        let down = -direction.cross(right);
+        let light_mm = camera_mm + flash_offset_mm.x * right + flash_offset_mm.y * down;
+        let view = NextView {
+            direction: direction.as_vec3().to_array(),
+            tilt_deg: tilt as f32,
+            azimuth_deg: azimuth as f32,
+        };
+        Self { view, camera_mm, light_mm }
+    }
+}
+
+/// Views within reach of a hand, at the distance of those so far; `None` before the first.
+pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<Candidate>> {
+    let distance = usual_distance(views)?;
+    let sides = (0..AZIMUTHS).map(|k| 360.0 * f64::from(k) / f64::from(AZIMUTHS));
+    let of =
+        |tilt| sides.clone().map(move |side| Candidate::new(tilt, side, distance, flash_offset_mm));
+    Some(REACH.into_iter().flat_map(of).collect())
+}
+
+/// Median distance of the camera.
+fn usual_distance(views: &[Pose]) -> Option<f64> {
+    let mut distances: Vec<f64> = views.iter().map(|v| v.camera_centre().length()).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied()
 }
 
 #[cfg(test)]

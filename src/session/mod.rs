@@ -1,10 +1,12 @@
 //! A capture in progress: push photographs, take maps at any time.
 
 mod board;
+mod confidence;
 mod feedback;
 mod intake;
 mod memory;
 mod observed;
+mod outlook;
 mod probe;
 mod removal;
 mod reports;
@@ -26,8 +28,8 @@ use rayon::ThreadPool;
 pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
 pub use self::reports::{
-    Accepted, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress, Pushed,
-    Revision,
+    Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
+    Pushed, Revision,
 };
 pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use self::sight::Known;
@@ -397,15 +399,6 @@ impl Session {
     /// paper and camera, and by that the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
-    }
-
-    /// Where the next photograph tells most: the direction from which highlights reach slopes of
-    /// the sample that they have not swept. `None` before the first photograph, and for rectified
-    /// ones.
-    pub fn next_view(&self) -> Option<NextView> {
-        let intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
-        let views: Vec<Pose> = intake.poses().into_iter().map(|p| p.pose).collect();
-        feedback::next_view(&views, intake.flash_offset_mm(), self.settings.sample_mm)
     }
 
     /// Light position in the camera frame as used, mm.

@@ -1,11 +1,14 @@
 //! What a session tells its caller.
 
+use std::sync::Arc;
+
 use super::feedback::Hint;
-use crate::Rejection;
 use crate::calibration::Corner;
+use crate::confidence::Confidence;
 use crate::estimate::Phase;
 use crate::geometry::Pose;
 use crate::observation::Observation;
+use crate::{Rejection, Svbrdf};
 
 /// What became of a photograph.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,6 +144,15 @@ pub struct FrameFit {
     /// Whether it contradicts the others: its residual stands out. Of fewer than four photographs
     /// none does.
     pub outlier: bool,
+}
+
+/// Maps and how far they may be off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assessed {
+    /// The maps.
+    pub maps: Arc<Svbrdf>,
+    /// Standard deviations of their errors.
+    pub confidence: Confidence,
 }
 
 /// State of the fit.

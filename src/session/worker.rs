@@ -12,7 +12,9 @@ use super::board::Update;
 use super::intake::own_power;
 use super::state::{SavedProgress, StateWriter, write_estimation};
 use super::{Progress, Revision};
-use crate::estimate::{Budget, Change, Estimation, Exposure, Meter, Residual, first_maps};
+use crate::estimate::{
+    Budget, Change, Estimation, Evidence, Exposure, Meter, Place, Residual, first_maps,
+};
 use crate::observation::{Falloff, Observation};
 use crate::{Error, Result, Svbrdf};
 
@@ -155,6 +157,10 @@ pub(super) enum Command {
     Remove(Box<Removal>),
     /// Tell how the maps explain each photograph.
     Residuals(Sender<Vec<Residual>>),
+    /// Tell what is known of how far the maps may be off.
+    Evidence(Sender<Result<Evidence>>),
+    /// Tell by how much a photograph from each of some places lowers the expected error.
+    Outlook(Vec<Place>, Sender<Result<Vec<f64>>>),
     /// Look at the flags again.
     Wake,
 }
@@ -233,6 +239,13 @@ impl Worker<'_> {
                     let residuals = pool.install(|| estimation.residuals());
                     // Without photographs there is nothing to tell; whoever asked may have gone.
                     let _ = reply.send(residuals.unwrap_or_default());
+                }
+                Ok(Command::Evidence(reply)) => {
+                    // Whoever asked may have gone.
+                    let _ = reply.send(pool.install(|| estimation.evidence()));
+                }
+                Ok(Command::Outlook(places, reply)) => {
+                    let _ = reply.send(pool.install(|| estimation.outlook(&places)));
                 }
                 Ok(Command::Wake) => self.follow_budget(&mut estimation, &mut meter),
                 Err(TryRecvError::Empty) => self.step(pool, &mut estimation, &mut meter)?,

@@ -50,7 +50,7 @@ static void accepted_photos(const picture *first, const picture *second)
     report = push(session, &image, NULL, SVBRDF_OK);
     CHECK(report.hints == 0 && report.advice[0] == '\0');
     OK(svbrdf_session_next_view(session, &next));
-    CHECK(next.known == 1 && next.tilt_deg >= 0.0f && next.tilt_deg <= 60.0f);
+    CHECK(next.known == 1 && next.tilt_deg >= 10.0f && next.tilt_deg <= 50.0f);
     CHECK(next.azimuth_deg >= 0.0f && next.azimuth_deg < 360.0f);
     CHECK(fabs((double)next.direction[2] - cos((double)next.tilt_deg * 0.017453292519943295)) <
           1e-5);

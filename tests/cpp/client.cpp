@@ -126,6 +126,10 @@ void board(const std::string& folder) {
     CHECK(thrown([&] { session.pose(2); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(session.probe(first->view()).has(SVBRDF_HINT_NOTHING_NEW));
     CHECK(session.frame_fit(1).weight > 0.3f && session.frame_fit(1).outlier == 0);
+    const auto trusted = session.snapshot_confidence();
+    CHECK(trusted && trusted->confidence().roughness > 0.0f);
+    CHECK(trusted->deviations(SVBRDF_MAP_NORMAL).channels == 1);
+    CHECK(thrown([&] { session.snapshot()->confidence(); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(thrown([&] { session.frame_fit(2); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(thrown([&] { session.remove(2); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(session.push(first->view()) && session.progress().frames == 3);

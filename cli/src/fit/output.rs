@@ -4,7 +4,10 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
-use svbrdf::export::{ExportOptions, export, write_atomic, write_preview, write_sized_maps};
+use svbrdf::confidence::{Confidence, MapDeviations};
+use svbrdf::export::{
+    ExportOptions, export, write_assessed_maps, write_atomic, write_preview, write_sized_maps,
+};
 use svbrdf::session::Session;
 
 use super::arguments::Arguments;
@@ -40,7 +43,12 @@ impl Output<'_> {
         let (arguments, session) = (self.arguments, self.session);
         let (out, sample_mm) = (&arguments.out, input.capture.sample_mm);
         let maps = session.snapshot()?;
-        write_sized_maps(out, &maps, sample_mm)?;
+        // A fit that was interrupted is not asked any more.
+        let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
+        match &assessed {
+            Some(found) => write_assessed_maps(out, &maps, &found.confidence, sample_mm)?,
+            None => write_sized_maps(out, &maps, sample_mm)?,
+        }
         self.write_exports(&maps, sample_mm, fit.fitted())?;
         write_preview(out.join("preview.png"), &maps, sample_mm)?;
         if let Some(photographs) = &input.photographs {
@@ -52,6 +60,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, maps.width(), self.begun);
+        document.value["confidence"] = json!(assessed.map(|found| deviations(&found.confidence)));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
@@ -87,6 +96,12 @@ impl Output<'_> {
         };
         Ok(export(maps, &options)?.write(&self.arguments.out)?)
     }
+}
+
+/// Standard deviation of each map.
+fn deviations(confidence: &Confidence) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+    json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 
 /// Whether a fit as asked for has been here before, and came to its end.

@@ -38,8 +38,14 @@ fn count(subject: &Subject, which: impl Fn(&Value) -> bool) -> usize {
 
 /// All groups that apply.
 pub fn figures(subject: &Subject) -> Vec<Value> {
-    let groups =
-        [capture(subject), material(subject), camera(subject), light(subject), sheet(subject)];
+    let groups = [
+        capture(subject),
+        material(subject),
+        confidence(subject),
+        camera(subject),
+        light(subject),
+        sheet(subject),
+    ];
     groups.into_iter().flatten().collect()
 }
 
@@ -94,6 +100,20 @@ fn material(subject: &Subject) -> Option<Value> {
             Some(("Mean F0", colour(channel::SPECULAR))),
             Some(("Roughness", format!("{:.2} ({:.2} to {:.2})", at(0.5), at(0.05), at(0.95)))),
             Some(("Mean tilt of normals", format!("{tilt:.1}°"))),
+        ],
+    )
+}
+
+/// How far the maps may be off.
+fn confidence(subject: &Subject) -> Option<Value> {
+    let of = |map: &str| subject.report["confidence"][map].as_f64();
+    group(
+        "Standard deviations",
+        vec![
+            of("normal").map(|v| ("Normal, each tilt", format!("{:.1}°", v.atan().to_degrees()))),
+            of("diffuse").map(|v| ("Diffuse", format!("{v:.3}"))),
+            of("specular").map(|v| ("F0", format!("{v:.3}"))),
+            of("roughness").map(|v| ("Roughness", format!("{v:.3}"))),
         ],
     )
 }

@@ -6,8 +6,10 @@
 //! guards against rounding, are constants beside the code they belong to.
 
 mod bundle;
+mod confidence;
 mod latent;
 mod lights;
+mod outlook;
 mod structured;
 mod updates;
 
@@ -15,8 +17,10 @@ use serde::{Deserialize, Serialize};
 
 use super::prior::Prior;
 pub use bundle::BundleOptions;
+pub use confidence::{CONFIDENCE_TERMS, ConfidenceOptions};
 pub use latent::{BaselineOptions, GainOptions, LatentOptions};
 pub use lights::LightOptions;
+pub use outlook::OutlookOptions;
 pub use structured::{StructuredOptions, Widths};
 pub use updates::{
     ClassOptions, GroupOptions, NetworkOptions, PoolingOptions, SlopeOptions, WidthOptions,
@@ -58,6 +62,10 @@ pub struct EstimateOptions {
     pub network: NetworkOptions,
     /// Baseline without a prior.
     pub baseline: BaselineOptions,
+    /// Calibration of the stated deviations of the maps.
+    pub confidence: ConfidenceOptions,
+    /// Choice of the next view.
+    pub outlook: OutlookOptions,
 }
 
 /// Options of the schedule: photographs from which on a phase runs, rounds, and

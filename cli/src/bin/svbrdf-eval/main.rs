@@ -3,10 +3,12 @@
 
 mod captures;
 mod clock;
+mod confidence;
 mod experiments;
 mod gate;
 mod hashes;
 mod heldout;
+mod next_view;
 mod overrides;
 mod protocol;
 mod report;
@@ -50,6 +52,10 @@ enum Command {
     Captures(captures::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
+    /// Whether stated deviations of the maps are those of the errors
+    Confidence(confidence::Arguments),
+    /// Errors after photographs from suggested views, from a circle, and from random places
+    NextView(next_view::Arguments),
     /// Compares errors and time with an earlier build's
     Gate(gate::Arguments),
     /// Hashes of the maps' bits, to show that a change leaves results as they were
@@ -145,6 +151,8 @@ fn run(arguments: &Arguments) -> Result<bool> {
     match &arguments.command {
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
+        Command::Confidence(of) => confidence::run(of, &setup)?,
+        Command::NextView(of) => next_view::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
         tables => print_table(tables, &setup)?,
     }
@@ -173,9 +181,12 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Resolution { materials: of, sides, photos } => {
             experiments::resolution(of, setup, sides, *photos)
         }
-        Command::Captures(_) | Command::Heldout(_) | Command::Gate(_) | Command::Hashes(_) => {
-            Ok(())
-        }
+        Command::Captures(_)
+        | Command::Heldout(_)
+        | Command::Confidence(_)
+        | Command::NextView(_)
+        | Command::Gate(_)
+        | Command::Hashes(_) => Ok(()),
     }
 }
 

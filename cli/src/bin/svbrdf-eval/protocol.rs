@@ -44,9 +44,9 @@ impl From<PathBuf> for Arguments {
 /// Texels a side of a crop.
 const SIDE: usize = 256;
 /// Half the width of the sample, mm.
-const HALF_WIDTH: f32 = 50.0;
+pub const HALF_WIDTH: f32 = 50.0;
 /// The paper's camera, see [`Conditions`].
-const DISTANCE: f32 = 2.146;
+pub const DISTANCE: f32 = 2.146;
 const REACH: f64 = 1.2;
 
 /// A piece of a known material.
@@ -214,7 +214,7 @@ pub fn photographs(
     let mut errors = Random::new(seed ^ 0x5EED);
     (0..count)
         .map(|i| {
-            let Conditions { gain, ambient, distance, reach, light_beside, .. } = *conditions;
+            let Conditions { distance, reach, .. } = *conditions;
             let mut side = || (reach * (2.0 * places.uniform() - 1.0)) as f32;
             let random = [side(), side(), distance];
             let at = match (i, conditions.oblique) {
@@ -222,25 +222,36 @@ pub fn photographs(
                 (0, true) => [distance * 0.5f32.sqrt(), 0.0, distance * 0.5f32.sqrt()],
                 _ => random,
             };
-            let light = [at[0] + light_beside[0], at[1] + light_beside[1], at[2]];
-            let told = tilted(light, conditions.light_degrees, errors.uniform() as f32);
-            let n = truth.texels();
-            let mut radiance = vec![0.0; 3 * n];
-            render::render(truth, &view(at, light, gain, ambient), &mut radiance);
-            for v in &mut radiance {
-                *v = (*v * (1.0 + conditions.noise * errors.bell() as f32)).max(0.0);
-                if let Some(levels) = conditions.levels {
-                    let stored = conditions.encoding.encode(f64::from(*v)) as f32;
-                    let stored = (stored * levels).round() / levels;
-                    let linear = conditions.encoding.decode(f64::from(stored)) as f32;
-                    *v = if stored >= 1.0 { -1.0 } else { linear };
-                }
-            }
-            let view = view(at, told, gain, 0.0);
-            Observation::new(truth.width(), truth.height(), view, &radiance, &vec![1.0; n])
-                .expect("planes have this size")
+            photograph(truth, at, conditions, &mut errors)
         })
         .collect()
+}
+
+/// A photograph with the camera at a place, half widths.
+pub fn photograph(
+    truth: &Svbrdf,
+    at: [f32; 3],
+    conditions: &Conditions,
+    errors: &mut Random,
+) -> Observation {
+    let Conditions { gain, ambient, light_beside, .. } = *conditions;
+    let light = [at[0] + light_beside[0], at[1] + light_beside[1], at[2]];
+    let told = tilted(light, conditions.light_degrees, errors.uniform() as f32);
+    let n = truth.texels();
+    let mut radiance = vec![0.0; 3 * n];
+    render::render(truth, &view(at, light, gain, ambient), &mut radiance);
+    for v in &mut radiance {
+        *v = (*v * (1.0 + conditions.noise * errors.bell() as f32)).max(0.0);
+        if let Some(levels) = conditions.levels {
+            let stored = conditions.encoding.encode(f64::from(*v)) as f32;
+            let stored = (stored * levels).round() / levels;
+            let linear = conditions.encoding.decode(f64::from(stored)) as f32;
+            *v = if stored >= 1.0 { -1.0 } else { linear };
+        }
+    }
+    let view = view(at, told, gain, 0.0);
+    Observation::new(truth.width(), truth.height(), view, &radiance, &vec![1.0; n])
+        .expect("planes have this size")
 }
 
 /// A position turned about the centre of the sample by an angle, in a direction drawn by `turn`.

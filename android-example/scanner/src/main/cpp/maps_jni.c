@@ -27,6 +27,34 @@ static void maps_copy(JNIEnv *env, jclass class, jobject owner, jlong handle, ji
     }
 }
 
+static void maps_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                            jdoubleArray out)
+{
+    svbrdf_confidence found;
+    jdouble v[4];
+    (void)class, (void)owner;
+    svbrdf_confidence_init(&found, sizeof found);
+    if (!throw_status(env, svbrdf_maps_confidence(HANDLE(svbrdf_maps, handle), &found))) {
+        v[0] = (jdouble)found.normal;
+        v[1] = (jdouble)found.diffuse;
+        v[2] = (jdouble)found.specular;
+        v[3] = (jdouble)found.roughness;
+        (*env)->SetDoubleArrayRegion(env, out, 0, 4, v);
+    }
+}
+
+static void maps_deviations(JNIEnv *env, jclass class, jobject owner, jlong handle, jint map,
+                            jfloatArray out)
+{
+    svbrdf_map_view view;
+    (void)class, (void)owner;
+    svbrdf_map_view_init(&view, sizeof view);
+    if (!throw_status(env, svbrdf_maps_deviations(HANDLE(svbrdf_maps, handle), (svbrdf_map)map,
+                                                  &view))) {
+        (*env)->SetFloatArrayRegion(env, out, 0, (jsize)(view.bytes / sizeof(jfloat)), view.data);
+    }
+}
+
 static void maps_export(JNIEnv *env, jclass class, jobject owner, jlong handle, jbyteArray path)
 {
     jbyte *held;
@@ -165,6 +193,8 @@ static void models_destroy(JNIEnv *env, jclass class, jlong handle)
 const JNINativeMethod maps_methods[] = {
     METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
+    METHOD("mapsConfidence", "(" OWNER "J[D)V", maps_confidence),
+    METHOD("mapsDeviations", "(" OWNER "JI[F)V", maps_deviations),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),
     METHOD("mapsExportFormats", "(" OWNER "J[B[BZZ)V", maps_export_formats),
     METHOD("mapsFile", "(" OWNER "J[B[B)[B", maps_file),

@@ -269,6 +269,19 @@ static jlong session_snapshot(JNIEnv *env, jclass class, jobject owner, jlong ha
     return (jlong)(uintptr_t)maps;
 }
 
+/* 0: no maps yet. */
+static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)
+{
+    svbrdf_maps *maps = NULL;
+    const svbrdf_status status =
+        svbrdf_session_snapshot_confidence(HANDLE(svbrdf_session, handle), &maps);
+    (void)class, (void)owner;
+    if (status != SVBRDF_NO_MAPS) {
+        throw_status(env, status);
+    }
+    return (jlong)(uintptr_t)maps;
+}
+
 #define SESSION_CALL(name)                                                                       \
     static void session_##name(JNIEnv *env, jclass class, jobject owner, jlong handle)           \
     {                                                                                            \
@@ -315,6 +328,7 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionRemove", "(" OWNER "JI)V", session_remove),
     METHOD("sessionFrameFit", "(" OWNER "JI[D)V", session_frame_fit),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
+    METHOD("sessionSnapshotConfidence", "(" OWNER "J)J", session_snapshot_confidence),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),
     METHOD("sessionCancel", "(" OWNER "J)V", session_cancel),

@@ -339,7 +339,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         }
     }
 
-    /** From where the highlight reaches what it has not swept. */
+    /** From where the next photo tells most. */
     private fun next(session: MaterialScanner): List<String> {
         val view = session.nextView ?: return emptyList()
         val side = resources.getStringArray(R.array.sides)[(view.azimuthDeg / 45).roundToInt() % 8]

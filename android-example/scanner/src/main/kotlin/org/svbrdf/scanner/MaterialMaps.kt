@@ -36,6 +36,20 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     /** The same into a direct buffer of the caller's, from its start. */
     fun rgba8(map: MapKind, into: ByteBuffer) = copy(map, RGBA8, into)
 
+    /**
+     * Standard deviation of each map as a whole, of what its errors are expected to be. For maps of
+     * [MaterialScanner.snapshotConfidence] only.
+     */
+    val confidence: Confidence
+        get() {
+            val v = DoubleArray(4).also { Native.mapsConfidence(this, handle.now, it) }
+            return Confidence(v[0].toFloat(), v[1].toFloat(), v[2].toFloat(), v[3].toFloat())
+        }
+
+    /** The same at every texel, row by row: two errors of three are within it. A copy. */
+    fun deviations(map: MapKind): FloatArray =
+        FloatArray(width * height).also { Native.mapsDeviations(this, handle.now, map.code, it) }
+
     private fun copy(map: MapKind, format: Int, into: ByteBuffer) {
         require(into.isDirect && !into.isReadOnly) { "into: a direct, writable buffer expected" }
         Native.mapsCopy(this, handle.now, map.code, format, into, into.capacity().toLong())

@@ -169,6 +169,15 @@ class MaterialScanner private constructor(
         return if (maps == 0L) null else MaterialMaps(maps)
     }
 
+    /**
+     * As [snapshot], with how far the maps may be off: see [MaterialMaps.confidence]. Computed when asked
+     * for, and meaningful once the fit has settled; waits for a step of the fit.
+     */
+    fun snapshotConfidence(): MaterialMaps? {
+        val maps = Native.sessionSnapshotConfidence(this, handle.now)
+        return if (maps == 0L) null else MaterialMaps(maps)
+    }
+
     /** Writes the maps as they are now into a folder, see [MaterialMaps.export]. */
     fun export(folder: File) {
         val maps = checkNotNull(snapshot()) { "no photo has been accepted yet" }

@@ -211,3 +211,15 @@ class Light internal constructor(
     /** Ambient light as a share of the flash's at the sample's centre. */
     val ambientFraction: Float,
 )
+
+/** How far maps may be off: standard deviations. */
+data class Confidence(
+    /** Of each slope of the normal: tangent of a tilt. */
+    val normal: Float,
+    /** Of each colour of the diffuse albedo, linear. */
+    val diffuse: Float,
+    /** Of each colour of the specular albedo, linear. */
+    val specular: Float,
+    /** Of roughness. */
+    val roughness: Float,
+)

@@ -1,0 +1,142 @@
+//! How far maps may be off.
+
+use std::sync::Arc;
+
+use engine::confidence::MapDeviations;
+
+use crate::handles::svbrdf_session;
+use crate::live::act;
+use crate::maps::{
+    self, SVBRDF_MAP_DIFFUSE, SVBRDF_MAP_NORMAL, SVBRDF_MAP_ROUGHNESS, SVBRDF_MAP_SPECULAR,
+    svbrdf_map, svbrdf_map_view, svbrdf_maps,
+};
+use crate::status::{Fault, entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// Standard deviations of the maps as a whole: root mean squares over the texels of what their errors
+/// are expected to be.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_confidence {
+    /// Size of this struct.
+    pub size: usize,
+    /// Of each slope of the normal: tangent of a tilt.
+    pub normal: f32,
+    /// Of each colour of the diffuse albedo, linear.
+    pub diffuse: f32,
+    /// Of each colour of the specular albedo, linear.
+    pub specular: f32,
+    /// Of roughness.
+    pub roughness: f32,
+}
+
+impl Default for svbrdf_confidence {
+    fn default() -> Self {
+        let size = size_of::<Self>();
+        Self { size, normal: 0.0, diffuse: 0.0, specular: 0.0, roughness: 0.0 }
+    }
+}
+versioned!(svbrdf_confidence, size_of::<svbrdf_confidence>());
+
+/// Fills a confidence with zeros: pass sizeof(svbrdf_confidence).
+///
+/// # Safety
+/// `confidence` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_confidence_init(
+    confidence: *mut svbrdf_confidence,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(confidence, size) })
+}
+
+/// The maps of the moment with the standard deviation of each at every texel, to be freed with
+/// svbrdf_maps_destroy(); svbrdf_maps_export() writes both. Computed when asked for; meaningful once
+/// the fit has settled. Waits for a step of the fit. SVBRDF_NO_MAPS before the first photo.
+///
+/// # Safety
+/// `out` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_snapshot_confidence(
+    session: *const svbrdf_session,
+    out: *mut *mut svbrdf_maps,
+) -> svbrdf_status {
+    act(session, |live| {
+        if out.is_null() {
+            return Err(Fault::argument("out: NULL given"));
+        }
+        let assessed = live.session.assess()?;
+        let maps = maps::hand_out_assessed(
+            Arc::clone(&assessed.maps),
+            live.sample_mm,
+            assessed.confidence,
+        );
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        unsafe { out.write(maps) };
+        Ok(())
+    })
+}
+
+/// One number for each map; for maps of svbrdf_session_snapshot_confidence() only.
+///
+/// # Safety
+/// `confidence` is NULL or initialised by svbrdf_confidence_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_confidence(
+    maps: *const svbrdf_maps,
+    confidence: *mut svbrdf_confidence,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = maps::get(maps)?;
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(confidence) }?;
+        let size = size.ok_or_else(|| Fault::argument("confidence: NULL given"))?;
+        let MapDeviations { normal, diffuse, specular, roughness } = maps.confidence()?.of_maps();
+        let value =
+            svbrdf_confidence { normal, diffuse, specular, roughness, ..Default::default() };
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(confidence, size, value) };
+        Ok(())
+    })
+}
+
+/// Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
+/// colour of an albedo (linear), of roughness. Errors of two texels of three are within it. For maps
+/// of svbrdf_session_snapshot_confidence() only; memory of the library, freed with the maps.
+///
+/// # Safety
+/// `view` is NULL or was initialised by svbrdf_map_view_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_deviations(
+    maps: *const svbrdf_maps,
+    map: svbrdf_map,
+    view: *mut svbrdf_map_view,
+) -> svbrdf_status {
+    entry(|| {
+        let maps = maps::get(maps)?;
+        let confidence = maps.confidence()?;
+        let plane = match map {
+            SVBRDF_MAP_NORMAL => confidence.normal(),
+            SVBRDF_MAP_DIFFUSE => confidence.diffuse(),
+            SVBRDF_MAP_SPECULAR => confidence.specular(),
+            SVBRDF_MAP_ROUGHNESS => confidence.roughness(),
+            _ => return Err(Fault::argument(format!("map: {map} is not a known value"))),
+        };
+        // SAFETY: the caller vouches for the struct.
+        let size = unsafe { versioned::result_size(view) }?;
+        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let value = svbrdf_map_view {
+            data: plane.as_ptr().cast(),
+            bytes: size_of_val(plane),
+            row_stride: size_of_val(plane) / confidence.height(),
+            width: confidence.width() as u32,
+            height: confidence.height() as u32,
+            channels: 1,
+            ..Default::default()
+        };
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(view, size, value) };
+        Ok(())
+    })
+}

@@ -1,0 +1,49 @@
+//! Options of the stated deviations.
+
+use serde::{Deserialize, Serialize};
+
+/// Terms of the logarithm of a stated deviation, see [`Evidence`](crate::estimate::Evidence).
+pub const CONFIDENCE_TERMS: usize = 12;
+
+/// Calibration of the stated deviations: for each map the coefficients of the terms that
+/// [`Evidence`](crate::estimate::Evidence) names, whose sum is the logarithm of the deviation.
+///
+/// Fitted with `training/calibrate_confidence.py` on what `svbrdf-eval confidence --record` writes of
+/// training materials, rectified without faults, with noise and ambient light, and with the faults of
+/// `svbrdf simulate --real`, after 1, 2, 5 and 8 photographs: maximum likelihood of Student's
+/// distribution with four degrees of freedom, then scaled so that one deviation holds for 69 % of
+/// the training texels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ConfidenceOptions {
+    /// Of each slope of the normal. Fitted.
+    pub normal: [f32; CONFIDENCE_TERMS],
+    /// Of each colour of the diffuse albedo. Fitted.
+    pub diffuse: [f32; CONFIDENCE_TERMS],
+    /// Of each colour of the specular albedo. Fitted.
+    pub specular: [f32; CONFIDENCE_TERMS],
+    /// Of roughness. Fitted.
+    pub roughness: [f32; CONFIDENCE_TERMS],
+}
+
+impl Default for ConfidenceOptions {
+    fn default() -> Self {
+        Self {
+            normal: [
+                2.512, 0.652, -0.519, 0.629, 0.472, 0.291, 0.280, 0.272, 0.197, -0.115, 0.270,
+                -0.636,
+            ],
+            diffuse: [
+                3.021, 0.836, -0.780, 1.000, 0.481, 0.234, 0.069, 0.630, -0.175, 0.225, 0.010,
+                -0.502,
+            ],
+            specular: [
+                2.276, 0.498, -0.246, 0.156, 0.096, 0.152, -0.392, 0.705, -0.179, 0.360, 0.299,
+                -0.144,
+            ],
+            roughness: [
+                3.896, 0.660, 0.062, 0.282, 0.219, 0.227, 0.126, 0.400, 0.102, 0.521, 0.273, 0.035,
+            ],
+        }
+    }
+}
