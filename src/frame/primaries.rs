@@ -94,8 +94,7 @@ mod tests {
 
     #[test]
     fn matrices_are_the_published_ones() {
-        // ITU-R BT.2087-0 gives the matrix from BT.709 to BT.2020 to four places; its inverse, by
-        // hand to the same places, is that of ITU-R BT.2407-0.
+        // ITU-R BT.2407-0, from BT.2020 to BT.709, to four places.
         near(
             Primaries::Rec2020.to_rec709(),
             [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]],
