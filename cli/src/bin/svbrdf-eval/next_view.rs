@@ -50,7 +50,7 @@ fn candidates() -> Vec<[f32; 3]> {
     tilts.flat_map(|t| (0..16).map(move |k| place(t, 22.5 * f64::from(k)))).collect()
 }
 
-/// The most telling of the candidates.
+/// The candidate that lowers the expected error most.
 fn suggested(estimator: &Estimator) -> Result<[f32; 3]> {
     let candidates = candidates();
     let mm = |at: [f32; 3]| at.map(|v| v * HALF_WIDTH);
