@@ -8,14 +8,14 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::bundle::{Lit, Radiance, by_coordinate, natural};
 use super::estimation::Estimation;
 use super::options::OutlookOptions;
-use super::prior::{from_coordinate, is_albedo, range, to_coordinate};
+use super::prior::{range, to_coordinate};
 use crate::loss::EPSILON;
 use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::random::Random;
-use crate::reflectance::reflect;
 use crate::svbrdf::CHANNELS;
 use crate::svbrdf::halved;
 use crate::{Error, Result, Svbrdf};
@@ -118,7 +118,7 @@ impl Texel {
         let mut information = *prior;
         for observation in observations {
             let weight = f64::from(observation.weight(t));
-            let (rendered, mut jacobian) = radiance(&observation.view, &at, place);
+            let (rendered, mut jacobian) = radiance(&Lit::new(&observation.view), &at, place);
             for c in 0..3 {
                 let observed = observation.radiance(c, t);
                 // What is saturated and explained says nothing.
@@ -131,7 +131,7 @@ impl Texel {
         let covariance = information.cholesky()?.inverse();
         let mut appearance = Matrix::zeros();
         for view in renderings {
-            let (rendered, mut jacobian) = radiance(view, &at, place);
+            let (rendered, mut jacobian) = radiance(&Lit::new(view), &at, place);
             for c in 0..3 {
                 // Renderings are clipped.
                 jacobian.row_mut(c).scale_mut(rendered[c].max(1.0).recip());
@@ -155,7 +155,7 @@ impl Texel {
 
     /// By how much a view would lower the expected squared error, were the texel at `at`.
     fn gain(&self, at: &Coordinates, view: &View, options: &OutlookOptions) -> f64 {
-        let (rendered, mut jacobian) = radiance(view, at, self.place);
+        let (rendered, mut jacobian) = radiance(&Lit::new(view), at, self.place);
         for c in 0..3 {
             jacobian.row_mut(c).scale_mut(by_log(rendered[c], options));
         }
@@ -217,22 +217,8 @@ fn foreshortening(view: &View, place: [f64; 2]) -> f64 {
 }
 
 /// Radiances of a texel and their derivatives by its coordinates.
-fn radiance(view: &View, at: &Coordinates, place: [f64; 2]) -> ([f64; 3], Jacobian) {
-    let (light, distance) = towards(view.light_mm, place);
-    let (camera, _) = towards(view.camera_mm, place);
-    let power = match view.falloff {
-        Falloff::None { power } => power.map(f64::from),
-        Falloff::InverseSquare { power_mm2 } => {
-            power_mm2.map(|p| f64::from(p) / (distance * distance))
-        }
-    };
-    let natural: [f64; CHANNELS] =
-        std::array::from_fn(|c| f64::from(from_coordinate(c, at[c] as f32)));
-    let reflection = reflect(&natural, light.to_array(), camera.to_array());
-    let value = std::array::from_fn(|c| reflection.value[c] * power[c]);
-    let jacobian = Jacobian::from_fn(|c, p| {
-        let chain = if is_albedo(p) { 2.0 * at[p] } else { 1.0 };
-        reflection.jacobian[c][p] * power[c] * chain
-    });
-    (value, jacobian)
+fn radiance(light: &Lit, at: &Coordinates, place: [f64; 2]) -> ([f64; 3], Jacobian) {
+    let x: [f64; CHANNELS] = (*at).into();
+    let Radiance { value, jacobian } = light.radiance(&natural(&x), place);
+    (value, Jacobian::from_fn(|c, p| jacobian[c][p] * by_coordinate(&x, p)))
 }

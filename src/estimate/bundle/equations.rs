@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::light::{Lit, by_log, natural};
+use super::light::{Lit, by_coordinate, by_log, natural};
 use super::parameters::Derivative;
 use super::problem::{Problem, State};
 use crate::estimate::correction::Correction;
-use crate::estimate::prior::{Coordinates, is_albedo, range};
+use crate::estimate::prior::{Coordinates, range};
 use crate::loss::{huber_weight, log_residual};
 use crate::svbrdf::CHANNELS;
 
@@ -95,10 +95,8 @@ impl Problem {
                     continue;
                 }
                 let inverse = by_log(here.value[c]);
-                let row = Column::from_fn(|i, _| {
-                    let chain = if is_albedo(i) { 2.0 * x[i] } else { 1.0 };
-                    here.jacobian[c][i] * chain * inverse
-                });
+                let row =
+                    Column::from_fn(|i, _| here.jacobian[c][i] * by_coordinate(x, i) * inverse);
                 shared.clear();
                 shared.extend(by_parameter.iter().map(|(a, by)| (*a, by[c] * inverse)));
                 let weight = weight * huber_weight(r, limit) / f64::from(self.noise.scale);

@@ -85,6 +85,11 @@ pub(in crate::estimate) fn natural(x: &Coordinates) -> [f64; CHANNELS] {
     std::array::from_fn(|c| if is_albedo(c) { x[c] * x[c] } else { x[c] })
 }
 
+/// Derivative of a natural parameter by its coordinate.
+pub(in crate::estimate) fn by_coordinate(x: &Coordinates, c: usize) -> f64 {
+    if is_albedo(c) { 2.0 * x[c] } else { 1.0 }
+}
+
 /// `1 / (rendered + 0.01)`.
 pub(super) fn by_log(rendered: f64) -> f64 {
     (rendered.max(0.0) + f64::from(EPSILON)).recip()

@@ -17,7 +17,7 @@ mod tests;
 
 pub(crate) use descent::Progress;
 pub(super) use descent::{Descent, Limits};
-pub(super) use light::{Lit, natural};
+pub(super) use light::{Lit, Radiance, by_coordinate, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
 pub(crate) use problem::State;
 pub(super) use problem::{Groups, Problem};
