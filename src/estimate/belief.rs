@@ -4,6 +4,7 @@ use super::correction::Offset;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
+use crate::svbrdf::{halved, moved};
 use crate::{Result, Svbrdf};
 
 /// The maps, and the prior that the next steps of the solver hold them to.
@@ -40,6 +41,16 @@ impl Belief {
             fixed_noise: None,
             offset: Offset::default(),
         }
+    }
+
+    /// Brings it to a finer resolution: `fine` are maps of the latent code, whose detail is added to how the
+    /// belief's differ from these, halved so many times.
+    pub fn refine(&mut self, fine: Svbrdf, halvings: u32) {
+        let coarse = halved(&fine, halvings, Svbrdf::downsampled);
+        for maps in [&mut self.maps, &mut self.mean] {
+            *maps = moved(&fine, &coarse, maps, halvings);
+        }
+        self.base = fine;
     }
 
     /// The base without what it is off everywhere.

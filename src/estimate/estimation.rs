@@ -1,5 +1,6 @@
 //! An estimate in progress: photographs, latent code, belief, and where in the schedule it is.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::baseline::Baseline;
@@ -11,7 +12,7 @@ use super::lights::LightFit;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::schedule::{
-    LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows,
+    LightsKnown, Part, Phase, Position, Row, Situation, cost, latent_cost, rounds_left, rows,
 };
 use super::solver::Solver;
 use super::structured::{Predicted, WidthTrials};
@@ -19,6 +20,7 @@ use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::render;
+use crate::svbrdf::{halved, moved};
 use crate::{Error, Result, Svbrdf};
 
 /// How maps are found from photographs.
@@ -266,7 +268,7 @@ impl Estimation {
     /// Ends what is in progress: its maps are the latest.
     fn leave(&mut self) {
         if let Some(belief) = self.belief.take() {
-            self.maps = Some(belief.maps);
+            self.maps = Some(self.full_size(&belief.maps).into_owned());
         }
         (self.work, self.position) = (Work::Pending, None);
         (self.previous, self.trend) = (None, None);
@@ -280,7 +282,28 @@ impl Estimation {
     pub(super) fn measure(&mut self) {
         let maps = self.belief.as_ref().map(|belief| &belief.maps).or(self.maps.as_ref());
         if let Some(maps) = maps {
-            self.loss = render::loss(maps, self.photographs.full()) as f32;
+            self.loss = render::loss(maps, &self.photographs.like(maps)) as f32;
+        }
+    }
+
+    /// Begins a belief round maps of the latent code, at the resolution that the phases work at.
+    pub(super) fn begin_belief(&mut self, maps: &Svbrdf) {
+        let halvings = self.photographs.halvings_to(self.options.schedule.texels);
+        let maps = halved(maps, halvings, Svbrdf::downsampled);
+        self.lights_before = self.photographs.correction().clone();
+        self.belief = Some(Belief::new(maps, &self.options));
+    }
+
+    /// A belief's maps at the photographs' resolution, with the detail of the latent code's.
+    fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
+        let halvings = self.photographs.halvings_of(maps);
+        match &self.latent {
+            Some(latent) if halvings > 0 => {
+                let fine = latent.maps();
+                let coarse = halved(&fine, halvings, Svbrdf::downsampled);
+                Cow::Owned(moved(&fine, &coarse, maps, halvings))
+            }
+            _ => Cow::Borrowed(maps),
         }
     }
 
@@ -290,7 +313,7 @@ impl Estimation {
     /// Without photographs.
     pub fn maps(&self) -> Result<Svbrdf> {
         match (&self.belief, &self.latent, self.position) {
-            (Some(belief), ..) => Ok(belief.maps.clone()),
+            (Some(belief), ..) => Ok(self.full_size(&belief.maps).into_owned()),
             (None, Some(latent), Some(_)) => Ok(latent.maps()),
             _ => self.maps.clone().ok_or(Error::NoMaps),
         }
@@ -298,13 +321,18 @@ impl Estimation {
 
     /// The schedule for the photographs so far.
     pub(super) fn rows(&self) -> Vec<Row> {
-        let baseline = Row { phase: Phase::Baseline, rounds: 1, before: 0, after: 0 };
+        let baseline = Row::new(Phase::Baseline, 1, 0, 0);
         let (photographs, Task { method, refine, .. }) = (self.photographs.len(), self.task);
         match method {
             Method::Classic => vec![baseline],
             Method::Deep => {
-                let lights = self.lights_known();
-                let mut rows = rows(photographs, lights, self.structured, &self.options);
+                let situation = Situation {
+                    photographs,
+                    lights: self.lights_known(),
+                    structured: self.structured,
+                    coarse: self.photographs.halvings_to(self.options.schedule.texels) > 0,
+                };
+                let mut rows = rows(&situation, &self.options);
                 rows.truncate(if refine { rows.len() } else { 1 });
                 rows
             }
@@ -343,9 +371,9 @@ impl Estimation {
                 false
             } else {
                 match at.part {
-                    Part::Before => self.maps_step(row.before, meter)?,
+                    Part::Before => self.maps_step(row.before, row.fine, meter)?,
                     Part::Phase => self.phase_step(row.phase, meter)?,
-                    Part::After => self.maps_step(row.after, meter)?,
+                    Part::After => self.maps_step(row.after, row.fine, meter)?,
                 }
             };
             // A phase may have gone elsewhere already.
@@ -364,7 +392,12 @@ impl Estimation {
     fn fraction_done(&self) -> f32 {
         let Some(at) = self.position else { return 1.0 };
         let (rows, photographs) = (self.rows(), self.photographs.len());
-        let texels = self.photographs.full().first().map_or(0, Observation::texels);
+        let all = self.photographs.full().first().map_or(0, Observation::texels);
+        let halvings = match self.task.method {
+            Method::Deep => self.photographs.halvings_to(self.options.schedule.texels),
+            Method::Classic => 0,
+        };
+        let texels = [all >> (2 * halvings), all];
         let [mut done, all] = self.latent.as_ref().map_or([0.0; 2], |latent| {
             latent_cost(latent.work(), latent.coarsest_texels(), photographs)
         });
@@ -449,8 +482,7 @@ impl Estimation {
         if let Some(maps) = settled.map(LatentFit::maps) {
             self.go_to(Position::default().next_row());
             if self.position.is_some() {
-                self.belief = Some(Belief::new(maps, &self.options));
-                self.lights_before = self.photographs.correction().clone();
+                self.begin_belief(&maps);
             }
         }
         !self.is_done()

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use super::correction::Correction;
 use crate::observation::{Observation, View};
-use crate::{Error, Result};
+use crate::{Error, Result, Svbrdf};
 
 /// Shortest side that is kept, texels.
 const MIN_TEXELS: usize = 32;
@@ -117,6 +117,26 @@ impl Photographs {
             (_, Some((_, level))) => Cow::Borrowed(level),
             _ => self.level(halvings - 1).iter().map(Observation::downsampled).collect(),
         }
+    }
+
+    /// Halved to the size of these maps, which are the photographs' own, halved.
+    pub fn like(&self, maps: &Svbrdf) -> Cow<'_, [Observation]> {
+        self.level(self.halvings_of(maps))
+    }
+
+    /// How often maps of the photographs' size were halved to have that of these.
+    pub fn halvings_of(&self, maps: &Svbrdf) -> u32 {
+        let width = self.full.first().map_or(0, Observation::width);
+        (0..).take_while(|h| width >> h > maps.width()).count() as u32
+    }
+
+    /// Whether maps have the photographs' size, halved or not.
+    pub fn fit(&self, maps: &Svbrdf) -> bool {
+        let halvings = self.halvings_of(maps);
+        let of = |n: usize, whole: usize| whole == n << halvings;
+        self.full
+            .first()
+            .is_some_and(|o| of(maps.width(), o.width()) && of(maps.height(), o.height()))
     }
 
     /// Halvings after which the longer side has at most so many texels, or which the size allows.

@@ -135,7 +135,11 @@ impl Estimation {
         let deep = self.task.method == Method::Deep;
         let size = self.photographs.full().first().map(|o| [o.width(), o.height()]);
         let fits = |maps: &Svbrdf| size == Some([maps.width(), maps.height()]);
-        let belief = self.belief.iter().flat_map(|b| [&b.maps, &b.base, &b.mean]);
+        let belief_fits = self.belief.as_ref().is_none_or(|belief| {
+            let size = |maps: &Svbrdf| [maps.width(), maps.height()];
+            let sizes = [&belief.maps, &belief.base, &belief.mean].map(size);
+            self.photographs.fit(&belief.maps) && sizes == [sizes[0]; 3]
+        });
         let rows = self.rows();
         let phase = self.position.and_then(|at| Some(rows.get(at.row)?.phase));
         let round = self
@@ -143,7 +147,8 @@ impl Estimation {
             .is_none_or(|at| at.settled(&rows) == Some(at) && at.round < rows[at.row].rounds);
         let has_belief = deep && phase.is_some_and(|phase| phase != Phase::Latent);
         if begun == self.maps.is_none()
-            || self.maps.iter().chain(belief).any(|maps| !fits(maps))
+            || !self.maps.iter().all(fits)
+            || !belief_fits
             || self.latent.is_some() != (begun && deep)
             || self.position.is_some() != phase.is_some()
             || (phase.is_some() && !begun)
@@ -160,13 +165,13 @@ impl Estimation {
             let phase = self.rows()[at.row].phase;
             if at.part == Part::Phase { phase } else { Phase::Maps }
         });
-        let observations = self.photographs.full();
         let EstimateOptions { solver, noise, .. } = &self.options;
         Ok(match (saved, phase, &mut self.belief) {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
                 let (maps, prior, state) = (&belief.maps, &belief.prior, state.into_owned());
-                let solver = Solver::resume(maps, observations, prior, solver, noise, state)?;
+                let observations = self.photographs.like(maps);
+                let solver = Solver::resume(maps, &observations, prior, solver, noise, state)?;
                 Work::Maps(solver.with_noise(belief.fixed_noise))
             }
             (
@@ -203,6 +208,7 @@ impl Estimation {
             (SavedWork::Baseline(state), Some(Phase::Baseline), None) => {
                 let maps = self.maps.as_ref().ok_or(Error::NoMaps)?;
                 let (options, state) = (&self.options.baseline, state.into_owned());
+                let observations = self.photographs.full();
                 Work::Baseline(Baseline::resume(maps, observations, options, state)?)
             }
             _ => return Err(fault("the part in progress is not the schedule's")),

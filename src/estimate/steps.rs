@@ -79,8 +79,7 @@ impl Estimation {
             }
         }
         let maps = self.latent.as_ref().ok_or(Error::NoMaps)?.maps();
-        self.lights_before = self.photographs.correction().clone();
-        self.belief = Some(Belief::new(maps, &self.options));
+        self.begin_belief(&maps);
         self.measure();
         Ok(true)
     }
@@ -96,9 +95,17 @@ impl Estimation {
     }
 
     /// A step of the maps, of so many; whether it was the last.
-    pub(super) fn maps_step(&mut self, steps: usize, meter: &mut Meter) -> Result<bool> {
+    pub(super) fn maps_step(
+        &mut self,
+        steps: usize,
+        fine: bool,
+        meter: &mut Meter,
+    ) -> Result<bool> {
+        if fine && matches!(self.work, Work::Pending) {
+            self.refine_belief();
+        }
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let observations = self.photographs.full();
+        let observations = &self.photographs.like(&belief.maps)[..];
         if !matches!(self.work, Work::Maps(_)) {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
@@ -120,6 +127,15 @@ impl Estimation {
         Ok(is_flat || step >= steps)
     }
 
+    /// Brings the belief to the photographs' resolution.
+    fn refine_belief(&mut self) {
+        let (Some(belief), Some(latent)) = (&mut self.belief, &self.latent) else { return };
+        let halvings = self.photographs.halvings_of(&belief.maps);
+        if halvings > 0 {
+            belief.refine(latent.maps(), halvings);
+        }
+    }
+
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
@@ -138,6 +154,10 @@ impl Estimation {
         self.structured = chosen.is_some();
         match chosen {
             Some(widths) => {
+                // It knows every texel's colour.
+                self.refine_belief();
+                let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
+                let options = &self.options;
                 structured::fit(&mut self.photographs, belief, widths, free, options);
             }
             None => {

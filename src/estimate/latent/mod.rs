@@ -22,7 +22,7 @@ use std::sync::Arc;
 use super::options::{GainOptions, LatentOptions};
 use super::photographs::Photographs;
 use crate::initial_estimate::Networks;
-use crate::parallel;
+use crate::svbrdf::moved;
 use crate::{Error, Result, Svbrdf};
 use level::Level;
 pub(crate) use level::SavedLevel;
@@ -340,19 +340,7 @@ impl LatentFit {
         let (Some(own), Some(carried)) = (own, carried) else {
             return below.upsampled();
         };
-        let mut change = below.clone();
-        let change_to = |to: &mut Svbrdf, other: &Svbrdf, sign: f32| {
-            let width = to.width();
-            let both = to.planes_mut().chunks_mut(width).zip(other.planes().chunks(width));
-            parallel::parts(both, |_, (to, other)| {
-                to.iter_mut().zip(other).for_each(|(v, other)| *v += sign * other);
-            });
-        };
-        change_to(&mut change, carried, -1.0);
-        let mut maps = change.upsampled();
-        change_to(&mut maps, own.maps(), 1.0);
-        maps.clamp();
-        maps
+        moved(own.maps(), carried, below, 1)
     }
 }
 

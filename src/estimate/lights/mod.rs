@@ -87,7 +87,8 @@ impl LightFit {
         correction.turns.resize(count, [0.0; 2]);
         correction.mirrored.resize(count, 0.0);
         let as_given = correction.turns.iter().all(|turn| *turn == [0.0; 2]);
-        let sample = Arc::new(Sample::new(start.photographs, usize::MAX, options.lights.texels));
+        let averaged = start.maps.width().max(start.maps.height());
+        let sample = Arc::new(Sample::new(start.photographs, averaged, options.lights.texels));
         let of_free = problem(&start, &sample, free, options);
         let from = from(&of_free, &start, correction);
         let held = (free.turn && as_given).then(|| {

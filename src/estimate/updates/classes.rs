@@ -55,13 +55,16 @@ impl ClassTrials {
         belief: &Belief,
         options: &EstimateOptions,
     ) -> Result<Self> {
-        crate::render::check_observations(&belief.maps, photographs.full())?;
-        crate::render::check_observations(&belief.mean, photographs.full())?;
-        let halvings = photographs.halvings_to(options.classes.texels);
-        let maps = halved(&belief.maps, halvings, Svbrdf::downsampled);
+        let observations = photographs.like(&belief.maps);
+        crate::render::check_observations(&belief.maps, &observations)?;
+        crate::render::check_observations(&belief.mean, &observations)?;
+        let before = photographs.halvings_of(&belief.maps);
+        let halvings = photographs.halvings_to(options.classes.texels).max(before);
+        let small = |maps: &Svbrdf| halved(maps, halvings - before, Svbrdf::downsampled);
+        let maps = small(&belief.maps);
         let mut trials = Self {
             options: options.clone(),
-            mean: halved(&belief.mean, halvings, Svbrdf::downsampled),
+            mean: small(&belief.mean),
             members: Membership::new(&maps, &options.groups),
             maps,
             halvings,

@@ -151,7 +151,8 @@ pub(crate) struct PoolGloss(pub Pooling);
 
 impl Update for PoolGloss {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        self.0.pool_values(&mut belief.base, photographs.full())?;
+        let observations = photographs.like(&belief.base);
+        self.0.pool_values(&mut belief.base, &observations)?;
         belief.mean.clone_from(&belief.base);
         belief.maps.clone_from(&belief.base);
         Ok(())
@@ -164,7 +165,8 @@ pub(crate) struct PoolResiduals(pub Pooling);
 
 impl Update for PoolResiduals {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        self.0.pool_residuals(&mut belief.mean, &belief.maps, photographs.full())
+        let observations = photographs.like(&belief.maps);
+        self.0.pool_residuals(&mut belief.mean, &belief.maps, &observations)
     }
 }
 
