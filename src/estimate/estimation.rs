@@ -20,7 +20,7 @@ use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::render;
-use crate::svbrdf::{halved, moved};
+use crate::svbrdf::moved;
 use crate::{Error, Result, Svbrdf};
 
 /// How maps are found from photographs.
@@ -132,7 +132,7 @@ impl Estimation {
     pub fn new(networks: Arc<Networks>, task: Task, options: EstimateOptions) -> Self {
         Self {
             networks,
-            photographs: Photographs::new(options.latent.finest_texels),
+            photographs: Self::no_photographs(&options),
             options,
             task,
             latent: None,
@@ -152,6 +152,13 @@ impl Estimation {
             keep_record: false,
             record: None,
         }
+    }
+
+    /// Photographs to add to.
+    pub fn no_photographs(options: &EstimateOptions) -> Photographs {
+        let limits = &options.schedule;
+        let none = Photographs::new(options.latent.finest_texels);
+        none.limited(limits.photographs, limits.texels)
     }
 
     /// What was found of exposure and flash.
@@ -237,10 +244,11 @@ impl Estimation {
     fn predict(&self, observation: &Observation) -> Result<Option<Predicted>> {
         let finished = self.task.method == Method::Deep && self.is_done() && !self.is_cut();
         let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
-        let mut alone = Photographs::new(self.options.latent.finest_texels);
+        let mut alone = Self::no_photographs(&self.options);
         alone.add(observation.clone())?;
-        let of = (maps, &self.photographs);
-        Ok(Some(Predicted::new(of, &alone, self.structured, &self.options.structured)))
+        let maps = maps.thinned(alone.thinning());
+        let of = (&maps, &self.photographs);
+        Ok(Some(Predicted::new(of, alone.working(), self.structured, &self.options.structured)))
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
@@ -282,26 +290,25 @@ impl Estimation {
     pub(super) fn measure(&mut self) {
         let maps = self.belief.as_ref().map(|belief| &belief.maps).or(self.maps.as_ref());
         if let Some(maps) = maps {
-            self.loss = render::loss(maps, &self.photographs.like(maps)) as f32;
+            self.loss = render::loss(maps, self.photographs.like(maps).full()) as f32;
         }
     }
 
     /// Begins a belief round maps of the latent code, at the resolution that the phases work at.
     pub(super) fn begin_belief(&mut self, maps: &Svbrdf) {
-        let halvings = self.photographs.halvings_to(self.options.schedule.texels);
-        let maps = halved(maps, halvings, Svbrdf::downsampled);
+        let maps = maps.thinned(self.photographs.thinning());
         self.lights_before = self.photographs.correction().clone();
         self.belief = Some(Belief::new(maps, &self.options));
     }
 
     /// A belief's maps at the photographs' resolution, with the detail of the latent code's.
     fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
-        let halvings = self.photographs.halvings_of(maps);
+        let full = self.photographs.full().first();
+        let is_full = full.is_some_and(|full| full.width() == maps.width());
         match &self.latent {
-            Some(latent) if halvings > 0 => {
-                let fine = latent.maps();
-                let coarse = halved(&fine, halvings, Svbrdf::downsampled);
-                Cow::Owned(moved(&fine, &coarse, maps, halvings))
+            Some(latent) if !is_full => {
+                let (fine, times) = (latent.maps(), self.photographs.thinning());
+                Cow::Owned(moved(&fine, &fine.thinned(times), maps, times))
             }
             _ => Cow::Borrowed(maps),
         }
@@ -330,7 +337,7 @@ impl Estimation {
                     photographs,
                     lights: self.lights_known(),
                     structured: self.structured,
-                    coarse: self.photographs.halvings_to(self.options.schedule.texels) > 0,
+                    coarse: self.photographs.thinning() > 0,
                 };
                 let mut rows = rows(&situation, &self.options);
                 rows.truncate(if refine { rows.len() } else { 1 });
@@ -371,9 +378,9 @@ impl Estimation {
                 false
             } else {
                 match at.part {
-                    Part::Before => self.maps_step(row.before, row.fine, meter)?,
+                    Part::Before => self.maps_step(row.before, meter)?,
                     Part::Phase => self.phase_step(row.phase, meter)?,
-                    Part::After => self.maps_step(row.after, row.fine, meter)?,
+                    Part::After => self.maps_step(row.after, meter)?,
                 }
             };
             // A phase may have gone elsewhere already.
@@ -394,7 +401,7 @@ impl Estimation {
         let (rows, photographs) = (self.rows(), self.photographs.len());
         let all = self.photographs.full().first().map_or(0, Observation::texels);
         let halvings = match self.task.method {
-            Method::Deep => self.photographs.halvings_to(self.options.schedule.texels),
+            Method::Deep => self.photographs.thinning(),
             Method::Classic => 0,
         };
         let texels = [all >> (2 * halvings), all];

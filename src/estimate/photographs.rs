@@ -21,28 +21,40 @@ pub(crate) struct Photographs {
     /// The same halved so many times, where the longer side is at most `finest` texels.
     levels: Vec<(u32, Vec<Observation>)>,
     finest: usize,
+    /// Photographs that a step sees, at most.
+    at_once: usize,
+    /// Texels along the longer side that phases work with, at most; and these, where there are more.
+    working_texels: usize,
+    thinned: Option<Box<Self>>,
 }
 
 impl Photographs {
     /// None yet; halved ones are kept where they have at most `finest` texels along the longer side.
     pub fn new(finest: usize) -> Self {
         let (given, full, levels) = (Vec::new(), Vec::new(), Vec::new());
-        Self { given, correction: Correction::default(), full, levels, finest }
+        let correction = Correction::default();
+        let (at_once, working_texels, thinned) = (usize::MAX, usize::MAX, None);
+        Self { given, correction, full, levels, finest, at_once, working_texels, thinned }
     }
 
-    /// Photographs with their views as given, and a correction of these.
+    /// The same, of which a step sees so many at most, and phases so many texels along the longer
+    /// side.
+    pub fn limited(self, at_once: usize, working_texels: usize) -> Self {
+        Self { at_once: at_once.max(1), working_texels, ..self }
+    }
+
+    /// The same with photographs, their views as given, and a correction of these.
     ///
     /// # Errors
     /// When sizes differ.
     pub fn restored(
+        mut self,
         observations: Vec<Observation>,
         correction: Correction,
-        finest: usize,
     ) -> Result<Self> {
-        let mut photographs = Self::new(finest);
-        photographs.correction = correction;
-        observations.into_iter().try_for_each(|observation| photographs.add(observation))?;
-        Ok(photographs)
+        self.correction = correction;
+        observations.into_iter().try_for_each(|observation| self.add(observation))?;
+        Ok(self)
     }
 
     /// At full resolution, with their views as given.
@@ -83,7 +95,23 @@ impl Photographs {
             }
         }
         self.full.push(observation);
+        let halvings = self.halvings_to(self.working_texels);
+        if halvings > 0 {
+            let index = self.full.len() - 1;
+            let thinned = self.as_given(index).thinned(halvings);
+            let none = || Box::new(Self::new(self.finest).limited(self.at_once, usize::MAX));
+            let all = self.thinned.get_or_insert_with(none);
+            all.add(thinned)?;
+            all.correct(self.correction.clone());
+        }
         Ok(())
+    }
+
+    /// A photograph with its view as given.
+    fn as_given(&self, index: usize) -> Observation {
+        let mut observation = self.full[index].clone();
+        observation.view = self.given[index];
+        observation
     }
 
     /// Changes a photograph, which it sees with its view as given; nothing where there is none of
@@ -94,8 +122,19 @@ impl Photographs {
         change(observation);
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
+        self.derive(index);
+    }
+
+    /// Halves and thins out a photograph that has changed.
+    fn derive(&mut self, index: usize) {
+        if let Some(thinned) = &mut self.thinned {
+            let times = (self.full[index].width() / thinned.full[index].width()).ilog2();
+            thinned.full[index] = self.full[index].thinned(times);
+            thinned.given[index] = self.given[index];
+            thinned.derive(index);
+        }
         let (last, mut small) =
-            (self.levels.last().map_or(0, |(h, _)| *h), Cow::Borrowed(&*observation));
+            (self.levels.last().map_or(0, |(h, _)| *h), Cow::Borrowed(&self.full[index]));
         for halvings in 1..=last {
             small = Cow::Owned(small.downsampled());
             if let Some((_, level)) = self.levels.iter_mut().find(|(h, _)| *h == halvings) {
@@ -119,24 +158,49 @@ impl Photographs {
         }
     }
 
-    /// Halved to the size of these maps, which are the photographs' own, halved.
-    pub fn like(&self, maps: &Svbrdf) -> Cow<'_, [Observation]> {
-        self.level(self.halvings_of(maps))
+    /// Photographs that a step sees: all, or the latest third and of the others, in turn, some that
+    /// are evenly spaced.
+    pub fn drawn(&self, turn: usize) -> Vec<usize> {
+        let (count, latest) = (self.len(), self.at_once.div_ceil(3));
+        if count <= self.at_once {
+            return (0..count).collect();
+        }
+        let (earlier, others) = (count - latest, self.at_once - latest);
+        let mut drawn: Vec<usize> =
+            (0..others).map(|i| (turn + i * earlier / others) % earlier).collect();
+        drawn.sort_unstable();
+        drawn.extend(earlier..count);
+        drawn
     }
 
-    /// How often maps of the photographs' size were halved to have that of these.
-    pub fn halvings_of(&self, maps: &Svbrdf) -> u32 {
-        let width = self.full.first().map_or(0, Observation::width);
-        (0..).take_while(|h| width >> h > maps.width()).count() as u32
+    /// Some photographs halved so many times.
+    pub fn some(&self, halvings: u32, which: &[usize]) -> Cow<'_, [Observation]> {
+        let level = self.level(halvings);
+        if which.len() == level.len() {
+            return level;
+        }
+        which.iter().map(|&i| level[i].clone()).collect()
     }
 
-    /// Whether maps have the photographs' size, halved or not.
-    pub fn fit(&self, maps: &Svbrdf) -> bool {
-        let halvings = self.halvings_of(maps);
-        let of = |n: usize, whole: usize| whole == n << halvings;
-        self.full
-            .first()
-            .is_some_and(|o| of(maps.width(), o.width()) && of(maps.height(), o.height()))
+    /// Those that the phases work with: large ones thinned out, texels as they are.
+    pub fn working(&self) -> &Self {
+        self.thinned.as_deref().unwrap_or(self)
+    }
+
+    /// Those of the size of these maps: all texels, or those that phases work with.
+    pub fn like(&self, maps: &Svbrdf) -> &Self {
+        let has = |p: &&Self| {
+            p.full.first().is_some_and(|o| [o.width(), o.height()] == [maps.width(), maps.height()])
+        };
+        Some(self).filter(has).unwrap_or(self.working())
+    }
+
+    /// Of how many texels along each side the phases work with one, as a power of two.
+    pub fn thinning(&self) -> u32 {
+        match &self.thinned {
+            Some(_) => self.halvings_to(self.working_texels),
+            None => 0,
+        }
     }
 
     /// Halvings after which the longer side has at most so many texels, or which the size allows.
@@ -171,6 +235,9 @@ impl Photographs {
         let levels = self.levels.iter_mut().map(|(_, level)| level);
         for level in levels.chain([&mut self.full]) {
             level.iter_mut().zip(&views).for_each(|(observation, view)| observation.view = *view);
+        }
+        if let Some(thinned) = &mut self.thinned {
+            thinned.correct(self.correction.clone());
         }
     }
 }

@@ -138,7 +138,8 @@ impl Estimation {
         let belief_fits = self.belief.as_ref().is_none_or(|belief| {
             let size = |maps: &Svbrdf| [maps.width(), maps.height()];
             let sizes = [&belief.maps, &belief.base, &belief.mean].map(size);
-            self.photographs.fit(&belief.maps) && sizes == [sizes[0]; 3]
+            let first = self.photographs.like(&belief.maps).full().first();
+            first.is_some_and(|o| sizes == [[o.width(), o.height()]; 3])
         });
         let rows = self.rows();
         let phase = self.position.and_then(|at| Some(rows.get(at.row)?.phase));
@@ -166,11 +167,12 @@ impl Estimation {
             if at.part == Part::Phase { phase } else { Phase::Maps }
         });
         let EstimateOptions { solver, noise, .. } = &self.options;
+        let which = self.photographs_of_maps();
         Ok(match (saved, phase, &mut self.belief) {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
                 let (maps, prior, state) = (&belief.maps, &belief.prior, state.into_owned());
-                let observations = self.photographs.like(maps);
+                let observations = self.photographs.like(maps).some(0, &which);
                 let solver = Solver::resume(maps, &observations, prior, solver, noise, state)?;
                 Work::Maps(solver.with_noise(belief.fixed_noise))
             }
@@ -180,14 +182,14 @@ impl Estimation {
                 Some(belief),
             ) => {
                 let (turn, free) = (phase == Phase::TurningLights, self.task.free_lights);
-                let fit = Self::lights(&self.photographs, belief, free, turn, &self.options);
+                let fit = Self::lights(self.photographs.working(), belief, free, turn, &self.options);
                 let fit = fit.and_then(|fit| fit.resume(lights));
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
                 let (free, options) = (self.task.free_lights, &self.options);
                 let mut trials = WidthTrials::new(
-                    &self.photographs,
+                    self.photographs.working(),
                     &belief.maps,
                     free,
                     self.predicted,
@@ -199,7 +201,7 @@ impl Estimation {
                 Work::Widths(Box::new(trials))
             }
             (SavedWork::Classes(costs), Some(Phase::Classes), Some(belief)) => {
-                let mut trials = ClassTrials::new(&self.photographs, belief, &self.options)?;
+                let mut trials = ClassTrials::new(self.photographs.working(), belief, &self.options)?;
                 if !trials.resume(costs.into_owned()) {
                     return Err(fault("trials of classes are of another size"));
                 }

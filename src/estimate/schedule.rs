@@ -121,7 +121,9 @@ pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row>
             row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals),
         ),
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
-        (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) }),
+        (1, Row { fine: true, ..if std::env::var("POOL").is_ok() {
+            row(Phase::PoolResiduals, usize::from(coarse), 3, 3) } else {
+            row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) } }),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
     let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();

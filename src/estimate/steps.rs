@@ -40,14 +40,14 @@ impl Estimation {
 
     fn update(&mut self, update: &impl Update) -> Result<()> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        update.update(&self.photographs, belief)
+        update.update(self.photographs.working(), belief)
     }
 
     fn network(&mut self) -> Result<()> {
         let (networks, options) = (self.networks.clone(), self.options.clone());
         if self.keep_record {
             let belief = self.belief.as_ref().ok_or(Error::NoMaps)?;
-            self.record = Some(FitRecord::new(&self.photographs, belief, &options)?);
+            self.record = Some(FitRecord::new(self.photographs.working(), belief, &options)?);
         }
         self.update(&LearnedPrior { networks, options })
     }
@@ -95,17 +95,14 @@ impl Estimation {
     }
 
     /// A step of the maps, of so many; whether it was the last.
-    pub(super) fn maps_step(
-        &mut self,
-        steps: usize,
-        fine: bool,
-        meter: &mut Meter,
-    ) -> Result<bool> {
+    pub(super) fn maps_step(&mut self, steps: usize, meter: &mut Meter) -> Result<bool> {
+        let fine = self.position.is_some_and(|at| self.rows()[at.row].fine);
         if fine && matches!(self.work, Work::Pending) {
             self.refine_belief();
         }
+        let which = self.photographs_of_maps();
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let observations = &self.photographs.like(&belief.maps)[..];
+        let observations = &self.photographs.like(&belief.maps).some(0, &which)[..];
         if !matches!(self.work, Work::Maps(_)) {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
@@ -127,12 +124,19 @@ impl Estimation {
         Ok(is_flat || step >= steps)
     }
 
+    /// Photographs that steps of the maps see: the last steps see all.
+    pub(super) fn photographs_of_maps(&self) -> Vec<usize> {
+        match self.position {
+            Some(at) if at.row + 1 < self.rows().len() => self.photographs.drawn(at.row),
+            _ => (0..self.photographs.len()).collect(),
+        }
+    }
+
     /// Brings the belief to the photographs' resolution.
     fn refine_belief(&mut self) {
         let (Some(belief), Some(latent)) = (&mut self.belief, &self.latent) else { return };
-        let halvings = self.photographs.halvings_of(&belief.maps);
-        if halvings > 0 {
-            belief.refine(latent.maps(), halvings);
+        if self.photographs.thinning() > 0 && belief.maps.width() < latent.maps().width() {
+            belief.refine(latent.maps(), &self.photographs, self.options.schedule.ridge);
         }
     }
 
@@ -141,8 +145,9 @@ impl Estimation {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
+            let photographs = self.photographs.working();
             let trials =
-                WidthTrials::new(&self.photographs, &belief.maps, free, self.predicted, options);
+                WidthTrials::new(photographs, &belief.maps, free, self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };
@@ -174,7 +179,7 @@ impl Estimation {
         let (Some(belief), Some(at)) = (&mut self.belief, self.position) else { return true };
         if !matches!(self.work, Work::Lights(_)) {
             match Self::lights(
-                &self.photographs,
+                self.photographs.working(),
                 belief,
                 self.task.free_lights,
                 turn,
@@ -225,12 +230,12 @@ impl Estimation {
     fn classes_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         if !matches!(self.work, Work::Classes(_)) {
-            let trials = ClassTrials::new(&self.photographs, belief, &self.options)?;
+            let trials = ClassTrials::new(self.photographs.working(), belief, &self.options)?;
             self.work = Work::Classes(Box::new(trials));
         }
         let Work::Classes(trials) = &mut self.work else { return Ok(true) };
         if !trials.is_done() {
-            trials.step(&self.photographs)?;
+            trials.step(self.photographs.working())?;
         }
         if trials.is_done() {
             trials.assign(belief);

@@ -6,7 +6,7 @@ use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::{Coordinates, to_coordinate};
 use crate::observation::{Observation, View};
 use crate::parallel;
-use crate::svbrdf::{Svbrdf, halved};
+use crate::svbrdf::Svbrdf;
 
 /// One photograph at the sample's texels.
 #[derive(Debug, Clone)]
@@ -24,8 +24,8 @@ pub(in crate::estimate) struct Sample {
     /// Texel centres, mm.
     pub places: Vec<[f64; 2]>,
     pub photographs: Vec<Photograph>,
-    /// Columns of the averaged photographs, and the texels of these.
-    width: usize,
+    /// Of maps halved so often, the texels.
+    halvings: u32,
     texels: Vec<usize>,
 }
 
@@ -50,7 +50,7 @@ impl Sample {
         Self {
             places: texels.iter().map(place).collect(),
             photographs: observations.iter().zip(given).map(photograph).collect(),
-            width,
+            halvings,
             texels,
         }
     }
@@ -71,11 +71,13 @@ impl Sample {
         colours(&views, n, |t| self.places[t], seen)
     }
 
-    /// Coordinates of maps of the photographs' size, or that halved, averaged as the sample's texels
-    /// are, which are no finer.
+    /// Coordinates of maps of the photographs' size, averaged as the sample's texels are.
     pub fn coordinates(&self, maps: &Svbrdf) -> Vec<Coordinates> {
-        let halvings = (maps.width() / self.width).ilog2();
-        let maps = halved(maps, halvings, Svbrdf::downsampled);
+        let mut small = None;
+        for _ in 0..self.halvings {
+            small = Some(small.as_ref().unwrap_or(maps).downsampled());
+        }
+        let maps = small.as_ref().unwrap_or(maps);
         let at = |t: usize, c: usize| f64::from(to_coordinate(c, maps.plane(c)[t]));
         let coordinates = |t: &usize| std::array::from_fn(|c| clamped(c, at(*t, c)));
         self.texels.iter().map(coordinates).collect()

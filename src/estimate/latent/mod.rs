@@ -147,7 +147,8 @@ impl LatentFit {
             return Ok(self.report());
         }
         let LatentPosition { current, done, .. } = self.position;
-        let observations = photographs.level((self.halvings - current) as u32);
+        let which = photographs.drawn(done);
+        let observations = photographs.some((self.halvings - current) as u32, &which);
         if current == 0
             && done == 0
             && self.options.gains

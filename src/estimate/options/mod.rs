@@ -108,8 +108,12 @@ pub struct ScheduleOptions {
     pub steps_after_residuals: usize,
     /// Steps after the learned prior, the last ones. Tuned.
     pub steps_after_network: usize,
+    /// Photographs that a step sees, at most, except the last ones, of the maps. Tuned.
+    pub photographs: usize,
     /// Texels along the longer side that phases work at, at most. Tuned.
     pub texels: usize,
+    /// Variance of colour.
+    pub ridge: f32,
     /// Last steps, at full size, of larger maps. Tuned.
     pub full_size_steps: usize,
     /// Change of the lights, in units of their expected errors, that is worth another round.
@@ -143,7 +147,9 @@ impl Default for ScheduleOptions {
             residual_rounds: 2,
             steps_after_residuals: 4,
             steps_after_network: 4,
+            photographs: 12,
             texels: 256,
+            ridge: 1e-4,
             full_size_steps: 6,
             light_tolerance: 0.02,
             misled_by: 0.4,

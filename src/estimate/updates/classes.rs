@@ -37,7 +37,8 @@ pub(crate) struct ClassTrials {
     mean: Svbrdf,
     maps: Svbrdf,
     halvings: u32,
-    photographs: usize,
+    /// Photographs that the trials see.
+    which: Vec<usize>,
     members: Membership,
     /// Without the texels' own; none where no highlight shows any.
     classes: Vec<Class>,
@@ -55,12 +56,10 @@ impl ClassTrials {
         belief: &Belief,
         options: &EstimateOptions,
     ) -> Result<Self> {
-        let observations = photographs.like(&belief.maps);
-        crate::render::check_observations(&belief.maps, &observations)?;
-        crate::render::check_observations(&belief.mean, &observations)?;
-        let before = photographs.halvings_of(&belief.maps);
-        let halvings = photographs.halvings_to(options.classes.texels).max(before);
-        let small = |maps: &Svbrdf| halved(maps, halvings - before, Svbrdf::downsampled);
+        crate::render::check_observations(&belief.maps, photographs.full())?;
+        crate::render::check_observations(&belief.mean, photographs.full())?;
+        let halvings = photographs.halvings_to(options.classes.texels);
+        let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
         let maps = small(&belief.maps);
         let mut trials = Self {
             options: options.clone(),
@@ -68,7 +67,7 @@ impl ClassTrials {
             members: Membership::new(&maps, &options.groups),
             maps,
             halvings,
-            photographs: photographs.len(),
+            which: photographs.drawn(0),
             classes: Vec::new(),
             costs: Vec::new(),
         };
@@ -97,7 +96,7 @@ impl ClassTrials {
     /// When sizes differ.
     pub fn step(&mut self, photographs: &Photographs) -> Result<()> {
         let class = self.costs.len().checked_sub(1).and_then(|i| self.classes.get(i));
-        let cost = self.cost(class, &photographs.level(self.halvings))?;
+        let cost = self.cost(class, &photographs.some(self.halvings, &self.which))?;
         self.costs.push(cost);
         Ok(())
     }
@@ -116,7 +115,7 @@ impl ClassTrials {
             return;
         }
         let options = &self.options.classes;
-        let shares = responsibilities(&self.members, &self.costs, self.photographs, options);
+        let shares = responsibilities(&self.members, &self.costs, self.which.len(), options);
         let mixture = Mixture::new(&self.maps, &self.classes, &shares);
         mixture.write(&self.pooling(), [&mut belief.mean, &mut belief.maps]);
     }

@@ -82,17 +82,15 @@ impl FitRecord {
         options: &EstimateOptions,
     ) -> Result<Self> {
         for maps in [&belief.base, &belief.mean, &belief.maps] {
-            check_observations(maps, &photographs.like(maps))?;
+            check_observations(maps, photographs.full())?;
         }
-        let before = photographs.halvings_of(&belief.maps);
-        let level = photographs.halvings_to(options.network.texels).max(before);
-        let halvings = level - before;
+        let halvings = photographs.halvings_to(options.network.texels);
         let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
         let base = small(&belief.corrected_base());
         let (mean, maps) = (small(&belief.mean), small(&belief.maps));
         let (prior, noise) = (belief.found, Noise::expected(&options.noise));
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
-        let covariance = covariance(at, &photographs.level(level));
+        let covariance = covariance(at, &photographs.level(halvings));
         Ok(Self {
             base,
             mean,

@@ -151,8 +151,7 @@ pub(crate) struct PoolGloss(pub Pooling);
 
 impl Update for PoolGloss {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        let observations = photographs.like(&belief.base);
-        self.0.pool_values(&mut belief.base, &observations)?;
+        self.0.pool_values(&mut belief.base, photographs.full())?;
         belief.mean.clone_from(&belief.base);
         belief.maps.clone_from(&belief.base);
         Ok(())
@@ -165,8 +164,7 @@ pub(crate) struct PoolResiduals(pub Pooling);
 
 impl Update for PoolResiduals {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        let observations = photographs.like(&belief.maps);
-        self.0.pool_residuals(&mut belief.mean, &belief.maps, &observations)
+        self.0.pool_residuals(&mut belief.mean, &belief.maps, photographs.full())
     }
 }
 

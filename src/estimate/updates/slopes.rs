@@ -39,7 +39,7 @@ pub(crate) struct RegressSlopes {
 impl Update for RegressSlopes {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
         let Belief { mean, maps, found: prior, .. } = belief;
-        let observations = &photographs.like(maps);
+        let observations = photographs.full();
         check_observations(mean, observations)?;
         check_observations(maps, observations)?;
         let at = At { maps, mean, prior, noise: Noise::expected(&self.noise) };

@@ -7,7 +7,7 @@ use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
     Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
-    Photographs, Position, Predicted, Prior, Progress, SavedBaseline, SavedDescent,
+    Position, Predicted, Prior, Progress, SavedBaseline, SavedDescent,
     SavedEstimation, SavedFit, SavedLevel, SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
@@ -156,8 +156,8 @@ pub(super) fn read(
         return Err(damaged("photographs are missing"));
     }
     let options = EstimateOptions::default();
-    let finest = options.latent.finest_texels;
-    let photographs = Photographs::restored(observations, correction, finest).map_err(as_damage)?;
+    let photographs = Estimation::no_photographs(&options);
+    let photographs = photographs.restored(observations, correction).map_err(as_damage)?;
     let maps = sections.all(MAPS).next();
     let maps = maps.map(|mut r| read_maps(&mut r).and_then(|m| r.end().map(|()| m))).transpose()?;
     let latent = sections.all(LATENT).next().map(|r| read_latent(r, networks)).transpose()?;
