@@ -240,23 +240,6 @@ pub(crate) fn thinned<T: Copy>(planes: &[T], columns: usize, times: u32) -> Vec<
     rows.flat_map(|row| row.iter().skip(middle).step_by(step).copied()).collect()
 }
 
-/// Maps changed as `to` differs from `from`, which have their size halved so many times.
-pub(crate) fn moved(maps: &Svbrdf, from: &Svbrdf, to: &Svbrdf, times: u32) -> Svbrdf {
-    let add = |sum: &mut Svbrdf, other: &Svbrdf, sign: f32| {
-        let width = sum.width;
-        let rows = sum.data.chunks_mut(width).zip(other.data.chunks(width));
-        parallel::parts(rows, |_, (sum, other)| {
-            sum.iter_mut().zip(other).for_each(|(v, other)| *v += sign * other);
-        });
-    };
-    let mut change = to.clone();
-    add(&mut change, from, -1.0);
-    let mut moved = (0..times).fold(change, |change, _| change.upsampled());
-    add(&mut moved, maps, 1.0);
-    moved.clamp();
-    moved
-}
-
 /// Maps or an observation halved so many times by `half`.
 pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) -> T {
     if times == 0 {

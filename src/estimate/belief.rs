@@ -1,11 +1,10 @@
 //! What is believed of the maps between two phases.
 
 use super::correction::Offset;
-use super::guided::Guide;
+use super::finer::Guide;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
-use crate::svbrdf::moved;
 use crate::{Result, Svbrdf};
 
 /// The maps, and the prior that the next steps of the solver hold them to.
@@ -44,20 +43,12 @@ impl Belief {
         }
     }
 
-    /// Brings it to a finer resolution: `fine` are maps of the latent code, whose detail is added to how the
-    /// belief's differ from these, halved so many times.
-    pub fn refine(&mut self, fine: Svbrdf, photographs: &Photographs, ridge: f32) {
-        let times = photographs.thinning();
-        let (coarse_maps, coarse_mean) = (self.maps.clone(), self.mean.clone());
-        let coarse = fine.thinned(times);
-        for maps in [&mut self.maps, &mut self.mean] {
-            *maps = moved(&fine, &coarse, maps, times);
+    /// Brings it to the photographs' full resolution.
+    pub fn refine(&mut self, photographs: &Photographs) {
+        let guide = Guide::new(photographs);
+        for maps in [&mut self.maps, &mut self.mean, &mut self.base] {
+            *maps = guide.refined(maps);
         }
-        let guide = Guide::new(photographs, times, ridge);
-        guide.write(&coarse_maps, &mut self.maps);
-        guide.write(&coarse_mean, &mut self.mean);
-        if std::env::var("RESET").is_ok() { self.prior = Prior::default(); }
-        self.base = fine;
     }
 
     /// The base without what it is off everywhere.

@@ -7,6 +7,7 @@ use super::baseline::Baseline;
 use super::belief::Belief;
 use super::budget::{Meter, Shown, Trend};
 use super::correction::{Correction, Exposure};
+use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::lights::LightFit;
 use super::options::EstimateOptions;
@@ -20,7 +21,6 @@ use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::render;
-use crate::svbrdf::moved;
 use crate::{Error, Result, Svbrdf};
 
 /// How maps are found from photographs.
@@ -156,9 +156,7 @@ impl Estimation {
 
     /// Photographs to add to.
     pub fn no_photographs(options: &EstimateOptions) -> Photographs {
-        let limits = &options.schedule;
-        let none = Photographs::new(options.latent.finest_texels);
-        none.limited(limits.photographs, limits.texels)
+        Photographs::new().limited(options.schedule.photographs, options.schedule.texels)
     }
 
     /// What was found of exposure and flash.
@@ -252,7 +250,7 @@ impl Estimation {
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
-        let first = self.photographs.full().first().ok_or(Error::NoMaps)?;
+        let first = self.photographs.working().full().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];
         let EstimateOptions { latent, gains, .. } = &self.options;
         LatentFit::new(self.networks.clone(), start, size, latent, gains)
@@ -294,21 +292,18 @@ impl Estimation {
         }
     }
 
-    /// Begins a belief round maps of the latent code, at the resolution that the phases work at.
-    pub(super) fn begin_belief(&mut self, maps: &Svbrdf) {
-        let maps = maps.thinned(self.photographs.thinning());
+    /// Begins a belief round the maps of the latent code.
+    pub(super) fn begin_belief(&mut self) {
         self.lights_before = self.photographs.correction().clone();
-        self.belief = Some(Belief::new(maps, &self.options));
+        let maps = self.latent.as_ref().map(|latent| latent.maps().clone());
+        self.belief = maps.map(|maps| Belief::new(maps, &self.options));
     }
 
-    /// A belief's maps at the photographs' resolution, with the detail of the latent code's.
-    fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
-        let full = self.photographs.full().first();
-        let is_full = full.is_some_and(|full| full.width() == maps.width());
-        match &self.latent {
-            Some(latent) if !is_full => {
-                let (fine, times) = (latent.maps(), self.photographs.thinning());
-                Cow::Owned(moved(&fine, &fine.thinned(times), maps, times))
+    /// Maps in work at the photographs' resolution.
+    pub(super) fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
+        match self.photographs.full().first() {
+            Some(full) if maps.width() < full.width() => {
+                Cow::Owned(interpolated(maps, self.photographs.thinning()))
             }
             _ => Cow::Borrowed(maps),
         }
@@ -321,7 +316,7 @@ impl Estimation {
     pub fn maps(&self) -> Result<Svbrdf> {
         match (&self.belief, &self.latent, self.position) {
             (Some(belief), ..) => Ok(self.full_size(&belief.maps).into_owned()),
-            (None, Some(latent), Some(_)) => Ok(latent.maps()),
+            (None, Some(latent), Some(_)) => Ok(self.full_size(latent.maps()).into_owned()),
             _ => self.maps.clone().ok_or(Error::NoMaps),
         }
     }
@@ -399,18 +394,22 @@ impl Estimation {
     fn fraction_done(&self) -> f32 {
         let Some(at) = self.position else { return 1.0 };
         let (rows, photographs) = (self.rows(), self.photographs.len());
+        let seen = photographs.min(self.options.schedule.photographs);
         let all = self.photographs.full().first().map_or(0, Observation::texels);
         let halvings = match self.task.method {
             Method::Deep => self.photographs.thinning(),
             Method::Classic => 0,
         };
         let texels = [all >> (2 * halvings), all];
-        let [mut done, all] = self.latent.as_ref().map_or([0.0; 2], |latent| {
-            latent_cost(latent.work(), latent.coarsest_texels(), photographs)
-        });
+        let [mut done, all] = self
+            .latent
+            .as_ref()
+            .map_or([0.0; 2], |latent| latent_cost(latent.work(), latent.maps().texels(), seen));
         let mut left = all - done;
         for (i, row) in rows.iter().enumerate() {
-            let part = |part| cost(row, part, photographs, texels, &self.options);
+            // The last steps see all photographs.
+            let seen = if i + 1 < rows.len() { seen } else { photographs };
+            let part = |part| cost(row, part, seen, texels, &self.options);
             let parts = [Part::Before, Part::Phase, Part::After];
             let round: f32 = parts.iter().map(|p| part(*p)).sum();
             match i.cmp(&at.row) {
@@ -485,11 +484,10 @@ impl Estimation {
         }
         (self.cut, self.fraction, self.structured) = (None, 0.0, false);
         self.go_to(Position::default());
-        let settled = self.latent.as_ref().filter(|latent| latent.is_settled());
-        if let Some(maps) = settled.map(LatentFit::maps) {
+        if self.latent.as_ref().is_some_and(LatentFit::is_settled) {
             self.go_to(Position::default().next_row());
             if self.position.is_some() {
-                self.begin_belief(&maps);
+                self.begin_belief();
             }
         }
         !self.is_done()

@@ -58,7 +58,7 @@ mod confidence;
 mod correction;
 mod estimation;
 mod estimator;
-mod guided;
+mod finer;
 mod latent;
 mod lights;
 mod noise;

@@ -14,7 +14,7 @@ pub(crate) use super::correction::{Correction, Exposure, MAX_MIRRORED, Offset};
 pub(crate) use super::estimation::Cut;
 use super::estimation::{Estimation, Method, Task, Work};
 use super::latent::LatentFit;
-pub(crate) use super::latent::{LatentPosition, SavedFit, SavedLevel};
+pub(crate) use super::latent::{LatentPosition, SavedCode, SavedFit};
 pub(crate) use super::lights::{SavedDescent, SavedLights};
 pub(crate) use super::noise::Noise;
 use super::options::EstimateOptions;
@@ -109,7 +109,7 @@ impl Estimation {
         estimation.photographs = saved.photographs.into_owned();
         if let Some(latent) = saved.latent {
             let EstimateOptions { latent: options, gains, .. } = &estimation.options;
-            let photographs = &estimation.photographs;
+            let photographs = estimation.photographs.working();
             let fit =
                 LatentFit::restore(networks, latent, photographs, same_networks, options, gains)?;
             estimation.latent = Some(fit);
@@ -172,7 +172,7 @@ impl Estimation {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
                 let (maps, prior, state) = (&belief.maps, &belief.prior, state.into_owned());
-                let observations = self.photographs.like(maps).some(0, &which);
+                let observations = self.photographs.like(maps).some(&which);
                 let solver = Solver::resume(maps, &observations, prior, solver, noise, state)?;
                 Work::Maps(solver.with_noise(belief.fixed_noise))
             }
@@ -182,7 +182,8 @@ impl Estimation {
                 Some(belief),
             ) => {
                 let (turn, free) = (phase == Phase::TurningLights, self.task.free_lights);
-                let fit = Self::lights(self.photographs.working(), belief, free, turn, &self.options);
+                let fit =
+                    Self::lights(self.photographs.working(), belief, free, turn, &self.options);
                 let fit = fit.and_then(|fit| fit.resume(lights));
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
@@ -201,7 +202,8 @@ impl Estimation {
                 Work::Widths(Box::new(trials))
             }
             (SavedWork::Classes(costs), Some(Phase::Classes), Some(belief)) => {
-                let mut trials = ClassTrials::new(self.photographs.working(), belief, &self.options)?;
+                let mut trials =
+                    ClassTrials::new(self.photographs.working(), belief, &self.options)?;
                 if !trials.resume(costs.into_owned()) {
                     return Err(fault("trials of classes are of another size"));
                 }

@@ -121,9 +121,7 @@ pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row>
             row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals),
         ),
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
-        (1, Row { fine: true, ..if std::env::var("POOL").is_ok() {
-            row(Phase::PoolResiduals, usize::from(coarse), 3, 3) } else {
-            row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) } }),
+        (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) }),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
     let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();
@@ -262,23 +260,12 @@ pub(crate) fn cost(
     }
 }
 
-/// Cost of the latent code's steps that are done, and of all: `work` are steps done and all of each
-/// level from the coarsest on, which has so many texels.
-pub(crate) fn latent_cost(
-    work: impl Iterator<Item = [usize; 2]>,
-    texels: usize,
-    photographs: usize,
-) -> [f32; 2] {
+/// Cost of the latent code's steps that are done, and of all, for so many texels.
+pub(crate) fn latent_cost([done, all]: [usize; 2], texels: usize, photographs: usize) -> [f32; 2] {
     let scale = texels as f32 / (256.0 * 256.0);
-    let (step, gains) = (scale * Cost::LATENT.of(photographs), scale * Cost::GAINS.of(photographs));
-    work.zip(0..).fold([0.0; 2], |[done, all], ([level_done, level_all], level)| {
-        let step = step * 4.0f32.powi(level);
-        let of = |steps: usize| {
-            let gains = if level == 0 && steps > 0 { gains } else { 0.0 };
-            gains + step * steps as f32
-        };
-        [done + of(level_done), all + of(level_all)]
-    })
+    let (step, gains) = (Cost::LATENT.of(photographs), Cost::GAINS.of(photographs));
+    let cost = |steps: usize| scale * (step * steps as f32 + if steps > 0 { gains } else { 0.0 });
+    [cost(done), cost(all)]
 }
 
 /// Rounds of a row that are left on average when so many have begun.

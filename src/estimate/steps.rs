@@ -14,6 +14,7 @@ use super::structured::{self, WidthTrials};
 use super::updates::{
     ClassTrials, FitRecord, LearnedPrior, PoolGloss, PoolResiduals, Pooling, RegressSlopes,
 };
+use crate::observation::Observation;
 use crate::{Error, Result};
 
 impl Estimation {
@@ -60,16 +61,11 @@ impl Estimation {
             latent.refresh()?;
             self.cut = Some(Cut::Budget);
         } else {
-            let level = latent.coarse_maps().width();
-            let report = latent.step(&self.photographs)?;
+            let report = latent.step(self.photographs.working())?;
             meter.count();
             self.loss = report.loss as f32;
-            let same_level = latent.coarse_maps().width() == level;
-            if !same_level {
-                self.previous = None;
-            }
             if !report.settled {
-                if !(same_level && meter.budget.stop_when_invisible && self.is_still()) {
+                if !(meter.budget.stop_when_invisible && self.is_still()) {
                     return Ok(false);
                 }
                 self.cut = Some(Cut::Invisible);
@@ -78,17 +74,16 @@ impl Estimation {
                 latent.count_as_fitted();
             }
         }
-        let maps = self.latent.as_ref().ok_or(Error::NoMaps)?.maps();
-        self.begin_belief(&maps);
+        self.begin_belief();
         self.measure();
         Ok(true)
     }
 
-    /// Whether nothing visible is left to do for the latent fit: on its finest level.
+    /// Whether nothing visible is left to do for the latent fit.
     fn is_still(&mut self) -> bool {
         let Some(latent) = &self.latent else { return false };
-        let Some([done, steps]) = latent.steps_at_finest() else { return false };
-        let now = Shown::of(latent.coarse_maps());
+        let [done, steps] = latent.work();
+        let now = Shown::of(latent.maps());
         let change = self.previous.as_ref().map(|before| now.visible_change(before));
         self.previous = Some(now);
         change.is_some_and(|c| predicted_change(c, done as u32, steps as u32) < 1.0)
@@ -102,7 +97,7 @@ impl Estimation {
         }
         let which = self.photographs_of_maps();
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let observations = &self.photographs.like(&belief.maps).some(0, &which)[..];
+        let observations = &self.photographs.like(&belief.maps).some(&which)[..];
         if !matches!(self.work, Work::Maps(_)) {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
@@ -134,9 +129,9 @@ impl Estimation {
 
     /// Brings the belief to the photographs' resolution.
     fn refine_belief(&mut self) {
-        let (Some(belief), Some(latent)) = (&mut self.belief, &self.latent) else { return };
-        if self.photographs.thinning() > 0 && belief.maps.width() < latent.maps().width() {
-            belief.refine(latent.maps(), &self.photographs, self.options.schedule.ridge);
+        let full = self.photographs.full().first().map_or(0, Observation::width);
+        if let Some(belief) = self.belief.as_mut().filter(|belief| belief.maps.width() < full) {
+            belief.refine(&self.photographs);
         }
     }
 
@@ -146,8 +141,7 @@ impl Estimation {
         let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
             let photographs = self.photographs.working();
-            let trials =
-                WidthTrials::new(photographs, &belief.maps, free, self.predicted, options);
+            let trials = WidthTrials::new(photographs, &belief.maps, free, self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };

@@ -112,8 +112,6 @@ pub struct ScheduleOptions {
     pub photographs: usize,
     /// Texels along the longer side that phases work at, at most. Tuned.
     pub texels: usize,
-    /// Variance of colour.
-    pub ridge: f32,
     /// Last steps, at full size, of larger maps. Tuned.
     pub full_size_steps: usize,
     /// Change of the lights, in units of their expected errors, that is worth another round.
@@ -149,7 +147,6 @@ impl Default for ScheduleOptions {
             steps_after_network: 4,
             photographs: 12,
             texels: 256,
-            ridge: 1e-4,
             full_size_steps: 6,
             light_tolerance: 0.02,
             misled_by: 0.4,

@@ -29,7 +29,7 @@ use std::sync::Arc;
 use super::belief::Belief;
 use super::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State};
 use super::correction::{Correction, Exposure};
-use super::guided::full_colours;
+use super::finer::full_colours;
 use super::noise::Noise;
 use super::options::{EstimateOptions, StructuredOptions, Widths};
 use super::photographs::Photographs;

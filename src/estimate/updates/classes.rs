@@ -15,7 +15,7 @@ use super::pooling::Pooling;
 use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{ClassOptions, EstimateOptions};
-use crate::estimate::photographs::Photographs;
+use crate::estimate::photographs::{Photographs, chosen};
 use crate::estimate::posterior::{At, gloss_information};
 use crate::estimate::solver::solve;
 use crate::observation::Observation;
@@ -96,7 +96,7 @@ impl ClassTrials {
     /// When sizes differ.
     pub fn step(&mut self, photographs: &Photographs) -> Result<()> {
         let class = self.costs.len().checked_sub(1).and_then(|i| self.classes.get(i));
-        let cost = self.cost(class, &photographs.some(self.halvings, &self.which))?;
+        let cost = self.cost(class, &chosen(photographs.level(self.halvings), &self.which))?;
         self.costs.push(cost);
         Ok(())
     }
@@ -363,7 +363,7 @@ mod tests {
 
     /// Photographs whose highlights sweep the left half.
     fn photographs(truth: &Svbrdf) -> Photographs {
-        let mut photographs = Photographs::new(SIDE);
+        let mut photographs = Photographs::new();
         (0..8)
             .map(|i| [-40.0 + 25.0 * (i % 2) as f32, 24.0 * (i / 2) as f32 - 36.0])
             .for_each(|at| photographs.add(photograph(truth, at)).unwrap());
