@@ -250,7 +250,7 @@ impl Estimation {
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
-        let first = self.photographs.working().full().first().ok_or(Error::NoMaps)?;
+        let first = self.photographs.averaged().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];
         let EstimateOptions { latent, gains, .. } = &self.options;
         LatentFit::new(self.networks.clone(), start, size, latent, gains)

@@ -2,12 +2,14 @@
 //! views.
 //!
 //! Phases work with at most 256 texels along each side: of larger photographs with every second,
-//! every fourth, ... texel as it is. Averages would be rougher than the texels: they hide relief.
+//! every fourth, ... texel as it is, as averages are rougher than the texels: they hide relief. The latent
+//! code alone, which knows no single texels, sees averages.
 
 use std::borrow::Cow;
 
 use super::correction::Correction;
 use crate::observation::{Observation, View};
+use crate::svbrdf::halved;
 use crate::{Error, Result, Svbrdf};
 
 /// Shortest side that is kept, texels.
@@ -29,6 +31,8 @@ pub(crate) struct Photographs {
     working_texels: usize,
     /// Those that phases work with, where the others are larger.
     thinned: Option<Box<Self>>,
+    /// As many texels, averaged.
+    averaged: Vec<Observation>,
 }
 
 impl Photographs {
@@ -42,6 +46,7 @@ impl Photographs {
             at_once: usize::MAX,
             working_texels: usize::MAX,
             thinned: None,
+            averaged: Vec::new(),
         }
     }
 
@@ -103,6 +108,7 @@ impl Photographs {
             observation.view = given;
             thinned.add(observation)?;
             thinned.correct(self.correction.clone());
+            self.averaged.push(halved(full, times, Observation::downsampled));
         }
         let mut small = Cow::Borrowed(full);
         for level in &mut self.levels {
@@ -130,6 +136,7 @@ impl Photographs {
             thinned.full[index] = self.full[index].thinned(times);
             thinned.given[index] = self.given[index];
             thinned.derive(index);
+            self.averaged[index] = halved(&self.full[index], times, Observation::downsampled);
         }
         let mut small = Cow::Borrowed(&self.full[index]);
         for level in &mut self.levels {
@@ -169,12 +176,17 @@ impl Photographs {
 
     /// Some photographs.
     pub fn some(&self, which: &[usize]) -> Cow<'_, [Observation]> {
-        chosen(Cow::Borrowed(&self.full), which)
+        chosen(&self.full, which)
     }
 
     /// Those that the phases work with.
     pub fn working(&self) -> &Self {
         self.thinned.as_deref().unwrap_or(self)
+    }
+
+    /// As many texels as the phases work with, averages of all.
+    pub fn averaged(&self) -> &[Observation] {
+        if self.thinned.is_some() { &self.averaged } else { &self.full }
     }
 
     /// Those of the size of these maps: all texels, or those that phases work with.
@@ -220,7 +232,7 @@ impl Photographs {
         self.correction = correction;
         let views = self.given.iter().enumerate().map(|(i, view)| self.correction.apply(view, i));
         let views: Vec<View> = views.collect();
-        for level in self.levels.iter_mut().chain([&mut self.full]) {
+        for level in self.levels.iter_mut().chain([&mut self.full, &mut self.averaged]) {
             level.iter_mut().zip(&views).for_each(|(observation, view)| observation.view = *view);
         }
         if let Some(thinned) = &mut self.thinned {
@@ -230,9 +242,9 @@ impl Photographs {
 }
 
 /// Some of the photographs.
-pub(super) fn chosen<'a>(all: Cow<'a, [Observation]>, which: &[usize]) -> Cow<'a, [Observation]> {
+pub(super) fn chosen<'a>(all: &'a [Observation], which: &[usize]) -> Cow<'a, [Observation]> {
     if which.len() == all.len() {
-        return all;
+        return Cow::Borrowed(all);
     }
     which.iter().map(|&i| all[i].clone()).collect()
 }
@@ -322,6 +334,9 @@ mod tests {
             }
         }
         assert_eq!(photographs.working().given(), photographs.given());
+        for (full, averaged) in full.iter().zip(photographs.averaged()) {
+            assert_eq!(*averaged, full.downsampled().downsampled());
+        }
     }
 
     #[test]

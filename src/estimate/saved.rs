@@ -109,7 +109,7 @@ impl Estimation {
         estimation.photographs = saved.photographs.into_owned();
         if let Some(latent) = saved.latent {
             let EstimateOptions { latent: options, gains, .. } = &estimation.options;
-            let photographs = estimation.photographs.working();
+            let photographs = &estimation.photographs;
             let fit =
                 LatentFit::restore(networks, latent, photographs, same_networks, options, gains)?;
             estimation.latent = Some(fit);

@@ -61,7 +61,7 @@ impl Estimation {
             latent.refresh()?;
             self.cut = Some(Cut::Budget);
         } else {
-            let report = latent.step(self.photographs.working())?;
+            let report = latent.step(&self.photographs)?;
             meter.count();
             self.loss = report.loss as f32;
             if !report.settled {

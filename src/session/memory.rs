@@ -36,8 +36,8 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     let most = ScheduleOptions::default().texels;
     let working = (0..).map(|times| side >> times).find(|side| *side <= most).map_or(full, area);
     let thinned = if working < full { working } else { 0 };
-    // Halved ones take a third more.
-    let each = OBSERVATION * (full + thinned + working / 3);
+    // Thinned out and averaged; halved ones take a third more.
+    let each = OBSERVATION * (full + 2 * thinned + working / 3);
     let fitting = FITTED * working + COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
     let refining = FITTED * working + MAP_SETS_REFINING * MAPS * full + GUIDE * full;
     BASE + fitting.max(refining) + photographs as u64 * each + kept

@@ -18,7 +18,7 @@ mod tests;
 use std::sync::Arc;
 
 use super::options::{GainOptions, LatentOptions};
-use super::photographs::Photographs;
+use super::photographs::{Photographs, chosen};
 use crate::initial_estimate::Networks;
 use crate::{Error, Result, Svbrdf};
 use code::Code;
@@ -120,7 +120,7 @@ impl LatentFit {
             return Ok(self.report());
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
-        let observations = photographs.some(&photographs.drawn(done));
+        let observations = chosen(photographs.averaged(), &photographs.drawn(done));
         if done == 0 && options.gains {
             self.code.apply_gains(&self.networks, &observations, options, &self.gains)?;
         }
@@ -173,7 +173,7 @@ impl LatentFit {
         options: &LatentOptions,
         gains: &GainOptions,
     ) -> Result<Self> {
-        let first = photographs.full().first().ok_or(Error::NoMaps)?;
+        let first = photographs.averaged().first().ok_or(Error::NoMaps)?;
         let SavedFit { position, code } = saved;
         if [code.maps.width(), code.maps.height()] != [first.width(), first.height()] {
             return Err(Error::argument("fit", "maps of the photographs' size are expected"));

@@ -96,7 +96,7 @@ impl ClassTrials {
     /// When sizes differ.
     pub fn step(&mut self, photographs: &Photographs) -> Result<()> {
         let class = self.costs.len().checked_sub(1).and_then(|i| self.classes.get(i));
-        let cost = self.cost(class, &chosen(photographs.level(self.halvings), &self.which))?;
+        let cost = self.cost(class, &chosen(&photographs.level(self.halvings), &self.which))?;
         self.costs.push(cost);
         Ok(())
     }

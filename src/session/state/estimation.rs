@@ -116,6 +116,7 @@ pub(super) fn read(
     networks: &Arc<Networks>,
     task: Task,
     size: usize,
+    options: EstimateOptions,
 ) -> Result<(Estimation, SavedProgress)> {
     let mut r = sections.one(ESTIMATION)?;
     let count = r.u32()? as usize;
@@ -155,7 +156,6 @@ pub(super) fn read(
     if observations.len() != count {
         return Err(damaged("photographs are missing"));
     }
-    let options = EstimateOptions::default();
     let photographs = Estimation::no_photographs(&options);
     let photographs = photographs.restored(observations, correction).map_err(as_damage)?;
     let maps = sections.all(MAPS).next();
