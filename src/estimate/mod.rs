@@ -41,6 +41,9 @@
 //! | slopes | `m`, `x` | linear regression by marginal likelihood |
 //! | learned prior | `m`, `x`, `Λ` | network; widths by evidence |
 //!
+//! Phases work on at most 256 texels along each side and see at most twelve photographs in a step
+//! (`photographs`); last steps of the maps follow at full size, with all (`finer`).
+//!
 //! `docs/method.md` has the equations, a diagram and a glossary.
 //!
 //! # Files
