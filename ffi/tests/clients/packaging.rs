@@ -12,6 +12,9 @@ fn install(prefix: &Path) {
     for file in [
         "include/svbrdf.h",
         "include/svbrdf.hpp",
+        "include/svbrdf/core.hpp",
+        "include/svbrdf/maps.hpp",
+        "include/svbrdf/session.hpp",
         "lib/libsvbrdf.so",
         "lib/libsvbrdf.so.0",
         "lib/pkgconfig/svbrdf.pc",
