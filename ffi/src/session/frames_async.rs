@@ -1,9 +1,10 @@
 //! Photos into a session, without waiting.
 
 use std::ffi::c_void;
+use std::sync::atomic::Ordering;
 
-use engine::Rejection;
 use engine::session::Pushed;
+use engine::{Error, Rejection};
 
 use super::frames::outcome;
 use crate::handles::svbrdf_session;
@@ -76,8 +77,11 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
     look(session, |live| {
         let call = callback.ok_or_else(|| Fault::argument("callback: NULL given"))?;
         let callback = Callback { call, user_data };
-        let place = live.pushes.place()?;
         live.usable()?;
+        if live.cancelled.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled.into());
+        }
+        let place = live.pushes.place()?;
         // SAFETY: the caller vouches for the structs and planes.
         let (info, photo) = unsafe {
             let (image, info) = (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?);
