@@ -24,6 +24,7 @@ pub mod maps;
 pub mod models;
 mod notifier;
 pub mod options;
+mod owned_frame;
 pub mod paper;
 pub mod phase;
 pub mod probe;

@@ -10,9 +10,8 @@ use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
 use engine::svbrdf::channel;
 
 use crate::handles::Handles;
-use crate::srgb;
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::texels::{FORMATS, Layout, Picture, svbrdf_map_format};
+use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
@@ -201,31 +200,34 @@ impl Picture for MapPicture<'_> {
         (self.map == SVBRDF_MAP_ROUGHNESS).then_some(1)
     }
 
-    fn floats(&self, i: usize) -> [f32; 4] {
-        let maps = self.maps;
-        let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c)[i]);
-        let [r, g, b] = match self.map {
-            SVBRDF_MAP_NORMAL => maps.normal(i % maps.width(), i / maps.width()),
-            SVBRDF_MAP_NORMAL_DIRECTX => {
-                let [x, y, z] = maps.normal(i % maps.width(), i / maps.width());
-                [x, -y, z]
-            }
-            SVBRDF_MAP_DIFFUSE => three(channel::DIFFUSE),
-            SVBRDF_MAP_SPECULAR => three(channel::SPECULAR),
-            _ => [1.0, maps.plane(channel::ROUGHNESS)[i], 0.0],
-        };
-        [r, g, b, 1.0]
+    fn coding(&self) -> Coding {
+        match self.map {
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => Coding::Signed,
+            SVBRDF_MAP_ROUGHNESS => Coding::Linear,
+            _ => Coding::Srgb,
+        }
     }
 
-    fn bytes(&self, i: usize) -> [u8; 4] {
-        let byte = |v: f32| (v * 255.0 + 0.5) as u8;
-        let [r, g, b, _] = self.floats(i);
-        let [r, g, b] = match self.map {
-            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => [r, g, b].map(|v| byte(0.5 * v + 0.5)),
-            SVBRDF_MAP_ROUGHNESS => [r, g, b].map(byte),
-            _ => [r, g, b].map(srgb::byte),
-        };
-        [r, g, b, 255]
+    fn row(&self, y: usize, out: &mut [[f32; 4]]) {
+        let (maps, width) = (self.maps, self.maps.width());
+        let plane = |c: usize| &maps.plane(c)[y * width..][..width];
+        let three = |first: usize| [plane(first), plane(first + 1), plane(first + 2)];
+        match self.map {
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => {
+                let up = if self.map == SVBRDF_MAP_NORMAL { 1.0 } else { -1.0 };
+                for (x, out) in out.iter_mut().enumerate() {
+                    let [r, g, b] = maps.normal(x, y);
+                    *out = [r, up * g, b, 1.0];
+                }
+            }
+            SVBRDF_MAP_ROUGHNESS => {
+                for (out, roughness) in out.iter_mut().zip(plane(channel::ROUGHNESS)) {
+                    *out = [1.0, *roughness, 0.0, 1.0];
+                }
+            }
+            SVBRDF_MAP_DIFFUSE => interleave(three(channel::DIFFUSE), out),
+            _ => interleave(three(channel::SPECULAR), out),
+        }
     }
 }
 

@@ -8,9 +8,8 @@ use engine::render::render;
 
 use crate::maps::{self, svbrdf_maps};
 use crate::options::{SVBRDF_FALLOFF_INVERSE_SQUARE, SVBRDF_FALLOFF_NONE, svbrdf_falloff};
-use crate::srgb;
 use crate::status::{Fault, entry, svbrdf_status};
-use crate::texels::{Layout, Picture, svbrdf_map_format};
+use crate::texels::{Coding, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
@@ -109,14 +108,13 @@ impl Picture for Rendering {
         None
     }
 
-    fn floats(&self, i: usize) -> [f32; 4] {
-        let texels = self.width * self.height;
-        [self.rgb[i], self.rgb[texels + i], self.rgb[2 * texels + i], 1.0]
+    fn coding(&self) -> Coding {
+        Coding::Srgb
     }
 
-    fn bytes(&self, i: usize) -> [u8; 4] {
-        let [r, g, b, _] = self.floats(i);
-        [srgb::byte(r), srgb::byte(g), srgb::byte(b), 255]
+    fn row(&self, y: usize, out: &mut [[f32; 4]]) {
+        let row = |c: usize| &self.rgb[(c * self.height + y) * self.width..][..self.width];
+        interleave([row(0), row(1), row(2)], out);
     }
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use half::f16;
 
+use crate::srgb;
 use crate::status::Fault;
 
 /// How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
@@ -26,16 +27,26 @@ pub const SVBRDF_MAP_FORMAT_RGBA32F: svbrdf_map_format = 6;
 /// Number of formats.
 pub(crate) const FORMATS: usize = 6;
 
+/// How values become bytes.
+#[derive(Clone, Copy)]
+pub(crate) enum Coding {
+    /// 0 to 1.
+    Linear,
+    /// -1 to 1.
+    Signed,
+    /// sRGB, clipped to 0 to 1.
+    Srgb,
+}
+
 /// What texels are taken from.
 pub(crate) trait Picture {
     fn width(&self) -> usize;
     fn height(&self) -> usize;
     /// The place of the only channel, where it has just one: formats of one channel take that.
     fn single(&self) -> Option<usize>;
-    /// Linear red, green, blue, alpha of a texel.
-    fn floats(&self, i: usize) -> [f32; 4];
-    /// The same as bytes, colours encoded.
-    fn bytes(&self, i: usize) -> [u8; 4];
+    fn coding(&self) -> Coding;
+    /// Red, green, blue, alpha of a row, `width` texels.
+    fn row(&self, y: usize, out: &mut [[f32; 4]]);
 }
 
 #[derive(Clone, Copy)]
@@ -83,29 +94,22 @@ impl Layout {
         picture.width() * self.channels.len() * sample
     }
 
-    fn row(&self, picture: &impl Picture, y: usize, out: &mut Vec<u8>) {
-        out.clear();
-        let (texels, channels) = (y * picture.width()..(y + 1) * picture.width(), &self.channels);
-        match self.sample {
-            Sample::Byte => {
-                texels.for_each(|i| out.extend_from_slice(&picture.bytes(i)[channels.clone()]));
+    /// Texels of a row as bytes.
+    fn pack(&self, texels: &[[f32; 4]], coding: Coding, out: &mut [u8]) {
+        let channels = &self.channels;
+        match (self.sample, coding) {
+            (Sample::Byte, Coding::Linear) => each(texels, channels, out, |v| [unit_byte(v)]),
+            (Sample::Byte, Coding::Signed) => {
+                each(texels, channels, out, |v| [unit_byte(0.5 * v + 0.5)]);
             }
-            Sample::Half => {
+            (Sample::Byte, Coding::Srgb) => each(texels, channels, out, |v| [srgb::byte(v)]),
+            (Sample::Half, _) => {
                 let limit = f16::MAX.to_f32();
-                for i in texels {
-                    for v in &picture.floats(i)[channels.clone()] {
-                        let half = f16::from_f32(v.clamp(-limit, limit));
-                        out.extend_from_slice(&half.to_ne_bytes());
-                    }
-                }
+                each(texels, channels, out, |v| {
+                    f16::from_f32(v.clamp(-limit, limit)).to_ne_bytes()
+                });
             }
-            Sample::Float => {
-                for i in texels {
-                    for v in &picture.floats(i)[channels.clone()] {
-                        out.extend_from_slice(&v.to_ne_bytes());
-                    }
-                }
-            }
+            (Sample::Float, _) => each(texels, channels, out, f32::to_ne_bytes),
         }
     }
 
@@ -132,15 +136,56 @@ impl Layout {
                 "data: {bytes} bytes in rows of {stride} given, {height} rows of {row} expected"
             )));
         }
-        let mut texels = Vec::with_capacity(row);
+        let (mut texels, mut packed) = (vec![[0.0; 4]; picture.width()], vec![0; row]);
         for y in 0..height {
-            self.row(picture, y, &mut texels);
+            picture.row(y, &mut texels);
+            self.pack(&texels, picture.coding(), &mut packed);
             // SAFETY: checked above against the size that the caller vouches for.
             unsafe {
                 let to = data.cast::<u8>().add(y * stride);
-                to.copy_from_nonoverlapping(texels.as_ptr(), row);
+                to.copy_from_nonoverlapping(packed.as_ptr(), row);
             }
         }
         Ok(())
+    }
+}
+
+/// Texels of three planes, opaque.
+pub(crate) fn interleave([r, g, b]: [&[f32]; 3], out: &mut [[f32; 4]]) {
+    for (((out, r), g), b) in out.iter_mut().zip(r).zip(g).zip(b) {
+        *out = [*r, *g, *b, 1.0];
+    }
+}
+
+/// Nearest byte to a value from 0 to 1.
+fn unit_byte(v: f32) -> u8 {
+    (v * 255.0 + 0.5) as u8
+}
+
+/// Writes some channels of each texel.
+fn each<const BYTES: usize>(
+    texels: &[[f32; 4]],
+    channels: &Range<usize>,
+    out: &mut [u8],
+    write: impl Fn(f32) -> [u8; BYTES],
+) {
+    match channels.len() {
+        1 => each_of::<1, BYTES>(texels, channels.start, out, write),
+        3 => each_of::<3, BYTES>(texels, channels.start, out, write),
+        _ => each_of::<4, BYTES>(texels, channels.start, out, write),
+    }
+}
+
+/// The same with their number known to the compiler.
+fn each_of<const CHANNELS: usize, const BYTES: usize>(
+    texels: &[[f32; 4]],
+    first: usize,
+    out: &mut [u8],
+    write: impl Fn(f32) -> [u8; BYTES],
+) {
+    for (out, texel) in out.chunks_exact_mut(CHANNELS * BYTES).zip(texels) {
+        for (out, v) in out.chunks_exact_mut(BYTES).zip(&texel[first..first + CHANNELS]) {
+            out.copy_from_slice(&write(*v));
+        }
     }
 }

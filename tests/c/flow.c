@@ -156,18 +156,23 @@ static void answers(const picture *photo, const picture *black)
     }
     OK(svbrdf_session_destroy(other));
 
-    /* What is wrong with the arguments is said at once, and nothing comes. */
+    /* What is wrong with the planes is said later, of the rest at once, and nothing comes. */
     rgb8(&image, photo);
+    image.planes[0].bytes -= 1;
+    OK(svbrdf_session_push_frame_async(session, &image, NULL, on_pushed, &arrived));
+    wait_for(&arrived, 5);
+    CHECK(came[4].status == SVBRDF_INVALID_ARGUMENT && came[4].message[0] != '\0');
+    CHECK(came[4].report.accepted == 0 && came[4].report.has_pose == 0);
     EXPECT(svbrdf_session_push_frame_async(session, &image, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    image.planes[0].bytes -= 1;
+    image.planes[0].data = NULL;
     EXPECT(svbrdf_session_push_frame_async(session, &image, NULL, on_pushed, &arrived),
            SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_push_frame_async(session, NULL, NULL, on_pushed, &arrived),
            SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_session_destroy(session));
     EXPECT(push(session, photo, 5, SVBRDF_FLASH_FIRED, on_pushed), SVBRDF_INVALID_HANDLE);
-    CHECK(arrived == 4);
+    CHECK(arrived == 5);
 }
 
 /* Three on their way, one more is refused; those that wait are told when the session ends. */

@@ -11,6 +11,7 @@ use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{SESSIONS, look};
 use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::owned_frame::OwnedFrame;
 use crate::reports::svbrdf_frame_report;
 use crate::status::{Fault, svbrdf_status};
 use crate::versioned;
@@ -57,12 +58,13 @@ impl Callback {
     }
 }
 
-/// As svbrdf_session_push_frame(), on a thread of the session: returns once the photo is copied (some
-/// hundredths of a second for 12 megapixels), so that its memory is the caller's again. Photos are
-/// taken in one after the other in the order of the calls. When this returns SVBRDF_OK, `callback`
-/// comes exactly once, whatever happens meanwhile: with SVBRDF_CANCELLED when the session is
-/// cancelled or destroyed first. Otherwise it does not come. SVBRDF_BUSY when three photos are on
-/// their way already.
+/// As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied as
+/// they are, so that their memory is the caller's again. Photos are taken in one after the other in
+/// the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
+/// happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
+/// SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
+/// not come. SVBRDF_BUSY when three photos are on their way already; their copies are not counted
+/// by svbrdf_session_options.memory_limit_bytes.
 ///
 /// # Safety
 /// As svbrdf_session_push_frame().
@@ -83,19 +85,19 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
         }
         let place = live.pushes.place()?;
         // SAFETY: the caller vouches for the structs and planes.
-        let (info, photo) = unsafe {
+        let (info, frame) = unsafe {
             let (image, info) = (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?);
             let dark = info.flash == SVBRDF_FLASH_OFF;
-            (info, if dark { None } else { Some(info.photo(&image)?) })
+            (info, if dark { None } else { Some(OwnedFrame::copy(&image, &info)?) })
         };
         // Kept alive until the callback has come, also after its end.
         let held = SESSIONS.get(session.addr())?;
+        let timestamp_ns = info.timestamp_ns;
         live.pushes.put(move || {
-            let timestamp_ns = info.timestamp_ns;
             let mut report = svbrdf_frame_report { timestamp_ns, ..Default::default() };
             let status = held.act(|live| {
-                let pushed = match &photo {
-                    Some(photo) => live.session.push(photo)?,
+                let pushed = match &frame {
+                    Some(frame) => live.session.push(&frame.photo()?)?,
                     None => Pushed::Rejected(Rejection::LightNotVisible),
                 };
                 let result;
@@ -103,7 +105,7 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
                 result
             });
             // Before the callback, which may bring the next one.
-            drop((photo, place));
+            drop((frame, place));
             callback.call(held.handle(), status, &report);
         })
     })

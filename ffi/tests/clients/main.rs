@@ -126,8 +126,16 @@ fn sanitizers_find_nothing() {
         (
             "gcc",
             "c",
-            &["bad-arguments", "maps", "inputs", "lifecycle", "threads", "races", "state", "capture"]
-                [..],
+            &[
+                "bad-arguments",
+                "maps",
+                "inputs",
+                "lifecycle",
+                "threads",
+                "races",
+                "state",
+                "capture",
+            ][..],
         ),
         ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
     ] {

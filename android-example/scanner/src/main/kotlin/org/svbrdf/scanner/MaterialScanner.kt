@@ -80,8 +80,7 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * As [push], without waiting: returns once the photo is copied, some hundredths of a second for 12
-     * megapixels. Photos are taken in one after the other; [done] is called exactly once, on a thread of
+     * As [push], without waiting: returns once the planes are copied. Photos are taken in one after the other; [done] is called exactly once, on a thread of
      * the scanner, also when it is cancelled or closed meanwhile (a [ScannerException] of
      * [Fault.CANCELLED]), but not when this throws. With three photos on their way it throws one of
      * [Fault.BUSY].

@@ -46,8 +46,8 @@ class ScannerFlows : MaterialScanner.Listener {
 }
 
 /**
- * [MaterialScanner.push] without a thread that waits: only while the photo is copied, some hundredths of
- * a second, the caller's is busy.
+ * [MaterialScanner.push] without a thread that waits: the caller's is busy only while the planes are
+ * copied.
  */
 suspend fun MaterialScanner.pushSuspending(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
     suspendCancellableCoroutine { waiting ->
