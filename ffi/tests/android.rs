@@ -80,6 +80,15 @@ fn java_home() -> PathBuf {
     PathBuf::from(home.expect("java.home"))
 }
 
+/// The Kotlin of `docs/live-loop.md` as a file: it is only compiled.
+fn live_loop(dir: &Path) -> PathBuf {
+    let page = fs::read_to_string(root().join("docs/live-loop.md")).unwrap();
+    let code = page.split("```kotlin\n").nth(1).unwrap().split("```").next().unwrap();
+    let path = dir.join("LiveLoop.kt");
+    fs::write(&path, code).unwrap();
+    path
+}
+
 /// Compiles the JNI code into `dir`, beside the library.
 fn native(dir: &Path) {
     let include = java_home().join("include");
@@ -124,6 +133,7 @@ fn the_binding_works_on_the_desktop_jvm() {
         assert!(!text.contains("import android"), "{}", file.display());
     }
     files.extend(sources(&example().join("desktop-test"), "kt"));
+    files.push(live_loop(dir));
     let classes = dir.join("classes");
     kotlin(&tools, &class_path(&[stdlib, coroutines]), &files, &[], &classes);
 

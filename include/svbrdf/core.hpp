@@ -89,7 +89,8 @@ public:
         }
         return *this;
     }
-    ~Owner() { reset(); }
+    // Nothing is written: calls on other threads may read the handle until those that use it have ended.
+    ~Owner() { destroy(handle_); }
     Handle* get() const noexcept { return handle_; }
     void reset() noexcept { destroy(std::exchange(handle_, nullptr)); }
 

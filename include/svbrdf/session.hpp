@@ -165,8 +165,8 @@ public:
         return pushed(svbrdf_session_push_frame(get(), &image, info, &report), report);
     }
     /// As push(), without waiting: `done` is called exactly once on a thread of the session, with
-    /// SVBRDF_OK, SVBRDF_REJECTED, or a fault, whose message is the advice. What it throws is dropped.
-    /// When this throws, it is not called.
+    /// SVBRDF_OK, SVBRDF_REJECTED, or a fault, whose message is the advice. It may use this session,
+    /// which must not be moved until then. What it throws is dropped. When this throws, it is not called.
     void push_async(const svbrdf_image& image, PushedCallback done,
                     const svbrdf_frame_info* info = nullptr) {
         auto held = std::make_unique<PushedCallback>(std::move(done));

@@ -80,10 +80,10 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * As [push], without waiting: returns once the planes are copied. Photos are taken in one after the other; [done] is called exactly once, on a thread of
-     * the scanner, also when it is cancelled or closed meanwhile (a [ScannerException] of
-     * [Fault.CANCELLED]), but not when this throws. With three photos on their way it throws one of
-     * [Fault.BUSY].
+     * As [push], without waiting: returns once the planes are copied. Photos are taken in one after the
+     * other; [done] is called exactly once, on a thread of the scanner, also when it is cancelled or
+     * closed meanwhile (a [ScannerException] of [Fault.CANCELLED]), but not when this throws. With three
+     * photos on their way it throws one of [Fault.BUSY].
      */
     @JvmOverloads
     fun pushAsync(photo: Photo, info: PhotoInfo = PhotoInfo(), done: PushCallback) =
