@@ -15,7 +15,7 @@ cp -r "${CARGO_TARGET_DIR:-../target}/doc" "$book/rust"
 doxygen - <<EOF
 PROJECT_NAME = svbrdf
 PROJECT_BRIEF = "C interface"
-INPUT = ../include/svbrdf.h ../include/svbrdf.hpp
+INPUT = ../include/svbrdf.h ../include/svbrdf.hpp ../include/svbrdf
 OUTPUT_DIRECTORY = $book
 HTML_OUTPUT = c
 GENERATE_LATEX = NO

@@ -36,8 +36,9 @@ if [ -z "$built" ]; then
 fi
 
 place=${DESTDIR:-}$prefix
-install -d "$place/include" "$place/lib/pkgconfig" "$place/lib/cmake/svbrdf"
+install -d "$place/include/svbrdf" "$place/lib/pkgconfig" "$place/lib/cmake/svbrdf"
 install -m 644 "$root/include/svbrdf.h" "$root/include/svbrdf.hpp" "$place/include"
+install -m 644 "$root"/include/svbrdf/*.hpp "$place/include/svbrdf"
 if [ -f "$built/libsvbrdf.dylib" ]; then
   install -m 755 "$built/libsvbrdf.dylib" "$place/lib/libsvbrdf.$major.dylib"
   install_name_tool -id "$prefix/lib/libsvbrdf.$major.dylib" "$place/lib/libsvbrdf.$major.dylib"

@@ -20,10 +20,12 @@
  * Threads: every function may be called from any thread at any time, several at once, on the same
  * handles; structs and memory handed to a call must not be changed by others during it, and a view
  * of maps ends with them. Progress and maps callbacks come on one thread per session, one at a
- * time, never on a thread of the caller's; log lines also come on threads that are inside a call
- * of that session. Callbacks may call every function, svbrdf_session_destroy() included, except
- * that they should not wait for the fit: no progress arrives meanwhile. Do not hold a lock that a
- * callback takes while calling svbrdf_session_destroy(), and let no C++ exception out of one.
+ * time, those of photos that were pushed without waiting on another, never on a thread of the
+ * caller's; log lines also come on threads that are inside a call. Callbacks may call every
+ * function, svbrdf_session_destroy() included, except that they should not wait for the fit: no
+ * progress arrives meanwhile, no photo is taken in. No lock is held while one runs. Do not hold a
+ * lock that a callback takes while calling svbrdf_session_destroy(), and let no C++ exception out
+ * of one. svbrdf_set_thread_hook() tells of every thread that the library starts.
  *
  * Time: limits and timeouts are counted by a monotonic clock; setting the system's does nothing.
  *
@@ -350,7 +352,7 @@ typedef uint32_t svbrdf_log_level;
 
 /**
  * Called with a line of text (UTF-8, without a line end, valid during the call) on the thread it
- * happens on: one inside a call of the session, or the session's callback thread.
+ * happens on: one inside a call, or one of the session's callback threads.
  */
 typedef void (*svbrdf_log_callback)(void *user_data, svbrdf_log_level level, const char *message);
 
@@ -562,7 +564,7 @@ typedef struct svbrdf_confidence {
 } svbrdf_confidence;
 
 /**
- * One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+ * One of the maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
  */
 typedef uint32_t svbrdf_map;
 
@@ -794,7 +796,7 @@ typedef struct svbrdf_image {
 } svbrdf_image;
 
 /**
- * How a map's texels are laid out.
+ * How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
  */
 typedef uint32_t svbrdf_map_format;
 
@@ -1026,6 +1028,51 @@ typedef struct svbrdf_probe {
 } svbrdf_probe;
 
 /**
+ * What a thread of the library does. Values may be added.
+ */
+typedef uint32_t svbrdf_thread;
+
+/**
+ * Called at the start of a thread, on it, before anything else.
+ */
+typedef void (*svbrdf_thread_hook)(void *user_data, svbrdf_thread thread);
+
+/**
+ * Camera and light of a rendering. Positions: mm from the sample's centre, X right, Y up, Z towards
+ * the camera.
+ */
+typedef struct svbrdf_render_options {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Position of the camera; its Z is positive. Default: 300 mm above the centre.
+     */
+    float camera_mm[3];
+    /**
+     * Position of the light; its Z is positive. Default: as the camera's.
+     */
+    float light_mm[3];
+    /**
+     * Strength of the light per channel, see SVBRDF_FALLOFF_. Default: pi.
+     */
+    float light_power[3];
+    /**
+     * Radiance of a uniform surround per channel, in the same units. Default: 0.
+     */
+    float ambient[3];
+    /**
+     * SVBRDF_FALLOFF_NONE, the default, or SVBRDF_FALLOFF_INVERSE_SQUARE.
+     */
+    svbrdf_falloff falloff;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} svbrdf_render_options;
+
+/**
  * Where the next photo tells most: from where highlights reach slopes of the sample that they have
  * not swept.
  */
@@ -1051,6 +1098,28 @@ typedef struct svbrdf_next_view {
      */
     float direction[3];
 } svbrdf_next_view;
+
+/**
+ * Called with what became of a photo of svbrdf_session_push_frame_async(): the status and the report
+ * that svbrdf_session_push_frame() would have given; where it is neither SVBRDF_OK nor
+ * SVBRDF_REJECTED, the report has the timestamp only. The report is valid during the call, and so is
+ * what svbrdf_last_error_message() says there until the next call of the library. See "Threads" at
+ * the top.
+ */
+typedef void (*svbrdf_pushed_callback)(void *user_data,
+                                       struct svbrdf_session *session,
+                                       svbrdf_status status,
+                                       const struct svbrdf_frame_report *report);
+
+/**
+ * Paper that a board is printed on.
+ */
+typedef uint32_t svbrdf_page;
+
+/**
+ * Format of a printed board.
+ */
+typedef uint32_t svbrdf_sheet_format;
 
 /**
  * PNG, 8 bits a channel.
@@ -1215,6 +1284,21 @@ typedef struct svbrdf_next_view {
 #define SVBRDF_BAYER_BGGR 4
 
 /**
+ * A fault.
+ */
+#define SVBRDF_LOG_ERROR 1
+
+/**
+ * A photo was rejected, or there is a hint about it.
+ */
+#define SVBRDF_LOG_WARNING 2
+
+/**
+ * What happens.
+ */
+#define SVBRDF_LOG_INFO 3
+
+/**
  * Unit normal, X right, Y up (OpenGL, glTF), Z out of the surface; 8 bits: (n + 1) / 2.
  */
 #define SVBRDF_MAP_NORMAL 1
@@ -1236,19 +1320,9 @@ typedef struct svbrdf_next_view {
 #define SVBRDF_MAP_ROUGHNESS 4
 
 /**
- * Floats: three a texel, one for roughness.
+ * As SVBRDF_MAP_NORMAL with Y down (DirectX, Unreal).
  */
-#define SVBRDF_MAP_FORMAT_F32 1
-
-/**
- * Three bytes a texel.
- */
-#define SVBRDF_MAP_FORMAT_RGB8 2
-
-/**
- * Four bytes a texel, the fourth 255.
- */
-#define SVBRDF_MAP_FORMAT_RGBA8 3
+#define SVBRDF_MAP_NORMAL_DIRECTX 5
 
 /**
  * A checkerboard with a rectangular hole for the sample.
@@ -1294,21 +1368,6 @@ typedef struct svbrdf_next_view {
  * The same irradiance light_power at every texel; pi: a white texel facing it comes out at 1.
  */
 #define SVBRDF_FALLOFF_NONE 3
-
-/**
- * A fault.
- */
-#define SVBRDF_LOG_ERROR 1
-
-/**
- * A photo was rejected, or there is a hint about it.
- */
-#define SVBRDF_LOG_WARNING 2
-
-/**
- * What happens.
- */
-#define SVBRDF_LOG_INFO 3
 
 /**
  * Not said: the photo is looked at.
@@ -1502,6 +1561,31 @@ typedef struct svbrdf_next_view {
 #define SVBRDF_STATE_FAILED 5
 
 /**
+ * 210 x 297 mm.
+ */
+#define SVBRDF_PAGE_A4 1
+
+/**
+ * 215.9 x 279.4 mm.
+ */
+#define SVBRDF_PAGE_LETTER 2
+
+/**
+ * PDF of one page.
+ */
+#define SVBRDF_SHEET_PDF 1
+
+/**
+ * SVG, in mm.
+ */
+#define SVBRDF_SHEET_SVG 2
+
+/**
+ * PNG, 8-bit gray, 600 pixels per inch.
+ */
+#define SVBRDF_SHEET_PNG 3
+
+/**
  * Done.
  */
 #define SVBRDF_OK 0
@@ -1521,6 +1605,11 @@ typedef struct svbrdf_next_view {
  * No photo has been accepted yet, so there are no maps.
  */
 #define SVBRDF_NO_MAPS 3
+
+/**
+ * As many photos as are taken already wait to be taken in: try again when one is through.
+ */
+#define SVBRDF_BUSY 4
 
 /**
  * An argument is NULL, not a number, out of range, or too small a buffer.
@@ -1568,6 +1657,57 @@ typedef struct svbrdf_next_view {
  */
 #define SVBRDF_FAILED -7
 
+/**
+ * Floats: three a texel, one for roughness.
+ */
+#define SVBRDF_MAP_FORMAT_F32 1
+
+/**
+ * Three bytes a texel.
+ */
+#define SVBRDF_MAP_FORMAT_RGB8 2
+
+/**
+ * Four bytes a texel, the fourth 255.
+ */
+#define SVBRDF_MAP_FORMAT_RGBA8 3
+
+/**
+ * One byte a texel, for roughness.
+ */
+#define SVBRDF_MAP_FORMAT_R8 4
+
+/**
+ * Four half floats a texel, the fourth 1. Roughness: 1 (occlusion), roughness, 0 (metalness).
+ * Beyond 65504, the largest half float, values are that.
+ */
+#define SVBRDF_MAP_FORMAT_RGBA16F 5
+
+/**
+ * Four floats a texel, the fourth 1. Roughness as in SVBRDF_MAP_FORMAT_RGBA16F.
+ */
+#define SVBRDF_MAP_FORMAT_RGBA32F 6
+
+/**
+ * Shares the work of fits and of calls; what runs on all cores.
+ */
+#define SVBRDF_THREAD_WORK 1
+
+/**
+ * Steers the fit of a session.
+ */
+#define SVBRDF_THREAD_FIT 2
+
+/**
+ * Calls on_progress and on_maps of a session.
+ */
+#define SVBRDF_THREAD_CALLBACK 3
+
+/**
+ * Takes in what svbrdf_session_push_frame_async() was given, and calls back.
+ */
+#define SVBRDF_THREAD_PUSH 4
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1583,6 +1723,18 @@ svbrdf_status svbrdf_budget_init(struct svbrdf_budget *budget, size_t size);
  */
 svbrdf_status svbrdf_session_set_budget(struct svbrdf_session *session,
                                         const struct svbrdf_budget *budget);
+
+/**
+ * Address and number of a buffer's bytes, valid until svbrdf_buffer_destroy().
+ */
+svbrdf_status svbrdf_buffer_view(const struct svbrdf_buffer *buffer,
+                                 const void **data,
+                                 size_t *bytes);
+
+/**
+ * Frees a buffer; NULL is fine.
+ */
+svbrdf_status svbrdf_buffer_destroy(struct svbrdf_buffer *buffer);
 
 /**
  * Reads capture.json of a folder (UTF-8) and checks every field; photos are read when pushed.
@@ -1843,6 +1995,58 @@ svbrdf_status svbrdf_session_probe(const struct svbrdf_session *session,
                                    struct svbrdf_probe *probe);
 
 /**
+ * Has every thread that the library starts from now on call `hook` first, e.g. to set its priority
+ * or quality of service; NULL ends that. Set it before the first session: sessions start most of
+ * their threads in svbrdf_session_create(), and threads that run already are not called on. What
+ * runs outside of sessions (exports, renderings, reduced maps) is shared among threads that the
+ * first hook starts, or else the first such call. The hook should not call the library.
+ */
+svbrdf_status svbrdf_set_thread_hook(svbrdf_thread_hook hook, void *user_data);
+
+/**
+ * Has `callback` called with the log lines of all sessions, in addition to their on_log, and with
+ * faults inside the library that belong to none; NULL ends that. Lines come on many threads,
+ * several at a time; those on their way when it is changed still go to the callback before.
+ */
+svbrdf_status svbrdf_set_log_callback(svbrdf_log_callback callback, void *user_data);
+
+/**
+ * The maps at 1 / 2^level of their size (1: half, 2: a quarter; 0: as they are), without
+ * confidence: means of squares of texels, of slopes for the normals, which stay unit vectors.
+ * SVBRDF_INVALID_ARGUMENT when they cannot be halved so often. Free with svbrdf_maps_destroy().
+ */
+svbrdf_status svbrdf_maps_reduced(const struct svbrdf_maps *maps,
+                                  uint32_t level,
+                                  struct svbrdf_maps **out);
+
+/**
+ * As svbrdf_session_snapshot_maps(), reduced as by svbrdf_maps_reduced(): for showing maps during a
+ * session. Those of full size are not kept.
+ */
+svbrdf_status svbrdf_session_snapshot_reduced(const struct svbrdf_session *session,
+                                              uint32_t level,
+                                              struct svbrdf_maps **out);
+
+/**
+ * Fills options with defaults: pass sizeof(svbrdf_render_options).
+ */
+svbrdf_status svbrdf_render_options_init(struct svbrdf_render_options *options, size_t size);
+
+/**
+ * Renders maps as the fit does: radiance of each texel towards the camera, at the texel's place, by
+ * Cook-Torrance with GGX. Bytes are sRGB, clipped; floats linear, 1 a white matt texel that faces a
+ * light of power pi; all formats but SVBRDF_MAP_FORMAT_R8. Rows of `row_stride` bytes as in
+ * svbrdf_maps_copy(). `options` NULL: the defaults. A millisecond or two at 256 x 256: reduce large
+ * maps to show them under a light that moves.
+ */
+svbrdf_status svbrdf_maps_render(const struct svbrdf_maps *maps,
+                                 const struct svbrdf_render_options *options,
+                                 svbrdf_map_format format,
+                                 void *data,
+                                 size_t bytes,
+                                 size_t row_stride);
+
+/**
  * Fills a report with defaults: pass sizeof(svbrdf_frame_report).
  */
 svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
@@ -1856,18 +2060,6 @@ svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
  * Fills a progress with defaults: pass sizeof(svbrdf_progress).
  */
 svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size);
-
-/**
- * Address and number of a buffer's bytes, valid until svbrdf_buffer_destroy().
- */
-svbrdf_status svbrdf_buffer_view(const struct svbrdf_buffer *buffer,
-                                 const void **data,
-                                 size_t *bytes);
-
-/**
- * Frees a buffer; NULL is fine.
- */
-svbrdf_status svbrdf_buffer_destroy(struct svbrdf_buffer *buffer);
 
 /**
  * The session as bytes, from which svbrdf_session_load_state() goes on as if nothing had happened,
@@ -1942,6 +2134,20 @@ svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
  */
 svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
                                           uint32_t index);
+
+/**
+ * As svbrdf_session_push_frame(), on a thread of the session: returns once the photo is copied (some
+ * hundredths of a second for 12 megapixels), so that its memory is the caller's again. Photos are
+ * taken in one after the other in the order of the calls. When this returns SVBRDF_OK, `callback`
+ * comes exactly once, whatever happens meanwhile: with SVBRDF_CANCELLED when the session is
+ * cancelled or destroyed first. Otherwise it does not come. SVBRDF_BUSY when three photos are on
+ * their way already.
+ */
+svbrdf_status svbrdf_session_push_frame_async(struct svbrdf_session *session,
+                                              const struct svbrdf_image *image,
+                                              const struct svbrdf_frame_info *info,
+                                              svbrdf_pushed_callback callback,
+                                              void *user_data);
 
 /**
  * Blocks until the fit has settled on all photos so far, for at most `timeout_ms` milliseconds
@@ -2028,11 +2234,22 @@ svbrdf_status svbrdf_session_cancel(struct svbrdf_session *session);
 /**
  * Ends a session at any time, from any thread, also from its callbacks and while other threads
  * are inside its calls: those return SVBRDF_CANCELLED or their result. Blocks for the step in
- * progress at most, and for a callback in progress on another thread. When it has returned, no
- * progress or maps callback is running or will come (but the one it was called from). The handle
+ * progress at most, and for callbacks on other threads, those of photos on their way included. When
+ * it has returned, no callback of the session is running or will come, but the one it was called
+ * from, and those of photos on their way where that was one of them. The handle
  * is never valid again; further calls with it answer SVBRDF_INVALID_HANDLE. NULL is fine.
  */
 svbrdf_status svbrdf_session_destroy(struct svbrdf_session *session);
+
+/**
+ * The board as a page to be printed at 100 %, with a ruler and its name: the file that `svbrdf board`
+ * writes, in memory. `board` NULL: the default one. A board that has faults or is too large for the
+ * page: SVBRDF_INVALID_ARGUMENT. Free with svbrdf_buffer_destroy().
+ */
+svbrdf_status svbrdf_board_print(const struct svbrdf_board *board,
+                                 svbrdf_page page,
+                                 svbrdf_sheet_format format,
+                                 struct svbrdf_buffer **out);
 
 /**
  * What was wrong with this thread's latest call, in English; empty when it was done. UTF-8, valid

@@ -22,6 +22,7 @@
 
 mod error;
 
+pub mod board_sheet;
 pub mod calibration;
 pub mod capture;
 pub mod comparison;
@@ -45,6 +46,7 @@ mod simd;
 pub mod svbrdf;
 #[cfg(test)]
 mod test_support;
+pub mod threads;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

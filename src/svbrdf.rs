@@ -230,6 +230,23 @@ impl Svbrdf {
         });
         Self { width: w / 2, height: h / 2, data }
     }
+
+    /// The maps halved `level` times by averaging 2x2 texels, slopes among them: normals stay unit
+    /// ones. 0: a copy.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] when width or height is not a multiple of `2^level`.
+    pub fn reduced(&self, level: u32) -> Result<Self> {
+        let multiple = 1_usize
+            .checked_shl(level)
+            .filter(|n| self.width.is_multiple_of(*n) && self.height.is_multiple_of(*n));
+        if multiple.is_none() {
+            let (w, h) = (self.width, self.height);
+            let message = format!("{level} given, but {w}x{h} texels cannot be halved so often");
+            return Err(Error::argument("level", message));
+        }
+        Ok(halved(self, level, Self::downsampled))
+    }
 }
 
 /// Of planes of so many columns one of `2^times` values along each side. Columns and rows are
@@ -285,6 +302,31 @@ mod tests {
                 let numeric = (encoding::decode(c, e + h) - encoding::decode(c, e - h)) / (2.0 * h);
                 assert!((numeric - encoding::decode_derivative(c, e)).abs() < 1e-4);
             }
+        }
+    }
+
+    #[test]
+    fn reduced_maps_are_means_of_squares() {
+        let mut maps = Svbrdf::new(8, 4);
+        for (i, v) in maps.planes_mut().iter_mut().enumerate() {
+            *v = ((i * 37) % 101) as f32 / 101.0;
+        }
+        for level in 0..3 {
+            let side = 1 << level;
+            let small = maps.reduced(level).unwrap();
+            assert_eq!((small.width(), small.height()), (8 / side, 4 / side));
+            for c in 0..CHANNELS {
+                for (i, v) in small.plane(c).iter().enumerate() {
+                    let (x, y) = (i % small.width() * side, i / small.width() * side);
+                    let square = (0..side * side).map(|k| (x + k % side, y + k / side));
+                    let sum: f32 = square.map(|(x, y)| maps.plane(c)[y * 8 + x]).sum();
+                    // Two roundings a level.
+                    assert!((v - sum / (side * side) as f32).abs() < 1e-6);
+                }
+            }
+        }
+        for level in [3, 63, 64, u32::MAX] {
+            assert!(maps.reduced(level).unwrap_err().to_string().contains("8x4"));
         }
     }
 

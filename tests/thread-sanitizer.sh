@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # The thread contract of the C library under ThreadSanitizer: library and standard library
-# instrumented, the C client of tests/c pushing from four threads while others poll, take maps, save,
-# pause and change budgets during a fit that ends, is cancelled, is destroyed. Not part of run.sh:
-# everything is compiled once more (about 15 minutes). Installs Debian's compilers when missing
-# (Debian 12: rustc-web comes with the standard library's source).
+# instrumented, the C client of tests/c pushing from four threads, with and without waiting, while
+# others poll, take maps, save, pause, change budgets and listen to the library, during a fit that
+# ends, is cancelled, is destroyed. Not part of run.sh: everything is compiled once more (about 15
+# minutes). Installs Debian's compilers when missing (Debian 12: rustc-web comes with the standard
+# library's source).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -5,18 +5,13 @@ package org.svbrdf.scanner
 
 import java.io.File
 import java.io.IOException
-import java.lang.ref.WeakReference
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.util.concurrent.ConcurrentLinkedQueue
 import java.util.concurrent.CountDownLatch
 import java.util.concurrent.TimeUnit
 import java.util.concurrent.atomic.AtomicInteger
-import java.util.concurrent.atomic.AtomicReference
 import javax.imageio.ImageIO
-import kotlin.concurrent.thread
-import kotlinx.coroutines.flow.first
-import kotlinx.coroutines.runBlocking
 
 lateinit var capture: File
 lateinit var header: File
@@ -175,13 +170,14 @@ fun captureToMaps() {
             maps.export(File(out, "export"), listOf("glb", "unreal"), tile = true)
             verify(File(out, "export/unreal/orm.png").isFile) { "Unreal" }
             throws<IllegalArgumentException>("obj") { maps.export(out, listOf("obj")) }
-            val relight = Relight(maps)
-            val argb = IntArray(256 * 256)
-            relight.render(floatArrayOf(0f, 0f, 250f), floatArrayOf(60f, 40f, 200f), argb, 0.8f)
-            val raw = ByteBuffer.allocate(4 * argb.size).order(ByteOrder.LITTLE_ENDIAN)
-            raw.asIntBuffer().put(argb)
-            File(out, "relit.argb").writeBytes(raw.array())
-            Relight(maps, 4).render(above, above, IntArray(64 * 64))
+            val lighting = Lighting(
+                floatArrayOf(60f, 40f, 200f), floatArrayOf(0f, 0f, 250f),
+                FloatArray(3) { 0.8f * Math.PI.toFloat() },
+            )
+            val relit = ByteBuffer.allocateDirect(4 * 256 * 256)
+            maps.render(lighting, relit)
+            val raw = ByteArray(relit.capacity()).also { relit.get(it) }
+            File(out, "relit.rgba").writeBytes(raw)
         }
         scanner.pause()
         scanner.resume()
@@ -250,114 +246,44 @@ fun hints() {
     }
 }
 
-fun badInput() {
-    throws<IllegalArgumentException>("resolution") { MaterialScanner(options.copy(resolution = 300)) }
-    throws<IllegalArgumentException>("threads") { MaterialScanner(options.copy(threads = -1)) }
-    throws<IllegalArgumentException>("sample") { MaterialScanner(options.copy(widthMm = Float.NaN)) }
-    throws<IllegalArgumentException>("three numbers") {
-        MaterialScanner(options.copy(flashOffsetMm = listOf(1.0)))
-    }
-    throws<IllegalArgumentException>("") { MaterialScanner(options.copy(board = board.copy(rows = -3))) }
-    throws<IllegalArgumentException>("") {
-        MaterialScanner(options.copy(board = board.copy(dictionary = "Ärger\u0000\uD83D\uDE00")))
-    }
-    throws<IllegalArgumentException>("") {
-        MaterialScanner(options.copy(board = board.copy(dictionary = "\uD83D\uDE00", markerMm = 5.0)))
-    }
-    throws<IllegalArgumentException>("") { MaterialScanner(options.copy(camera = Camera(0, -1, 1.0, 1.0))) }
-    throws<IOException>("") { ScannerModels.fromFolder(File("/no/such/\uD83D\uDE00")) }
-    val one = ByteArray(1)
-    val damaged = throws<ScannerException>("") { ScannerModels.fromBytes(one, one, one, one) }
-    verify(damaged.fault == Fault.BAD_MODEL) { "${damaged.fault}" }
+/** Maps in every format, smaller, under a light; boards. */
+fun outputs() {
+    val board = Board.DEFAULT
+    verify(String(board.print(), 0, 5, Charsets.US_ASCII) == "%PDF-") { "PDF" }
+    val svg = String(board.print(SheetFormat.SVG, Page.LETTER), Charsets.UTF_8)
+    verify(svg.contains("width=\"215.9mm\"")) { svg.take(200) }
+    val markers = board.copy(dictionary = "DICT_4X4_250", markerMm = 8.0)
+    verify(ImageIO.read(markers.print(SheetFormat.PNG).inputStream()).width == 4961) { "PNG" }
+    throws<IllegalArgumentException>("too large") { board.copy(squareMm = 14.0).print() }
+    throws<IllegalArgumentException>("marker") { markers.copy(dictionary = "DICT_4X4_50").print() }
 
-    val scanner = MaterialScanner(small)
-    val full = ByteBuffer.allocateDirect(3 * 64 * 64)
-    fun rgb(width: Int, height: Int, buffer: ByteBuffer, stride: Int = 3 * 64, rotation: Int = 0) =
-        Photo(
-            PixelFormat.RGB8, width, height, listOf(Plane(buffer, stride)), rotation = rotation,
-        )
-    fun push(photo: Photo, info: PhotoInfo = PhotoInfo()) =
-        scanner.pushRectified(photo, above, above, info)
-    throws<IllegalArgumentException>("") { push(rgb(64, 65, full)) }
-    throws<IllegalArgumentException>("") { push(rgb(0, 64, full)) }
-    throws<IllegalArgumentException>("") { push(rgb(-1, 64, full)) }
-    throws<IllegalArgumentException>("") { push(rgb(Int.MAX_VALUE, Int.MAX_VALUE, full)) }
-    throws<IllegalArgumentException>("negative") { push(rgb(64, 64, full, -1)) }
-    throws<IllegalArgumentException>("") { push(rgb(64, 64, full, 64)) }
-    throws<IllegalArgumentException>("rotation") { push(rgb(64, 64, full, rotation = 45)) }
-    throws<IllegalArgumentException>("") { push(rgb(64, 64, ByteBuffer.allocateDirect(0))) }
-    throws<IllegalArgumentException>("") { push(gray(), PhotoInfo(exposure = Float.NaN)) }
-    throws<IllegalArgumentException>("planes") {
-        push(Photo(PixelFormat.YUV420, 64, 64, emptyList()))
-    }
-    throws<IllegalArgumentException>("planes[1]") {
-        push(Photo(PixelFormat.YUV420, 64, 64, listOf(Plane(full, 64))))
-    }
-    throws<IllegalArgumentException>("bayer") {
-        push(Photo(PixelFormat.BAYER16, 64, 64, listOf(Plane(full, 128))))
-    }
-    throws<IllegalArgumentException>("four numbers") {
-        val bayer = Bayer(BayerPattern.RGGB, floatArrayOf(1f), 1023f)
-        push(Photo(PixelFormat.BAYER16, 64, 64, listOf(Plane(full, 128)), bayer = bayer))
-    }
-    throws<IllegalArgumentException>("") {
-        scanner.pushRectified(gray(), floatArrayOf(0f, 0f), above)
-    }
-    throws<IllegalArgumentException>("") {
-        scanner.pushRectified(gray(), floatArrayOf(0f, Float.NaN, 1f), above)
-    }
-    throws<IllegalArgumentException>("") { scanner.push(gray()) }
-    verify(scanner.snapshot() == null && scanner.progress.photos == 0) { "something was lost" }
-    // Position and limit count; a heap buffer works as well.
-    val padded = ByteBuffer.allocate(7 + 3 * 64 * 64 + 5)
-    padded.position(7)
-    padded.limit(7 + 3 * 64 * 64)
-    verify(push(rgb(64, 64, padded)) is Pushed.Rejected || scanner.progress.photos == 1) { "heap" }
-    verify(padded.position() == 7) { "position moved" }
-    verify(push(gray()) is Pushed.Accepted) { "still works" }
-    val maps = scanner.snapshot()!!
-    throws<IllegalArgumentException>("direct") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocate(9)) }
-    throws<IllegalArgumentException>("") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocateDirect(9)) }
-    throws<IllegalArgumentException>("") { maps.rgba8(MapKind.NORMAL, maps.rgba8(MapKind.NORMAL).asReadOnlyBuffer()) }
-    throws<IOException>("") { maps.export(File("/proc/no/such")) }
-    val unicode = File(out, "Ä\uD83D\uDE00")
-    maps.export(unicode)
-    verify(File(unicode, "normal.png").isFile) { "Unicode in paths" }
-    throws<IllegalArgumentException>("") { maps.export(File(out, "a\u0000b")) }
-    maps.close()
-    maps.close()
-    throws<IllegalStateException>("closed") { maps.floats(MapKind.NORMAL) }
-    scanner.close()
-    scanner.close()
-    throws<IllegalStateException>("closed") { scanner.push(gray()) }
-    throws<IllegalStateException>("closed") { scanner.progress }
-    throws<IllegalStateException>("closed") { scanner.await() }
-    throws<IllegalStateException>("closed") { scanner.pause() }
-}
-
-fun layouts() {
-    // Chroma interleaved as Android's cameras give it (NV21), and raw values.
-    val size = 128
-    val luma = ByteBuffer.allocateDirect(size * size)
-    val chroma = ByteBuffer.allocateDirect(size * size / 2)
-    for (i in 0 until size * size) luma.put(i, 110)
-    for (i in 0 until size * size / 2) chroma.put(i, 128.toByte())
-    val v = chroma.duplicate()
-    val u = chroma.duplicate().apply { position(1) }
-    val yuv = Photo(
-        PixelFormat.YUV420, size, size, listOf(Plane(luma, size), Plane(u, size, 2), Plane(v, size, 2)),
-        Transfer.LINEAR, rotation = 90,
-    )
-    val raw = ByteBuffer.allocateDirect(2 * size * size).order(ByteOrder.nativeOrder())
-    for (i in 0 until size * size) raw.putShort(2 * i, 500)
-    val bayer = Bayer(BayerPattern.BGGR, FloatArray(4) { 64f }, 1023f, floatArrayOf(1.5f, 1f, 2f))
-    val sensor = Photo(PixelFormat.BAYER16, size, size, listOf(Plane(raw, 2 * size)), bayer = bayer)
-    for (photo in listOf(yuv, sensor)) {
-        MaterialScanner(small).use { scanner ->
-            val pushed = scanner.pushRectified(photo, above, above)
-            verify(pushed is Pushed.Accepted && pushed.pose == null) { "$pushed" }
-            verify(scanner.nextView == null && scanner.camera == null) { "photos from the top" }
-        }
+    MaterialScanner(small).use { scanner ->
+        verify(scanner.snapshotReduced(1) == null) { "maps before the first photo" }
+        scanner.pause()
+        scanner.pushRectified(gray(), above, above)
+        scanner.snapshotReduced(2)!!.use { verify(it.width == 64 && it.widthMm == 100f) { "size" } }
+        throws<IllegalArgumentException>("level") { scanner.snapshotReduced(9) }
+        val maps = scanner.snapshot()!!
+        maps.reduced(8).use { verify(it.width == 1 && it.height == 1) { "one texel" } }
+        throws<IllegalArgumentException>("level") { maps.reduced(-1) }
+        val rough = maps.floats(MapKind.ROUGHNESS)
+        val wide = maps.texels(MapKind.ROUGHNESS, MapFormat.RGBA32F).order(ByteOrder.nativeOrder())
+        val half = maps.texels(MapKind.ROUGHNESS, MapFormat.RGBA16F).order(ByteOrder.nativeOrder())
+        val byte = maps.texels(MapKind.ROUGHNESS, MapFormat.R8)
+        verify(wide.getFloat(4) == rough[0] && half.getShort(6) == 0x3C00.toShort()) { "roughness" }
+        verify(byte.capacity() == 256 * 256 && byte[9] == maps.rgba8(MapKind.ROUGHNESS)[37]) { "R8" }
+        throws<IllegalArgumentException>("R8") { maps.texels(MapKind.NORMAL, MapFormat.R8) }
+        val (up, down) = listOf(MapKind.NORMAL, MapKind.NORMAL_DIRECTX).map { maps.floats(it) }
+        verify(up[0] == down[0] && up[1] == -down[1] && up[2] == down[2]) { "DirectX" }
+        val into = ByteBuffer.allocateDirect(16 * 256 * 256)
+        maps.render(Lighting(ambient = FloatArray(3) { 0.5f }), into, MapFormat.RGBA32F)
+        verify(into.order(ByteOrder.nativeOrder()).getFloat(12) == 1f) { "alpha" }
+        throws<IllegalArgumentException>("camera_mm") { maps.render(Lighting(cameraMm = FloatArray(3)), into) }
+        throws<IllegalArgumentException>("three") { maps.render(Lighting(FloatArray(2)), into) }
+        throws<IllegalArgumentException>("direct") { maps.render(Lighting(), ByteBuffer.allocate(1 shl 20)) }
+        throws<IllegalArgumentException>("bytes") { maps.render(Lighting(), ByteBuffer.allocateDirect(9)) }
+        maps.close()
+        throws<IllegalStateException>("closed") { maps.render(Lighting(), into) }
     }
 }
 
@@ -416,150 +342,6 @@ fun savedAndRestored() {
     verify(large.fault == Fault.MEMORY_LIMIT) { "${large.fault}" }
 }
 
-fun callbacksThatMisbehave() {
-    // Exceptions go to the thread's handler; closing inside a callback is fine.
-    val uncaught = ConcurrentLinkedQueue<Throwable>()
-    val before = Thread.getDefaultUncaughtExceptionHandler()
-    Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
-    val closed = CountDownLatch(1)
-    val late = AtomicInteger()
-    val listener = object : MaterialScanner.Listener {
-        override fun onMaps(scanner: MaterialScanner) {
-            throw IllegalStateException("mine")
-        }
-
-        override fun onProgress(scanner: MaterialScanner, progress: Progress) {
-            if (closed.count == 0L) {
-                late.incrementAndGet()
-            }
-            scanner.close()
-            closed.countDown()
-        }
-    }
-    val scanner = MaterialScanner(small, listener)
-    // The callbacks may close it before the call has returned.
-    val pushed = runCatching { scanner.pushRectified(gray(), above, above) }
-    verify(pushed.getOrNull() is Pushed.Accepted) { "$pushed" }
-    verify(closed.await(60, TimeUnit.SECONDS)) { "no callback" }
-    Thread.sleep(50)
-    Thread.setDefaultUncaughtExceptionHandler(before)
-    verify(uncaught.any() && uncaught.all { it.message == "mine" }) { "$uncaught" }
-    verify(late.get() == 0) { "$late" }
-    uncaught.clear()
-    throws<IllegalStateException>("closed") { scanner.progress }
-    // Closed by others while a callback runs: what fails there then is nobody's fault.
-    val inside = CountDownLatch(1)
-    val slow = object : MaterialScanner.Listener {
-        override fun onMaps(scanner: MaterialScanner) {
-            inside.countDown()
-            while (true) {
-                scanner.snapshot()?.close()
-            }
-        }
-    }
-    Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
-    MaterialScanner(small, slow).use { other ->
-        other.pushRectified(gray(), above, above)
-        verify(inside.await(60, TimeUnit.SECONDS)) { "no callback" }
-    }
-    Thread.setDefaultUncaughtExceptionHandler(before)
-    verify(uncaught.isEmpty()) { "closing was told as a fault: $uncaught" }
-}
-
-fun closingWhileOthersCall() {
-    repeat(10) {
-        val scanner = MaterialScanner(small, ScannerFlows())
-        val surprise = AtomicReference<Throwable>()
-        val workers = List(4) { worker ->
-            thread {
-                try {
-                    while (true) {
-                        when (worker) {
-                            0 -> scanner.pushRectified(gray(), above, above)
-                            1 -> scanner.snapshot()?.use { it.rgba8(MapKind.NORMAL) }
-                            2 -> scanner.await(1)
-                            else -> scanner.progress
-                        }
-                    }
-                } catch (expected: IllegalStateException) {
-                    // Closed.
-                } catch (thrown: Throwable) {
-                    if ((thrown as? ScannerException)?.fault != Fault.CANCELLED) {
-                        surprise.set(thrown)
-                    }
-                }
-            }
-        }
-        Thread.sleep(30)
-        scanner.close()
-        workers.forEach { it.join() }
-        surprise.get()?.let { throw it }
-    }
-}
-
-fun flows(): Unit = runBlocking {
-    val flows = ScannerFlows()
-    MaterialScanner(small, flows).use { scanner ->
-        // For boards; this scanner takes photos from the top.
-        val refused = runCatching { scanner.pushSuspending(gray()) }
-        verify(refused.exceptionOrNull() is IllegalArgumentException) { "$refused" }
-        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
-        flows.maps.first().use { verify(it.width == 256) { "${it.width}" } }
-        flows.progress.first { it != null && it.settled }
-    }
-}
-
-fun forgotten() {
-    // Scanners and maps that nobody closed are freed after their owners.
-    val weak = List(5) {
-        val scanner = MaterialScanner(small, ScannerFlows())
-        scanner.pushRectified(gray(), above, above)
-        scanner.snapshot()
-        WeakReference(scanner)
-    }
-    val deadline = System.nanoTime() + 30_000_000_000
-    while (Handle.open > 0 && System.nanoTime() < deadline) {
-        System.gc()
-        Thread.sleep(20)
-    }
-    verify(weak.all { it.get() == null } && Handle.open == 0) { "${Handle.open} handles left" }
-}
-
-fun residentKiB(): Long =
-    File("/proc/self/status").readLines().first { it.startsWith("VmRSS") }
-        .filter { it.isDigit() }.toLong()
-
-fun twoHundredSessions() {
-    val listener = object : MaterialScanner.Listener {}
-    // Every fifth takes a photo in, which is what costs time; none waits for a fit.
-    fun sessions(count: Int) = repeat(count) { index ->
-        MaterialScanner(small, listener).use { scanner ->
-            if (index % 5 == 0) {
-                scanner.pause()
-                scanner.pushRectified(gray(), above, above)
-                scanner.snapshot()!!.use { it.rgba8(MapKind.DIFFUSE) }
-            }
-        }
-    }
-    // Networks are parsed once while a session lives.
-    MaterialScanner(small).use {
-        sessions(40)
-        // One leaked set of maps has 2 MiB, a leaked session more: 40 of them have twice the limit.
-        // The Java heap and the allocator's arenas grow as well, but not again and again.
-        val leaks = (1..3).all {
-            System.gc()
-            val before = residentKiB()
-            sessions(200)
-            System.gc()
-            val growth = residentKiB() - before
-            println("200 sessions: $growth KiB more, of ${residentKiB()}")
-            growth >= 40 * 1024
-        }
-        verify(!leaks) { "memory grows with every session" }
-    }
-    verify(Handle.open == 0 && Native.registered == 0) { "${Handle.open} ${Native.registered}" }
-}
-
 fun codesOfTheHeader() {
     val defines = Regex("#define SVBRDF_(\\w+) (-?\\d+)").findAll(header.readText())
         .associate { it.groupValues[1] to it.groupValues[2].toLong() }
@@ -571,6 +353,10 @@ fun codesOfTheHeader() {
         "YUV_" to YuvMatrix.entries.associate { it.name to it.code },
         "BAYER_" to BayerPattern.entries.associate { it.name to it.code },
         "MAP_" to MapKind.entries.associate { it.name to it.code },
+        "MAP_FORMAT_" to MapFormat.entries.associate { it.name to it.code },
+        "PAGE_" to Page.entries.associate { it.name to it.code },
+        "SHEET_" to SheetFormat.entries.associate { it.name to it.code },
+        "THREAD_" to ThreadRole.entries.filter { it != ThreadRole.OTHER }.associate { it.name to it.code },
         "METHOD_" to Method.entries.associate { it.name to it.code },
         "FALLOFF_" to Falloff.entries.associate { it.name to it.code },
         "FLASH_" to Flash.entries.associate { it.name to it.code },
@@ -582,7 +368,8 @@ fun codesOfTheHeader() {
         "" to Fault.entries.associate { it.name to it.code } +
             mapOf(
                 "INVALID_ARGUMENT" to Native.INVALID_ARGUMENT, "IO" to Native.IO,
-                "INVALID_HANDLE" to Native.INVALID_HANDLE,
+                "INVALID_HANDLE" to Native.INVALID_HANDLE, "OK" to Native.OK,
+                "REJECTED" to Native.REJECTED,
             ),
     )
     for ((prefix, values) in codes) {
@@ -609,10 +396,14 @@ fun main(arguments: Array<String>) {
         "hints" to ::hints,
         "bad input" to ::badInput,
         "layouts" to ::layouts,
+        "formats of video" to ::formatsOfVideo,
+        "outputs" to ::outputs,
         "models" to ::models,
         "saved and restored" to ::savedAndRestored,
         "callbacks that misbehave" to ::callbacksThatMisbehave,
         "closing while others call" to ::closingWhileOthersCall,
+        "pushed without waiting" to ::pushedWithoutWaiting,
+        "of the library" to ::ofTheLibrary,
         "flows" to ::flows,
         "forgotten" to ::forgotten,
         "two hundred sessions" to ::twoHundredSessions,

@@ -1,19 +1,17 @@
 //! The caller's functions: log, progress, maps.
 
-use std::ffi::{CString, c_char, c_void};
+use std::ffi::c_void;
 
 use crate::handles::svbrdf_session;
-use crate::options::{
-    svbrdf_log_callback, svbrdf_log_level, svbrdf_maps_callback, svbrdf_progress_callback,
-    svbrdf_session_options,
-};
+use crate::log::{self, Sink, svbrdf_log_level};
+use crate::options::{svbrdf_maps_callback, svbrdf_progress_callback, svbrdf_session_options};
 use crate::reports::svbrdf_progress;
 
 /// What a session calls.
 pub(crate) struct Callbacks {
     on_progress: svbrdf_progress_callback,
     on_maps: svbrdf_maps_callback,
-    on_log: svbrdf_log_callback,
+    log: Sink,
     user_data: *mut c_void,
 }
 
@@ -28,7 +26,7 @@ impl Callbacks {
         Self {
             on_progress: options.on_progress,
             on_maps: options.on_maps,
-            on_log: options.on_log,
+            log: Sink::new(options.on_log, options.user_data),
             user_data: options.user_data,
         }
     }
@@ -38,14 +36,9 @@ impl Callbacks {
         self.on_progress.is_some() || self.on_maps.is_some()
     }
 
-    /// Writes a line to the log.
+    /// Writes a line to the session's log and the library's.
     pub(crate) fn log(&self, level: svbrdf_log_level, text: impl FnOnce() -> String) {
-        if let Some(call) = self.on_log {
-            let line = CString::new(text().replace('\0', " ")).unwrap_or_default();
-            let message: *const c_char = line.as_ptr();
-            // SAFETY: the caller's function with the arguments that the header says.
-            unsafe { call(self.user_data, level, message) };
-        }
+        log::write_to(self.log, level, text);
     }
 
     /// Says that there are newer maps.

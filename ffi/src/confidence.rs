@@ -7,8 +7,8 @@ use engine::confidence::MapDeviations;
 use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::maps::{
-    self, SVBRDF_MAP_DIFFUSE, SVBRDF_MAP_NORMAL, SVBRDF_MAP_ROUGHNESS, SVBRDF_MAP_SPECULAR,
-    svbrdf_map, svbrdf_map_view, svbrdf_maps,
+    self, SVBRDF_MAP_DIFFUSE, SVBRDF_MAP_NORMAL, SVBRDF_MAP_NORMAL_DIRECTX, SVBRDF_MAP_ROUGHNESS,
+    SVBRDF_MAP_SPECULAR, svbrdf_map, svbrdf_map_view, svbrdf_maps,
 };
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
@@ -117,7 +117,7 @@ pub unsafe extern "C" fn svbrdf_maps_deviations(
         let maps = maps::get(maps)?;
         let confidence = maps.confidence()?;
         let plane = match map {
-            SVBRDF_MAP_NORMAL => confidence.normal(),
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => confidence.normal(),
             SVBRDF_MAP_DIFFUSE => confidence.diffuse(),
             SVBRDF_MAP_SPECULAR => confidence.specular(),
             SVBRDF_MAP_ROUGHNESS => confidence.roughness(),

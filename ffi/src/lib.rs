@@ -9,6 +9,7 @@
 #![allow(non_camel_case_types)]
 
 pub mod budget;
+pub mod buffer;
 mod callbacks;
 pub mod capture;
 pub mod confidence;
@@ -18,16 +19,26 @@ mod handles;
 pub mod image;
 pub mod info;
 mod live;
+pub mod log;
 pub mod maps;
 pub mod models;
 mod notifier;
 pub mod options;
+mod owned_frame;
 pub mod paper;
 pub mod phase;
 pub mod probe;
+pub mod process;
+mod queue;
+pub mod reduced;
+pub mod render;
 pub mod reports;
 pub mod saved;
 pub mod session;
+pub mod sheet;
+mod srgb;
 pub mod status;
+pub mod texels;
+pub mod threads;
 mod values;
 mod versioned;

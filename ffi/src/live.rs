@@ -9,7 +9,8 @@ use engine::session::Session;
 
 use crate::callbacks::Callbacks;
 use crate::handles::{Handles, svbrdf_session};
-use crate::options::SVBRDF_LOG_ERROR;
+use crate::log::SVBRDF_LOG_ERROR;
+use crate::queue::Queue;
 use crate::reports::{
     SVBRDF_STATE_CANCELLED, SVBRDF_STATE_FAILED, SVBRDF_STATE_FITTING, SVBRDF_STATE_PAUSED,
     SVBRDF_STATE_READY, svbrdf_progress,
@@ -30,6 +31,8 @@ pub(crate) struct Live {
     failed: OnceLock<String>,
     /// The thread that calls back, if there is one.
     pub(crate) notifier: Mutex<Option<JoinHandle<()>>>,
+    /// Photos that are taken in on a thread of their own.
+    pub(crate) pushes: Queue,
 }
 
 pub(crate) static SESSIONS: Handles<Live> = Handles::new("session");
@@ -48,6 +51,7 @@ impl Live {
             cancelled: AtomicBool::new(false),
             failed: OnceLock::new(),
             notifier: Mutex::new(None),
+            pushes: Queue::default(),
         }
     }
 
@@ -82,11 +86,21 @@ impl Live {
     }
 
     /// Refuses calls after a panic.
-    fn usable(&self) -> Result<(), Fault> {
+    pub(crate) fn usable(&self) -> Result<(), Fault> {
         match self.failed.get() {
             Some(message) => Err(Fault::new(SVBRDF_FAILED, message.clone())),
             None => Ok(()),
         }
+    }
+
+    /// A call inside a session that is held already; a failed one refuses it.
+    pub(crate) fn act(&self, body: impl FnOnce(&Self) -> Result<(), Fault>) -> svbrdf_status {
+        entry(|| {
+            self.guarded(|| {
+                self.usable()?;
+                body(self)
+            })
+        })
     }
 }
 

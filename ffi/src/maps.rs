@@ -7,11 +7,12 @@ use std::sync::{Arc, OnceLock};
 use engine::Svbrdf;
 use engine::confidence::Confidence;
 use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
-use engine::frame::Encoding;
 use engine::svbrdf::channel;
 
 use crate::handles::Handles;
 use crate::status::{Fault, entry, svbrdf_status};
+use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_format};
+use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
 /// Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
@@ -19,7 +20,7 @@ pub struct svbrdf_maps {
     _opaque: (),
 }
 
-/// One of the four maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
+/// One of the maps. Row 0 is the sample's +Y edge, column 0 its -X edge.
 pub type svbrdf_map = u32;
 /// Unit normal, X right, Y up (OpenGL, glTF), Z out of the surface; 8 bits: (n + 1) / 2.
 pub const SVBRDF_MAP_NORMAL: svbrdf_map = 1;
@@ -30,15 +31,8 @@ pub const SVBRDF_MAP_SPECULAR: svbrdf_map = 3;
 /// Roughness, GGX alpha = roughness²; 8 bits: R 255 (occlusion), G roughness, B 0 (metalness),
 /// linear: glTF's occlusion-roughness-metalness.
 pub const SVBRDF_MAP_ROUGHNESS: svbrdf_map = 4;
-
-/// How a map's texels are laid out.
-pub type svbrdf_map_format = u32;
-/// Floats: three a texel, one for roughness.
-pub const SVBRDF_MAP_FORMAT_F32: svbrdf_map_format = 1;
-/// Three bytes a texel.
-pub const SVBRDF_MAP_FORMAT_RGB8: svbrdf_map_format = 2;
-/// Four bytes a texel, the fourth 255.
-pub const SVBRDF_MAP_FORMAT_RGBA8: svbrdf_map_format = 3;
+/// As SVBRDF_MAP_NORMAL with Y down (DirectX, Unreal).
+pub const SVBRDF_MAP_NORMAL_DIRECTX: svbrdf_map = 5;
 
 /// A map in memory of the library.
 #[repr(C)]
@@ -92,36 +86,20 @@ pub unsafe extern "C" fn svbrdf_map_view_init(
 }
 
 /// A map in one format.
-enum Plane {
-    Floats(Vec<f32>),
-    Bytes(Vec<u8>),
+struct Plane {
+    /// Words, so that floats are aligned.
+    words: Vec<u32>,
+    bytes: usize,
 }
 
-impl Plane {
-    fn as_ptr(&self) -> *const c_void {
-        match self {
-            Self::Floats(v) => v.as_ptr().cast(),
-            Self::Bytes(v) => v.as_ptr().cast(),
-        }
-    }
-
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Floats(v) => size_of_val(v.as_slice()),
-            Self::Bytes(v) => v.len(),
-        }
-    }
-}
-
-const MAP_COUNT: usize = 4;
-const FORMAT_COUNT: usize = 3;
+const MAP_COUNT: usize = 5;
 
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
     confidence: Option<Confidence>,
     /// Made when first asked for.
-    views: [[OnceLock<Plane>; FORMAT_COUNT]; MAP_COUNT],
+    views: [[OnceLock<Plane>; FORMATS]; MAP_COUNT],
 }
 
 static MAPS: Handles<Maps> = Handles::new("maps");
@@ -185,16 +163,71 @@ pub(crate) fn export(maps: &Svbrdf, sample_mm: [f32; 2], dir: &Path) -> Result<(
     Ok(write_preview(dir.join("preview.png"), maps, sample_mm)?)
 }
 
-/// Channels of a texel.
-fn channels(map: svbrdf_map, format: svbrdf_map_format) -> Result<usize, Fault> {
-    if !(SVBRDF_MAP_NORMAL..=SVBRDF_MAP_ROUGHNESS).contains(&map) {
-        return Err(Fault::argument(format!("map: {map} is not a known value")));
+/// One of the maps as a picture.
+struct MapPicture<'a> {
+    maps: &'a Svbrdf,
+    map: svbrdf_map,
+}
+
+impl<'a> MapPicture<'a> {
+    fn new(maps: &'a Svbrdf, map: svbrdf_map) -> Result<Self, Fault> {
+        if !(SVBRDF_MAP_NORMAL..=SVBRDF_MAP_NORMAL_DIRECTX).contains(&map) {
+            return Err(unknown("map", map));
+        }
+        Ok(Self { maps, map })
     }
-    match format {
-        SVBRDF_MAP_FORMAT_F32 if map == SVBRDF_MAP_ROUGHNESS => Ok(1),
-        SVBRDF_MAP_FORMAT_F32 | SVBRDF_MAP_FORMAT_RGB8 => Ok(3),
-        SVBRDF_MAP_FORMAT_RGBA8 => Ok(4),
-        _ => Err(Fault::argument(format!("format: {format} is not a known value"))),
+
+    fn plane(&self, layout: &Layout) -> Plane {
+        let bytes = layout.row_bytes(self) * self.maps.height();
+        let mut words = vec![0_u32; bytes.div_ceil(size_of::<u32>())];
+        // SAFETY: `words` has that many bytes.
+        unsafe { layout.copy(self, words.as_mut_ptr().cast(), bytes, 0) }.expect("rows that fit");
+        Plane { words, bytes }
+    }
+}
+
+impl Picture for MapPicture<'_> {
+    fn width(&self) -> usize {
+        self.maps.width()
+    }
+
+    fn height(&self) -> usize {
+        self.maps.height()
+    }
+
+    /// Roughness stands where glTF's occlusion-roughness-metalness has it.
+    fn single(&self) -> Option<usize> {
+        (self.map == SVBRDF_MAP_ROUGHNESS).then_some(1)
+    }
+
+    fn coding(&self) -> Coding {
+        match self.map {
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => Coding::Signed,
+            SVBRDF_MAP_ROUGHNESS => Coding::Linear,
+            _ => Coding::Srgb,
+        }
+    }
+
+    fn row(&self, y: usize, out: &mut [[f32; 4]]) {
+        let (maps, width) = (self.maps, self.maps.width());
+        let plane = |c: usize| &maps.plane(c)[y * width..][..width];
+        let three = |first: usize| [plane(first), plane(first + 1), plane(first + 2)];
+        match self.map {
+            SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => {
+                let up = if self.map == SVBRDF_MAP_NORMAL { 1.0 } else { -1.0 };
+                for (x, out) in out.iter_mut().enumerate() {
+                    let [r, g, b] = maps.normal(x, y);
+                    *out = [r, up * g, b, 1.0];
+                }
+            }
+            SVBRDF_MAP_ROUGHNESS => {
+                for (out, roughness) in out.iter_mut().zip(plane(channel::ROUGHNESS)) {
+                    *out = [1.0, *roughness, 0.0, 1.0];
+                }
+            }
+            SVBRDF_MAP_DIFFUSE => interleave(three(channel::DIFFUSE), out),
+            _ => interleave(three(channel::SPECULAR), out),
+        }
     }
 }
 
@@ -204,37 +237,6 @@ impl Maps {
         self.confidence.as_ref().ok_or_else(|| {
             Fault::argument("maps: without confidence; see svbrdf_session_snapshot_confidence()")
         })
-    }
-
-    fn texel(&self, map: svbrdf_map, i: usize) -> [f32; 3] {
-        let maps = &self.maps;
-        let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c)[i]);
-        match map {
-            SVBRDF_MAP_NORMAL => maps.normal(i % maps.width(), i / maps.width()),
-            SVBRDF_MAP_DIFFUSE => three(channel::DIFFUSE),
-            SVBRDF_MAP_SPECULAR => three(channel::SPECULAR),
-            _ => [maps.plane(channel::ROUGHNESS)[i]; 3],
-        }
-    }
-
-    fn plane(&self, map: svbrdf_map, channels: usize, float: bool) -> Plane {
-        let texels = 0..self.maps.texels();
-        if float {
-            return Plane::Floats(
-                texels.flat_map(|i| self.texel(map, i).into_iter().take(channels)).collect(),
-            );
-        }
-        let byte = |v: f32| (v * 255.0 + 0.5) as u8;
-        let texel = |i: usize| {
-            let v = self.texel(map, i);
-            let [r, g, b] = match map {
-                SVBRDF_MAP_NORMAL => v.map(|v| byte(0.5 * v + 0.5)),
-                SVBRDF_MAP_ROUGHNESS => [255, byte(v[0]), 0],
-                _ => v.map(|v| byte(Encoding::Srgb.encode(f64::from(v)) as f32)),
-            };
-            [r, g, b, 255].into_iter().take(channels)
-        };
-        Plane::Bytes(texels.flat_map(texel).collect())
     }
 }
 
@@ -280,20 +282,20 @@ pub unsafe extern "C" fn svbrdf_maps_view(
 ) -> svbrdf_status {
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
-        let channels = channels(map, format)?;
+        let picture = MapPicture::new(&maps.maps, map)?;
+        let layout = Layout::new(format, &picture)?;
         // SAFETY: the caller vouches for the struct.
         let size = unsafe { versioned::result_size(view) }?;
         let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
-        let float = format == SVBRDF_MAP_FORMAT_F32;
         let slot = &maps.views[map as usize - 1][format as usize - 1];
-        let plane = slot.get_or_init(|| maps.plane(map, channels, float));
+        let plane = slot.get_or_init(|| picture.plane(&layout));
         let value = svbrdf_map_view {
-            data: plane.as_ptr(),
-            bytes: plane.bytes(),
-            row_stride: plane.bytes() / maps.maps.height(),
+            data: plane.words.as_ptr().cast(),
+            bytes: plane.bytes,
+            row_stride: layout.row_bytes(&picture),
             width: maps.maps.width() as u32,
             height: maps.maps.height() as u32,
-            channels: channels as u32,
+            channels: layout.channels() as u32,
             ..Default::default()
         };
         // SAFETY: `size` bytes are there.
@@ -318,30 +320,9 @@ pub unsafe extern "C" fn svbrdf_maps_copy(
 ) -> svbrdf_status {
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
-        let channels = channels(map, format)?;
-        if data.is_null() {
-            return Err(Fault::argument("data: NULL given"));
-        }
-        let float = format == SVBRDF_MAP_FORMAT_F32;
-        let (width, height) = (maps.maps.width(), maps.maps.height());
-        let row = width * channels * if float { size_of::<f32>() } else { 1 };
-        let stride = if row_stride == 0 { row } else { row_stride };
-        let total = stride.checked_mul(height - 1).and_then(|n| n.checked_add(row));
-        if stride < row || total.is_none_or(|total| bytes < total) {
-            return Err(Fault::argument(format!(
-                "data: {bytes} bytes in rows of {stride} given, {height} rows of {row} expected"
-            )));
-        }
-        let plane = maps.plane(map, channels, float);
-        for y in 0..height {
-            // SAFETY: checked above against the size that the caller vouches for; the plane has
-            // `height` rows of `row` bytes.
-            unsafe {
-                let from = plane.as_ptr().cast::<u8>().add(y * row);
-                from.copy_to_nonoverlapping(data.cast::<u8>().add(y * stride), row);
-            }
-        }
-        Ok(())
+        let picture = MapPicture::new(&maps.maps, map)?;
+        // SAFETY: the caller vouches for the bytes.
+        unsafe { Layout::new(format, &picture)?.copy(&picture, data, bytes, row_stride) }
     })
 }
 

@@ -8,8 +8,9 @@ use engine::Error;
 use engine::session::Revision;
 
 use crate::live::Live;
-use crate::options::SVBRDF_LOG_ERROR;
+use crate::log::SVBRDF_LOG_ERROR;
 use crate::status::Fault;
+use crate::threads::{self, SVBRDF_THREAD_CALLBACK};
 
 /// Starts the thread of a session's callbacks.
 pub(crate) fn start(live: &Arc<Live>) -> Result<JoinHandle<()>, Fault> {
@@ -20,6 +21,7 @@ pub(crate) fn start(live: &Arc<Live>) -> Result<JoinHandle<()>, Fault> {
 }
 
 fn run(live: &Live) {
+    threads::started(SVBRDF_THREAD_CALLBACK);
     let mut seen = Revision::default();
     loop {
         let changed = live.session.wait_for_change(seen);

@@ -2,61 +2,19 @@
 
 use std::ffi::{c_char, c_void};
 use std::path::Path;
-use std::sync::Arc;
 
 use engine::Error;
 use engine::export::write_atomic;
 use engine::session::Session;
 
-use crate::handles::{Handles, svbrdf_session};
+use crate::buffer::{self, svbrdf_buffer};
+use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::maps::folder;
 use crate::models;
 use crate::options::svbrdf_session_options;
 use crate::session::open;
-use crate::status::{Fault, entry, svbrdf_status};
-
-/// Bytes made by the library.
-pub struct svbrdf_buffer {
-    _opaque: (),
-}
-
-static BUFFERS: Handles<Vec<u8>> = Handles::new("buffer");
-
-/// Address and number of a buffer's bytes, valid until svbrdf_buffer_destroy().
-///
-/// # Safety
-/// Both results are NULL or writable.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_buffer_view(
-    buffer: *const svbrdf_buffer,
-    data: *mut *const c_void,
-    bytes: *mut usize,
-) -> svbrdf_status {
-    entry(|| {
-        let buffer = BUFFERS.get(buffer.addr())?;
-        if data.is_null() || bytes.is_null() {
-            return Err(Fault::argument("data, bytes: NULL given"));
-        }
-        // SAFETY: not NULL, and the caller vouches for the rest.
-        unsafe {
-            data.write(buffer.as_ptr().cast());
-            bytes.write(buffer.len());
-        }
-        Ok(())
-    })
-}
-
-/// Frees a buffer; NULL is fine.
-#[unsafe(no_mangle)]
-pub extern "C" fn svbrdf_buffer_destroy(buffer: *mut svbrdf_buffer) -> svbrdf_status {
-    entry(|| {
-        if !buffer.is_null() {
-            BUFFERS.remove(buffer.addr())?;
-        }
-        Ok(())
-    })
-}
+use crate::status::{Fault, svbrdf_status};
 
 /// The session as bytes, from which svbrdf_session_load_state() goes on as if nothing had happened,
 /// in another process or on another machine, also with a library of a newer minor version: board,
@@ -75,11 +33,9 @@ pub unsafe extern "C" fn svbrdf_session_save_state(
         if out.is_null() {
             return Err(Fault::argument("out: NULL given"));
         }
-        let state = live.session.save()?;
-        let handle = Handles::<Vec<u8>>::reserve();
-        BUFFERS.insert(handle, Arc::new(state));
+        let state = buffer::hand_out(live.session.save()?);
         // SAFETY: not NULL, and the caller vouches for the rest.
-        unsafe { out.write(std::ptr::without_provenance_mut(handle)) };
+        unsafe { out.write(state) };
         Ok(())
     })
 }

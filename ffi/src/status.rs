@@ -7,6 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::{Error, StateFault};
 
+use crate::log::{self, SVBRDF_LOG_ERROR};
+
 /// What a call answers: 0 done, negative a fault, positive neither. Values may be added.
 pub type svbrdf_status = i32;
 
@@ -19,6 +21,8 @@ pub const SVBRDF_REJECTED: svbrdf_status = 1;
 pub const SVBRDF_TIMEOUT: svbrdf_status = 2;
 /// No photo has been accepted yet, so there are no maps.
 pub const SVBRDF_NO_MAPS: svbrdf_status = 3;
+/// As many photos as are taken already wait to be taken in: try again when one is through.
+pub const SVBRDF_BUSY: svbrdf_status = 4;
 /// An argument is NULL, not a number, out of range, or too small a buffer.
 pub const SVBRDF_INVALID_ARGUMENT: svbrdf_status = -1;
 /// The handle was destroyed, is NULL, or is of another kind.
@@ -108,7 +112,11 @@ pub(crate) fn entry(body: impl FnOnce() -> Result<(), Fault>) -> svbrdf_status {
             return SVBRDF_OK;
         }
         Ok(Err(fault)) => fault,
-        Err(panic) => Fault::new(SVBRDF_FAILED, panic_text(&*panic)),
+        Err(panic) => {
+            let fault = Fault::new(SVBRDF_FAILED, panic_text(&*panic));
+            log::write(SVBRDF_LOG_ERROR, || fault.message.clone());
+            fault
+        }
     };
     remember(&fault.message);
     fault.status
@@ -130,6 +138,7 @@ pub extern "C" fn svbrdf_status_name(status: svbrdf_status) -> *const c_char {
         SVBRDF_REJECTED => c"rejected",
         SVBRDF_TIMEOUT => c"timeout",
         SVBRDF_NO_MAPS => c"no_maps",
+        SVBRDF_BUSY => c"busy",
         SVBRDF_INVALID_ARGUMENT => c"invalid_argument",
         SVBRDF_INVALID_HANDLE => c"invalid_handle",
         SVBRDF_CANCELLED => c"cancelled",

@@ -4,10 +4,16 @@
 
 #[path = "../../ffi/src/budget.rs"]
 mod budget;
+#[path = "../../ffi/src/buffer.rs"]
+mod buffer;
 #[path = "../../ffi/src/callbacks.rs"]
 mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
+#[path = "../../ffi/src/confidence.rs"]
+mod confidence;
+#[path = "../../ffi/src/export.rs"]
+mod export;
 #[path = "../../ffi/src/frame_fit.rs"]
 mod frame_fit;
 #[path = "../../ffi/src/handles.rs"]
@@ -18,6 +24,8 @@ mod image;
 mod info;
 #[path = "../../ffi/src/live.rs"]
 mod live;
+#[path = "../../ffi/src/log.rs"]
+mod log;
 #[path = "../../ffi/src/maps.rs"]
 mod maps;
 #[path = "../../ffi/src/models.rs"]
@@ -26,20 +34,38 @@ mod models;
 mod notifier;
 #[path = "../../ffi/src/options/mod.rs"]
 mod options;
+#[path = "../../ffi/src/owned_frame.rs"]
+mod owned_frame;
 #[path = "../../ffi/src/paper.rs"]
 mod paper;
 #[path = "../../ffi/src/phase.rs"]
 mod phase;
 #[path = "../../ffi/src/probe.rs"]
 mod probe;
+#[path = "../../ffi/src/process.rs"]
+mod process;
+#[path = "../../ffi/src/queue.rs"]
+mod queue;
+#[path = "../../ffi/src/reduced.rs"]
+mod reduced;
+#[path = "../../ffi/src/render.rs"]
+mod render;
 #[path = "../../ffi/src/reports.rs"]
 mod reports;
 #[path = "../../ffi/src/saved.rs"]
 mod saved;
 #[path = "../../ffi/src/session/mod.rs"]
 mod session;
+#[path = "../../ffi/src/sheet.rs"]
+mod sheet;
+#[path = "../../ffi/src/srgb.rs"]
+mod srgb;
 #[path = "../../ffi/src/status.rs"]
 mod status;
+#[path = "../../ffi/src/texels.rs"]
+mod texels;
+#[path = "../../ffi/src/threads.rs"]
+mod threads;
 #[path = "../../ffi/src/values.rs"]
 mod values;
 #[path = "../../ffi/src/versioned.rs"]

@@ -1,22 +1,30 @@
 //! Sequences of calls of the C library in any order with any arguments, as far as a caller may
 //! choose them: pointers are NULL or what they should be, handles also stale or of another kind.
 
-use std::ffi::c_void;
+use std::ffi::{c_char, c_void};
 use std::ptr;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::budget::*;
+use crate::buffer::*;
 use crate::capture::*;
 use crate::confidence::*;
 use crate::frame_fit::*;
 use crate::handles::svbrdf_session;
 use crate::image::*;
+use crate::log::*;
 use crate::maps::*;
 use crate::options::*;
 use crate::probe::*;
+use crate::process::*;
+use crate::reduced::*;
+use crate::render::*;
 use crate::reports::*;
 use crate::saved::*;
 use crate::session::*;
+use crate::sheet::*;
 use crate::status::*;
+use crate::threads::*;
 
 /// Calls of one sequence.
 const MAX_CALLS: usize = 64;
@@ -75,6 +83,57 @@ struct World {
     handles: Vec<usize>,
     photos: usize,
     buffers: Vec<usize>,
+    /// Photos that were pushed without waiting, and those that were answered.
+    asked: usize,
+    answered: Box<AtomicUsize>,
+}
+
+/// Counts an answer, and calls the library again.
+unsafe extern "C" fn on_pushed(
+    user: *mut c_void,
+    session: *mut svbrdf_session,
+    status: svbrdf_status,
+    report: *const svbrdf_frame_report,
+) {
+    // SAFETY: the world's counter, which lives until its sessions have ended; the report lives
+    // during the call.
+    let (answered, report) = unsafe { (&*user.cast::<AtomicUsize>(), &*report) };
+    assert_eq!(report.accepted == 1, status == SVBRDF_OK);
+    assert_ne!(status, SVBRDF_FAILED);
+    if report.timestamp_ns % 4 == 3 {
+        svbrdf_session_cancel(session);
+    }
+    answered.fetch_add(1, Ordering::Relaxed);
+}
+
+unsafe extern "C" fn on_line(_: *mut c_void, level: svbrdf_log_level, _: *const c_char) {
+    assert!(level <= SVBRDF_LOG_INFO);
+}
+
+unsafe extern "C" fn on_thread(_: *mut c_void, thread: svbrdf_thread) {
+    assert!(thread <= SVBRDF_THREAD_PUSH);
+}
+
+fn board(bytes: &mut Bytes) -> svbrdf_board {
+    let mut board = svbrdf_board::default();
+    for _ in 0..bytes.u8() % 5 {
+        match bytes.u8() % 9 {
+            0 => board.rows = bytes.u32(),
+            1 => board.cols = bytes.u32(),
+            2 => board.hole_row_start = bytes.u32(),
+            3 => board.hole_col_end = bytes.u32(),
+            4 => board.square_mm = f64::from(bytes.f32()),
+            5 => board.patches = bytes.u32(),
+            6 => board.top_left_white = bytes.u32(),
+            7 => board.size = bytes.usize().min(size_of::<svbrdf_board>()),
+            _ => {
+                board.kind = SVBRDF_BOARD_CHARUCO_RING;
+                board.marker_mm = f64::from(bytes.f32());
+                board.dictionary = c"DICT_4X4_250".as_ptr();
+            }
+        }
+    }
+    board
 }
 
 impl World {
@@ -132,7 +191,7 @@ fn image(bytes: &mut Bytes, pixels: &[u8]) -> svbrdf_image {
     }
     for _ in 0..bytes.u8() % 6 {
         let plane = usize::from(bytes.u8() % 3);
-        match bytes.u8() % 14 {
+        match bytes.u8() % 16 {
             0 => image.format = bytes.u32(),
             1 => image.width = bytes.u32(),
             2 => image.height = bytes.u32(),
@@ -146,6 +205,8 @@ fn image(bytes: &mut Bytes, pixels: &[u8]) -> svbrdf_image {
             10 => image.black_level[plane] = bytes.f32(),
             11 => image.white_level = bytes.f32(),
             12 => image.white_balance[plane] = bytes.f32(),
+            13 => image.primaries = bytes.u32(),
+            14 => image.yuv_matrix = bytes.u32(),
             _ => (image.format, image.bayer_pattern) = (SVBRDF_PIXEL_BAYER16, bytes.u32()),
         }
     }
@@ -171,10 +232,11 @@ pub fn run(data: &[u8]) {
         let ended = [session, maps, buffer, capture].iter().filter(|&&s| s == SVBRDF_OK).count();
         assert!(ended <= 1, "a handle is of one kind");
     }
+    assert_eq!(world.answered.load(Ordering::Relaxed), world.asked, "answers of photos");
 }
 
 fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
-    let choice = bytes.u8() % 36;
+    let choice = bytes.u8() % 43;
     // SAFETY: every pointer is NULL or to something alive of the size said.
     let status = unsafe {
         match choice {
@@ -367,6 +429,75 @@ fn call(bytes: &mut Bytes, world: &mut World, pixels: &[u8]) {
                     ..Default::default()
                 };
                 svbrdf_maps_deviations(world.pick(bytes), bytes.u32(), &raw mut view)
+            }
+            35 | 36 => {
+                let info = svbrdf_frame_info {
+                    exposure: bytes.f32(),
+                    flash: bytes.u32(),
+                    timestamp_ns: bytes.u8().into(),
+                    ..Default::default()
+                };
+                let (session, image) = (world.pick(bytes), image(bytes, pixels));
+                let counter = ptr::from_ref(&*world.answered).cast_mut().cast();
+                let callback: svbrdf_pushed_callback =
+                    if bytes.u8() < 240 { Some(on_pushed) } else { None };
+                let status = svbrdf_session_push_frame_async(
+                    session,
+                    &raw const image,
+                    &raw const info,
+                    callback,
+                    counter,
+                );
+                world.asked += usize::from(status == SVBRDF_OK);
+                status
+            }
+            37 => {
+                let mut maps = ptr::null_mut();
+                let (from, level) = (world.pick(bytes), bytes.u32());
+                let status = svbrdf_maps_reduced(from, level, &raw mut maps);
+                world.add(status, maps);
+                status
+            }
+            38 => {
+                let mut maps = ptr::null_mut();
+                let (session, level) = (world.pick(bytes), bytes.u32());
+                let status = svbrdf_session_snapshot_reduced(session, level, &raw mut maps);
+                world.add(status, maps);
+                status
+            }
+            39 => {
+                let options = svbrdf_render_options {
+                    size: bytes.usize().min(size_of::<svbrdf_render_options>()),
+                    camera_mm: [bytes.f32(), bytes.f32(), bytes.f32()],
+                    light_mm: [bytes.f32(), bytes.f32(), bytes.f32()],
+                    light_power: [bytes.f32(); 3],
+                    ambient: [bytes.f32(); 3],
+                    falloff: bytes.u32(),
+                    reserved: 0,
+                };
+                let mut out = vec![0_u8; 1 << 16];
+                let (maps, format, stride) = (world.pick(bytes), bytes.u32(), bytes.usize());
+                let data: *mut c_void = out.as_mut_ptr().cast();
+                svbrdf_maps_render(maps, &raw const options, format, data, out.len(), stride)
+            }
+            40 => {
+                let board = board(bytes);
+                let mut file = ptr::null_mut();
+                // Pictures take long.
+                let (page, format) = (bytes.u32(), bytes.u32() % SVBRDF_SHEET_PNG);
+                let status = svbrdf_board_print(&raw const board, page, format, &raw mut file);
+                world.add(status, file);
+                status
+            }
+            41 => {
+                let callback: svbrdf_log_callback =
+                    if bytes.u8() < 128 { Some(on_line) } else { None };
+                svbrdf_set_log_callback(callback, ptr::null_mut())
+            }
+            42 => {
+                let hook: svbrdf_thread_hook =
+                    if bytes.u8() < 128 { Some(on_thread) } else { None };
+                svbrdf_set_thread_hook(hook, ptr::null_mut())
             }
             27 => {
                 let mut rms = 0.0;

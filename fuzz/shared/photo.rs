@@ -1,23 +1,25 @@
-//! Anything as a picture file, then as a photograph of a board whose camera is not known. The first
-//! byte chooses encoding and exposure.
+//! Anything as a picture file, then as a photograph of a board whose camera is not known: judged,
+//! pushed, taken back. The first byte chooses encoding, exposure and primaries.
 
 use std::sync::{Arc, OnceLock};
 
 use engine::calibration::Target;
-use engine::frame::{Encoding, Photo};
+use engine::frame::{Encoding, Photo, Primaries};
 use engine::initial_estimate::Networks;
 use engine::session::{Pushed, Scene, Session, Settings};
 
 /// Whether something was made of it.
 pub fn run(data: &[u8]) -> bool {
     let Some((&choice, file)) = data.split_first() else { return false };
-    let encoding = Encoding::ALL[usize::from(choice) % 3];
-    let exposure = [1.0, 1e-30, 3e30, 0.5][usize::from(choice >> 2) % 4];
+    let encoding = Encoding::ALL[usize::from(choice) % 5];
+    let exposure = [1.0, 1e-30, 3e30, 0.5][usize::from(choice >> 3) % 4];
+    let primaries = [Primaries::Rec709, Primaries::DisplayP3, Primaries::Rec2020];
     let Ok(photo) = Photo::decode(file, encoding, exposure) else { return false };
     assert!(photo.width() > 0 && photo.height() > 0);
     if u64::from(photo.width()) * u64::from(photo.height()) > 1 << 20 {
         return false;
     }
+    let photo = photo.with_primaries(primaries[usize::from(choice >> 5) % 3]);
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
     let scene = Scene::Board {
@@ -29,10 +31,14 @@ pub fn run(data: &[u8]) -> bool {
     let settings = Settings { threads: 1, ..Settings::default() };
     let session = Session::with_networks(scene, settings, networks.clone()).expect("defaults");
     session.pause();
+    let probe = session.probe(&photo).expect("a photo is no misuse");
+    assert!(probe.corners.iter().all(|corner| corner.px.is_finite()));
     match session.push(&photo).expect("a photo is no misuse") {
         Pushed::Accepted(accepted) => {
             assert!(accepted.pose.is_some_and(|p| p.translation.is_finite()));
             assert!(session.snapshot().is_ok());
+            assert!(session.remove_frame(1).is_err() && session.remove_frame(0).is_ok());
+            assert!(session.snapshot().is_err() && session.progress().frames == 0);
         }
         Pushed::Rejected(_) => assert!(session.snapshot().is_err()),
     }

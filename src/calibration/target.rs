@@ -212,6 +212,25 @@ impl Target {
         }
         None
     }
+
+    /// What keeps the board from being printed, if anything: as [`Target::fault`], or white squares
+    /// for which the dictionary has no marker.
+    pub fn print_fault(&self) -> Option<(&'static str, String)> {
+        self.fault().or_else(|| {
+            let (rows, cols) = (i64::from(self.rows), i64::from(self.cols));
+            let mut squares = (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col)));
+            let plain = self.kind == TargetKind::CheckerboardRing;
+            let lacks = |row, col| {
+                let white = self.has_square(row, col) && self.is_white(row, col);
+                white && self.marker(row, col).is_none()
+            };
+            (!plain && squares.any(|(row, col)| lacks(row, col))).then(|| {
+                let expected = "DICT_4X4_250 or another of 4X4 to 7X7 and _50 to _250 with a marker \
+                                for each white square, the hole's included";
+                ("dictionary", expected.into())
+            })
+        })
+    }
 }
 
 #[cfg(test)]

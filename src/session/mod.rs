@@ -43,7 +43,7 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
 use crate::rectification::elevation::ElevationEstimate;
-use crate::{Error, Rejection, Result, Svbrdf};
+use crate::{Error, Rejection, Result, Svbrdf, threads};
 
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
@@ -121,7 +121,10 @@ impl Session {
             let (shared, pool) = (shared.clone(), pool.clone());
             std::thread::Builder::new()
                 .name("svbrdf-fit".into())
-                .spawn(move || worker::run(&shared, &received, &pool, estimation, meter))
+                .spawn(move || {
+                    threads::started(threads::Role::Fit);
+                    worker::run(&shared, &received, &pool, estimation, meter);
+                })
                 .map_err(|e| Error::Internal(format!("cannot start the thread of the fit: {e}")))?
         };
         let known = Mutex::new(intake.known(settings.sample_mm));

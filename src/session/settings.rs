@@ -9,7 +9,7 @@ use crate::calibration::Target;
 use crate::estimate::{Method, Task};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
-use crate::{Error, Result};
+use crate::{Error, Result, threads};
 
 /// What the photographs show, fixed for a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,19 +95,20 @@ impl Settings {
         Ok(())
     }
 
-    /// The threads of the fit.
     /// What the estimate is asked for.
     pub(super) fn task(&self, scene: &Scene) -> Task {
         let free_lights = matches!(scene, Scene::Rectified { .. });
         Task { method: self.method, refine: self.refine, free_lights }
     }
 
+    /// The threads of the fit.
     pub(super) fn pool(&self) -> Result<Arc<ThreadPool>> {
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
         let threads = if self.threads == 0 { cores.min(4) } else { self.threads };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .thread_name(|i| format!("svbrdf-{i}"))
+            .start_handler(|_| threads::started(threads::Role::Work))
             .build()
             .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))?;
         Ok(Arc::new(pool))

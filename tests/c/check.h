@@ -64,5 +64,8 @@ void test_faults(const char *folder);
 void test_feedback(const char *folder);
 void test_races(const char *folder);
 void test_looked_at(const char *folder);
+void test_inputs(const char *folder);
+void test_outputs(const char *folder);
+void test_flow(const char *folder);
 
 #endif

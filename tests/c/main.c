@@ -50,6 +50,8 @@ int main(int argc, char **argv)
         {"state", test_state},         {"capture", test_capture},
         {"faults", test_faults},       {"feedback", test_feedback},
         {"races", test_races},         {"looked-at", test_looked_at},
+        {"outputs", test_outputs},     {"flow", test_flow},
+        {"inputs", test_inputs},
     };
     size_t i;
     CHECK(argc == 3);

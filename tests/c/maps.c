@@ -121,7 +121,9 @@ static void check_packages(const svbrdf_maps *maps, const char *folder)
 void test_maps(const char *folder)
 {
     static const unsigned formats[] = {SVBRDF_MAP_FORMAT_F32, SVBRDF_MAP_FORMAT_RGB8,
-                                       SVBRDF_MAP_FORMAT_RGBA8};
+                                       SVBRDF_MAP_FORMAT_RGBA8, SVBRDF_MAP_FORMAT_RGBA16F,
+                                       SVBRDF_MAP_FORMAT_RGBA32F, SVBRDF_MAP_FORMAT_R8};
+    static const unsigned sample_bytes[] = {4, 1, 1, 2, 4, 1};
     svbrdf_session_options options;
     svbrdf_session *session = NULL;
     svbrdf_maps *maps = NULL;
@@ -146,14 +148,17 @@ void test_maps(const char *folder)
     CHECK(width == SIDE && height == SIDE && sample_mm[0] == 50.0f && sample_mm[1] == 100.0f);
     OK(svbrdf_maps_size(maps, NULL, NULL, NULL));
     OK(svbrdf_map_view_init(&view, sizeof view));
-    for (map = SVBRDF_MAP_NORMAL; map <= SVBRDF_MAP_ROUGHNESS; map++) {
+    for (map = SVBRDF_MAP_NORMAL; map <= SVBRDF_MAP_NORMAL_DIRECTX; map++) {
         for (f = 0; f < sizeof formats / sizeof formats[0]; f++) {
             size_t row, stride, bytes;
             unsigned char *copy;
             const void *again;
+            if (formats[f] == SVBRDF_MAP_FORMAT_R8 && map != SVBRDF_MAP_ROUGHNESS) {
+                continue;
+            }
             OK(svbrdf_maps_view(maps, map, formats[f], &view));
             CHECK(view.width == SIDE && view.height == SIDE);
-            row = SIDE * view.channels * (formats[f] == SVBRDF_MAP_FORMAT_F32 ? 4 : 1);
+            row = (size_t)SIDE * view.channels * sample_bytes[f];
             CHECK(view.row_stride == row && view.bytes == row * SIDE);
             again = view.data;
             OK(svbrdf_maps_view(maps, map, formats[f], &view));
@@ -201,7 +206,7 @@ void test_maps(const char *folder)
         }
     }
     EXPECT(svbrdf_maps_view(maps, 0, SVBRDF_MAP_FORMAT_F32, &view), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_view(maps, 5, SVBRDF_MAP_FORMAT_F32, &view), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_view(maps, 6, SVBRDF_MAP_FORMAT_F32, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_view(maps, 1, 0, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_view(maps, 1, 4, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_view(maps, 1, 1, NULL), SVBRDF_INVALID_ARGUMENT);

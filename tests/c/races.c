@@ -4,12 +4,12 @@
 #include <pthread.h>
 #include <unistd.h>
 
-enum { PUSHERS = 4, THREADS = PUSHERS + 4, PHOTOS = 2, ROUNDS = 3 };
+enum { PUSHERS = 4, THREADS = PUSHERS + 5, PHOTOS = 2, ROUNDS = 3 };
 
 static svbrdf_session *session_;
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static int called, accepted, over;
+static int called, accepted, asked, answered, over;
 
 static void count(int *what)
 {
@@ -44,7 +44,7 @@ static void on_progress(void *user, svbrdf_session *session, const svbrdf_progre
 
 static void look_at_maps(svbrdf_session *session)
 {
-    svbrdf_maps *maps = NULL;
+    svbrdf_maps *maps = NULL, *small = NULL;
     svbrdf_map_view view;
     svbrdf_status status = svbrdf_session_snapshot_maps(session, &maps);
     expect_any(status);
@@ -52,6 +52,8 @@ static void look_at_maps(svbrdf_session *session)
         OK(svbrdf_map_view_init(&view, sizeof view));
         OK(svbrdf_maps_view(maps, SVBRDF_MAP_DIFFUSE, SVBRDF_MAP_FORMAT_RGBA8, &view));
         CHECK(((const unsigned char *)view.data)[view.bytes - 1] == 255);
+        OK(svbrdf_maps_reduced(maps, 3, &small));
+        OK(svbrdf_maps_destroy(small));
         OK(svbrdf_maps_destroy(maps));
     }
 }
@@ -70,12 +72,60 @@ static void on_log(void *user, svbrdf_log_level level, const char *message)
     count(&called);
 }
 
+static void on_start(void *user, svbrdf_thread thread)
+{
+    CHECK(user == &called && thread > 0);
+    count(&called);
+}
+
+/* Who listens to the library changes while it works. */
+static void *listen(void *unused)
+{
+    (void)unused;
+    while (!value(&over)) {
+        OK(svbrdf_set_log_callback(on_log, NULL));
+        OK(svbrdf_set_thread_hook(on_start, &called));
+        usleep(500);
+        OK(svbrdf_set_log_callback(NULL, NULL));
+        OK(svbrdf_set_thread_hook(NULL, NULL));
+    }
+    return NULL;
+}
+
+static void on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
+                      const svbrdf_frame_report *report)
+{
+    (void)user;
+    /* A photo of a board, for a session of photos from the top. */
+    CHECK(status == SVBRDF_INVALID_ARGUMENT || status == SVBRDF_CANCELLED);
+    CHECK(svbrdf_last_error_message()[0] != '\0' && report->accepted == 0);
+    look_at_maps(session);
+    count(&answered);
+}
+
+static void push_async(void)
+{
+    svbrdf_image image;
+    svbrdf_status status;
+    unsigned char *rgb = malloc(3 * SIDE * SIDE);
+    CHECK(rgb != NULL);
+    gray_image(&image, rgb, 90);
+    status = svbrdf_session_push_frame_async(session_, &image, NULL, on_pushed, NULL);
+    free(rgb);
+    CHECK(status == SVBRDF_OK || status == SVBRDF_BUSY || status == SVBRDF_CANCELLED ||
+          status == SVBRDF_INVALID_HANDLE);
+    if (status == SVBRDF_OK) {
+        count(&asked);
+    }
+}
+
 static void *push(void *unused)
 {
     int i;
     (void)unused;
     for (i = 0; i < PHOTOS; i++) {
         svbrdf_status status = push_gray(session_, 80 + 10 * i);
+        push_async();
         expect_any(status);
         if (status == SVBRDF_OK) {
             count(&accepted);
@@ -153,13 +203,13 @@ static void *save(void *unused)
 
 void test_races(const char *folder)
 {
-    static void *(*const others[])(void *) = {poll, look, steer, save};
+    static void *(*const others[])(void *) = {poll, look, steer, save, listen};
     int round, i;
     (void)folder;
     for (round = 0; round < ROUNDS; round++) {
         svbrdf_session_options options;
         pthread_t threads[THREADS];
-        called = accepted = over = 0;
+        called = accepted = asked = answered = over = 0;
         rectified_options(&options);
         options.threads = 2;
         options.on_progress = on_progress;
@@ -195,7 +245,8 @@ void test_races(const char *folder)
         if (round < 2) {
             OK(svbrdf_session_destroy(session_));
         }
-        /* No callback comes any more. */
+        /* Every photo that was taken was answered; no callback comes any more. */
+        CHECK(answered == asked && (round > 0 || asked > 0));
         i = called;
         usleep(20000);
         CHECK(called == i && i > 0);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <future>
 #include <iostream>
 #include <iterator>
 #include <type_traits>
@@ -135,6 +136,15 @@ void board(const std::string& folder) {
     CHECK(session.push(first->view()) && session.progress().frames == 3);
     session.remove(2);
     CHECK(session.progress().frames == 2);
+    std::promise<svbrdf::Pushed> later;
+    session.push_async(first->view(), [&](svbrdf_status status, const svbrdf::Pushed& pushed) {
+        CHECK(status == SVBRDF_OK);
+        later.set_value(pushed);
+        throw std::runtime_error("dropped at the boundary");
+    });
+    const auto answer = later.get_future().get();
+    CHECK(answer && answer.has(SVBRDF_HINT_NOTHING_NEW) && answer.report.index == 2);
+    session.remove(2);
     // All of its light was there without the flash: no board is left.
     const auto without = first->view();
     auto info = svbrdf::make(svbrdf_frame_info_init);
@@ -162,6 +172,18 @@ void board(const std::string& folder) {
     std::vector<float> copy(256 * 256);
     maps->copy(SVBRDF_MAP_ROUGHNESS, SVBRDF_MAP_FORMAT_F32, copy.data(), 4 * copy.size());
     CHECK(copy[300] == maps->floats(SVBRDF_MAP_ROUGHNESS).values[300]);
+    CHECK(maps->r8(SVBRDF_MAP_ROUGHNESS).values[7] == maps->rgba8(SVBRDF_MAP_ROUGHNESS).at(7, 0)[1]);
+    CHECK(maps->rgba16f(SVBRDF_MAP_NORMAL_DIRECTX).at(3, 3)[3] == 0x3C00);
+    CHECK(maps->rgba32f(SVBRDF_MAP_DIFFUSE).at(3, 3)[1] == maps->floats(SVBRDF_MAP_DIFFUSE).at(3, 3)[1]);
+    CHECK(maps->reduced(2).size().first == 64 && session.snapshot_reduced(1)->size().second == 128);
+    CHECK(thrown([&] { maps->reduced(9); }) == SVBRDF_INVALID_ARGUMENT);
+    auto light = svbrdf::make(svbrdf_render_options_init);
+    light.light_mm[0] = 50.0f;
+    const std::vector<std::uint8_t> lit = maps->reduced(1).render(light);
+    CHECK(lit.size() == 4 * 128 * 128 && lit[3] == 255 && lit[0] > 0);
+    std::vector<float> linear(3 * 256 * 256);
+    maps->render(light, SVBRDF_MAP_FORMAT_F32, linear.data(), 4 * linear.size());
+    CHECK(linear[0] > 0.0f);
     maps->export_to(folder + "/cpp");
     session.export_to(folder + "/cpp");
     const svbrdf::Package package = maps->package("glb,unreal");
@@ -265,6 +287,9 @@ void capture(const std::string& folder) {
 }
 
 void bad_arguments(const std::string&) {
+    const auto pdf = svbrdf::print_board();
+    CHECK(pdf.bytes().size() > 1000 && pdf.bytes()[0] == '%');
+    CHECK(thrown([] { svbrdf::print_board(nullptr, 7); }) == SVBRDF_INVALID_ARGUMENT);
     auto options = rectified();
     options.resolution = 7;
     CHECK(thrown([&] { svbrdf::Session session(options); }) == SVBRDF_INVALID_ARGUMENT);
@@ -275,6 +300,18 @@ void bad_arguments(const std::string&) {
     CHECK(thrown([&] { session.push_rectified(image, above, above); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(thrown([&] { session.probe(gray().view()); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(!session.next_view() && !session.camera() && !session.paper());
+    CHECK(!session.snapshot_reduced(1));
+    const auto never = [](svbrdf_status, const svbrdf::Pushed&) { CHECK(false); };
+    CHECK(thrown([&] { session.push_async(image, never); }) == SVBRDF_INVALID_ARGUMENT);
+    // A photo of a board, for a session of photos from the top.
+    std::promise<std::string> advice;
+    const auto refused = [&](svbrdf_status status, const svbrdf::Pushed& pushed) {
+        CHECK(status == SVBRDF_INVALID_ARGUMENT && !pushed);
+        advice.set_value(pushed.advice);
+    };
+    const Picture picture = gray();
+    session.push_async(picture.view(), refused);
+    CHECK(!advice.get_future().get().empty());
     CHECK(thrown([&] { session.export_to("/nowhere"); }) == SVBRDF_NO_MAPS);
     svbrdf::Session other = std::move(session);
     CHECK(thrown([&] { session.pause(); }) == SVBRDF_INVALID_HANDLE);

@@ -9,7 +9,8 @@ use engine::session::{Method, RectifiedFalloff, RestoreOptions, Scene, Settings}
 use glam::DVec3;
 
 use super::board::{svbrdf_board, svbrdf_camera};
-use super::log::{svbrdf_log_callback, svbrdf_maps_callback, svbrdf_progress_callback};
+use super::callbacks::{svbrdf_maps_callback, svbrdf_progress_callback};
+use crate::log::svbrdf_log_callback;
 use crate::models::svbrdf_models;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::{truth, unknown};

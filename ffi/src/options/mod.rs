@@ -1,11 +1,11 @@
 //! Options of a session and of a photo.
 
 mod board;
+mod callbacks;
 mod fit;
-mod log;
 mod photo;
 
 pub use board::*;
+pub use callbacks::*;
 pub use fit::*;
-pub use log::*;
 pub use photo::*;

@@ -7,9 +7,10 @@ use engine::session::Session;
 use crate::callbacks::Callbacks;
 use crate::handles::svbrdf_session;
 use crate::live::{Live, SESSIONS};
+use crate::log::SVBRDF_LOG_INFO;
 use crate::models;
 use crate::notifier;
-use crate::options::{SVBRDF_LOG_INFO, svbrdf_session_options};
+use crate::options::svbrdf_session_options;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned;
 

@@ -7,7 +7,8 @@ use engine::{Error, Rejection};
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{Live, act};
-use crate::options::{SVBRDF_FLASH_OFF, SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING, svbrdf_frame_info};
+use crate::log::{SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
 use crate::reports::{svbrdf_frame_report, words};
 use crate::status::{Fault, SVBRDF_REJECTED, svbrdf_status};
 use crate::versioned;
@@ -102,7 +103,21 @@ pub(crate) unsafe fn tell(
     report: *mut svbrdf_frame_report,
     size: Option<usize>,
 ) -> Result<(), Fault> {
-    let (result, value) = match pushed {
+    let (result, value) = outcome(live, pushed, timestamp_ns);
+    if let Some(size) = size {
+        // SAFETY: the caller vouches for the bytes.
+        unsafe { versioned::write(report, size, value) };
+    }
+    result
+}
+
+/// Logs what became of a photo: the result of the call and its report.
+pub(crate) fn outcome(
+    live: &Live,
+    pushed: &Pushed,
+    timestamp_ns: i64,
+) -> (Result<(), Fault>, svbrdf_frame_report) {
+    match pushed {
         Pushed::Accepted(accepted) => {
             live.callbacks.log(SVBRDF_LOG_INFO, || {
                 let (index, seconds) = (accepted.index, accepted.maps_seconds);
@@ -122,12 +137,7 @@ pub(crate) unsafe fn tell(
             let report = svbrdf_frame_report::rejected(rejection, timestamp_ns);
             (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
         }
-    };
-    if let Some(size) = size {
-        // SAFETY: the caller vouches for the bytes.
-        unsafe { versioned::write(report, size, value) };
     }
-    result
 }
 
 /// Takes an accepted photo back: the session is as if it had never come, calibration included. `index`

@@ -41,8 +41,9 @@ pub extern "C" fn svbrdf_session_cancel(session: *mut svbrdf_session) -> svbrdf_
 
 /// Ends a session at any time, from any thread, also from its callbacks and while other threads
 /// are inside its calls: those return SVBRDF_CANCELLED or their result. Blocks for the step in
-/// progress at most, and for a callback in progress on another thread. When it has returned, no
-/// progress or maps callback is running or will come (but the one it was called from). The handle
+/// progress at most, and for callbacks on other threads, those of photos on their way included. When
+/// it has returned, no callback of the session is running or will come, but the one it was called
+/// from, and those of photos on their way where that was one of them. The handle
 /// is never valid again; further calls with it answer SVBRDF_INVALID_HANDLE. NULL is fine.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf_status {
@@ -55,11 +56,11 @@ pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf
         live.cancelled.store(true, Ordering::Relaxed);
         live.session.cancel();
         let notifier = live.notifier.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(notifier) = notifier
-            && notifier.thread().id() != thread::current().id()
-        {
-            // It catches nothing because nothing of ours panics there; a panic would end there.
-            let _ = notifier.join();
+        for thread in [live.pushes.close(), notifier].into_iter().flatten() {
+            if thread.thread().id() != thread::current().id() {
+                // It catches nothing because nothing of ours panics there; a panic would end there.
+                let _ = thread.join();
+            }
         }
         Ok(())
     })

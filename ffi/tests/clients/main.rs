@@ -10,6 +10,8 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{compile, has, library, root, run, workplace, write_photos};
+use engine::board_sheet::{BoardSheet, Paper, SheetFormat};
+use engine::calibration::{Target, TargetKind};
 use engine::capture::Capture;
 use engine::export::read_maps;
 use engine::session::{Pushed, Session, Settings};
@@ -80,6 +82,31 @@ fn photos_are_told_about() {
 }
 
 #[test]
+fn maps_are_shown_and_boards_printed() {
+    let dir = workplace();
+    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    run(&mut client(&program, "outputs", dir.path()));
+    let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 8.0 };
+    let charuco = Target { kind, ..Target::default() };
+    for (file, target, paper, format) in [
+        ("board.pdf", &Target::default(), Paper::A4, SheetFormat::Pdf),
+        ("board.svg", &charuco, Paper::Letter, SheetFormat::Svg),
+        ("board.png", &charuco, Paper::A4, SheetFormat::Png),
+    ] {
+        let expected = BoardSheet::new(target, paper).unwrap().encode(format).unwrap();
+        assert!(std::fs::read(dir.path().join(file)).unwrap() == expected, "{file}");
+    }
+}
+
+#[test]
+fn photos_are_pushed_without_waiting() {
+    let dir = workplace();
+    write_photos(dir.path(), 1);
+    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    run(&mut client(&program, "flow", dir.path()));
+}
+
+#[test]
 fn a_cpp_client_streams_a_capture() {
     if !has("g++") {
         return;
@@ -99,7 +126,16 @@ fn sanitizers_find_nothing() {
         (
             "gcc",
             "c",
-            &["bad-arguments", "maps", "lifecycle", "threads", "races", "state", "capture"][..],
+            &[
+                "bad-arguments",
+                "maps",
+                "inputs",
+                "lifecycle",
+                "threads",
+                "races",
+                "state",
+                "capture",
+            ][..],
         ),
         ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
     ] {

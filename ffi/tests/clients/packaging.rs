@@ -12,6 +12,9 @@ fn install(prefix: &Path) {
     for file in [
         "include/svbrdf.h",
         "include/svbrdf.hpp",
+        "include/svbrdf/core.hpp",
+        "include/svbrdf/maps.hpp",
+        "include/svbrdf/session.hpp",
         "lib/libsvbrdf.so",
         "lib/libsvbrdf.so.0",
         "lib/pkgconfig/svbrdf.pc",
@@ -72,9 +75,10 @@ fn the_cmake_example_builds_and_streams_a_capture() {
     assert_eq!(wrong.unwrap().status.code(), Some(1));
 }
 
-/// Code blocks of a language in `docs/embedding.md`.
+/// Code blocks of a language in the pages about embedding.
 fn examples(language: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(root().join("docs/embedding.md")).unwrap();
+    let read = |page: &str| std::fs::read_to_string(root().join("docs").join(page)).unwrap();
+    let text = read("embedding.md") + &read("live-loop.md");
     let opening = format!("```{language}\n");
     let blocks = text.split(&opening).skip(1);
     blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
@@ -114,7 +118,7 @@ fn the_examples_of_the_documentation_compile() {
                      std::uint32_t width, height; };\n";
         check("g++", &["-std=c++17"], &format!("{i}.cpp"), format!("{photo}{block}"));
     }
-    assert!(whole >= 2);
+    assert!(whole >= 5);
 }
 
 #[test]

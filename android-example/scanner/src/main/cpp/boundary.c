@@ -16,6 +16,20 @@ jbyteArray to_bytes(JNIEnv *env, const char *text)
     return bytes;
 }
 
+jbyteArray to_array(JNIEnv *env, const void *data, size_t bytes)
+{
+    jbyteArray out;
+    if (bytes > INT32_MAX) {
+        throw_bad(env, "more bytes than an array may have");
+        return NULL;
+    }
+    out = (*env)->NewByteArray(env, (jsize)bytes);
+    if (out != NULL) {
+        (*env)->SetByteArrayRegion(env, out, 0, (jsize)bytes, data);
+    }
+    return out;
+}
+
 static void throw_text(JNIEnv *env, svbrdf_status status, const char *text)
 {
     jthrowable thrown;

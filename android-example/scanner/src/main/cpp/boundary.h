@@ -25,6 +25,8 @@ int boundary_load(JNIEnv *env);
 int callbacks_load(JavaVM *java, JNIEnv *env);
 
 jbyteArray to_bytes(JNIEnv *env, const char *text);
+/* NULL and an exception where they are too many. */
+jbyteArray to_array(JNIEnv *env, const void *data, size_t bytes);
 
 /* Throws what this thread's latest call has met; 0 when it was done. */
 int throw_status(JNIEnv *env, svbrdf_status status);
@@ -51,6 +53,19 @@ void fill_progress(const svbrdf_progress *progress, jdouble out[PROGRESS]);
 void call_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress);
 void call_maps(void *user, svbrdf_session *session);
 void call_log(void *user, svbrdf_log_level level, const char *message);
+/* Of the library as a whole. */
+void call_library_log(void *user, svbrdf_log_level level, const char *message);
+void call_thread_start(void *user, svbrdf_thread thread);
+/* A photo that was pushed without waiting; `user` is its id. */
+enum { REPORT = 24 };
+void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT]);
+void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
+                 const svbrdf_frame_report *report);
+
+/* A board as Native.kt hands it over: 1 and an exception when something is missing. Its dictionary, if
+ * it has one, is to be released with release_text(). */
+int read_board(JNIEnv *env, jdoubleArray array, jbyteArray dictionary, jbyte **held,
+               svbrdf_board *board);
 
 /* Methods by the file that has them, and how many. */
 extern const JNINativeMethod session_methods[], frame_methods[], maps_methods[];

@@ -4,7 +4,7 @@
 #include "boundary.h"
 
 static JavaVM *vm;
-static jmethodID on_progress, on_maps, on_log;
+static jmethodID on_progress, on_maps, on_log, on_library_log, on_thread_start, on_pushed;
 static pthread_key_t attached;
 
 static void detach(void *unused)
@@ -98,17 +98,79 @@ void call_log(void *user, svbrdf_log_level level, const char *message)
     (*env)->DeleteLocalRef(env, text);
 }
 
+void call_library_log(void *user, svbrdf_log_level level, const char *message)
+{
+    jbyteArray text;
+    JNIEnv *env = environment();
+    (void)user;
+    if (env == NULL) {
+        return;
+    }
+    text = to_bytes(env, message);
+    if (text != NULL) {
+        (*env)->CallStaticVoidMethod(env, native_class, on_library_log, (jint)level, text);
+    }
+    dismiss(env);
+    (*env)->DeleteLocalRef(env, text);
+}
+
+void call_thread_start(void *user, svbrdf_thread thread)
+{
+    JNIEnv *env = environment();
+    (void)user;
+    if (env != NULL) {
+        (*env)->CallStaticVoidMethod(env, native_class, on_thread_start, (jint)thread);
+        dismiss(env);
+    }
+}
+
+void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
+                 const svbrdf_frame_report *report)
+{
+    const int used = status == SVBRDF_OK || status == SVBRDF_REJECTED;
+    const char *words = used ? report->advice : svbrdf_last_error_message();
+    jdouble values[REPORT];
+    jdoubleArray array;
+    jbyteArray text;
+    JNIEnv *env = environment();
+    (void)session;
+    if (env == NULL) {
+        return;
+    }
+    array = (*env)->NewDoubleArray(env, REPORT);
+    text = array == NULL ? NULL : to_bytes(env, words);
+    if (text != NULL) {
+        fill_report(report, values);
+        (*env)->SetDoubleArrayRegion(env, array, 0, REPORT, values);
+        (*env)->CallStaticVoidMethod(env, native_class, on_pushed, (jlong)(intptr_t)user,
+                                     (jint)status, array, text);
+    }
+    dismiss(env);
+    (*env)->DeleteLocalRef(env, text);
+    (*env)->DeleteLocalRef(env, array);
+}
+
 int callbacks_load(JavaVM *java, JNIEnv *env)
 {
+    static const struct {
+        jmethodID *method;
+        const char *name, *signature;
+    } methods[] = {
+        {&on_progress, "onProgress", "(J[D)V"},
+        {&on_maps, "onMaps", "(J)V"},
+        {&on_log, "onLog", "(JI[B)V"},
+        {&on_library_log, "onLibraryLog", "(I[B)V"},
+        {&on_thread_start, "onThreadStart", "(I)V"},
+        {&on_pushed, "onPushed", "(JI[D[B)V"},
+    };
+    size_t i;
     vm = java;
-    on_progress = (*env)->GetStaticMethodID(env, native_class, "onProgress", "(J[D)V");
-    if (on_progress == NULL) {
-        return 1;
+    for (i = 0; i < sizeof methods / sizeof methods[0]; ++i) {
+        *methods[i].method = (*env)->GetStaticMethodID(env, native_class, methods[i].name,
+                                                       methods[i].signature);
+        if (*methods[i].method == NULL) {
+            return 1;
+        }
     }
-    on_maps = (*env)->GetStaticMethodID(env, native_class, "onMaps", "(J)V");
-    if (on_maps == NULL) {
-        return 1;
-    }
-    on_log = (*env)->GetStaticMethodID(env, native_class, "onLog", "(JI[B)V");
-    return on_log == NULL || pthread_key_create(&attached, detach) != 0;
+    return pthread_key_create(&attached, detach) != 0;
 }

@@ -4,7 +4,7 @@
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, REPORT = 24, PROBE = 43, CORNERS = 1024 };
+enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, PROBE = 43, CORNERS = 1024 };
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -54,6 +54,49 @@ static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     return 0;
 }
 
+void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT])
+{
+    out[0] = report->accepted;
+    out[1] = report->rejection;
+    out[2] = report->index;
+    out[3] = report->has_pose;
+    memcpy(out + 4, report->rotation, sizeof report->rotation);
+    memcpy(out + 13, report->translation_mm, sizeof report->translation_mm);
+    out[16] = report->reprojection_rms_px;
+    out[17] = report->maps_seconds;
+    out[18] = report->hints;
+    out[19] = report->same_view_as;
+    out[20] = (jdouble)report->over_white;
+    out[21] = (jdouble)report->measured;
+    out[22] = (jdouble)report->limit;
+    out[23] = (jdouble)report->blur_direction_deg;
+}
+
+/* A photo and what is known about it; `dark` has the one without flash, if there is one. */
+static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
+                      jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
+                      jfloat focal_35mm, jintArray dark_ints, jobjectArray dark_planes,
+                      jlongArray dark_layout, jfloatArray dark_levels, jfloat dark_exposure,
+                      svbrdf_image *image, svbrdf_image *dark, svbrdf_frame_info *info)
+{
+    if (read_image(env, ints, planes, layout, levels, image)) {
+        return 1;
+    }
+    svbrdf_frame_info_init(info, sizeof *info);
+    info->exposure = exposure;
+    info->flash = (svbrdf_flash)flash;
+    info->timestamp_ns = timestamp;
+    info->focal_35mm = focal_35mm;
+    if (dark_ints != NULL) {
+        if (read_image(env, dark_ints, dark_planes, dark_layout, dark_levels, dark)) {
+            return 1;
+        }
+        info->ambient = dark;
+        info->ambient_exposure = dark_exposure;
+    }
+    return 0;
+}
+
 /* What to tell the user; empty where there is nothing to tell. */
 static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
@@ -72,20 +115,10 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     jdouble values[REPORT];
 
     (void)class, (void)owner;
-    if (read_image(env, ints, planes, layout, levels, &image)) {
+    if (read_photo(env, ints, planes, layout, levels, exposure, flash, timestamp, focal_35mm,
+                   dark_ints, dark_planes, dark_layout, dark_levels, dark_exposure, &image, &dark,
+                   &info)) {
         return NULL;
-    }
-    svbrdf_frame_info_init(&info, sizeof info);
-    info.exposure = exposure;
-    info.flash = (svbrdf_flash)flash;
-    info.timestamp_ns = timestamp;
-    info.focal_35mm = focal_35mm;
-    if (dark_ints != NULL) {
-        if (read_image(env, dark_ints, dark_planes, dark_layout, dark_levels, &dark)) {
-            return NULL;
-        }
-        info.ambient = &dark;
-        info.ambient_exposure = dark_exposure;
     }
     svbrdf_frame_report_init(&report, sizeof report);
     if (camera_mm != NULL || light_mm != NULL) {
@@ -100,22 +133,30 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
         throw_status(env, status);
         return NULL;
     }
-    values[0] = report.accepted;
-    values[1] = report.rejection;
-    values[2] = report.index;
-    values[3] = report.has_pose;
-    memcpy(values + 4, report.rotation, sizeof report.rotation);
-    memcpy(values + 13, report.translation_mm, sizeof report.translation_mm);
-    values[16] = report.reprojection_rms_px;
-    values[17] = report.maps_seconds;
-    values[18] = report.hints;
-    values[19] = report.same_view_as;
-    values[20] = (jdouble)report.over_white;
-    values[21] = (jdouble)report.measured;
-    values[22] = (jdouble)report.limit;
-    values[23] = (jdouble)report.blur_direction_deg;
+    fill_report(&report, values);
     (*env)->SetDoubleArrayRegion(env, out, 0, REPORT, values);
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
+}
+
+/* Native.onPushed() is told of `id`, unless an exception is thrown. */
+static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                               jintArray ints, jobjectArray planes, jlongArray layout,
+                               jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
+                               jintArray dark_ints, jobjectArray dark_planes,
+                               jlongArray dark_layout, jfloatArray dark_levels,
+                               jfloat dark_exposure, jfloat focal_35mm, jlong id)
+{
+    svbrdf_image image, dark;
+    svbrdf_frame_info info;
+
+    (void)class, (void)owner;
+    if (!read_photo(env, ints, planes, layout, levels, exposure, flash, timestamp, focal_35mm,
+                    dark_ints, dark_planes, dark_layout, dark_levels, dark_exposure, &image, &dark,
+                    &info)) {
+        throw_status(env, svbrdf_session_push_frame_async(HANDLE(svbrdf_session, handle), &image,
+                                                          &info, call_pushed,
+                                                          (void *)(intptr_t)id));
+    }
 }
 
 /* Numbers from `at` on. */
@@ -199,5 +240,7 @@ const JNINativeMethod frame_methods[] = {
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
            session_push),
+    METHOD("sessionPushAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
+           session_push_async),
 };
 const jint frame_method_count = COUNT(frame_methods);

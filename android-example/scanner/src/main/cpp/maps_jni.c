@@ -27,6 +27,36 @@ static void maps_copy(JNIEnv *env, jclass class, jobject owner, jlong handle, ji
     }
 }
 
+static jlong maps_reduced(JNIEnv *env, jclass class, jobject owner, jlong handle, jint level)
+{
+    svbrdf_maps *small = NULL;
+    (void)class, (void)owner;
+    throw_status(env, svbrdf_maps_reduced(HANDLE(svbrdf_maps, handle), (uint32_t)level, &small));
+    return (jlong)(uintptr_t)small;
+}
+
+/* Positions of camera and light, power, surround: three numbers each. */
+static void maps_render(JNIEnv *env, jclass class, jobject owner, jlong handle, jfloatArray lighting,
+                        jint falloff, jint format, jobject buffer, jlong bytes)
+{
+    enum { LIGHTING = 12 };
+    svbrdf_render_options options;
+    jfloat v[LIGHTING];
+    void *data = direct_memory(env, buffer, 0, bytes);
+    (void)class, (void)owner;
+    if (data == NULL || read_floats(env, lighting, LIGHTING, v)) {
+        return;
+    }
+    svbrdf_render_options_init(&options, sizeof options);
+    memcpy(options.camera_mm, v, sizeof options.camera_mm);
+    memcpy(options.light_mm, v + 3, sizeof options.light_mm);
+    memcpy(options.light_power, v + 6, sizeof options.light_power);
+    memcpy(options.ambient, v + 9, sizeof options.ambient);
+    options.falloff = (svbrdf_falloff)falloff;
+    throw_status(env, svbrdf_maps_render(HANDLE(svbrdf_maps, handle), &options,
+                                         (svbrdf_map_format)format, data, (size_t)bytes, 0));
+}
+
 static void maps_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle,
                             jdoubleArray out)
 {
@@ -96,18 +126,10 @@ static jbyteArray file_of(JNIEnv *env, const svbrdf_package *package, const char
     const char *name = NULL;
     const void *data = NULL;
     size_t bytes = 0;
-    jbyteArray out;
     uint32_t i;
     for (i = 0; svbrdf_package_file(package, i, &name, &data, &bytes) == SVBRDF_OK; i++) {
         if (strcmp(name, wanted) == 0) {
-            if (bytes > INT32_MAX) {
-                break;
-            }
-            out = (*env)->NewByteArray(env, (jsize)bytes);
-            if (out != NULL) {
-                (*env)->SetByteArrayRegion(env, out, 0, (jsize)bytes, data);
-            }
-            return out;
+            return to_array(env, data, bytes);
         }
     }
     throw_bad(env, "no such file in the export");
@@ -193,6 +215,8 @@ static void models_destroy(JNIEnv *env, jclass class, jlong handle)
 const JNINativeMethod maps_methods[] = {
     METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
+    METHOD("mapsReduced", "(" OWNER "JI)J", maps_reduced),
+    METHOD("mapsRender", "(" OWNER "J[FII" BUFFER "J)V", maps_render),
     METHOD("mapsConfidence", "(" OWNER "J[D)V", maps_confidence),
     METHOD("mapsDeviations", "(" OWNER "JI[F)V", maps_deviations),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),

@@ -13,9 +13,11 @@ static uint32_t whole(jdouble value)
     return (uint32_t)(int64_t)value;
 }
 
-static int read_board(JNIEnv *env, jdoubleArray array, svbrdf_board *board)
+int read_board(JNIEnv *env, jdoubleArray array, jbyteArray dictionary, jbyte **held,
+               svbrdf_board *board)
 {
     jdouble v[BOARD];
+    *held = NULL;
     if (read_doubles(env, array, BOARD, v)) {
         return 1;
     }
@@ -33,6 +35,10 @@ static int read_board(JNIEnv *env, jdoubleArray array, svbrdf_board *board)
     board->black_albedo = v[10];
     board->marker_mm = v[11];
     board->patches = whole(v[12]);
+    if (dictionary != NULL) {
+        board->dictionary = read_text(env, dictionary, held);
+        return board->dictionary == NULL;
+    }
     return 0;
 }
 
@@ -103,16 +109,10 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jfloatArr
         options.flash_offset_mm = flash;
     }
     if (board_array != NULL) {
-        if (read_board(env, board_array, &board)) {
+        if (read_board(env, board_array, dictionary, &held, &board)) {
             return 0;
         }
         options.board = &board;
-        if (dictionary != NULL) {
-            board.dictionary = read_text(env, dictionary, &held);
-            if (board.dictionary == NULL) {
-                return 0;
-            }
-        }
     }
     if (state == NULL) {
         throw_status(env, svbrdf_session_create(&options, &session));
@@ -256,30 +256,41 @@ static void session_frame_fit(JNIEnv *env, jclass class, jobject owner, jlong ha
     }
 }
 
-/* 0: no maps yet. */
-static jlong session_snapshot(JNIEnv *env, jclass class, jobject owner, jlong handle)
+/* Maps that were taken; 0: none yet. */
+static jlong taken(JNIEnv *env, svbrdf_status status, svbrdf_maps *maps)
 {
-    svbrdf_maps *maps = NULL;
-    const svbrdf_status status =
-        svbrdf_session_snapshot_maps(HANDLE(svbrdf_session, handle), &maps);
-    (void)class, (void)owner;
     if (status != SVBRDF_NO_MAPS) {
         throw_status(env, status);
     }
     return (jlong)(uintptr_t)maps;
 }
 
-/* 0: no maps yet. */
+static jlong session_snapshot(JNIEnv *env, jclass class, jobject owner, jlong handle)
+{
+    svbrdf_maps *maps = NULL;
+    const svbrdf_status status =
+        svbrdf_session_snapshot_maps(HANDLE(svbrdf_session, handle), &maps);
+    (void)class, (void)owner;
+    return taken(env, status, maps);
+}
+
+static jlong session_snapshot_reduced(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                      jint level)
+{
+    svbrdf_maps *maps = NULL;
+    const svbrdf_status status = svbrdf_session_snapshot_reduced(HANDLE(svbrdf_session, handle),
+                                                                 (uint32_t)level, &maps);
+    (void)class, (void)owner;
+    return taken(env, status, maps);
+}
+
 static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)
 {
     svbrdf_maps *maps = NULL;
     const svbrdf_status status =
         svbrdf_session_snapshot_confidence(HANDLE(svbrdf_session, handle), &maps);
     (void)class, (void)owner;
-    if (status != SVBRDF_NO_MAPS) {
-        throw_status(env, status);
-    }
-    return (jlong)(uintptr_t)maps;
+    return taken(env, status, maps);
 }
 
 #define SESSION_CALL(name)                                                                       \
@@ -328,6 +339,7 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionRemove", "(" OWNER "JI)V", session_remove),
     METHOD("sessionFrameFit", "(" OWNER "JI[D)V", session_frame_fit),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
+    METHOD("sessionSnapshotReduced", "(" OWNER "JI)J", session_snapshot_reduced),
     METHOD("sessionSnapshotConfidence", "(" OWNER "J)J", session_snapshot_confidence),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),

@@ -31,7 +31,6 @@ import org.svbrdf.scanner.PhotoInfo
 import org.svbrdf.scanner.Progress
 import org.svbrdf.scanner.Pushed
 import org.svbrdf.scanner.Rejection
-import org.svbrdf.scanner.Relight
 import org.svbrdf.scanner.ScanOptions
 
 /** Scans one material: meter, lock, photos from several sides, share. */
@@ -394,7 +393,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     }
 
     override fun onMaps(scanner: MaterialScanner) {
-        val shown = scanner.snapshot()?.use { Relight(it, it.width / PREVIEW_TEXELS) } ?: return
+        val shown = scanner.snapshotReduced(PREVIEW_LEVEL) ?: return
         runOnUiThread {
             relit.material = shown
             share.isEnabled = true
@@ -476,7 +475,9 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
 
         /** Raw values are the most faithful, and slow: a dozen megapixels. */
         const val RAW = false
-        const val PREVIEW_TEXELS = 256
+
+        /** How often the maps are halved to be shown: 256 texels follow a finger. */
+        const val PREVIEW_LEVEL = 0
 
         /** Photos that make good maps. */
         const val ENOUGH = 5

@@ -11,11 +11,13 @@ import android.util.AttributeSet
 import android.view.MotionEvent
 import android.view.View
 import android.widget.FrameLayout
+import java.nio.ByteBuffer
 import kotlin.math.min
 import org.svbrdf.scanner.Board
 import org.svbrdf.scanner.Camera
+import org.svbrdf.scanner.Lighting
+import org.svbrdf.scanner.MaterialMaps
 import org.svbrdf.scanner.Pose
-import org.svbrdf.scanner.Relight
 
 /** As wide as it may be, with the shape of the upright preview. */
 class FinderLayout(context: Context, attributes: AttributeSet?) :
@@ -130,13 +132,13 @@ class RelitView(context: Context, attributes: AttributeSet?) : View(context, att
     private val paint = Paint(Paint.FILTER_BITMAP_FLAG)
     private val place = Rect()
     private var bitmap: Bitmap? = null
-    private var argb = IntArray(0)
+    private var pixels = ByteBuffer.allocateDirect(0)
     private val light = floatArrayOf(60f, 60f, 120f)
-    private val eye = floatArrayOf(0f, 0f, 300f)
 
-    /** The maps to show. */
-    var material: Relight? = null
+    /** The maps to show, small ones; they are closed when others come. */
+    var material: MaterialMaps? = null
         set(value) {
+            field?.close()
             field = value
             render()
         }
@@ -151,11 +153,12 @@ class RelitView(context: Context, attributes: AttributeSet?) : View(context, att
         var shown = bitmap
         if (shown == null || shown.width != material.width || shown.height != material.height) {
             shown = Bitmap.createBitmap(material.width, material.height, Bitmap.Config.ARGB_8888)
-            argb = IntArray(material.width * material.height)
+            pixels = ByteBuffer.allocateDirect(4 * material.width * material.height)
             bitmap = shown
         }
-        material.render(eye, light, argb)
-        shown!!.setPixels(argb, 0, material.width, 0, 0, material.width, material.height)
+        material.render(Lighting(light), pixels)
+        pixels.rewind()
+        shown!!.copyPixelsFromBuffer(pixels)
         invalidate()
     }
 

@@ -75,6 +75,66 @@ enum class MapKind(internal val code: Int, internal val channels: Int) {
 
     /** Roughness, GGX alpha = roughness²; 8 bits: glTF's occlusion, roughness, metalness. */
     ROUGHNESS(4, 1),
+
+    /** [NORMAL] with Y down (DirectX, Unreal). */
+    NORMAL_DIRECTX(5, 3),
+}
+
+/** How texels lie in memory; numbers of more than a byte in the machine's byte order. */
+enum class MapFormat(internal val code: Int) {
+    /** Floats: three a texel, one for roughness. */
+    F32(1),
+    RGB8(2),
+
+    /** The fourth is 255. */
+    RGBA8(3),
+
+    /** For roughness only. */
+    R8(4),
+
+    /** Half floats; the fourth is 1. Roughness: 1, roughness, 0. */
+    RGBA16F(5),
+
+    /** As [RGBA16F], floats. */
+    RGBA32F(6);
+
+    /** Bytes of a texel. */
+    internal fun bytes(channels: Int): Int = when (this) {
+        F32 -> 4 * channels
+        RGB8 -> 3
+        RGBA8 -> 4
+        R8 -> 1
+        RGBA16F -> 8
+        RGBA32F -> 16
+    }
+}
+
+/** Paper that a board is printed on. */
+enum class Page(internal val code: Int) { A4(1), LETTER(2) }
+
+/** Format of a printed board. */
+enum class SheetFormat(internal val code: Int) { PDF(1), SVG(2), PNG(3) }
+
+/** What a thread of the library does. */
+enum class ThreadRole(internal val code: Int) {
+    /** Something that a newer library does. */
+    OTHER(0),
+
+    /** Shares the work of fits and of calls. */
+    WORK(1),
+
+    /** Steers the fit of a scanner. */
+    FIT(2),
+
+    /** Calls [MaterialScanner.Listener.onProgress] and [MaterialScanner.Listener.onMaps]. */
+    CALLBACK(3),
+
+    /** Takes photos of [MaterialScanner.pushAsync] in, and tells what became of them. */
+    PUSH(4);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
+    }
 }
 
 /** How maps are found. */
@@ -179,6 +239,9 @@ enum class Hint(internal val code: Int) {
 
 /** What kind of fault a [ScannerException] is. */
 enum class Fault(internal val code: Int) {
+    /** Three photos of [MaterialScanner.pushAsync] are on their way: try again when one is through. */
+    BUSY(4),
+
     /** The scanner was cancelled or closed meanwhile. */
     CANCELLED(-3),
 

@@ -23,18 +23,42 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     val heightMm: Float get() = size[3].toFloat()
 
     /** Linear values, row by row: three a texel, one for roughness. A copy. */
-    fun floats(map: MapKind): FloatBuffer {
-        val buffer = ByteBuffer.allocateDirect(4 * map.channels * width * height)
-        copy(map, F32, buffer)
-        return buffer.order(ByteOrder.nativeOrder()).asFloatBuffer()
-    }
+    fun floats(map: MapKind): FloatBuffer =
+        texels(map, MapFormat.F32).order(ByteOrder.nativeOrder()).asFloatBuffer()
 
     /** Four bytes a texel, ready for `glTexImage2D` or a `Bitmap`. A copy. */
-    fun rgba8(map: MapKind): ByteBuffer =
-        ByteBuffer.allocateDirect(4 * width * height).also { copy(map, RGBA8, it) }
+    fun rgba8(map: MapKind): ByteBuffer = texels(map, MapFormat.RGBA8)
 
     /** The same into a direct buffer of the caller's, from its start. */
-    fun rgba8(map: MapKind, into: ByteBuffer) = copy(map, RGBA8, into)
+    fun rgba8(map: MapKind, into: ByteBuffer) = texels(map, MapFormat.RGBA8, into)
+
+    /** A map in any format, row by row. A copy. */
+    fun texels(map: MapKind, format: MapFormat): ByteBuffer =
+        ByteBuffer.allocateDirect(format.bytes(map.channels) * width * height)
+            .also { texels(map, format, it) }
+
+    /** The same into a direct buffer of the caller's, from its start. */
+    fun texels(map: MapKind, format: MapFormat, into: ByteBuffer) {
+        Native.mapsCopy(this, handle.now, map.code, format.code, direct(into), into.capacity().toLong())
+    }
+
+    /**
+     * The maps at 1 / 2^[level] of their size, without confidence: means of squares of texels. Close
+     * them as well.
+     */
+    fun reduced(level: Int): MaterialMaps = MaterialMaps(Native.mapsReduced(this, handle.now, level))
+
+    /**
+     * Renders the maps into a direct buffer, from its start: each texel as the camera sees it, at its
+     * place. [MapFormat.RGBA8] is sRGB, as `Bitmap.copyPixelsFromBuffer` takes it; floats are linear.
+     * Some milliseconds at 256 x 256: [reduced] maps follow a finger.
+     */
+    @JvmOverloads
+    fun render(lighting: Lighting, into: ByteBuffer, format: MapFormat = MapFormat.RGBA8) =
+        Native.mapsRender(
+            this, handle.now, lighting.numbers(), lighting.falloff.code, format.code, direct(into),
+            into.capacity().toLong(),
+        )
 
     /**
      * Standard deviation of each map as a whole, of what its errors are expected to be. For maps of
@@ -50,9 +74,9 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     fun deviations(map: MapKind): FloatArray =
         FloatArray(width * height).also { Native.mapsDeviations(this, handle.now, map.code, it) }
 
-    private fun copy(map: MapKind, format: Int, into: ByteBuffer) {
+    private fun direct(into: ByteBuffer): ByteBuffer {
         require(into.isDirect && !into.isReadOnly) { "into: a direct, writable buffer expected" }
-        Native.mapsCopy(this, handle.now, map.code, format, into, into.capacity().toLong())
+        return into
     }
 
     /**
@@ -83,9 +107,4 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
 
     /** Frees the maps; copies stay. */
     override fun close() = handle.close()
-
-    private companion object {
-        const val F32 = 1
-        const val RGBA8 = 3
-    }
 }

@@ -74,6 +74,21 @@ class MaterialScanner private constructor(
     fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
         photo.push(this, handle.now, info, null, null)
 
+    /** Called with what became of a photo; exactly one of the two is null. */
+    fun interface PushCallback {
+        fun onPushed(pushed: Pushed?, fault: Throwable?)
+    }
+
+    /**
+     * As [push], without waiting: returns once the planes are copied. Photos are taken in one after the
+     * other; [done] is called exactly once, on a thread of the scanner, also when it is cancelled or
+     * closed meanwhile (a [ScannerException] of [Fault.CANCELLED]), but not when this throws. With three
+     * photos on their way it throws one of [Fault.BUSY].
+     */
+    @JvmOverloads
+    fun pushAsync(photo: Photo, info: PhotoInfo = PhotoInfo(), done: PushCallback) =
+        photo.pushAsync(this, handle.now, info, done)
+
     /**
      * Takes a photo in that shows the sample's rectangle from the top, any size, with the positions
      * of camera and light: mm, origin at the sample's centre, X right, Y up, Z towards the camera.
@@ -169,6 +184,12 @@ class MaterialScanner private constructor(
         return if (maps == 0L) null else MaterialMaps(maps)
     }
 
+    /** As [snapshot], at 1 / 2^[level] of the size: for showing maps meanwhile. */
+    fun snapshotReduced(level: Int): MaterialMaps? {
+        val maps = Native.sessionSnapshotReduced(this, handle.now, level)
+        return if (maps == 0L) null else MaterialMaps(maps)
+    }
+
     /**
      * As [snapshot], with how far the maps may be off: see [MaterialMaps.confidence]. Computed when asked
      * for, and meaningful once the fit has settled; waits for a step of the fit.
@@ -205,8 +226,8 @@ class MaterialScanner private constructor(
     fun cancel() = Native.sessionCancel(this, handle.now)
 
     /**
-     * Ends the session, whatever it is doing; no callback comes afterwards. Waits for one that is
-     * running on another thread: hold no lock that it takes.
+     * Ends the session, whatever it is doing; no callback comes afterwards. Waits for those on other
+     * threads, also for those of photos on their way: hold no lock that they take.
      */
     override fun close() = handle.close()
 

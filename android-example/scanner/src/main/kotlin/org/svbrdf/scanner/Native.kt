@@ -17,6 +17,11 @@ internal object Native {
 
     @JvmStatic external fun version(): ByteArray
     @JvmStatic external fun features(): Long
+    @JvmStatic external fun setLog(on: Boolean)
+    @JvmStatic external fun setThreadHook(on: Boolean)
+    @JvmStatic external fun boardPrint(
+        board: DoubleArray, dictionary: ByteArray?, page: Int, format: Int,
+    ): ByteArray
 
     @JvmStatic external fun sessionCreate(
         ints: IntArray, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
@@ -31,6 +36,12 @@ internal object Native {
         darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
         report: DoubleArray,
     ): ByteArray
+    @JvmStatic external fun sessionPushAsync(
+        owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
+        levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, darkInts: IntArray?,
+        darkPlanes: Array<ByteBuffer>?, darkLayout: LongArray?, darkLevels: FloatArray?,
+        darkExposure: Float, focal35mm: Float, id: Long,
+    )
     @JvmStatic external fun sessionProbe(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, focal35mm: Float, corners: FloatArray,
@@ -46,6 +57,7 @@ internal object Native {
     @JvmStatic external fun sessionPaper(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionPose(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
+    @JvmStatic external fun sessionSnapshotReduced(owner: Any, handle: Long, level: Int): Long
     @JvmStatic external fun sessionSnapshotConfidence(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)
     @JvmStatic external fun sessionResume(owner: Any, handle: Long)
@@ -58,6 +70,11 @@ internal object Native {
     @JvmStatic external fun mapsSize(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun mapsCopy(
         owner: Any, handle: Long, map: Int, format: Int, out: ByteBuffer, bytes: Long,
+    )
+    @JvmStatic external fun mapsReduced(owner: Any, handle: Long, level: Int): Long
+    @JvmStatic external fun mapsRender(
+        owner: Any, handle: Long, lighting: FloatArray, falloff: Int, format: Int, out: ByteBuffer,
+        bytes: Long,
     )
     @JvmStatic external fun mapsConfidence(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun mapsDeviations(owner: Any, handle: Long, map: Int, out: FloatArray)
@@ -91,6 +108,8 @@ internal object Native {
         }
     }
 
+    const val OK = 0
+    const val REJECTED = 1
     const val INVALID_ARGUMENT = -1
     const val INVALID_HANDLE = -2
     const val IO = -4
@@ -115,11 +134,16 @@ internal object Native {
     private inline fun call(id: Long, body: (MaterialScanner, MaterialScanner.Listener) -> Unit) {
         val scanner = scanners[id]?.get() ?: return
         val listener = scanner.listener ?: return
+        guarded({ scanner.closed }) { body(scanner, listener) }
+    }
+
+    /** Runs what is the app's; `excused`: whether what it throws is nobody's fault. */
+    private inline fun guarded(excused: () -> Boolean, body: () -> Unit) {
         try {
-            body(scanner, listener)
+            body()
         } catch (thrown: Throwable) {
-            if (scanner.closed) {
-                return // By another thread, under the listener's feet.
+            if (excused()) {
+                return // Closed by another thread, under the listener's feet.
             }
             // As for any thread: the platform's handler decides. Nothing runs through C.
             val thread = Thread.currentThread()
@@ -144,5 +168,45 @@ internal object Native {
     @JvmStatic
     fun onLog(id: Long, level: Int, line: ByteArray) = call(id) { _, listener ->
         listener.onLog(LogLevel.of(level), String(line, Charsets.UTF_8))
+    }
+
+    @Volatile var threadHook: Library.ThreadHook? = null
+    @Volatile var logListener: Library.LogListener? = null
+
+    @JvmStatic
+    fun onThreadStart(role: Int) = guarded({ false }) {
+        threadHook?.onStart(ThreadRole.of(role))
+    }
+
+    @JvmStatic
+    fun onLibraryLog(level: Int, line: ByteArray) = guarded({ false }) {
+        logListener?.onLog(LogLevel.of(level), String(line, Charsets.UTF_8))
+    }
+
+    /** Photos on their way by the number that their callbacks name. */
+    private val pending = ConcurrentHashMap<Long, Pair<Long, MaterialScanner.PushCallback>>()
+
+    /** Has `done` called with what becomes of what `push` gives to the library. */
+    fun await(timestampNs: Long, done: MaterialScanner.PushCallback, push: (Long) -> Unit) {
+        val id = ids.incrementAndGet()
+        pending[id] = timestampNs to done
+        try {
+            push(id)
+        } catch (thrown: Throwable) {
+            pending.remove(id)
+            throw thrown
+        }
+    }
+
+    @JvmStatic
+    fun onPushed(id: Long, status: Int, report: DoubleArray, words: ByteArray) {
+        val (timestampNs, done) = pending.remove(id) ?: return
+        guarded({ false }) {
+            if (status == OK || status == REJECTED) {
+                done.onPushed(Pushed.of(report, String(words, Charsets.UTF_8), timestampNs), null)
+            } else {
+                done.onPushed(null, failure(status, words))
+            }
+        }
     }
 }

@@ -65,6 +65,23 @@ class Photo @JvmOverloads constructor(
         return Pushed.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
     }
 
+    internal fun pushAsync(
+        scanner: MaterialScanner,
+        handle: Long,
+        info: PhotoInfo,
+        done: MaterialScanner.PushCallback,
+    ) {
+        val photo = numbers()
+        val dark = info.ambient?.numbers()
+        Native.await(info.timestampNs, done) { id ->
+            Native.sessionPushAsync(
+                scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels,
+                info.exposure, info.flash.code, info.timestampNs, dark?.ints, dark?.buffers,
+                dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, id,
+            )
+        }
+    }
+
     internal fun probe(scanner: MaterialScanner, handle: Long, info: PhotoInfo): Probe {
         val photo = numbers()
         val corners = FloatArray(2 * Probe.CORNERS)

@@ -84,6 +84,14 @@ data class Board @JvmOverloads constructor(
         markerMm, if (patches) 1.0 else 0.0,
     )
 
+    /**
+     * The board as a file to be printed at 100 %, as `svbrdf board` prints it. A PNG has 600 pixels per
+     * inch.
+     */
+    @JvmOverloads
+    fun print(format: SheetFormat = SheetFormat.PDF, page: Page = Page.A4): ByteArray =
+        Native.boardPrint(numbers(), dictionary?.let(Native::text), page.code, format.code)
+
     companion object {
         /** The board that `svbrdf board` prints on A4; its hole is 115 x 126.5 mm. */
         @JvmField val DEFAULT = Board(17, 16, 11.5, 3, 3, 14, 13, patches = true)

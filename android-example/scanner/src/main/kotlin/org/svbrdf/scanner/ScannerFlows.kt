@@ -1,7 +1,7 @@
 package org.svbrdf.scanner
 
-import kotlinx.coroutines.CoroutineDispatcher
-import kotlinx.coroutines.Dispatchers
+import kotlin.coroutines.resume
+import kotlin.coroutines.resumeWithException
 import kotlinx.coroutines.channels.BufferOverflow
 import kotlinx.coroutines.flow.Flow
 import kotlinx.coroutines.flow.MutableSharedFlow
@@ -9,7 +9,7 @@ import kotlinx.coroutines.flow.MutableStateFlow
 import kotlinx.coroutines.flow.StateFlow
 import kotlinx.coroutines.flow.asStateFlow
 import kotlinx.coroutines.flow.mapNotNull
-import kotlinx.coroutines.withContext
+import kotlinx.coroutines.suspendCancellableCoroutine
 
 /**
  * A scanner's callbacks as flows. Slow collectors see the latest, never a queue:
@@ -45,9 +45,13 @@ class ScannerFlows : MaterialScanner.Listener {
     }
 }
 
-/** [MaterialScanner.push] off the caller's thread. */
-suspend fun MaterialScanner.pushSuspending(
-    photo: Photo,
-    info: PhotoInfo = PhotoInfo(),
-    dispatcher: CoroutineDispatcher = Dispatchers.Default,
-): Pushed = withContext(dispatcher) { push(photo, info) }
+/**
+ * [MaterialScanner.push] without a thread that waits: the caller's is busy only while the planes are
+ * copied.
+ */
+suspend fun MaterialScanner.pushSuspending(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
+    suspendCancellableCoroutine { waiting ->
+        pushAsync(photo, info) { pushed, fault ->
+            if (pushed != null) waiting.resume(pushed) else waiting.resumeWithException(fault!!)
+        }
+    }

@@ -1,0 +1,222 @@
+// When scanners end, what they call and when, what is left behind.
+
+package org.svbrdf.scanner
+
+import java.io.File
+import java.lang.ref.WeakReference
+import java.util.concurrent.ConcurrentLinkedQueue
+import java.util.concurrent.CountDownLatch
+import java.util.concurrent.LinkedBlockingQueue
+import java.util.concurrent.TimeUnit
+import java.util.concurrent.atomic.AtomicInteger
+import java.util.concurrent.atomic.AtomicReference
+import kotlin.concurrent.thread
+import kotlinx.coroutines.flow.first
+import kotlinx.coroutines.runBlocking
+
+fun callbacksThatMisbehave() {
+    // Exceptions go to the thread's handler; closing inside a callback is fine.
+    val uncaught = ConcurrentLinkedQueue<Throwable>()
+    val before = Thread.getDefaultUncaughtExceptionHandler()
+    Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
+    val closed = CountDownLatch(1)
+    val late = AtomicInteger()
+    val listener = object : MaterialScanner.Listener {
+        override fun onMaps(scanner: MaterialScanner) {
+            throw IllegalStateException("mine")
+        }
+
+        override fun onProgress(scanner: MaterialScanner, progress: Progress) {
+            if (closed.count == 0L) {
+                late.incrementAndGet()
+            }
+            scanner.close()
+            closed.countDown()
+        }
+    }
+    val scanner = MaterialScanner(small, listener)
+    // The callbacks may close it before the call has returned.
+    val pushed = runCatching { scanner.pushRectified(gray(), above, above) }
+    verify(pushed.getOrNull() is Pushed.Accepted) { "$pushed" }
+    verify(closed.await(60, TimeUnit.SECONDS)) { "no callback" }
+    Thread.sleep(50)
+    Thread.setDefaultUncaughtExceptionHandler(before)
+    verify(uncaught.any() && uncaught.all { it.message == "mine" }) { "$uncaught" }
+    verify(late.get() == 0) { "$late" }
+    uncaught.clear()
+    throws<IllegalStateException>("closed") { scanner.progress }
+    // Closed by others while a callback runs: what fails there then is nobody's fault.
+    val inside = CountDownLatch(1)
+    val slow = object : MaterialScanner.Listener {
+        override fun onMaps(scanner: MaterialScanner) {
+            inside.countDown()
+            while (true) {
+                scanner.snapshot()?.close()
+            }
+        }
+    }
+    Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
+    MaterialScanner(small, slow).use { other ->
+        other.pushRectified(gray(), above, above)
+        verify(inside.await(60, TimeUnit.SECONDS)) { "no callback" }
+    }
+    Thread.setDefaultUncaughtExceptionHandler(before)
+    verify(uncaught.isEmpty()) { "closing was told as a fault: $uncaught" }
+}
+
+fun closingWhileOthersCall() {
+    repeat(10) {
+        val scanner = MaterialScanner(small, ScannerFlows())
+        val surprise = AtomicReference<Throwable>()
+        val workers = List(4) { worker ->
+            thread {
+                try {
+                    while (true) {
+                        when (worker) {
+                            0 -> scanner.pushRectified(gray(), above, above)
+                            1 -> scanner.snapshot()?.use { it.rgba8(MapKind.NORMAL) }
+                            2 -> scanner.await(1)
+                            else -> scanner.progress
+                        }
+                    }
+                } catch (expected: IllegalStateException) {
+                    // Closed.
+                } catch (thrown: Throwable) {
+                    if ((thrown as? ScannerException)?.fault != Fault.CANCELLED) {
+                        surprise.set(thrown)
+                    }
+                }
+            }
+        }
+        Thread.sleep(30)
+        scanner.close()
+        workers.forEach { it.join() }
+        surprise.get()?.let { throw it }
+    }
+}
+
+fun flows(): Unit = runBlocking {
+    val flows = ScannerFlows()
+    MaterialScanner(small, flows).use { scanner ->
+        // For boards; this scanner takes photos from the top.
+        val refused = runCatching { scanner.pushSuspending(gray()) }
+        verify(refused.exceptionOrNull() is IllegalArgumentException) { "$refused" }
+        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
+        flows.maps.first().use { verify(it.width == 256) { "${it.width}" } }
+        flows.progress.first { it != null && it.settled }
+    }
+}
+
+fun forgotten() {
+    // Scanners and maps that nobody closed are freed after their owners.
+    val weak = List(5) {
+        val scanner = MaterialScanner(small, ScannerFlows())
+        scanner.pushRectified(gray(), above, above)
+        scanner.snapshot()
+        WeakReference(scanner)
+    }
+    val deadline = System.nanoTime() + 30_000_000_000
+    while (Handle.open > 0 && System.nanoTime() < deadline) {
+        System.gc()
+        Thread.sleep(20)
+    }
+    verify(weak.all { it.get() == null } && Handle.open == 0) { "${Handle.open} handles left" }
+}
+
+fun residentKiB(): Long =
+    File("/proc/self/status").readLines().first { it.startsWith("VmRSS") }
+        .filter { it.isDigit() }.toLong()
+
+fun twoHundredSessions() {
+    val listener = object : MaterialScanner.Listener {}
+    // Every fifth takes a photo in, which is what costs time; none waits for a fit.
+    fun sessions(count: Int) = repeat(count) { index ->
+        MaterialScanner(small, listener).use { scanner ->
+            if (index % 5 == 0) {
+                scanner.pause()
+                scanner.pushRectified(gray(), above, above)
+                scanner.snapshot()!!.use { it.rgba8(MapKind.DIFFUSE) }
+            }
+        }
+    }
+    // Networks are parsed once while a session lives.
+    MaterialScanner(small).use {
+        sessions(40)
+        // One leaked set of maps has 2 MiB, a leaked session more: 40 of them have twice the limit.
+        // The Java heap and the allocator's arenas grow as well, but not again and again.
+        val leaks = (1..3).all {
+            System.gc()
+            val before = residentKiB()
+            sessions(200)
+            System.gc()
+            val growth = residentKiB() - before
+            println("200 sessions: $growth KiB more, of ${residentKiB()}")
+            growth >= 40 * 1024
+        }
+        verify(!leaks) { "memory grows with every session" }
+    }
+    verify(Handle.open == 0 && Native.registered == 0) { "${Handle.open} ${Native.registered}" }
+}
+
+/** Photos that no thread of the app waits for. */
+fun pushedWithoutWaiting() {
+    val came = LinkedBlockingQueue<Pair<Pushed?, Throwable?>>()
+    val scanner = MaterialScanner(options)
+    scanner.pause()
+    fun push(index: Int, time: Long, info: PhotoInfo = PhotoInfo(timestampNs = time)) =
+        scanner.pushAsync(photo(index), info) { pushed, fault -> came.add(pushed to fault) }
+    push(0, 7)
+    val first = came.take().first as Pushed.Accepted
+    verify(first.timestampNs == 7L && first.index == 0 && first.pose != null) { "$first" }
+    push(0, 8, PhotoInfo(flash = Flash.OFF, timestampNs = 8))
+    val dark = came.take().first as Pushed.Rejected
+    verify(dark.reason == Rejection.LIGHT_NOT_VISIBLE && dark.timestampNs == 8L) { "$dark" }
+    throws<IllegalArgumentException>("focal") { push(0, 9, PhotoInfo(focal35mm = Float.NaN)) }
+    // As many as are taken, until one is refused; all of them are told when it is closed.
+    var sent = 0
+    val busy = runCatching { repeat(100) { push(1, it.toLong()); sent++ } }.exceptionOrNull()
+    verify((busy as ScannerException).fault == Fault.BUSY && sent >= 3) { "$busy" }
+    scanner.close()
+    verify(came.size == sent) { "${came.size} of $sent" }
+    for ((pushed, fault) in came) {
+        verify(pushed is Pushed.Accepted || (fault as ScannerException).fault == Fault.CANCELLED) { "$fault" }
+    }
+    throws<IllegalStateException>("closed") { push(0, 1) }
+    verify(came.size == sent) { "told of a photo that was refused" }
+
+    // Exceptions go to the thread's handler, and nothing is held up.
+    val uncaught = LinkedBlockingQueue<Throwable>()
+    val before = Thread.getDefaultUncaughtExceptionHandler()
+    Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
+    MaterialScanner(small).use { other ->
+        other.pushAsync(gray()) { pushed, fault ->
+            verify(pushed == null && fault is IllegalArgumentException) { "$pushed $fault" }
+            throw IllegalStateException("mine")
+        }
+        verify(uncaught.take().message == "mine") { "another one" }
+    }
+    Thread.setDefaultUncaughtExceptionHandler(before)
+}
+
+/** Threads and log of the library as a whole. */
+fun ofTheLibrary() {
+    val roles = ConcurrentLinkedQueue<ThreadRole>()
+    val lines = ConcurrentLinkedQueue<String>()
+    Library.setThreadHook { roles.add(it) }
+    Library.setLogListener { level, line -> lines.add("$level $line") }
+    fun run() = MaterialScanner(small, ScannerFlows()).use { scanner ->
+        scanner.pushRectified(gray(), above, above)
+        val told = CountDownLatch(1)
+        scanner.pushAsync(gray()) { _, _ -> told.countDown() }
+        told.await()
+    }
+    run()
+    val expected = ThreadRole.entries - ThreadRole.OTHER
+    verify(roles.containsAll(expected)) { "$roles" }
+    verify(lines.any { it.startsWith("INFO session") } && lines.any { "accepted" in it }) { "$lines" }
+    Library.setThreadHook(null)
+    Library.setLogListener(null)
+    val (threads, told) = roles.size to lines.size
+    run()
+    verify(roles.size == threads && lines.size == told) { "told after the end" }
+}

@@ -1,0 +1,112 @@
+//! Photos into a session, without waiting.
+
+use std::ffi::c_void;
+use std::sync::atomic::Ordering;
+
+use engine::session::Pushed;
+use engine::{Error, Rejection};
+
+use super::frames::outcome;
+use crate::handles::svbrdf_session;
+use crate::image::svbrdf_image;
+use crate::live::{SESSIONS, look};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::owned_frame::OwnedFrame;
+use crate::reports::svbrdf_frame_report;
+use crate::status::{Fault, svbrdf_status};
+use crate::versioned;
+
+/// Called with what became of a photo of svbrdf_session_push_frame_async(): the status and the report
+/// that svbrdf_session_push_frame() would have given; where it is neither SVBRDF_OK nor
+/// SVBRDF_REJECTED, the report has the timestamp only. The report is valid during the call, and so is
+/// what svbrdf_last_error_message() says there until the next call of the library. See "Threads" at
+/// the top.
+pub type svbrdf_pushed_callback = Option<
+    unsafe extern "C" fn(
+        user_data: *mut c_void,
+        session: *mut svbrdf_session,
+        status: svbrdf_status,
+        report: *const svbrdf_frame_report,
+    ),
+>;
+
+/// The caller's function.
+struct Callback {
+    call: unsafe extern "C" fn(
+        *mut c_void,
+        *mut svbrdf_session,
+        svbrdf_status,
+        *const svbrdf_frame_report,
+    ),
+    user_data: *mut c_void,
+}
+
+// SAFETY: the header tells callers that the callback comes on another thread; the pointer is only
+// handed back to them.
+unsafe impl Send for Callback {}
+
+impl Callback {
+    fn call(
+        &self,
+        session: *mut svbrdf_session,
+        status: svbrdf_status,
+        report: &svbrdf_frame_report,
+    ) {
+        // SAFETY: the caller's function with the arguments that the header says; the report lives
+        // during the call.
+        unsafe { (self.call)(self.user_data, session, status, report) };
+    }
+}
+
+/// As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied as
+/// they are, so that their memory is the caller's again. Photos are taken in one after the other in
+/// the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
+/// happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
+/// SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
+/// not come. SVBRDF_BUSY when three photos are on their way already; their copies are not counted
+/// by svbrdf_session_options.memory_limit_bytes.
+///
+/// # Safety
+/// As svbrdf_session_push_frame().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_push_frame_async(
+    session: *mut svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    callback: svbrdf_pushed_callback,
+    user_data: *mut c_void,
+) -> svbrdf_status {
+    look(session, |live| {
+        let call = callback.ok_or_else(|| Fault::argument("callback: NULL given"))?;
+        let callback = Callback { call, user_data };
+        live.usable()?;
+        if live.cancelled.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled.into());
+        }
+        let place = live.pushes.place()?;
+        // SAFETY: the caller vouches for the structs and planes.
+        let (info, frame) = unsafe {
+            let (image, info) = (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?);
+            let dark = info.flash == SVBRDF_FLASH_OFF;
+            (info, if dark { None } else { Some(OwnedFrame::copy(&image, &info)?) })
+        };
+        // Kept alive until the callback has come, also after its end.
+        let held = SESSIONS.get(session.addr())?;
+        let timestamp_ns = info.timestamp_ns;
+        live.pushes.put(move || {
+            let mut report = svbrdf_frame_report { timestamp_ns, ..Default::default() };
+            let status = held.act(|live| {
+                let pushed = match &frame {
+                    Some(frame) => live.session.push(&frame.photo()?)?,
+                    None => Pushed::Rejected(Rejection::LightNotVisible),
+                };
+                let result;
+                (result, report) = outcome(live, &pushed, timestamp_ns);
+                result
+            });
+            // Before the callback, which may bring the next one.
+            drop((frame, place));
+            callback.call(held.handle(), status, &report);
+        })
+    })
+}

@@ -1,0 +1,178 @@
+// Part of svbrdf.hpp: maps, what is made of them, and boards to print.
+#ifndef SVBRDF_MAPS_HPP
+#define SVBRDF_MAPS_HPP
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core.hpp"
+
+namespace svbrdf {
+
+/// A map in memory of its Maps.
+template <typename T>
+struct MapView {
+    Span<const T> values;
+    std::uint32_t width, height, channels;
+    /// First channel of a texel.
+    const T* at(std::uint32_t x, std::uint32_t y) const noexcept {
+        return values.data() + (std::size_t{y} * width + x) * channels;
+    }
+};
+
+/// Exported files in memory.
+class Package {
+public:
+    explicit Package(svbrdf_package* package) noexcept : owner_(package) {}
+    /// Number of files.
+    std::uint32_t count() const {
+        std::uint32_t count = 0;
+        check(svbrdf_package_count(owner_.get(), &count));
+        return count;
+    }
+    /// Name of a file: relative, "/" between folders.
+    std::string name(std::uint32_t index) const {
+        const char* name = nullptr;
+        check(svbrdf_package_file(owner_.get(), index, &name, nullptr, nullptr));
+        return name;
+    }
+    /// Valid as long as this package.
+    Span<const std::uint8_t> bytes(std::uint32_t index) const {
+        const void* data = nullptr;
+        std::size_t size = 0;
+        check(svbrdf_package_file(owner_.get(), index, nullptr, &data, &size));
+        return {static_cast<const std::uint8_t*>(data), size};
+    }
+    /// The file of that name; empty where there is none.
+    Span<const std::uint8_t> bytes(const std::string& wanted) const {
+        for (std::uint32_t i = 0, n = count(); i < n; ++i) {
+            if (name(i) == wanted) {
+                return bytes(i);
+            }
+        }
+        return {};
+    }
+
+private:
+    detail::Owner<svbrdf_package, svbrdf_package_destroy> owner_;
+};
+
+/// Maps at one moment.
+class Maps {
+public:
+    explicit Maps(svbrdf_maps* maps) noexcept : owner_(maps) {}
+
+    /// Linear values: three channels, one for roughness. Valid as long as these maps.
+    MapView<float> floats(svbrdf_map map) const {
+        return view<float>(map, SVBRDF_MAP_FORMAT_F32);
+    }
+    /// Four bytes a texel, as glTF wants them. Valid as long as these maps.
+    MapView<std::uint8_t> rgba8(svbrdf_map map) const {
+        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGBA8);
+    }
+    /// Three bytes a texel. Valid as long as these maps.
+    MapView<std::uint8_t> rgb8(svbrdf_map map) const {
+        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGB8);
+    }
+    /// One byte a texel, of roughness. Valid as long as these maps.
+    MapView<std::uint8_t> r8(svbrdf_map map) const {
+        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_R8);
+    }
+    /// Four half floats a texel, as bits. Valid as long as these maps.
+    MapView<std::uint16_t> rgba16f(svbrdf_map map) const {
+        return view<std::uint16_t>(map, SVBRDF_MAP_FORMAT_RGBA16F);
+    }
+    /// Four floats a texel. Valid as long as these maps.
+    MapView<float> rgba32f(svbrdf_map map) const {
+        return view<float>(map, SVBRDF_MAP_FORMAT_RGBA32F);
+    }
+    /// Copies a map; rows of `row_stride` bytes, 0: no gap.
+    void copy(svbrdf_map map, svbrdf_map_format format, void* data, std::size_t bytes,
+              std::size_t row_stride = 0) const {
+        check(svbrdf_maps_copy(get(), map, format, data, bytes, row_stride));
+    }
+    /// The maps at 1 / 2^level of their size.
+    Maps reduced(std::uint32_t level) const {
+        svbrdf_maps* small = nullptr;
+        check(svbrdf_maps_reduced(get(), level, &small));
+        return Maps(small);
+    }
+    /// Renders the maps into memory of the caller's; rows as in copy().
+    void render(const svbrdf_render_options& options, svbrdf_map_format format, void* data,
+                std::size_t bytes, std::size_t row_stride = 0) const {
+        check(svbrdf_maps_render(get(), &options, format, data, bytes, row_stride));
+    }
+    /// The same as sRGB, four bytes a texel.
+    std::vector<std::uint8_t> render(const svbrdf_render_options& options) const {
+        const auto [width, height] = size();
+        std::vector<std::uint8_t> rgba(std::size_t{4} * width * height);
+        render(options, SVBRDF_MAP_FORMAT_RGBA8, rgba.data(), rgba.size());
+        return rgba;
+    }
+    std::pair<std::uint32_t, std::uint32_t> size() const {
+        std::uint32_t width = 0, height = 0;
+        check(svbrdf_maps_size(get(), &width, &height, nullptr));
+        return {width, height};
+    }
+    std::array<float, 2> sample_mm() const {
+        std::array<float, 2> mm{};
+        check(svbrdf_maps_size(get(), nullptr, nullptr, mm.data()));
+        return mm;
+    }
+    /// Standard deviation of each map as a whole; of a Session::snapshot_confidence() only.
+    svbrdf_confidence confidence() const {
+        svbrdf_confidence found = make(svbrdf_confidence_init);
+        check(svbrdf_maps_confidence(get(), &found));
+        return found;
+    }
+    /// The same at every texel, one value each. Valid as long as these maps.
+    MapView<float> deviations(svbrdf_map map) const {
+        svbrdf_map_view v = make(svbrdf_map_view_init);
+        check(svbrdf_maps_deviations(get(), map, &v));
+        return {Span<const float>(static_cast<const float*>(v.data), v.bytes / sizeof(float)),
+                v.width, v.height, v.channels};
+    }
+    /// Writes PNG, EXR and a preview into a folder.
+    void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), path.c_str())); }
+    /// Files for other programs, e.g. "glb,usdz", into a folder: all of them or none.
+    void export_formats(const std::string& path, const std::string& formats,
+                        svbrdf_export_options options = make(svbrdf_export_options_init)) const {
+        options.formats = formats.c_str();
+        check(svbrdf_maps_export_formats(get(), &options, path.c_str()));
+    }
+    /// The same in memory.
+    Package package(const std::string& formats,
+                    svbrdf_export_options options = make(svbrdf_export_options_init)) const {
+        options.formats = formats.c_str();
+        svbrdf_package* package = nullptr;
+        check(svbrdf_maps_export_package(get(), &options, &package));
+        return Package(package);
+    }
+    svbrdf_maps* get() const noexcept { return owner_.get(); }
+
+private:
+    template <typename T>
+    MapView<T> view(svbrdf_map map, svbrdf_map_format format) const {
+        svbrdf_map_view v = make(svbrdf_map_view_init);
+        check(svbrdf_maps_view(get(), map, format, &v));
+        return {Span<const T>(static_cast<const T*>(v.data), v.bytes / sizeof(T)), v.width,
+                v.height, v.channels};
+    }
+    detail::Owner<svbrdf_maps, svbrdf_maps_destroy> owner_;
+};
+
+/// A board as a file to be printed at 100 %; nullptr: the default one.
+inline Buffer print_board(const svbrdf_board* board = nullptr, svbrdf_page page = SVBRDF_PAGE_A4,
+                          svbrdf_sheet_format format = SVBRDF_SHEET_PDF) {
+    svbrdf_buffer* buffer = nullptr;
+    check(svbrdf_board_print(board, page, format, &buffer));
+    return Buffer(buffer);
+}
+
+}  // namespace svbrdf
+
+#endif

@@ -1,0 +1,43 @@
+//! A hook at the start of the library's threads, by which programs set priorities.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// What a thread is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Role {
+    /// Steers the fit of a session.
+    Fit,
+    /// Shares the work of fits and of calls.
+    Work,
+}
+
+/// Called on a thread before anything else.
+pub type StartHook = Arc<dyn Fn(Role) + Send + Sync>;
+
+static HOOK: RwLock<Option<StartHook>> = RwLock::new(None);
+
+/// Has every thread that the library starts from now on call `hook` first; `None` ends that. What
+/// runs outside of sessions, such as renderings and exports, is shared among rayon's global threads:
+/// the first hook starts them, unless the program has. A panic of the hook is dropped.
+pub fn set_start_hook(hook: Option<StartHook>) {
+    let starts = hook.is_some();
+    *HOOK.write().unwrap_or_else(PoisonError::into_inner) = hook;
+    if starts {
+        // Fails where they run already: then they are not of the library's starting.
+        let _ = rayon::ThreadPoolBuilder::new()
+            .thread_name(|i| format!("svbrdf-global-{i}"))
+            .start_handler(|_| started(Role::Work))
+            .build_global();
+    }
+}
+
+/// Calls the hook on a thread that has just started.
+pub(crate) fn started(role: Role) {
+    let hook = HOOK.read().unwrap_or_else(PoisonError::into_inner).clone();
+    if let Some(hook) = hook {
+        // Threads of a pool would end the process.
+        let _ = catch_unwind(AssertUnwindSafe(|| hook(role)));
+    }
+}
