@@ -23,6 +23,7 @@
 
 mod fit;
 mod lobe;
+mod model;
 mod squares;
 
 use glam::DVec3;
@@ -31,6 +32,8 @@ use crate::Rejection;
 use crate::calibration::Target;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+
+use model::{Ink, Problem, Sample};
 
 pub use lobe::Lobe;
 pub use squares::{Square, Squares};
@@ -51,8 +54,8 @@ const MAX_SIGMA: f64 = 0.25;
 /// Squares this close to the mirror direction (half vector to normal) may glare.
 const GLARE_DEGREES: f64 = 8.0;
 const GLARE_SIGMA: f64 = 4.0;
-/// Standard deviation of a black square relative to a white one's.
-const BLACK_SIGMA: f64 = 5.0;
+/// Standard deviation of a printed square relative to a white one's.
+const INK_SIGMA: f64 = 5.0;
 
 /// Flash position in the camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -247,12 +250,18 @@ impl PhotometricCalibrator {
         })
     }
 
-    fn problem(&self, reference_mm: f64) -> fit::Problem {
+    fn problem(&self, reference_mm: f64) -> Problem {
         let (offset_mm, offset_sigma_mm) = match self.flash {
             FlashOffset::Known(offset) => (offset, DVec3::ZERO),
             FlashOffset::Estimated { prior_mm, sigma_mm } => (prior_mm, sigma_mm),
         };
-        fit::Problem { reference_mm, offset_mm, offset_sigma_mm, ambient_sigma: AMBIENT_SIGMA }
+        Problem {
+            reference_mm,
+            offset_mm,
+            offset_sigma_mm,
+            ambient_sigma: AMBIENT_SIGMA,
+            tone_sigma: 0.0,
+        }
     }
 
     fn expected_offset(&self) -> DVec3 {
@@ -262,31 +271,41 @@ impl PhotometricCalibrator {
         }
     }
 
-    fn samples(&self, index: usize, frame: &Frame) -> impl Iterator<Item = fit::Sample> {
+    fn samples(&self, index: usize, frame: &Frame) -> impl Iterator<Item = Sample> {
         let light = frame.pose.to_board(self.expected_offset());
         let camera = frame.pose.camera_centre();
+        let exposure = f64::from(frame.squares.exposure);
         let (white_albedo, black_albedo) = (self.target.white_albedo, self.target.black_albedo);
-        // An albedo of 0 says nothing about the light.
-        let usable = move |s: &&Square| s.white || black_albedo > 0.0;
-        frame.squares.squares.iter().filter(usable).flat_map(move |square| {
+        let sample = move |square: &Square, ink: Ink, albedo: f64| {
             let board_mm = square.board_mm.extend(0.0);
             let half = (light - board_mm).normalize() + (camera - board_mm).normalize();
             let glares = half.normalize().z > GLARE_DEGREES.to_radians().cos();
-            let albedo = if square.white { white_albedo } else { black_albedo };
             let sigma = if glares { GLARE_SIGMA } else { 1.0 }
-                * if square.white { 1.0 } else { BLACK_SIGMA };
+                * if ink == Ink::None { 1.0 } else { INK_SIGMA };
+            let value = square.value.map(|v| v.map(f64::from));
             (0..3).filter_map(move |channel| {
-                let value = f64::from(square.value[channel]?);
-                Some(fit::Sample {
+                let value = value[channel]?;
+                Some(Sample {
                     frame: index,
                     channel,
-                    white: square.white,
+                    ink,
+                    log_stored: (value * exposure).ln(),
                     log_value: (value / albedo).ln(),
                     board_mm,
                     sigma,
                 })
             })
-        })
+        };
+        let ink = |white| if white { Ink::None } else { Ink::Black };
+        let [_, patch, _] = self.target.patches();
+        let gray = (Ink::Gray, self.target.patch_albedo(&patch));
+        let gray = frame.squares.gray.iter().map(move |s| (s, gray.0, gray.1));
+        let squares = frame.squares.squares.iter();
+        let squares =
+            squares.map(move |s| (s, ink(s.white), if s.white { white_albedo } else { black_albedo }));
+        // An albedo of 0 says nothing about the light.
+        let all = squares.chain(gray).filter(|(_, _, albedo)| *albedo > 0.0);
+        all.flat_map(move |(square, ink, albedo)| sample(square, ink, albedo))
     }
 
     /// Whether one photo's squares, taken alone, leave room for the flash.
@@ -297,7 +316,7 @@ impl PhotometricCalibrator {
         }
         let samples: Vec<_> = self.samples(0, frame).collect();
         // No opinion on the ambient: a share between 0 and 1 is all that is known.
-        let problem = fit::Problem { ambient_sigma: 1.0, ..self.problem(light.length()) };
+        let problem = Problem { ambient_sigma: 1.0, ..self.problem(light.length()) };
         let alone = fit::solve(&samples, &[frame.pose], &problem);
         let least = (0..3).map(|c| alone.ambient_share[c] - 2.0 * alone.ambient_share_sigma[c]);
         alone.sigma.is_finite() && least.fold(f64::INFINITY, f64::min) < MAX_AMBIENT
@@ -310,28 +329,19 @@ impl PhotometricCalibrator {
             self.frames.iter().enumerate().flat_map(|(i, f)| self.samples(i, f)).collect();
         let poses: Vec<_> = self.frames.iter().map(|f| f.pose).collect();
         let problem = self.problem(reference_mm);
-        let mut solution = fit::solve(&samples, &poses, &problem);
-        let share = solution.ambient_share;
-        let ambient_raw = std::array::from_fn(|c| {
-            // q / (1 - q): from a share of all light to a ratio to the flash's.
-            let scale = 1.0 / (1.0 - share[c]);
-            (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
-        });
-        let seen = |&(value, sigma): &(f64, f64)| value > AMBIENT_SIGNIFICANCE * sigma;
-        let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
-        let mut problem = fit::Problem { ambient_sigma, ..problem };
-        if ambient_sigma == 0.0 {
-            solution = fit::solve(&samples, &poses, &problem);
+        let plain: Vec<_> = samples.iter().copied().filter(|s| s.ink != Ink::Gray).collect();
+        let linear = light(&plain, &poses, &problem);
+        if std::env::var_os("TONE_DEBUG").is_some() {
+            let curved = light(&samples, &poses, &Problem { tone_sigma: 0.5, ..problem });
+            let s = &curved.solution;
+            let sd = |i: usize| s.tone_covariance[i][i].sqrt();
+            eprintln!("TONE n {} sigma {:.4} -> {:.4} tone {:+.3} {:+.3} {:+.3} sd {:.3} {:.3} {:.3} black {:.3} -> {:.3} gray {:.3} amb {:.3} -> {:.3} exp {:.2} {:.2} {:.2} -> {:.2} {:.2} {:.2} off {:.1} -> {:.1}",
+                poses.len(), linear.solution.sigma, s.sigma, s.tone[0], s.tone[1], s.tone[2], sd(0), sd(1), sd(2),
+                linear.solution.black_ratio[1], s.black_ratio[1], s.gray_ratio, linear.solution.ambient_share[1], s.ambient_share[1],
+                linear.solution.exponent, linear.solution.curvature, linear.solution.lobe.exponent,
+                s.exponent, s.curvature, s.lobe.exponent, linear.solution.offset_mm, s.offset_mm);
         }
-        let off = (solution.offset_mm - problem.offset_mm).abs();
-        let spread = solution.offset_sigma_mm;
-        if spread.max_element() > OFFSET_SIGMA_MAX_MM
-            && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
-        {
-            problem = fit::Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
-            solution = fit::solve(&samples, &poses, &problem);
-            solution.offset_sigma_mm = spread;
-        }
+        let Light { solution, ambient_raw } = linear;
         let share = solution.ambient_share;
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
         let photometry = Photometry {
@@ -352,6 +362,36 @@ impl PhotometricCalibrator {
         };
         (photometry, frame_sigma)
     }
+}
+
+/// What the squares tell, after what they cannot tell was taken as expected.
+struct Light {
+    solution: fit::Solution,
+    ambient_raw: [(f64, f64); 3],
+}
+
+fn light(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Light {
+    let mut solution = fit::solve(samples, poses, problem);
+    let share = solution.ambient_share;
+    let ambient_raw = std::array::from_fn(|c| {
+        // q / (1 - q): from a share of all light to a ratio to the flash's.
+        let scale = 1.0 / (1.0 - share[c]);
+        (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
+    });
+    let seen = |&(value, sigma): &(f64, f64)| value > AMBIENT_SIGNIFICANCE * sigma;
+    let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
+    let mut problem = Problem { ambient_sigma, ..*problem };
+    if ambient_sigma == 0.0 {
+        solution = fit::solve(samples, poses, &problem);
+    }
+    let off = (solution.offset_mm - problem.offset_mm).abs();
+    let spread = solution.offset_sigma_mm;
+    if spread.max_element() > OFFSET_SIGMA_MAX_MM && off.cmple(OFFSET_SIGNIFICANCE * spread).all() {
+        problem = Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
+        solution = fit::solve(samples, poses, &problem);
+        solution.offset_sigma_mm = spread;
+    }
+    Light { solution, ambient_raw }
 }
 
 #[cfg(test)]

@@ -202,7 +202,7 @@ fn read_squares(r: &mut Reader) -> Result<Squares> {
         Ok(Square { white, board_mm, value })
     };
     let squares = (0..count).map(|_| square(r)).collect::<Result<_>>()?;
-    Ok(Squares { squares, exposure, clipped_share })
+    Ok(Squares { squares, gray: None, exposure, clipped_share })
 }
 
 fn write_pose(w: &mut Writer, pose: &Pose) {
