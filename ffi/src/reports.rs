@@ -421,7 +421,7 @@ mod tests {
         };
         let report = told(vec![
             Hint::NothingNew { index: 4 },
-            Hint::NotLinear { what: "gray", ratio: 0.52 },
+            Hint::NotLinear { what: "gray", ratio: 0.52, undone: false },
         ]);
         assert_eq!(report.hints, SVBRDF_HINT_NOTHING_NEW | SVBRDF_HINT_NOT_LINEAR);
         assert_eq!((report.same_view_as, report.over_white), (4, 0.52));

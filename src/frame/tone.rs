@@ -33,6 +33,28 @@ fn weights(encoded: f64) -> [f64; 3] {
 }
 
 impl ToneCurve {
+    /// Largest logarithm of a slope, either way, that is looked for and believed.
+    pub const MAX_LOG_SLOPE: f64 = 2.0;
+
+    /// Whether a camera may have such a curve.
+    pub(crate) fn is_plausible(&self) -> bool {
+        self.log_slopes.iter().all(|s| s.abs() <= Self::MAX_LOG_SLOPE)
+            && (0.0..=f32::MAX).contains(&self.unknown_from)
+    }
+
+    /// Values proportional to radiance of stored ones.
+    pub fn undone(&self, stored: [f32; 3]) -> [f32; 3] {
+        ToneTable::new(self).map_or(stored, |table| stored.map(|v| table.undo(v)))
+    }
+
+    /// Ratio of the stored values of two surfaces under the same light, the brighter one at the
+    /// anchor.
+    pub(crate) fn stored_ratio(&self, radiances: f32) -> f32 {
+        let anchor = ANCHOR.powf(1.0 / ENCODED) as f32;
+        ToneTable::new(self)
+            .map_or(radiances, |table| table.put_on(anchor * radiances) / anchor)
+    }
+
     /// Whether values stay as they are.
     pub fn is_identity(&self) -> bool {
         self.log_slopes == [0.0; 3]

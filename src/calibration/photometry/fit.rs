@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::lobe::Lobe;
 use super::model::{Ink, Model, Problem, Sample, parameter};
+use crate::frame::{LogCurve, ToneCurve};
 use crate::geometry::Pose;
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
 
@@ -20,15 +21,19 @@ const PATTERN_SIGMA: f64 = 0.3;
 const BLACK_SIGMA: f64 = 0.3;
 /// The same of the gray patch: printers spread or lighten middle tones by that much.
 const GRAY_SIGMA: f64 = 0.3;
-/// What a tone curve's slopes are expected to be off 1, as logarithms, is the caller's; steps are no
-/// larger than this and slopes stay in this range.
+/// Largest step of a tone curve's logarithmic slopes.
 const TONE_STEP: f64 = 0.4;
-const TONE_MAX: f64 = 2.0;
 /// Exposure metadata is rounded and flashes repeat to about this.
 const SCALE_SIGMA: f64 = 0.02;
 /// Least standard deviation of a square's log value that is believed: paper is not Lambertian and
 /// lies not quite flat.
 const MIN_SIGMA: f64 = 0.004;
+/// The same with a tone curve: the family meets curves of cameras to about 1 %.
+pub(super) const TONE_MIN_SIGMA: f64 = 0.01;
+/// Relative standard deviation up to which values above those of white squares are used, and the
+/// steps in which the level is looked for where the curve is worse known.
+const TONE_KNOWN: f64 = 0.25;
+const TONE_LEVELS: usize = 64;
 /// Errors of the three channels of a square are the same error.
 const CHANNEL_CORRELATION: f64 = 3.0;
 /// Huber's threshold in sigma: 95 % efficiency for Gaussian errors.
@@ -57,11 +62,11 @@ pub(super) struct Solution {
     pub offset_sigma_mm: DVec3,
     /// True over nominal albedo of black squares.
     pub black_ratio: [f64; 3],
-    /// The same of the gray patch.
-    pub gray_ratio: f64,
     /// Parameters of the tone curve and their covariance.
     pub tone: [f64; 3],
     pub tone_covariance: [[f64; 3]; 3],
+    /// Everything that was found, as the fit has it.
+    theta: DVector<f64>,
     /// Robust standard deviation of the residuals of log values.
     pub sigma: f64,
     /// The same for each photo; NaN for a photo without samples.
@@ -95,6 +100,54 @@ pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> So
     let (fit, theta) = Fit::new(samples, poses, problem);
     let (State { theta, sigma, covariance }, _) = minimise(&fit, State::new(theta), &REFINEMENT);
     fit.solution(&theta, sigma, &covariance)
+}
+
+impl Solution {
+    /// The tone curve, as far as it is known: from the level of the white squares up, what it makes of
+    /// a value is believed to [`TONE_KNOWN`].
+    pub fn tone_curve(&self, samples: &[Sample]) -> ToneCurve {
+        let curve = ToneCurve { log_slopes: self.tone, unknown_from: 0.0 };
+        if curve.is_identity() {
+            return curve;
+        }
+        let white = samples.iter().filter(|s| s.ink == Ink::None);
+        let white = median(&mut white.map(|s| s.log_stored).collect::<Vec<f64>>());
+        let log = LogCurve::new(curve);
+        let from = log.at(white).by_parameters;
+        let sigma = |log_stored: f64| {
+            let to = log.at(log_stored).by_parameters;
+            let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+            let row = |i: usize| (0..3).map(|j| self.tone_covariance[i][j] * d[j]).sum::<f64>();
+            (0..3).map(|i| d[i] * row(i)).sum::<f64>().sqrt()
+        };
+        let levels = (0..TONE_LEVELS).map(|i| white * (1.0 - i as f64 / TONE_LEVELS as f64));
+        let unknown = levels.into_iter().find(|level| sigma(*level) > TONE_KNOWN);
+        ToneCurve { unknown_from: unknown.map_or(0.0, |level| level.exp() as f32), ..curve }
+    }
+}
+
+/// How badly a solution explains squares and meets what was expected: twice the negative logarithm of
+/// the posterior but for a constant, squares having so large a standard deviation.
+pub(super) fn misfit(
+    samples: &[Sample],
+    poses: &[Pose],
+    problem: &Problem,
+    solution: &Solution,
+    sigma: f64,
+) -> f64 {
+    let (fit, _) = Fit::new(samples, poses, problem);
+    let mut theta = solution.theta.clone();
+    if problem.tone_sigma == 0.0 {
+        // Left out of the fit of linear values, to which it has nothing to say.
+        theta[parameter::GRAY] = fit.gray(&theta);
+    }
+    let model = fit.model(&theta);
+    let squares = samples.iter().filter_map(|s| {
+        let (r, s) = (model.residual(s)?.value.abs(), sigma * s.sigma);
+        let loss = if r < HUBER * s { r * r } else { HUBER * s * (2.0 * r - HUBER * s) };
+        Some(loss / (CHANNEL_CORRELATION * s * s))
+    });
+    squares.sum::<f64>() + fit.prior_misfit(&theta)
 }
 
 /// Parameters, and what the step that led to them has found.
@@ -176,6 +229,35 @@ impl<'a> Fit<'a> {
         (Self { samples, poses, problem, prior }, theta)
     }
 
+    /// The gray patch's ratio that its samples ask for, as a logarithm.
+    fn gray(&self, theta: &DVector<f64>) -> f64 {
+        let model = self.model(theta);
+        let gray = self.samples.iter().filter(|s| s.ink == Ink::Gray);
+        let off = |s| Some(theta[parameter::GRAY] - model.residual(s)?.value);
+        let mut list: Vec<f64> = gray.filter_map(off).collect();
+        if list.is_empty() { 0.0 } else { median(&mut list) }
+    }
+
+    /// The priors' part of [`misfit`]; channels are one error.
+    fn prior_misfit(&self, theta: &DVector<f64>) -> f64 {
+        use parameter::{AMBIENT, BLACK, FRAMES};
+        let term = |(i, &(mean, sigma)): (usize, &(f64, f64))| {
+            if sigma == 0.0 || sigma.is_infinite() {
+                return 0.0;
+            }
+            let squared = ((theta[i] - mean) / sigma).powi(2);
+            match i {
+                _ if i >= FRAMES => (1.0 + squared).ln() / CHANNEL_CORRELATION,
+                _ if (AMBIENT..AMBIENT + 3).contains(&i) => squared / CHANNEL_CORRELATION,
+                _ if (BLACK..BLACK + 3).contains(&i) => {
+                    ((theta[i] - mean) / BLACK_SIGMA).powi(2) / CHANNEL_CORRELATION
+                }
+                _ => squared,
+            }
+        };
+        self.prior.iter().enumerate().map(term).sum()
+    }
+
     fn model<'b>(&'b self, theta: &'b DVector<f64>) -> Model<'b> {
         Model::new(self.poses, self.problem, theta)
     }
@@ -188,7 +270,8 @@ impl<'a> Fit<'a> {
         let used = self.samples.iter().filter(|s| !plain || s.sigma <= 1.0);
         let mut list: Vec<f64> =
             used.filter_map(|s| Some(model.residual(s)?.value.abs() / s.sigma)).collect();
-        (1.4826 * median(&mut list)).max(MIN_SIGMA)
+        let least = if self.problem.tone_sigma > 0.0 { TONE_MIN_SIGMA } else { MIN_SIGMA };
+        (1.4826 * median(&mut list)).max(least)
     }
 
     /// Adds the priors to the equations of the squares; fixed parameters get a row of their own.
@@ -218,7 +301,7 @@ impl<'a> Fit<'a> {
 
     fn solution(&self, theta: &DVector<f64>, sigma: f64, covariance: &DMatrix<f64>) -> Solution {
         use parameter::{
-            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOG_SCALE, OFFSET, PATTERN,
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET, PATTERN,
             TONE,
         };
         let model = self.model(theta);
@@ -245,11 +328,11 @@ impl<'a> Fit<'a> {
             ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
             log_scale: frames.clone().map(log_scale).collect(),
             black_ratio: three(BLACK).map(f64::exp),
-            gray_ratio: theta[GRAY].exp(),
             tone: three(TONE),
             tone_covariance: std::array::from_fn(|i| std::array::from_fn(|j| free(i, j))),
             offset_mm: DVec3::from_array(three(OFFSET)),
             offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
+            theta: theta.clone(),
             sigma,
             frame_sigma: frames.map(frame_sigma).collect(),
         }
@@ -302,7 +385,7 @@ impl LeastSquares for Fit<'_> {
         step *= TONE_STEP / largest; 
         let mut theta = &state.theta + step;
         for i in tone {
-            theta[i] = theta[i].clamp(-TONE_MAX, TONE_MAX);
+            theta[i] = theta[i].clamp(-ToneCurve::MAX_LOG_SLOPE, ToneCurve::MAX_LOG_SLOPE);
         }
         for c in 0..3 {
             let ambient = &mut theta[parameter::AMBIENT + c];

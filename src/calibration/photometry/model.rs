@@ -61,6 +61,16 @@ pub(super) struct Problem {
     pub tone_sigma: f64,
 }
 
+/// Curves of cameras have slopes of 1/2 to 2, in highlights more.
+const TONE_SIGMA: f64 = 0.5;
+
+impl Problem {
+    /// The same where values may not be linear.
+    pub fn with_tone_curve(&self) -> Self {
+        Self { tone_sigma: TONE_SIGMA, ..*self }
+    }
+}
+
 /// Irradiance of a flash without lobe relative to that at the reference distance, facing it, and
 /// the gradient with respect to the light's position. `None` behind the board.
 fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVec3)> {
