@@ -369,3 +369,5 @@ impl PhotometricCalibrator {
 
 #[cfg(test)]
 pub(crate) mod tests;
+#[cfg(test)]
+mod tone_tests;
