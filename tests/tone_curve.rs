@@ -8,9 +8,7 @@ use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::initial_estimate::Networks;
-use svbrdf::session::{
-    Accepted, Budget, Hint, Pushed, RestoreOptions, Scene, Session, Settings,
-};
+use svbrdf::session::{Accepted, Budget, Hint, Pushed, RestoreOptions, Scene, Session, Settings};
 
 const TILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
 

@@ -65,7 +65,8 @@ pub const SVBRDF_HINT_OTHER: svbrdf_hints = 1;
 /// An earlier photo has nearly the same view.
 pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
 /// The board's black or gray does not come out as linear values do: a tone curve is on, or
-/// svbrdf_image.transfer is wrong.
+/// svbrdf_image.transfer is wrong. The advice says whether the curve was estimated and undone, so that
+/// the photo is as good as another, or could not be.
 pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 
 /// Bytes of svbrdf_frame_report.advice.

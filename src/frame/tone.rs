@@ -51,8 +51,7 @@ impl ToneCurve {
     /// anchor.
     pub(crate) fn stored_ratio(&self, radiances: f32) -> f32 {
         let anchor = ANCHOR.powf(1.0 / ENCODED) as f32;
-        ToneTable::new(self)
-            .map_or(radiances, |table| table.put_on(anchor * radiances) / anchor)
+        ToneTable::new(self).map_or(radiances, |table| table.put_on(anchor * radiances) / anchor)
     }
 
     /// Whether values stay as they are.

@@ -1,9 +1,9 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::frame::ToneCurve;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
 use crate::calibration::photometry::{Lobe, Vignetting};
+use crate::frame::ToneCurve;
 
 fn unit_radiometry() -> Radiometry {
     Radiometry {

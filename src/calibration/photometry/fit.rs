@@ -247,8 +247,10 @@ impl<'a> Fit<'a> {
             }
             let squared = ((theta[i] - mean) / sigma).powi(2);
             match i {
-                _ if i >= FRAMES => (1.0 + squared).ln() / CHANNEL_CORRELATION,
-                _ if (AMBIENT..AMBIENT + 3).contains(&i) => squared / CHANNEL_CORRELATION,
+                // Wrong exposures and bright rooms are no wonder.
+                _ if i >= FRAMES || (AMBIENT..AMBIENT + 3).contains(&i) => {
+                    (1.0 + squared).ln() / CHANNEL_CORRELATION
+                }
                 _ if (BLACK..BLACK + 3).contains(&i) => {
                     ((theta[i] - mean) / BLACK_SIGMA).powi(2) / CHANNEL_CORRELATION
                 }
@@ -301,8 +303,7 @@ impl<'a> Fit<'a> {
 
     fn solution(&self, theta: &DVector<f64>, sigma: f64, covariance: &DMatrix<f64>) -> Solution {
         use parameter::{
-            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET, PATTERN,
-            TONE,
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET, PATTERN, TONE,
         };
         let model = self.model(theta);
         let free = |i: usize, j: usize| {
@@ -382,7 +383,7 @@ impl LeastSquares for Fit<'_> {
         let mut step = damped_step(normal, gradient, damping)?;
         let tone = parameter::TONE..parameter::TONE + 3;
         let largest = tone.clone().map(|i| step[i].abs()).fold(TONE_STEP, f64::max);
-        step *= TONE_STEP / largest; 
+        step *= TONE_STEP / largest;
         let mut theta = &state.theta + step;
         for i in tone {
             theta[i] = theta[i].clamp(-ToneCurve::MAX_LOG_SLOPE, ToneCurve::MAX_LOG_SLOPE);

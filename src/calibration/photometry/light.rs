@@ -64,7 +64,9 @@ impl Light {
         }
         let off = (solution.offset_mm - problem.offset_mm).abs();
         let spread = solution.offset_sigma_mm;
-        if spread.max_element() > OFFSET_SIGMA_MAX_MM && off.cmple(OFFSET_SIGNIFICANCE * spread).all() {
+        if spread.max_element() > OFFSET_SIGMA_MAX_MM
+            && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
+        {
             problem = Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
             solution = fit::solve(samples, poses, &problem);
             solution.offset_sigma_mm = spread;

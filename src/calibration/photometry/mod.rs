@@ -310,8 +310,8 @@ impl PhotometricCalibrator {
         let gray = (Ink::Gray, self.target.patch_albedo(&patch));
         let gray = frame.squares.gray.iter().map(move |s| (s, gray.0, gray.1));
         let squares = frame.squares.squares.iter();
-        let squares =
-            squares.map(move |s| (s, ink(s.white), if s.white { white_albedo } else { black_albedo }));
+        let squares = squares
+            .map(move |s| (s, ink(s.white), if s.white { white_albedo } else { black_albedo }));
         // An albedo of 0 says nothing about the light.
         let all = squares.chain(gray).filter(|(_, _, albedo)| *albedo > 0.0);
         all.flat_map(move |(square, ink, albedo)| sample(square, ink, albedo))

@@ -247,8 +247,7 @@ mod tests {
             let at = |theta: &DVector<f64>, log_value| {
                 let board_mm = DVec3::new(-60.0, 45.0, 0.0);
                 let (frame, channel, log_stored, sigma) = (0, 1, -1.3, 1.0);
-                let sample =
-                    Sample { frame, channel, ink, log_stored, log_value, board_mm, sigma };
+                let sample = Sample { frame, channel, ink, log_stored, log_value, board_mm, sigma };
                 Model::new(&poses, &problem, theta).residual(&sample).unwrap()
             };
             // Where the residual is 0: what the curve's slope adds to its derivatives is left out.

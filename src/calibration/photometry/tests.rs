@@ -75,10 +75,10 @@ pub(super) struct Truth {
     pub target: Target,
     /// Value of a surface of albedo 1 facing the flash on the axis at 250 mm, exposure 1.
     pub scale: [f64; 3],
-    vignetting: Vignetting,
-    lobe: f64,
+    pub vignetting: Vignetting,
+    pub lobe: f64,
     /// What is not round of it, by the direction's azimuth and the square of its sine.
-    pattern: fn(f64, f64) -> f64,
+    pub pattern: fn(f64, f64) -> f64,
     /// Relative to the flash at 250 mm.
     pub ambient: [f64; 3],
     pub offset: DVec3,
