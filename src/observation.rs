@@ -1,11 +1,13 @@
 //! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
 //! camera and light that produced it.
 
+use std::sync::Arc;
+
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 
 use crate::parallel;
-use crate::svbrdf::bands;
+use crate::svbrdf::{bands, thinned};
 use crate::{Error, Result};
 
 /// How the light's strength depends on distance.
@@ -60,7 +62,7 @@ impl View {
 /// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
 ///
 /// A capture has many of them at full resolution, so they are kept small: six bytes a texel, see
-/// `Packed`.
+/// `Packed`. Clones share the texels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     width: usize,
@@ -68,7 +70,7 @@ pub struct Observation {
     /// Camera and light.
     pub view: View,
     /// Three planes.
-    packed: Vec<Packed>,
+    packed: Arc<Vec<Packed>>,
 }
 
 /// One channel of a texel: the radiance as a half float, rounded so that its lowest bit is one of
@@ -125,7 +127,7 @@ impl Observation {
         for c in 0..3 {
             pack(&radiance[c * n..(c + 1) * n], weight, c, &mut packed[c * n..(c + 1) * n]);
         }
-        Self { width, height, view, packed }
+        Self { width, height, view, packed: Arc::new(packed) }
     }
 
     /// From planes as they are kept.
@@ -136,7 +138,7 @@ impl Observation {
         packed: Vec<Packed>,
     ) -> Self {
         debug_assert_eq!(packed.len(), 3 * width * height);
-        Self { width, height, view, packed }
+        Self { width, height, view, packed: Arc::new(packed) }
     }
 
     /// Texels in a row.
@@ -197,7 +199,14 @@ impl Observation {
 
     /// The same, to be changed; weights stay those of texels whose radiances are known.
     pub(crate) fn packed_mut(&mut self) -> &mut [Packed] {
-        &mut self.packed
+        Arc::make_mut(&mut self.packed).as_mut_slice()
+    }
+
+    /// One of `2^times` texels along each side, as it is.
+    pub(crate) fn thinned(&self, times: u32) -> Self {
+        let packed = thinned(&self.packed, self.width, times);
+        let (width, height) = (self.width >> times, self.height >> times);
+        Self { width, height, view: self.view, packed: Arc::new(packed) }
     }
 
     /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
@@ -244,7 +253,7 @@ impl Observation {
                 }
             },
         );
-        Self { width: w2, height: h2, view: self.view, packed }
+        Self { width: w2, height: h2, view: self.view, packed: Arc::new(packed) }
     }
 }
 

@@ -205,6 +205,12 @@ impl Svbrdf {
         Self { width: w2, height: h2, data }
     }
 
+    /// One of `2^times` texels along each side, as it is.
+    pub(crate) fn thinned(&self, times: u32) -> Self {
+        let data = thinned(&self.data, self.width, times);
+        Self { width: self.width >> times, height: self.height >> times, data }
+    }
+
     /// Half the resolution by averaging 2x2 texels. Sizes must be even.
     ///
     /// # Panics
@@ -224,6 +230,14 @@ impl Svbrdf {
         });
         Self { width: w / 2, height: h / 2, data }
     }
+}
+
+/// Of planes of so many columns one of `2^times` values along each side. Columns and rows are
+/// multiples of that.
+pub(crate) fn thinned<T: Copy>(planes: &[T], columns: usize, times: u32) -> Vec<T> {
+    let (step, middle) = (1 << times, (1 << times) / 2);
+    let rows = planes.chunks_exact(columns).skip(middle).step_by(step);
+    rows.flat_map(|row| row.iter().skip(middle).step_by(step).copied()).collect()
 }
 
 /// Maps or an observation halved so many times by `half`.

@@ -1,6 +1,7 @@
 //! What is believed of the maps between two phases.
 
 use super::correction::Offset;
+use super::finer::Guide;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
@@ -39,6 +40,14 @@ impl Belief {
             noise: options.noise.expected,
             fixed_noise: None,
             offset: Offset::default(),
+        }
+    }
+
+    /// Brings it to the photographs' full resolution.
+    pub fn refine(&mut self, photographs: &Photographs) {
+        let guide = Guide::new(photographs);
+        for maps in [&mut self.maps, &mut self.mean, &mut self.base] {
+            *maps = guide.refined(maps);
         }
     }
 

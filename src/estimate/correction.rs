@@ -100,6 +100,29 @@ impl Correction {
         self.apply(given, usize::MAX)
     }
 
+    /// That of some photographs, in their order.
+    pub(super) fn of(&self, which: &[usize]) -> Self {
+        let gain = |i: &usize| self.exposure.gains.get(*i).copied().unwrap_or_default();
+        Self {
+            turns: which.iter().map(|i| self.turn(*i)).collect(),
+            mirrored: which.iter().map(|i| self.mirrored(*i)).collect(),
+            exposure: Exposure { gains: which.iter().map(gain).collect(), ..self.exposure.clone() },
+            ..self.clone()
+        }
+    }
+
+    /// With what that of some photographs has become; light and what is mirrored of all others stay.
+    pub(super) fn with(&self, which: &[usize], some: &Self) -> Self {
+        let mut all = Self { ambient: some.ambient, ..self.clone() };
+        let count = which.last().map_or(0, |last| last + 1);
+        all.turns.resize(count.max(all.turns.len()), [0.0; 2]);
+        all.mirrored.resize(count.max(all.mirrored.len()), 0.0);
+        for (j, &i) in which.iter().enumerate() {
+            (all.turns[i], all.mirrored[i]) = (some.turn(j), some.mirrored(j));
+        }
+        all
+    }
+
     fn turn(&self, index: usize) -> [f64; 2] {
         self.turns.get(index).copied().unwrap_or_default()
     }

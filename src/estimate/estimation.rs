@@ -1,17 +1,19 @@
 //! An estimate in progress: photographs, latent code, belief, and where in the schedule it is.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::baseline::Baseline;
 use super::belief::Belief;
 use super::budget::{Meter, Shown, Trend};
 use super::correction::{Correction, Exposure};
+use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::lights::LightFit;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::schedule::{
-    LightsKnown, Part, Phase, Position, Row, cost, latent_cost, rounds_left, rows,
+    LightsKnown, Part, Phase, Position, Row, Situation, cost, latent_cost, rounds_left, rows,
 };
 use super::solver::Solver;
 use super::structured::{Predicted, WidthTrials};
@@ -130,7 +132,7 @@ impl Estimation {
     pub fn new(networks: Arc<Networks>, task: Task, options: EstimateOptions) -> Self {
         Self {
             networks,
-            photographs: Photographs::new(options.latent.finest_texels),
+            photographs: Self::no_photographs(&options),
             options,
             task,
             latent: None,
@@ -150,6 +152,11 @@ impl Estimation {
             keep_record: false,
             record: None,
         }
+    }
+
+    /// Photographs to add to.
+    pub fn no_photographs(options: &EstimateOptions) -> Photographs {
+        Photographs::new().limited(options.schedule.photographs, options.schedule.texels)
     }
 
     /// What was found of exposure and flash.
@@ -235,14 +242,15 @@ impl Estimation {
     fn predict(&self, observation: &Observation) -> Result<Option<Predicted>> {
         let finished = self.task.method == Method::Deep && self.is_done() && !self.is_cut();
         let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
-        let mut alone = Photographs::new(self.options.latent.finest_texels);
+        let mut alone = Self::no_photographs(&self.options);
         alone.add(observation.clone())?;
-        let of = (maps, &self.photographs);
-        Ok(Some(Predicted::new(of, &alone, self.structured, &self.options.structured)))
+        let maps = maps.thinned(alone.thinning());
+        let of = (&maps, &self.photographs);
+        Ok(Some(Predicted::new(of, alone.working(), self.structured, &self.options.structured)))
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
-        let first = self.photographs.full().first().ok_or(Error::NoMaps)?;
+        let first = self.photographs.averaged().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];
         let EstimateOptions { latent, gains, .. } = &self.options;
         LatentFit::new(self.networks.clone(), start, size, latent, gains)
@@ -266,7 +274,7 @@ impl Estimation {
     /// Ends what is in progress: its maps are the latest.
     fn leave(&mut self) {
         if let Some(belief) = self.belief.take() {
-            self.maps = Some(belief.maps);
+            self.maps = Some(self.full_size(&belief.maps).into_owned());
         }
         (self.work, self.position) = (Work::Pending, None);
         (self.previous, self.trend) = (None, None);
@@ -280,7 +288,24 @@ impl Estimation {
     pub(super) fn measure(&mut self) {
         let maps = self.belief.as_ref().map(|belief| &belief.maps).or(self.maps.as_ref());
         if let Some(maps) = maps {
-            self.loss = render::loss(maps, self.photographs.full()) as f32;
+            self.loss = render::loss(maps, self.photographs.like(maps).full()) as f32;
+        }
+    }
+
+    /// Begins a belief round the maps of the latent code.
+    pub(super) fn begin_belief(&mut self) {
+        self.lights_before = self.photographs.correction().clone();
+        let maps = self.latent.as_ref().map(|latent| latent.maps().clone());
+        self.belief = maps.map(|maps| Belief::new(maps, &self.options));
+    }
+
+    /// Maps in work at the photographs' resolution.
+    pub(super) fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
+        match self.photographs.full().first() {
+            Some(full) if maps.width() < full.width() => {
+                Cow::Owned(interpolated(maps, self.photographs.thinning()))
+            }
+            _ => Cow::Borrowed(maps),
         }
     }
 
@@ -290,21 +315,26 @@ impl Estimation {
     /// Without photographs.
     pub fn maps(&self) -> Result<Svbrdf> {
         match (&self.belief, &self.latent, self.position) {
-            (Some(belief), ..) => Ok(belief.maps.clone()),
-            (None, Some(latent), Some(_)) => Ok(latent.maps()),
+            (Some(belief), ..) => Ok(self.full_size(&belief.maps).into_owned()),
+            (None, Some(latent), Some(_)) => Ok(self.full_size(latent.maps()).into_owned()),
             _ => self.maps.clone().ok_or(Error::NoMaps),
         }
     }
 
     /// The schedule for the photographs so far.
     pub(super) fn rows(&self) -> Vec<Row> {
-        let baseline = Row { phase: Phase::Baseline, rounds: 1, before: 0, after: 0 };
+        let baseline = Row::new(Phase::Baseline, 1, 0, 0);
         let (photographs, Task { method, refine, .. }) = (self.photographs.len(), self.task);
         match method {
             Method::Classic => vec![baseline],
             Method::Deep => {
-                let lights = self.lights_known();
-                let mut rows = rows(photographs, lights, self.structured, &self.options);
+                let situation = Situation {
+                    photographs,
+                    lights: self.lights_known(),
+                    structured: self.structured,
+                    coarse: self.photographs.thinning() > 0,
+                };
+                let mut rows = rows(&situation, &self.options);
                 rows.truncate(if refine { rows.len() } else { 1 });
                 rows
             }
@@ -364,13 +394,22 @@ impl Estimation {
     fn fraction_done(&self) -> f32 {
         let Some(at) = self.position else { return 1.0 };
         let (rows, photographs) = (self.rows(), self.photographs.len());
-        let texels = self.photographs.full().first().map_or(0, Observation::texels);
-        let [mut done, all] = self.latent.as_ref().map_or([0.0; 2], |latent| {
-            latent_cost(latent.work(), latent.coarsest_texels(), photographs)
-        });
+        let seen = photographs.min(self.options.schedule.photographs);
+        let all = self.photographs.full().first().map_or(0, Observation::texels);
+        let halvings = match self.task.method {
+            Method::Deep => self.photographs.thinning(),
+            Method::Classic => 0,
+        };
+        let texels = [all >> (2 * halvings), all];
+        let [mut done, all] = self
+            .latent
+            .as_ref()
+            .map_or([0.0; 2], |latent| latent_cost(latent.work(), latent.maps().texels(), seen));
         let mut left = all - done;
         for (i, row) in rows.iter().enumerate() {
-            let part = |part| cost(row, part, photographs, texels, &self.options);
+            // The last steps see all photographs.
+            let seen = if i + 1 < rows.len() { seen } else { photographs };
+            let part = |part| cost(row, part, seen, texels, &self.options);
             let parts = [Part::Before, Part::Phase, Part::After];
             let round: f32 = parts.iter().map(|p| part(*p)).sum();
             match i.cmp(&at.row) {
@@ -445,12 +484,10 @@ impl Estimation {
         }
         (self.cut, self.fraction, self.structured) = (None, 0.0, false);
         self.go_to(Position::default());
-        let settled = self.latent.as_ref().filter(|latent| latent.is_settled());
-        if let Some(maps) = settled.map(LatentFit::maps) {
+        if self.latent.as_ref().is_some_and(LatentFit::is_settled) {
             self.go_to(Position::default().next_row());
             if self.position.is_some() {
-                self.belief = Some(Belief::new(maps, &self.options));
-                self.lights_before = self.photographs.correction().clone();
+                self.begin_belief();
             }
         }
         !self.is_done()

@@ -58,6 +58,7 @@ mod confidence;
 mod correction;
 mod estimation;
 mod estimator;
+mod finer;
 mod latent;
 mod lights;
 mod noise;

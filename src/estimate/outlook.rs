@@ -59,11 +59,12 @@ impl Estimation {
     /// Without photographs.
     pub fn outlook(&self, places: &[Place]) -> Result<Vec<f64>> {
         let options = &self.options.outlook;
-        let photographs = &self.photographs;
+        let photographs = self.photographs.working();
         let halvings = photographs.halvings_to(options.texels);
         let observations = photographs.level(halvings);
         let first = observations.first().ok_or(Error::NoMaps)?;
-        let maps = halved(&self.maps()?, halvings, Svbrdf::downsampled);
+        let maps = self.maps()?.thinned(self.photographs.thinning());
+        let maps = halved(&maps, halvings, Svbrdf::downsampled);
         let exposure = &photographs.correction().exposure;
         let last = photographs.given().last().ok_or(Error::NoMaps)?;
         let view = |&Place { camera_mm, light_mm }: &Place| {

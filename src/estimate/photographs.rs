@@ -1,11 +1,16 @@
 //! The photographs of an estimate: radiances at several resolutions, and the one owner of their
 //! views.
+//!
+//! Phases work with at most 256 texels along each side: of larger photographs with every second,
+//! every fourth, ... texel as it is, as averages are rougher than the texels: they hide relief. The latent
+//! code alone, which knows no single texels, sees averages.
 
 use std::borrow::Cow;
 
 use super::correction::Correction;
 use crate::observation::{Observation, View};
-use crate::{Error, Result};
+use crate::svbrdf::halved;
+use crate::{Error, Result, Svbrdf};
 
 /// Shortest side that is kept, texels.
 const MIN_TEXELS: usize = 32;
@@ -18,31 +23,51 @@ pub(crate) struct Photographs {
     correction: Correction,
     /// At full resolution, views as corrected.
     full: Vec<Observation>,
-    /// The same halved so many times, where the longer side is at most `finest` texels.
-    levels: Vec<(u32, Vec<Observation>)>,
-    finest: usize,
+    /// The same halved once, twice, ...; none where they are thinned out.
+    levels: Vec<Vec<Observation>>,
+    /// Photographs that a step sees, at most.
+    at_once: usize,
+    /// Texels along the longer side that phases work with, at most.
+    working_texels: usize,
+    /// Those that phases work with, where the others are larger.
+    thinned: Option<Box<Self>>,
+    /// As many texels, averaged.
+    averaged: Vec<Observation>,
 }
 
 impl Photographs {
-    /// None yet; halved ones are kept where they have at most `finest` texels along the longer side.
-    pub fn new(finest: usize) -> Self {
-        let (given, full, levels) = (Vec::new(), Vec::new(), Vec::new());
-        Self { given, correction: Correction::default(), full, levels, finest }
+    /// None yet.
+    pub fn new() -> Self {
+        Self {
+            given: Vec::new(),
+            correction: Correction::default(),
+            full: Vec::new(),
+            levels: Vec::new(),
+            at_once: usize::MAX,
+            working_texels: usize::MAX,
+            thinned: None,
+            averaged: Vec::new(),
+        }
     }
 
-    /// Photographs with their views as given, and a correction of these.
+    /// The same, of which a step sees so many at most, and phases so many texels along the longer
+    /// side.
+    pub fn limited(self, at_once: usize, working_texels: usize) -> Self {
+        Self { at_once: at_once.max(1), working_texels, ..self }
+    }
+
+    /// The same with photographs, their views as given, and a correction of these.
     ///
     /// # Errors
     /// When sizes differ.
     pub fn restored(
+        mut self,
         observations: Vec<Observation>,
         correction: Correction,
-        finest: usize,
     ) -> Result<Self> {
-        let mut photographs = Self::new(finest);
-        photographs.correction = correction;
-        observations.into_iter().try_for_each(|observation| photographs.add(observation))?;
-        Ok(photographs)
+        self.correction = correction;
+        observations.into_iter().try_for_each(|observation| self.add(observation))?;
+        Ok(self)
     }
 
     /// At full resolution, with their views as given.
@@ -68,21 +93,28 @@ impl Photographs {
             let message = format!("{found_w}x{found_h} texels, {w}x{h} expected");
             return Err(Error::argument("observation", message));
         }
-        if self.full.is_empty() {
-            let [width, height] = size(&observation);
-            self.levels = kept_levels(width, height, self.finest);
-        }
+        let index = self.full.len();
         self.given.push(observation.view);
-        observation.view = self.correction.apply(&observation.view, self.full.len());
-        let last = self.levels.last().map_or(0, |(halvings, _)| *halvings);
-        let mut small = Cow::Borrowed(&observation);
-        for halvings in 1..=last {
-            small = Cow::Owned(small.downsampled());
-            if let Some((_, level)) = self.levels.iter_mut().find(|(h, _)| *h == halvings) {
-                level.push(small.clone().into_owned());
-            }
-        }
+        observation.view = self.correction.apply(&observation.view, index);
         self.full.push(observation);
+        if index == 0 && self.thinning() > 0 {
+            self.thinned = Some(Box::new(Self::new().limited(self.at_once, usize::MAX)));
+        } else if index == 0 {
+            self.levels = vec![Vec::new(); halvings(&self.full[0])];
+        }
+        let (given, full, times) = (self.given[index], &self.full[index], self.thinning());
+        if let Some(thinned) = &mut self.thinned {
+            let mut observation = full.thinned(times);
+            observation.view = given;
+            thinned.add(observation)?;
+            thinned.correct(self.correction.clone());
+            self.averaged.push(halved(full, times, Observation::downsampled));
+        }
+        let mut small = Cow::Borrowed(full);
+        for level in &mut self.levels {
+            small = Cow::Owned(small.downsampled());
+            level.push(small.clone().into_owned());
+        }
         Ok(())
     }
 
@@ -94,13 +126,22 @@ impl Photographs {
         change(observation);
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
-        let (last, mut small) =
-            (self.levels.last().map_or(0, |(h, _)| *h), Cow::Borrowed(&*observation));
-        for halvings in 1..=last {
+        self.derive(index);
+    }
+
+    /// Halves and thins out a photograph that has changed.
+    fn derive(&mut self, index: usize) {
+        let times = self.thinning();
+        if let Some(thinned) = &mut self.thinned {
+            thinned.full[index] = self.full[index].thinned(times);
+            thinned.given[index] = self.given[index];
+            thinned.derive(index);
+            self.averaged[index] = halved(&self.full[index], times, Observation::downsampled);
+        }
+        let mut small = Cow::Borrowed(&self.full[index]);
+        for level in &mut self.levels {
             small = Cow::Owned(small.downsampled());
-            if let Some((_, level)) = self.levels.iter_mut().find(|(h, _)| *h == halvings) {
-                level[index] = small.clone().into_owned();
-            }
+            level[index] = small.clone().into_owned();
         }
     }
 
@@ -111,12 +152,55 @@ impl Photographs {
 
     /// Halved so many times. Sizes must be even so often.
     pub fn level(&self, halvings: u32) -> Cow<'_, [Observation]> {
-        let kept = self.levels.iter().find(|(h, _)| *h == halvings);
-        match (halvings, kept) {
+        match (halvings, self.levels.get(halvings as usize - usize::from(halvings > 0))) {
             (0, _) => Cow::Borrowed(&self.full),
-            (_, Some((_, level))) => Cow::Borrowed(level),
+            (_, Some(level)) => Cow::Borrowed(level),
             _ => self.level(halvings - 1).iter().map(Observation::downsampled).collect(),
         }
+    }
+
+    /// Photographs that a step sees: all, or the latest third and of the others, in turn, some that
+    /// are evenly spaced.
+    pub fn drawn(&self, turn: usize) -> Vec<usize> {
+        let (count, latest) = (self.len(), self.at_once.div_ceil(3));
+        if count <= self.at_once {
+            return (0..count).collect();
+        }
+        let (earlier, others) = (count - latest, self.at_once - latest);
+        let mut drawn: Vec<usize> =
+            (0..others).map(|i| (turn + i * earlier / others) % earlier).collect();
+        drawn.sort_unstable();
+        drawn.extend(earlier..count);
+        drawn
+    }
+
+    /// Some photographs.
+    pub fn some(&self, which: &[usize]) -> Cow<'_, [Observation]> {
+        chosen(&self.full, which)
+    }
+
+    /// Those that the phases work with.
+    pub fn working(&self) -> &Self {
+        self.thinned.as_deref().unwrap_or(self)
+    }
+
+    /// As many texels as the phases work with, averages of all.
+    pub fn averaged(&self) -> &[Observation] {
+        if self.thinned.is_some() { &self.averaged } else { &self.full }
+    }
+
+    /// Those of the size of these maps: all texels, or those that phases work with.
+    pub fn like(&self, maps: &Svbrdf) -> &Self {
+        if self.full.first().is_some_and(|o| o.width() == maps.width()) {
+            self
+        } else {
+            self.working()
+        }
+    }
+
+    /// Of how many texels along each side phases work with one, as a power of two.
+    pub fn thinning(&self) -> u32 {
+        self.halvings_to(self.working_texels)
     }
 
     /// Halvings after which the longer side has at most so many texels, or which the size allows.
@@ -148,21 +232,31 @@ impl Photographs {
         self.correction = correction;
         let views = self.given.iter().enumerate().map(|(i, view)| self.correction.apply(view, i));
         let views: Vec<View> = views.collect();
-        let levels = self.levels.iter_mut().map(|(_, level)| level);
-        for level in levels.chain([&mut self.full]) {
+        for level in self.levels.iter_mut().chain([&mut self.full, &mut self.averaged]) {
             level.iter_mut().zip(&views).for_each(|(observation, view)| observation.view = *view);
+        }
+        if let Some(thinned) = &mut self.thinned {
+            thinned.correct(self.correction.clone());
         }
     }
 }
 
-/// Halvings whose results are kept.
-fn kept_levels(width: usize, height: usize, finest: usize) -> Vec<(u32, Vec<Observation>)> {
-    let is_kept = |halvings: &u32| width.max(height) >> halvings <= finest;
+/// Some of the photographs.
+pub(super) fn chosen<'a>(all: &'a [Observation], which: &[usize]) -> Cow<'a, [Observation]> {
+    if which.len() == all.len() {
+        return Cow::Borrowed(all);
+    }
+    which.iter().map(|&i| all[i].clone()).collect()
+}
+
+/// How often a photograph is halved, until its shorter side is [`MIN_TEXELS`].
+fn halvings(photograph: &Observation) -> usize {
+    let (width, height) = (photograph.width(), photograph.height());
     let can_be = |halvings: &u32| {
         let half = |n: usize| (n >> (halvings - 1)).is_multiple_of(2);
         half(width) && half(height) && width.min(height) >> halvings >= MIN_TEXELS
     };
-    (1..).take_while(can_be).filter(is_kept).map(|halvings| (halvings, Vec::new())).collect()
+    (1..).take_while(can_be).count()
 }
 
 #[cfg(test)]
@@ -185,11 +279,11 @@ mod tests {
 
     #[test]
     fn levels_kept_or_not_are_the_halved_photographs() {
-        let mut photographs = Photographs::new(128);
+        let mut photographs = Photographs::new();
         photographs.add(photograph(512, 256, 0.5)).unwrap();
         photographs.add(photograph(512, 256, 0.25)).unwrap();
-        assert_eq!(photographs.levels.iter().map(|l| l.0).collect::<Vec<_>>(), [2, 3]);
-        for halvings in 0..4 {
+        assert_eq!(photographs.levels.len(), 3);
+        for halvings in 0..5 {
             let level = photographs.level(halvings);
             let expected = photographs.full().iter();
             let expected = expected.map(|o| (0..halvings).fold(o.clone(), |o, _| o.downsampled()));
@@ -202,7 +296,7 @@ mod tests {
 
     #[test]
     fn every_level_has_the_corrected_views() {
-        let mut photographs = Photographs::new(256);
+        let mut photographs = Photographs::new();
         photographs.add(photograph(64, 64, 0.5)).unwrap();
         let correction = Correction { turns: vec![[0.02, 0.0]], ..Correction::default() };
         photographs.correct(correction.clone());
@@ -214,5 +308,51 @@ mod tests {
         assert_eq!(photographs.given()[0].light_mm, [10.0, 0.0, 200.0]);
         assert_eq!(photographs.full()[0].view, correction.apply(&photographs.given()[0], 0));
         assert_eq!(photographs.level(1)[0].view, photographs.full()[0].view);
+    }
+
+    #[test]
+    fn large_photographs_are_thinned_out_and_stay_alike() {
+        let n = 64 * 64;
+        let radiance: Vec<f32> = (0..3 * n).map(|i| (i % 977) as f32 / 977.0).collect();
+        let view = photograph(64, 64, 0.5).view;
+        let textured = Observation::new(64, 64, view, &radiance, &vec![1.0; n]).unwrap();
+        let mut photographs = Photographs::new().limited(usize::MAX, 16);
+        for _ in 0..2 {
+            photographs.add(textured.clone()).unwrap();
+        }
+        assert_eq!(photographs.thinning(), 2);
+        let correction = Correction { turns: vec![[0.02, 0.0]], ..Correction::default() };
+        photographs.correct(correction);
+        photographs.change(1, |o| o.view.light_mm[2] = 200.0);
+        let (full, working) = (photographs.full(), photographs.working().full());
+        for (full, working) in full.iter().zip(working) {
+            assert_eq!([working.width(), working.height()], [16, 16]);
+            assert_eq!(working.view, full.view);
+            for (x, y) in [(0, 0), (15, 3), (7, 15)] {
+                let (few, all) = (y * 16 + x, (4 * y + 2) * 64 + 4 * x + 2);
+                assert_eq!(working.radiance(1, few), full.radiance(1, all));
+            }
+        }
+        assert_eq!(photographs.working().given(), photographs.given());
+        for (full, averaged) in full.iter().zip(photographs.averaged()) {
+            assert_eq!(*averaged, full.downsampled().downsampled());
+        }
+    }
+
+    #[test]
+    fn of_many_photographs_the_latest_and_all_others_in_turn_are_drawn() {
+        let mut photographs = Photographs::new().limited(12, usize::MAX);
+        for count in 1..60 {
+            photographs.add(photograph(8, 8, 0.5)).unwrap();
+            let mut seen = vec![false; count];
+            for turn in 0..count {
+                let drawn = photographs.drawn(turn);
+                assert_eq!(drawn.len(), count.min(12));
+                assert!(drawn.is_sorted_by(|a, b| a < b));
+                assert!((count.saturating_sub(4)..count).all(|i| drawn.contains(&i)));
+                drawn.iter().for_each(|i| seen[*i] = true);
+            }
+            assert!(seen.iter().all(|seen| *seen));
+        }
     }
 }

@@ -14,7 +14,7 @@ pub(crate) use super::correction::{Correction, Exposure, MAX_MIRRORED, Offset};
 pub(crate) use super::estimation::Cut;
 use super::estimation::{Estimation, Method, Task, Work};
 use super::latent::LatentFit;
-pub(crate) use super::latent::{LatentPosition, SavedFit, SavedLevel};
+pub(crate) use super::latent::{LatentPosition, SavedCode, SavedFit};
 pub(crate) use super::lights::{SavedDescent, SavedLights};
 pub(crate) use super::noise::Noise;
 use super::options::EstimateOptions;
@@ -135,7 +135,12 @@ impl Estimation {
         let deep = self.task.method == Method::Deep;
         let size = self.photographs.full().first().map(|o| [o.width(), o.height()]);
         let fits = |maps: &Svbrdf| size == Some([maps.width(), maps.height()]);
-        let belief = self.belief.iter().flat_map(|b| [&b.maps, &b.base, &b.mean]);
+        let belief_fits = self.belief.as_ref().is_none_or(|belief| {
+            let size = |maps: &Svbrdf| [maps.width(), maps.height()];
+            let sizes = [&belief.maps, &belief.base, &belief.mean].map(size);
+            let first = self.photographs.like(&belief.maps).full().first();
+            first.is_some_and(|o| sizes == [[o.width(), o.height()]; 3])
+        });
         let rows = self.rows();
         let phase = self.position.and_then(|at| Some(rows.get(at.row)?.phase));
         let round = self
@@ -143,7 +148,8 @@ impl Estimation {
             .is_none_or(|at| at.settled(&rows) == Some(at) && at.round < rows[at.row].rounds);
         let has_belief = deep && phase.is_some_and(|phase| phase != Phase::Latent);
         if begun == self.maps.is_none()
-            || self.maps.iter().chain(belief).any(|maps| !fits(maps))
+            || !self.maps.iter().all(fits)
+            || !belief_fits
             || self.latent.is_some() != (begun && deep)
             || self.position.is_some() != phase.is_some()
             || (phase.is_some() && !begun)
@@ -160,13 +166,14 @@ impl Estimation {
             let phase = self.rows()[at.row].phase;
             if at.part == Part::Phase { phase } else { Phase::Maps }
         });
-        let observations = self.photographs.full();
         let EstimateOptions { solver, noise, .. } = &self.options;
+        let which = self.photographs_of_maps();
         Ok(match (saved, phase, &mut self.belief) {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
                 let (maps, prior, state) = (&belief.maps, &belief.prior, state.into_owned());
-                let solver = Solver::resume(maps, observations, prior, solver, noise, state)?;
+                let observations = self.photographs.like(maps).some(&which);
+                let solver = Solver::resume(maps, &observations, prior, solver, noise, state)?;
                 Work::Maps(solver.with_noise(belief.fixed_noise))
             }
             (
@@ -175,14 +182,15 @@ impl Estimation {
                 Some(belief),
             ) => {
                 let (turn, free) = (phase == Phase::TurningLights, self.task.free_lights);
-                let fit = Self::lights(&self.photographs, belief, free, turn, &self.options);
+                let fit =
+                    Self::lights(self.photographs.working(), belief, free, turn, &self.options);
                 let fit = fit.and_then(|fit| fit.resume(lights));
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
                 let (free, options) = (self.task.free_lights, &self.options);
                 let mut trials = WidthTrials::new(
-                    &self.photographs,
+                    self.photographs.working(),
                     &belief.maps,
                     free,
                     self.predicted,
@@ -194,7 +202,8 @@ impl Estimation {
                 Work::Widths(Box::new(trials))
             }
             (SavedWork::Classes(costs), Some(Phase::Classes), Some(belief)) => {
-                let mut trials = ClassTrials::new(&self.photographs, belief, &self.options)?;
+                let mut trials =
+                    ClassTrials::new(self.photographs.working(), belief, &self.options)?;
                 if !trials.resume(costs.into_owned()) {
                     return Err(fault("trials of classes are of another size"));
                 }
@@ -203,6 +212,7 @@ impl Estimation {
             (SavedWork::Baseline(state), Some(Phase::Baseline), None) => {
                 let maps = self.maps.as_ref().ok_or(Error::NoMaps)?;
                 let (options, state) = (&self.options.baseline, state.into_owned());
+                let observations = self.photographs.full();
                 Work::Baseline(Baseline::resume(maps, observations, options, state)?)
             }
             _ => return Err(fault("the part in progress is not the schedule's")),

@@ -12,8 +12,10 @@
 //! | material classes     | 3           | 1      |              | 2           | mean, maps       |
 //! | pool residuals       | 5           | 2      |              | 4           | mean             |
 //! | learned prior        | 2           | 1      |              | 4           | mean, widths     |
+//! | maps, full size      | 1           | 1      | 6            |             | maps             |
 //!
-//! Steps are the solver's, of the maps. Lights are only looked for where they are not known well:
+//! Steps are the solver's, of the maps. All work on maps of at most 256 texels a side but the last row,
+//! which larger ones get, and the structured prior's. Lights are only looked for where they are not known well:
 //! held ones in photographs of which only their rough place is known, or in a room that a smooth
 //! sample shows; they end early when they stay. Numbers are those of
 //! [`ScheduleOptions`](super::options::ScheduleOptions).
@@ -56,6 +58,26 @@ pub(crate) struct Row {
     /// Steps of the maps before and after it, in each round.
     pub before: usize,
     pub after: usize,
+    /// Whether the maps are those of the photographs' resolution.
+    pub fine: bool,
+}
+
+impl Row {
+    /// At the resolution that the phases work at.
+    pub fn new(phase: Phase, rounds: usize, before: usize, after: usize) -> Self {
+        Self { phase, rounds, before, after, fine: false }
+    }
+}
+
+/// What the schedule depends on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Situation {
+    pub photographs: usize,
+    pub lights: LightsKnown,
+    /// Whether the structured prior was chosen.
+    pub structured: bool,
+    /// Whether the phases work at a coarser resolution than that of the photographs.
+    pub coarse: bool,
 }
 
 /// What is known of the lights.
@@ -69,15 +91,11 @@ pub(crate) enum LightsKnown {
     Roughly,
 }
 
-/// Rows for so many photographs.
-pub(crate) fn rows(
-    photographs: usize,
-    lights: LightsKnown,
-    structured: bool,
-    options: &EstimateOptions,
-) -> Vec<Row> {
+/// The rows that run.
+pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row> {
+    let &Situation { photographs, lights, structured, coarse } = situation;
     let o = &options.schedule;
-    let row = |phase, rounds, before, after| Row { phase, rounds, before, after };
+    let row = Row::new;
     let held_rounds = match lights {
         LightsKnown::Well => 0,
         LightsKnown::InRoom => o.surround_rounds,
@@ -103,13 +121,14 @@ pub(crate) fn rows(
             row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals),
         ),
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
+        (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) }),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
     let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();
     if structured {
         // The structured prior needs no other phase than steps of the maps.
         rows.retain(|row| matches!(row.phase, Phase::Latent | Phase::Widths));
-        rows.push(row(Phase::Maps, 1, options.structured.map_steps, 0));
+        rows.push(Row { fine: true, ..row(Phase::Maps, 1, options.structured.map_steps, 0) });
     }
     rows
 }
@@ -200,14 +219,16 @@ const LIGHT_STEPS: f32 = 8.0;
 const LIGHT_ROUNDS: f32 = 1.5;
 const CLASS_TRIALS: f32 = 7.0;
 
-/// Cost of a whole part of a row, from its beginning.
+/// Cost of a whole part of a row, from its beginning. Texels are those that the phases work at, and
+/// all.
 pub(crate) fn cost(
     row: &Row,
     part: Part,
     photographs: usize,
-    texels: usize,
+    [texels, all]: [usize; 2],
     options: &EstimateOptions,
 ) -> f32 {
+    let texels = if row.fine { all } else { texels };
     let scale = |most: usize| texels.min(most) as f32 / (256.0 * 256.0);
     let steps = match part {
         Part::Before => row.before,
@@ -239,23 +260,12 @@ pub(crate) fn cost(
     }
 }
 
-/// Cost of the latent code's steps that are done, and of all: `work` are steps done and all of each
-/// level from the coarsest on, which has so many texels.
-pub(crate) fn latent_cost(
-    work: impl Iterator<Item = [usize; 2]>,
-    texels: usize,
-    photographs: usize,
-) -> [f32; 2] {
+/// Cost of the latent code's steps that are done, and of all, for so many texels.
+pub(crate) fn latent_cost([done, all]: [usize; 2], texels: usize, photographs: usize) -> [f32; 2] {
     let scale = texels as f32 / (256.0 * 256.0);
-    let (step, gains) = (scale * Cost::LATENT.of(photographs), scale * Cost::GAINS.of(photographs));
-    work.zip(0..).fold([0.0; 2], |[done, all], ([level_done, level_all], level)| {
-        let step = step * 4.0f32.powi(level);
-        let of = |steps: usize| {
-            let gains = if level == 0 && steps > 0 { gains } else { 0.0 };
-            gains + step * steps as f32
-        };
-        [done + of(level_done), all + of(level_all)]
-    })
+    let (step, gains) = (Cost::LATENT.of(photographs), Cost::GAINS.of(photographs));
+    let cost = |steps: usize| scale * (step * steps as f32 + if steps > 0 { gains } else { 0.0 });
+    [cost(done), cost(all)]
 }
 
 /// Rounds of a row that are left on average when so many have begun.
@@ -279,6 +289,11 @@ mod tests {
         StructuredOptions { from: usize::MAX, ..StructuredOptions::default() }
     }
 
+    /// Of small photographs, without the structured prior.
+    fn situation(photographs: usize, lights: LightsKnown) -> Situation {
+        Situation { photographs, lights, structured: false, coarse: false }
+    }
+
     /// Parts of all rounds in their order.
     fn walk(rows: &[Row]) -> Vec<(Phase, Part)> {
         let mut parts = Vec::new();
@@ -293,14 +308,14 @@ mod tests {
     #[test]
     fn few_photographs_have_few_phases() {
         let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
-        let one = walk(&rows(1, LightsKnown::Roughly, false, &options));
+        let one = walk(&rows(&situation(1, LightsKnown::Roughly), &options));
         let expected = [
             (Phase::Latent, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
             (Phase::Maps, Part::Before),
         ];
         assert_eq!(one, expected);
-        let two = walk(&rows(2, LightsKnown::Roughly, false, &options));
+        let two = walk(&rows(&situation(2, LightsKnown::Roughly), &options));
         let expected = [
             (Phase::Latent, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
@@ -317,7 +332,7 @@ mod tests {
     fn rounds_repeat_and_lights_are_left_alone_where_they_are_known() {
         let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
         let count = |phase, lights, photographs| {
-            let walked = walk(&rows(photographs, lights, false, &options));
+            let walked = walk(&rows(&situation(photographs, lights), &options));
             walked.iter().filter(|p| **p == (phase, Part::Phase)).count()
         };
         assert_eq!(count(Phase::PoolResiduals, LightsKnown::Well, 5), 2);
@@ -329,9 +344,22 @@ mod tests {
     }
 
     #[test]
+    fn large_photographs_get_steps_at_full_size_last() {
+        let options = EstimateOptions::default();
+        for photographs in 1..9 {
+            let small = situation(photographs, LightsKnown::Well);
+            let large = rows(&Situation { coarse: true, ..small }, &options);
+            let (last, others) = large.split_last().unwrap();
+            assert!(last.fine && last.phase == Phase::Maps && others.iter().all(|row| !row.fine));
+            assert_eq!(others, rows(&small, &options));
+        }
+    }
+
+    #[test]
     fn the_structured_prior_needs_steps_of_the_maps_only() {
         let options = EstimateOptions::default();
-        let walked = walk(&rows(5, LightsKnown::Roughly, true, &options));
+        let five = Situation { structured: true, ..situation(5, LightsKnown::Roughly) };
+        let walked = walk(&rows(&five, &options));
         let expected = [
             (Phase::Latent, Part::Phase),
             (Phase::Widths, Part::Phase),

@@ -14,6 +14,7 @@ use super::structured::{self, WidthTrials};
 use super::updates::{
     ClassTrials, FitRecord, LearnedPrior, PoolGloss, PoolResiduals, Pooling, RegressSlopes,
 };
+use crate::observation::Observation;
 use crate::{Error, Result};
 
 impl Estimation {
@@ -40,14 +41,14 @@ impl Estimation {
 
     fn update(&mut self, update: &impl Update) -> Result<()> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        update.update(&self.photographs, belief)
+        update.update(self.photographs.working(), belief)
     }
 
     fn network(&mut self) -> Result<()> {
         let (networks, options) = (self.networks.clone(), self.options.clone());
         if self.keep_record {
             let belief = self.belief.as_ref().ok_or(Error::NoMaps)?;
-            self.record = Some(FitRecord::new(&self.photographs, belief, &options)?);
+            self.record = Some(FitRecord::new(self.photographs.working(), belief, &options)?);
         }
         self.update(&LearnedPrior { networks, options })
     }
@@ -60,16 +61,11 @@ impl Estimation {
             latent.refresh()?;
             self.cut = Some(Cut::Budget);
         } else {
-            let level = latent.coarse_maps().width();
             let report = latent.step(&self.photographs)?;
             meter.count();
             self.loss = report.loss as f32;
-            let same_level = latent.coarse_maps().width() == level;
-            if !same_level {
-                self.previous = None;
-            }
             if !report.settled {
-                if !(same_level && meter.budget.stop_when_invisible && self.is_still()) {
+                if !(meter.budget.stop_when_invisible && self.is_still()) {
                     return Ok(false);
                 }
                 self.cut = Some(Cut::Invisible);
@@ -78,18 +74,16 @@ impl Estimation {
                 latent.count_as_fitted();
             }
         }
-        let maps = self.latent.as_ref().ok_or(Error::NoMaps)?.maps();
-        self.lights_before = self.photographs.correction().clone();
-        self.belief = Some(Belief::new(maps, &self.options));
+        self.begin_belief();
         self.measure();
         Ok(true)
     }
 
-    /// Whether nothing visible is left to do for the latent fit: on its finest level.
+    /// Whether nothing visible is left to do for the latent fit.
     fn is_still(&mut self) -> bool {
         let Some(latent) = &self.latent else { return false };
-        let Some([done, steps]) = latent.steps_at_finest() else { return false };
-        let now = Shown::of(latent.coarse_maps());
+        let [done, steps] = latent.work();
+        let now = Shown::of(latent.maps());
         let change = self.previous.as_ref().map(|before| now.visible_change(before));
         self.previous = Some(now);
         change.is_some_and(|c| predicted_change(c, done as u32, steps as u32) < 1.0)
@@ -97,8 +91,13 @@ impl Estimation {
 
     /// A step of the maps, of so many; whether it was the last.
     pub(super) fn maps_step(&mut self, steps: usize, meter: &mut Meter) -> Result<bool> {
+        let fine = self.position.is_some_and(|at| self.rows()[at.row].fine);
+        if fine && matches!(self.work, Work::Pending) {
+            self.refine_belief();
+        }
+        let which = self.photographs_of_maps();
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let observations = self.photographs.full();
+        let observations = &self.photographs.like(&belief.maps).some(&which)[..];
         if !matches!(self.work, Work::Maps(_)) {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
@@ -120,13 +119,29 @@ impl Estimation {
         Ok(is_flat || step >= steps)
     }
 
+    /// Photographs that steps of the maps see: the last steps see all.
+    pub(super) fn photographs_of_maps(&self) -> Vec<usize> {
+        match self.position {
+            Some(at) if at.row + 1 < self.rows().len() => self.photographs.drawn(at.row),
+            _ => (0..self.photographs.len()).collect(),
+        }
+    }
+
+    /// Brings the belief to the photographs' resolution.
+    fn refine_belief(&mut self) {
+        let full = self.photographs.full().first().map_or(0, Observation::width);
+        if let Some(belief) = self.belief.as_mut().filter(|belief| belief.maps.width() < full) {
+            belief.refine(&self.photographs);
+        }
+    }
+
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
-            let trials =
-                WidthTrials::new(&self.photographs, &belief.maps, free, self.predicted, options);
+            let photographs = self.photographs.working();
+            let trials = WidthTrials::new(photographs, &belief.maps, free, self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };
@@ -138,6 +153,10 @@ impl Estimation {
         self.structured = chosen.is_some();
         match chosen {
             Some(widths) => {
+                // It knows every texel's colour.
+                self.refine_belief();
+                let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
+                let options = &self.options;
                 structured::fit(&mut self.photographs, belief, widths, free, options);
             }
             None => {
@@ -154,7 +173,7 @@ impl Estimation {
         let (Some(belief), Some(at)) = (&mut self.belief, self.position) else { return true };
         if !matches!(self.work, Work::Lights(_)) {
             match Self::lights(
-                &self.photographs,
+                self.photographs.working(),
                 belief,
                 self.task.free_lights,
                 turn,
@@ -205,12 +224,12 @@ impl Estimation {
     fn classes_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         if !matches!(self.work, Work::Classes(_)) {
-            let trials = ClassTrials::new(&self.photographs, belief, &self.options)?;
+            let trials = ClassTrials::new(self.photographs.working(), belief, &self.options)?;
             self.work = Work::Classes(Box::new(trials));
         }
         let Work::Classes(trials) = &mut self.work else { return Ok(true) };
         if !trials.is_done() {
-            trials.step(&self.photographs)?;
+            trials.step(self.photographs.working())?;
         }
         if trials.is_done() {
             trials.assign(belief);

@@ -1,7 +1,7 @@
 //! How much memory a session needs, estimated before it is taken.
 
 use super::settings::Settings;
-use crate::estimate::options::LatentOptions;
+use crate::estimate::options::ScheduleOptions;
 use crate::frame::Photo;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
@@ -16,10 +16,11 @@ const MAP_SETS_FITTING: u64 = 4;
 const MAP_SETS_REFINING: u64 = 7;
 /// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
 const FITTED: u64 = 700;
-/// Bytes of a texel that the completion network sees, and how many it sees at most: covariances,
-/// features, what its first layers unfold, and what is freed without being given back.
+/// Bytes of a texel that the completion network sees: covariances, features, what its first layers
+/// unfold, and what is freed without being given back.
 const COMPLETED: u64 = 1800;
-const MOST_COMPLETED: u64 = 256 * 256;
+/// Bytes of a texel of the colours that maps are refined by.
+const GUIDE: u64 = 12;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 const DETECTION: u64 = 16;
 /// Most pixels of a reduced photograph.
@@ -32,21 +33,13 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     let area = |side: usize| (side * side) as u64;
     let side = settings.resolution;
     let full = area(side);
-    let mut fitted = 0;
-    let mut level = side;
-    while level >= 256 {
-        if level <= LatentOptions::default().finest_texels.max(256) {
-            fitted += area(level);
-        }
-        level /= 2;
-    }
-    // Halved ones once more while later photographs better them.
-    let each = OBSERVATION * (full + 2 * fitted);
-    // A fit of several levels gives its large buffers back before the refinement.
-    let buffers = FITTED * fitted;
-    let fitting = buffers + MAP_SETS_FITTING * MAPS * full;
-    let beside = COMPLETED * full.min(MOST_COMPLETED) + if fitted > full { 0 } else { buffers };
-    let refining = MAP_SETS_REFINING * MAPS * full + beside;
+    let most = ScheduleOptions::default().texels;
+    let working = (0..).map(|times| side >> times).find(|side| *side <= most).map_or(full, area);
+    let thinned = if working < full { working } else { 0 };
+    // Thinned out and averaged; halved ones take a third more.
+    let each = OBSERVATION * (full + 2 * thinned + working / 3);
+    let fitting = FITTED * working + COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
+    let refining = FITTED * working + MAP_SETS_REFINING * MAPS * full + GUIDE * full;
     BASE + fitting.max(refining) + photographs as u64 * each + kept
 }
 

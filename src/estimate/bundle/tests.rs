@@ -33,7 +33,7 @@ fn material() -> Svbrdf {
 }
 
 fn photographs(count: usize) -> Photographs {
-    let mut all = Photographs::new(SIDE);
+    let mut all = Photographs::new();
     let mut random = Random::new(4);
     for i in 0..count {
         let angle = 2.4 * i as f32;

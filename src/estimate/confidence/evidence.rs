@@ -90,7 +90,7 @@ impl Estimation {
             return Err(Error::NoMaps);
         }
         let widths = widths(&maps, photographs, &self.options.prior, self.residual_noise(&maps));
-        let base = self.latent.as_ref().map(|latent| latent.maps());
+        let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
         let planes = MAPS.map(|range| Planes {
             posterior: posterior(&maps, &widths, range.clone()),
             change: base.as_ref().map_or_else(

@@ -1,4 +1,4 @@
-//! Optimisation of the latent code against all photographs, and the multi-resolution schedule.
+//! Optimisation of the latent code against all photographs.
 //!
 //! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
 //! additions. What the decoder cannot express of the start is kept as a fixed detail,
@@ -6,13 +6,11 @@
 //! start and moves it within what materials do. Each photograph begins with gains of the maps
 //! as a whole; and a prior, weaker with every photograph, holds the slopes to the start's.
 //!
-//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. It begins
-//! at 256 texels or fewer a side; finished levels are doubled as in the paper's Section 7. After a
-//! new photograph it begins again at the coarsest level, with code and moments as they were, and
-//! carries the *change* of each level up to the next, so that detail found before stays.
+//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
+//! new photograph it begins again, with code and moments as they were.
 
+mod code;
 mod gains;
-mod level;
 
 #[cfg(test)]
 mod tests;
@@ -20,17 +18,16 @@ mod tests;
 use std::sync::Arc;
 
 use super::options::{GainOptions, LatentOptions};
-use super::photographs::Photographs;
+use super::photographs::{Photographs, chosen};
 use crate::initial_estimate::Networks;
-use crate::parallel;
 use crate::{Error, Result, Svbrdf};
-use level::Level;
-pub(crate) use level::SavedLevel;
+use code::Code;
+pub(crate) use code::SavedCode;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StepReport {
-    /// Mean log-L1 at the current level before the step.
+    /// Mean log-L1 before the step.
     pub loss: f64,
     /// Nothing is left to do until a photograph is added.
     pub settled: bool,
@@ -41,20 +38,16 @@ pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
     gains: GainOptions,
-    stages: Vec<Stage>,
+    code: Code,
     /// Photographs so far.
     photographs: usize,
     position: LatentPosition,
-    /// Halvings from the photographs' size to the coarsest level.
-    halvings: usize,
 }
 
 /// How far a fit is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LatentPosition {
-    /// Level of the next step.
-    pub current: usize,
-    /// Steps done at the current level since the latest photograph.
+    /// Steps done since the latest photograph.
     pub done: usize,
     /// Photographs since the fit had settled.
     pub fresh: usize,
@@ -62,24 +55,16 @@ pub(crate) struct LatentPosition {
     pub loss: f64,
 }
 
-/// One resolution.
-struct Stage {
-    level: Option<Level>,
-    /// The level's maps when the next finer level was last started from them.
-    carried: Option<Svbrdf>,
-}
-
 /// What a [`LatentFit`] holds apart from photographs and networks.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SavedFit {
     pub position: LatentPosition,
-    /// Levels from the coarsest on, each with what the next finer one was started from.
-    pub stages: Vec<(Option<SavedLevel>, Option<Svbrdf>)>,
+    pub code: SavedCode,
 }
 
 impl LatentFit {
     /// Starts from maps for photographs of `[width, height]` texels. `start` has that resolution or a
-    /// half, a quarter, ... of it, as [`Networks::photo_maps`] gives it.
+    /// half, a quarter, ... of it, as [`Networks::photo_maps`] gives it, or twice, ....
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
@@ -90,8 +75,7 @@ impl LatentFit {
         options: &LatentOptions,
         gains: &GainOptions,
     ) -> Result<Self> {
-        let halvings = halvings(width, height, options);
-        let multiple = networks.decoder().stride() << halvings;
+        let multiple = networks.decoder().stride();
         let fits = |n: usize| n > 0 && n.is_multiple_of(multiple);
         if !fits(width) || !fits(height) {
             return Err(Error::argument(
@@ -99,23 +83,13 @@ impl LatentFit {
                 format!("{width}x{height} texels, multiples of {multiple} expected"),
             ));
         }
-        let mut fitted = 1;
-        while fitted <= halvings
-            && width.max(height) >> (halvings - fitted) <= options.finest_texels
-        {
-            fitted += 1;
-        }
-        let start = to_size(start, [width >> halvings, height >> halvings])?;
-        let level = Level::new(&networks, &start, options)?;
-        let mut stages: Vec<Stage> =
-            (0..fitted).map(|_| Stage { level: None, carried: None }).collect();
-        stages[0].level = Some(level);
-        let position = LatentPosition { current: 0, done: 0, fresh: 0, loss: f64::NAN };
+        let code = Code::new(&networks, &to_size(start, [width, height])?, options)?;
+        let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
         let (options, gains) = (options.clone(), gains.clone());
-        Ok(Self { networks, options, gains, stages, photographs: 0, position, halvings })
+        Ok(Self { networks, options, gains, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again at the coarsest level from where it is.
+    /// A photograph was added; the fit begins again from where it is.
     ///
     /// # Errors
     /// When a network is broken.
@@ -126,15 +100,14 @@ impl LatentFit {
         Ok(())
     }
 
-    /// Begins again at the coarsest level from where the fit is, as light or ambient light were
-    /// estimated anew.
+    /// Begins again from where the fit is, as light or ambient light were estimated anew.
     ///
     /// # Errors
     /// When a network is broken.
     pub fn begin_again(&mut self) -> Result<()> {
         let fresh = if self.is_settled() { 0 } else { self.position.fresh };
         self.refresh()?;
-        (self.position.current, self.position.done, self.position.fresh) = (0, 0, fresh);
+        (self.position.done, self.position.fresh) = (0, fresh);
         Ok(())
     }
 
@@ -146,77 +119,35 @@ impl LatentFit {
         if self.is_settled() {
             return Ok(self.report());
         }
-        let LatentPosition { current, done, .. } = self.position;
-        let observations = photographs.level((self.halvings - current) as u32);
-        if current == 0
-            && done == 0
-            && self.options.gains
-            && let Some(level) = &mut self.stages[0].level
-        {
-            level.apply_gains(&self.networks, &observations, &self.options, &self.gains)?;
+        let (done, steps, options) = (self.position.done, self.steps(), &self.options);
+        let observations = chosen(photographs.averaged(), &photographs.drawn(done));
+        if done == 0 && options.gains {
+            self.code.apply_gains(&self.networks, &observations, options, &self.gains)?;
         }
-        if self.stages[current].level.is_none() || (current > 0 && done == 0) {
-            self.climb()?;
-        }
-        let steps = self.steps(current);
-        if steps > 0 {
-            let options = &self.options;
-            let rate =
-                if current == 0 { options.learning_rate } else { options.fine_learning_rate };
-            // A restored fit may have done more than what one photograph asks for.
-            let progress = (done as f32 / steps as f32).min(1.0);
-            let rate = rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
-            if let Some(level) = &mut self.stages[current].level {
-                self.position.loss = level.step(&self.networks, &observations, rate, options)?;
-            }
-            self.position.done += 1;
-        }
-        if self.position.done >= steps {
+        // A restored fit may have done more than what one photograph asks for.
+        let progress = (done as f32 / steps as f32).min(1.0);
+        let rate = options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
+        self.position.loss = self.code.step(&self.networks, &observations, rate, options)?;
+        self.position.done += 1;
+        if self.is_settled() {
             self.refresh()?;
-            if self.stages.len() > 1
-                && let Some(level) = &mut self.stages[current].level
-            {
-                level.release();
-            }
-            if current + 1 < self.stages.len() {
-                (self.position.current, self.position.done) = (current + 1, 0);
-            }
         }
         Ok(self.report())
     }
 
     /// Whether nothing is left to do until a photograph is added.
     pub fn is_settled(&self) -> bool {
-        let LatentPosition { current, done, .. } = self.position;
-        current + 1 == self.stages.len() && done >= self.steps(current)
+        self.position.done >= self.steps()
     }
 
-    /// The maps as they are now, at the photographs' resolution.
-    pub fn maps(&self) -> Svbrdf {
-        // A level whose steps have not begun does not know yet what the one below has found.
-        let LatentPosition { current, done, .. } = self.position;
-        let known = if done == 0 { current.saturating_sub(1) } else { current };
-        let mut maps = self.level(known).maps().clone();
-        for stage in known + 1..=self.halvings {
-            maps = self.finer(stage, &maps);
-        }
-        maps
+    /// The maps as they are now.
+    pub fn maps(&self) -> &Svbrdf {
+        self.code.maps()
     }
 
-    /// The maps as they are now at the resolution of the level in work.
-    pub fn coarse_maps(&self) -> &Svbrdf {
-        self.level(self.position.current).maps()
-    }
-
-    /// Texels of the coarsest level.
-    pub fn coarsest_texels(&self) -> usize {
-        self.level(0).maps().texels()
-    }
-
-    /// Steps done at the finest level and steps that it takes, once it is in work.
-    pub fn steps_at_finest(&self) -> Option<[usize; 2]> {
-        let LatentPosition { current, done, .. } = self.position;
-        (current + 1 == self.stages.len()).then(|| [done, self.steps(current)])
+    /// Steps done, and all.
+    pub fn work(&self) -> [usize; 2] {
+        [self.position.done.min(self.steps()), self.steps()]
     }
 
     /// The photographs so far count as fitted, steps left or not: the next brings its own alone.
@@ -224,25 +155,12 @@ impl LatentFit {
         self.position.fresh = 0;
     }
 
-    /// Steps of each level, from the coarsest on: those done, and all.
-    pub fn work(&self) -> impl Iterator<Item = [usize; 2]> {
-        (0..self.stages.len()).map(|stage| {
-            let all = self.steps(stage);
-            match stage.cmp(&self.position.current) {
-                std::cmp::Ordering::Less => [all, all],
-                std::cmp::Ordering::Equal => [self.position.done.min(all), all],
-                std::cmp::Ordering::Greater => [0, all],
-            }
-        })
-    }
-
     /// The fit as plain data.
     pub fn save(&self) -> SavedFit {
-        let save = |s: &Stage| (s.level.as_ref().map(Level::save), s.carried.clone());
-        SavedFit { position: self.position, stages: self.stages.iter().map(save).collect() }
+        SavedFit { position: self.position, code: self.code.save() }
     }
 
-    /// Goes on from a saved fit with its photographs. Without `same_networks` the codes are found
+    /// Goes on from a saved fit with its photographs. Without `same_networks` the code is found
     /// anew from the maps.
     ///
     /// # Errors
@@ -255,114 +173,36 @@ impl LatentFit {
         options: &LatentOptions,
         gains: &GainOptions,
     ) -> Result<Self> {
-        let first = photographs.full().first().ok_or(Error::NoMaps)?;
-        let size = [first.width(), first.height()];
-        let halvings = halvings(size[0], size[1], options);
-        let SavedFit { position, stages } = saved;
-        let fault = |message: &str| Err(Error::argument("fit", message));
-        if stages.is_empty() || stages.len() > halvings + 1 || position.current >= stages.len() {
-            return fault("levels that the resolution has are expected");
+        let first = photographs.averaged().first().ok_or(Error::NoMaps)?;
+        let SavedFit { position, code } = saved;
+        if [code.maps.width(), code.maps.height()] != [first.width(), first.height()] {
+            return Err(Error::argument("fit", "maps of the photographs' size are expected"));
         }
-        let begun = |i: usize| stages[i].0.is_some();
-        if (1..stages.len()).any(|i| begun(i) && !begun(i - 1))
-            || !(0..position.current).all(begun)
-            || !begun(0)
-        {
-            return fault("a level is missing");
-        }
-        let mut made = Vec::with_capacity(stages.len());
-        for (i, (level, carried)) in stages.into_iter().enumerate() {
-            let size = size.map(|n| n >> (halvings - i));
-            let fits = |maps: &Svbrdf| [maps.width(), maps.height()] == size;
-            if !level.iter().map(|l| &l.maps).chain(&carried).all(fits) {
-                return fault("a level's maps are not of its size");
-            }
-            let level = match level {
-                Some(level) => Some(Level::restore(&networks, level, same_networks, options)?),
-                None => None,
-            };
-            made.push(Stage { level, carried });
-        }
+        let code = Code::restore(&networks, code, same_networks, options)?;
         let (options, gains) = (options.clone(), gains.clone());
-        let photographs = photographs.len();
-        Ok(Self { networks, options, gains, stages: made, photographs, position, halvings })
+        Ok(Self { networks, options, gains, code, photographs: photographs.len(), position })
     }
 
-    fn level(&self, stage: usize) -> &Level {
-        let started = self.stages[..=stage].iter().rev().find_map(|s| s.level.as_ref());
-        started.expect("the coarsest level is made with the fit")
-    }
-
-    fn steps(&self, stage: usize) -> usize {
+    fn steps(&self) -> usize {
         let fresh = self.position.fresh.clamp(1, self.options.max_pending);
-        match (stage, self.photographs) {
-            (0, ..=1) => self.options.first_steps,
-            (0, _) => fresh * self.options.steps,
-            _ => self.options.fine_steps,
-        }
+        let steps = match self.photographs {
+            ..=1 => self.options.first_steps,
+            _ => fresh * self.options.steps,
+        };
+        steps.max(1)
     }
 
     fn report(&self) -> StepReport {
         StepReport { loss: self.position.loss, settled: self.is_settled() }
     }
 
-    /// Brings the current level's maps up to its code.
+    /// Brings the maps up to the code.
     ///
     /// # Errors
     /// When a network is broken.
     pub fn refresh(&mut self) -> Result<()> {
-        match &mut self.stages[self.position.current].level {
-            Some(level) => level.refresh(&self.networks),
-            None => Ok(()),
-        }
+        self.code.refresh(&self.networks)
     }
-
-    /// Starts the current level from the one below.
-    fn climb(&mut self) -> Result<()> {
-        let current = self.position.current;
-        let below = self.level(current - 1).maps().clone();
-        let start = self.finer(current, &below);
-        self.stages[current - 1].carried = Some(below);
-        match &mut self.stages[current].level {
-            Some(level) => level.restart(&self.networks, &start, &self.options),
-            none => {
-                *none = Some(Level::new(&self.networks, &start, &self.options)?);
-                Ok(())
-            }
-        }
-    }
-
-    /// Maps of a stage from those of the stage below: its own, moved by what has changed below
-    /// since; or the ones below, interpolated.
-    fn finer(&self, stage: usize, below: &Svbrdf) -> Svbrdf {
-        let own = self.stages.get(stage).and_then(|s| s.level.as_ref());
-        let carried = self.stages.get(stage - 1).and_then(|s| s.carried.as_ref());
-        let (Some(own), Some(carried)) = (own, carried) else {
-            return below.upsampled();
-        };
-        let mut change = below.clone();
-        let change_to = |to: &mut Svbrdf, other: &Svbrdf, sign: f32| {
-            let width = to.width();
-            let both = to.planes_mut().chunks_mut(width).zip(other.planes().chunks(width));
-            parallel::parts(both, |_, (to, other)| {
-                to.iter_mut().zip(other).for_each(|(v, other)| *v += sign * other);
-            });
-        };
-        change_to(&mut change, carried, -1.0);
-        let mut maps = change.upsampled();
-        change_to(&mut maps, own.maps(), 1.0);
-        maps.clamp();
-        maps
-    }
-}
-
-/// Halvings from the photographs' size to the coarsest level.
-fn halvings(width: usize, height: usize, options: &LatentOptions) -> usize {
-    let mut halvings = 0;
-    while width.max(height) >> halvings > options.coarsest_texels {
-        halvings += 1;
-    }
-    halvings
 }
 
 /// Maps at another power of two of their size.

@@ -55,6 +55,9 @@ pub(super) struct Start<'a> {
 
 /// Steps in progress of lights and texels.
 pub(crate) struct LightFit {
+    /// Photographs that it sees, and the correction of all before it.
+    which: Vec<usize>,
+    before: Correction,
     free: Lights,
     from: State,
     /// Lights held: what turned ones are compared with. Once they have turned, what is left of their
@@ -83,20 +86,20 @@ impl LightFit {
         if count < options.schedule.lights_from {
             return None;
         }
-        let mut correction = start.photographs.correction().clone();
-        correction.turns.resize(count, [0.0; 2]);
-        correction.mirrored.resize(count, 0.0);
+        let which = start.photographs.drawn(0);
+        let before = start.photographs.correction().clone();
+        let correction = before.of(&which);
         let as_given = correction.turns.iter().all(|turn| *turn == [0.0; 2]);
         let sample = Arc::new(Sample::new(start.photographs, usize::MAX, options.lights.texels));
-        let of_free = problem(&start, &sample, free, options);
+        let of_free = problem(&start, &sample, &which, free, options);
         let from = from(&of_free, &start, correction);
         let held = (free.turn && as_given).then(|| {
             let free = Free { turn: false, ..free };
-            let problem = problem(&start, &sample, free, options);
+            let problem = problem(&start, &sample, &which, free, options);
             Lights::new(problem, from.clone(), false, options)
         });
         let free = Lights::new(of_free, from.clone(), !free.turn, options);
-        Some(Self { free, from, held })
+        Some(Self { which, before, free, from, held })
     }
 
     /// One step; nothing once done.
@@ -130,7 +133,8 @@ impl LightFit {
                 return None;
             }
         }
-        Some((state.correction.clone(), Offset(state.groups[0])))
+        let correction = self.before.with(&self.which, &state.correction);
+        Some((correction, Offset(state.groups[0])))
     }
 
     /// Steps done, and about how many there will be.
@@ -233,7 +237,13 @@ fn scale(sample: &Sample, options: &LightOptions) -> f64 {
 }
 
 /// Texels held to the estimate, which is off by one offset.
-fn problem(start: &Start, sample: &Arc<Sample>, free: Free, options: &EstimateOptions) -> Problem {
+fn problem(
+    start: &Start,
+    sample: &Arc<Sample>,
+    which: &[usize],
+    free: Free,
+    options: &EstimateOptions,
+) -> Problem {
     let (noise, descent, options) = (&options.noise, options.bundle, &options.lights);
     let scale = scale(sample, options);
     let mean = sample.coordinates(start.base);
@@ -247,7 +257,7 @@ fn problem(start: &Start, sample: &Arc<Sample>, free: Free, options: &EstimateOp
     }
     Problem {
         sample: sample.clone(),
-        which: (0..sample.photographs.len()).collect(),
+        which: which.to_vec(),
         groups: Groups {
             coordinates: 0..CHANNELS,
             range: [-1.0, 1.0],
@@ -257,7 +267,7 @@ fn problem(start: &Start, sample: &Arc<Sample>, free: Free, options: &EstimateOp
         },
         mean,
         precision,
-        shared: parameters(sample.photographs.len(), scale, free, options),
+        shared: parameters(which.len(), scale, free, options),
         noise: Noise::expected(noise),
         options: descent,
     }

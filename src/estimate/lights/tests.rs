@@ -69,7 +69,7 @@ fn photographs(
     given: &[View],
     correction: &Correction,
 ) -> Photographs {
-    let mut all = Photographs::new(SIDE);
+    let mut all = Photographs::new();
     for (observation, view) in observations.iter().zip(given) {
         let mut observation = observation.clone();
         observation.view = *view;

@@ -6,20 +6,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LatentOptions {
-    /// Steps of the coarsest level after the first photograph: with more, one photograph's highlights
+    /// Steps after the first photograph: with more, one photograph's highlights
     /// and shading are explained by gloss and bumps that are not there. Tuned.
     pub first_steps: usize,
-    /// Steps of the coarsest level after each further photograph. Tuned.
+    /// Steps after each further photograph. Tuned.
     pub steps: usize,
-    /// Steps of each finer level after each photograph. Tuned.
-    pub fine_steps: usize,
     /// Photographs that came before the fit had settled and add their steps, at most. Tuned.
     pub max_pending: usize,
     /// Length of the first steps, in units of the code (whose variance is 1); falls to zero over
-    /// the steps of a level as half a cosine. Tuned.
+    /// the steps as half a cosine. Tuned.
     pub learning_rate: f32,
-    /// The same for the finer levels. Tuned.
-    pub fine_learning_rate: f32,
     /// Decay of Adam's moments. Tuned.
     pub betas: [f32; 2],
     /// Weight of the prior on the slopes beside the mean log-L1, divided by the squared number of
@@ -36,10 +32,6 @@ pub struct LatentOptions {
     pub gains: bool,
     /// Whether what the decoder cannot express of the start is kept.
     pub keep_detail: bool,
-    /// Longest side up to which the coarsest level goes, texels. Paper.
-    pub coarsest_texels: usize,
-    /// Longest side that is fitted, texels; finer maps are interpolated from there. Tuned.
-    pub finest_texels: usize,
 }
 
 impl Default for LatentOptions {
@@ -47,18 +39,14 @@ impl Default for LatentOptions {
         Self {
             first_steps: 8,
             steps: 30,
-            fine_steps: 15,
             max_pending: 8,
             learning_rate: 0.03,
-            fine_learning_rate: 0.01,
             betas: [0.9, 0.99],
             prior_weight: 0.05,
             min_deviation: 0.01,
             min_derivative: 0.02,
             gains: true,
             keep_detail: true,
-            coarsest_texels: 256,
-            finest_texels: 512,
         }
     }
 }

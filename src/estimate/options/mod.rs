@@ -108,6 +108,12 @@ pub struct ScheduleOptions {
     pub steps_after_residuals: usize,
     /// Steps after the learned prior, the last ones. Tuned.
     pub steps_after_network: usize,
+    /// Photographs that a step sees, at most, except the last ones, of the maps. Tuned.
+    pub photographs: usize,
+    /// Texels along the longer side that phases work at, at most. Tuned.
+    pub texels: usize,
+    /// Last steps, at full size, of larger maps. Tuned.
+    pub full_size_steps: usize,
     /// Change of the lights, in units of their expected errors, that is worth another round.
     pub light_tolerance: f64,
     /// Change of the lights, in the same units, by which the latent fit was misled: it is done again.
@@ -139,6 +145,9 @@ impl Default for ScheduleOptions {
             residual_rounds: 2,
             steps_after_residuals: 4,
             steps_after_network: 4,
+            photographs: 12,
+            texels: 256,
+            full_size_steps: 6,
             light_tolerance: 0.02,
             misled_by: 0.4,
             min_surround: 0.01,

@@ -27,9 +27,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::belief::Belief;
-use super::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State, colours};
-use super::clusters::Feature;
+use super::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State};
 use super::correction::{Correction, Exposure};
+use super::finer::full_colours;
 use super::noise::Noise;
 use super::options::{EstimateOptions, StructuredOptions, Widths};
 use super::photographs::Photographs;
@@ -52,6 +52,8 @@ pub(crate) struct WidthTrials {
     /// Whether exposure and flash are free.
     free: bool,
     sample: Arc<Sample>,
+    /// Photographs that the trials see.
+    which: Vec<usize>,
     /// Classes round the estimate, where photographs are too few to leave one out.
     few: Option<Setup>,
     /// Photographs left out, each in turn.
@@ -86,6 +88,7 @@ impl WidthTrials {
             options: options.clone(),
             free,
             sample: Arc::new(sample),
+            which: photographs.drawn(0),
             few,
             folds: (count.saturating_sub(o.folds)..count).collect(),
             predicted,
@@ -137,7 +140,7 @@ impl WidthTrials {
         };
         let widths = self.options.structured.candidates[candidate];
         let which: Vec<usize> =
-            (0..self.sample.photographs.len()).filter(|&i| Some(i) != left_out).collect();
+            self.which.iter().copied().filter(|&i| Some(i) != left_out).collect();
         let setup = Setup::new(&self.sample, &which, widths.classes, &self.options);
         let problem = setup.problem(&self.sample, which, widths, self.free, &self.options);
         let (problem, state) =
@@ -217,12 +220,13 @@ pub(super) fn fit(
     options: &EstimateOptions,
 ) {
     let o = &options.structured;
-    let sample = Arc::new(Sample::new(photographs, o.texels, o.texels));
+    let sample = Arc::new(Sample::new(photographs.working(), o.texels, o.texels));
     let which: Vec<usize> = (0..photographs.len()).collect();
     let mut setup = Setup::new(&sample, &which, widths.classes, options);
     let own = (which.len() < o.leave_out_from).then_some(o.own_share);
     if let Some(own) = own {
-        setup = setup.around(&sample.coordinates(&belief.maps), own);
+        let maps = belief.maps.thinned(photographs.thinning());
+        setup = setup.around(&sample.coordinates(&maps), own);
     }
     let classes = setup.classes.clone();
     let problem = setup.problem(&sample, which, widths, free, options);
@@ -257,18 +261,6 @@ fn descended(problem: Problem, steps: usize, options: &EstimateOptions) -> (Prob
     let correction = Correction { exposure: Exposure::as_given(views), ..Correction::default() };
     let start = problem.start(correction);
     Descent::new(problem, start, Limits { steps, converged: options.structured.converged }).run()
-}
-
-/// Colours of all texels.
-fn full_colours(photographs: &Photographs) -> Vec<Feature> {
-    let (full, given) = (photographs.full(), photographs.given());
-    let Some(first) = full.first() else { return Vec::new() };
-    let (width, height) = (first.width(), first.height());
-    let place = |t: usize| given[0].texel_mm(width, height, t % width, t / width).map(f64::from);
-    let seen = |i: usize, t: usize| {
-        (full[i].weight(t) > 0.0).then(|| [0, 1, 2].map(|c| full[i].radiance(c, t)))
-    };
-    colours(given, width * height, place, seen)
 }
 
 /// What the prior of a fit refers to.

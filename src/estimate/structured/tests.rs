@@ -37,7 +37,7 @@ fn given(i: usize) -> View {
 
 /// Photographs with lights moved, exposures changed and radiances spoiled; their views as given.
 fn photographs(truth: &Svbrdf, count: usize, exposure: &Exposure, noise: f32) -> Photographs {
-    let mut all = Photographs::new(SIDE);
+    let mut all = Photographs::new();
     let mut random = Random::new(8);
     let correction = Correction { exposure: exposure.clone(), ..Correction::default() };
     for i in 0..count {

@@ -15,7 +15,7 @@ use super::pooling::Pooling;
 use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{ClassOptions, EstimateOptions};
-use crate::estimate::photographs::Photographs;
+use crate::estimate::photographs::{Photographs, chosen};
 use crate::estimate::posterior::{At, gloss_information};
 use crate::estimate::solver::solve;
 use crate::observation::Observation;
@@ -37,7 +37,8 @@ pub(crate) struct ClassTrials {
     mean: Svbrdf,
     maps: Svbrdf,
     halvings: u32,
-    photographs: usize,
+    /// Photographs that the trials see.
+    which: Vec<usize>,
     members: Membership,
     /// Without the texels' own; none where no highlight shows any.
     classes: Vec<Class>,
@@ -58,14 +59,15 @@ impl ClassTrials {
         crate::render::check_observations(&belief.maps, photographs.full())?;
         crate::render::check_observations(&belief.mean, photographs.full())?;
         let halvings = photographs.halvings_to(options.classes.texels);
-        let maps = halved(&belief.maps, halvings, Svbrdf::downsampled);
+        let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
+        let maps = small(&belief.maps);
         let mut trials = Self {
             options: options.clone(),
-            mean: halved(&belief.mean, halvings, Svbrdf::downsampled),
+            mean: small(&belief.mean),
             members: Membership::new(&maps, &options.groups),
             maps,
             halvings,
-            photographs: photographs.len(),
+            which: photographs.drawn(0),
             classes: Vec::new(),
             costs: Vec::new(),
         };
@@ -94,7 +96,7 @@ impl ClassTrials {
     /// When sizes differ.
     pub fn step(&mut self, photographs: &Photographs) -> Result<()> {
         let class = self.costs.len().checked_sub(1).and_then(|i| self.classes.get(i));
-        let cost = self.cost(class, &photographs.level(self.halvings))?;
+        let cost = self.cost(class, &chosen(&photographs.level(self.halvings), &self.which))?;
         self.costs.push(cost);
         Ok(())
     }
@@ -113,7 +115,7 @@ impl ClassTrials {
             return;
         }
         let options = &self.options.classes;
-        let shares = responsibilities(&self.members, &self.costs, self.photographs, options);
+        let shares = responsibilities(&self.members, &self.costs, self.which.len(), options);
         let mixture = Mixture::new(&self.maps, &self.classes, &shares);
         mixture.write(&self.pooling(), [&mut belief.mean, &mut belief.maps]);
     }
@@ -361,7 +363,7 @@ mod tests {
 
     /// Photographs whose highlights sweep the left half.
     fn photographs(truth: &Svbrdf) -> Photographs {
-        let mut photographs = Photographs::new(SIDE);
+        let mut photographs = Photographs::new();
         (0..8)
             .map(|i| [-40.0 + 25.0 * (i % 2) as f32, 24.0 * (i / 2) as f32 - 36.0])
             .for_each(|at| photographs.add(photograph(truth, at)).unwrap());

@@ -305,7 +305,7 @@ mod tests {
     }
 
     fn photographs(truth: &Svbrdf, places: &[[f32; 2]]) -> Photographs {
-        let mut photographs = Photographs::new(256);
+        let mut photographs = Photographs::new();
         places.iter().for_each(|&at| photographs.add(photograph(truth, at)).unwrap());
         photographs
     }

@@ -171,8 +171,7 @@ impl Update for PoolResiduals {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::observation::{Falloff, View};
-    use crate::render::render;
+    use crate::test_support::{self, view_from};
 
     const SIDE: usize = 64;
 
@@ -194,22 +193,9 @@ pub(crate) mod tests {
         maps
     }
 
-    /// A photograph of known maps, 100 mm a side, with camera and light 100 mm above `at`.
-    pub(crate) fn photograph(truth: &Svbrdf, at: [f32; 2]) -> Observation {
-        let (width, height) = (truth.width(), truth.height());
-        let at = [at[0], at[1], 100.0];
-        let falloff = Falloff::None { power: [std::f32::consts::PI; 3] };
-        let view = View {
-            sample_mm: [100.0; 2],
-            camera_mm: at,
-            light_mm: at,
-            falloff,
-            ambient: [0.0; 3],
-            mirrored: 1.0,
-        };
-        let mut radiance = vec![0.0; 3 * truth.texels()];
-        render(truth, &view, &mut radiance);
-        Observation::new(width, height, view, &radiance, &vec![1.0; truth.texels()]).unwrap()
+    /// A photograph of known maps, camera and light 100 mm above `at`.
+    pub(crate) fn photograph(truth: &Svbrdf, [x, y]: [f32; 2]) -> Observation {
+        test_support::photograph(truth, view_from([x, y, 100.0]))
     }
 
     fn observation(truth: &Svbrdf) -> Observation {

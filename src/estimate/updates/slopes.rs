@@ -328,7 +328,7 @@ mod tests {
         found: Prior,
         photographs: Vec<Observation>,
     ) -> Belief {
-        let mut all = Photographs::new(SIDE);
+        let mut all = Photographs::new();
         photographs.into_iter().for_each(|o| all.add(o).unwrap());
         let mut belief = Belief { maps, found, ..Belief::new(mean, &EstimateOptions::default()) };
         let (slopes, noise) = (SlopeOptions::default(), NoiseOptions::default());

@@ -7,8 +7,8 @@ use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
     Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
-    Photographs, Position, Predicted, Prior, Progress, SavedBaseline, SavedDescent,
-    SavedEstimation, SavedFit, SavedLevel, SavedLights, SavedWork, SolverState, State, Trend,
+    Position, Predicted, Prior, Progress, SavedBaseline, SavedCode, SavedDescent, SavedEstimation,
+    SavedFit, SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
 use crate::initial_estimate::Networks;
@@ -116,6 +116,7 @@ pub(super) fn read(
     networks: &Arc<Networks>,
     task: Task,
     size: usize,
+    options: EstimateOptions,
 ) -> Result<(Estimation, SavedProgress)> {
     let mut r = sections.one(ESTIMATION)?;
     let count = r.u32()? as usize;
@@ -155,9 +156,8 @@ pub(super) fn read(
     if observations.len() != count {
         return Err(damaged("photographs are missing"));
     }
-    let options = EstimateOptions::default();
-    let finest = options.latent.finest_texels;
-    let photographs = Photographs::restored(observations, correction, finest).map_err(as_damage)?;
+    let photographs = Estimation::no_photographs(&options);
+    let photographs = photographs.restored(observations, correction).map_err(as_damage)?;
     let maps = sections.all(MAPS).next();
     let maps = maps.map(|mut r| read_maps(&mut r).and_then(|m| r.end().map(|()| m))).transpose()?;
     let latent = sections.all(LATENT).next().map(|r| read_latent(r, networks)).transpose()?;
@@ -377,38 +377,29 @@ fn read_maps(r: &mut Reader) -> Result<Svbrdf> {
 }
 
 fn write_latent(w: &mut Writer, saved: &SavedFit) {
-    let LatentPosition { current, done, fresh, loss } = saved.position;
-    w.u32(current as u32);
-    w.u32(done as u32);
-    w.u32(fresh as u32);
-    w.f64(loss);
-    w.u32(saved.stages.len() as u32);
-    for (level, carried) in &saved.stages {
-        w.option(level.as_ref(), |w, level| {
-            write_adam(w, &level.code, &level.adam);
-            w.u32(level.anchor.len() as u32);
-            w.f32s(&level.anchor);
-            w.f32(level.deviation);
-            w.u32(level.detail.len() as u32);
-            w.f32s(&level.detail);
-            write_maps(w, &level.maps);
-            w.flag(level.stale);
-        });
-        w.option(carried.as_ref(), write_maps);
-    }
+    let SavedFit { position, code } = saved;
+    w.u32(position.done as u32);
+    w.u32(position.fresh as u32);
+    w.f64(position.loss);
+    write_adam(w, &code.code, &code.adam);
+    w.u32(code.anchor.len() as u32);
+    w.f32s(&code.anchor);
+    w.f32(code.deviation);
+    w.u32(code.detail.len() as u32);
+    w.f32s(&code.detail);
+    write_maps(w, &code.maps);
+    w.flag(code.stale);
 }
 
 /// Whether the networks are those of the code, and the fit.
 fn read_latent(mut r: Reader, networks: &Arc<Networks>) -> Result<(bool, SavedFit)> {
     let count = r.count(4)?;
     let same_networks = same(&r.f32s(count)?, &probe(networks));
-    let [current, done, fresh] = [r.u32()?, r.u32()?, r.u32()?].map(|n| n as usize);
-    let position = LatentPosition { current, done, fresh, loss: r.any_f64()? };
-    let count = r.count(2)?;
-    let stages = (0..count).map(|_| Ok((r.option(read_level)?, r.option(read_maps)?)));
-    let stages = stages.collect::<Result<_>>()?;
+    let [done, fresh] = [r.u32()?, r.u32()?].map(|n| n as usize);
+    let position = LatentPosition { done, fresh, loss: r.any_f64()? };
+    let code = read_code(&mut r)?;
     r.end()?;
-    Ok((same_networks, SavedFit { position, stages }))
+    Ok((same_networks, SavedFit { position, code }))
 }
 
 /// Values and their moments.
@@ -427,14 +418,14 @@ fn read_adam(r: &mut Reader) -> Result<(Vec<f32>, Adam)> {
     Ok((values, Adam { first, second, steps: r.i32()?.max(0) }))
 }
 
-fn read_level(r: &mut Reader) -> Result<SavedLevel> {
+fn read_code(r: &mut Reader) -> Result<SavedCode> {
     let (code, adam) = read_adam(r)?;
     let count = r.count(4)?;
     let (anchor, deviation) = (r.f32s(count)?, r.f32()?);
     let count = r.count(4)?;
     let detail = r.f32s(count)?;
     let (maps, stale) = (read_maps(r)?, r.flag()?);
-    Ok(SavedLevel { code, adam, anchor, deviation, detail, maps, stale })
+    Ok(SavedCode { code, adam, anchor, deviation, detail, maps, stale })
 }
 
 /// A photograph with its view before lights were corrected.

@@ -21,7 +21,7 @@ pub(super) use estimation::{SavedProgress, write as write_estimation};
 use super::intake::Intake;
 use super::settings::{Scene, Settings};
 use crate::Result;
-use crate::estimate::{Budget, Estimation};
+use crate::estimate::{Budget, EstimateOptions, Estimation};
 use crate::initial_estimate::Networks;
 
 /// Adds what the caller's side of a session holds.
@@ -61,8 +61,9 @@ pub(super) fn read(
     let pool = prepare(&mut settings, sections.all(estimation::OBSERVATION).count())?;
     let intake = intake::read(&sections, &scene)?;
     let task = settings.task(&scene);
-    let (estimation, progress) =
-        pool.install(|| estimation::read(&sections, networks, task, settings.resolution))?;
+    let (estimation, progress) = pool.install(|| {
+        estimation::read(&sections, networks, task, settings.resolution, EstimateOptions::default())
+    })?;
     if let Intake::Board(board) = &intake
         && board.poses().len() != estimation.frames()
     {

@@ -1,6 +1,7 @@
 use super::bytes::{Sections, StateWriter};
 use super::*;
 use crate::Error;
+use crate::estimate::options::ScheduleOptions;
 use crate::estimate::{EstimateOptions, Meter, Method, Phase, Task, first_maps};
 use crate::observation::{Observation, View};
 use crate::session::{RestoreOptions, Session};
@@ -110,8 +111,8 @@ const SIDE: usize = 64;
 #[test]
 fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
     let networks = networks();
-    let run = |task: Task, count: usize, saved: bool| {
-        let mut estimation = Estimation::new(networks.clone(), task, EstimateOptions::default());
+    let run = |task: Task, count: usize, options: &EstimateOptions, saved: bool| {
+        let mut estimation = Estimation::new(networks.clone(), task, options.clone());
         let mut meter = Meter::new(Budget::default(), 0.0, 0);
         let mut phases = Vec::new();
         let mut fraction = 0.0;
@@ -136,7 +137,8 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
                 estimation::write(&mut state, &estimation, &progress);
                 let bytes = state.finish();
                 let sections = Sections::read(&bytes).unwrap();
-                let read = estimation::read(&sections, &networks, task, SIDE).unwrap();
+                let read = estimation::read(&sections, &networks, task, SIDE, options.clone());
+                let read = read.unwrap();
                 assert_eq!(read.1, progress);
                 estimation = read.0;
             }
@@ -145,8 +147,15 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
     let deep = Task { method: Method::Deep, refine: true, free_lights: false };
     let free = Task { free_lights: true, ..deep };
     let mut phases = Vec::new();
-    for (task, count) in [(deep, 5), (free, 3), (Task { method: Method::Classic, ..deep }, 1)] {
-        let (plain, saved) = (run(task, count, false), run(task, count, true));
+    let default = EstimateOptions::default();
+    // Thinned out, and more photographs than a step sees.
+    let schedule = ScheduleOptions { texels: SIDE / 2, photographs: 3, ..default.schedule.clone() };
+    let large = EstimateOptions { schedule, ..default.clone() };
+    let classic = Task { method: Method::Classic, ..deep };
+    for (task, count, options) in
+        [(deep, 5, &default), (free, 3, &default), (classic, 1, &default), (free, 5, &large)]
+    {
+        let [plain, saved] = [false, true].map(|saved| run(task, count, options, saved));
         assert!(plain == saved, "{task:?} {count}: {} {}", plain.1, saved.1);
         phases.extend(plain.2);
     }

@@ -1,4 +1,4 @@
-//! The fit at one resolution: code, detail kept aside, and everything one step needs.
+//! The latent code, the detail kept aside, and everything one step needs.
 
 use super::gains;
 use crate::estimate::adam::Adam;
@@ -15,8 +15,8 @@ use crate::{Error, Result, Svbrdf};
 const CHUNK: usize = 4096;
 
 #[derive(Debug)]
-pub(super) struct Level {
-    code: Vec<f32>,
+pub(super) struct Code {
+    values: Vec<f32>,
     /// Slopes that the prior holds on to, two encoded planes.
     anchor: Vec<f32>,
     /// Expected error of the anchor.
@@ -49,24 +49,24 @@ impl Tools {
     }
 }
 
-impl Level {
+impl Code {
     pub fn new(networks: &Networks, start: &Svbrdf, options: &LatentOptions) -> Result<Self> {
-        let code = networks.encode(start)?;
+        let values = networks.encode(start)?;
         let mut anchor = encoded_maps(start);
         anchor.truncate(2 * start.texels());
         let square = anchor.iter().map(|v| v * v).sum::<f32>() / anchor.len() as f32;
-        let mut level = Self {
+        let mut code = Self {
             deviation: square.sqrt().max(options.min_deviation),
             anchor,
-            adam: Adam::new(code.len()),
+            adam: Adam::new(values.len()),
             detail: vec![0.0; CHANNELS * start.texels()],
             maps: start.clone(),
             stale: false,
             tools: None,
-            code,
+            values,
         };
-        level.restart(networks, start, options)?;
-        Ok(level)
+        code.restart(networks, start, options)?;
+        Ok(code)
     }
 
     /// Goes on from other maps of the same size with the code and moments found so far: the
@@ -78,7 +78,7 @@ impl Level {
         options: &LatentOptions,
     ) -> Result<()> {
         let mut tools = self.take_tools(networks)?;
-        let decoded = networks.decoder().forward(&self.code, &mut tools.workspace)?;
+        let decoded = networks.decoder().forward(&self.values, &mut tools.workspace)?;
         if options.keep_detail {
             let start = encoded_maps(start);
             for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
@@ -90,22 +90,17 @@ impl Level {
         Ok(())
     }
 
-    /// Gives the large buffers back until they are needed again.
-    pub fn release(&mut self) {
-        self.tools = None;
-    }
-
     fn take_tools(&mut self, networks: &Networks) -> Result<Box<Tools>> {
         match self.tools.take() {
             Some(tools) => Ok(tools),
-            None => Tools::new(networks, &self.maps, self.code.len()),
+            None => Tools::new(networks, &self.maps, self.values.len()),
         }
     }
 
-    /// What [`Level::restore`] needs.
-    pub fn save(&self) -> SavedLevel {
-        SavedLevel {
-            code: self.code.clone(),
+    /// What [`Code::restore`] needs.
+    pub fn save(&self) -> SavedCode {
+        SavedCode {
+            code: self.values.clone(),
             adam: self.adam.clone(),
             anchor: self.anchor.clone(),
             deviation: self.deviation,
@@ -119,26 +114,26 @@ impl Level {
     /// without `same_networks` the maps are encoded anew.
     pub fn restore(
         networks: &Networks,
-        saved: SavedLevel,
+        saved: SavedCode,
         same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let SavedLevel { code, adam, anchor, deviation, detail, maps, stale } = saved;
+        let SavedCode { code, adam, anchor, deviation, detail, maps, stale } = saved;
         if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
             return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
         }
         let deviation = deviation.max(options.min_deviation);
         if !same_networks {
-            let level = Self::new(networks, &maps, options)?;
-            return Ok(Self { anchor, deviation, ..level });
+            let found = Self::new(networks, &maps, options)?;
+            return Ok(Self { anchor, deviation, ..found });
         }
         let decoder = networks.decoder();
         let stride = decoder.stride();
         let length = decoder.code_channels() * (maps.texels() / (stride * stride));
         if code.len() != length || !adam.fits(length) {
-            return Err(Error::argument("code", "code and moments are not of the level's size"));
+            return Err(Error::argument("code", "code and moments are not of the maps' size"));
         }
-        Ok(Self { code, anchor, deviation, adam, detail, maps, stale, tools: None })
+        Ok(Self { values: code, anchor, deviation, adam, detail, maps, stale, tools: None })
     }
 
     /// Gives the maps the gains that the photographs ask for and goes on from their code.
@@ -151,7 +146,7 @@ impl Level {
     ) -> Result<()> {
         let mut maps = self.maps.clone();
         if gains::apply(&mut maps, observations, gains) {
-            self.code = networks.encode(&maps)?;
+            self.values = networks.encode(&maps)?;
             self.restart(networks, &maps, options)?;
         }
         Ok(())
@@ -165,7 +160,7 @@ impl Level {
     pub fn refresh(&mut self, networks: &Networks) -> Result<()> {
         if self.stale {
             let mut tools = self.take_tools(networks)?;
-            networks.decoder().forward(&self.code, &mut tools.workspace)?;
+            networks.decoder().forward(&self.values, &mut tools.workspace)?;
             self.write_maps(&tools);
             self.tools = Some(tools);
         }
@@ -181,7 +176,7 @@ impl Level {
         options: &LatentOptions,
     ) -> Result<f64> {
         let mut tools = self.take_tools(networks)?;
-        networks.decoder().forward(&self.code, &mut tools.workspace)?;
+        networks.decoder().forward(&self.values, &mut tools.workspace)?;
         self.write_maps(&tools);
         let loss = render::loss_and_gradient(&self.maps, observations, &mut tools.gradient);
         if !loss.is_finite() {
@@ -193,7 +188,7 @@ impl Level {
         self.encode_gradient(&mut tools, prior_weight, options.min_derivative);
         let Tools { gradient, code_gradient, workspace } = &mut *tools;
         networks.decoder().vjp(workspace, gradient, code_gradient)?;
-        self.adam.step(&mut self.code, code_gradient, rate, options.betas);
+        self.adam.step(&mut self.values, code_gradient, rate, options.betas);
         self.stale = true;
         self.tools = Some(tools);
         Ok(loss)
@@ -251,9 +246,9 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
     planes.chunks_mut(n).enumerate().flat_map(of_plane)
 }
 
-/// A [`Level`] as plain data.
+/// A [`Code`] as plain data.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SavedLevel {
+pub(crate) struct SavedCode {
     /// The latent code.
     pub code: Vec<f32>,
     /// Its moments, as many.

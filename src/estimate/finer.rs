@@ -1,0 +1,220 @@
+//! Maps of thinned-out photographs at full resolution.
+//!
+//! In a small window albedos and roughness are close to linear in colour: a linear model of each
+//! window of the coarse maps, applied to the colours of all texels, has detail that lies between the
+//! texels of the coarse maps (He and Sun, *Fast guided filter*, 2015). Slopes do not go with colour
+//! and are interpolated.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::bundle::colours;
+use super::clusters::Feature;
+use super::photographs::Photographs;
+use super::prior::{coordinates, from_coordinate};
+use crate::Svbrdf;
+use crate::parallel;
+use crate::svbrdf::{CHANNELS, channel, thinned};
+
+/// Texels of a window to each side of its middle.
+const RADIUS: usize = 2;
+/// Variance of colours, as roots of albedos, that explains nothing: theirs by noise.
+const RIDGE: f32 = 1e-4;
+/// Coordinates that go with colour.
+const GUIDED: Range<usize> = channel::DIFFUSE..CHANNELS;
+const COUNT: usize = GUIDED.end - GUIDED.start;
+
+/// Coefficients of a window: of three colours, and a constant, for each guided coordinate.
+type Model = [[f32; 4]; COUNT];
+
+/// Colours of all texels as the photographs show them, see [`colours`].
+pub(super) fn full_colours(photographs: &Photographs) -> Vec<Feature> {
+    let (full, given) = (photographs.full(), photographs.given());
+    let Some(first) = full.first() else { return Vec::new() };
+    let (width, height) = (first.width(), first.height());
+    let place = |t: usize| given[0].texel_mm(width, height, t % width, t / width).map(f64::from);
+    let seen = |i: usize, t: usize| {
+        (full[i].weight(t) > 0.0).then(|| [0, 1, 2].map(|c| full[i].radiance(c, t)))
+    };
+    colours(given, width * height, place, seen)
+}
+
+/// Maps of `2^times` times as many texels along each side, interpolated.
+pub(super) fn interpolated(coarse: &Svbrdf, times: u32) -> Svbrdf {
+    let grid = Grid { columns: coarse.width(), rows: coarse.height(), times };
+    let mut fine = Svbrdf::new(coarse.width() << times, coarse.height() << times);
+    (0..CHANNELS).for_each(|c| grid.interpolate(coarse.plane(c), fine.plane_mut(c)));
+    fine
+}
+
+/// Colours at two resolutions, to refine maps by.
+pub(super) struct Guide {
+    grid: Grid,
+    fine: Vec<Feature>,
+    coarse: Vec<Feature>,
+}
+
+impl Guide {
+    /// The colours of photographs that are thinned out.
+    pub fn new(photographs: &Photographs) -> Self {
+        let (fine, times) = (full_colours(photographs), photographs.thinning());
+        let first = photographs.full().first();
+        let [width, height] = first.map_or([1, 1], |o| [o.width(), o.height()]);
+        let coarse = thinned(&fine, width, times);
+        Self { grid: Grid { columns: width >> times, rows: height >> times, times }, fine, coarse }
+    }
+
+    /// Maps of the thinned-out texels at full resolution.
+    pub fn refined(&self, coarse: &Svbrdf) -> Svbrdf {
+        let Grid { columns, rows, times } = self.grid;
+        let mut fine = Svbrdf::new(columns << times, rows << times);
+        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+            self.grid.interpolate(coarse.plane(c), fine.plane_mut(c));
+        }
+        let values = coordinates(coarse);
+        let models = parallel::values(columns * rows, |t| self.model(&values, t));
+        for (k, c) in GUIDED.enumerate() {
+            self.grid.fill(fine.plane_mut(c), |fine, [nw, ne, sw, se], [x, y]| {
+                let colour = &self.fine[fine];
+                let at = |t: usize| {
+                    let [r, g, b, constant] = models[t][k];
+                    r * colour[0] + g * colour[1] + b * colour[2] + constant
+                };
+                from_coordinate(c, bilinear([nw, ne, sw, se].map(at), [x, y]))
+            });
+        }
+        fine.clamp();
+        fine
+    }
+
+    /// The linear model of the window round a texel.
+    fn model(&self, values: &[f32], texel: usize) -> Model {
+        let Grid { columns, rows, .. } = self.grid;
+        let near = |i: usize, n: usize| i.saturating_sub(RADIUS)..(i + RADIUS + 1).min(n);
+        let (mut count, mut colour_sum, mut squares) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        let (mut sums, mut products) = ([0.0; COUNT], [Vector3::zeros(); COUNT]);
+        for row in near(texel / columns, rows) {
+            for column in near(texel % columns, columns) {
+                let t = row * columns + column;
+                let colour = Vector3::from(self.coarse[t]);
+                count += 1.0;
+                colour_sum += colour;
+                squares += colour * colour.transpose();
+                for (k, c) in GUIDED.enumerate() {
+                    let value = values[c * columns * rows + t];
+                    sums[k] += value;
+                    products[k] += value * colour;
+                }
+            }
+        }
+        let colour = colour_sum / count;
+        let covariance = squares / count - colour * colour.transpose();
+        let inverse = (covariance + Matrix3::identity() * RIDGE).try_inverse();
+        let inverse = inverse.unwrap_or_else(Matrix3::zeros);
+        std::array::from_fn(|k| {
+            let value = sums[k] / count;
+            let by = inverse * (products[k] / count - colour * value);
+            [by[0], by[1], by[2], value - by.dot(&colour)]
+        })
+    }
+}
+
+/// Texels of which each stands for `2^times` along each side, and is the one in their middle.
+#[derive(Debug, Clone, Copy)]
+struct Grid {
+    columns: usize,
+    rows: usize,
+    times: u32,
+}
+
+impl Grid {
+    /// Fills a fine plane: a texel's value from its index, its four coarse neighbours (north-west,
+    /// north-east, south-west, south-east) and its place between them, 0 to 1.
+    fn fill(&self, plane: &mut [f32], value: impl Fn(usize, [usize; 4], [f32; 2]) -> f32 + Sync) {
+        let step = 1usize << self.times;
+        let near = |i: usize, n: usize| {
+            let at = i.saturating_sub(step / 2) as f32 / step as f32;
+            let at = at.min((n - 1) as f32);
+            (at as usize, (at as usize + 1).min(n - 1), at.fract())
+        };
+        let width = self.columns * step;
+        parallel::parts(plane.chunks_mut(width), |row, out| {
+            let (north, south, y) = near(row, self.rows);
+            for (column, out) in out.iter_mut().enumerate() {
+                let (west, east, x) = near(column, self.columns);
+                let at = |row: usize, column: usize| row * self.columns + column;
+                let around = [at(north, west), at(north, east), at(south, west), at(south, east)];
+                *out = value(row * width + column, around, [x, y]);
+            }
+        });
+    }
+
+    fn interpolate(&self, coarse: &[f32], fine: &mut [f32]) {
+        self.fill(fine, |_, around, place| bilinear(around.map(|t| coarse[t]), place));
+    }
+}
+
+fn bilinear([nw, ne, sw, se]: [f32; 4], [x, y]: [f32; 2]) -> f32 {
+    let (north, south) = (nw + x * (ne - nw), sw + x * (se - sw));
+    north + y * (south - north)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_support::{photograph, view_from};
+
+    const SIDE: usize = 64;
+
+    /// Stripes four texels wide of two colours, each with its own gloss; slopes that grow.
+    fn truth() -> Svbrdf {
+        let mut maps = Svbrdf::new(SIDE, SIDE);
+        for t in 0..SIDE * SIDE {
+            let red = (t % SIDE / 4).is_multiple_of(2);
+            maps.plane_mut(channel::SLOPE_X)[t] = (t / SIDE) as f32 / SIDE as f32 - 0.5;
+            maps.plane_mut(channel::ROUGHNESS)[t] = if red { 0.3 } else { 0.6 };
+            for c in 0..3 {
+                maps.plane_mut(channel::DIFFUSE + c)[t] =
+                    if red { [0.4, 0.1, 0.1][c] } else { [0.1, 0.2, 0.4][c] };
+            }
+        }
+        maps
+    }
+
+    #[test]
+    fn detail_between_the_texels_comes_back_with_its_colour() {
+        let truth = truth();
+        let flat = {
+            let mut flat = truth.clone();
+            flat.plane_mut(channel::SLOPE_X).fill(0.0);
+            flat
+        };
+        let mut photographs = Photographs::new().limited(usize::MAX, SIDE / 4);
+        photographs.add(photograph(&flat, view_from([90.0, 0.0, 100.0]))).unwrap();
+        let coarse = truth.thinned(2);
+        let mean_error = |maps: &Svbrdf, c: usize| {
+            let pairs = maps.plane(c).iter().zip(truth.plane(c));
+            pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / truth.texels() as f32
+        };
+        let (refined, smooth) =
+            (Guide::new(&photographs).refined(&coarse), interpolated(&coarse, 2));
+        for (c, most) in [(channel::ROUGHNESS, 0.02), (channel::DIFFUSE, 0.02)] {
+            // what the photograph's highlight adds to the colours is left
+            let (guided, plain) = (mean_error(&refined, c), mean_error(&smooth, c));
+            assert!(guided < most && guided < 0.3 * plain, "{c}: {guided} {plain}");
+        }
+        // linear but for half a coarse texel at the border
+        assert!(mean_error(&refined, channel::SLOPE_X) < 0.5 / SIDE as f32);
+    }
+
+    #[test]
+    fn texels_that_were_kept_keep_their_interpolated_values() {
+        let truth = truth();
+        for times in 1..4 {
+            let fine = interpolated(&truth.thinned(times), times);
+            assert_eq!(fine.thinned(times), truth.thinned(times));
+            assert_eq!([fine.width(), fine.height()], [SIDE; 2]);
+        }
+    }
+}
