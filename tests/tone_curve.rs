@@ -1,13 +1,18 @@
 //! Sessions with photographs that a camera has tone-mapped.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
+use glam::{DMat3, DVec3};
 use svbrdf::Svbrdf;
+use svbrdf::calibration::photometry::{Lobe, Radiometry, Vignetting};
 use svbrdf::capture::Capture;
 use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::frame::{Encoding, Photo, ToneCurve};
+use svbrdf::geometry::{Camera, Pose};
 use svbrdf::initial_estimate::Networks;
+use svbrdf::rectification::{rectify, update_radiometry};
 use svbrdf::session::{Accepted, Budget, Hint, Pushed, RestoreOptions, Scene, Session, Settings};
 
 const TILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
@@ -55,6 +60,45 @@ fn fitted(session: &Session, steps: Option<u32>) -> Arc<Svbrdf> {
     session.resume();
     session.wait().unwrap();
     session.snapshot().unwrap()
+}
+
+/// A rectified view whose photograph is not kept any more follows a curve that is known better.
+#[test]
+fn curves_known_later_are_undone_afterwards() {
+    let (width, height) = (320, 240);
+    let camera =
+        Camera { width, height, fx: 300.0, fy: 300.0, cx: 160.0, cy: 120.0, distortion: [0.0; 5] };
+    let pose = Pose {
+        rotation: DMat3::from_rotation_x(PI - 0.2),
+        translation: DVec3::new(2.0, 1.0, 250.0),
+    };
+    // Smooth, so that undoing a mean is undoing what it is the mean of; a corner is saturated.
+    let value = |i: u32| 0.02 + 0.9 * (i % width) as f32 / width as f32;
+    let rgb = (0..width * height).flat_map(|i| [value(i), 0.5 * value(i), 0.3]).collect();
+    let photo = Photo::from_linear(width, height, rgb, 1.0, 0.6).unwrap();
+    let with = |log_slopes, gain| Radiometry {
+        gain: [gain; 3],
+        tone: ToneCurve { log_slopes, unknown_from: 0.0 },
+        vignetting: Vignetting { exponent: 2.0, curvature: 0.0 },
+        lobe: Lobe::default(),
+        flash_offset_mm: DVec3::ZERO,
+        power_mm2: [1e5; 3],
+        ambient: [0.0; 3],
+    };
+    let curves = [[0.0; 3], [0.1, -0.4, 0.9], [-0.2, 0.1, 0.3]];
+    for (from, to) in [(0, 1), (1, 2), (2, 0)] {
+        let [old, new] = [with(curves[from], 1.0), with(curves[to], 1.3)];
+        let make = |r| rectify(&photo, &camera, &pose, r, [100.0, 80.0], 64, 64).unwrap();
+        let (mut updated, expected) = (make(&old), make(&new));
+        update_radiometry(&mut updated, &camera, &pose, 0.0, &old, &new);
+        assert_eq!(updated.view, expected.view);
+        let ((updated, _), (expected, _)) = (updated.planes(), expected.planes());
+        assert!(expected.iter().any(|v| *v < 0.0), "some are saturated");
+        for (a, b) in updated.iter().zip(&expected) {
+            // Half floats, through slopes of up to 2.5.
+            assert!((a - b).abs() <= 4e-3 * b.abs(), "{from} to {to}: {a} {b}");
+        }
+    }
 }
 
 /// Renderings err at most 1.3 times as far as those of linear photographs, and it is said what was
