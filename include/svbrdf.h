@@ -1199,7 +1199,8 @@ typedef uint32_t svbrdf_sheet_format;
 #define SVBRDF_TRANSFER_LINEAR 1
 
 /**
- * IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off.
+ * IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off, or have it estimated
+ * from the board.
  */
 #define SVBRDF_TRANSFER_SRGB 2
 
@@ -1531,7 +1532,8 @@ typedef uint32_t svbrdf_sheet_format;
 
 /**
  * The board's black or gray does not come out as linear values do: a tone curve is on, or
- * svbrdf_image.transfer is wrong.
+ * svbrdf_image.transfer is wrong. The advice says whether the curve was estimated and undone, so that
+ * the photo is as good as another, or could not be.
  */
 #define SVBRDF_HINT_NOT_LINEAR 4
 

@@ -164,3 +164,34 @@ fn a_metal_in_an_uneven_room_is_told_from_the_room() {
     // 0.163 and 0.105 if the room is taken for uniform
     assert!(d.render < 0.11 && d.roughness < 0.08, "{d:?}");
 }
+
+/// A camera's tone curve is found, undone and told: in the rows, the report and its page.
+#[test]
+fn tone_mapped_photographs_are_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let [source, capture, out] = ["maps", "capture", "out"].map(|name| dir.path().join(name));
+    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    let few = ["--frames", "2", "--tone", "filmic", "--patches"];
+    succeed(&[&["simulate", text(&source), "--out", text(&capture)], &few[..]].concat());
+    let read = |path: &Path| -> Value {
+        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    };
+    assert_eq!(read(&capture.join("truth/truth.json"))["tone"], "filmic");
+    let description = read(&capture.join("capture.json"));
+    assert_eq!(description["board"]["patches"], true);
+    assert_eq!(description["frames"][0]["image"], "frames/00.jpg");
+    let quick = ["--out", text(&out), "--steps", "1", "--no-refine", "--at-once"];
+    succeed(&[&["fit", text(&capture)], &quick[..]].concat());
+    let report = read(&out.join("report.json"));
+    let undone = "the camera's tone curve was estimated and undone";
+    for frame in report["frames"].as_array().unwrap() {
+        let hint = &frame["hints"][0];
+        assert!(hint["code"] == "not_linear", "{frame}");
+        assert!(hint["hint"].as_str().unwrap().ends_with(undone), "{frame}");
+    }
+    // The shoulder is what the curve is about.
+    let slopes = &report["tone_curve"]["log_slopes"];
+    assert!(slopes[2].as_f64().unwrap() > 0.5, "{slopes}");
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Tone-mapped photographs") && page.contains("estimated and undone"));
+}

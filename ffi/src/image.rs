@@ -41,7 +41,8 @@ pub const SVBRDF_PIXEL_P010: svbrdf_pixel_format = 11;
 pub type svbrdf_transfer = u32;
 /// Proportional to light: the best there is. Floats and raw values are this always.
 pub const SVBRDF_TRANSFER_LINEAR: svbrdf_transfer = 1;
-/// IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off.
+/// IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off, or have it estimated
+/// from the board.
 pub const SVBRDF_TRANSFER_SRGB: svbrdf_transfer = 2;
 /// Pure power law of 2.2.
 pub const SVBRDF_TRANSFER_GAMMA22: svbrdf_transfer = 3;

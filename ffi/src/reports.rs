@@ -65,7 +65,8 @@ pub const SVBRDF_HINT_OTHER: svbrdf_hints = 1;
 /// An earlier photo has nearly the same view.
 pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
 /// The board's black or gray does not come out as linear values do: a tone curve is on, or
-/// svbrdf_image.transfer is wrong.
+/// svbrdf_image.transfer is wrong. The advice says whether the curve was estimated and undone, so that
+/// the photo is as good as another, or could not be.
 pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 
 /// Bytes of svbrdf_frame_report.advice.
@@ -421,7 +422,7 @@ mod tests {
         };
         let report = told(vec![
             Hint::NothingNew { index: 4 },
-            Hint::NotLinear { what: "gray", ratio: 0.52 },
+            Hint::NotLinear { what: "gray", ratio: 0.52, undone: false },
         ]);
         assert_eq!(report.hints, SVBRDF_HINT_NOTHING_NEW | SVBRDF_HINT_NOT_LINEAR);
         assert_eq!((report.same_view_as, report.over_white), (4, 0.52));

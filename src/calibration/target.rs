@@ -1,6 +1,7 @@
 //! The printed board round the sample.
 
 use super::markers::{Dictionary, Marker};
+use crate::frame::Encoding;
 use glam::DVec2;
 
 /// Gap between the lowest row of squares and the patches below it, side of a patch and distance
@@ -163,6 +164,13 @@ impl Target {
             let centre_mm = corner + DVec2::new(step + half, -PATCH_GAP_MM - half);
             Patch { centre_mm, side_mm: PATCH_SIDE_MM, gray }
         })
+    }
+
+    /// Diffuse albedo that a patch is planned to have: between those of black and white squares as
+    /// its linear value is between 0 and 1.
+    pub fn patch_albedo(&self, patch: &Patch) -> f64 {
+        let share = Encoding::Srgb.decode(patch.gray);
+        self.black_albedo + (self.white_albedo - self.black_albedo) * share
     }
 
     /// What is wrong with the layout, if anything: the field and what was expected.

@@ -12,13 +12,16 @@ mod plane;
 mod primaries;
 mod reduced;
 mod stored;
+mod tone;
 mod turn;
 
 pub(crate) use file::read_picture;
 pub(crate) use stored::Stored;
+pub(crate) use tone::{Lift, LogCurve, ToneTable};
 
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, YuvMatrix};
 pub use encoding::Encoding;
 pub use photo::{MAX_PIXELS, Photo};
 pub use plane::{Plane, Rotation};
 pub use primaries::Primaries;
+pub use tone::ToneCurve;

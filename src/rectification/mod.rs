@@ -8,10 +8,11 @@
 pub mod elevation;
 mod mapping;
 mod resample;
+mod response;
 mod sampler;
 
 use crate::Rejection;
-use crate::calibration::photometry::{Lobe, Radiometry};
+use crate::calibration::photometry::Radiometry;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{self, Falloff, Observation, View, pack_weight};
@@ -20,6 +21,7 @@ use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};
 pub use resample::from_rectified;
+use response::Response;
 use sampler::{Filter, Tile};
 
 /// Views flatter than this see no material, only its roughest relief.
@@ -203,26 +205,25 @@ pub fn update_radiometry(
     };
     let mappings = [mapping(old), mapping(new)];
     let (from, to) = (Response::new(old, camera), Response::new(new, camera));
-    let buffers = || (vec![0.0; width], vec![0.0; width], vec![0; width]);
+    let buffers = || (vec![[0.0; 2]; width], vec![0.0; width], vec![0; width]);
     let rows = bands::<3, _>(observation.packed_mut(), width, height, 1);
-    parallel::parts_with(rows, buffers, |(ratios, values, weights), y, rows| {
+    parallel::parts_with(rows, buffers, |(relative, values, weights), y, rows| {
         let mut positions = [Positions::default(), Positions::default()];
         for x0 in (0..width).step_by(LANES) {
             for (mapping, positions) in mappings.iter().zip(&mut positions) {
                 mapping.project(x0, 0.5, y as f64 + 0.5, positions);
             }
             for lane in 0..LANES.min(width - x0) {
-                ratios[x0 + lane] =
-                    to.relative(&positions[1], lane) / from.relative(&positions[0], lane);
+                relative[x0 + lane] =
+                    [from.relative(&positions[0], lane), to.relative(&positions[1], lane)];
             }
         }
         for (x, weight) in weights.iter_mut().enumerate() {
             *weight = observation::unpack_weight(std::array::from_fn(|c| rows[c][x]));
         }
         for (c, row) in rows.into_iter().enumerate() {
-            let gain = to.gain[c] / from.gain[c];
             observation::unpack(row, values);
-            values.iter_mut().zip(&*ratios).for_each(|(v, ratio)| *v *= ratio * gain);
+            from.update(&to, c, relative, values);
             observation::pack(values, weights, c, row);
         }
     });
@@ -231,55 +232,6 @@ pub fn update_radiometry(
     observation.view.light_mm = light.as_vec3().to_array();
     observation.view.falloff = Falloff::InverseSquare { power_mm2: new.power_mm2 };
     observation.view.ambient = new.ambient;
-}
-
-/// Radiance per pixel value, tabulated over the squared tangent to the optical axis.
-struct Response {
-    gain: [f32; 3],
-    /// `1 / V` of the lens and `1 / cos^n` of the flash's lobe, at equal steps of tan².
-    lens: Vec<f32>,
-    lobe: Vec<f32>,
-    /// What is not round of the lobe.
-    pattern: [f32; 2],
-    per_tan2: f32,
-}
-
-impl Response {
-    /// Linear interpolation over this many steps errs by less than 1e-5 for any plausible lens.
-    const STEPS: usize = 1024;
-
-    fn new(radiometry: &Radiometry, camera: &Camera) -> Self {
-        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-        // Corner of the photo, with room for distortion and the distance of the flash.
-        let x = camera.cx.max(w - camera.cx) / camera.fx;
-        let y = camera.cy.max(h - camera.cy) / camera.fy;
-        let step = 2.0 * (x * x + y * y) / Self::STEPS as f64;
-        let table = |f: &dyn Fn(f64) -> f64| -> Vec<f32> {
-            (0..=Self::STEPS + 1).map(|i| (1.0 / f(i as f64 * step)) as f32).collect()
-        };
-        Self {
-            gain: radiometry.gain.map(|g| g as f32),
-            lens: table(&|tan2| radiometry.vignetting.at(tan2)),
-            lobe: table(&|tan2| (1.0 + tan2).powf(-0.5 * radiometry.lobe.exponent)),
-            pattern: radiometry.lobe.pattern.map(|p| p as f32),
-            per_tan2: (1.0 / step) as f32,
-        }
-    }
-
-    /// Reciprocal of vignetting times lobe.
-    fn relative(&self, positions: &Positions, lane: usize) -> f32 {
-        let read = |table: &[f32], tan2: f32| {
-            let at = (tan2 * self.per_tan2).clamp(0.0, Self::STEPS as f32);
-            let (low, fraction) = (at as usize, at.fract());
-            table[low] + fraction * (table[low + 1] - table[low])
-        };
-        let [x, y] = positions.from_light.map(|lanes| lanes[lane]);
-        let tan2 = x * x + y * y;
-        let [along, across] = self.pattern;
-        let pattern = 1.0 + (along * (x * x - y * y) + across * 2.0 * x * y) / (1.0 + tan2);
-        let round = read(&self.lens, positions.tan2[lane]) * read(&self.lobe, tan2);
-        round / pattern.max(Lobe::MIN_PATTERN as f32)
-    }
 }
 
 /// [`LANES`] rows of the result.
@@ -345,7 +297,7 @@ impl Band<'_> {
             }
             return;
         }
-        tile.load(photo, area);
+        tile.load(photo, area, response);
         for y in y0..y0 + rows {
             self.fill_row(mapping, response, view, filter, tile, x0, columns, y);
         }

@@ -1,6 +1,7 @@
 //! Interpolation in a part of the photo that was decoded once.
 
 use super::mapping::{Area, LANES, Positions};
+use super::response::Response;
 use crate::frame::Photo;
 
 /// Flag of a texel: its footprint leaves the photo or holds values that are not finite. Flags 1, 2
@@ -60,8 +61,8 @@ impl Tile {
     /// Tiles above this many pixels are split: 16 bytes each should stay in a core's cache.
     pub const MAX_PIXELS: usize = 64 * 1024;
 
-    /// Decodes an area.
-    pub fn load(&mut self, photo: &Photo, area: Area) {
+    /// Decodes an area: linear values.
+    pub fn load(&mut self, photo: &Photo, area: Area, response: &Response) {
         self.width = (area.x1 - area.x0) as usize;
         self.height = (area.y1 - area.y0) as usize;
         (self.x0, self.y0) = (area.x0 as f32, area.y0 as f32);
@@ -69,7 +70,7 @@ impl Tile {
         self.bottom = photo.height() as f32 - 1.0;
         self.pixels.clear();
         self.flags.clear();
-        let saturation = photo.saturation();
+        let saturation = response.saturation(photo);
         let mut any = 0;
         for y in area.y0..area.y1 {
             for x in area.x0..area.x1 {
@@ -79,6 +80,7 @@ impl Tile {
                     flags |= u8::from(*v >= saturation) << c;
                 }
                 if rgb.iter().all(|v| v.is_finite()) {
+                    let rgb = response.linear(rgb);
                     self.pixels.push([rgb[0], rgb[1], rgb[2], 0.0]);
                 } else {
                     flags |= OUTSIDE as u8;

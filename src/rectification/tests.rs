@@ -3,10 +3,12 @@ use glam::{DVec2, DVec3};
 use super::*;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
 use crate::calibration::photometry::{Lobe, Vignetting};
+use crate::frame::ToneCurve;
 
 fn unit_radiometry() -> Radiometry {
     Radiometry {
         gain: [1.0; 3],
+        tone: ToneCurve::default(),
         vignetting: Vignetting::default(),
         lobe: Lobe::default(),
         flash_offset_mm: DVec3::ZERO,
@@ -342,6 +344,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
     let old = unit_radiometry();
     let new = Radiometry {
         gain: [1.5, 0.8, 1.1],
+        tone: ToneCurve::default(),
         vignetting: Vignetting { exponent: 4.0, curvature: 1.0 },
         lobe: Lobe { exponent: 3.0, pattern: [0.3, -0.2] },
         flash_offset_mm: DVec3::new(5.0, 9.0, 0.0),

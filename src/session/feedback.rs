@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::calibration::photometry::Photometry;
-use crate::calibration::{Patch, Target};
+use crate::calibration::Target;
+use crate::calibration::photometry::{Photometry, patch_value};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
@@ -37,15 +37,24 @@ pub enum Hint {
         index: usize,
     },
     /// The board's grays do not come out as linear values of a print do.
-    #[error(
-        "the pixel values are not linear ({what} is {ratio:.3} of white): turn tone mapping off, check `encoding`"
-    )]
+    #[error("the pixel values are not linear ({what} is {ratio:.3} of white): {}", remedy(*undone))]
     NotLinear {
         /// What was looked at: `black` or `gray`.
         what: &'static str,
-        /// Its value over that of white.
+        /// Its value, as the file has it, over that of white.
         ratio: f32,
+        /// Whether a tone curve that explains it was found and undone; the photograph is then as good
+        /// as a linear one, or nearly so.
+        undone: bool,
     },
+}
+
+fn remedy(undone: bool) -> &'static str {
+    if undone {
+        "the camera's tone curve was estimated and undone"
+    } else {
+        "no tone curve could be found that explains it; turn tone mapping off, check `encoding`"
+    }
 }
 
 impl Hint {
@@ -87,7 +96,8 @@ fn turn(a: &Pose, b: &Pose) -> f64 {
     (0.5 * (r.x_axis.x + r.y_axis.y + r.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos()
 }
 
-/// Whether black squares and the gray patch have the values of linear photographs.
+/// Whether black squares and the gray patch have the values of linear photographs, or have them now
+/// that the camera's tone curve is undone.
 pub(super) fn linearity(
     photo: &Photo,
     target: &Target,
@@ -98,36 +108,36 @@ pub(super) fn linearity(
     let nominal = target.black_albedo / target.white_albedo;
     let black = nominal * photometry.black_ratio.iter().sum::<f64>() / 3.0;
     // Without an estimate of the black squares the ratio is the nominal one.
-    let odd = |what, ratio: f64| Some(Hint::NotLinear { what, ratio: ratio as f32 });
+    let hint = |what, ratio: f64, undone| {
+        let ratio = photometry.tone.stored_ratio(ratio as f32);
+        Some(Hint::NotLinear { what, ratio, undone })
+    };
     if nominal > 0.0 && !BLACK_OVER_WHITE.contains(&black) {
-        return odd("black", black);
+        return hint("black", black, false);
     }
-    if !target.patches {
-        return None;
+    if let Some(gray) = gray_over_white(photo, target, camera, pose, photometry)
+        && !GRAY_OVER_WHITE.contains(&gray)
+    {
+        return hint("gray", gray, false);
     }
-    let [_, gray, white] = target.patches().map(|p| patch_value(photo, camera, pose, &p));
-    let ratio = gray? / white?;
-    if GRAY_OVER_WHITE.contains(&ratio) { None } else { odd("gray", ratio) }
+    if photometry.tone.is_identity() { None } else { hint("black", black, true) }
 }
 
-/// Mean linear value over the inner half of a patch; `None` outside the photograph or clipped.
-fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<f64> {
-    const ACROSS: i32 = 9;
-    let mut sum = 0.0;
-    for i in 0..ACROSS * ACROSS {
-        let offset = DVec2::new(f64::from(i % ACROSS), f64::from(i / ACROSS)) - 4.0;
-        let p = patch.centre_mm + offset * (0.5 * patch.side_mm / f64::from(ACROSS));
-        let px = camera.project(pose.transform(p.extend(0.0)))?.round();
-        let inside = px.cmpge(DVec2::ZERO).all()
-            && px.x < f64::from(photo.width())
-            && px.y < f64::from(photo.height());
-        let (x, y) = (px.x as u32, px.y as u32);
-        if !inside || photo.is_clipped(x, y) {
-            return None;
-        }
-        sum += photo.pixel(x, y).into_iter().map(f64::from).sum::<f64>();
-    }
-    Some(sum / f64::from(3 * ACROSS * ACROSS)).filter(|v| *v > 0.0)
+/// Linear value of the gray patch over that of the white one; `None` where they are not seen.
+fn gray_over_white(
+    photo: &Photo,
+    target: &Target,
+    camera: &Camera,
+    pose: &Pose,
+    photometry: &Photometry,
+) -> Option<f64> {
+    let [_, gray, white] = target.patches.then(|| target.patches())?;
+    let [gray, white] = [gray, white].map(|patch| {
+        let value = patch_value(photo, camera, pose, &patch)?;
+        let linear = photometry.tone.undone(value.map(|v| v as f32));
+        Some(linear.into_iter().map(f64::from).sum::<f64>()).filter(|v| *v > 0.0)
+    });
+    Some(gray? / white?)
 }
 
 /// The direction from which highlights reach most of the slopes that they have not swept yet.
@@ -242,7 +252,7 @@ fn usual_distance(views: &[Pose]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::calibration::photometry::tests::pose;
-    use crate::frame::Encoding;
+    use crate::frame::{Encoding, ToneCurve};
 
     fn from(direction: DVec3, distance: f64) -> Pose {
         let z = -direction.normalize();
@@ -282,6 +292,8 @@ mod tests {
         let light = pose.camera_centre();
         // What the squares told, blacks being so many times what the target says.
         let known = |ratio| Photometry {
+            tone: ToneCurve::default(),
+            tone_sigma: [0.0; 3],
             vignetting: Vignetting::default(),
             lobe: Lobe::default(),
             ambient: [0.0; 3],
@@ -306,9 +318,26 @@ mod tests {
         assert_eq!(hint(&|v| v), None);
         // Encoded values taken for linear ones: the gray of 0.2 becomes one of 0.5.
         let said = hint(&|v| v.powf(1.0 / 2.2)).unwrap();
-        assert!(said.contains("gray is 0.5"), "{said}");
+        assert!(said.contains("gray is 0.5") && said.contains("turn tone mapping off"), "{said}");
         let said = hint(&|v| v.powf(2.2)).unwrap();
         assert!(said.contains("gray is 0.0"), "{said}");
+        // The same with a curve known that undoes it.
+        let rgb = |curve: &dyn Fn(f64) -> f64| {
+            let linear = photograph(&camera, &pose, 2, |p, _| [0.9 * albedo(p); 3]);
+            linear.into_iter().map(|v| curve(f64::from(v)) as f32).collect()
+        };
+        let photo = |rgb| Photo::from_linear(camera.width, camera.height, rgb, 1.0, 9.0).unwrap();
+        let tone = ToneCurve { log_slopes: [2.2_f64.ln(); 3], unknown_from: 0.0 };
+        let curved = Photometry { tone, ..known(1.0) };
+        let encoded = photo(rgb(&|v| v.powf(1.0 / 2.2)));
+        let said = linearity(&encoded, &target, &camera, &pose, &curved).unwrap();
+        // 0.0625 as the file has it.
+        let Hint::NotLinear { what: "black", ratio, undone: true } = said else { panic!("{said}") };
+        assert!((ratio - 0.0625_f32.powf(1.0 / 2.2)).abs() < 0.002, "{ratio}");
+        assert!(said.to_string().contains("estimated and undone"), "{said}");
+        // A curve that does not: linear values look like those of another curve then.
+        let said = linearity(&photo(rgb(&|v| v)), &target, &camera, &pose, &curved).unwrap();
+        assert!(matches!(said, Hint::NotLinear { undone: false, .. }), "{said}");
         // Black squares alone tell it too: 0.0625 as printed.
         let plain = Target { patches: false, ..target.clone() };
         for (ratio, odd) in [(1.0, false), (4.0, true), (0.05, true)] {

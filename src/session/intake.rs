@@ -12,7 +12,7 @@ use super::settings::{RectifiedFalloff, Scene};
 use super::sight::Known;
 use super::taken::Taken;
 use crate::calibration::PaperEstimate;
-use crate::frame::Photo;
+use crate::frame::{Photo, ToneCurve};
 use crate::geometry::Camera;
 use crate::observation::{Falloff, View};
 use crate::rectification;
@@ -94,6 +94,12 @@ impl Intake {
     pub(super) fn ambient_fraction(&self) -> f32 {
         let photometry = self.board().and_then(|b| b.photometry());
         photometry.map_or(0.0, |p| (p.ambient.iter().sum::<f64>() / 3.0) as f32)
+    }
+
+    /// What undoes the camera's tone curve.
+    pub(super) fn tone_curve(&self) -> ToneCurve {
+        let photometry = self.board().and_then(|b| b.photometry());
+        photometry.map_or_else(ToneCurve::default, |p| p.tone)
     }
 
     /// What probes look with; `None` for rectified photographs.

@@ -39,7 +39,7 @@ use self::worker::{Command, NewFrame, Shared};
 use crate::calibration::PaperEstimate;
 pub use crate::estimate::{Budget, Exposure, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
-use crate::frame::Photo;
+use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 use crate::initial_estimate::Networks;
 use crate::rectification::elevation::ElevationEstimate;
@@ -413,6 +413,12 @@ impl Session {
     /// first photograph's distance.
     pub fn ambient_fraction(&self) -> f32 {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).ambient_fraction()
+    }
+
+    /// What undoes the camera's tone curve: the identity for rectified photographs, and as long as
+    /// nothing says that values are not linear.
+    pub fn tone_curve(&self) -> ToneCurve {
+        self.intake.lock().unwrap_or_else(PoisonError::into_inner).tone_curve()
     }
 
     /// Holds the fit after the step in progress.

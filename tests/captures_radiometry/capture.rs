@@ -8,7 +8,7 @@ use svbrdf::calibration::photometry::{
     FlashOffset, Lobe, PhotometricCalibrator, Radiometry, Vignetting,
 };
 use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
-use svbrdf::frame::Photo;
+use svbrdf::frame::{Photo, ToneCurve};
 use svbrdf::geometry::{Camera, Pose};
 
 use crate::test_data::test_data;
@@ -160,6 +160,7 @@ impl Capture {
         let centre = (self.pose(frame).translation - self.offset).normalize();
         let lobe = centre.z.powf(self.lobe_exponent());
         Radiometry {
+            tone: ToneCurve::default(),
             gain: [1.0 / self.true_scale(); 3],
             vignetting: Vignetting {
                 exponent: (ay * bb - by * ab) / det,

@@ -41,6 +41,8 @@ impl Document {
                     "aspect_sigma": p.sigma[0], "bow_sigma_mm": p.sigma[1..] })
         });
         let elevation = session.elevation().map(|e| json!({ "mm": e.mm, "sigma_mm": e.sigma_mm }));
+        let tone = session.tone_curve();
+        let tone = (!tone.is_identity()).then(|| json!({ "log_slopes": tone.log_slopes }));
         let value = json!({
             "frames": fit.rows,
             "interrupted": fit.interrupted(),
@@ -53,6 +55,7 @@ impl Document {
             "light": light(session, camera.is_none(), fit.fitted()),
             "next_view": next_view,
             "ambient_fraction": session.ambient_fraction(),
+            "tone_curve": tone,
             "resolution": resolution,
             "method": method,
             "seconds_total": begun.elapsed().as_secs_f64(),

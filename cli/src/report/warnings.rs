@@ -150,7 +150,8 @@ fn hints(rows: &[&Value], code: &str, title: &str) -> Warning {
         hint["hint"].as_str().map(str::to_owned)
     };
     let told: Vec<&Value> = rows.iter().filter(|r| hint(r).is_some()).copied().collect();
-    let said = hint(told.first()?)?;
+    // The last one knows most of the capture.
+    let said = hint(told.last()?)?;
     Some((title.into(), format!("{}: {said}.", capitalised(&photos(&told)))))
 }
 

@@ -5,9 +5,11 @@ mod lobe;
 mod scene;
 mod sensor;
 mod surface;
+mod tone;
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 use svbrdf::calibration::Target;
@@ -16,10 +18,11 @@ use svbrdf::export::{check_writable, read_maps, write_atomic, write_maps};
 use svbrdf::random::Random;
 use svbrdf::rectification::elevation::RANGE_MM;
 
-use self::faults::{Faults, FrameFaults};
-use self::scene::{Scene, camera, pose, power_mm2};
+use self::faults::{Faults, FrameFaults, JPEG_QUALITY};
+use self::scene::{GRAY_PRINTED, Scene, camera, pose, power_mm2};
 use self::sensor::{Picture, file};
 use self::surface::Surface;
+use self::tone::Tone;
 use crate::failure::{Failure, Result};
 use crate::render::sample_size;
 
@@ -31,7 +34,7 @@ const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 /// Make a capture of known maps: photographs of the default board round them
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified"
+    after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified\n  svbrdf simulate maps --out capture --tone filmic --patches"
 )]
 pub struct Arguments {
     /// Folder with maps
@@ -51,6 +54,15 @@ pub struct Arguments {
     /// Light of a room that is brighter to one side, as a share of the flash's on the sample
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     ambient: f64,
+    /// Write JPEG files of this quality; --real has 80, --tone 92 without it, others PNG
+    #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
+    jpeg: Option<u8>,
+    /// Put a camera's tone curve over the photos, which the capture does not tell
+    #[arg(long, value_enum, conflicts_with = "rectified")]
+    tone: Option<Tone>,
+    /// Print the gray patches below the ring; the middle one comes out darker than planned
+    #[arg(long, conflicts_with = "rectified")]
+    patches: bool,
     /// Add what real photos have and the capture does not tell: brightness and exposure that change,
     /// a flash beside the camera, highlights with other tails, blur, JPEG, a bowed sample,
     /// registration errors of half a texel where rectified; truth.json has them
@@ -61,7 +73,19 @@ pub struct Arguments {
     rectified: bool,
 }
 
+/// Quality of JPEG files with a tone curve, unless stated: that of phones.
+const TONED_QUALITY: u8 = 92;
+
 impl Arguments {
+    fn target(&self) -> Target {
+        Target { patches: self.patches, ..Target::default() }
+    }
+
+    fn jpeg_quality(&self) -> Option<u8> {
+        let usual = if self.real { Some(JPEG_QUALITY) } else { self.tone.map(|_| TONED_QUALITY) };
+        self.jpeg.or(usual)
+    }
+
     fn check(&self) -> Result<()> {
         let [low, high] = RANGE_MM;
         if !(low..=high).contains(&self.elevation) {
@@ -100,6 +124,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "elevation_mm": arguments.elevation,
         "ambient": arguments.ambient,
     });
+    if let Some(tone) = arguments.tone {
+        truth["tone"] = json!(tone.to_possible_value().map(|v| v.get_name().to_owned()));
+    }
+    if arguments.patches {
+        truth["gray_over_planned"] = json!(GRAY_PRINTED);
+    }
     if let Some(faults) = &faults {
         truth["faults"] = json!(faults);
     }
@@ -120,13 +150,17 @@ fn photographs(
     let (mut frames, mut truths) = (Vec::new(), Vec::new());
     let mut first_distance = None;
     for index in 0..arguments.frames {
-        let scene = Scene::new(surface, pose(index, &mut random), arguments.elevation, flash);
+        let scene = {
+            let pose = pose(index, &mut random);
+            Scene::new(surface, arguments.target(), pose, arguments.elevation, flash)
+        };
         let eye = scene.pose.camera_centre();
         let distance = eye.length() / *first_distance.get_or_insert(eye.length());
         let own = faults.zip(draws.as_mut()).map(|(f, draws)| f.photograph(draws, distance));
         let seed = arguments.seed.wrapping_mul(1_000_003).wrapping_add(index.into());
-        let picture = picture(&scene, own.as_ref(), arguments.rectified).taken(seed);
-        let (ending, bytes) = file(&picture, own.is_some())?;
+        let picture = picture(&scene, own.as_ref(), arguments.rectified);
+        let picture = picture.taken(seed, arguments.tone);
+        let (ending, bytes) = file(&picture, arguments.jpeg_quality())?;
         let name = format!("frames/{index:02}.{ending}");
         write_atomic(arguments.out.join(&name), &bytes)?;
         let mut frame = json!({ "image": name, "encoding": "srgb" });
@@ -178,7 +212,7 @@ fn description(arguments: &Arguments, sample: [f32; 2], frames: Vec<Value>) -> V
             "light_power": power_mm2(), "frames": frames,
         });
     }
-    let target = Target::default();
+    let target = arguments.target();
     let hole = &target.hole;
     let mut capture = json!({
         "format": FORMAT,
@@ -188,7 +222,7 @@ fn description(arguments: &Arguments, sample: [f32; 2], frames: Vec<Value>) -> V
             "square_mm": target.square_mm,
             "hole_squares": [hole.row_start, hole.col_start, hole.row_end, hole.col_end],
             "white_albedo": target.white_albedo, "black_albedo": target.black_albedo,
-            "top_left": "black",
+            "top_left": "black", "patches": target.patches,
         },
         "camera": camera(),
         "frames": frames,

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DMat3, DVec2, DVec3};
-use svbrdf::calibration::Target;
+use svbrdf::calibration::{Patch, Target};
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::random::Random;
 
@@ -16,6 +16,8 @@ const BACKGROUND: f64 = 0.3;
 /// Sides of a raised sample, and heights at which they are looked for.
 const SIDE_RADIANCE: f64 = 0.05;
 const SIDE_STEPS: u32 = 8;
+/// The gray patch prints darker than planned, as inks spread: true over planned albedo.
+pub const GRAY_PRINTED: f64 = 0.88;
 /// Samples along each side of a pixel.
 const SUPERSAMPLING: u32 = 3;
 
@@ -70,11 +72,17 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// Lights the sample by a flash at `flash_mm` in the camera frame.
-    pub fn new(surface: &'a Surface<'a>, pose: Pose, elevation_mm: f64, flash_mm: DVec3) -> Self {
+    pub fn new(
+        surface: &'a Surface<'a>,
+        target: Target,
+        pose: Pose,
+        elevation_mm: f64,
+        flash_mm: DVec3,
+    ) -> Self {
         let light = pose.to_board(flash_mm);
         let up = DVec3::Z * elevation_mm;
         let radiance = surface.radiance(pose.camera_centre() - up, light - up, power_mm2());
-        let (target, camera) = (Target::default(), camera());
+        let camera = camera();
         Self { surface, target, camera, pose, elevation_mm, light, radiance }
     }
 
@@ -91,13 +99,7 @@ impl<'a> Scene<'a> {
         }
         let p = at(0.0);
         let target = &self.target;
-        let row = (0.5 * f64::from(target.rows) - p.y / target.square_mm).floor() as i64;
-        let col = (0.5 * f64::from(target.cols) + p.x / target.square_mm).floor() as i64;
-        let albedo = match (target.has_square(row, col), target.is_white(row, col)) {
-            (false, _) => BACKGROUND,
-            (true, true) => target.white_albedo,
-            (true, false) => target.black_albedo,
-        };
+        let albedo = printed_albedo(target, p);
         let to_light = self.light - p.extend(0.0);
         let squared = to_light.length_squared();
         let cosine = (to_light.z / squared.sqrt()).max(0.0);
@@ -129,5 +131,23 @@ impl<'a> Scene<'a> {
         let eye = self.pose.camera_centre();
         let hit = self.surface.hit(eye, p.extend(0.0) - eye, 0.0);
         self.surface.sample(&self.radiance, hit)
+    }
+}
+
+/// Albedo of the printed sheet.
+fn printed_albedo(target: &Target, p: DVec2) -> f64 {
+    let within = |patch: &&Patch| (p - patch.centre_mm).abs().max_element() < 0.5 * patch.side_mm;
+    if target.patches
+        && let Some(patch) = target.patches().iter().find(within)
+    {
+        let printed = if patch.gray == 0.0 || patch.gray == 1.0 { 1.0 } else { GRAY_PRINTED };
+        return printed * target.patch_albedo(patch);
+    }
+    let row = (0.5 * f64::from(target.rows) - p.y / target.square_mm).floor() as i64;
+    let col = (0.5 * f64::from(target.cols) + p.x / target.square_mm).floor() as i64;
+    match (target.has_square(row, col), target.is_white(row, col)) {
+        (false, _) => BACKGROUND,
+        (true, true) => target.white_albedo,
+        (true, false) => target.black_albedo,
     }
 }

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use svbrdf::frame::Encoding;
 use svbrdf::random::Random;
 
-use super::faults::{FrameFaults, JPEG_QUALITY};
+use super::faults::FrameFaults;
+use super::tone::Tone;
 use crate::failure::{Failure, Result};
 
 /// Linear RGB, row by row.
@@ -74,8 +75,10 @@ impl Picture {
         Self { width: self.height, height: self.width, values }
     }
 
-    /// An 8-bit sRGB picture with shot and read noise; each row has its own random numbers.
-    pub fn taken(&self, seed: u64) -> RgbImage {
+    /// An 8-bit sRGB picture with shot and read noise, through the camera's tone curve if it has
+    /// one; each row has its own random numbers.
+    pub fn taken(&self, seed: u64, tone: Option<Tone>) -> RgbImage {
+        let full = tone.map_or(1.0, Tone::full);
         let rows: Vec<Vec<u8>> = self
             .values
             .par_chunks(self.width as usize)
@@ -84,8 +87,9 @@ impl Picture {
                 let mut random = Random::new(seed ^ ((y as u64) << 32));
                 let mut stored = |v: f64| {
                     let sigma = (1e-6 + 2e-5 * v).sqrt();
-                    let noisy = (v + sigma * random.bell()).clamp(0.0, 1.0);
-                    (255.0 * Encoding::Srgb.encode(noisy)).round() as u8
+                    let noisy = (v + sigma * random.bell()).clamp(0.0, full);
+                    let shown = tone.map_or(noisy, |tone| tone.curve(noisy));
+                    (255.0 * Encoding::Srgb.encode(shown)).round() as u8
                 };
                 values.iter().flatten().map(|&v| stored(v)).collect()
             })
@@ -94,21 +98,22 @@ impl Picture {
     }
 }
 
-/// Ending of a picture file and its contents: PNG, or JPEG with chroma at half the resolution.
-pub fn file(picture: &RgbImage, jpeg: bool) -> Result<(&'static str, Vec<u8>)> {
-    if !jpeg {
+/// Ending of a picture file and its contents: PNG, or JPEG of some quality with chroma at half the
+/// resolution.
+pub fn file(picture: &RgbImage, jpeg_quality: Option<u8>) -> Result<(&'static str, Vec<u8>)> {
+    let Some(quality) = jpeg_quality else {
         let mut bytes = std::io::Cursor::new(Vec::new());
         picture
             .write_to(&mut bytes, ImageFormat::Png)
             .map_err(|e| Failure::Other(e.to_string()))?;
         return Ok(("png", bytes.into_inner()));
-    }
+    };
     let side = |v: u32| {
         u16::try_from(v).map_err(|_| Failure::Input(format!("{v} pixels: too many for JPEG")))
     };
     let (width, height) = (side(picture.width())?, side(picture.height())?);
     let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, JPEG_QUALITY);
+    let mut encoder = Encoder::new(&mut bytes, quality);
     encoder.set_sampling_factor(SamplingFactor::F_2_2);
     encoder
         .encode(picture, width, height, ColorType::Rgb)
@@ -152,13 +157,14 @@ mod tests {
         let stripes = RgbImage::from_fn(64, 64, |x, _| {
             image::Rgb(if x % 2 == 0 { [90, 120, 90] } else { [140, 120, 140] })
         });
-        let difference = |jpeg| {
-            let (_, bytes) = file(&stripes, jpeg).unwrap();
+        let difference = |quality| {
+            let (_, bytes) = file(&stripes, quality).unwrap();
             let read = image::load_from_memory(&bytes).unwrap().into_rgb8();
             i32::from(read.get_pixel(31, 30)[0]) - i32::from(read.get_pixel(30, 30)[0])
         };
-        assert_eq!(difference(false), 50);
+        assert_eq!(difference(None), 50);
         // luma differs by (0.299 + 0.114) 50 = 21, chroma not
-        assert!((10..30).contains(&difference(true)), "{}", difference(true));
+        let halved = difference(Some(80));
+        assert!((10..30).contains(&halved), "{halved}");
     }
 }

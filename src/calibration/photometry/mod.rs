@@ -13,6 +13,10 @@
 //! glare, count little beside them, but they are what is left where whites clip, as in an exposure
 //! for a dark sample: their true albedo is one more unknown per channel.
 //!
+//! Photographs that a camera has tone-mapped have one curve more, the same for all of a capture, see
+//! [`ToneCurve`]: with the same light on black, gray and white, and white under light that falls off,
+//! they tell it. It is looked for in all captures and believed where values cannot be linear.
+//!
 //! # What the squares can and cannot tell
 //! * The lobe of a flash at the camera's centre is the same as vignetting. The further off the flash,
 //!   the better they part; their product, which is all that a rectified photo needs, is known in
@@ -20,30 +24,31 @@
 //! * Scale and white albedo: albedos are relative to the target's `white_albedo`.
 //! * Ambient light and `V` look alike in one frontal photo. Tilt and distance tell them apart; until
 //!   they clearly do the ambient is taken as 0.
+//! * A power of all values looks like a print whose blacks are off and a lens that falls off more:
+//!   from one photo it is known no better than the print.
 
 mod fit;
+mod light;
 mod lobe;
+mod model;
 mod squares;
 
 use glam::DVec3;
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::Photo;
+use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 
+use light::Light;
+use model::{Ink, Problem, Sample};
+
 pub use lobe::Lobe;
+pub(crate) use squares::patch_value;
 pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
 const AMBIENT_SIGMA: f64 = 0.1;
-/// Formal standard deviations at which the ambient counts as seen. Errors of paper come in large
-/// patches (a bow, a gradient of the print), so that two or three of them mean little.
-const AMBIENT_SIGNIFICANCE: f64 = 4.0;
-/// A flash whose place is known worse than this (formal standard deviation, mm; at arm's length a
-/// degree), and no further off the expected than this many of them, is taken to be there.
-const OFFSET_SIGMA_MAX_MM: f64 = 5.0;
-const OFFSET_SIGNIFICANCE: f64 = 2.0;
 /// Share of the ambient (less two standard deviations) above which the flash counts as missing.
 const MAX_AMBIENT: f64 = 0.5;
 /// Residual of log values (robust sigma) that no point light explains.
@@ -51,8 +56,8 @@ const MAX_SIGMA: f64 = 0.25;
 /// Squares this close to the mirror direction (half vector to normal) may glare.
 const GLARE_DEGREES: f64 = 8.0;
 const GLARE_SIGMA: f64 = 4.0;
-/// Standard deviation of a black square relative to a white one's.
-const BLACK_SIGMA: f64 = 5.0;
+/// Standard deviation of a printed square relative to a white one's.
+const INK_SIGMA: f64 = 5.0;
 
 /// Flash position in the camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,9 +94,11 @@ impl Vignetting {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radiometry {
     /// Radiance in the units of [`View`](crate::observation::View) of a pixel value of 1 on the
-    /// optical axis, per channel; includes the photo's exposure. Divide by the vignetting and the
-    /// lobe.
+    /// optical axis, per channel, the tone curve undone; includes the photo's exposure. Divide by the
+    /// vignetting and the lobe.
     pub gain: [f64; 3],
+    /// What the camera's tone curve has to be undone by before anything else.
+    pub tone: ToneCurve,
     /// Response over the photo.
     pub vignetting: Vignetting,
     /// How the flash's intensity depends on direction.
@@ -109,6 +116,10 @@ pub struct Radiometry {
 /// What is known of light and camera from the photos so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photometry {
+    /// What undoes the camera's tone curve, all photos; of values that are linear the identity.
+    pub tone: ToneCurve,
+    /// Standard deviations of its logarithmic slopes; zero where values are linear.
+    pub tone_sigma: [f64; 3],
     /// Response over the photo, all photos.
     pub vignetting: Vignetting,
     /// How the flash's intensity depends on direction.
@@ -239,6 +250,7 @@ impl PhotometricCalibrator {
         let lobe = p.lobe.at(frame.pose.translation - p.flash_offset_mm);
         Some(Radiometry {
             gain: p.log_scale[index].map(|s| (-s).exp() / f64::from(frame.squares.exposure)),
+            tone: p.tone,
             vignetting: p.vignetting,
             lobe: p.lobe,
             flash_offset_mm: p.flash_offset_mm,
@@ -247,12 +259,18 @@ impl PhotometricCalibrator {
         })
     }
 
-    fn problem(&self, reference_mm: f64) -> fit::Problem {
+    fn problem(&self, reference_mm: f64) -> Problem {
         let (offset_mm, offset_sigma_mm) = match self.flash {
             FlashOffset::Known(offset) => (offset, DVec3::ZERO),
             FlashOffset::Estimated { prior_mm, sigma_mm } => (prior_mm, sigma_mm),
         };
-        fit::Problem { reference_mm, offset_mm, offset_sigma_mm, ambient_sigma: AMBIENT_SIGMA }
+        Problem {
+            reference_mm,
+            offset_mm,
+            offset_sigma_mm,
+            ambient_sigma: AMBIENT_SIGMA,
+            tone_sigma: 0.0,
+        }
     }
 
     fn expected_offset(&self) -> DVec3 {
@@ -262,31 +280,41 @@ impl PhotometricCalibrator {
         }
     }
 
-    fn samples(&self, index: usize, frame: &Frame) -> impl Iterator<Item = fit::Sample> {
+    fn samples(&self, index: usize, frame: &Frame) -> impl Iterator<Item = Sample> {
         let light = frame.pose.to_board(self.expected_offset());
         let camera = frame.pose.camera_centre();
+        let exposure = f64::from(frame.squares.exposure);
         let (white_albedo, black_albedo) = (self.target.white_albedo, self.target.black_albedo);
-        // An albedo of 0 says nothing about the light.
-        let usable = move |s: &&Square| s.white || black_albedo > 0.0;
-        frame.squares.squares.iter().filter(usable).flat_map(move |square| {
+        let sample = move |square: &Square, ink: Ink, albedo: f64| {
             let board_mm = square.board_mm.extend(0.0);
             let half = (light - board_mm).normalize() + (camera - board_mm).normalize();
             let glares = half.normalize().z > GLARE_DEGREES.to_radians().cos();
-            let albedo = if square.white { white_albedo } else { black_albedo };
             let sigma = if glares { GLARE_SIGMA } else { 1.0 }
-                * if square.white { 1.0 } else { BLACK_SIGMA };
+                * if ink == Ink::None { 1.0 } else { INK_SIGMA };
+            let value = square.value.map(|v| v.map(f64::from));
             (0..3).filter_map(move |channel| {
-                let value = f64::from(square.value[channel]?);
-                Some(fit::Sample {
+                let value = value[channel]?;
+                Some(Sample {
                     frame: index,
                     channel,
-                    white: square.white,
+                    ink,
+                    log_stored: (value * exposure).ln(),
                     log_value: (value / albedo).ln(),
                     board_mm,
                     sigma,
                 })
             })
-        })
+        };
+        let ink = |white| if white { Ink::None } else { Ink::Black };
+        let [_, patch, _] = self.target.patches();
+        let gray = (Ink::Gray, self.target.patch_albedo(&patch));
+        let gray = frame.squares.gray.iter().map(move |s| (s, gray.0, gray.1));
+        let squares = frame.squares.squares.iter();
+        let squares = squares
+            .map(move |s| (s, ink(s.white), if s.white { white_albedo } else { black_albedo }));
+        // An albedo of 0 says nothing about the light.
+        let all = squares.chain(gray).filter(|(_, _, albedo)| *albedo > 0.0);
+        all.flat_map(move |(square, ink, albedo)| sample(square, ink, albedo))
     }
 
     /// Whether one photo's squares, taken alone, leave room for the flash.
@@ -297,10 +325,14 @@ impl PhotometricCalibrator {
         }
         let samples: Vec<_> = self.samples(0, frame).collect();
         // No opinion on the ambient: a share between 0 and 1 is all that is known.
-        let problem = fit::Problem { ambient_sigma: 1.0, ..self.problem(light.length()) };
-        let alone = fit::solve(&samples, &[frame.pose], &problem);
-        let least = (0..3).map(|c| alone.ambient_share[c] - 2.0 * alone.ambient_share_sigma[c]);
-        alone.sigma.is_finite() && least.fold(f64::INFINITY, f64::min) < MAX_AMBIENT
+        let problem = Problem { ambient_sigma: 1.0, ..self.problem(light.length()) };
+        let leaves_room = |problem: &Problem| {
+            let alone = fit::solve(&samples, &[frame.pose], problem);
+            let least = (0..3).map(|c| alone.ambient_share[c] - 2.0 * alone.ambient_share_sigma[c]);
+            alone.sigma.is_finite() && least.fold(f64::INFINITY, f64::min) < MAX_AMBIENT
+        };
+        // Tone mapping makes the light look more even than it is.
+        leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
     }
 
     /// Fits all photos; also the residual of the last one.
@@ -310,31 +342,12 @@ impl PhotometricCalibrator {
             self.frames.iter().enumerate().flat_map(|(i, f)| self.samples(i, f)).collect();
         let poses: Vec<_> = self.frames.iter().map(|f| f.pose).collect();
         let problem = self.problem(reference_mm);
-        let mut solution = fit::solve(&samples, &poses, &problem);
-        let share = solution.ambient_share;
-        let ambient_raw = std::array::from_fn(|c| {
-            // q / (1 - q): from a share of all light to a ratio to the flash's.
-            let scale = 1.0 / (1.0 - share[c]);
-            (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
-        });
-        let seen = |&(value, sigma): &(f64, f64)| value > AMBIENT_SIGNIFICANCE * sigma;
-        let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
-        let mut problem = fit::Problem { ambient_sigma, ..problem };
-        if ambient_sigma == 0.0 {
-            solution = fit::solve(&samples, &poses, &problem);
-        }
-        let off = (solution.offset_mm - problem.offset_mm).abs();
-        let spread = solution.offset_sigma_mm;
-        if spread.max_element() > OFFSET_SIGMA_MAX_MM
-            && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
-        {
-            problem = fit::Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
-            solution = fit::solve(&samples, &poses, &problem);
-            solution.offset_sigma_mm = spread;
-        }
+        let Light { solution, ambient_raw } = Light::of_capture(&samples, &poses, &problem);
         let share = solution.ambient_share;
         let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
         let photometry = Photometry {
+            tone: solution.tone_curve(&samples),
+            tone_sigma: std::array::from_fn(|k| solution.tone_covariance[k][k].sqrt()),
             vignetting: Vignetting { exponent: solution.exponent, curvature: solution.curvature },
             lobe: solution.lobe,
             ambient: share.map(|q| q / (1.0 - q)),
@@ -356,3 +369,5 @@ impl PhotometricCalibrator {
 
 #[cfg(test)]
 pub(crate) mod tests;
+#[cfg(test)]
+mod tone_tests;

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::Rejection;
-use crate::calibration::{Target, TargetKind};
+use crate::calibration::{Patch, Target, TargetKind};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
@@ -42,6 +42,8 @@ pub struct Square {
 pub struct Squares {
     /// Squares with at least one usable channel.
     pub squares: Vec<Square>,
+    /// The gray patch where it is printed, and seen unclipped.
+    pub gray: Option<Square>,
     /// Relative exposure of the photograph.
     pub exposure: f32,
     /// Share of the visible white squares that are clipped in some channel.
@@ -104,8 +106,44 @@ impl Squares {
         {
             return Err(Rejection::TooDark { level });
         }
-        Ok(Self { squares, exposure: photo.exposure(), clipped_share })
+        let gray = gray_patch(photo, target, camera, pose);
+        Ok(Self { squares, gray, exposure: photo.exposure(), clipped_share })
     }
+}
+
+/// The gray patch as a square; `None` where it is not printed, or not seen.
+fn gray_patch(photo: &Photo, target: &Target, camera: &Camera, pose: &Pose) -> Option<Square> {
+    let [_, gray, _] = target.patches.then(|| target.patches())?;
+    let value = patch_value(photo, camera, pose, &gray)?;
+    let value = value.map(|v| (v > 0.0).then(|| (v / f64::from(photo.exposure())) as f32));
+    Some(Square { white: false, board_mm: gray.centre_mm, value })
+}
+
+/// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
+/// or clipped.
+pub(crate) fn patch_value(
+    photo: &Photo,
+    camera: &Camera,
+    pose: &Pose,
+    patch: &Patch,
+) -> Option<[f64; 3]> {
+    const ACROSS: i32 = 9;
+    let mut sum = [0.0; 3];
+    for i in 0..ACROSS * ACROSS {
+        let offset = DVec2::new(f64::from(i % ACROSS), f64::from(i / ACROSS)) - 4.0;
+        let p = patch.centre_mm + offset * (0.5 * patch.side_mm / f64::from(ACROSS));
+        let px = camera.project(pose.transform(p.extend(0.0)))?.round();
+        let inside = px.cmpge(DVec2::ZERO).all()
+            && px.x < f64::from(photo.width())
+            && px.y < f64::from(photo.height());
+        let (x, y) = (px.x as u32, px.y as u32);
+        if !inside || photo.is_clipped(x, y) {
+            return None;
+        }
+        let pixel = photo.pixel(x, y);
+        (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+    }
+    Some(sum.map(|v| v / f64::from(ACROSS * ACROSS)))
 }
 
 /// A square on the photo: where its plain part may be read.

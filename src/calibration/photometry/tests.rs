@@ -71,23 +71,23 @@ fn target() -> Target {
 }
 
 /// A scene of known light.
-struct Truth {
-    target: Target,
+pub(super) struct Truth {
+    pub target: Target,
     /// Value of a surface of albedo 1 facing the flash on the axis at 250 mm, exposure 1.
-    scale: [f64; 3],
-    vignetting: Vignetting,
-    lobe: f64,
+    pub scale: [f64; 3],
+    pub vignetting: Vignetting,
+    pub lobe: f64,
     /// What is not round of it, by the direction's azimuth and the square of its sine.
-    pattern: fn(f64, f64) -> f64,
+    pub pattern: fn(f64, f64) -> f64,
     /// Relative to the flash at 250 mm.
-    ambient: [f64; 3],
-    offset: DVec3,
+    pub ambient: [f64; 3],
+    pub offset: DVec3,
 }
 
 const REFERENCE: f64 = 250.0;
 
 impl Truth {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self {
             target: target(),
             scale: [1.1, 0.9, 0.7],
@@ -135,11 +135,11 @@ impl Truth {
         std::array::from_fn(|c| common * self.scale[c] * (flash + self.ambient[c]))
     }
 
-    fn photo(&self, pose: &Pose, exposure: f64) -> Photo {
+    pub fn photo(&self, pose: &Pose, exposure: f64) -> Photo {
         self.tagged_photo(pose, exposure, exposure)
     }
 
-    fn tagged_photo(&self, pose: &Pose, exposure: f64, tag: f64) -> Photo {
+    pub fn tagged_photo(&self, pose: &Pose, exposure: f64, tag: f64) -> Photo {
         let camera = camera();
         let rgb: Vec<f32> =
             photograph(&camera, pose, 3, |p, tan2| self.value(pose, p, tan2).map(|v| v * exposure))
@@ -150,7 +150,7 @@ impl Truth {
     }
 }
 
-fn poses() -> Vec<Pose> {
+pub(super) fn poses() -> Vec<Pose> {
     vec![
         pose(0.05, -0.03, 0.1, 260.0),
         pose(0.5, 0.1, -0.2, 300.0),

@@ -3,7 +3,7 @@
 use std::array;
 
 use crate::calibration::photometry::{Lobe, Radiometry, Vignetting};
-use crate::frame::Photo;
+use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification::rectify;
@@ -53,9 +53,11 @@ impl Detail {
             let texels = SIDE as f32 * mm / long;
             ((texels / 8.0).round() as usize * 8).max(SIDE_MIN)
         });
-        // Light and lens are smooth: they do not reach the bands.
+        // Light and lens are smooth: they do not reach the bands. A tone curve is the same in all
+        // photographs.
         let plain = Radiometry {
             gain: [1.0; 3],
+            tone: ToneCurve::default(),
             vignetting: Vignetting::default(),
             lobe: Lobe::default(),
             flash_offset_mm: DVec3::ZERO,

@@ -46,7 +46,7 @@ impl Frame {
     ) -> Option<Update> {
         let old = self.used;
         if let Some(kept) = &self.kept
-            && moves(&old, &latest, sample_mm)
+            && (moves(&old, &latest, sample_mm) || old.radiometry.tone != latest.radiometry.tone)
         {
             self.used = latest;
             return Some(Update::Geometry { index, kept: kept.clone(), used: latest });

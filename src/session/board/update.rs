@@ -168,11 +168,13 @@ mod tests {
     use super::*;
     use crate::calibration::photometry::tests::{camera, photograph, pose};
     use crate::calibration::photometry::{Lobe, Vignetting};
+    use crate::frame::ToneCurve;
     use crate::rectification::elevation;
 
     fn radiometry(gain: f64) -> Radiometry {
         Radiometry {
             gain: [gain; 3],
+            tone: ToneCurve::default(),
             vignetting: Vignetting { exponent: 2.0, curvature: 0.5 },
             lobe: Lobe { exponent: 1.5, pattern: [-0.2, 0.1] },
             flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),

@@ -9,7 +9,7 @@ use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
 use crate::calibration::photometry::{Lobe, Radiometry, Square, Squares, Vignetting};
 use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
-use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored};
+use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored, ToneCurve};
 use crate::geometry::Pose;
 use crate::rectification::elevation::{self, ElevationEstimate};
 use crate::session::board::{BoardIntake, Frame, Kept, Used};
@@ -138,18 +138,32 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
     w.f32(squares.clipped_share);
     w.u32(squares.squares.len() as u32);
     for square in &squares.squares {
-        w.flag(square.white);
-        w.f64s(&square.board_mm.to_array());
-        for value in square.value {
-            w.option(value, Writer::f32);
-        }
+        write_square(w, square);
     }
+    w.option(squares.gray, |w, square| write_square(w, &square));
     w.option(frame.kept.as_deref(), |w, kept| {
         w.u32(kept.corner[0]);
         w.u32(kept.corner[1]);
         write_photo(w, &kept.photo);
     });
     w.f64(*elevation_mm);
+}
+
+fn write_square(w: &mut Writer, square: &Square) {
+    w.flag(square.white);
+    w.f64s(&square.board_mm.to_array());
+    for value in square.value {
+        w.option(value, Writer::f32);
+    }
+}
+
+fn read_square(r: &mut Reader) -> Result<Square> {
+    let (white, board_mm) = (r.flag()?, DVec2::from_array(r.f64s()?));
+    let mut value = [None; 3];
+    for v in &mut value {
+        *v = r.option(Reader::f32)?.filter(|v| *v > 0.0);
+    }
+    Ok(Square { white, board_mm, value })
 }
 
 fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
@@ -193,16 +207,9 @@ fn read_squares(r: &mut Reader) -> Result<Squares> {
         return Err(damaged("an exposure is not positive"));
     }
     let count = r.count(20)?;
-    let square = |r: &mut Reader| {
-        let (white, board_mm) = (r.flag()?, DVec2::from_array(r.f64s()?));
-        let mut value = [None; 3];
-        for v in &mut value {
-            *v = r.option(Reader::f32)?.filter(|v| *v > 0.0);
-        }
-        Ok(Square { white, board_mm, value })
-    };
-    let squares = (0..count).map(|_| square(r)).collect::<Result<_>>()?;
-    Ok(Squares { squares, exposure, clipped_share })
+    let squares = (0..count).map(|_| read_square(r)).collect::<Result<_>>()?;
+    let gray = r.option(read_square)?;
+    Ok(Squares { squares, gray, exposure, clipped_share })
 }
 
 fn write_pose(w: &mut Writer, pose: &Pose) {
@@ -224,6 +231,8 @@ fn read_pose(r: &mut Reader) -> Result<Pose> {
 
 fn write_radiometry(w: &mut Writer, radiometry: &Radiometry) {
     w.f64s(&radiometry.gain);
+    w.f64s(&radiometry.tone.log_slopes);
+    w.f32(radiometry.tone.unknown_from);
     w.f64s(&[radiometry.vignetting.exponent, radiometry.vignetting.curvature]);
     w.f64(radiometry.lobe.exponent);
     w.f64s(&radiometry.lobe.pattern);
@@ -234,9 +243,11 @@ fn write_radiometry(w: &mut Writer, radiometry: &Radiometry) {
 
 fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
     let gain = r.f64s()?;
+    let tone = ToneCurve { log_slopes: r.f64s()?, unknown_from: r.f32()? };
     let [exponent, curvature] = r.f64s()?;
     let radiometry = Radiometry {
         gain,
+        tone,
         vignetting: Vignetting { exponent, curvature },
         lobe: Lobe { exponent: r.f64()?, pattern: r.f64s()? },
         flash_offset_mm: DVec3::from_array(r.f64s()?),
@@ -245,6 +256,9 @@ fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
     };
     if gain.iter().any(|g| *g <= 0.0) || radiometry.power_mm2.iter().any(|p| *p <= 0.0) {
         return Err(damaged("the gain or power of a light is not positive"));
+    }
+    if !tone.is_plausible() {
+        return Err(damaged("a tone curve is out of range"));
     }
     Ok(radiometry)
 }

@@ -1,0 +1,269 @@
+//! What a square's value should be, and how that depends on light, lens, print and tone curve.
+
+use glam::DVec3;
+use nalgebra::DVector;
+
+use super::lobe::Lobe;
+use crate::frame::{Lift, LogCurve, ToneCurve};
+use crate::geometry::Pose;
+
+/// Index of parameters; the scales of the photos follow, three each.
+pub(super) mod parameter {
+    pub const EXPONENT: usize = 0;
+    pub const CURVATURE: usize = 1;
+    pub const AMBIENT: usize = 2;
+    pub const LOG_SCALE: usize = 5;
+    pub const OFFSET: usize = 8;
+    pub const BLACK: usize = 11;
+    pub const LOBE: usize = 14;
+    pub const PATTERN: usize = 15;
+    pub const GRAY: usize = 17;
+    pub const TONE: usize = 18;
+    pub const FRAMES: usize = 21;
+}
+
+/// What is printed on a square.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ink {
+    None,
+    Black,
+    /// The middle one of the patches.
+    Gray,
+}
+
+/// One channel of one square.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    pub frame: usize,
+    pub channel: usize,
+    pub ink: Ink,
+    /// Logarithm of the stored linear value, full scale being 1.
+    pub log_stored: f64,
+    /// Logarithm of stored value / (exposure * nominal albedo).
+    pub log_value: f64,
+    pub board_mm: DVec3,
+    /// Standard deviation relative to an ordinary square's.
+    pub sigma: f64,
+}
+
+/// What is estimated and how firmly.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Problem {
+    /// Distance at which the flash's irradiance is the unit, mm.
+    pub reference_mm: f64,
+    /// Start, or fixed value, of the flash offset in the camera frame, mm.
+    pub offset_mm: DVec3,
+    /// Standard deviation of the offset's prior per axis, mm; zero keeps an axis fixed.
+    pub offset_sigma_mm: DVec3,
+    /// Standard deviation of the prior of the ambient share, towards 0; zero fixes it at 0.
+    pub ambient_sigma: f64,
+    /// Standard deviation of the prior of the tone curve's parameters, towards none; zero fixes it.
+    pub tone_sigma: f64,
+}
+
+/// Curves of cameras have slopes of 1/2 to 2, in highlights more.
+const TONE_SIGMA: f64 = 0.5;
+
+impl Problem {
+    /// The same where values may not be linear.
+    pub fn with_tone_curve(&self) -> Self {
+        Self { tone_sigma: TONE_SIGMA, ..*self }
+    }
+}
+
+/// Irradiance of a flash without lobe relative to that at the reference distance, facing it, and
+/// the gradient with respect to the light's position. `None` behind the board.
+fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVec3)> {
+    let v = light - point;
+    if v.z <= 0.0 {
+        return None;
+    }
+    let d2 = v.length_squared();
+    let k = reference_mm * reference_mm / (d2 * d2.sqrt());
+    Some((k * v.z, k * (DVec3::Z - v * (3.0 * v.z / d2))))
+}
+
+/// `-ln cos` of the angle at `from` between the optical axis and the direction to a point, both in
+/// the camera frame, and its gradient with respect to `from`.
+fn log_secant(from: DVec3, point: DVec3) -> (f64, DVec3) {
+    let w = point - from;
+    let d2 = w.length_squared();
+    (0.5 * (d2 / (w.z * w.z)).ln(), DVec3::Z / w.z - w / d2)
+}
+
+/// Quadrupole of the unit direction to a point from `from`, both in the camera frame: `x² - y²` and
+/// `2 x y`, and their gradients with respect to `from`.
+fn quadrupole(from: DVec3, point: DVec3) -> ([f64; 2], [DVec3; 2]) {
+    let v = point - from;
+    let d2 = v.length_squared();
+    let values = [(v.x * v.x - v.y * v.y) / d2, 2.0 * v.x * v.y / d2];
+    let by_v = [DVec3::new(2.0 * v.x, -2.0 * v.y, 0.0), DVec3::new(2.0 * v.y, 2.0 * v.x, 0.0)];
+    let gradient = |i: usize| (v * (2.0 * values[i]) - by_v[i]) / d2;
+    (values, [gradient(0), gradient(1)])
+}
+
+/// Most parameters that a residual depends on, and how many of them are not the tone curve's.
+const OWN: usize = 15;
+const LIGHT: usize = 12;
+
+/// How far a sample is from the model, in logarithms of stored values.
+pub(super) struct Residual {
+    pub value: f64,
+    derivatives: [(usize, f64); OWN],
+    used: usize,
+}
+
+impl Residual {
+    /// Derivatives that may differ from 0, with their parameters.
+    pub fn derivatives(&self) -> &[(usize, f64)] {
+        &self.derivatives[..self.used]
+    }
+}
+
+/// The model with its parameters.
+pub(super) struct Model<'a> {
+    poses: &'a [Pose],
+    problem: &'a Problem,
+    theta: &'a DVector<f64>,
+    /// `None`: values are linear.
+    curve: Option<LogCurve>,
+}
+
+impl<'a> Model<'a> {
+    pub fn new(poses: &'a [Pose], problem: &'a Problem, theta: &'a DVector<f64>) -> Self {
+        let log_slopes = std::array::from_fn(|k| theta[parameter::TONE + k]);
+        let curve = ToneCurve { log_slopes, ..ToneCurve::default() };
+        let curve = (problem.tone_sigma > 0.0).then(|| LogCurve::new(curve));
+        Self { poses, problem, theta, curve }
+    }
+
+    /// Residual of a sample and its non-zero derivatives; `None` for a light behind the board.
+    ///
+    /// With a tone curve the difference of radiances is divided by the curve's slope: noise is that of
+    /// stored values, and a curve that made all radiances alike would not make it smaller.
+    pub fn residual(&self, sample: &Sample) -> Option<Residual> {
+        use parameter::{
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOG_SCALE, OFFSET, PATTERN,
+            TONE,
+        };
+        let Self { problem, theta, .. } = self;
+        let (c, pose) = (sample.channel, &self.poses[sample.frame]);
+        let offset = DVec3::new(theta[OFFSET], theta[OFFSET + 1], theta[OFFSET + 2]);
+        let (g, by_light) =
+            irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
+        let by_light = pose.rotation * by_light; // of the light's position in the camera frame
+        let point = pose.transform(sample.board_mm);
+        let u = log_secant(DVec3::ZERO, point).0;
+        let (u_light, u_by_light) = log_secant(offset, point);
+        let lobe = (-theta[LOBE] * u_light).exp();
+        let ([along, across], [along_by, across_by]) = quadrupole(offset, point);
+        let pattern = 1.0 + theta[PATTERN] * along + theta[PATTERN + 1] * across;
+        let (pattern, live) =
+            (pattern.max(Lobe::MIN_PATTERN), f64::from(u8::from(pattern > Lobe::MIN_PATTERN)));
+        let flash = g * lobe * pattern;
+        let q = theta[AMBIENT + c];
+        let total = (1.0 - q) * flash + q;
+        let share = (1.0 - q) * flash / total;
+        let frame = FRAMES + 3 * sample.frame + c;
+        let (ink, inked) = match sample.ink {
+            Ink::None => (BLACK + c, 0.0),
+            Ink::Black => (BLACK + c, 1.0),
+            Ink::Gray => (GRAY, 1.0),
+        };
+        let model = theta[LOG_SCALE + c] + theta[frame] + inked * theta[ink] + total.ln()
+            - u * (theta[EXPONENT] + u * theta[CURVATURE]);
+        let by_pattern = share * live / pattern;
+        let by_offset = share * (by_light / g - theta[LOBE] * u_by_light)
+            + by_pattern * (theta[PATTERN] * along_by + theta[PATTERN + 1] * across_by);
+        let mut residual = Residual {
+            value: model - sample.log_value,
+            derivatives: [
+                (EXPONENT, -u),
+                (CURVATURE, -u * u),
+                (AMBIENT + c, (1.0 - flash) / total),
+                (LOBE, -share * u_light),
+                (LOG_SCALE + c, 1.0),
+                (OFFSET, by_offset.x),
+                (OFFSET + 1, by_offset.y),
+                (OFFSET + 2, by_offset.z),
+                (ink, inked),
+                (PATTERN, by_pattern * along),
+                (PATTERN + 1, by_pattern * across),
+                (frame, 1.0),
+                (TONE, 0.0),
+                (TONE + 1, 0.0),
+                (TONE + 2, 0.0),
+            ],
+            used: LIGHT,
+        };
+        if let Some(curve) = &self.curve {
+            residual.put_on(&curve.at(sample.log_stored));
+        }
+        Some(residual)
+    }
+}
+
+impl Residual {
+    fn put_on(&mut self, lift: &Lift) {
+        self.used = OWN;
+        for (k, by) in lift.by_parameters.into_iter().enumerate() {
+            self.derivatives[LIGHT + k].1 = -by;
+        }
+        self.value = (self.value - lift.log_gain) / lift.slope;
+        for (_, derivative) in &mut self.derivatives {
+            *derivative /= lift.slope;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    /// The derivatives by which the fit steps, against central differences.
+    #[test]
+    fn derivatives_match_finite_differences() {
+        let poses = [Pose {
+            rotation: DMat3::from_rotation_x(std::f64::consts::PI - 0.4),
+            translation: DVec3::new(4.0, -3.0, 250.0),
+        }];
+        let mut theta = DVector::zeros(parameter::FRAMES + 3);
+        let values = [
+            3.0, -1.0, 0.1, 0.05, 0.2, 0.4, 0.2, 0.1, 8.0, -5.0, 1.0, 0.0, 0.1, 0.0, 1.7, 0.4,
+            -0.3, 0.2, 0.4, -0.3, 0.6, 0.0, 0.02, 0.0,
+        ];
+        for (i, v) in values.into_iter().enumerate() {
+            theta[i] = v;
+        }
+        for (ink, tone_sigma) in [(Ink::Black, 0.0), (Ink::None, 0.5), (Ink::Gray, 0.5)] {
+            let problem = Problem {
+                reference_mm: 240.0,
+                offset_mm: DVec3::ZERO,
+                offset_sigma_mm: DVec3::ONE,
+                ambient_sigma: 0.1,
+                tone_sigma,
+            };
+            let at = |theta: &DVector<f64>, log_value| {
+                let board_mm = DVec3::new(-60.0, 45.0, 0.0);
+                let (frame, channel, log_stored, sigma) = (0, 1, -1.3, 1.0);
+                let sample = Sample { frame, channel, ink, log_stored, log_value, board_mm, sigma };
+                Model::new(&poses, &problem, theta).residual(&sample).unwrap()
+            };
+            // Where the residual is 0: what the curve's slope adds to its derivatives is left out.
+            let (a, b) = (at(&theta, 0.0).value, at(&theta, 1.0).value);
+            let log_value = a / (a - b);
+            for &(i, analytic) in at(&theta, log_value).derivatives() {
+                let h = 1e-5;
+                let shifted = |d: f64| {
+                    let mut shifted = theta.clone();
+                    shifted[i] += d;
+                    at(&shifted, log_value).value
+                };
+                let numeric = (shifted(h) - shifted(-h)) / (2.0 * h);
+                // Central differences in f64: rounding 1e-16 / h, truncation h².
+                assert!((numeric - analytic).abs() < 1e-8, "{ink:?} {i}: {numeric} {analytic}");
+            }
+        }
+    }
+}
