@@ -6,10 +6,12 @@ use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, HEIGHT, number};
 use super::files::write_files;
-use super::height::{Height, occlusion};
+use super::height::Height;
 use super::maps::{check_size, map_files};
+use super::occlusion::occlusion;
 use super::resample::resized;
 use super::textures::TextureFormat;
+use super::tile_picture::tile_picture;
 use super::{blender, engines, glb, materialx, tile, usdz};
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf};
@@ -164,7 +166,7 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
         });
         let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
-        files.push(("tile.png".into(), tile::picture(&bundle.maps, bundle.sample_mm)?));
+        files.push(("tile.png".into(), tile_picture(&bundle.maps, bundle.sample_mm)?));
     }
     files.extend(bundle.encode("", &[(HEIGHT, bundle.height_texture())])?);
     files.push((format!("{HEIGHT}.exr"), bundle.height_floats()?));

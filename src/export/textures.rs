@@ -1,6 +1,6 @@
 //! Textures: values of texels to PNG and JPEG, with their physical size.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::{JpegEncoder, PixelDensity, PixelDensityUnit};
@@ -73,7 +73,8 @@ pub(super) struct Texture {
     channels: usize,
     /// Whether the first three channels are stored with the sRGB curve.
     colour: bool,
-    values: Vec<f32>,
+    /// Shared by copies.
+    values: Arc<Vec<f32>>,
 }
 
 impl Texture {
@@ -114,7 +115,7 @@ impl Texture {
                 *texel = value(row * width + x);
             }
         });
-        Self { width, height, channels: C, colour, values }
+        Self { width, height, channels: C, colour, values: Arc::new(values) }
     }
 
     /// A value of a texel.
