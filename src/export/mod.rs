@@ -7,7 +7,9 @@
 mod blender;
 mod bundle;
 mod convert;
+mod cut;
 mod engines;
+mod fft;
 mod files;
 mod floats;
 mod glb;

@@ -138,8 +138,8 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     let mut maps = limited(maps, options.max_size);
     maps.clamp();
     let (maps, seam) = if options.tile {
-        let tile::Tiled { maps, seam, cuts } = tile::seamless(&maps)?;
-        (maps, Some([seam, cuts]))
+        let tile::Tiled { maps, seam, joins, cuts } = tile::seamless(&maps)?;
+        (maps, Some([seam, joins, cuts]))
     } else {
         (maps, None)
     };
@@ -156,13 +156,14 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     };
     let mut files = Files::new();
     let mut record = record(&bundle, options.photographs);
-    if let Some([seam, cuts]) = seam {
+    if let Some([seam, joins, cuts]) = seam {
         record["tile"] = json!({
             "seam": number(seam),
+            "joins": number(joins),
             "cuts": number(cuts),
             "meaning": "seam: mean difference of neighbours across the border against that inside; \
-                        cuts: how much both sides of the cuts disagree, in the same unit; of the map \
-                        for which it is greatest",
+                        joins: the same across the cuts; cuts: how much both sides of the cuts \
+                        disagree, in the same unit; of the map for which it is greatest",
         });
         let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));

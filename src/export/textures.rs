@@ -220,7 +220,12 @@ fn encoding_fault(fault: impl std::fmt::Display) -> Error {
     Error::Internal(format!("a picture could not be encoded: {fault}"))
 }
 
-/// Nearest 8-bit sRGB value of a linear one, without a power for each.
+/// The nearest 8-bit sRGB value of a linear one.
+pub(super) fn srgb_byte(linear: f32) -> u8 {
+    SrgbBytes::get().encode(linear)
+}
+
+/// Nearest 8-bit sRGB values of linear ones, without a power for each.
 struct SrgbBytes {
     /// Linear value from which on each byte is the nearest.
     from: [f32; 256],
