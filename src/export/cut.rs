@@ -79,8 +79,7 @@ impl Search {
         while factor > 1 {
             let finer = factor.div_ceil(REFINEMENT);
             let copy = stack.reduced(finer);
-            // Up to the neighbours that were tried.
-            let (half, reach) = (self.half(&copy), factor.div_ceil(finer) as isize - 1);
+            let (half, reach) = (self.half(&copy), factor.div_ceil(finer) as isize);
             at = at.map(|v| v * factor / finer);
             let column = |d| at[0].saturating_add_signed(d).clamp(half + 1, copy.width - half - 1);
             let columns: Vec<_> =
