@@ -87,10 +87,6 @@ const ROOTS: &[&str] =
 const FUNCTION_LINES: usize = 80;
 const FILE_LINES: usize = 500;
 
-/// Files that are about to be split, by the start of their path: rings, lengths of functions and
-/// files are not checked there. Nothing is added; an entry that no file has is a fault.
-const PENDING: &[&str] = &["src/export/blender.rs", "src/export/usdz.rs"];
-
 /// The crates of [`ROOTS`], read once.
 static CRATES: LazyLock<Vec<Crate>> = LazyLock::new(|| {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -104,10 +100,6 @@ fn library() -> &'static Crate {
 /// Path from the repository on of a file that a crate names `name`.
 fn path(root: &str, name: &str) -> String {
     format!("{}/{name}", root.rsplit_once('/').unwrap().0)
-}
-
-fn is_pending(path: &str) -> bool {
-    PENDING.iter().any(|start| path.starts_with(start))
 }
 
 fn module(file: &str) -> &str {
@@ -139,18 +131,13 @@ fn module_faults(source: &Crate, table: &[(&str, &[&str])]) -> Vec<String> {
 }
 
 /// Rings of files, functions and files that are too long.
-fn file_faults(root: &str, source: &Crate, exempt: impl Fn(&str) -> bool) -> Vec<String> {
-    let mut graph = imports(source);
-    graph.retain(|file, _| !exempt(&path(root, file)));
-    let names: Vec<String> = graph.keys().cloned().collect();
-    graph.values_mut().for_each(|used| used.retain(|file| names.contains(file)));
-    let mut faults: Vec<String> =
-        rings(&graph).iter().map(|ring| format!("{root}: ring {}", ring.join(" -> "))).collect();
+fn file_faults(root: &str, source: &Crate) -> Vec<String> {
+    let mut faults: Vec<String> = rings(&imports(source))
+        .iter()
+        .map(|ring| format!("{root}: ring {}", ring.join(" -> ")))
+        .collect();
     for file in &source.files {
         let path = path(root, &file.name);
-        if exempt(&path) {
-            continue;
-        }
         if file.lines > FILE_LINES {
             faults.push(format!("{path} has {} lines", file.lines));
         }
@@ -181,21 +168,9 @@ fn the_table_points_downward() {
 fn no_files_import_each_other_and_none_is_long() {
     let mut faults = Vec::new();
     for (root, source) in ROOTS.iter().zip(&*CRATES) {
-        faults.extend(file_faults(root, source, is_pending));
+        faults.extend(file_faults(root, source));
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-}
-
-#[test]
-fn what_is_pending_is_there() {
-    let mut paths = Vec::new();
-    for (root, source) in ROOTS.iter().zip(&*CRATES) {
-        paths.extend(source.files.iter().map(|file| path(root, &file.name)));
-    }
-    for start in PENDING {
-        let found = paths.iter().any(|path| path.starts_with(start));
-        assert!(found, "{start} is gone: take it off the list of what is pending");
-    }
 }
 
 #[test]
@@ -227,7 +202,7 @@ fn a_ring_between_files_of_a_module_is_named() {
         ("src/a/two.rs", "pub struct Inner; fn f() -> Option<crate::Shown> { None }"),
         ("src/a/three.rs", "not even Rust"),
     ]);
-    let faults = file_faults("src/lib.rs", &source, |_| false);
+    let faults = file_faults("src/lib.rs", &source);
     assert_eq!(faults, ["src/lib.rs: ring a/one.rs -> a/two.rs -> a/one.rs"]);
 }
 
@@ -238,9 +213,8 @@ fn a_ring_through_the_parent_module_is_named() {
         ("src/a.rs", "mod child; use child::Part; pub struct Whole(Part); const N: usize = 1;"),
         ("src/a/child.rs", "use super::*; pub struct Part([u8; N]);"),
     ]);
-    let faults = file_faults("src/lib.rs", &source, |_| false);
+    let faults = file_faults("src/lib.rs", &source);
     assert_eq!(faults, ["src/lib.rs: ring a.rs -> a/child.rs -> a.rs"]);
-    assert!(file_faults("src/lib.rs", &source, |path| path == "src/a.rs").is_empty());
 }
 
 #[test]
@@ -262,7 +236,7 @@ fn lines_of_functions_and_files_are_counted_without_tests() {
     let lib = format!("//! Root.\n{}{tests}", long(79));
     let source = planted(&[("src/lib.rs", &lib)]);
     assert_eq!((source.files[0].lines, source.files[0].functions.len()), (82, 1));
-    let faults = file_faults("src/lib.rs", &source, |_| false);
+    let faults = file_faults("src/lib.rs", &source);
     assert_eq!(faults, ["src/lib.rs: long has 81 lines"]);
 }
 

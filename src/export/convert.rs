@@ -10,6 +10,18 @@ const MAX_F0: f32 = 0.999;
 /// Cost of metalness in squared albedo: decides between splits that are equally good.
 const METALNESS_COST: f32 = 1e-6;
 
+/// Metalnesses above 0 that are tried first.
+const STEPS: usize = 16;
+const METALNESSES: [f32; STEPS] = {
+    let mut all = [0.0; STEPS];
+    let mut i = 0;
+    while i < STEPS {
+        all[i] = (i + 1) as f32 / STEPS as f32;
+        i += 1;
+    }
+    all
+};
+
 /// A texel's diffuse albedo and specular albedo F0, linear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Albedos {
@@ -87,80 +99,129 @@ impl MetallicModel {
         }
     }
 
-    /// The split that differs least from the albedos: least squares over the six values, found by a
-    /// search over the metalness, for each of which the base colour is a closed form.
+    /// The split that differs least from the albedos: least squares over the six values. For each
+    /// metalness the best base colour (and dielectric, where free) has a closed form, or nearly so;
+    /// the metalness is the best of some, and then where the cost's slope beside it is 0.
     pub fn split(&self, albedos: &Albedos) -> Split {
-        const STEPS: usize = 16;
-        let cost = |m: f32| {
-            let split = self.at(albedos, m);
-            (split.squared_error(self, albedos) + METALNESS_COST * m, split)
+        let flat = self.tried(albedos, [0.0]);
+        if flat.cost[0] < METALNESS_COST / STEPS as f32 {
+            return flat.split(0);
+        }
+        let grid = self.tried(albedos, METALNESSES);
+        let mut at = 0;
+        let mut best = (flat.cost[0], flat.split(0));
+        for i in 0..STEPS {
+            if grid.cost[i] < best.0 {
+                (at, best) = (i + 1, (grid.cost[i], grid.split(i)));
+            }
+        }
+        let end = |i: usize| match i {
+            0 => (0.0, flat.slope[0]),
+            _ => (grid.metallic[i - 1], grid.slope[i - 1]),
         };
-        let flat = cost(0.0);
-        if flat.0 < METALNESS_COST / STEPS as f32 {
-            return flat.1;
-        }
-        let step = 1.0 / STEPS as f32;
-        let (mut centre, mut best) = (0.0, flat);
-        for i in 1..=STEPS {
-            let m = i as f32 * step;
-            let candidate = cost(m);
-            if candidate.0 < best.0 {
-                (centre, best) = (m, candidate);
+        let bracket = if end(at).1 > 0.0 {
+            [end(at.saturating_sub(1)), end(at)]
+        } else {
+            [end(at), end((at + 1).min(STEPS))]
+        };
+        self.refined(albedos, best, bracket)
+    }
+
+    /// The best of a split with its cost and those met on the way to where the cost's slope is 0,
+    /// by regula falsi (the Illinois algorithm) between two metalnesses with the slopes there.
+    fn refined(
+        &self,
+        albedos: &Albedos,
+        mut best: (f32, Split),
+        [mut low, mut high]: [(f32, f32); 2],
+    ) -> Split {
+        // What a step may still gain, in squared albedo.
+        const LEAST_GAIN: f32 = 0.01 * METALNESS_COST;
+        let mut last = 0.0;
+        for _ in 0..12 {
+            if low.1 >= 0.0 || high.1 <= 0.0 {
+                break;
             }
-        }
-        // Golden section between the neighbours of the best sample.
-        let ratio = 0.5 * (5f32.sqrt() - 1.0);
-        let (mut low, mut high) = ((centre - step).max(0.0), (centre + step).min(1.0));
-        for _ in 0..18 {
-            let (a, b) = (high - ratio * (high - low), low + ratio * (high - low));
-            let (at_a, at_b) = (cost(a), cost(b));
-            let lower = if at_a.0 <= at_b.0 { at_a } else { at_b };
-            if at_a.0 <= at_b.0 {
-                high = b
+            let m = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
+            let tried = self.tried(albedos, [m.clamp(low.0, high.0)]);
+            let (cost, slope) = (tried.cost[0], tried.slope[0]);
+            if cost < best.0 {
+                best = (cost, tried.split(0));
+            }
+            if slope.abs() * (high.0 - low.0) < LEAST_GAIN {
+                break;
+            }
+            // An end that stays twice pulls half as much.
+            if slope > 0.0 {
+                high = (tried.metallic[0], slope);
+                low.1 *= if last > 0.0 { 0.5 } else { 1.0 };
             } else {
-                low = a
+                low = (tried.metallic[0], slope);
+                high.1 *= if last < 0.0 { 0.5 } else { 1.0 };
             }
-            if lower.0 < best.0 {
-                best = lower;
-            }
+            last = slope;
         }
         best.1
     }
 
-    /// Best base colour (and dielectric, where free) for a metalness.
-    fn at(&self, albedos: &Albedos, m: f32) -> Split {
-        let k = self.diffuse * (1.0 - m);
+    /// The best splits for some metalnesses. Loops run over these, so that they are done at once.
+    fn tried<const N: usize>(&self, albedos: &Albedos, metallic: [f32; N]) -> Tried<N> {
         let dielectric = match self.dielectric {
-            Dielectric::Fixed(d) => d,
-            Dielectric::UpTo(limit) => self.best_dielectric(albedos, m, limit),
+            Dielectric::Fixed(d) => [d; N],
+            Dielectric::UpTo(limit) => self.best_dielectrics(albedos, &metallic, limit),
         };
-        let base = std::array::from_fn(|c| best_base(albedos, c, k, m, dielectric).clamp(0.0, 1.0));
-        Split { base, metallic: m, dielectric }
+        let cost = metallic.map(|m| METALNESS_COST * m);
+        let (mut base, mut cost, mut slope) = ([[0.0; N]; 3], cost, [METALNESS_COST; N]);
+        for c in 0..3 {
+            for i in 0..N {
+                let (m, d) = (metallic[i], dielectric[i]);
+                let k = self.diffuse * (1.0 - m);
+                let b = best_base(albedos, c, k, m, d).clamp(0.0, 1.0);
+                let diffuse = albedos.diffuse[c] - k * b;
+                let specular = albedos.specular[c] - d * (1.0 - m) - m * b;
+                base[c][i] = b;
+                cost[i] += diffuse * diffuse + specular * specular;
+                // Base colour and dielectric are at their best: their part is 0.
+                slope[i] += 2.0 * (diffuse * self.diffuse * b + specular * (d - b));
+            }
+        }
+        Tried { metallic, base, dielectric, cost, slope }
     }
 
-    /// The dielectric's reflectance, from 0 to `limit`, that is best together with the base colours
-    /// that are best for it. Their cost is convex in it and its derivative piecewise linear, as base
-    /// colours stop at 0 and 1: Newton's steps end in few.
-    fn best_dielectric(&self, albedos: &Albedos, m: f32, limit: f32) -> f32 {
-        let (k, mut d) = (self.diffuse * (1.0 - m), 0.5 * limit);
-        if k <= 0.0 {
-            return 0.0;
-        }
+    /// The dielectrics' reflectances, from 0 to `limit`, that are best together with the base
+    /// colours that are best for them. Their cost is convex in it and its derivative piecewise
+    /// linear, as base colours stop at 0 and 1: Newton's steps end in few.
+    fn best_dielectrics<const N: usize>(
+        &self,
+        albedos: &Albedos,
+        metallic: &[f32; N],
+        limit: f32,
+    ) -> [f32; N] {
+        let mut best = [0.5 * limit; N];
         for _ in 0..8 {
-            let (mut residual, mut slope) = (0.0, 0.0);
+            let (mut residual, mut slope) = ([0.0; N], [0.0; N]);
             for c in 0..3 {
-                let base = best_base(albedos, c, k, m, d);
-                residual += albedos.specular[c] - d * (1.0 - m) - m * base.clamp(0.0, 1.0);
-                let is_free = (0.0..=1.0).contains(&base);
-                slope += (1.0 - m) * if is_free { k * k / (k * k + m * m) } else { 1.0 };
+                for i in 0..N {
+                    let (m, d) = (metallic[i], best[i]);
+                    let k = self.diffuse * (1.0 - m);
+                    let base = best_base(albedos, c, k, m, d);
+                    residual[i] += albedos.specular[c] - d * (1.0 - m) - m * base.clamp(0.0, 1.0);
+                    let is_free = (0.0..=1.0).contains(&base);
+                    slope[i] += (1.0 - m) * if is_free { k * k / (k * k + m * m) } else { 1.0 };
+                }
             }
-            let next = (d + residual / slope).clamp(0.0, limit);
-            if (next - d).abs() < 1e-6 {
-                return next;
+            let mut moved = 0.0f32;
+            for i in 0..N {
+                let step = if slope[i] > 0.0 { residual[i] / slope[i] } else { -limit };
+                let next = (best[i] + step).clamp(0.0, limit);
+                moved = moved.max((next - best[i]).abs());
+                best[i] = next;
             }
-            d = next;
+            if moved < 1e-6 {
+                break;
+            }
         }
-        d
+        best
     }
 }
 
@@ -170,6 +231,25 @@ fn best_base(albedos: &Albedos, c: usize, k: f32, m: f32, dielectric: f32) -> f3
     (k * albedos.diffuse[c] + m * metal) / (k * k + m * m)
 }
 
+/// Splits for some metalnesses, their costs (squared albedo), and the costs' derivatives.
+struct Tried<const N: usize> {
+    metallic: [f32; N],
+    base: [[f32; N]; 3],
+    dielectric: [f32; N],
+    cost: [f32; N],
+    slope: [f32; N],
+}
+
+impl<const N: usize> Tried<N> {
+    fn split(&self, i: usize) -> Split {
+        Split {
+            base: self.base.map(|b| b[i]),
+            metallic: self.metallic[i],
+            dielectric: self.dielectric[i],
+        }
+    }
+}
+
 /// Base colour and metalness in place of two albedos.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Split {
@@ -177,15 +257,6 @@ pub(super) struct Split {
     pub metallic: f32,
     /// Reflectance of the dielectric part.
     pub dielectric: f32,
-}
-
-impl Split {
-    /// Sum of the squared differences of all six albedos.
-    pub fn squared_error(&self, model: &MetallicModel, albedos: &Albedos) -> f32 {
-        let shown = model.albedos(self);
-        let square = |a: [f32; 3], b: [f32; 3]| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>();
-        square(shown.diffuse, albedos.diffuse) + square(shown.specular, albedos.specular)
-    }
 }
 
 #[cfg(test)]
@@ -202,6 +273,13 @@ mod tests {
 
     const MODELS: [MetallicModel; 3] =
         [MetallicModel::GLTF, MetallicModel::LOSSLESS, MetallicModel::UNREAL];
+
+    /// Sum of the squared differences of all six albedos.
+    fn squared_error(model: &MetallicModel, split: &Split, albedos: &Albedos) -> f32 {
+        let shown = model.albedos(split);
+        let square = |a: [f32; 3], b: [f32; 3]| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>();
+        square(shown.diffuse, albedos.diffuse) + square(shown.specular, albedos.specular)
+    }
 
     #[test]
     fn the_index_of_refraction_gives_back_its_reflectance() {
@@ -221,10 +299,10 @@ mod tests {
         for model in MODELS {
             let split = model.split(&plastic);
             assert_eq!(split.metallic, 0.0);
-            assert!(split.squared_error(&model, &plastic) < 1e-9);
+            assert!(squared_error(&model, &split, &plastic) < 1e-9);
             let split = model.split(&gold);
-            // The golden section ends within 3e-5 of the limit.
-            assert!(split.metallic > 0.9999 && split.squared_error(&model, &gold) < 1e-8);
+            // The cost of metalness keeps it 1e-6 or so below its limit.
+            assert!(split.metallic > 0.9999 && squared_error(&model, &split, &gold) < 1e-8);
         }
         let lacquer = Albedos { diffuse: [0.4, 0.4, 0.1], specular: [0.07; 3] };
         let split = MetallicModel::UNREAL.split(&lacquer);
@@ -238,7 +316,7 @@ mod tests {
         fn no_other_split_is_better(albedos in albedos(), which in 0usize..3) {
             let model = MODELS[which];
             let split = model.split(&albedos);
-            let found = split.squared_error(&model, &albedos);
+            let found = squared_error(&model, &split, &albedos);
             let limit = match model.dielectric { Dielectric::Fixed(d) => d..=d, Dielectric::UpTo(d) => 0.0..=d };
             for i in 0..=50 {
                 let m = i as f32 / 50.0;
@@ -264,7 +342,7 @@ mod tests {
             metallic in 0.0..1.0f32, which in 0usize..2) {
             let model = MODELS[which];
             let albedos = model.albedos(&Split { base, metallic, dielectric: 0.04 });
-            let error = model.split(&albedos).squared_error(&model, &albedos);
+            let error = squared_error(&model, &model.split(&albedos), &albedos);
             // The cost of metalness moves the optimum by its own size.
             prop_assert!(error < 2.0 * METALNESS_COST, "{error}");
         }

@@ -106,33 +106,4 @@ fn sizes_that_are_none_are_named() {
         let fault = Height::of(&maps, mm, false).unwrap_err().to_string();
         assert!(fault.contains("sample_mm"), "{fault}");
     }
-    let height = Height { mm: vec![0.0; 3], unexplained: 0.0 };
-    assert!(occlusion(&maps, &height, [1.0; 2], false).is_err());
-}
-
-/// In the middle of an endless trench of width `w` and depth `d` the sky's part is the form factor
-/// of its opening: `(w / 2) / hypot(w / 2, d)`; a level plane and a tilted one see all.
-#[test]
-fn occlusion_is_the_form_factor_of_what_is_open() {
-    let n = 96;
-    let open = |maps: &Svbrdf, mm: Vec<f32>, periodic: bool| {
-        let height = Height { mm, unexplained: 0.0 };
-        occlusion(maps, &height, [n as f32; 2], periodic).unwrap()[n / 2 * n + n / 2]
-    };
-    let flat = Svbrdf::new(n, n);
-    assert!((open(&flat, vec![0.0; n * n], true) - 1.0).abs() < 1e-5);
-    let mut tilted = Svbrdf::new(n, n);
-    tilted.plane_mut(channel::SLOPE_X).fill(-0.5);
-    let ramp = (0..n * n).map(|i| 0.5 * (i % n) as f32).collect();
-    // Sixteen directions stand for all.
-    assert!((open(&tilted, ramp, false) - 1.0).abs() < 0.02);
-    for (width, depth) in [(6usize, 3.0f32), (6, 6.0), (10, 5.0)] {
-        let wall = |i: usize| (i % n).abs_diff(n / 2) >= width / 2;
-        let mm = (0..n * n).map(|i| if wall(i) { depth } else { 0.0 }).collect();
-        let half = 0.5 * width as f32;
-        let expected = half / half.hypot(depth);
-        let found = open(&flat, mm, true);
-        // Horizons are looked for at nine distances only, which sees walls from a little further.
-        assert!((found - expected).abs() < 0.06, "{width} {depth}: {found} for {expected}");
-    }
 }

@@ -6,10 +6,12 @@ use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, HEIGHT, number};
 use super::files::write_files;
-use super::height::{Height, occlusion};
+use super::height::Height;
 use super::maps::{check_size, map_files};
+use super::occlusion::occlusion;
 use super::resample::resized;
 use super::textures::TextureFormat;
+use super::tile_picture::tile_picture;
 use super::{blender, engines, glb, materialx, tile, usdz};
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf};
@@ -136,8 +138,8 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     let mut maps = limited(maps, options.max_size);
     maps.clamp();
     let (maps, seam) = if options.tile {
-        let tile::Tiled { maps, seam, cuts } = tile::seamless(&maps)?;
-        (maps, Some([seam, cuts]))
+        let tile::Tiled { maps, seam, joins, cuts } = tile::seamless(&maps)?;
+        (maps, Some([seam, joins, cuts]))
     } else {
         (maps, None)
     };
@@ -154,17 +156,18 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     };
     let mut files = Files::new();
     let mut record = record(&bundle, options.photographs);
-    if let Some([seam, cuts]) = seam {
+    if let Some([seam, joins, cuts]) = seam {
         record["tile"] = json!({
             "seam": number(seam),
+            "joins": number(joins),
             "cuts": number(cuts),
             "meaning": "seam: mean difference of neighbours across the border against that inside; \
-                        cuts: how much both sides of the cuts disagree, in the same unit; of the map \
-                        for which it is greatest",
+                        joins: the same across the cuts; cuts: how much both sides of the cuts \
+                        disagree, in the same unit; of the map for which it is greatest",
         });
         let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
-        files.push(("tile.png".into(), tile::picture(&bundle.maps, bundle.sample_mm)?));
+        files.push(("tile.png".into(), tile_picture(&bundle.maps, bundle.sample_mm)?));
     }
     files.extend(bundle.encode("", &[(HEIGHT, bundle.height_texture())])?);
     files.push((format!("{HEIGHT}.exr"), bundle.height_floats()?));

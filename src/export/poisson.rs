@@ -3,11 +3,10 @@
 //! the eigenvalues of finite differences, for which borders are exact.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
-use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftDirection, FftPlannerScalar};
+use num_complex::Complex;
 
+use super::fft::Fft;
 use crate::parallel;
 
 /// How an axis ends.
@@ -40,19 +39,32 @@ pub(super) struct Grid {
 impl Grid {
     /// The function of mean 0 whose slopes differ least from the given ones in the squares' sum.
     pub fn integrate(&self, differences: &Differences) -> Vec<f32> {
+        self.solve(differences, 0.0)
+    }
+
+    /// The same of a function that is to be 0 as well: it dies away over a distance of `range`.
+    pub fn integrate_near(&self, differences: &Differences, range: f64) -> Vec<f32> {
+        self.solve(differences, (range * range).recip())
+    }
+
+    /// Least squares of slopes, and of values times the root of `screening`.
+    fn solve(&self, differences: &Differences, screening: f64) -> Vec<f32> {
         let (w, h) = (self.width, self.height);
         let (along, down) = (Axis::new(w, self.borders[0]), Axis::new(h, self.borders[1]));
         let mut values = self.divergence(differences);
         along.transform(&mut values, Axis::forward);
         let mut columns = transposed(&values, w, h);
         down.transform(&mut columns, Axis::forward);
-        let [kx, ky] = self.spacing.map(|s| (s * s).recip());
-        for (x, column) in columns.chunks_exact_mut(h).enumerate() {
-            for (y, v) in column.iter_mut().enumerate() {
-                let eigenvalue = kx * along.eigenvalue(x) + ky * down.eigenvalue(y);
-                *v = if x + y == 0 { 0.0 } else { *v / -eigenvalue };
+        let [x_eigenvalues, y_eigenvalues] = [(&along, 0), (&down, 1)].map(|(axis, i)| {
+            let k = (self.spacing[i] * self.spacing[i]).recip();
+            (0..axis.length).map(|n| k * axis.eigenvalue(n)).collect::<Vec<f64>>()
+        });
+        parallel::parts(columns.chunks_mut(h), |x, column| {
+            for (v, y) in column.iter_mut().zip(&y_eigenvalues) {
+                let eigenvalue = x_eigenvalues[x] + y + screening;
+                *v = if eigenvalue > 0.0 { *v / -eigenvalue } else { 0.0 };
             }
-        }
+        });
         down.transform(&mut columns, Axis::inverse);
         values = transposed(&columns, h, w);
         along.transform(&mut values, Axis::inverse);
@@ -124,24 +136,28 @@ fn transposed(values: &[f64], width: usize, height: usize) -> Vec<f64> {
 struct Axis {
     border: Border,
     length: usize,
-    forward: Arc<dyn Fft<f64>>,
-    inverse: Arc<dyn Fft<f64>>,
+    fft: Fft,
     /// `exp(-i pi k / 2n)`
     twiddles: Vec<Complex<f64>>,
 }
 
-/// A transform of a row in place, with a buffer of as many values.
-type Transform = fn(&Axis, &mut [f64], &mut [Complex<f64>]);
+/// Values of a transform, and space for it.
+#[derive(Default)]
+struct Buffer {
+    values: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
+}
+
+/// A transform of two rows in place, as the real and the imaginary part of one.
+type Transform = fn(&Axis, [&mut [f64]; 2], &mut Buffer);
 
 impl Axis {
     fn new(length: usize, border: Border) -> Self {
-        let mut planner = FftPlannerScalar::new();
         let angle = |k: usize| -0.5 * PI * k as f64 / length as f64;
         Self {
             border,
             length,
-            forward: planner.plan_fft(length, FftDirection::Forward),
-            inverse: planner.plan_fft(length, FftDirection::Inverse),
+            fft: Fft::new(length),
             twiddles: (0..length).map(|k| Complex::from_polar(1.0, angle(k))).collect(),
         }
     }
@@ -152,53 +168,69 @@ impl Axis {
         2.0 - 2.0 * (turn * k as f64 / self.length as f64).cos()
     }
 
-    fn transform(&self, rows: &mut [f64], row: Transform) {
-        let buffer = || vec![Complex::default(); self.length];
-        parallel::parts_with(rows.chunks_mut(self.length), buffer, |buffer, _, values| {
-            row(self, values, buffer);
+    fn transform(&self, rows: &mut [f64], transform: Transform) {
+        let n = self.length;
+        let scratch = || {
+            let values = vec![Complex::default(); n];
+            (Buffer { values, ..Buffer::default() }, vec![0.0; n])
+        };
+        parallel::parts_with(rows.chunks_mut(2 * n), scratch, |(buffer, spare), _, rows| {
+            let (first, second) = rows.split_at_mut(n);
+            // The last of an odd number has no partner.
+            let second = if second.is_empty() { spare.as_mut_slice() } else { second };
+            transform(self, [first, second], buffer);
         });
     }
 
-    fn forward(&self, row: &mut [f64], buffer: &mut [Complex<f64>]) {
-        match self.border {
-            Border::Periodic => self.hartley(row, buffer, 1.0),
-            Border::Free => {
-                for (n, &v) in row.iter().enumerate() {
-                    buffer[self.folded(n)] = v.into();
-                }
-                self.forward.process(buffer);
-                for (v, (b, t)) in row.iter_mut().zip(buffer.iter().zip(&self.twiddles)) {
-                    *v = (b * t).re;
-                }
-            }
+    /// What the transform of two rows is of each: it is real, so that the spectrum of one is
+    /// symmetric, and that of the other antisymmetric.
+    fn apart(&self, values: &[Complex<f64>], k: usize) -> [Complex<f64>; 2] {
+        let (a, b) = (values[k], values[(self.length - k) % self.length]);
+        let first = Complex::new(0.5 * (a.re + b.re), 0.5 * (a.im - b.im));
+        [first, Complex::new(0.5 * (a.im + b.im), 0.5 * (b.re - a.re))]
+    }
+
+    fn forward(&self, [first, second]: [&mut [f64]; 2], buffer: &mut Buffer) {
+        if self.border == Border::Periodic {
+            return self.hartley([first, second], buffer, 1.0);
+        }
+        for (n, (&a, &b)) in first.iter().zip(&*second).enumerate() {
+            buffer.values[self.folded(n)] = Complex::new(a, b);
+        }
+        self.fft.process(&mut buffer.values, &mut buffer.scratch);
+        for (k, t) in self.twiddles.iter().enumerate() {
+            let [a, b] = self.apart(&buffer.values, k);
+            (first[k], second[k]) = ((a * t).re, (b * t).re);
         }
     }
 
-    fn inverse(&self, row: &mut [f64], buffer: &mut [Complex<f64>]) {
+    fn inverse(&self, [first, second]: [&mut [f64]; 2], buffer: &mut Buffer) {
         let scale = (self.length as f64).recip();
-        match self.border {
-            Border::Periodic => self.hartley(row, buffer, scale),
-            Border::Free => {
-                buffer[0] = row[0].into();
-                for k in 1..self.length {
-                    let mirrored = Complex::new(row[k], -row[self.length - k]);
-                    buffer[k] = self.twiddles[k].conj() * mirrored;
-                }
-                self.inverse.process(buffer);
-                for (n, v) in row.iter_mut().enumerate() {
-                    *v = scale * buffer[self.folded(n)].re;
-                }
-            }
+        if self.border == Border::Periodic {
+            return self.hartley([first, second], buffer, scale);
+        }
+        // The inverse transform is the conjugate's conjugate transform.
+        buffer.values[0] = Complex::new(first[0], -second[0]);
+        for k in 1..self.length {
+            let mirrored = |row: &[f64]| Complex::new(row[k], -row[self.length - k]);
+            let both = mirrored(first) + Complex::<f64>::i() * mirrored(second);
+            buffer.values[k] = self.twiddles[k] * both.conj();
+        }
+        self.fft.process(&mut buffer.values, &mut buffer.scratch);
+        for (n, (a, b)) in first.iter_mut().zip(second).enumerate() {
+            let value = buffer.values[self.folded(n)];
+            (*a, *b) = (scale * value.re, -scale * value.im);
         }
     }
 
-    fn hartley(&self, row: &mut [f64], buffer: &mut [Complex<f64>], scale: f64) {
-        for (b, &v) in buffer.iter_mut().zip(row.iter()) {
-            *b = v.into();
+    fn hartley(&self, [first, second]: [&mut [f64]; 2], buffer: &mut Buffer, scale: f64) {
+        for (v, (&a, &b)) in buffer.values.iter_mut().zip(first.iter().zip(&*second)) {
+            *v = Complex::new(a, b);
         }
-        self.forward.process(buffer);
-        for (v, b) in row.iter_mut().zip(buffer.iter()) {
-            *v = scale * (b.re - b.im);
+        self.fft.process(&mut buffer.values, &mut buffer.scratch);
+        for k in 0..self.length {
+            let [a, b] = self.apart(&buffer.values, k);
+            (first[k], second[k]) = (scale * (a.re - a.im), scale * (b.re - b.im));
         }
     }
 
@@ -246,6 +278,26 @@ mod tests {
                 assert!(grid.unexplained(&given, &found) < 1e-9);
             }
         }
+    }
+
+    /// One step in a long periodic row: the solution takes half of it on either side and decays as
+    /// the difference equation says.
+    #[test]
+    fn near_solutions_die_away() {
+        let (n, range) = (200, 10.0);
+        let mut right = vec![0.0; n];
+        right[99] = 1.0;
+        let given = Differences { right, down: vec![0.0; n] };
+        let grid = Grid { width: n, height: 1, borders: [Border::Periodic; 2], spacing: [1.0; 2] };
+        let found = grid.integrate_near(&given, range);
+        // (u[i+1] - 2 u[i] + u[i-1]) range² = u[i] decays by this from value to value.
+        let decay = (0.5 / range).asinh() * 2.0;
+        for i in 0..60 {
+            let expected = found[100] * (-decay * i as f64).exp() as f32;
+            assert!((found[100 + i] - expected).abs() < 1e-4, "{i}: {} {expected}", found[100 + i]);
+            assert!((found[100 + i] + found[99 - i]).abs() < 1e-6, "antisymmetric");
+        }
+        assert!((found[100] - 0.5).abs() < 0.03);
     }
 
     /// A field that turns round has no height; what is found is flat, and all of it unexplained.

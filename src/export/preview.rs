@@ -8,7 +8,7 @@ use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_wid
 
 use super::files::write_png;
 use super::resample::resized;
-use crate::frame::Encoding;
+use super::textures::srgb_byte as srgb;
 use crate::observation::{Falloff, View};
 use crate::render::render;
 use crate::svbrdf::channel;
@@ -138,10 +138,6 @@ fn picture(label: &'static str, maps: &Svbrdf, view: View) -> Relit {
     let exposure = (EXPOSED_LEVEL / level.max(1e-6)).clamp(EXPOSURES[0], EXPOSURES[1]);
     let rgb = (0..3 * n).map(|i| srgb(exposure * radiance[i % 3 * n + i / 3])).collect();
     Relit { label, view, exposure, width: maps.width(), height: maps.height(), rgb }
-}
-
-fn srgb(linear: f32) -> u8 {
-    byte(Encoding::Srgb.encode(f64::from(linear)) as f32)
 }
 
 fn byte(value: f32) -> u8 {

@@ -1,7 +1,7 @@
 //! Maps of another size.
 
-use crate::Svbrdf;
 use crate::svbrdf::CHANNELS;
+use crate::{Svbrdf, parallel};
 
 /// Maps resampled to `width * height` texels that share the same rectangle: area means where texels
 /// merge, linear interpolation between texel centres where they split; borders repeat.
@@ -14,25 +14,23 @@ pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
         return maps.clone();
     }
     let (columns, rows) = (taps(w, width), taps(h, height));
-    let mut data = Vec::with_capacity(CHANNELS * width * height);
-    let mut narrow = vec![0.0f32; width * h];
-    for c in 0..CHANNELS {
-        let plane = maps.plane(c);
-        for (row, out) in plane.chunks_exact(w).zip(narrow.chunks_exact_mut(width)) {
+    let mut data = vec![0.0; CHANNELS * width * height];
+    let buffer = || vec![0.0f32; width * h];
+    let planes = data.chunks_exact_mut(width * height);
+    parallel::parts_with(planes, buffer, |narrow, c, out| {
+        for (row, out) in maps.plane(c).chunks_exact(w).zip(narrow.chunks_exact_mut(width)) {
             for (v, tap) in out.iter_mut().zip(&columns) {
                 *v = tap.iter().map(|&(i, k)| k * row[i]).sum();
             }
         }
-        for tap in &rows {
-            let start = data.len();
-            data.resize(start + width, 0.0);
+        for (tap, out) in rows.iter().zip(out.chunks_exact_mut(width)) {
             for &(y, k) in tap {
-                for (v, s) in data[start..].iter_mut().zip(&narrow[y * width..][..width]) {
+                for (v, s) in out.iter_mut().zip(&narrow[y * width..][..width]) {
                     *v += k * s;
                 }
             }
         }
-    }
+    });
     Svbrdf::from_planes(width, height, data).expect("nine planes")
 }
 

@@ -65,18 +65,15 @@ impl Stack {
 
     /// Weight of each channel's squared differences: neighbours inside differ by 1 in the mean.
     pub fn weights(&self) -> [f32; CHANNELS] {
-        std::array::from_fn(|c| {
-            let plane = &self.planes[c];
-            let (mut sum, mut count) = (0.0f64, 0.0f64);
-            for row in plane.chunks_exact(self.width) {
-                for pair in row.windows(2) {
-                    sum += f64::from(pair[1] - pair[0]).powi(2);
-                    count += 1.0;
-                }
-            }
-            let mean = (sum / count) as f32;
+        let weights = parallel::map(CHANNELS, |c| {
+            let rows = self.planes[c].chunks_exact(self.width);
+            let square = |pair: &[f32]| (pair[1] - pair[0]) * (pair[1] - pair[0]);
+            let row = |row: &[f32]| f64::from(row.windows(2).map(square).sum::<f32>());
+            let count = (self.width - 1) * self.height;
+            let mean = (rows.map(row).sum::<f64>() / count as f64) as f32;
             mean.max(LEAST_DIFFERENCE * LEAST_DIFFERENCE).recip()
-        })
+        });
+        std::array::from_fn(|c| weights[c])
     }
 
     /// The same tiles, cut where neighbours differ little: where a tile begins is arbitrary.
@@ -105,19 +102,22 @@ impl Stack {
         greatest(lines.iter().flat_map(|map| [0, 1].map(|axis| map[axis].ratio(ends[axis]))))
     }
 
-    /// Mean of what `differences` gives for pairs of neighbours (channel, pair, axis) against the
-    /// mean difference of all neighbours, of the map for which it is greatest; 0 without pairs.
-    pub fn relative(
+    /// Mean of what `difference` gives for channels of pairs of neighbours against the mean
+    /// difference of all neighbours in the same direction (`axis`: 0 to the right, 1 below), of the
+    /// map for which it is greatest; 0 without pairs.
+    pub fn relative<P: Sync>(
         &self,
-        pairs: &[(usize, usize)],
-        difference: impl Fn(usize, usize, usize) -> f32 + Sync,
+        pairs: &[P],
+        axis: impl Fn(&P) -> usize + Sync,
+        difference: impl Fn(usize, &P) -> f32 + Sync,
     ) -> f32 {
         let lines = self.lines();
         let ratios = parallel::map(MAPS.len(), |map| {
             let (mut sum, mut usual) = (0.0f64, 0.0f64);
-            for &(pair, axis) in pairs {
-                sum += MAPS[map].clone().map(|c| f64::from(difference(c, pair, axis))).sum::<f64>();
-                usual += lines[map][axis].mean();
+            let means = [0, 1].map(|axis| lines[map][axis].mean());
+            for pair in pairs {
+                sum += MAPS[map].clone().map(|c| f64::from(difference(c, pair))).sum::<f64>();
+                usual += means[axis(pair)];
             }
             if usual > 0.0 { (sum / usual) as f32 } else { 0.0 }
         });
@@ -132,15 +132,22 @@ impl Stack {
     fn lines_of(&self, channels: std::ops::Range<usize>, axis: usize) -> Lines {
         let (w, h) = (self.width, self.height);
         let [lines, across] = [[w, h], [h, w]].map(|sides| sides[axis]);
-        let mut out = Lines { sums: vec![0.0; lines], across };
-        for i in 0..w * h {
-            let (x, y) = (i % w, i / w);
-            let to = if axis == 0 { y * w + (x + 1) % w } else { (y + 1) % h * w + x };
-            let planes = &self.planes[channels.clone()];
-            let difference: f32 = planes.iter().map(|p| (p[to] - p[i]).abs()).sum();
-            out.sums[[x, y][axis]] += f64::from(difference);
+        let mut sums = vec![0.0; lines];
+        for plane in &self.planes[channels] {
+            let row = |y: usize| &plane[y * w..][..w];
+            for y in 0..h {
+                if axis == 0 {
+                    let next = row(y)[1..].iter().chain(&row(y)[..1]);
+                    for (sum, (a, b)) in sums.iter_mut().zip(row(y).iter().zip(next)) {
+                        *sum += f64::from((b - a).abs());
+                    }
+                } else {
+                    let pairs = row(y).iter().zip(row((y + 1) % h));
+                    sums[y] += f64::from(pairs.map(|(a, b)| (b - a).abs()).sum::<f32>());
+                }
+            }
         }
-        out
+        Lines { sums, across }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Textures: values of texels to PNG and JPEG, with their physical size.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::{JpegEncoder, PixelDensity, PixelDensityUnit};
@@ -73,7 +73,8 @@ pub(super) struct Texture {
     channels: usize,
     /// Whether the first three channels are stored with the sRGB curve.
     colour: bool,
-    values: Vec<f32>,
+    /// Shared by copies.
+    values: Arc<Vec<f32>>,
 }
 
 impl Texture {
@@ -114,7 +115,7 @@ impl Texture {
                 *texel = value(row * width + x);
             }
         });
-        Self { width, height, channels: C, colour, values }
+        Self { width, height, channels: C, colour, values: Arc::new(values) }
     }
 
     /// A value of a texel.
@@ -219,7 +220,12 @@ fn encoding_fault(fault: impl std::fmt::Display) -> Error {
     Error::Internal(format!("a picture could not be encoded: {fault}"))
 }
 
-/// Nearest 8-bit sRGB value of a linear one, without a power for each.
+/// The nearest 8-bit sRGB value of a linear one.
+pub(super) fn srgb_byte(linear: f32) -> u8 {
+    SrgbBytes::get().encode(linear)
+}
+
+/// Nearest 8-bit sRGB values of linear ones, without a power for each.
 struct SrgbBytes {
     /// Linear value from which on each byte is the nearest.
     from: [f32; 256],

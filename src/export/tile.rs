@@ -4,26 +4,19 @@
 //! Along each axis the two borders are brought together and covered by a patch of the material
 //! itself, placed where its edges fit best. Where the patch begins and ends is the path of least
 //! difference over all maps at once (Kwatra et al., *Graphcut Textures*, 2003; a path is the cut of
-//! least cost here, and is found by dynamic programming). Differences between neighbours, those
-//! across a cut being the mean of either side's, are then integrated with periodic borders (Pérez
-//! et al., *Poisson Image Editing*, 2003), so that no step is left. The size in texels and mm stays.
+//! least cost here, and is found by dynamic programming). What steps are left across the cuts is
+//! spread over their surroundings, so that differences across a cut become the mean of either
+//! side's: by least squares that hold on to the values farther away (Bhat et al., *Fourier Analysis
+//! of the 2D Screened Poisson Equation*, 2008). The size in texels and mm stays.
 
-use std::f32::consts::PI;
-
+use super::cut::Cuts;
 use super::poisson::{Border, Differences, Grid};
-use super::resample::resized;
 use super::stack::Stack;
-use super::textures::{Texture, TextureFormat};
-use crate::observation::{Falloff, View};
-use crate::render::render;
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf, parallel};
 
 /// Fewest texels along a side.
 const MIN_SIDE: usize = 16;
-
-/// Longer side at which places for the patch are tried first, texels.
-const SEARCH_SIDE: usize = 96;
 
 /// Seamless maps.
 #[derive(Debug)]
@@ -32,6 +25,8 @@ pub(super) struct Tiled {
     /// Mean difference of neighbours where tiles meet against that inside, of the map for which it
     /// is greatest; 1: the border is like the inside.
     pub seam: f32,
+    /// The same of neighbours across the cuts.
+    pub joins: f32,
     /// How much the two sides of the cuts disagree about the difference of neighbours, in the same
     /// unit; independent textures would be at about 1.4.
     pub cuts: f32,
@@ -48,282 +43,145 @@ pub(super) fn seamless(maps: &Svbrdf) -> Result<Tiled> {
             format!("{w} x {h} texels given, at least {MIN_SIDE} x {MIN_SIDE} can become seamless");
         return Err(Error::argument("maps", message));
     }
-    let (across, first) = joined(&Stack::of(maps), false);
-    let (both, second) = joined(&across.transposed(), true);
-    let tile = both.transposed().with_quiet_borders();
-    Ok(Tiled { seam: tile.border(), cuts: first.max(second), maps: tile.into_maps() })
+    let across = Joined::new(&Stack::of(maps), false);
+    let both = Joined::new(&across.stack.transposed(), true);
+    let tile = both.stack.transposed().with_quiet_borders();
+    Ok(Tiled {
+        seam: tile.border(),
+        joins: across.joins.max(both.joins),
+        cuts: across.cuts.max(both.cuts),
+        maps: tile.into_maps(),
+    })
+}
+
+/// A stack with periodic columns, and how well they are joined, see [`Tiled`].
+struct Joined {
+    stack: Stack,
+    joins: f32,
+    cuts: f32,
+}
+
+impl Joined {
+    /// `closed`: rows are periodic already.
+    fn new(stack: &Stack, closed: bool) -> Self {
+        let (w, h) = (stack.width, stack.height);
+        let patch = Patch { stack, cuts: Cuts::cheapest(stack, closed) };
+        let pairs = patch.pairs(closed);
+        let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
+        let grid = Grid { width: w, height: h, borders, spacing: [1.0; 2] };
+        // Steps are spread inside of the patch, rather than over the whole sample.
+        let range = 0.5 * patch.cuts.half as f64;
+        let planes = parallel::map(CHANNELS, |c| {
+            let mut plane = patch.plane(c);
+            let change = grid.integrate_near(&patch.steps(c, &plane, &pairs), range);
+            plane.iter_mut().zip(change).for_each(|(v, change)| *v += change);
+            plane
+        });
+        let joined = Stack { width: w, height: h, planes };
+        let across = |c: usize, pair: &Pair| {
+            (joined.planes[c][pair.to.index(w)] - joined.planes[c][pair.from.index(w)]).abs()
+        };
+        let disagreement = |c: usize, pair: &Pair| {
+            let [own, patch] = patch.differences(c, pair);
+            (own - patch).abs()
+        };
+        Self {
+            joins: joined.relative(&pairs, |pair| pair.axis, across),
+            cuts: stack.relative(&pairs, |pair| pair.axis, disagreement),
+            stack: joined,
+        }
+    }
+}
+
+/// A column and a row.
+#[derive(Debug, Clone, Copy)]
+struct Texel(usize, usize);
+
+impl Texel {
+    fn index(self, width: usize) -> usize {
+        self.1 * width + self.0
+    }
+}
+
+/// Neighbours on either side of a cut, one to the right of the other (axis 0) or below it (axis 1).
+struct Pair {
+    from: Texel,
+    to: Texel,
+    axis: usize,
 }
 
 /// A patch over the left and right borders.
 struct Patch<'a> {
     stack: &'a Stack,
-    /// Columns that it covers of each border at most.
-    half: usize,
-    /// Column and row of the source that come to lie at column 0, row 0.
-    source: [usize; 2],
-    /// First patched column of each row, counted from `width - half`.
-    begin: Vec<usize>,
-    /// First column of each row behind the patch.
-    end: Vec<usize>,
+    cuts: Cuts,
 }
 
-/// Makes columns periodic, and tells how much the sides of the cuts disagree. `closed`: rows are
-/// periodic already.
-fn joined(stack: &Stack, closed: bool) -> (Stack, f32) {
-    let source = place(stack, closed);
-    let patch = Patch::cut(stack, source, closed);
-    let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
-    let grid = Grid { width: stack.width, height: stack.height, borders, spacing: [1.0; 2] };
-    let planes = parallel::map(CHANNELS, |c| {
-        let mut plane = grid.integrate(&patch.differences(c));
-        // Integration leaves the mean open.
-        let n = plane.len();
-        let mean = (0..n).map(|i| patch.value(c, i % stack.width, i / stack.width)).sum::<f32>();
-        plane.iter_mut().for_each(|v| *v += mean / n as f32);
+impl Patch<'_> {
+    /// The material with the patch on it.
+    fn plane(&self, c: usize) -> Vec<f32> {
+        let (w, own) = (self.stack.width, &self.stack.planes[c]);
+        let mut plane = own.clone();
+        for (y, row) in plane.chunks_exact_mut(w).enumerate() {
+            let (end, begin) = (self.cuts.end[y], self.cuts.begin[y]);
+            let origin = |x| self.origin(Texel(x, y));
+            row[..end].copy_from_slice(&own[origin(0)..][..end]);
+            row[begin..].copy_from_slice(&own[origin(begin)..][..w - begin]);
+        }
         plane
-    });
-    (Stack { width: stack.width, height: stack.height, planes }, patch.disagreement(closed))
-}
-
-/// Columns that a patch covers of each border.
-fn half_width(stack: &Stack) -> usize {
-    (stack.width / 8).max(2)
-}
-
-/// Where the patch comes from: all places of a small copy, then those around the best.
-fn place(stack: &Stack, closed: bool) -> [usize; 2] {
-    let factor = stack.width.max(stack.height).div_ceil(SEARCH_SIDE);
-    let small = stack.reduced(factor);
-    let half = half_width(&small);
-    // Differences across a cut need one column more of the source on either side.
-    let columns = half + 1..small.width - half;
-    let rows = if closed { small.height } else { 1 };
-    let weights = small.weights();
-    let places: Vec<[usize; 2]> = columns.flat_map(|x| (0..rows).map(move |y| [x, y])).collect();
-    let best = cheapest(&small, &weights, &places);
-    if factor == 1 {
-        return best;
-    }
-    let half = half_width(stack);
-    let weights = stack.weights();
-    let mut at = [
-        (best[0] * factor).clamp(half + 1, stack.width - half - 1),
-        if closed { best[1] * factor % stack.height } else { 0 },
-    ];
-    let around = |v: usize, low: usize, high: usize| {
-        (v + 1).saturating_sub(factor).max(low)..(v + factor).min(high)
-    };
-    let places: Vec<_> = around(at[0], half + 1, stack.width - half).map(|x| [x, at[1]]).collect();
-    at = cheapest(stack, &weights, &places);
-    if closed {
-        let places: Vec<_> = around(at[1], 0, stack.height).map(|y| [at[0], y]).collect();
-        at = cheapest(stack, &weights, &places);
-    }
-    at
-}
-
-/// The place whose two cuts cost least.
-fn cheapest(stack: &Stack, weights: &[f32; CHANNELS], places: &[[usize; 2]]) -> [usize; 2] {
-    let half = half_width(stack);
-    let costs = parallel::map(places.len(), |i| {
-        [false, true]
-            .map(|right| {
-                let errors = errors(stack, weights, half, places[i], right);
-                least_path(&errors, half, None).0
-            })
-            .iter()
-            .sum::<f32>()
-    });
-    let best = costs.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-    best.map_or([half + 1, 0], |(i, _)| places[i])
-}
-
-/// Squared differences between the material and the patch over `half` columns at the left or right
-/// end of the patch, row by row.
-fn errors(
-    stack: &Stack,
-    weights: &[f32; CHANNELS],
-    half: usize,
-    [sx, sy]: [usize; 2],
-    right: bool,
-) -> Vec<f32> {
-    let (w, h) = (stack.width, stack.height);
-    let (own, from) = if right { (0, sx) } else { (w - half, sx - half) };
-    let mut out = vec![0.0; half * h];
-    for (plane, weight) in stack.planes.iter().zip(weights) {
-        for (y, out) in out.chunks_exact_mut(half).enumerate() {
-            let own = &plane[y * w + own..][..half];
-            let patch = &plane[(y + sy) % h * w + from..];
-            for ((e, a), b) in out.iter_mut().zip(own).zip(patch) {
-                *e += weight * (a - b) * (a - b);
-            }
-        }
-    }
-    out
-}
-
-/// The path of least cost from the first to the last row, a column to either side at most from row
-/// to row: its cost and columns. With `start`, it begins there and ends so that it can go on there.
-fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> (f32, Vec<usize>) {
-    let rows = costs.len() / width;
-    let mut total: Vec<f32> = match start {
-        None => costs[..width].to_vec(),
-        Some(at) => (0..width).map(|x| if x == at { costs[x] } else { f32::MAX }).collect(),
-    };
-    let mut from = vec![0i8; costs.len()];
-    let mut next = vec![0.0; width];
-    for y in 1..rows {
-        for x in 0..width {
-            let (mut best, mut step) = (total[x], 0);
-            if x > 0 && total[x - 1] < best {
-                (best, step) = (total[x - 1], -1);
-            }
-            if x + 1 < width && total[x + 1] < best {
-                (best, step) = (total[x + 1], 1);
-            }
-            next[x] = if best == f32::MAX { best } else { best + costs[y * width + x] };
-            from[y * width + x] = step;
-        }
-        std::mem::swap(&mut total, &mut next);
-    }
-    let allowed = |x: &usize| start.is_none_or(|s| x.abs_diff(s) <= 1);
-    let ends = (0..width).filter(allowed).min_by(|&a, &b| total[a].total_cmp(&total[b]));
-    let mut x = ends.unwrap_or(0);
-    let cost = total[x];
-    let mut path = vec![x; rows];
-    for y in (1..rows).rev() {
-        x = x.strict_add_signed(from[y * width + x].into());
-        path[y - 1] = x;
-    }
-    (cost, path)
-}
-
-/// The path of least cost that closes on itself: the best over all starts.
-fn least_closed_path(costs: &[f32], width: usize) -> Vec<usize> {
-    let paths = parallel::map(width, |start| least_path(costs, width, Some(start)));
-    let best = paths.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or_else(Vec::new, |(_, path)| path)
-}
-
-impl<'a> Patch<'a> {
-    fn cut(stack: &'a Stack, source: [usize; 2], closed: bool) -> Self {
-        let half = half_width(stack);
-        let weights = stack.weights();
-        let [begin, end] = [false, true].map(|right| {
-            let costs = errors(stack, &weights, half, source, right);
-            if closed { least_closed_path(&costs, half) } else { least_path(&costs, half, None).1 }
-        });
-        // At least one column of the patch on either side of the border.
-        let end = end.into_iter().map(|x| x.max(1)).collect();
-        Self { stack, half, source, begin, end }
-    }
-
-    /// Whether a texel is the patch's.
-    fn covers(&self, x: usize, y: usize) -> bool {
-        x < self.end[y] || x >= self.stack.width - self.half + self.begin[y]
     }
 
     /// Where the patch's texel comes from.
-    fn origin(&self, x: usize, y: usize) -> usize {
+    fn origin(&self, Texel(x, y): Texel) -> usize {
         let (w, h) = (self.stack.width, self.stack.height);
-        let [sx, sy] = self.source;
+        let [sx, sy] = self.cuts.source;
         let column = if x < w / 2 { sx + x } else { sx + x - w };
         (y + sy) % h * w + column
     }
 
-    fn value(&self, c: usize, x: usize, y: usize) -> f32 {
-        let i = if self.covers(x, y) { self.origin(x, y) } else { y * self.stack.width + x };
-        self.stack.planes[c][i]
-    }
-
-    /// Difference between two neighbouring texels: of the source that has both, or the mean.
-    fn difference(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
-        match (self.covers(a[0], a[1]), self.covers(b[0], b[1])) {
-            (false, false) => self.own(c, a, b),
-            (true, true) => self.patch(c, a, b),
-            _ => 0.5 * (self.own(c, a, b) + self.patch(c, a, b)),
+    /// All neighbours of which the patch covers one.
+    fn pairs(&self, closed: bool) -> Vec<Pair> {
+        let (w, h) = (self.stack.width, self.stack.height);
+        let mut pairs = Vec::new();
+        for y in 0..h {
+            for x in [self.cuts.end[y], self.cuts.begin[y]] {
+                pairs.push(Pair { from: Texel(x - 1, y), to: Texel(x % w, y), axis: 0 });
+            }
+            if y + 1 == h && !closed {
+                continue;
+            }
+            let below = (y + 1) % h;
+            for cut in [&self.cuts.end, &self.cuts.begin] {
+                let (a, b) = (cut[y], cut[below]);
+                let columns = a.min(b)..a.max(b);
+                let pair = |x| Pair { from: Texel(x, y), to: Texel(x, below), axis: 1 };
+                pairs.extend(columns.map(pair));
+            }
         }
+        pairs
     }
 
-    fn own(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
+    /// Difference of a pair in the material and in the patch's source.
+    fn differences(&self, c: usize, pair: &Pair) -> [f32; 2] {
         let (plane, w) = (&self.stack.planes[c], self.stack.width);
-        plane[b[1] * w + b[0]] - plane[a[1] * w + a[0]]
+        [
+            plane[pair.to.index(w)] - plane[pair.from.index(w)],
+            plane[self.origin(pair.to)] - plane[self.origin(pair.from)],
+        ]
     }
 
-    fn patch(&self, c: usize, a: [usize; 2], b: [usize; 2]) -> f32 {
-        let plane = &self.stack.planes[c];
-        plane[self.origin(b[0], b[1])] - plane[self.origin(a[0], a[1])]
-    }
-
-    fn differences(&self, c: usize) -> Differences {
-        let (w, h) = (self.stack.width, self.stack.height);
-        let all = |step: fn([usize; 2], usize, usize) -> [usize; 2]| {
-            (0..w * h)
-                .map(|i| [i % w, i / w])
-                .map(|a| self.difference(c, a, step(a, w, h)))
-                .collect()
-        };
-        Differences {
-            right: all(|[x, y], w, _| [(x + 1) % w, y]),
-            down: all(|[x, y], _, h| [x, (y + 1) % h]),
+    /// By how much differences have to change to be the mean of both sides': across the cuts.
+    fn steps(&self, c: usize, plane: &[f32], pairs: &[Pair]) -> Differences {
+        let w = self.stack.width;
+        let none = || vec![0.0; plane.len()];
+        let mut steps = Differences { right: none(), down: none() };
+        for pair in pairs {
+            let [own, patch] = self.differences(c, pair);
+            let (from, to) = (pair.from.index(w), pair.to.index(w));
+            let axis = if pair.axis == 0 { &mut steps.right } else { &mut steps.down };
+            axis[from] = 0.5 * (own + patch) - (plane[to] - plane[from]);
         }
+        steps
     }
-
-    /// How much the two sources' differences differ along the cuts, see [`Tiled::cuts`].
-    fn disagreement(&self, closed: bool) -> f32 {
-        let (w, h) = (self.stack.width, self.stack.height);
-        let neighbour = |i: usize, axis: usize| match axis {
-            0 => [(i % w + 1) % w, i / w],
-            _ => [i % w, (i / w + 1) % h],
-        };
-        let pairs: Vec<(usize, usize)> = (0..w * h)
-            .flat_map(|i| [(i, 0), (i, 1)])
-            .filter(|&(i, axis)| {
-                let to = neighbour(i, axis);
-                (closed || axis == 0 || i / w + 1 < h)
-                    && self.covers(i % w, i / w) != self.covers(to[0], to[1])
-            })
-            .collect();
-        self.stack.relative(&pairs, |c, i, axis| {
-            let (a, b) = ([i % w, i / w], neighbour(i, axis));
-            (self.own(c, a, b) - self.patch(c, a, b)).abs()
-        })
-    }
-}
-
-/// A picture (8-bit sRGB PNG) of 3 x 3 tiles under a light from the upper left, as bright as shows
-/// the material best.
-pub(super) fn picture(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
-    /// Longer side of one tile, px.
-    const SIDE: usize = 256;
-    let longer = maps.width().max(maps.height());
-    let scale = SIDE.min(longer) as f64 / longer as f64;
-    let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
-    let (w, h) = (side(maps.width()), side(maps.height()));
-    let tile = resized(maps, w, h);
-    let planes = (0..CHANNELS).flat_map(|c| {
-        let plane = tile.plane(c);
-        (0..9 * w * h).map(move |i| plane[i / (3 * w) % h * w + i % (3 * w) % w])
-    });
-    let many = Svbrdf::from_planes(3 * w, 3 * h, planes.collect())?;
-    let distance = 100.0 * sample_mm[0].max(sample_mm[1]);
-    let view = View {
-        sample_mm: sample_mm.map(|mm| 3.0 * mm),
-        camera_mm: [0.0, 0.0, distance],
-        light_mm: [-0.5 * distance, 0.5 * distance, 0.8 * distance],
-        falloff: Falloff::None { power: [PI; 3] },
-        ambient: [0.0; 3],
-        mirrored: 1.0,
-    };
-    let n = many.texels();
-    let mut rgb = vec![0.0; 3 * n];
-    render(&many, &view, &mut rgb);
-    let mut sorted = rgb.clone();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let bright = sorted[(0.98 * sorted.len() as f64) as usize];
-    let gain = if bright > 0.0 { 0.8 / bright } else { 1.0 };
-    let texture = Texture::colour(3 * w, 3 * h, |i| [0, 1, 2].map(|c| gain * rgb[c * n + i]));
-    texture.encode(TextureFormat::Png8, None)
 }
 
 #[cfg(test)]

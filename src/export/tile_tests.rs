@@ -101,42 +101,4 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
     }
     let fault = seamless(&Svbrdf::new(15, 40)).unwrap_err().to_string();
     assert!(fault.contains("maps") && fault.contains("15 x 40"), "{fault}");
-    let picture = picture(&tiled.maps, [20.0, 17.0]).unwrap();
-    let picture = image::load_from_memory(&picture).unwrap();
-    assert_eq!((picture.width(), picture.height()), (60, 51));
-}
-
-/// Against all paths of a small grid, enumerated.
-#[test]
-fn the_cheapest_path_is_found() {
-    let (width, rows) = (4, 5);
-    let costs: Vec<f32> = (0..width * rows).map(noise).collect();
-    let mut best = [f32::MAX; 2];
-    for code in 0..width * 3usize.pow(rows as u32 - 1) {
-        let (start, mut steps) = (code % width, code / width);
-        let (mut x, mut cost, mut inside) = (start as isize, costs[start], true);
-        for y in 1..rows {
-            x += (steps % 3) as isize - 1;
-            steps /= 3;
-            inside &= (0..width as isize).contains(&x);
-            if !inside {
-                break;
-            }
-            cost += costs[y * width + x as usize];
-        }
-        if inside {
-            best[0] = best[0].min(cost);
-            if x.abs_diff(start as isize) <= 1 {
-                best[1] = best[1].min(cost);
-            }
-        }
-    }
-    let sum = |path: &[usize]| -> f32 {
-        path.iter().enumerate().map(|(y, &x)| costs[y * width + x]).sum()
-    };
-    let (cost, path) = least_path(&costs, width, None);
-    assert!((cost - best[0]).abs() < 1e-6 && (sum(&path) - cost).abs() < 1e-6);
-    let closed = least_closed_path(&costs, width);
-    assert!((sum(&closed) - best[1]).abs() < 1e-6);
-    assert!(closed[0].abs_diff(closed[rows - 1]) <= 1);
 }

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, number};
 use super::convert::MetallicModel;
+use super::template::filled;
 use crate::Result;
 
 /// The bytes of a file, and what it holds.
@@ -32,99 +33,17 @@ pub(super) fn encode(bundle: &Bundle) -> Result<(Vec<u8>, Value)> {
 
 /// The scene. Images have the bottom row at t = 0.
 fn layer(bundle: &Bundle, names: &[&str]) -> String {
-    let [x, y] = bundle.sample_mm.map(|mm| mm / 2000.0);
-    let wrap = if bundle.tileable { "repeat" } else { "clamp" };
-    let [base, normal, orm] = [names[0], names[1], names[2]];
-    let texture = |name: &str, file: &str, space: &str, more: &str| {
-        format!(
-            r#"
-            def Shader "{name}"
-            {{
-                uniform token info:id = "UsdUVTexture"
-                asset inputs:file = @{file}@
-                token inputs:sourceColorSpace = "{space}"
-                float2 inputs:st.connect = </Sample/Looks/Surface/Coordinates.outputs:result>
-                token inputs:wrapS = "{wrap}"
-                token inputs:wrapT = "{wrap}"
-{more}            }}
-"#
-        )
-    };
-    let normals = "                float4 inputs:scale = (2, 2, 2, 1)
-                float4 inputs:bias = (-1, -1, -1, 0)
-                float3 outputs:rgb
-";
-    let textures = [
-        texture("BaseColor", base, "sRGB", "                float3 outputs:rgb\n"),
-        texture("Normal", normal, "raw", normals),
-        texture(
-            "OcclusionRoughnessMetallic",
-            orm,
-            "raw",
-            "                float outputs:r\n                float outputs:g\n                float outputs:b\n",
-        ),
-    ]
-    .concat();
-    format!(
-        r#"#usda 1.0
-(
-    defaultPrim = "Sample"
-    doc = "Made by svbrdf"
-    metersPerUnit = 1
-    upAxis = "Y"
-)
-
-def Xform "Sample" (
-    kind = "component"
-)
-{{
-    def Mesh "Plane" (
-        prepend apiSchemas = ["MaterialBindingAPI"]
-    )
-    {{
-        float3[] extent = [(-{x}, -{y}, 0), ({x}, {y}, 0)]
-        int[] faceVertexCounts = [4]
-        int[] faceVertexIndices = [0, 1, 2, 3]
-        rel material:binding = </Sample/Looks/Surface>
-        normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)] (
-            interpolation = "vertex"
-        )
-        point3f[] points = [(-{x}, -{y}, 0), ({x}, -{y}, 0), ({x}, {y}, 0), (-{x}, {y}, 0)]
-        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
-            interpolation = "vertex"
-        )
-        uniform token subdivisionScheme = "none"
-    }}
-
-    def Scope "Looks"
-    {{
-        def Material "Surface"
-        {{
-            token outputs:surface.connect = </Sample/Looks/Surface/Preview.outputs:surface>
-
-            def Shader "Preview"
-            {{
-                uniform token info:id = "UsdPreviewSurface"
-                color3f inputs:diffuseColor.connect = </Sample/Looks/Surface/BaseColor.outputs:rgb>
-                float inputs:ior = 1.5
-                float inputs:metallic.connect = </Sample/Looks/Surface/OcclusionRoughnessMetallic.outputs:b>
-                normal3f inputs:normal.connect = </Sample/Looks/Surface/Normal.outputs:rgb>
-                float inputs:occlusion.connect = </Sample/Looks/Surface/OcclusionRoughnessMetallic.outputs:r>
-                float inputs:roughness.connect = </Sample/Looks/Surface/OcclusionRoughnessMetallic.outputs:g>
-                int inputs:useSpecularWorkflow = 0
-                token outputs:surface
-            }}
-
-            def Shader "Coordinates"
-            {{
-                uniform token info:id = "UsdPrimvarReader_float2"
-                string inputs:varname = "st"
-                float2 outputs:result
-            }}
-{textures}        }}
-    }}
-}}
-"#
+    let [x, y] = bundle.sample_mm.map(|mm| (mm / 2000.0).to_string());
+    filled(
+        include_str!("scene.usda"),
+        &[
+            ("x", &x),
+            ("y", &y),
+            ("wrap", if bundle.tileable { "repeat" } else { "clamp" }),
+            ("base", names[0]),
+            ("normal", names[1]),
+            ("orm", names[2]),
+        ],
     )
 }
 
