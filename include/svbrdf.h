@@ -2138,12 +2138,13 @@ svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
                                           uint32_t index);
 
 /**
- * As svbrdf_session_push_frame(), on a thread of the session: returns once the photo is copied (some
- * hundredths of a second for 12 megapixels), so that its memory is the caller's again. Photos are
- * taken in one after the other in the order of the calls. When this returns SVBRDF_OK, `callback`
- * comes exactly once, whatever happens meanwhile: with SVBRDF_CANCELLED when the session is
- * cancelled or destroyed first. Otherwise it does not come. SVBRDF_BUSY when three photos are on
- * their way already.
+ * As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied as
+ * they are, so that their memory is the caller's again. Photos are taken in one after the other in
+ * the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
+ * happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
+ * SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
+ * not come. SVBRDF_BUSY when three photos are on their way already; their copies are not counted
+ * by svbrdf_session_options.memory_limit_bytes.
  */
 svbrdf_status svbrdf_session_push_frame_async(struct svbrdf_session *session,
                                               const struct svbrdf_image *image,
