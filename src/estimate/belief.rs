@@ -12,7 +12,8 @@ use crate::{Result, Svbrdf};
 pub(crate) struct Belief {
     /// The most probable maps so far, `x`.
     pub maps: Svbrdf,
-    /// What the prior's mean begins with: maps of the latent code, their gloss pooled.
+    /// What the prior's mean begins with: maps of the latent code, their gloss pooled. Always of the
+    /// texels that phases work with.
     pub base: Svbrdf,
     /// The prior's mean, `m`.
     pub mean: Svbrdf,
@@ -43,10 +44,10 @@ impl Belief {
         }
     }
 
-    /// Brings it to the photographs' full resolution.
+    /// Brings maps and mean to the photographs' full resolution, for the last steps: these need no base.
     pub fn refine(&mut self, photographs: &Photographs) {
         let guide = Guide::new(photographs);
-        for maps in [&mut self.maps, &mut self.mean, &mut self.base] {
+        for maps in [&mut self.maps, &mut self.mean] {
             *maps = guide.refined(maps);
         }
     }

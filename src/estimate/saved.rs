@@ -137,9 +137,13 @@ impl Estimation {
         let fits = |maps: &Svbrdf| size == Some([maps.width(), maps.height()]);
         let belief_fits = self.belief.as_ref().is_none_or(|belief| {
             let size = |maps: &Svbrdf| [maps.width(), maps.height()];
-            let sizes = [&belief.maps, &belief.base, &belief.mean].map(size);
-            let first = self.photographs.like(&belief.maps).full().first();
-            first.is_some_and(|o| sizes == [[o.width(), o.height()]; 3])
+            let [maps, mean, base] = [&belief.maps, &belief.mean, &belief.base].map(size);
+            let taken = |photographs: &Photographs| {
+                photographs.full().first().map(|o| [o.width(), o.height()])
+            };
+            taken(self.photographs.like(&belief.maps)) == Some(maps)
+                && mean == maps
+                && taken(self.photographs.working()) == Some(base)
         });
         let rows = self.rows();
         let phase = self.position.and_then(|at| Some(rows.get(at.row)?.phase));

@@ -236,9 +236,8 @@ pub(super) fn fit(
         class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
     }
     let classes = Gloss { classes, values: gloss };
-    belief.base = classes.flat_maps(&belief.maps, own, photographs, o);
-    belief.mean.clone_from(&belief.base);
-    belief.maps.clone_from(&belief.base);
+    belief.mean = classes.flat_maps(&belief.maps, own, photographs, o);
+    belief.maps.clone_from(&belief.mean);
     belief.prior = Prior { sigma: sigmas(&widths).map(|s| s as f32) };
     belief.fixed_noise = Some(o.noise as f32);
     let mirrored = photographs.correction().mirrored.clone();

@@ -83,7 +83,7 @@ fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
         for (a, b) in logs(found).iter().zip(logs(&exposure)) {
             assert!((a - b).abs() < 0.03, "{found:?}");
         }
-        let roughness = belief.base.plane(channel::ROUGHNESS);
+        let roughness = belief.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
         assert_eq!(belief.fixed_noise, Some(options.structured.noise as f32));
