@@ -311,89 +311,106 @@ fn damaged_files_are_photographs_or_errors() {
     }
 }
 
-/// Three simulated photographs as PNG and as DNG, and what was made of them.
+/// Writes a photograph as a camera with a mixing sensor would, all fields in the first directory as
+/// Android has them.
+fn save(photo: &Photo, exposure: f32, path: &Path) {
+    let mix = mixed();
+    let size = [photo.width(), photo.height()];
+    let samples = (0..size[0] * size[1]).map(|p| {
+        let (x, y) = (p % size[0], p / size[0]);
+        let seen = mix * DVec3::from_array(photo.pixel(x, y).map(f64::from));
+        // What is cut off in the picture was cut off on the sensor.
+        let value = if photo.is_clipped(x, y) { 1.0 } else { seen[(x % 2 + y % 2) as usize] };
+        (BLACK + value * (WHITE - BLACK)).round().min(WHITE) as u16
+    });
+    let storage = Storage::Jpeg(256, 256, 1, 2);
+    let empty = negative(mix, |_, _| DVec3::ZERO);
+    Negative { size, samples: samples.collect(), storage, ..empty }
+        .set(272, Values::Text("Phone"))
+        .set(33434, Values::Millionths(vec![f64::from(exposure) / 50.0]))
+        .set(34855, Values::Shorts(vec![100]))
+        .set(37385, Values::Shorts(vec![0]))
+        .save(path);
+}
+
+/// Fits quickly; what was said, and the report.
+fn fit(inputs: &[&str], out: &Path) -> (String, Value) {
+    let fast = ["--method", "classic", "--steps", "2", "--no-report", "--at-once"];
+    let output = run(&[&["fit", "--out", text(out)][..], &fast, inputs].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let report = serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+    (said, report)
+}
+
+/// Three simulated photographs as PNG and as DNG, and what is made of them.
 #[test]
 fn a_fit_of_raw_photographs_is_that_of_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
+    let [capture, raw] = [at("capture"), at("raw")];
     svbrdf::export::write_maps(at("known"), &maps(32)).unwrap();
-    succeed(&["simulate", text(&at("known")), "--out", text(&at("capture")), "--frames", "3"]);
-    let capture = Capture::load(at("capture")).unwrap();
-    fs::create_dir(at("raw")).unwrap();
-    fs::create_dir(at("png")).unwrap();
-    for (i, frame) in capture.frames.iter().enumerate() {
-        let photo = frame.read().unwrap();
-        let mix = mixed();
-        let seconds = f64::from(frame.exposure) / 50.0;
-        let file = Negative { samples: Vec::new(), ..negative(mix, |_, _| DVec3::ZERO) };
-        let size = [photo.width(), photo.height()];
-        let samples = (0..size[0] * size[1]).map(|p| {
-            let (x, y) = (p % size[0], p / size[0]);
-            let seen = mix * DVec3::from_array(photo.pixel(x, y).map(f64::from));
-            let value = seen[(x % 2 + y % 2) as usize];
-            // What is cut off in the picture was cut off on the sensor.
-            let value = if photo.is_clipped(x, y) { 1.0 } else { value };
-            (BLACK + value * (WHITE - BLACK)).round().min(WHITE) as u16
-        });
-        let file = Negative {
-            size,
-            samples: samples.collect(),
-            storage: Storage::Jpeg(256, 256, 1, 2),
-            ..file
-        };
-        // As Android has it: all fields in the first directory.
-        let file = file
-            .set(0x829A, Values::Millionths(vec![seconds]))
-            .set(0x8827, Values::Shorts(vec![100]));
-        let file = file.set(272, Values::Text("Phone")).set(0x9209, Values::Shorts(vec![1]));
-        fs::write(at("raw").join(format!("{i}.dng")), file.bytes()).unwrap();
-        fs::copy(&frame.path, at("png").join(format!("{i}.png"))).unwrap();
+    succeed(&["simulate", text(&at("known")), "--out", text(&capture), "--frames", "3"]);
+    fs::create_dir(&raw).unwrap();
+    let file = capture.join("capture.json");
+    let mut description: Value = serde_json::from_slice(&fs::read(file).unwrap()).unwrap();
+    for (i, frame) in Capture::load(&capture).unwrap().frames.iter().enumerate() {
+        let name = format!("{i}.dng");
+        save(&frame.read().unwrap(), [1.0, 2.0, 0.5][i], &raw.join(&name));
+        description["frames"][i]["image"] = name.into();
+        description["frames"][i]["encoding"] = "linear".into();
     }
-    let fit = |inputs: &Path, out: &Path| {
-        let output = run(&[
-            "fit",
-            text(inputs),
-            "--out",
-            text(out),
-            "--sample-mm",
-            "100",
-            "--method",
-            "classic",
-            "--steps",
-            "2",
-            "--no-report",
-            "--at-once",
-        ]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{said}");
-        let report: Value =
-            serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
-        (said, report)
-    };
-    let (_, known) = fit(&at("png"), &at("maps-png"));
-    let (said, report) = fit(&at("raw"), &at("maps-raw"));
-    assert!(!said.contains("no exposure") && !said.contains("not_linear"), "{said}");
-    let frames = |report: &Value| report["frames"].as_array().unwrap().clone();
-    assert_eq!(frames(&report).len(), 3, "{report}");
-    for (raw, png) in frames(&report).iter().zip(frames(&known)) {
-        assert_eq!(raw["status"], "accepted", "{raw}");
-        let hints = raw["hints"].to_string();
-        assert!(!hints.contains("not_linear"), "{hints}");
+
+    // Without a description: metadata, and the description that is written.
+    let (said, _) = fit(&[text(&raw), "--sample-mm", "100"], &at("loose"));
+    assert!(said.contains("the flash did not fire") && !said.contains("no exposure"), "{said}");
+    let written = Capture::load(at("loose")).unwrap();
+    let exposures: Vec<f32> = written.frames.iter().map(|frame| frame.exposure).collect();
+    assert_eq!(exposures, [1.0, 2.0, 0.5]);
+
+    // Of the same description, the same comes out.
+    fs::write(raw.join("capture.json"), description.to_string()).unwrap();
+    let (_, known) = fit(&[text(&capture)], &at("maps-png"));
+    let (_, found) = fit(&[text(&raw)], &at("maps-raw"));
+    let rows = |report: &Value| report["frames"].as_array().unwrap().clone();
+    assert_eq!(rows(&found).len(), 3);
+    for (raw, png) in rows(&found).iter().zip(rows(&known)) {
+        assert_eq!((&raw["status"], &raw["hints"]), (&"accepted".into(), &png["hints"]));
+        assert!(!raw["hints"].to_string().contains("not_linear"), "{raw}");
         for axis in 0..3 {
             let place = |row: &Value| row["translation_mm"][axis].as_f64().unwrap();
-            // The camera is estimated from three photographs in both.
             let (a, b) = (place(raw), place(&png));
-            assert!((a - b).abs() < 3.0, "{a} and {b} mm");
+            println!("{a} {b}");
+            // Mosaic and demosaicking move corners by hundredths of a pixel, of some 0.1 mm.
+            assert!((a - b).abs() < 0.1, "{a} and {b} mm");
         }
     }
-    // The fit of a description that it wrote.
-    let description = fs::read_to_string(at("maps-raw").join("capture.json")).unwrap();
-    assert!(description.contains("\"linear\"") && description.contains(".dng"), "{description}");
     let read = |name: &str| svbrdf::export::read_maps(at(name)).unwrap();
     let (raw, png) = (read("maps-raw"), read("maps-png"));
-    let channel = svbrdf::svbrdf::channel::DIFFUSE;
-    let (a, b) = (raw.plane(channel), png.plane(channel));
-    let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
-    println!("diffuse {} raw, {} png", mean(a), mean(b));
-    assert!((mean(a) / mean(b) - 1.0).abs() < 0.05, "diffuse {} raw, {} png", mean(a), mean(b));
+    for c in 0..3 {
+        let channel = svbrdf::svbrdf::channel::DIFFUSE + c;
+        let pairs = raw.plane(channel).iter().zip(png.plane(channel));
+        let off: f32 = pairs.map(|(a, b)| (a - b).abs()).sum::<f32>();
+        let off = off / png.plane(channel).len() as f32;
+        println!("diffuse {off}");
+        // Demosaicking blurs the stripes of 0.2 and 0.6 at their edges only.
+        assert!(off < 0.01, "diffuse of channel {c} differs by {off}");
+    }
+}
+
+#[test]
+fn curves_of_raw_photographs_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let photo = Photo::from_linear(64, 48, vec![0.5; 3 * 64 * 48], 1.0, 1.0).unwrap();
+    save(&photo, 1.0, &dir.path().join("0.dng"));
+    let description = serde_json::json!({
+        "format": svbrdf::capture::FORMAT,
+        "sample": { "width_mm": 100, "height_mm": 100 },
+        "board": { "type": "ring" },
+        "frames": [{ "image": "0.dng", "encoding": "srgb", "exposure": 1 }],
+    });
+    fs::write(dir.path().join("capture.json"), description.to_string()).unwrap();
+    let (status, said) =
+        common::failure(&["fit", text(dir.path()), "--out", text(&dir.path().join("maps"))]);
+    assert!(status != 0 && said.contains("0.dng") && said.contains("`linear`"), "{said}");
 }

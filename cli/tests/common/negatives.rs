@@ -1,5 +1,7 @@
 //! A writer of DNG files.
 
+use std::path::Path;
+
 /// How sensor values are stored.
 #[derive(Clone, Copy, Debug)]
 pub enum Storage {
@@ -47,6 +49,10 @@ impl Negative {
     pub fn without(mut self, tag: u16) -> Self {
         self.fields.retain(|(t, _)| *t != tag);
         self
+    }
+
+    pub fn save(&self, path: &Path) {
+        std::fs::write(path, self.bytes()).unwrap();
     }
 
     pub fn bytes(&self) -> Vec<u8> {
