@@ -160,8 +160,7 @@ impl ToneTable {
     #[inline]
     pub fn undo(&self, stored: f32) -> f32 {
         let size = stored.abs();
-        // Also where the value is no number.
-        if !(size < 1.0) {
+        if size >= 1.0 || size.is_nan() {
             return (self.full() * size.powf(self.slope)).copysign(stored);
         }
         let at = size.sqrt() * TABLE_STEPS as f32;
@@ -173,7 +172,7 @@ impl ToneTable {
     /// The stored value that [`Self::undo`] makes this one of.
     pub fn put_on(&self, radiance: f32) -> f32 {
         let size = radiance.abs();
-        if !(size < self.full()) {
+        if size >= self.full() || size.is_nan() {
             return (size / self.full()).powf(1.0 / self.slope).copysign(radiance);
         }
         let high = self.radiance.partition_point(|v| *v <= size).min(TABLE_STEPS);

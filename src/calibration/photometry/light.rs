@@ -17,7 +17,7 @@ const OFFSET_SIGNIFICANCE: f64 = 2.0;
 /// may be off by two), and by this share of what it leaves: what is wrong with paper and light can
 /// look a little like a curve.
 const TONE_EVIDENCE: f64 = 9.0;
-const TONE_EVIDENCE_SHARE: f64 = 0.2;
+const TONE_EVIDENCE_SHARE: f64 = 0.5;
 
 /// What the squares tell.
 pub(super) struct Light {

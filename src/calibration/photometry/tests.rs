@@ -443,6 +443,7 @@ fn priors_hold_single_photos_of_uneven_paper_together() {
     }
     let rms = f64::sqrt(squared / count);
     println!("albedo scale of single photos: RMS {rms:.4}, worst {worst:.4}");
-    // Halves 2 % to 5 % apart pass for ambient light now and then, which one photo cannot refute.
-    assert!(rms < 0.025 && worst < 0.11, "{rms} {worst}");
+    // Halves 2 % to 5 % apart pass for ambient light now and then, and for a tone curve, which one photo
+    // cannot refute.
+    assert!(rms < 0.027 && worst < 0.11, "{rms} {worst}");
 }
