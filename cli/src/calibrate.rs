@@ -13,6 +13,7 @@ use svbrdf::export::write_atomic;
 use svbrdf::frame::{Encoding, Photo};
 
 use crate::board_text::targets;
+use crate::dng;
 use crate::failure::{Failure, Result};
 
 /// Calibrate a camera from photos of a printed board
@@ -121,7 +122,9 @@ fn look<'a>(path: &'a Path, targets: &[Target]) -> Result<Image<'a>> {
         Some(e) if e.eq_ignore_ascii_case("exr") => Encoding::Linear,
         _ => Encoding::Srgb,
     };
-    let photo = match Photo::read(path, encoding, 1.0) {
+    let read =
+        if dng::is_named(path) { dng::read(path, 1.0) } else { Photo::read(path, encoding, 1.0) };
+    let photo = match read {
         Ok(photo) => photo,
         Err(fault @ Error::Image { .. }) => {
             image.status = Some("unreadable");

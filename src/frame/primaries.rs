@@ -30,7 +30,7 @@ impl Primaries {
     }
 
     /// From linear RGB to CIE XYZ with Y = 1 for white.
-    fn to_xyz(self) -> DMat3 {
+    pub fn to_xyz(self) -> DMat3 {
         let xyz = |[x, y]: [f64; 2]| DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
         let [r, g, b] = self.chromaticities().map(xyz);
         let columns = DMat3::from_cols(r, g, b);

@@ -204,7 +204,7 @@ fn await_first(inputs: &[PathBuf], interrupt: &Interrupt) -> Result<(Choice, Wat
 pub fn frame(chosen: &Chosen) -> Frame {
     Frame {
         path: chosen.path.clone(),
-        encoding: if chosen.is_float { Encoding::Linear } else { Encoding::Srgb },
+        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
         exposure: chosen.exposure,
         rectified: None,
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),

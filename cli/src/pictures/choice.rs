@@ -28,8 +28,8 @@ pub struct Chosen {
     pub exposure: f32,
     /// How far the upright picture is turned clockwise to lie as the others do, degrees.
     pub turn_deg: u32,
-    /// Whether it holds floats, which are linear.
-    pub is_float: bool,
+    /// Whether its values are linear: floats and raw ones are.
+    pub is_linear: bool,
 }
 
 /// A photograph that does not belong to the others.
@@ -162,7 +162,7 @@ impl Choice {
                 path,
                 exposure: relative.unwrap_or(1.0) as f32,
                 turn_deg: turn.map_or(0, |(own, most)| (360 + most - own) % 360),
-                is_float: known.is_float,
+                is_linear: known.is_linear,
             });
         }
         self.remark(&silent, &dark);
@@ -176,7 +176,7 @@ impl Choice {
     /// Says that pictures of other formats lay among the others.
     pub fn remark_foreign(&mut self, foreign: &[PathBuf]) {
         if !foreign.is_empty() {
-            let text = "not read; convert such pictures to JPEG, PNG, TIFF or OpenEXR";
+            let text = "not read; convert such pictures to JPEG, PNG, TIFF, OpenEXR or DNG";
             self.remarks.push(format!("{}: {text}", names(foreign)));
         }
     }

@@ -32,7 +32,7 @@ pub fn describe(setup: &Setup, photographs: &[Chosen], dir: &Path) -> Result<Val
                     "{path}: the name is not valid Unicode; expected one that is"
                 ))
             })?;
-            let encoding = if photograph.is_float { "linear" } else { "srgb" };
+            let encoding = if photograph.is_linear { "linear" } else { "srgb" };
             let exposure = photograph.exposure;
             let mut frame = json!({ "image": name, "encoding": encoding, "exposure": exposure });
             if photograph.turn_deg != 0 {

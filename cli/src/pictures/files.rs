@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use crate::failure::{Failure, Result};
 
 /// Endings of the names of pictures that can be read.
-const READ: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "exr"];
+const READ: [&str; 7] = ["jpg", "jpeg", "png", "tif", "tiff", "exr", "dng"];
 /// Endings of pictures that cameras write and that cannot be read.
-const NOT_READ: [&str; 8] = ["heic", "heif", "dng", "cr2", "cr3", "nef", "arw", "webp"];
+const NOT_READ: [&str; 7] = ["heic", "heif", "cr2", "cr3", "nef", "arw", "webp"];
 
 /// What lies in a folder, by name.
 pub struct Folder {
@@ -68,7 +68,7 @@ pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
 
 fn none(inputs: &[PathBuf], foreign: &[PathBuf]) -> Failure {
     let place = inputs.first().map_or(Path::new("."), |p| p.as_path()).display();
-    let formats = "expected JPEG, PNG, TIFF or OpenEXR files";
+    let formats = "expected JPEG, PNG, TIFF, OpenEXR or DNG files";
     Failure::Input(match foreign.first() {
         Some(file) => format!(
             "{place}: no photographs that can be read: {} such as {} must be converted first \

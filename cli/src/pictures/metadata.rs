@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use exif::{Exif, In, Reader, Tag, Value};
+use exif::{Context, Exif, Field, In, Reader, Tag, Value};
 use image::{ColorType, ImageDecoder, ImageReader};
+
+use crate::dng;
 
 /// Exposure times there are, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
@@ -29,8 +31,8 @@ pub struct Metadata {
     pub focal_mm: Option<f64>,
     /// Width and height as the sensor has them, px.
     pub size: Option<[u32; 2]>,
-    /// Whether the pixels are floats.
-    pub is_float: bool,
+    /// Whether the pixels are floats or raw values, which are linear.
+    pub is_linear: bool,
     /// How far the picture is turned clockwise to stand upright, degrees; mirrored ones are not
     /// known.
     pub upright_deg: Option<u32>,
@@ -46,8 +48,8 @@ impl Metadata {
     /// Reads a file's metadata; what is absent or damaged is left out.
     pub fn read(path: &Path) -> Self {
         let known = exif(path).map_or_else(Self::default, |exif| Self::of(&exif));
-        let (size, is_float) = pixels(path).unzip();
-        Self { size, is_float: is_float.unwrap_or(false), ..known }
+        let (size, is_linear) = pixels(path).unzip();
+        Self { size, is_linear: is_linear.unwrap_or(false), ..known }
     }
 
     fn of(exif: &Exif) -> Self {
@@ -58,7 +60,7 @@ impl Metadata {
             lens: text(exif, Tag::LensModel),
             focal_mm: positive(Tag::FocalLength),
             size: None,
-            is_float: false,
+            is_linear: false,
             upright_deg: match number(exif, Tag::Orientation).map(|v| v as u32) {
                 Some(1) => Some(0),
                 Some(6) => Some(90),
@@ -79,22 +81,31 @@ fn exif(path: &Path) -> Option<Exif> {
     read.or_else(|fault| fault.distill_partial_result(|_| ())).ok()
 }
 
-/// Width and height, and whether the values are floats.
+/// Width and height, and whether the values are linear: floats, or raw.
 fn pixels(path: &Path) -> Option<([u32; 2], bool)> {
+    if dng::is_named(path) {
+        return Some((dng::size(path)?, true));
+    }
     let decoder = ImageReader::open(path).ok()?.with_guessed_format().ok()?.into_decoder().ok()?;
     let (width, height) = decoder.dimensions();
-    let is_float = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
-    Some(([width, height], is_float))
+    let is_linear = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
+    Some(([width, height], is_linear))
+}
+
+/// A field of the Exif directory, or of the first one: Android's raw files have all fields there.
+fn field(exif: &Exif, tag: Tag) -> Option<&Field> {
+    let field = |tag| exif.get_field(tag, In::PRIMARY);
+    field(tag).or_else(|| field(Tag(Context::Tiff, tag.number())))
 }
 
 fn text(exif: &Exif, tag: Tag) -> Option<String> {
-    let Value::Ascii(parts) = &exif.get_field(tag, In::PRIMARY)?.value else { return None };
+    let Value::Ascii(parts) = &field(exif, tag)?.value else { return None };
     let text = String::from_utf8_lossy(parts.first()?).trim_matches(['\0', ' ']).to_owned();
     (!text.is_empty()).then_some(text)
 }
 
 fn number(exif: &Exif, tag: Tag) -> Option<f64> {
-    let value = &exif.get_field(tag, In::PRIMARY)?.value;
+    let value = &field(exif, tag)?.value;
     let number = match value {
         Value::Rational(v) => v.first()?.to_f64(),
         Value::SRational(v) => v.first()?.to_f64(),

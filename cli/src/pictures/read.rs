@@ -10,6 +10,7 @@ use svbrdf::capture::Frame;
 use svbrdf::frame::{Encoding, Photo};
 
 use super::profile::Profile;
+use crate::dng;
 
 /// Smallest stored value that counts as clipped, 8 bits: lossy compression moves 255 by one.
 const CLIPPED_8: f32 = 254.0 / 255.0;
@@ -49,6 +50,9 @@ pub fn read(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
 }
 
 fn with_profile(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
+    if dng::is_named(&frame.path) {
+        return Ok((developed(frame)?, None));
+    }
     if frame.encoding != Encoding::Srgb {
         return Ok((frame.read()?, None));
     }
@@ -68,6 +72,19 @@ fn with_profile(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
             Ok((photo.with_focal_35mm(focal), None))
         }
     }
+}
+
+/// A raw photograph, whose values have no curve.
+fn developed(frame: &Frame) -> svbrdf::Result<Photo> {
+    if frame.encoding != Encoding::Linear {
+        return Err(Error::Field {
+            path: frame.path.clone(),
+            field: "encoding".into(),
+            message: format!("`{}` stated for a DNG file", frame.encoding.name()),
+            expected: "`linear`: raw values are linear".into(),
+        });
+    }
+    Ok(dng::read(&frame.path, frame.exposure)?.turned(frame.turn))
 }
 
 /// Looks for a profile; files that cannot be read are left to the reader of pictures.

@@ -50,8 +50,41 @@ impl Photo {
         rotation: Rotation,
         exposure: f32,
     ) -> Result<Self> {
+        Self::developed(size, plane, bayer, None, rotation, exposure)
+    }
+
+    /// As [`Photo::from_bayer16`], with the lens's shading undone: `gains` multiply what is above
+    /// the black level, one for each sensor pixel, row by row.
+    ///
+    /// # Errors
+    /// As [`Photo::from_bayer16`], and when `gains` are not as many positive numbers as there are
+    /// pixels.
+    pub fn from_bayer16_shaded(
+        size: [u32; 2],
+        plane: Plane,
+        bayer: &Bayer,
+        gains: &[f32],
+        rotation: Rotation,
+        exposure: f32,
+    ) -> Result<Self> {
+        let count = u64::from(size[0]) * u64::from(size[1]);
+        if gains.len() as u64 != count || !gains.iter().all(|v| v.is_finite() && *v > 0.0) {
+            let message = format!("{count} positive numbers are expected");
+            return Err(Error::argument("gains", message));
+        }
+        Self::developed(size, plane, bayer, Some(gains), rotation, exposure)
+    }
+
+    fn developed(
+        size: [u32; 2],
+        plane: Plane,
+        bayer: &Bayer,
+        gains: Option<&[f32]>,
+        rotation: Rotation,
+        exposure: f32,
+    ) -> Result<Self> {
         let gain = bayer.check()?;
-        let sensor = Sensor::read(&Reader::new(size, plane, 2)?, bayer, gain);
+        let sensor = Sensor::read(&Reader::new(size, plane, 2)?, bayer, gain, gains);
         let rgb = rotation.apply(size, sensor.developed(&bayer.color_matrix));
         let [w, h] = rotation.size(size);
         Self::from_u16(w, h, rgb, Encoding::Linear, exposure / gain)
@@ -108,7 +141,7 @@ struct Sensor {
 const MARGIN: usize = 2;
 
 impl Sensor {
-    fn read(reader: &Reader, bayer: &Bayer, smallest_gain: f32) -> Self {
+    fn read(reader: &Reader, bayer: &Bayer, smallest_gain: f32, shading: Option<&[f32]>) -> Self {
         let (width, height) = (reader.width, reader.height);
         let n = (width + 2 * MARGIN) * (height + 2 * MARGIN);
         let (mut values, mut clipped) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -121,7 +154,8 @@ impl Sensor {
                 let raw = f32::from(u16::from_ne_bytes([p[0], p[1]]));
                 let black = bayer.black_level[2 * (y & 1) + (x & 1)];
                 let scale = gains[bayer.pattern.color(x, y)] / (bayer.white_level - black);
-                values.push((raw - black) * scale);
+                let shading = shading.map_or(1.0, |gains| gains[y * width + x]);
+                values.push((raw - black) * scale * shading);
                 clipped.push(raw >= bayer.white_level);
             }
         }

@@ -1,0 +1,189 @@
+//! Digital negatives (Adobe DNG 1.4): raw photographs of Bayer sensors, developed to linear
+//! Rec. 709.
+
+mod colour;
+mod lossless_jpeg;
+mod raw;
+mod shading;
+mod tiff;
+
+use std::path::Path;
+
+use svbrdf::Error;
+use svbrdf::frame::{Bayer, Photo, Plane, Rotation};
+
+use self::raw::Raw;
+use self::tiff::{Directory, Tiff};
+
+/// Largest file read, bytes.
+const MAX_FILE_BYTES: u64 = 2 << 30;
+const PHOTOMETRIC: u16 = 262;
+const ORIENTATION: u16 = 274;
+const SUB_DIRECTORIES: u16 = 330;
+const EXIF_DIRECTORY: u16 = 34665;
+const FOCAL_35MM: u16 = 0xA405;
+const DNG_VERSION: u16 = 50706;
+const CROP_ORIGIN: u16 = 50719;
+const CROP_SIZE: u16 = 50720;
+const ACTIVE_AREA: u16 = 50829;
+/// Values of `PhotometricInterpretation`.
+const COLOUR_FILTERS: u32 = 32803;
+const LINEAR_RAW: u32 = 34892;
+/// Lenses there are, mm on film of 36 x 24 mm.
+const FOCAL_LENGTHS: std::ops::RangeInclusive<f64> = 5.0..=2000.0;
+
+/// Part of a picture, px.
+#[derive(Clone, Copy)]
+struct Area {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+/// Whether a file's name says that it is a DNG.
+pub fn is_named(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"))
+}
+
+/// Reads a photograph, upright.
+pub fn read(path: &Path, exposure: f32) -> svbrdf::Result<Photo> {
+    let bytes = bytes(path)?;
+    develop(&bytes, exposure).map_err(|message| Error::Image {
+        path: path.to_owned(),
+        message: format!("DNG: {message}"),
+    })
+}
+
+/// Width and height of the photograph before it is turned upright; `None` where it cannot be read.
+pub fn size(path: &Path) -> Option<[u32; 2]> {
+    let bytes = bytes(path).ok()?;
+    let file = File::parse(&bytes).ok()?;
+    let area = file.active().and_then(|active| file.crop(active)).ok()?;
+    Some([area.width, area.height])
+}
+
+fn bytes(path: &Path) -> svbrdf::Result<Vec<u8>> {
+    let io = |source| Error::Io { path: path.to_owned(), source };
+    let size = std::fs::metadata(path).map_err(io)?.len();
+    if size > MAX_FILE_BYTES {
+        let message = format!("{size} bytes; at most {MAX_FILE_BYTES} are supported");
+        return Err(Error::Image { path: path.to_owned(), message });
+    }
+    std::fs::read(path).map_err(io)
+}
+
+fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
+    let file = File::parse(bytes)?;
+    let (active, rotation) = (file.active()?, file.rotation()?);
+    let crop = file.crop(active)?;
+    let raw = raw::read(&file.tiff, &file.raw)?;
+    let bayer = colour::read(&file.camera, &file.raw, raw.bits)?;
+    let size = [active.width as usize, active.height as usize];
+    let gains = shading::gains(&file.raw, size)?;
+    let photo = demosaicked(&raw, active, &bayer, gains.as_deref(), exposure)?;
+    let photo = photo.cropped(crop.x, crop.y, crop.width, crop.height).turned(rotation);
+    Ok(photo.with_focal_35mm(file.focal_35mm()))
+}
+
+fn demosaicked(
+    raw: &Raw,
+    active: Area,
+    bayer: &Bayer,
+    gains: Option<&[f32]>,
+    exposure: f32,
+) -> Result<Photo, String> {
+    let width = raw.size[0] as usize;
+    // Patterns begin where the active area does.
+    let first = active.y as usize * width + active.x as usize;
+    let data: Vec<u8> = raw.samples[first..].iter().flat_map(|v| v.to_ne_bytes()).collect();
+    let plane = Plane { data: &data, row_stride: 2 * width, pixel_stride: 2 };
+    let size = [active.width, active.height];
+    let none = Rotation::None;
+    match gains {
+        None => Photo::from_bayer16(size, plane, bayer, none, exposure),
+        Some(gains) => Photo::from_bayer16_shaded(size, plane, bayer, gains, none, exposure),
+    }
+    .map_err(|fault| fault.to_string())
+}
+
+/// The directories of a file that count.
+struct File<'a> {
+    tiff: Tiff<'a>,
+    /// What holds for the camera.
+    camera: Directory<'a>,
+    /// What holds for the raw picture.
+    raw: Directory<'a>,
+}
+
+impl<'a> File<'a> {
+    fn parse(bytes: &'a [u8]) -> Result<Self, String> {
+        let tiff = Tiff::parse(bytes)?;
+        let camera = tiff.first()?;
+        if camera.bytes(DNG_VERSION)?.is_none() {
+            return Err("not a DNG file: a TIFF file without DNGVersion".into());
+        }
+        let mut linear = false;
+        // Beside the raw picture, there may be smaller ones to look at.
+        for raw in std::iter::once(tiff.first()?).chain(tiff.below(&camera, SUB_DIRECTORIES)?) {
+            match raw.whole(PHOTOMETRIC)? {
+                Some(COLOUR_FILTERS) => return Ok(Self { tiff, camera, raw }),
+                kind => linear |= kind == Some(LINEAR_RAW),
+            }
+        }
+        let without = "no raw picture behind colour filters inside";
+        Err(if linear {
+            format!("{without}: it is demosaicked already (LinearRaw), which is not read")
+        } else {
+            without.into()
+        })
+    }
+
+    /// The part of the sensor that sees light.
+    fn active(&self) -> Result<Area, String> {
+        let [width, height] = raw::size(&self.raw)?;
+        let Some(stated) = self.raw.exactly::<4>(ACTIVE_AREA)? else {
+            return Ok(Area { x: 0, y: 0, width, height });
+        };
+        let [top, left, bottom, right] = stated.map(|v| v as u32);
+        if top >= bottom || left >= right || bottom > height || right > width {
+            return Err(format!("active area {stated:?} of {width} x {height} px"));
+        }
+        Ok(Area { x: left, y: top, width: right - left, height: bottom - top })
+    }
+
+    /// The part of the active area that is the photograph.
+    fn crop(&self, active: Area) -> Result<Area, String> {
+        let Area { width, height, .. } = active;
+        let origin = self.raw.exactly::<2>(CROP_ORIGIN)?.unwrap_or([0.0; 2]);
+        let Some(size) = self.raw.exactly::<2>(CROP_SIZE)? else {
+            return Ok(Area { x: 0, y: 0, width, height });
+        };
+        let ([x, y], [w, h]) = (origin.map(|v| v.round() as u32), size.map(|v| v.round() as u32));
+        let fits = |start: u32, count: u32, whole| {
+            count > 0 && start.checked_add(count).is_some_and(|end| end <= whole)
+        };
+        if !fits(x, w, width) || !fits(y, h, height) {
+            return Err(format!("crop of {w} x {h} px at {x}, {y} of {width} x {height}"));
+        }
+        Ok(Area { x, y, width: w, height: h })
+    }
+
+    fn rotation(&self) -> Result<Rotation, String> {
+        match self.camera.whole(ORIENTATION)?.unwrap_or(1) {
+            1 => Ok(Rotation::None),
+            3 => Ok(Rotation::Half),
+            6 => Ok(Rotation::Quarter),
+            8 => Ok(Rotation::ThreeQuarters),
+            other => Err(format!("orientation {other} is not read; 1, 3, 6 and 8 are")),
+        }
+    }
+
+    /// Focal length on film of 36 x 24 mm; what is damaged is left out.
+    fn focal_35mm(&self) -> Option<f32> {
+        let exif = self.tiff.below(&self.camera, EXIF_DIRECTORY).ok()?;
+        let stated = exif.iter().chain([&self.camera]).find_map(|d| d.whole(FOCAL_35MM).ok()?);
+        let focal = f64::from(stated?);
+        FOCAL_LENGTHS.contains(&focal).then_some(focal as f32)
+    }
+}
