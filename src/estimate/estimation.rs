@@ -102,7 +102,7 @@ pub(crate) struct Estimation {
     pub(super) latent: Option<LatentFit>,
     /// From the end of the latent fit to that of the schedule.
     pub(super) belief: Option<Belief>,
-    /// The latest finished maps.
+    /// The latest finished maps; `None` from the end of the latent fit to that of the schedule.
     pub(super) maps: Option<Svbrdf>,
     /// `None` where nothing is left to do.
     pub(super) position: Option<Position>,
@@ -273,8 +273,11 @@ impl Estimation {
 
     /// Ends what is in progress: its maps are the latest.
     fn leave(&mut self) {
-        if let Some(belief) = self.belief.take() {
-            self.maps = Some(self.full_size(&belief.maps).into_owned());
+        if let Some(Belief { maps, .. }) = self.belief.take() {
+            self.maps = Some(match self.full_size(&maps) {
+                Cow::Owned(larger) => larger,
+                Cow::Borrowed(_) => maps,
+            });
         }
         (self.work, self.position) = (Work::Pending, None);
         (self.previous, self.trend) = (None, None);
@@ -297,6 +300,7 @@ impl Estimation {
         self.lights_before = self.photographs.correction().clone();
         let maps = self.latent.as_ref().map(|latent| latent.maps().clone());
         self.belief = maps.map(|maps| Belief::new(maps, &self.options));
+        self.maps = None;
     }
 
     /// Maps in work at the photographs' resolution.

@@ -151,7 +151,9 @@ impl Estimation {
             .position
             .is_none_or(|at| at.settled(&rows) == Some(at) && at.round < rows[at.row].rounds);
         let has_belief = deep && phase.is_some_and(|phase| phase != Phase::Latent);
-        if begun == self.maps.is_none()
+        // Latest maps, or those in work.
+        let sets = usize::from(self.maps.is_some()) + usize::from(self.belief.is_some());
+        if sets != usize::from(begun)
             || !self.maps.iter().all(fits)
             || !belief_fits
             || self.latent.is_some() != (begun && deep)
