@@ -61,7 +61,7 @@ fun callbacksThatMisbehave() {
         verify(inside.await(60, TimeUnit.SECONDS)) { "no callback" }
     }
     Thread.setDefaultUncaughtExceptionHandler(before)
-    verify(uncaught.isEmpty()) { "closing was told as a fault: $uncaught" }
+    verify(uncaught.isEmpty()) { "closing was reported as a fault: $uncaught" }
 }
 
 fun closingWhileOthersCall() {
@@ -172,7 +172,7 @@ fun pushedWithoutWaiting() {
     val dark = came.take().first as Pushed.Rejected
     verify(dark.reason == Rejection.LIGHT_NOT_VISIBLE && dark.timestampNs == 8L) { "$dark" }
     throws<IllegalArgumentException>("focal") { push(0, 9, PhotoInfo(focal35mm = Float.NaN)) }
-    // As many as are taken, until one is refused; all of them are told when it is closed.
+    // As many as are taken, until one is refused; each gets its callback when it is closed.
     var sent = 0
     val busy = runCatching { repeat(100) { push(1, it.toLong()); sent++ } }.exceptionOrNull()
     verify((busy as ScannerException).fault == Fault.BUSY && sent >= 3) { "$busy" }
@@ -182,7 +182,7 @@ fun pushedWithoutWaiting() {
         verify(pushed is Pushed.Accepted || (fault as ScannerException).fault == Fault.CANCELLED) { "$fault" }
     }
     throws<IllegalStateException>("closed") { push(0, 1) }
-    verify(came.size == sent) { "told of a photo that was refused" }
+    verify(came.size == sent) { "callback for a photo that was refused" }
 
     // Exceptions go to the thread's handler, and nothing is held up.
     val uncaught = LinkedBlockingQueue<Throwable>()
@@ -206,9 +206,9 @@ fun ofTheLibrary() {
     Library.setLogListener { level, line -> lines.add("$level $line") }
     fun run() = MaterialScanner(small, ScannerFlows()).use { scanner ->
         scanner.pushRectified(gray(), above, above)
-        val told = CountDownLatch(1)
-        scanner.pushAsync(gray()) { _, _ -> told.countDown() }
-        told.await()
+        val answered = CountDownLatch(1)
+        scanner.pushAsync(gray()) { _, _ -> answered.countDown() }
+        answered.await()
     }
     run()
     val expected = ThreadRole.entries - ThreadRole.OTHER
@@ -216,7 +216,7 @@ fun ofTheLibrary() {
     verify(lines.any { it.startsWith("INFO session") } && lines.any { "accepted" in it }) { "$lines" }
     Library.setThreadHook(null)
     Library.setLogListener(null)
-    val (threads, told) = roles.size to lines.size
+    val (threads, logged) = roles.size to lines.size
     run()
-    verify(roles.size == threads && lines.size == told) { "told after the end" }
+    verify(roles.size == threads && lines.size == logged) { "called after the end" }
 }

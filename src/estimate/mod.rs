@@ -62,6 +62,7 @@ mod correction;
 mod estimation;
 mod estimator;
 mod finer;
+mod interpolation;
 mod latent;
 mod lights;
 mod noise;

@@ -13,6 +13,7 @@
 use super::groups::{GROUPS, Membership};
 use super::pooling::Pooling;
 use crate::estimate::belief::Belief;
+use crate::estimate::interpolation::{between, bilinear};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{ClassOptions, EstimateOptions};
 use crate::estimate::photographs::{Photographs, chosen};
@@ -305,10 +306,19 @@ impl Mixture {
             let [own, others @ ..] = &self.planes;
             for (gloss, others) in pooling.glosses().into_iter().zip(others) {
                 parallel::parts(maps.plane_mut(gloss.plane()).chunks_mut(width), |y, row| {
-                    let y = nearest(y, height, self.height);
+                    let (above, below, v) = nearest(y, height, self.height);
                     for (x, out) in row.iter_mut().enumerate() {
-                        let x = nearest(x, width, self.width);
-                        let at = |plane: &[f32]| interpolate(plane, self.width, x, y);
+                        let (left, right, u) = nearest(x, width, self.width);
+                        let at = |plane: &[f32]| {
+                            let at = |y: usize, x: usize| plane[y * self.width + x];
+                            let near = [
+                                at(above, left),
+                                at(above, right),
+                                at(below, left),
+                                at(below, right),
+                            ];
+                            bilinear(near, [u, v])
+                        };
                         *out = at(own).mul_add(*out, at(others));
                     }
                 });
@@ -320,19 +330,8 @@ impl Mixture {
 
 /// Coarse texels either side of a fine one's centre, and the second's part.
 fn nearest(fine: usize, fine_size: usize, coarse_size: usize) -> (usize, usize, f32) {
-    let at = (fine as f32 + 0.5) * coarse_size as f32 / fine_size as f32 - 0.5;
-    let at = at.clamp(0.0, (coarse_size - 1) as f32);
-    let first = at as usize;
-    (first, (first + 1).min(coarse_size - 1), at - first as f32)
-}
-
-fn interpolate(plane: &[f32], width: usize, x: (usize, usize, f32), y: (usize, usize, f32)) -> f32 {
-    let row = |y: usize| {
-        let row = &plane[y * width..][..width];
-        row[x.0] + x.2 * (row[x.1] - row[x.0])
-    };
-    let (above, below) = (row(y.0), row(y.1));
-    above + y.2 * (below - above)
+    let place = (fine as f32 + 0.5) * coarse_size as f32 / fine_size as f32 - 0.5;
+    between(place, coarse_size)
 }
 
 #[cfg(test)]
@@ -442,7 +441,5 @@ mod tests {
         assert_eq!(corners[1], (0, 1, 0.0));
         assert_eq!(corners[3], (0, 1, 0.375));
         assert_eq!(corners[7], (1, 1, 0.0));
-        let plane = [0.0, 1.0, 2.0, 3.0];
-        assert_eq!(interpolate(&plane, 2, (0, 1, 0.25), (0, 1, 0.5)), 1.25);
     }
 }
