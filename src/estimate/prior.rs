@@ -72,6 +72,13 @@ impl Prior {
     }
 }
 
+/// Variance of a prior that makes deviations round its mean most probable: their sum of squares by
+/// the number of parameters that photographs determine (MacKay, *Bayesian interpolation*, 1992).
+/// `None` where they determine nothing.
+pub(super) fn probable_variance(squares: f64, determined: f64) -> Option<f64> {
+    (determined > 0.0).then(|| squares / determined)
+}
+
 /// An error where maps have not one size.
 pub(super) fn same_size(argument: &'static str, a: &Svbrdf, b: &Svbrdf) -> Result<()> {
     if (a.width(), a.height()) == (b.width(), b.height()) {

@@ -8,15 +8,16 @@
 //!
 //! Two hyper-parameters follow the maps. The noise of each colour is what the residuals show: the
 //! better the photographs agree, the less the prior counts. And the prior of slopes widens where a
-//! material turns out to be bumpier than expected: squared deviations by the number of slopes that
-//! the photographs determine (MacKay, *Bayesian interpolation*, 1992).
+//! material turns out to be bumpier than expected ([`probable_variance`]).
 
 use std::ops::Range;
 
 use super::noise::Noise;
 use super::options::{NoiseOptions, SolverOptions};
 use super::posterior::{NormalEquations, Posterior, cost};
-use super::prior::{Prior, from_coordinates, limits, same_size, to_coordinates};
+use super::prior::{
+    Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates,
+};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;
@@ -193,8 +194,8 @@ impl Solver {
     /// Widens the prior of slopes to what was found: sums of squared deviations in sigmas, and of
     /// the fractions of the slopes that the photographs determine.
     fn widen(&mut self, squares: f64, determined: f64) {
-        if determined > 0.0 {
-            let found = f64::from(self.state.widening) * squares / determined;
+        let squares = f64::from(self.state.widening) * squares;
+        if let Some(found) = probable_variance(squares, determined) {
             let max = self.options.0.max_widening;
             self.state.widening = (found as f32).clamp(1.0, max * max);
         }

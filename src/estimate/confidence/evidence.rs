@@ -90,22 +90,29 @@ impl Estimation {
             return Err(Error::NoMaps);
         }
         let widths = widths(&maps, photographs, &self.options.prior, self.residual_noise(&maps));
-        let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
-        let planes = MAPS.map(|range| Planes {
-            posterior: posterior(&maps, &widths, range.clone()),
-            change: base.as_ref().map_or_else(
-                || vec![0.0; maps.texels()],
-                |base| smoothed_root(&squares(&maps, base, range.clone()), maps.width()),
-            ),
-            variation: variation(&maps, range),
-        });
+        let mut posteriors = MAPS.map(|range| posterior(&maps, &widths, range));
         let (residual, mean_residual) = residuals(&widths);
+        let hidden = widths.weight().iter().map(|weight| *weight <= 0.0).collect();
+        // of the size of all maps, as is what follows
+        drop(widths);
+        let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
+        let planes = std::array::from_fn(|map| {
+            let range = &MAPS[map];
+            Planes {
+                posterior: std::mem::take(&mut posteriors[map]),
+                change: base.as_ref().map_or_else(
+                    || vec![0.0; maps.texels()],
+                    |base| smoothed_root(&squares(&maps, base, range.clone()), maps.width()),
+                ),
+                variation: variation(&maps, range.clone()),
+            }
+        });
         Ok(Evidence {
             photographs: photographs.len(),
             structured: self.structured,
             calibration: self.options.confidence,
             planes,
-            hidden: widths.weight().iter().map(|weight| *weight <= 0.0).collect(),
+            hidden,
             residual,
             mean_residual,
             specular: root_mean_square(&maps, channel::SPECULAR..channel::ROUGHNESS),

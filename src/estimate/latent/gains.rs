@@ -3,6 +3,9 @@
 //! Eight numbers see all texels of all photographs, so even one photograph pins them down, where a
 //! free fit would explain a wrong roughness by albedo and normals texel by texel. The loss has
 //! several minima in roughness; the search begins at some of them and keeps the best.
+//!
+//! The search is BFGS: the gradient of the maps is at hand from the renderer's adjoint and sums to that
+//! of the gains, while Gauss-Newton would need the derivatives of every residual by each gain.
 
 use crate::Svbrdf;
 use crate::estimate::options::GainOptions;

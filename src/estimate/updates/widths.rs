@@ -3,7 +3,7 @@
 //! A sigma that suits most materials is too wide for some: where a sheet of metal is flat and of one
 //! gloss, it lets the photographs' noise into the maps, and every photograph brings more of it. So
 //! sigmas are set, one for each kind of parameter, to what makes the deviations found so far most
-//! probable (MacKay, *Bayesian interpolation*, 1992), texels taken for independent. That trusts the
+//! probable ([`probable_variance`]), texels taken for independent. That trusts the
 //! scale of the noise, which is roughly known only. Noise is white however, and relief and texture are
 //! not: what neighbouring texels have in common is the material's, and no sigma is made less than
 //! twice of it.
@@ -12,7 +12,7 @@ use std::ops::Range;
 
 use crate::estimate::options::WidthOptions;
 use crate::estimate::posterior::Covariance;
-use crate::estimate::prior::{Prior, to_coordinate};
+use crate::estimate::prior::{Prior, probable_variance, to_coordinate};
 use crate::parallel;
 use crate::svbrdf::Svbrdf;
 
@@ -113,10 +113,8 @@ impl Deviations<'_> {
                 squares += f64::from(square * share * share);
                 known += f64::from(share);
             }
-            if known <= 0.0 {
-                return widest;
-            }
-            sigma = (squares / known).sqrt().clamp(least, widest);
+            let Some(variance) = probable_variance(squares, known) else { return widest };
+            sigma = variance.sqrt().clamp(least, widest);
         }
         sigma
     }
