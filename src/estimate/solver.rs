@@ -15,9 +15,7 @@ use std::ops::Range;
 use super::noise::Noise;
 use super::options::{NoiseOptions, SolverOptions};
 use super::posterior::{NormalEquations, Posterior, cost};
-use super::prior::{
-    Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates,
-};
+use super::prior::{Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;

@@ -92,8 +92,15 @@ fn files(
     confidence: Option<&Confidence>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
+    let density = sample_mm.map(|mm| Density::of([maps.width(), maps.height()], mm));
+    let mut files = pictures(maps, density)?;
+    files.push(("maps.exr".into(), floats(maps, confidence, sample_mm)?));
+    Ok(files)
+}
+
+/// Names and bytes of the pictures.
+fn pictures(maps: &Svbrdf, density: Option<Density>) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
-    let density = sample_mm.map(|mm| Density::of([w, h], mm));
     let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
     let (diffuse, specular) = (three(channel::DIFFUSE), three(channel::SPECULAR));
     let roughness = maps.plane(channel::ROUGHNESS);
@@ -103,14 +110,21 @@ fn files(
         ("specular", Texture::colour(w, h, |i| specular.map(|p| p[i]))),
         ("roughness", Texture::gray(w, h, |i| roughness[i])),
     ];
-    let mut files = parallel::map(textures.len(), |i| {
+    let files = parallel::map(textures.len(), |i| {
         let (name, texture) = &textures[i];
         Ok((format!("{name}.png"), texture.encode(TextureFormat::Png16, density)?))
-    })
-    .into_iter()
-    .collect::<Result<Vec<_>>>()?;
+    });
+    files.into_iter().collect()
+}
 
-    let mut planes = Vec::with_capacity(14);
+/// Bytes of `maps.exr`.
+fn floats(
+    maps: &Svbrdf,
+    confidence: Option<&Confidence>,
+    sample_mm: Option<[f32; 2]>,
+) -> Result<Vec<u8>> {
+    let (w, h) = (maps.width(), maps.height());
+    let mut planes = Vec::with_capacity(NORMAL.len() + OTHERS.len() + DEVIATIONS.len());
     for (axis, name) in NORMAL.into_iter().enumerate() {
         planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
@@ -122,8 +136,7 @@ fn files(
             planes.push((name, plane.to_vec()));
         }
     }
-    files.push(("maps.exr".into(), encode_channels(w, h, planes, sample_mm)?));
-    Ok(files)
+    encode_channels(w, h, planes, sample_mm)
 }
 
 /// Width and height of the sample, mm, as the files of a folder of maps state them: `maps.exr`, or

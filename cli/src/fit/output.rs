@@ -45,8 +45,9 @@ impl Output<'_> {
         let maps = session.snapshot()?;
         // A fit that was interrupted is not asked any more.
         let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
-        match &assessed {
-            Some(found) => write_assessed_maps(out, &maps, &found.confidence, sample_mm)?,
+        let confidence = assessed.map(|assessed| assessed.confidence);
+        match &confidence {
+            Some(confidence) => write_assessed_maps(out, &maps, confidence, sample_mm)?,
             None => write_sized_maps(out, &maps, sample_mm)?,
         }
         self.write_exports(&maps, sample_mm, fit.fitted())?;
@@ -60,7 +61,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, maps.width(), self.begun);
-        document.value["confidence"] = json!(assessed.map(|found| deviations(&found.confidence)));
+        document.value["confidence"] = json!(confidence.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
