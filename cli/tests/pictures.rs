@@ -148,6 +148,30 @@ fn difference(a: &Path, b: &Path) -> (f64, f64) {
     (each.iter().sum::<f64>() / each.len() as f64, each.iter().copied().fold(0.0, f64::max))
 }
 
+/// The base picture of an Ultra HDR file names the gain map in its XMP.
+#[test]
+fn a_gain_map_is_left_out_and_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plain, ultra) = (dir.path().join("plain.jpg"), dir.path().join("ultra.jpg"));
+    Written::default().save(&plain, &SHOTS[0]);
+    let xmp =
+        b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:Description \
+        xmlns:hdrgm=\"http://ns.adobe.com/hdr-gain-map/1.0/\" hdrgm:Version=\"1.0\"/></x:xmpmeta>";
+    let jpeg = fs::read(&plain).unwrap();
+    let length = u16::try_from(xmp.len() + 2).unwrap().to_be_bytes();
+    fs::write(&ultra, [&jpeg[..2], &[0xFF, 0xE1], &length, xmp, &jpeg[2..]].concat()).unwrap();
+    let [without, with] = [&plain, &ultra].map(|path| {
+        let out = path.with_extension("maps");
+        let said = fit(&[path], &out);
+        assert_eq!(said.contains("gain map"), path == &ultra, "{said}");
+        out
+    });
+    let hints = &json(&with.join("report.json"))["frames"][0]["hints"];
+    assert!(hints.as_array().unwrap().iter().any(|hint| hint["code"] == "gain_map"), "{hints}");
+    let exr = |out: &Path| fs::read(out.join("maps.exr")).unwrap();
+    assert_eq!(exr(&without), exr(&with));
+}
+
 #[test]
 fn a_display_p3_picture_gives_the_colours_of_a_rec_709_one() {
     let dir = tempfile::tempdir().unwrap();

@@ -14,7 +14,7 @@ use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
-use crate::pictures;
+use crate::pictures::{self, Remark};
 use crate::progress::Progress;
 use crate::report::Recorder;
 
@@ -51,7 +51,7 @@ pub struct Fit<'a> {
     recorded: usize,
     cut: bool,
     /// What is to be said about photographs besides the session's hints.
-    remarks: HashMap<usize, String>,
+    remarks: HashMap<usize, Vec<Remark>>,
 }
 
 impl<'a> Fit<'a> {
@@ -128,8 +128,8 @@ impl<'a> Fit<'a> {
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
         match pictures::read(&self.frames[index]) {
-            Ok((photo, remark)) => {
-                self.remarks.extend(remark.map(|remark| (index, remark)));
+            Ok((photo, remarks)) => {
+                self.remarks.insert(index, remarks);
                 self.recorder.photograph(index, &photo)?;
                 Ok(Ok(photo))
             }
@@ -239,8 +239,8 @@ impl<'a> Fit<'a> {
     }
 
     fn hints(&self, index: usize, hints: &[Hint]) -> Vec<Value> {
-        let own = self.remarks.get(&index);
-        let own = own.map(|text| json!({ "code": "profile_unusable", "hint": text }));
+        let own = self.remarks.get(&index).into_iter().flatten();
+        let own = own.map(|remark| json!({ "code": remark.code(), "hint": remark.to_string() }));
         let hints = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
         hints.chain(own).collect()
     }

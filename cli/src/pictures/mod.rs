@@ -13,5 +13,5 @@ pub use choice::{Choice, Chosen, LeftOut, choose};
 pub use description::{Setup, describe};
 pub use files::find;
 pub use metadata::Metadata;
-pub use read::read;
+pub use read::{Remark, read};
 pub use watch::Watch;

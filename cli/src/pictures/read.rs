@@ -1,5 +1,6 @@
 //! Photographs of a capture with the colours that their profiles mean.
 
+use std::fmt;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -24,6 +25,45 @@ const SATURATED: f32 = 0.991;
 const HEADERS: u64 = 256 << 10;
 /// Name of a segment that holds a part of a profile.
 const PART: &[u8] = b"ICC_PROFILE\0";
+/// What a JPEG file with a gain map has in its headers: the namespaces of Ultra HDR and of Apple, the
+/// name of ISO 21496-1.
+const GAIN_MAPS: [&[u8]; 3] = [
+    b"http://ns.adobe.com/hdr-gain-map/1.0/",
+    b"http://ns.apple.com/HDRGainMap/1.0/",
+    b"urn:iso:std:iso:ts:21496:-1",
+];
+
+/// What is to be said about a photograph's file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Remark {
+    /// Its ICC profile cannot be used, and why.
+    ProfileUnusable(String),
+    /// It has a gain map (Ultra HDR), which is left out.
+    GainMap,
+}
+
+impl Remark {
+    /// Its name in `report.json`.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::ProfileUnusable(_) => "profile_unusable",
+            Self::GainMap => "gain_map",
+        }
+    }
+}
+
+impl fmt::Display for Remark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ProfileUnusable(why) => {
+                write!(f, "its ICC profile cannot be used ({why}); taken as sRGB")
+            }
+            Self::GainMap => f.write_str(
+                "it has a gain map (Ultra HDR); its base picture is used, which the camera has tone-mapped",
+            ),
+        }
+    }
+}
 
 /// What a file says of its colours.
 enum Colours {
@@ -37,19 +77,21 @@ enum Colours {
 
 /// Reads a photograph. Where the capture calls it `srgb`, an ICC profile inside says what its values
 /// are; the other encodings are taken at their word. Also returns what is to be said about the
-/// profile, if it cannot be used.
-pub fn read(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
+/// file.
+pub fn read(frame: &Frame) -> svbrdf::Result<(Photo, Vec<Remark>)> {
     let photo = Frame { ambient: None, ..frame.clone() };
     let (photo, remark) = with_profile(&photo)?;
-    let Some((path, exposure)) = &frame.ambient else { return Ok((photo, remark)) };
+    let gain_map = has_gain_map(&frame.path).then_some(Remark::GainMap);
+    let remarks = remark.into_iter().chain(gain_map).collect();
+    let Some((path, exposure)) = &frame.ambient else { return Ok((photo, remarks)) };
     let ambient = Frame { path: path.clone(), exposure: *exposure, ambient: None, ..frame.clone() };
     let (ambient, _) = with_profile(&ambient)?;
     let less = photo.without_ambient(&ambient);
     let less = less.map_err(|e| Error::Image { path: path.clone(), message: e.to_string() })?;
-    Ok((less, remark))
+    Ok((less, remarks))
 }
 
-fn with_profile(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
+fn with_profile(frame: &Frame) -> svbrdf::Result<(Photo, Option<Remark>)> {
     if dng::is_named(&frame.path) {
         return Ok((developed(frame)?, None));
     }
@@ -58,10 +100,7 @@ fn with_profile(frame: &Frame) -> svbrdf::Result<(Photo, Option<String>)> {
     }
     match colours(&frame.path) {
         Colours::Srgb => Ok((frame.read()?, None)),
-        Colours::Unreadable(why) => {
-            let remark = format!("its ICC profile cannot be used ({why}); taken as sRGB");
-            Ok((frame.read()?, Some(remark)))
-        }
+        Colours::Unreadable(why) => Ok((frame.read()?, Some(Remark::ProfileUnusable(why)))),
         Colours::Profile(profile, clipped) => {
             let stored = Frame { encoding: Encoding::Linear, ..frame.clone() }.read()?;
             let mut rgb = stored.to_linear();
@@ -115,8 +154,25 @@ fn profile(path: &Path) -> Option<(Result<Vec<u8>, String>, f32)> {
 
 /// Whether a JPEG file holds parts of a profile: the decoder keeps silent about missing ones.
 fn has_parts(path: &Path) -> bool {
+    holds(&headers(path), PART)
+}
+
+/// Whether a JPEG file has a gain map.
+fn has_gain_map(path: &Path) -> bool {
+    let headers = headers(path);
+    GAIN_MAPS.iter().any(|name| holds(&headers, name))
+}
+
+fn holds(bytes: &[u8], name: &[u8]) -> bool {
+    bytes.windows(name.len()).any(|part| part == name)
+}
+
+/// The headers of a JPEG file and some of what follows; nothing of other files.
+fn headers(path: &Path) -> Vec<u8> {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEADERS).read_to_end(&mut start));
-    let parts = start.windows(PART.len()).any(|bytes| bytes == PART);
-    read.is_ok() && start.starts_with(&[0xFF, 0xD8]) && parts
+    if read.is_err() || !start.starts_with(&[0xFF, 0xD8]) {
+        start.clear();
+    }
+    start
 }
