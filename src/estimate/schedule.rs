@@ -202,7 +202,7 @@ impl Cost {
     const BASELINE: Self = Self(2.0, 1.0);
     const POOLING: Self = Self(15.0, 3.5);
     const SLOPES: Self = Self(45.0, 0.5);
-    const WIDTHS: Self = Self(100.0, 120.0);
+    const WIDTHS: Self = Self(130.0, 155.0);
     const NETWORK: Self = Self(210.0, 1.0);
     /// Of a trial at 128 texels a side.
     const CLASS: Self = Self(35.0, 3.0);

@@ -92,6 +92,7 @@ impl Default for StructuredOptions {
             folds: 3,
             candidates: vec![
                 narrow,
+                Widths { slope: 0.03, ..narrow },
                 Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
                 Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
             ],

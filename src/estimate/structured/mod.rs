@@ -160,13 +160,6 @@ impl WidthTrials {
         predictions.chunks(self.folds.len().max(1)).map(|e| e.iter().sum()).collect()
     }
 
-    /// The candidate but the last that predicts best.
-    fn best_narrow(&self) -> usize {
-        let sums = self.sums();
-        let narrow = sums.iter().take(self.options.structured.candidates.len() - 1).enumerate();
-        narrow.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(i, _)| i)
-    }
-
     /// Takes over errors of trials that were done before; whether they fit.
     pub fn resume(&mut self, errors: Vec<f64>) -> bool {
         self.errors = errors;
@@ -184,28 +177,32 @@ impl WidthTrials {
         }
     }
 
-    /// The narrow candidate that predicts best, where it predicts better than the widest and than the
-    /// maps of the other phases that were before the latest photograph. Where there are none, it must
-    /// be the better for it; a choice made before stays until the widest predicts better. None begins
-    /// where free texels explain the photographs to within noise and rounding.
+    /// Of the narrow candidates that predict better than the widest and than the maps of the other
+    /// phases that were before the latest photograph, the one that predicts best. Where there are no
+    /// such maps, it must be the better for it; a choice made before stays until the widest predicts
+    /// better. None begins where free texels explain the photographs to within noise and rounding.
     fn chosen_by_prediction(&self) -> Option<Widths> {
-        let (sums, best) = (self.sums(), self.best_narrow());
-        let options = &self.options.structured;
-        let of_widest = sums[best] / sums.last()?.max(f64::MIN_POSITIVE);
-        let latest = self.errors[(best + 1) * self.folds.len() - 1];
+        let (sums, options) = (self.sums(), &self.options.structured);
+        let widest = sums.last()?.max(f64::MIN_POSITIVE);
         let begins = *self.errors.last()? > options.min_residual;
-        let is_chosen = match self.predicted {
-            Some(Predicted { structured: true, photographs, .. })
-                if photographs >= options.leave_out_from =>
-            {
-                of_widest < 1.0
+        let is_better = |&candidate: &usize| {
+            let of_widest = sums[candidate] / widest;
+            let latest = self.errors[(candidate + 1) * self.folds.len() - 1];
+            match self.predicted {
+                Some(Predicted { structured: true, photographs, .. })
+                    if photographs >= options.leave_out_from =>
+                {
+                    of_widest < 1.0
+                }
+                Some(Predicted { structured: false, error, .. }) => {
+                    begins && of_widest < options.evidence && latest < options.evidence * error
+                }
+                _ => begins && of_widest < options.evidence_alone,
             }
-            Some(Predicted { structured: false, error, .. }) => {
-                begins && of_widest < options.evidence && latest < options.evidence * error
-            }
-            _ => begins && of_widest < options.evidence_alone,
         };
-        is_chosen.then(|| options.candidates[best])
+        let better = (0..sums.len() - 1).filter(is_better);
+        let best = better.min_by(|&a, &b| sums[a].total_cmp(&sums[b]))?;
+        Some(options.candidates[best])
     }
 }
 
