@@ -146,12 +146,13 @@ impl Gloss {
     }
 }
 
-/// Pools the gloss of the base, where maps and mean begin anew.
+/// Pools the gloss of the base, where maps and mean begin anew. As many photographs as a step of the
+/// maps sees say how well gloss is known.
 pub(crate) struct PoolGloss(pub Pooling);
 
 impl Update for PoolGloss {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        self.0.pool_values(&mut belief.base, photographs.full())?;
+        self.0.pool_values(&mut belief.base, &photographs.some(&photographs.drawn(0)))?;
         belief.mean.clone_from(&belief.base);
         belief.maps.clone_from(&belief.base);
         Ok(())
@@ -164,7 +165,8 @@ pub(crate) struct PoolResiduals(pub Pooling);
 
 impl Update for PoolResiduals {
     fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        self.0.pool_residuals(&mut belief.mean, &belief.maps, photographs.full())
+        let seen = photographs.some(&photographs.drawn(0));
+        self.0.pool_residuals(&mut belief.mean, &belief.maps, &seen)
     }
 }
 
