@@ -46,7 +46,7 @@ fn a_panic_while_locks_are_held_does_not_lock_others_out() {
     assert_eq!(svbrdf_session_destroy(session), SVBRDF_OK);
 }
 
-#[path = "../../../fuzz/shared/c_calls.rs"]
+#[path = "../../../fuzz/shared/c_calls/mod.rs"]
 mod c_calls;
 #[path = "../../../fuzz/shared/mutate.rs"]
 mod mutate;
