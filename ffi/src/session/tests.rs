@@ -56,8 +56,6 @@ mod mutate;
 fn any_calls_in_any_order_do_no_harm() {
     let seeds = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds/c_calls");
     let times = std::env::var("SVBRDF_FUZZ_ROUNDS").ok().and_then(|v| v.parse().ok());
-    mutate::each(&seeds, 150 * times.unwrap_or(1_usize), &[], |data| {
-        c_calls::run(data);
-        true
-    });
+    // Seeds begin with something, and go on with it.
+    mutate::each(&seeds, 150 * times.unwrap_or(1_usize), &[], |data| c_calls::run(data) > 1);
 }

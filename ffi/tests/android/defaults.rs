@@ -1,6 +1,5 @@
 //! What the binding takes where nothing is said is what the library takes.
 
-use std::f32::consts::PI;
 use std::fs;
 
 use engine::calibration::Target;
