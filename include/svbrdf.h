@@ -435,8 +435,8 @@ typedef struct svbrdf_session_options {
     void *user_data;
     /**
      * Most memory the session may need by its own estimate, bytes, the models (about 30 MB, shared
-     * by all sessions) not counted; 0: any amount. What would need more is answered with
-     * SVBRDF_MEMORY_LIMIT.
+     * by all sessions) not counted, copies of photos that svbrdf_session_push_frame_async() holds
+     * counted; 0: any amount. What would need more is answered with SVBRDF_MEMORY_LIMIT.
      */
     uint64_t memory_limit_bytes;
     /**
@@ -2143,8 +2143,9 @@ svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
  * the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
  * happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
  * SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
- * not come. SVBRDF_BUSY when three photos are on their way already; their copies are not counted
- * by svbrdf_session_options.memory_limit_bytes.
+ * not come. SVBRDF_BUSY when three photos are on their way already. Their copies count as memory of the
+ * session: SVBRDF_MEMORY_LIMIT when with one more, and with what the largest needs to be taken in,
+ * svbrdf_session_options.memory_limit_bytes would be exceeded; nothing is copied then.
  */
 svbrdf_status svbrdf_session_push_frame_async(struct svbrdf_session *session,
                                               const struct svbrdf_image *image,

@@ -43,6 +43,7 @@ if [ ${#android[@]} -gt 0 ]; then
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${android[@]}" ||
     echo "packages for android-example" >> "$SVBRDF_SKIPPED"
 fi
+tests/swift-tools.sh || echo "a Swift compiler, for ffi/swift" >> "$SVBRDF_SKIPPED"
 tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
 
 cargo fmt --all --check

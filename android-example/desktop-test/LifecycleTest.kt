@@ -13,6 +13,7 @@ import java.util.concurrent.atomic.AtomicReference
 import kotlin.concurrent.thread
 import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
+import kotlinx.coroutines.withTimeoutOrNull
 
 fun callbacksThatMisbehave() {
     // Exceptions go to the thread's handler; closing inside a callback is fine.
@@ -104,6 +105,19 @@ fun flows(): Unit = runBlocking {
         verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
         flows.maps.first().use { verify(it.width == 256) { "${it.width}" } }
         flows.progress.first { it != null && it.settled }
+        verify(scanner.awaitSuspending() && scanner.awaitSuspending(0)) { "settled" }
+        scanner.exportSuspending(File(out, "suspending"))
+        verify(File(out, "suspending/normal.png").isFile) { "export" }
+        val state = File(out, "suspending.state")
+        scanner.saveSuspending(state)
+        MaterialScanner.restore(state).use { verify(it.progress.photos == 1) { "saved" } }
+        // What does not end is left when its coroutine is cancelled, or its time is over.
+        scanner.pause()
+        scanner.pushRectified(gray(), above, above)
+        verify(!scanner.awaitSuspending(150)) { "a fit that is held" }
+        val begun = System.nanoTime()
+        val left = withTimeoutOrNull(200) { scanner.awaitSuspending() }
+        verify(left == null && System.nanoTime() - begun < 5_000_000_000) { "$left" }
     }
 }
 

@@ -228,6 +228,12 @@ fun hints() {
         verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { "$again" }
         verify(again.advice.startsWith("photo 1 has") && again.overWhite == null) { "$again" }
     }
+    MaterialScanner(options.copy(elevationMm = 2.5)).use { scanner ->
+        scanner.pause()
+        scanner.push(photo(0))
+        verify(scanner.paper!!.elevationMm == 2.5) { "${scanner.paper}" }
+    }
+    throws<IllegalArgumentException>("elevation") { MaterialScanner(options.copy(elevationMm = 21.0)) }
     // No camera given; encoded values said to be linear.
     MaterialScanner(options.copy(camera = null)).use { scanner ->
         scanner.pause()

@@ -5,12 +5,12 @@ plugins {
 
 android {
     namespace = "org.svbrdf.scanner"
-    compileSdk = 35
+    compileSdk = 36
     defaultConfig {
         minSdk = 26
         consumerProguardFiles("consumer-rules.pro")
         // What cargo-ndk has built, see README.md.
-        ndk { abiFilters += listOf("arm64-v8a") }
+        ndk { abiFilters += listOf("arm64-v8a", "x86_64") }
     }
     externalNativeBuild {
         cmake { path = file("src/main/cpp/CMakeLists.txt") }

@@ -61,12 +61,8 @@ pub unsafe extern "C" fn svbrdf_session_set_budget(
     budget: *const svbrdf_budget,
 ) -> svbrdf_status {
     act(session, |live| {
-        let budget = if budget.is_null() {
-            svbrdf_budget::default()
-        } else {
-            // SAFETY: not NULL, and the caller vouches for the rest.
-            unsafe { versioned::read(budget) }?
-        };
+        // SAFETY: the caller vouches for the struct.
+        let budget = unsafe { versioned::read_or_default(budget) }?;
         if budget.stop_when_invisible > 1 {
             return Err(Fault::argument("svbrdf_budget.stop_when_invisible: 0 or 1 is expected"));
         }

@@ -90,8 +90,7 @@ pub unsafe extern "C" fn svbrdf_maps_confidence(
     entry(|| {
         let maps = maps::get(maps)?;
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(confidence) }?;
-        let size = size.ok_or_else(|| Fault::argument("confidence: NULL given"))?;
+        let size = unsafe { versioned::needed_size("confidence", confidence) }?;
         let MapDeviations { normal, diffuse, specular, roughness } = maps.confidence()?.of_maps();
         let value =
             svbrdf_confidence { normal, diffuse, specular, roughness, ..Default::default() };
@@ -124,8 +123,7 @@ pub unsafe extern "C" fn svbrdf_maps_deviations(
             _ => return Err(Fault::argument(format!("map: {map} is not a known value"))),
         };
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(view) }?;
-        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let size = unsafe { versioned::needed_size("view", view) }?;
         let value = svbrdf_map_view {
             data: plane.as_ptr().cast(),
             bytes: size_of_val(plane),

@@ -64,8 +64,7 @@ pub unsafe extern "C" fn svbrdf_session_frame_fit(
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(fit) }?;
-        let size = size.ok_or_else(|| Fault::argument("fit: NULL given"))?;
+        let size = unsafe { versioned::needed_size("fit", fit) }?;
         let fits = live.session.frame_fits()?;
         let found = fits.get(index as usize).ok_or_else(|| {
             Fault::argument(format!("index: {index} given, but there are {} photos", fits.len()))

@@ -198,7 +198,21 @@ fn unknown<T>(field: &str, value: u32) -> Result<T, Fault> {
     Err(Fault::argument(format!("svbrdf_image.{field}: {value} is not a known value")))
 }
 
+/// Bytes of a pixel in floats.
+pub(crate) const FLOATS: u64 = 12;
+
 impl svbrdf_image {
+    /// Bytes of a pixel of the photo that [`svbrdf_image::photo`] makes.
+    pub(crate) fn photo_bytes(&self) -> u64 {
+        match self.format {
+            SVBRDF_PIXEL_BAYER16 => 6,
+            _ if self.primaries != SVBRDF_PRIMARIES_REC709 => FLOATS,
+            SVBRDF_PIXEL_RGB8 | SVBRDF_PIXEL_RGBA8 | SVBRDF_PIXEL_BGRA8 | SVBRDF_PIXEL_YUV420 => 3,
+            SVBRDF_PIXEL_RGB16 | SVBRDF_PIXEL_RGBA16 | SVBRDF_PIXEL_P010 => 6,
+            _ => FLOATS,
+        }
+    }
+
     /// Copies the picture.
     ///
     /// # Safety

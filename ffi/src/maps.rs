@@ -285,8 +285,7 @@ pub unsafe extern "C" fn svbrdf_maps_view(
         let picture = MapPicture::new(&maps.maps, map)?;
         let layout = Layout::new(format, &picture)?;
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(view) }?;
-        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let size = unsafe { versioned::needed_size("view", view) }?;
         let slot = &maps.views[map as usize - 1][format as usize - 1];
         let plane = slot.get_or_init(|| picture.plane(&layout));
         let value = svbrdf_map_view {

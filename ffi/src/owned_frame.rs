@@ -3,11 +3,39 @@
 use std::ptr;
 
 use engine::frame::Photo;
+use engine::session::{Held, Session};
 
-use crate::image::{SVBRDF_PIXEL_P010, SVBRDF_PIXEL_YUV420, bytes, svbrdf_image};
+use crate::image::{FLOATS, SVBRDF_PIXEL_P010, SVBRDF_PIXEL_YUV420, bytes, svbrdf_image};
 use crate::options::svbrdf_frame_info;
 use crate::status::Fault;
 use crate::versioned;
+
+/// How many planes a picture has.
+fn planes(image: &svbrdf_image) -> usize {
+    match image.format {
+        SVBRDF_PIXEL_YUV420 | SVBRDF_PIXEL_P010 => 3,
+        _ => 1,
+    }
+}
+
+/// Bytes of a copy, of the photo made of it, and its pixels.
+struct Needs {
+    copy: u64,
+    photo: u64,
+    pixels: u64,
+}
+
+impl Needs {
+    fn of(image: &svbrdf_image) -> Self {
+        let copy = image.planes[..planes(image)].iter().fold(0_u64, |sum, plane| {
+            let bytes = if plane.data.is_null() { 0 } else { plane.bytes as u64 };
+            sum.saturating_add(bytes)
+        });
+        let pixels = u64::from(image.width).saturating_mul(u64::from(image.height));
+        let photo = pixels.saturating_mul(image.photo_bytes());
+        Self { copy, photo, pixels }
+    }
+}
 
 /// A picture whose planes point to its own memory.
 struct OwnedImage {
@@ -22,10 +50,7 @@ impl OwnedImage {
     /// They are NULL or have as many readable bytes as said.
     unsafe fn copy(image: &svbrdf_image) -> Result<Self, Fault> {
         let mut image = *image;
-        let count = match image.format {
-            SVBRDF_PIXEL_YUV420 | SVBRDF_PIXEL_P010 => 3,
-            _ => 1,
-        };
+        let count = planes(&image);
         let mut memory = Vec::with_capacity(count);
         for (i, plane) in image.planes.iter_mut().enumerate() {
             if i < count {
@@ -42,38 +67,50 @@ impl OwnedImage {
     }
 }
 
-/// A photo and what is known about it.
+/// A photo and what is known about it, counted as memory of its session.
 pub(crate) struct OwnedFrame {
     info: svbrdf_frame_info,
     image: OwnedImage,
     ambient: Option<OwnedImage>,
+    _held: Held,
 }
 
 // SAFETY: every pointer that is followed is to memory of the frame's own.
 unsafe impl Send for OwnedFrame {}
 
 impl OwnedFrame {
-    /// Copies what a caller hands over. What is wrong with it otherwise is said by
-    /// [`OwnedFrame::photo`].
+    /// Copies what a caller hands over, if the session's memory limit allows it. What is wrong with it
+    /// otherwise is said by [`OwnedFrame::photo`].
     ///
     /// # Safety
     /// As [`svbrdf_frame_info::photo`].
     pub(crate) unsafe fn copy(
+        session: &Session,
         image: &svbrdf_image,
         info: &svbrdf_frame_info,
     ) -> Result<Self, Fault> {
+        let about = |fault: Fault| fault.about("ambient");
+        let ambient = if info.ambient.is_null() {
+            None
+        } else {
+            // SAFETY: not NULL, and the caller vouches for the rest.
+            Some(unsafe { versioned::read(info.ambient) }.map_err(about)?)
+        };
+        let mut needs = Needs::of(image);
+        if let Some(ambient) = &ambient {
+            let other = Needs::of(ambient);
+            needs.copy = needs.copy.saturating_add(other.copy);
+            // Both are there while their difference, in floats, is made.
+            let difference = needs.pixels.saturating_mul(FLOATS);
+            needs.photo = needs.photo.saturating_add(other.photo).saturating_add(difference);
+        }
+        let held = session.hold(needs.copy, needs.photo, needs.pixels)?;
         // SAFETY: as the caller vouches.
         let (image, ambient) = unsafe {
             let image = OwnedImage::copy(image)?;
-            let ambient = if info.ambient.is_null() {
-                None
-            } else {
-                let ambient = versioned::read(info.ambient).and_then(|i| OwnedImage::copy(&i));
-                Some(ambient.map_err(|fault| fault.about("ambient"))?)
-            };
-            (image, ambient)
+            (image, ambient.map(|a| OwnedImage::copy(&a).map_err(about)).transpose()?)
         };
-        Ok(Self { info: *info, image, ambient })
+        Ok(Self { info: *info, image, ambient, _held: held })
     }
 
     /// The photo.

@@ -138,12 +138,8 @@ pub unsafe extern "C" fn svbrdf_maps_render(
 ) -> svbrdf_status {
     entry(|| {
         let (maps, sample_mm) = maps::shared(maps)?;
-        let options = if options.is_null() {
-            svbrdf_render_options::default()
-        } else {
-            // SAFETY: not NULL, and the caller vouches for the rest.
-            unsafe { versioned::read(options) }?
-        };
+        // SAFETY: the caller vouches for the struct.
+        let options = unsafe { versioned::read_or_default(options) }?;
         let view = options.view(sample_mm)?;
         let mut picture = Rendering { width: maps.width(), height: maps.height(), rgb: Vec::new() };
         let layout = Layout::new(format, &picture)?;

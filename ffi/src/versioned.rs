@@ -83,6 +83,18 @@ pub(crate) unsafe fn read<T: Versioned>(pointer: *const T) -> Result<T, Fault> {
     Ok(value)
 }
 
+/// As [`read`]; the defaults for NULL.
+///
+/// # Safety
+/// As [`read`].
+pub(crate) unsafe fn read_or_default<T: Versioned>(pointer: *const T) -> Result<T, Fault> {
+    if pointer.is_null() {
+        return Ok(T::defaults());
+    }
+    // SAFETY: as the caller vouches.
+    unsafe { read(pointer) }
+}
+
 /// The size a caller's result struct says it has; `None` without a struct.
 ///
 /// # Safety
@@ -96,6 +108,19 @@ pub(crate) unsafe fn result_size<T: Versioned>(pointer: *const T) -> Result<Opti
     let size = unsafe { pointer.cast::<usize>().read() };
     check_size::<T>(size)?;
     Ok(Some(size))
+}
+
+/// The same where there has to be a struct.
+///
+/// # Safety
+/// As [`read`].
+pub(crate) unsafe fn needed_size<T: Versioned>(
+    name: &str,
+    pointer: *const T,
+) -> Result<usize, Fault> {
+    // SAFETY: as the caller vouches.
+    let size = unsafe { result_size(pointer) }?;
+    size.ok_or_else(|| Fault::argument(format!("{name}: NULL given")))
 }
 
 /// Writes a result as far as the caller's struct reaches; its `size` stays.

@@ -71,7 +71,9 @@ mod values;
 #[path = "../../ffi/src/versioned.rs"]
 mod versioned;
 
-#[path = "../shared/c_calls.rs"]
+#[path = "../shared/c_calls/mod.rs"]
 mod c_calls;
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| c_calls::run(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    c_calls::run(data);
+});

@@ -27,6 +27,8 @@ use rayon::ThreadPool;
 
 pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
+use self::memory::Beside;
+pub use self::memory::Held;
 pub use self::reports::{
     Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
     Pushed, Revision,
@@ -57,6 +59,8 @@ pub struct Session {
     intake: Mutex<Intake>,
     /// What probes look with: replaced with every photograph, never waited for.
     known: Mutex<Option<Arc<Known>>>,
+    /// What is counted against the memory limit beside the session's own.
+    beside: Arc<Beside>,
     shared: Arc<Shared>,
     commands: Sender<Command>,
     worker: Option<JoinHandle<()>>,
@@ -128,8 +132,21 @@ impl Session {
                 .map_err(|e| Error::Internal(format!("cannot start the thread of the fit: {e}")))?
         };
         let known = Mutex::new(intake.known(settings.sample_mm));
+        let beside = Arc::new(Beside::default());
+        beside.keep(intake.kept_bytes());
         let (intake, worker) = (Mutex::new(intake), Some(worker));
-        Ok(Self { scene, settings, pool, networks, intake, known, shared, commands, worker })
+        Ok(Self {
+            scene,
+            settings,
+            pool,
+            networks,
+            intake,
+            known,
+            beside,
+            shared,
+            commands,
+            worker,
+        })
     }
 
     /// The session as bytes, from which [`Session::restore`] goes on as if nothing had happened:
@@ -265,7 +282,7 @@ impl Session {
         let intake = &mut *intake;
         let photographs = self.shared.lock().progress.frames + 1;
         let beside = memory::while_pushed(photo, intake.kept_bytes());
-        memory::check(&self.settings, photographs, beside)?;
+        self.check_memory(photographs, beside)?;
         let taken = match self.pool.install(|| take(intake))? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),

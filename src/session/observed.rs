@@ -49,7 +49,7 @@ impl Session {
         let Settings { sample_mm, resolution, .. } = self.settings;
         let photographs = self.shared.lock().progress.frames + 1;
         let beside = memory::while_pushed(photo, 2 * intake.kept_bytes());
-        memory::check(&self.settings, photographs, beside)?;
+        self.check_memory(photographs, beside)?;
         let taken = self.pool.install(|| match rectified {
             None => intake.take(photo, sample_mm, resolution),
             Some((camera, light)) => {

@@ -43,12 +43,13 @@ impl Session {
             Error::argument("photo", "a session of rectified photographs has no board to look for")
         })?;
         let photographs = self.shared.lock().progress.frames;
-        memory::check(&self.settings, photographs.max(1), memory::while_probed(photo))?;
+        self.check_memory(photographs.max(1), memory::while_probed(photo))?;
         Ok(known.look(photo, lit))
     }
 
     /// Lets probes look with what the intake knows now.
     pub(super) fn remember(&self, intake: &Intake) {
+        self.beside.keep(intake.kept_bytes());
         let known = intake.known(self.settings.sample_mm);
         *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
     }

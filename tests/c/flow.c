@@ -91,17 +91,27 @@ static void on_progress(void *user, svbrdf_session *session, const svbrdf_progre
     (void)user, (void)session, (void)progress;
 }
 
-static svbrdf_session *create(void)
+/* NULL when the limit (0: none) is too low. */
+static svbrdf_session *create_within(uint64_t bytes)
 {
     svbrdf_session_options options;
     svbrdf_board board;
     svbrdf_camera camera;
     svbrdf_session *session = NULL;
+    svbrdf_status status;
     board_options(&options, &board, &camera);
     options.on_progress = on_progress;
-    OK(svbrdf_session_create(&options, &session));
-    OK(svbrdf_session_pause(session));
+    options.memory_limit_bytes = bytes;
+    status = svbrdf_session_create(&options, &session);
+    CHECK(status == (session != NULL ? SVBRDF_OK : SVBRDF_MEMORY_LIMIT));
     arrived = 0;
+    return session;
+}
+
+static svbrdf_session *create(void)
+{
+    svbrdf_session *session = create_within(0);
+    OK(svbrdf_session_pause(session));
     return session;
 }
 
@@ -211,6 +221,45 @@ static void ends(const picture *photo)
     }
 }
 
+/* Copies on their way are the session's memory, and free again when they are through. */
+static void within_memory(const picture *black)
+{
+    const uint64_t pixels = (uint64_t)black->width * black->height, copy = 3 * pixels;
+    const uint64_t taken_in = (3 + 16) * pixels; /* and while its corners are looked for */
+    uint64_t least = 0;
+    svbrdf_session *session;
+    do {
+        least += 1 << 20;
+        session = create_within(least);
+    } while (session == NULL);
+    EXPECT(push(session, black, 0, SVBRDF_FLASH_FIRED, on_pushed), SVBRDF_MEMORY_LIMIT);
+    CHECK(strstr(svbrdf_last_error_message(), "MiB") != NULL);
+    OK(push(session, black, 0, SVBRDF_FLASH_OFF, on_pushed)); /* of which nothing is copied */
+    OK(svbrdf_session_destroy(session));
+    CHECK(arrived == 1);
+
+    session = create_within(least + taken_in + copy + copy / 2);
+    held = 1;
+    OK(push(session, black, 0, SVBRDF_FLASH_FIRED, on_pushed));
+    /* Its copy is free when its callback, which is held up, has begun. */
+    for (;;) {
+        svbrdf_status status = push(session, black, 1, SVBRDF_FLASH_FIRED, on_pushed);
+        if (status == SVBRDF_OK) {
+            break;
+        }
+        CHECK(status == SVBRDF_MEMORY_LIMIT);
+    }
+    EXPECT(push(session, black, 2, SVBRDF_FLASH_FIRED, on_pushed), SVBRDF_MEMORY_LIMIT);
+    add(&held, -1);
+    wait_for(&arrived, 2);
+    OK(push(session, black, 3, SVBRDF_FLASH_FIRED, on_pushed));
+    wait_for(&arrived, 3);
+    CHECK(came[1].report.timestamp_ns == 1 && came[2].report.timestamp_ns == 3);
+    CHECK(came[0].status == SVBRDF_REJECTED && came[2].status == SVBRDF_REJECTED);
+    OK(svbrdf_session_destroy(session));
+    CHECK(arrived == 3);
+}
+
 void test_flow(const char *folder)
 {
     picture photo = read_ppm(folder, "00.ppm"), black = photo;
@@ -239,6 +288,7 @@ void test_flow(const char *folder)
     wait_for(&arrived, 3);
     EXPECT(svbrdf_session_pause(session), SVBRDF_INVALID_HANDLE);
 
+    within_memory(&black);
     OK(svbrdf_set_thread_hook(NULL, NULL));
     OK(svbrdf_set_log_callback(NULL, NULL));
     before = now(&lines);

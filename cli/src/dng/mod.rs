@@ -73,7 +73,8 @@ fn bytes(path: &Path) -> svbrdf::Result<Vec<u8>> {
     std::fs::read(path).map_err(io)
 }
 
-fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
+/// A photograph from the bytes of a file, upright; the error says what is wrong with them.
+pub fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
     let file = File::parse(bytes)?;
     let (active, rotation) = (file.active()?, file.rotation()?);
     let crop = file.crop(active)?;

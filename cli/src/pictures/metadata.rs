@@ -1,7 +1,7 @@
 //! What a photograph's file says of how it was taken.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader, Seek};
 use std::path::Path;
 
 use exif::{Context, Exif, Field, In, Reader, Tag, Value};
@@ -47,9 +47,17 @@ pub struct Metadata {
 impl Metadata {
     /// Reads a file's metadata; what is absent or damaged is left out.
     pub fn read(path: &Path) -> Self {
-        let known = exif(path).map_or_else(Self::default, |exif| Self::of(&exif));
+        let known = File::open(path)
+            .map_or_else(|_| Self::default(), |f| Self::within(&mut BufReader::new(f)));
         let (size, is_linear) = pixels(path).unzip();
         Self { size, is_linear: is_linear.unwrap_or(false), ..known }
+    }
+
+    /// What the Exif block of a file says.
+    pub fn within(file: &mut (impl BufRead + Seek)) -> Self {
+        let read = Reader::new().continue_on_error(true).read_from_container(file);
+        let exif = read.or_else(|fault| fault.distill_partial_result(|_| ())).ok();
+        exif.map_or_else(Self::default, |exif| Self::of(&exif))
     }
 
     fn of(exif: &Exif) -> Self {
@@ -73,12 +81,6 @@ impl Metadata {
             taken: taken(exif),
         }
     }
-}
-
-fn exif(path: &Path) -> Option<Exif> {
-    let mut file = BufReader::new(File::open(path).ok()?);
-    let read = Reader::new().continue_on_error(true).read_from_container(&mut file);
-    read.or_else(|fault| fault.distill_partial_result(|_| ())).ok()
 }
 
 /// Width and height, and whether the values are linear: floats, or raw.

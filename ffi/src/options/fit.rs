@@ -81,8 +81,8 @@ pub struct svbrdf_session_options {
     /// Handed to the callbacks.
     pub user_data: *mut c_void,
     /// Most memory the session may need by its own estimate, bytes, the models (about 30 MB, shared
-    /// by all sessions) not counted; 0: any amount. What would need more is answered with
-    /// SVBRDF_MEMORY_LIMIT.
+    /// by all sessions) not counted, copies of photos that svbrdf_session_push_frame_async() holds
+    /// counted; 0: any amount. What would need more is answered with SVBRDF_MEMORY_LIMIT.
     pub memory_limit_bytes: u64,
     /// For a board: height of the sample's surface above the printed side, -5 to 20 mm; NaN:
     /// estimated from the photos. Default: NaN.

@@ -77,11 +77,8 @@ impl svbrdf_frame_info {
     /// # Safety
     /// NULL or what the header says.
     pub(crate) unsafe fn from_caller(info: *const Self) -> Result<Self, Fault> {
-        if info.is_null() {
-            return Ok(Self::default());
-        }
         // SAFETY: as the caller vouches.
-        let info = unsafe { versioned::read(info) }?;
+        let info = unsafe { versioned::read_or_default(info) }?;
         if info.flash > SVBRDF_FLASH_TORCH {
             return Err(unknown("svbrdf_frame_info.flash", info.flash));
         }

@@ -63,8 +63,9 @@ impl Callback {
 /// the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
 /// happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
 /// SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
-/// not come. SVBRDF_BUSY when three photos are on their way already; their copies are not counted
-/// by svbrdf_session_options.memory_limit_bytes.
+/// not come. SVBRDF_BUSY when three photos are on their way already. Their copies count as memory of the
+/// session: SVBRDF_MEMORY_LIMIT when with one more, and with what the largest needs to be taken in,
+/// svbrdf_session_options.memory_limit_bytes would be exceeded; nothing is copied then.
 ///
 /// # Safety
 /// As svbrdf_session_push_frame().
@@ -88,7 +89,7 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
         let (info, frame) = unsafe {
             let (image, info) = (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?);
             let dark = info.flash == SVBRDF_FLASH_OFF;
-            (info, if dark { None } else { Some(OwnedFrame::copy(&image, &info)?) })
+            (info, if dark { None } else { Some(OwnedFrame::copy(&live.session, &image, &info)?) })
         };
         // Kept alive until the callback has come, also after its end.
         let held = SESSIONS.get(session.addr())?;

@@ -43,8 +43,7 @@ pub unsafe extern "C" fn svbrdf_session_progress(
 ) -> svbrdf_status {
     look(session, |live| {
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(progress) }?;
-        let size = size.ok_or_else(|| Fault::argument("progress: NULL given"))?;
+        let size = unsafe { versioned::needed_size("progress", progress) }?;
         // SAFETY: `size` bytes are there.
         unsafe { versioned::write(progress, size, live.progress()) };
         Ok(())
@@ -90,8 +89,7 @@ pub unsafe extern "C" fn svbrdf_session_next_view(
 ) -> svbrdf_status {
     look(session, |live| {
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(view) }?;
-        let size = size.ok_or_else(|| Fault::argument("view: NULL given"))?;
+        let size = unsafe { versioned::needed_size("view", view) }?;
         let next = svbrdf_next_view::new(live.session.next_view());
         // SAFETY: `size` bytes are there.
         unsafe { versioned::write(view, size, next) };
@@ -114,8 +112,7 @@ pub unsafe extern "C" fn svbrdf_session_camera(
 ) -> svbrdf_status {
     look(session, |live| {
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(camera) }?;
-        let size = size.ok_or_else(|| Fault::argument("camera: NULL given"))?;
+        let size = unsafe { versioned::needed_size("camera", camera) }?;
         let used = live.session.camera().map_or_else(Default::default, svbrdf_camera::new);
         let spread = live.session.camera_sigma().unwrap_or_default();
         // SAFETY: `size` bytes are there, and the caller vouches for the nine numbers.
@@ -140,8 +137,7 @@ pub unsafe extern "C" fn svbrdf_session_paper(
 ) -> svbrdf_status {
     look(session, |live| {
         // SAFETY: the caller vouches for the struct.
-        let size = unsafe { versioned::result_size(paper) }?;
-        let size = size.ok_or_else(|| Fault::argument("paper: NULL given"))?;
+        let size = unsafe { versioned::needed_size("paper", paper) }?;
         // SAFETY: `size` bytes are there.
         unsafe { versioned::write(paper, size, svbrdf_paper::of(&live.session)) };
         Ok(())

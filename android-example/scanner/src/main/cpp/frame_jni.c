@@ -72,12 +72,10 @@ void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT])
     out[23] = (jdouble)report->blur_direction_deg;
 }
 
-/* A photo and what is known about it; `dark` has the one without flash, if there is one. */
-static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
-                      jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
-                      jfloat focal_35mm, jintArray dark_ints, jobjectArray dark_planes,
-                      jlongArray dark_layout, jfloatArray dark_levels, jfloat dark_exposure,
-                      svbrdf_image *image, svbrdf_image *dark, svbrdf_frame_info *info)
+/* A picture and how it was taken. */
+static int read_lit(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
+                    jfloatArray levels, jfloat exposure, jint flash, jfloat focal_35mm,
+                    svbrdf_image *image, svbrdf_frame_info *info)
 {
     if (read_image(env, ints, planes, layout, levels, image)) {
         return 1;
@@ -85,8 +83,21 @@ static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     svbrdf_frame_info_init(info, sizeof *info);
     info->exposure = exposure;
     info->flash = (svbrdf_flash)flash;
-    info->timestamp_ns = timestamp;
     info->focal_35mm = focal_35mm;
+    return 0;
+}
+
+/* A photo and what is known about it; `dark` has the one without flash, if there is one. */
+static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
+                      jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
+                      jfloat focal_35mm, jintArray dark_ints, jobjectArray dark_planes,
+                      jlongArray dark_layout, jfloatArray dark_levels, jfloat dark_exposure,
+                      svbrdf_image *image, svbrdf_image *dark, svbrdf_frame_info *info)
+{
+    if (read_lit(env, ints, planes, layout, levels, exposure, flash, focal_35mm, image, info)) {
+        return 1;
+    }
+    info->timestamp_ns = timestamp;
     if (dark_ints != NULL) {
         if (read_image(env, dark_ints, dark_planes, dark_layout, dark_levels, dark)) {
             return 1;
@@ -212,13 +223,9 @@ static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong 
     uint32_t found;
 
     (void)class, (void)owner;
-    if (read_image(env, ints, planes, layout, levels, &image)) {
+    if (read_lit(env, ints, planes, layout, levels, exposure, flash, focal_35mm, &image, &info)) {
         return NULL;
     }
-    svbrdf_frame_info_init(&info, sizeof info);
-    info.exposure = exposure;
-    info.flash = (svbrdf_flash)flash;
-    info.focal_35mm = focal_35mm;
     svbrdf_probe_init(&probe, sizeof probe);
     probe.corners_px = px;
     probe.corners_capacity = CORNERS;

@@ -61,7 +61,7 @@ static int read_camera(JNIEnv *env, jdoubleArray array, svbrdf_camera *camera)
 
 static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jfloatArray reals,
                             jdoubleArray board_array, jbyteArray dictionary,
-                            jdoubleArray camera_array, jdoubleArray flash_array,
+                            jdoubleArray camera_array, jdoubleArray flash_array, jdouble elevation,
                             jlong memory_limit, jbyteArray state, jobject owner, jlong models,
                             jlong id)
 {
@@ -88,6 +88,7 @@ static jlong session_create(JNIEnv *env, jclass class, jintArray ints, jfloatArr
     options.falloff = (svbrdf_falloff)i[5];
     memcpy(options.sample_mm, f, sizeof options.sample_mm);
     memcpy(options.light_power, f + 2, sizeof options.light_power);
+    options.elevation_mm = elevation;
     options.memory_limit_bytes = (uint64_t)memory_limit;
     options.models = HANDLE(svbrdf_models, models);
     if (id != 0) {
@@ -327,7 +328,7 @@ static void session_save(JNIEnv *env, jclass class, jobject owner, jlong handle,
 }
 
 const JNINativeMethod session_methods[] = {
-    METHOD("sessionCreate", "([I[F[D[B[D[DJ[B" OWNER "JJ)J", session_create),
+    METHOD("sessionCreate", "([I[F[D[B[D[DDJ[B" OWNER "JJ)J", session_create),
     METHOD("sessionDestroy", "(J)V", session_destroy),
     METHOD("sessionWait", "(" OWNER "JJ)Z", session_wait),
     METHOD("sessionProgress", "(" OWNER "J[D)V", session_progress),

@@ -1,6 +1,7 @@
 package org.svbrdf.example
 
 import android.annotation.SuppressLint
+import android.app.Activity
 import android.content.Context
 import android.graphics.ImageFormat
 import android.hardware.camera2.CameraAccessException
@@ -130,8 +131,18 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
 
     private fun shape() = size.height.toDouble() / size.width
 
-    /** Clockwise turn from the sensor's picture to an upright phone. */
-    val orientation: Int get() = characteristics[CameraCharacteristics.SENSOR_ORIENTATION] ?: 90
+    /** Clockwise turn from the sensor's picture to how the screen shows it. */
+    fun turn(activity: Activity): Int {
+        val upright = characteristics[CameraCharacteristics.SENSOR_ORIENTATION] ?: 90
+        // The screen turns against the phone. Rotations count its quarters.
+        return Math.floorMod(upright - 90 * activity.windowManager.defaultDisplay.rotation, 360)
+    }
+
+    /** Height over width of the preview as the screen shows it. */
+    fun uprightShape(activity: Activity): Float {
+        val (width, height) = previewSize.width.toFloat() to previewSize.height.toFloat()
+        return if (turn(activity) % 180 != 0) width / height else height / width
+    }
 
     /**
      * Intrinsics of the photos where the maker states them, else null: the library estimates them

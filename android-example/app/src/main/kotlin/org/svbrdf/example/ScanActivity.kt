@@ -5,6 +5,7 @@ import android.app.Activity
 import android.content.ClipData
 import android.content.Intent
 import android.content.pm.PackageManager
+import android.content.res.Configuration
 import android.hardware.camera2.CameraAccessException
 import android.hardware.camera2.CaptureResult
 import android.net.Uri
@@ -199,12 +200,17 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         feedback.setText(R.string.meter)
         // The preview has the sensor's shape, upright.
         val size = opened.previewSize
-        val turned = opened.orientation % 180 != 0
-        finder.shape =
-            if (turned) size.width / size.height.toFloat() else size.height / size.width.toFloat()
+        finder.shape = opened.uprightShape(this)
         val holder = (findViewById(R.id.preview) as SurfaceView).holder
         holder.setFixedSize(size.width, size.height)
         start()
+    }
+
+    /** Large screens turn the app whatever the manifest says. */
+    override fun onConfigurationChanged(now: Configuration) {
+        super.onConfigurationChanged(now)
+        camera?.let { finder.shape = it.uprightShape(this) }
+        overlay.show(null, null, 0)
     }
 
     /** Once there are a camera and a surface of its size. */
@@ -323,7 +329,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         val info = PhotoInfo((exposure / firstExposure).toFloat(), lamp, shot.image.timestamp)
         return when (val pushed = session.push(shot.photo(), info)) {
             is Pushed.Accepted -> {
-                runOnUiThread { overlay.show(pushed.pose, intrinsics, shot.camera.orientation) }
+                runOnUiThread { overlay.show(pushed.pose, intrinsics, shot.camera.turn(this)) }
                 val degrees = Math.toDegrees(pushed.pose?.angle ?: 0.0).toInt()
                 val more = (words(pushed) + next(session)).joinToString(" ")
                 getString(R.string.accepted, pushed.index + 1, degrees, more) to true

@@ -55,7 +55,7 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
             invalidate()
         }
 
-    /** Shows where a photo of `camera` had the board, on a sensor turned by `orientation`. */
+    /** Shows where a photo of `camera` had the board, whose picture the screen shows turned by `orientation`. */
     fun show(pose: Pose?, camera: Camera?, orientation: Int) {
         seen = if (pose == null || camera == null) {
             emptyList()

@@ -25,8 +25,8 @@ internal object Native {
 
     @JvmStatic external fun sessionCreate(
         ints: IntArray, reals: FloatArray, board: DoubleArray?, dictionary: ByteArray?,
-        camera: DoubleArray?, flashOffset: DoubleArray?, memoryLimit: Long, state: ByteArray?,
-        owner: Any, models: Long, id: Long,
+        camera: DoubleArray?, flashOffset: DoubleArray?, elevation: Double, memoryLimit: Long,
+        state: ByteArray?, owner: Any, models: Long, id: Long,
     ): Long
     @JvmStatic external fun sessionDestroy(handle: Long)
     @JvmStatic external fun sessionPush(

@@ -28,6 +28,8 @@ data class ScanOptions @JvmOverloads constructor(
     val rectified: RectifiedLight? = null,
     /** Most memory a scanner may take, networks apart; 0: any amount. */
     val memoryLimitBytes: Long = 0,
+    /** Height of the sample's surface above the printed side, -5 to 20 mm; null: estimated. */
+    val elevationMm: Double? = null,
 ) {
     /** A new session, or the one saved in a file. */
     internal fun create(owner: Any, id: Long, state: File?): Long {
@@ -43,8 +45,8 @@ data class ScanOptions @JvmOverloads constructor(
         val reals = floatArrayOf(widthMm, heightMm, light[0], light[1], light[2])
         return Native.sessionCreate(
             ints, reals, board?.numbers(), board?.dictionary?.let(Native::text),
-            camera?.numbers(), offset, memoryLimitBytes, state?.let { Native.text(it.path) },
-            models ?: owner, networks, id,
+            camera?.numbers(), offset, elevationMm ?: Double.NaN, memoryLimitBytes,
+            state?.let { Native.text(it.path) }, models ?: owner, networks, id,
         )
     }
 

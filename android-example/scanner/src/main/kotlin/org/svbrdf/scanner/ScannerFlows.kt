@@ -1,7 +1,5 @@
 package org.svbrdf.scanner
 
-import kotlin.coroutines.resume
-import kotlin.coroutines.resumeWithException
 import kotlinx.coroutines.channels.BufferOverflow
 import kotlinx.coroutines.flow.Flow
 import kotlinx.coroutines.flow.MutableSharedFlow
@@ -9,7 +7,6 @@ import kotlinx.coroutines.flow.MutableStateFlow
 import kotlinx.coroutines.flow.StateFlow
 import kotlinx.coroutines.flow.asStateFlow
 import kotlinx.coroutines.flow.mapNotNull
-import kotlinx.coroutines.suspendCancellableCoroutine
 
 /**
  * A scanner's callbacks as flows. Slow collectors see the latest, never a queue:
@@ -44,14 +41,3 @@ class ScannerFlows : MaterialScanner.Listener {
         newer.tryEmit(scanner)
     }
 }
-
-/**
- * [MaterialScanner.push] without a thread that waits: the caller's is busy only while the planes are
- * copied.
- */
-suspend fun MaterialScanner.pushSuspending(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
-    suspendCancellableCoroutine { waiting ->
-        pushAsync(photo, info) { pushed, fault ->
-            if (pushed != null) waiting.resume(pushed) else waiting.resumeWithException(fault!!)
-        }
-    }

@@ -3,9 +3,11 @@
 //! they need.
 #![cfg(target_os = "linux")]
 
+mod aar;
 #[allow(dead_code)] // What clients in C need.
-#[path = "clients/common.rs"]
+#[path = "../clients/common.rs"]
 mod common;
+mod defaults;
 
 use std::env;
 use std::f32::consts::PI;
@@ -14,7 +16,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::{has, library, root, run, skipped, workplace, write_photos};
-use engine::calibration::Target;
 use engine::export::read_maps;
 use engine::observation::{Falloff, View};
 use engine::render::render;
@@ -313,24 +314,4 @@ fn installed(program: &str) -> bool {
         skipped(&format!("{program} is not installed; the app is not checked"));
     }
     found
-}
-
-#[test]
-fn the_default_board_of_the_binding_is_the_librarys() {
-    let t = Target::default();
-    let hole = &t.hole;
-    let expected = format!(
-        "val DEFAULT = Board({}, {}, {}, {}, {}, {}, {}, patches = {})",
-        t.rows,
-        t.cols,
-        t.square_mm,
-        hole.row_start,
-        hole.col_start,
-        hole.row_end,
-        hole.col_end,
-        t.patches
-    );
-    let file = example().join("scanner/src/main/kotlin/org/svbrdf/scanner/ScanOptions.kt");
-    assert!(fs::read_to_string(file).unwrap().contains(&expected), "{expected}");
-    assert_eq!((t.white_albedo, t.black_albedo), (0.8, 0.05));
 }

@@ -1,0 +1,159 @@
+#!/usr/bin/env bash
+# Packs `scanner` as an AAR with POM and sources, laid out as a Maven repository, without Gradle:
+#
+#   android-example/aar.sh OUT [ABI=FOLDER]... [--notices FILE]
+#
+# OUT gets org/svbrdf/scanner/VERSION/scanner-VERSION.aar, .pom and -sources.jar: name it to Gradle by
+# `maven { url = uri("OUT") }` and depend on `org.svbrdf:scanner:VERSION`.
+#
+# ABI is arm64-v8a or x86_64, FOLDER has libsvbrdf.so and libsvbrdf_jni.so for it. Without any, both
+# ABIs are built: that needs ANDROID_NDK_HOME, cargo-ndk and rustup's targets (no check has run it).
+# --notices: THIRD-PARTY.txt of ffi/packaging/notices.sh, which has to go with the libraries.
+#
+# Needs a JDK of 17 or later and a Kotlin compiler: KOTLIN_HOME, or what tests/android-tools.sh gets.
+set -euo pipefail
+usage() { sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+[ $# -ge 1 ] || usage
+mkdir -p "$1"
+out=$(cd "$1" && pwd)
+shift
+notices=
+libraries=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --notices) notices=$(realpath "${2:?"--notices: a file is missing"}"); shift 2 ;;
+    arm64-v8a=* | x86_64=*) libraries+=("${1%%=*}=$(realpath "${1#*=}")"); shift ;;
+    *) usage ;;
+  esac
+done
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(dirname "$here")
+kotlin=${KOTLIN_HOME:-${CARGO_TARGET_DIR:-$root/target}/android-tools/kotlinc}
+[ -f "$kotlin/lib/kotlin-compiler.jar" ] || { echo "no Kotlin compiler in $kotlin: set KOTLIN_HOME" >&2; exit 1; }
+value() { sed -n "s/^$2 = \"\(.*\)\"/\1/p" "$1" | head -n 1; }
+version=$(value "$root/Cargo.toml" version)
+main=$here/scanner/src/main
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+aar=$work/aar
+mkdir -p "$aar/META-INF/com/android/build/gradle" "$aar/META-INF/licenses/svbrdf" "$work/classes"
+# Entries of archives get one time, so that the same input gives the same bytes.
+pack() { (cd "$2" && jar --create --no-manifest --date=2000-01-01T00:00:00Z --file "$1" "${@:3}"); }
+
+# Both libraries for an ABI with the NDK, into a folder.
+build() {
+  local abi=$1 arch=$2 ndk=${ANDROID_NDK_HOME:?"name libraries (ABI=FOLDER), or set ANDROID_NDK_HOME"}
+  (cd "$root" && cargo ndk -t "$abi" --platform 26 -o "$work/built" build --profile dist -p svbrdf-ffi)
+  "$ndk"/toolchains/llvm/prebuilt/*/bin/"$arch"-linux-android26-clang -std=c11 -O2 -fPIC -shared \
+    -fvisibility=hidden -I "$root/include" "$main"/cpp/*.c -L "$work/built/$abi" -lsvbrdf \
+    -Wl,-soname,libsvbrdf_jni.so -Wl,-z,max-page-size=16384 -Wl,--no-undefined -s \
+    -o "$work/built/$abi/libsvbrdf_jni.so"
+  libraries+=("$abi=$work/built/$abi")
+}
+if [ ${#libraries[@]} = 0 ]; then
+  build arm64-v8a aarch64
+  build x86_64 x86_64
+fi
+
+# What keeps a library from being loaded on a device, said here instead of there.
+check() {
+  local file=$1 machine=$2 alignment faults=0
+  fault() { echo "$file: $1" >&2; faults=1; }
+  readelf -h "$file" | grep -q "Machine:.*$machine" || fault "not for $machine"
+  readelf -d "$file" | grep -q "SONAME.*\[$(basename "$file")\]" || fault "its SONAME is another"
+  ! readelf -d "$file" | grep NEEDED | grep -Evq '\[(libsvbrdf|libc|libm|libdl|liblog)\.so\]' ||
+    fault "it needs what Android does not have"
+  # Devices may have pages of 16 KB.
+  for alignment in $(readelf -lW "$file" | awk '$1 == "LOAD" { print $NF }'); do
+    [ $((alignment)) -ge 16384 ] || fault "a segment is not aligned to 16 KB"
+  done
+  [ $faults = 0 ] || exit 1
+}
+for given in "${libraries[@]}"; do
+  abi=${given%%=*} folder=${given#*=}
+  case $abi in arm64-v8a) machine=AArch64 ;; x86_64) machine=X86-64 ;; esac
+  mkdir -p "$aar/jni/$abi"
+  for name in libsvbrdf.so libsvbrdf_jni.so; do
+    check "$folder/$name" "$machine"
+    cp "$folder/$name" "$aar/jni/$abi/"
+  done
+done
+
+# Metadata of an older version is read by the compilers of more apps.
+java -Xmx1g -cp "$kotlin/lib/kotlin-compiler.jar" org.jetbrains.kotlin.cli.jvm.K2JVMCompiler \
+  -kotlin-home "$kotlin" -no-reflect -jvm-target 1.8 -language-version 2.2 -api-version 2.2 \
+  -module-name svbrdf-scanner -cp "$kotlin/lib/kotlin-stdlib.jar:$kotlin/lib/kotlinx-coroutines-core-jvm.jar" \
+  -d "$work/classes" "$main/kotlin"
+pack "$aar/classes.jar" "$work/classes" .
+
+cat > "$aar/AndroidManifest.xml" <<END
+<?xml version="1.0" encoding="utf-8"?>
+<manifest xmlns:android="http://schemas.android.com/apk/res/android"
+    package="org.svbrdf.scanner">
+
+    <uses-sdk
+        android:minSdkVersion="26"
+        android:targetSdkVersion="36" />
+</manifest>
+END
+: > "$aar/R.txt"
+cp "$here/scanner/consumer-rules.pro" "$aar/proguard.txt"
+cat > "$aar/META-INF/com/android/build/gradle/aar-metadata.properties" <<END
+aarFormatVersion=1.0
+aarMetadataVersion=1.0
+minCompileSdk=26
+minCompileSdkExtension=0
+minAndroidGradlePluginVersion=1.0.0
+coreLibraryDesugaringEnabled=false
+END
+cp "$root/LICENSE-MIT" "$root/LICENSE-APACHE" "$aar/META-INF/licenses/svbrdf/"
+[ -z "$notices" ] || cp "$notices" "$aar/META-INF/licenses/svbrdf/THIRD-PARTY.txt"
+
+place=$out/org/svbrdf/scanner/$version
+rm -rf "$place"
+mkdir -p "$place"
+name=$place/scanner-$version
+pack "$name.aar" "$aar" AndroidManifest.xml classes.jar R.txt proguard.txt META-INF jni
+mkdir -p "$work/sources"
+cp -r "$main/kotlin/." "$work/sources/"
+pack "$name-sources.jar" "$work/sources" .
+repository=$(value "$root/Cargo.toml" repository)
+cat > "$name.pom" <<END
+<?xml version="1.0" encoding="UTF-8"?>
+<project xmlns="http://maven.apache.org/POM/4.0.0"
+    xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+    xsi:schemaLocation="http://maven.apache.org/POM/4.0.0 https://maven.apache.org/xsd/maven-4.0.0.xsd">
+  <modelVersion>4.0.0</modelVersion>
+  <groupId>org.svbrdf</groupId>
+  <artifactId>scanner</artifactId>
+  <version>$version</version>
+  <packaging>aar</packaging>
+  <name>svbrdf scanner</name>
+  <description>Material maps from a few flash photographs</description>
+  <url>$repository</url>
+  <licenses>
+    <license>
+      <name>MIT OR Apache-2.0</name>
+      <url>$repository/blob/main/LICENSE-MIT</url>
+    </license>
+  </licenses>
+  <dependencies>
+    <dependency>
+      <groupId>org.jetbrains.kotlin</groupId>
+      <artifactId>kotlin-stdlib</artifactId>
+      <version>2.2.0</version>
+      <scope>compile</scope>
+    </dependency>
+    <dependency>
+      <groupId>org.jetbrains.kotlinx</groupId>
+      <artifactId>kotlinx-coroutines-core</artifactId>
+      <version>1.8.0</version>
+      <scope>compile</scope>
+    </dependency>
+  </dependencies>
+</project>
+END
+(cd "$place" && sha256sum ./* | sed 's# ./# #' > "$work/sums" && while read -r sum file; do
+  echo "$sum" > "$file.sha256"
+done < "$work/sums")
+echo "$name.aar"

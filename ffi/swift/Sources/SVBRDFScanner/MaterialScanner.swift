@@ -1,0 +1,167 @@
+import Foundation
+import SVBRDF
+
+/// Normal, diffuse, specular and roughness maps of a flat sample from photos of it inside a printed
+/// board, one at a time.
+///
+/// Calls run one after the other on a queue of the scanner's own, those that wait for the fit included;
+/// `push` and `settle` suspend without holding it. The fit goes on by itself between calls, and ends
+/// with the last reference.
+public actor MaterialScanner {
+    private let session: Session
+    private let executor = QueueExecutor()
+
+    /// State of the fit whenever it has moved on: for one reader.
+    public nonisolated let progressUpdates: AsyncStream<Progress>
+    /// Whenever there are newer maps: for one reader.
+    public nonisolated let mapUpdates: AsyncStream<Void>
+
+    public nonisolated var unownedExecutor: UnownedSerialExecutor {
+        executor.asUnownedSerialExecutor()
+    }
+
+    /// Begins a scan.
+    public init(_ options: ScanOptions = ScanOptions()) throws {
+        try self.init(options) { svbrdf_session_create($0, $1) }
+    }
+
+    /// Goes on with a scan that `save` has written. Of the options count threads and memory limit; the
+    /// rest is in the file.
+    public init(restoring file: URL, _ options: ScanOptions = ScanOptions()) throws {
+        try self.init(options) { svbrdf_session_load_state_from($0, file.path, $1) }
+    }
+
+    private init(
+        _ options: ScanOptions,
+        _ make: (UnsafePointer<svbrdf_session_options>, UnsafeMutablePointer<OpaquePointer?>) -> svbrdf_status
+    ) throws {
+        let progress = AsyncStream.makeStream(of: Progress.self, bufferingPolicy: .bufferingNewest(1))
+        let maps = AsyncStream.makeStream(of: Void.self, bufferingPolicy: .bufferingNewest(1))
+        (progressUpdates, mapUpdates) = (progress.stream, maps.stream)
+        let listener = Listener(progress.continuation, maps.continuation)
+        session = try Session(options, listener, make)
+    }
+
+    /// Judges a photo, or a picture of the preview of any size, without taking it in.
+    public func probe(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) throws -> Probe {
+        try photo.with(info) { image, info in
+            var probe = try filled(svbrdf_probe(), svbrdf_probe_init)
+            try check(svbrdf_session_probe(session.handle, image, info, &probe))
+            return Probe(probe)
+        }
+    }
+
+    /// Takes a photo in; its planes are copied before the task is suspended. When it returns, maps that
+    /// know of the photo can be taken. With three photos on their way it throws `.busy`.
+    public func push(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) async throws -> Pushed {
+        let session = session
+        return try await withCheckedThrowingContinuation { continuation in
+            let answer = Unmanaged.passRetained(Answer(continuation))
+            do {
+                try photo.with(info) { image, info in
+                    let called: svbrdf_pushed_callback = { user, _, status, report in
+                        guard let user else { return }
+                        let answer = Unmanaged<Answer>.fromOpaque(user).takeRetainedValue()
+                        answer.resume(status, report?.pointee)
+                    }
+                    let user = answer.toOpaque()
+                    try check(
+                        svbrdf_session_push_frame_async(session.handle, image, info, called, user)
+                    )
+                }
+            } catch {
+                // Then no answer comes.
+                answer.takeRetainedValue().fail(error)
+            }
+        }
+    }
+
+    /// Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one.
+    public func remove(_ index: Int) throws {
+        try check(svbrdf_session_remove_frame(session.handle, UInt32(clamping: index)))
+    }
+
+    /// How the maps explain a photo: its residual, and whether it contradicts the others.
+    public func fit(of index: Int) throws -> (residual: Float, weight: Float, outlier: Bool) {
+        var fit = try filled(svbrdf_frame_fit(), svbrdf_frame_fit_init)
+        try check(svbrdf_session_frame_fit(session.handle, UInt32(clamping: index), &fit))
+        return (fit.residual, fit.weight, fit.outlier == 1)
+    }
+
+    /// The maps as they are now, at 1 / 2^level of the size; nil before the first photo.
+    public func snapshot(reducedBy level: Int = 0) throws -> MaterialMaps? {
+        try taken { svbrdf_session_snapshot_reduced(session.handle, UInt32(clamping: level), $0) }
+    }
+
+    /// The maps with how far they may be off; nil before the first photo. Ask once the fit has settled.
+    public func snapshotWithConfidence() throws -> MaterialMaps? {
+        try taken { svbrdf_session_snapshot_confidence(session.handle, $0) }
+    }
+
+    private func taken(
+        _ take: (UnsafeMutablePointer<OpaquePointer?>) -> svbrdf_status
+    ) throws -> MaterialMaps? {
+        var maps: OpaquePointer?
+        let status = take(&maps)
+        if status == SVBRDF_NO_MAPS { return nil }
+        try check(status)
+        return try MaterialMaps(maps!)
+    }
+
+    /// Writes PNG, OpenEXR and a preview into a folder; throws `.noMaps` before the first photo.
+    public func export(to folder: URL) throws {
+        try check(svbrdf_session_export(session.handle, folder.path))
+    }
+
+    /// From where the next photo tells most; nil before the first one.
+    public func nextView() throws -> NextView? {
+        var view = try filled(svbrdf_next_view(), svbrdf_next_view_init)
+        try check(svbrdf_session_next_view(session.handle, &view))
+        return view.known == 1 ? NextView(view) : nil
+    }
+
+    public func progress() throws -> Progress {
+        var progress = try filled(svbrdf_progress(), svbrdf_progress_init)
+        try check(svbrdf_session_progress(session.handle, &progress))
+        return Progress(progress)
+    }
+
+    /// Suspends until the fit has settled on all photos so far; ends early when its task is cancelled.
+    public func settle() async throws {
+        while true {
+            let status = svbrdf_session_wait(session.handle, 0)
+            if status != SVBRDF_TIMEOUT { return try check(status) }
+            try await Task.sleep(for: .milliseconds(50))
+        }
+    }
+
+    /// Saves the scan into a file, from which `init(restoring:)` goes on in another process.
+    public func save(to file: URL) throws {
+        try check(svbrdf_session_save_state_to(session.handle, file.path))
+    }
+
+    /// Limits the work on each photo; nil and 0: any amount.
+    public func setBudget(seconds: Float? = nil, steps: Int = 0, stopWhenInvisible: Bool = false) throws {
+        var budget = try filled(svbrdf_budget(), svbrdf_budget_init)
+        if let seconds { budget.seconds = seconds }
+        budget.max_steps = UInt32(clamping: steps)
+        budget.stop_when_invisible = stopWhenInvisible ? 1 : 0
+        try check(svbrdf_session_set_budget(session.handle, &budget))
+    }
+
+    /// Holds the fit; photos are still taken in.
+    public func pause() throws {
+        try check(svbrdf_session_pause(session.handle))
+    }
+
+    /// Goes on after `pause`.
+    public func resume() throws {
+        try check(svbrdf_session_resume(session.handle))
+    }
+
+    /// Ends the fit; photos are refused from now on, maps stay available. Waits for nothing, not even for
+    /// calls on their way.
+    public nonisolated func cancel() throws {
+        try check(svbrdf_session_cancel(session.handle))
+    }
+}

@@ -1,0 +1,174 @@
+import SVBRDF
+
+/// Why a photo cannot be used. Show `advice` for those that are not known here.
+public struct Rejection: RawRepresentable, Hashable, Sendable {
+    public let rawValue: UInt32
+
+    public init(rawValue: UInt32) {
+        self.rawValue = rawValue
+    }
+
+    public static let other = Self(rawValue: UInt32(SVBRDF_REJECTION_OTHER))
+    public static let wrongSize = Self(rawValue: UInt32(SVBRDF_REJECTION_WRONG_SIZE))
+    public static let boardNotFound = Self(rawValue: UInt32(SVBRDF_REJECTION_BOARD_NOT_FOUND))
+    public static let tooFewCorners = Self(rawValue: UInt32(SVBRDF_REJECTION_TOO_FEW_CORNERS))
+    public static let poseUncertain = Self(rawValue: UInt32(SVBRDF_REJECTION_POSE_UNCERTAIN))
+    public static let blurred = Self(rawValue: UInt32(SVBRDF_REJECTION_BLURRED))
+    public static let tooDark = Self(rawValue: UInt32(SVBRDF_REJECTION_TOO_DARK))
+    public static let clipped = Self(rawValue: UInt32(SVBRDF_REJECTION_CLIPPED))
+    public static let tooGrazing = Self(rawValue: UInt32(SVBRDF_REJECTION_TOO_GRAZING))
+    public static let sampleOutside = Self(rawValue: UInt32(SVBRDF_REJECTION_SAMPLE_OUTSIDE))
+    public static let lightNotVisible = Self(rawValue: UInt32(SVBRDF_REJECTION_LIGHT_NOT_VISIBLE))
+    public static let notFinite = Self(rawValue: UInt32(SVBRDF_REJECTION_NOT_FINITE))
+}
+
+/// What an accepted photo could do better.
+public struct Hints: OptionSet, Hashable, Sendable {
+    public let rawValue: UInt32
+
+    public init(rawValue: UInt32) {
+        self.rawValue = rawValue
+    }
+
+    public static let other = Self(rawValue: UInt32(SVBRDF_HINT_OTHER))
+    /// Nearly the view of an earlier photo: move the camera.
+    public static let nothingNew = Self(rawValue: UInt32(SVBRDF_HINT_NOTHING_NEW))
+    /// The pixel values are not linear.
+    public static let notLinear = Self(rawValue: UInt32(SVBRDF_HINT_NOT_LINEAR))
+}
+
+/// Where the board lies as the camera sees it: x_camera = rotation * x_board + translation.
+public struct Pose: Hashable, Sendable {
+    /// Rows, one after the other.
+    public let rotation: [Double]
+    public let translationMM: [Double]
+    public let reprojectionRMSPixels: Double
+
+    init?(_ known: UInt32, _ rotation: [Double], _ translation: [Double], _ rms: Double) {
+        guard known == 1 else { return nil }
+        (self.rotation, translationMM, reprojectionRMSPixels) = (rotation, translation, rms)
+    }
+}
+
+/// What became of a photo.
+public enum Pushed: Hashable, Sendable {
+    case accepted(index: Int, hints: Hints, pose: Pose?, advice: String)
+    /// The scan is as if it had not come. `advice` is for the user; `measured` and `limit` are what the
+    /// reason is about.
+    case rejected(Rejection, measured: Float, limit: Float, advice: String)
+
+    init(_ report: svbrdf_frame_report) {
+        let advice = text(report.advice)
+        guard report.accepted == 1 else {
+            let reason = Rejection(rawValue: report.rejection)
+            self = .rejected(reason, measured: report.measured, limit: report.limit, advice: advice)
+            return
+        }
+        let pose = Pose(
+            report.has_pose, numbers(report.rotation, as: Double.self),
+            numbers(report.translation_mm, as: Double.self), report.reprojection_rms_px
+        )
+        let hints = Hints(rawValue: report.hints)
+        self = .accepted(index: Int(report.index), hints: hints, pose: pose, advice: advice)
+    }
+}
+
+/// What a photo or a picture of the preview would be good for.
+public struct Probe: Hashable, Sendable {
+    public let acceptable: Bool
+    /// Why it would be rejected.
+    public let rejection: Rejection?
+    public let hints: Hints
+    public let advice: String
+    public let cornersFound: Int
+    /// Corners that the whole board has.
+    public let cornersExpected: Int
+    public let pose: Pose?
+    public let distanceMM: Float
+    /// Degrees off the top.
+    public let tiltDegrees: Float
+    /// Side that the camera looks from, degrees counter-clockwise from the board's right.
+    public let azimuthDegrees: Float
+    /// Degrees off the view asked for; nil: none is asked for yet.
+    public let offNextDegrees: Float?
+    /// Share of the sample inside the picture.
+    public let sampleSeen: Float
+    /// Corners of the sample in the picture, px: x, y of each.
+    public let samplePixels: [Float]
+    public let blurPixels: Float
+
+    init(_ probe: svbrdf_probe) {
+        acceptable = probe.acceptable == 1
+        let none = svbrdf_rejection(SVBRDF_REJECTION_NONE)
+        rejection = probe.rejection == none ? nil : Rejection(rawValue: probe.rejection)
+        hints = Hints(rawValue: probe.hints)
+        advice = text(probe.advice)
+        (cornersFound, cornersExpected) = (Int(probe.corners_found), Int(probe.corners_expected))
+        pose = Pose(
+            probe.has_pose, numbers(probe.rotation, as: Double.self),
+            numbers(probe.translation_mm, as: Double.self), probe.reprojection_rms_px
+        )
+        (distanceMM, tiltDegrees) = (probe.distance_mm, probe.tilt_deg)
+        azimuthDegrees = probe.azimuth_deg
+        offNextDegrees = probe.off_next_deg < 0 ? nil : probe.off_next_deg
+        sampleSeen = probe.sample_seen
+        samplePixels = numbers(probe.sample_px, as: Float.self)
+        blurPixels = probe.blur_px
+    }
+}
+
+/// From where the next photo tells most.
+public struct NextView: Hashable, Sendable {
+    public let tiltDegrees: Float
+    public let azimuthDegrees: Float
+    /// Towards the camera, board frame: X right, Y up, Z out of the sample.
+    public let direction: SIMD3<Float>
+
+    init(_ view: svbrdf_next_view) {
+        (tiltDegrees, azimuthDegrees) = (view.tilt_deg, view.azimuth_deg)
+        direction = SIMD3(view.direction.0, view.direction.1, view.direction.2)
+    }
+}
+
+/// State of the fit.
+public struct Progress: Hashable, Sendable {
+    public enum State: Hashable, Sendable {
+        case ready, fitting, paused, cancelled, failed
+    }
+
+    public let state: State
+    public let photos: Int
+    public let settled: Bool
+    public let fraction: Float
+    /// What the fit does, in a word of English; empty where nothing is done.
+    public let phase: String
+    /// Rises with every new set of maps.
+    public let mapsRevision: UInt64
+
+    init(_ progress: svbrdf_progress) {
+        state = switch progress.state {
+        case svbrdf_state(SVBRDF_STATE_READY): .ready
+        case svbrdf_state(SVBRDF_STATE_PAUSED): .paused
+        case svbrdf_state(SVBRDF_STATE_CANCELLED): .cancelled
+        case svbrdf_state(SVBRDF_STATE_FAILED): .failed
+        default: .fitting
+        }
+        (photos, settled) = (Int(progress.frames), progress.settled == 1)
+        (fraction, mapsRevision) = (progress.fraction, progress.maps_revision)
+        let none = progress.phase == svbrdf_phase(SVBRDF_PHASE_NONE)
+        phase = none ? "" : String(cString: svbrdf_phase_name(progress.phase))
+    }
+}
+
+/// How far each map may be off: a standard deviation.
+public struct Confidence: Hashable, Sendable {
+    public let normal: Float
+    public let diffuse: Float
+    public let specular: Float
+    public let roughness: Float
+
+    init(_ confidence: svbrdf_confidence) {
+        (normal, diffuse) = (confidence.normal, confidence.diffuse)
+        (specular, roughness) = (confidence.specular, confidence.roughness)
+    }
+}
