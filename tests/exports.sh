@@ -9,7 +9,10 @@ trap 'rm -rf "$work"' EXIT
 
 [ -x target/release/svbrdf ] || cargo build --release -p svbrdf-cli --bin svbrdf
 svbrdf=$PWD/target/release/svbrdf
-skip() { echo "SKIPPED: $*"; }
+skip() {
+  echo "SKIPPED: $*"
+  echo "$*" >> "${SVBRDF_SKIPPED:-/dev/null}"
+}
 
 packages=()
 command -v npm >/dev/null || packages+=(nodejs npm)
@@ -24,7 +27,8 @@ fi
 mkdir -p "$tools"
 cp tests/exports/*.mjs tests/exports/views.json "$tools"
 if [ ! -d "$tools/node_modules/playwright-core" ]; then
-  npm install --silent --no-audit --no-fund --prefix "$tools" gltf-validator three playwright-core ||
+  # Later ones refuse Debian 12's Node.
+  npm install --silent --no-audit --no-fund --prefix "$tools" gltf-validator three playwright-core@1.61 ||
     skip "npm packages cannot be had"
 fi
 if [ ! -x "$tools/venv/bin/python" ] || ! "$tools/venv/bin/python" -c 'import MaterialX, pxr' 2>/dev/null; then

@@ -7,6 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 skip() {
   echo "SKIPPED: report.html is not looked at in a browser: $1"
+  echo "report.html in a browser" >> "${SVBRDF_SKIPPED:-/dev/null}"
   exit 0
 }
 
@@ -24,7 +25,8 @@ tools=$folder/report-tools
 mkdir -p "$tools"
 [ -d "$tools/node_modules/playwright-core" ] && [ -d "$tools/node_modules/pngjs" ] &&
   [ -d "$tools/node_modules/axe-core" ] ||
-  npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core pngjs axe-core ||
+  # Later ones of the first refuse Debian 12's Node.
+  npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core@1.61 pngjs axe-core ||
   skip "playwright-core, pngjs and axe-core cannot be installed"
 
 [ -x "$folder/release/svbrdf" ] || cargo build --quiet --release -p svbrdf-cli --bin svbrdf

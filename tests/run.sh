@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # Runs every check of the repository; installs the system packages they need when missing
 # (Debian, Ubuntu). SVBRDF_TEST_DATA may name a folder with further captures: what is missing there
-# fails; without it, the last line counts what was left out.
+# fails; without it, the last lines name and count what was left out.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 SVBRDF_SKIPPED=$(mktemp)
 export SVBRDF_SKIPPED
 count_skipped() {
-  [ ! -s "$SVBRDF_SKIPPED" ] ||
-    echo "SKIPPED: $(sort -u "$SVBRDF_SKIPPED" | wc -l) checks; SVBRDF_TEST_DATA or a tool is missing"
+  if [ -s "$SVBRDF_SKIPPED" ]; then
+    sort -u "$SVBRDF_SKIPPED" | sed 's/^/  /'
+    echo "SKIPPED: these $(sort -u "$SVBRDF_SKIPPED" | wc -l) checks; SVBRDF_TEST_DATA or a tool is missing"
+  fi
   rm -f "$SVBRDF_SKIPPED"
 }
 trap count_skipped EXIT

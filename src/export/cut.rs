@@ -1,6 +1,9 @@
 //! Where a patch over the left and right borders of a [`Stack`] comes from, and where it begins and
 //! ends: places and paths at which it differs least from what lies below.
 
+use std::borrow::Cow;
+use std::ops::Range;
+
 use super::stack::Stack;
 use crate::parallel;
 use crate::svbrdf::CHANNELS;
@@ -34,13 +37,13 @@ pub(super) struct Cuts {
 impl Cuts {
     /// The patch whose cuts cost least. `closed`: rows are periodic.
     pub fn cheapest(stack: &Stack, closed: bool) -> Self {
-        let places = WIDTHS.map(|sixteenths| Search { sixteenths, closed }.place(stack));
+        let levels = Levels::of(stack);
+        let places = WIDTHS.map(|sixteenths| Search { sixteenths, closed }.place(&levels));
         let [narrow, wide] = places;
         let (_, source, half) = if wide.0 < narrow.0 { wide } else { narrow };
-        let weights = stack.weights();
         let [begin, end] = [false, true].map(|right| {
-            let costs = errors(stack, &weights, half, source, right);
-            if closed { least_closed_path(&costs, half) } else { least_path(&costs, half, None).1 }
+            let costs = Strip { level: levels.finest(), half, source, right }.all_errors();
+            if closed { least_closed_path(&costs, half) } else { least_path(&costs, half, None) }
         });
         let first = stack.width - half;
         Self {
@@ -50,6 +53,47 @@ impl Cuts {
             // At least one column of the patch on either side of the border.
             end: end.into_iter().map(|x| x.max(1)).collect(),
         }
+    }
+}
+
+/// The maps, or a smaller copy of them.
+struct Level<'a> {
+    stack: Cow<'a, Stack>,
+    weights: [f32; CHANNELS],
+    /// Texels that make one of the copy's, along each side.
+    factor: usize,
+}
+
+impl<'a> Level<'a> {
+    fn new(stack: &'a Stack, factor: usize) -> Self {
+        let stack = match factor {
+            1 => Cow::Borrowed(stack),
+            _ => Cow::Owned(stack.reduced(factor)),
+        };
+        Self { weights: stack.weights(), stack, factor }
+    }
+}
+
+/// What places are searched on, one after the other; the last are the maps themselves.
+struct Levels<'a> {
+    coarsest: Level<'a>,
+    finer: Vec<Level<'a>>,
+}
+
+impl<'a> Levels<'a> {
+    fn of(stack: &'a Stack) -> Self {
+        let mut factor = stack.width.max(stack.height).div_ceil(SEARCH_SIDE);
+        let coarsest = Level::new(stack, factor);
+        let mut finer = Vec::new();
+        while factor > 1 {
+            factor = factor.div_ceil(REFINEMENT);
+            finer.push(Level::new(stack, factor));
+        }
+        Self { coarsest, finer }
+    }
+
+    fn finest(&self) -> &Level<'a> {
+        self.finer.last().unwrap_or(&self.coarsest)
     }
 }
 
@@ -67,85 +111,158 @@ impl Search {
 
     /// Cost, source and half width, see [`Cuts`]: the best of all places of a small copy, then of
     /// those around it in larger ones.
-    fn place(&self, stack: &Stack) -> (f32, [usize; 2], usize) {
-        let mut factor = stack.width.max(stack.height).div_ceil(SEARCH_SIDE);
-        let small = stack.reduced(factor);
-        let half = self.half(&small);
+    fn place(&self, levels: &Levels) -> (f32, [usize; 2], usize) {
+        let (small, mut factor) = (&levels.coarsest.stack, levels.coarsest.factor);
+        let half = self.half(small);
         // Differences across a cut need one column more of the source on either side.
         let columns = half + 1..small.width - half;
         let rows = if self.closed { small.height } else { 1 };
         let places: Vec<_> = columns.flat_map(|x| (0..rows).map(move |y| [x, y])).collect();
-        let (mut cost, mut at) = self.cheapest(&small, &places);
-        while factor > 1 {
-            let finer = factor.div_ceil(REFINEMENT);
-            let copy = stack.reduced(finer);
-            let (half, reach) = (self.half(&copy), factor.div_ceil(finer) as isize);
+        let (mut cost, mut at) = self.cheapest(&levels.coarsest, &places);
+        for level in &levels.finer {
+            let (copy, finer) = (&level.stack, level.factor);
+            let (half, reach) = (self.half(copy), factor.div_ceil(finer) as isize);
             at = at.map(|v| v * factor / finer);
             let column = |d| at[0].saturating_add_signed(d).clamp(half + 1, copy.width - half - 1);
             let columns: Vec<_> =
                 (-reach..=reach).map(|d| [column(d), at[1] % copy.height]).collect();
-            (cost, at) = self.cheapest(&copy, &columns);
+            (cost, at) = self.cheapest(level, &columns);
             if self.closed {
                 let row = |d: isize| (at[1] as isize + d).rem_euclid(copy.height as isize) as usize;
                 let rows: Vec<_> = (-reach..=reach).map(|d| [at[0], row(d)]).collect();
-                (cost, at) = self.cheapest(&copy, &rows);
+                (cost, at) = self.cheapest(level, &rows);
             }
             factor = finer;
         }
-        (cost, at, self.half(stack))
+        (cost, at, self.half(&levels.finest().stack))
     }
 
     /// The place whose two cuts cost least, and what they cost.
-    fn cheapest(&self, stack: &Stack, places: &[[usize; 2]]) -> (f32, [usize; 2]) {
-        let (half, weights) = (self.half(stack), stack.weights());
-        let costs = parallel::map(places.len(), |i| {
-            let cost =
-                |right| least_path(&errors(stack, &weights, half, places[i], right), half, None).0;
-            (cost(false) + cost(true), places[i])
+    fn cheapest(&self, level: &Level, places: &[[usize; 2]]) -> (f32, [usize; 2]) {
+        /// Places looked at together, row by row: they share what is read.
+        const TOGETHER: usize = 4;
+        let half = self.half(&level.stack);
+        let groups: Vec<_> = places.chunks(TOGETHER).collect();
+        // Of the left and of the right cut of each group.
+        let costs = parallel::map(2 * groups.len(), |i| {
+            let right = i % 2 == 1;
+            let strip = |&source| Strip { level, half, source, right };
+            least_costs(&groups[i / 2].iter().map(strip).collect::<Vec<_>>())
         });
-        let best = costs.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let sums = costs.chunks_exact(2).flat_map(|c| c[0].iter().zip(&c[1]).map(|(a, b)| a + b));
+        let best = sums.zip(places.iter().copied()).min_by(|a, b| a.0.total_cmp(&b.0));
         best.unwrap_or((f32::MAX, [half + 1, 0]))
     }
 }
 
-/// How much the material and the patch differ over `half` columns at the left or right end of the
-/// patch, row by row: squared differences of their slopes, and some of their values, which are
-/// brought together later on.
-fn errors(
-    stack: &Stack,
-    weights: &[f32; CHANNELS],
+/// The columns at the left or right end of a patch in which it may begin or end.
+struct Strip<'a> {
+    level: &'a Level<'a>,
     half: usize,
-    [sx, sy]: [usize; 2],
+    /// As in [`Cuts`].
+    source: [usize; 2],
     right: bool,
-) -> Vec<f32> {
-    let (w, h) = (stack.width, stack.height);
-    let (own, from) = if right { (0, sx) } else { (w - half, sx - half) };
-    let cost =
-        |value: f32, along: f32, down: f32| VALUES * value * value + along * along + down * down;
-    let mut out = vec![0.0; half * h];
-    let (mut here, mut above) = (vec![0.0; half], vec![0.0; half]);
-    for (plane, weight) in stack.planes.iter().zip(weights) {
-        for (y, out) in out.chunks_exact_mut(half).enumerate() {
+}
+
+impl Strip<'_> {
+    /// How much the material and the patch differ in a row: squared differences of their slopes, and
+    /// some of their values, which are brought together later on. `above`: by how much each channel
+    /// differs in the row before, afterwards in this one.
+    fn errors(&self, y: usize, above: &mut [f32], errors: &mut [f32]) {
+        let (stack, half, [sx, sy]) = (&self.level.stack, self.half, self.source);
+        let (w, h) = (stack.width, stack.height);
+        let (own, from) = if self.right { (0, sx) } else { (w - half, sx - half) };
+        let cost = |value: f32, along: f32, down: f32| {
+            VALUES * value * value + along * along + down * down
+        };
+        errors.fill(0.0);
+        let weights = &self.level.weights;
+        let channels = stack.planes.iter().zip(weights).zip(above.chunks_exact_mut(half));
+        for ((plane, weight), above) in channels {
+            let here = &plane[y * w + own..][..half];
             let there = &plane[(y + sy) % h * w + from..][..half];
-            let pairs = plane[y * w + own..][..half].iter().zip(there);
-            here.iter_mut().zip(pairs).for_each(|(d, (a, b))| *d = a - b);
             if y == 0 {
-                above.copy_from_slice(&here);
+                let pairs = here.iter().zip(there);
+                above.iter_mut().zip(pairs).for_each(|(d, (a, b))| *d = a - b);
             }
-            out[0] += weight * cost(here[0], 0.0, here[0] - above[0]);
-            let pairs = here.windows(2).zip(&above[1..]);
-            for (e, (d, above)) in out[1..].iter_mut().zip(pairs) {
-                *e += weight * cost(d[1], d[1] - d[0], d[1] - above);
+            let first = here[0] - there[0];
+            errors[0] += weight * cost(first, 0.0, first - above[0]);
+            above[0] = first;
+            // Slices of one length let the loop be vectorised.
+            let n = half - 1;
+            let (before, here) = (&here[..n], &here[1..]);
+            let (there_before, there) = (&there[..n], &there[1..]);
+            let (above, errors) = (&mut above[1..], &mut errors[1..]);
+            for x in 0..n {
+                let d = here[x] - there[x];
+                let along = d - (before[x] - there_before[x]);
+                errors[x] += weight * cost(d, along, d - above[x]);
+                above[x] = d;
             }
-            std::mem::swap(&mut here, &mut above);
         }
     }
-    out
+
+    /// The errors of all rows.
+    fn all_errors(&self) -> Vec<f32> {
+        let mut errors = vec![0.0; self.half * self.level.stack.height];
+        let mut above = vec![0.0; self.half * CHANNELS];
+        for (y, row) in errors.chunks_exact_mut(self.half).enumerate() {
+            self.errors(y, &mut above, row);
+        }
+        errors
+    }
+}
+
+/// What the cheapest path through each of some strips of one size costs.
+fn least_costs(strips: &[Strip]) -> Vec<f32> {
+    let Some(Strip { level, half, .. }) = strips.first() else { return Vec::new() };
+    let mut errors = vec![0.0; *half];
+    let start = || (vec![0.0; half * CHANNELS], Totals::new(vec![0.0; *half]));
+    let mut states: Vec<_> = strips.iter().map(|_| start()).collect();
+    for y in 0..level.stack.height {
+        for (strip, (above, totals)) in strips.iter().zip(&mut states) {
+            strip.errors(y, above, &mut errors);
+            totals.advance(&errors);
+        }
+    }
+    states.into_iter().map(|(_, totals)| totals.least(0..*half)).collect()
+}
+
+/// Costs of the cheapest paths to each column of a row.
+struct Totals {
+    /// Between two that no path reaches.
+    row: Vec<f32>,
+    next: Vec<f32>,
+}
+
+impl Totals {
+    fn new(costs: Vec<f32>) -> Self {
+        let beyond = [f32::INFINITY];
+        let row = [&beyond, costs.as_slice(), &beyond].concat();
+        Self { next: row.clone(), row }
+    }
+
+    /// Goes on to a row of such costs.
+    fn advance(&mut self, costs: &[f32]) {
+        let n = costs.len();
+        let (left, here, right) = (&self.row[..n], &self.row[1..][..n], &self.row[2..][..n]);
+        let next = &mut self.next[1..][..n];
+        let less = |a: f32, b: f32| if b < a { b } else { a };
+        for x in 0..n {
+            next[x] = less(less(here[x], left[x]), right[x]) + costs[x];
+        }
+        std::mem::swap(&mut self.row, &mut self.next);
+    }
+
+    /// The least of some columns.
+    fn least(&self, columns: Range<usize>) -> f32 {
+        self.row[1..][columns].iter().copied().fold(f32::INFINITY, f32::min)
+    }
 }
 
 /// The path of least cost from the first to the last row, a column to either side at most from row
-/// to row: its cost and columns. With `start`, it begins there and ends so that it can go on there.
-fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> (f32, Vec<usize>) {
+/// to row: its columns. With `start`, it begins there and ends so that it can go on there.
+fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> Vec<usize> {
     let rows = costs.len() / width;
     let mut total: Vec<f32> = match start {
         None => costs[..width].to_vec(),
@@ -170,20 +287,24 @@ fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> (f32, Vec<us
     let allowed = |x: &usize| start.is_none_or(|s| x.abs_diff(s) <= 1);
     let ends = (0..width).filter(allowed).min_by(|&a, &b| total[a].total_cmp(&total[b]));
     let mut x = ends.unwrap_or(0);
-    let cost = total[x];
     let mut path = vec![x; rows];
     for y in (1..rows).rev() {
         x = x.strict_add_signed(from[y * width + x].into());
         path[y - 1] = x;
     }
-    (cost, path)
+    path
 }
 
 /// The path of least cost that closes on itself: the best over all starts.
 fn least_closed_path(costs: &[f32], width: usize) -> Vec<usize> {
-    let paths = parallel::map(width, |start| least_path(costs, width, Some(start)));
-    let best = paths.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or_else(Vec::new, |(_, path)| path)
+    let closed = parallel::map(width, |start| {
+        let only = |x: usize| if x == start { costs[x] } else { f32::INFINITY };
+        let mut totals = Totals::new((0..width).map(only).collect());
+        costs.chunks_exact(width).skip(1).for_each(|row| totals.advance(row));
+        totals.least(start.saturating_sub(1)..(start + 2).min(width))
+    });
+    let best = (0..width).min_by(|&a, &b| closed[a].total_cmp(&closed[b]));
+    least_path(costs, width, best)
 }
 
 #[cfg(test)]
@@ -220,8 +341,7 @@ mod tests {
         let sum = |path: &[usize]| -> f32 {
             path.iter().enumerate().map(|(y, &x)| costs[y * width + x]).sum()
         };
-        let (cost, path) = least_path(&costs, width, None);
-        assert!((cost - best[0]).abs() < 1e-6 && (sum(&path) - cost).abs() < 1e-6);
+        assert!((sum(&least_path(&costs, width, None)) - best[0]).abs() < 1e-6);
         let closed = least_closed_path(&costs, width);
         assert!((sum(&closed) - best[1]).abs() < 1e-6);
         assert!(closed[0].abs_diff(closed[rows - 1]) <= 1);

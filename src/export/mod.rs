@@ -26,6 +26,7 @@ mod template;
 mod textures;
 mod tile;
 mod tile_picture;
+mod transpose;
 mod usdz;
 
 pub use files::{check_writable, write_atomic, write_exr_image, write_files, write_png16_image};

@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use num_complex::Complex;
 
 use super::fft::Fft;
+use super::transpose::transpose;
 use crate::parallel;
 
 /// How an axis ends.
@@ -39,36 +40,10 @@ pub(super) struct Grid {
 impl Grid {
     /// The function of mean 0 whose slopes differ least from the given ones in the squares' sum.
     pub fn integrate(&self, differences: &Differences) -> Vec<f32> {
-        self.solve(differences, 0.0)
-    }
-
-    /// The same of a function that is to be 0 as well: it dies away over a distance of `range`.
-    pub fn integrate_near(&self, differences: &Differences, range: f64) -> Vec<f32> {
-        self.solve(differences, (range * range).recip())
-    }
-
-    /// Least squares of slopes, and of values times the root of `screening`.
-    fn solve(&self, differences: &Differences, screening: f64) -> Vec<f32> {
-        let (w, h) = (self.width, self.height);
-        let (along, down) = (Axis::new(w, self.borders[0]), Axis::new(h, self.borders[1]));
-        let mut values = self.divergence(differences);
-        along.transform(&mut values, Axis::forward);
-        let mut columns = transposed(&values, w, h);
-        down.transform(&mut columns, Axis::forward);
-        let [x_eigenvalues, y_eigenvalues] = [(&along, 0), (&down, 1)].map(|(axis, i)| {
-            let k = (self.spacing[i] * self.spacing[i]).recip();
-            (0..axis.length).map(|n| k * axis.eigenvalue(n)).collect::<Vec<f64>>()
-        });
-        parallel::parts(columns.chunks_mut(h), |x, column| {
-            for (v, y) in column.iter_mut().zip(&y_eigenvalues) {
-                let eigenvalue = x_eigenvalues[x] + y + screening;
-                *v = if eigenvalue > 0.0 { *v / -eigenvalue } else { 0.0 };
-            }
-        });
-        down.transform(&mut columns, Axis::inverse);
-        values = transposed(&columns, h, w);
-        along.transform(&mut values, Axis::inverse);
-        values.into_iter().map(|v| v as f32).collect()
+        let mut solver = Solver::new(*self, 0.0);
+        self.diverge(differences, &mut solver.values);
+        solver.solve();
+        solver.values.into_iter().map(|v| v as f32).collect()
     }
 
     /// Share of the squared slopes that the function does not have, 0 to 1; 0 where there are none.
@@ -93,11 +68,10 @@ impl Grid {
         if all > 0.0 { (left / all) as f32 } else { 0.0 }
     }
 
-    fn divergence(&self, differences: &Differences) -> Vec<f64> {
+    fn diverge(&self, differences: &Differences, out: &mut [f64]) {
         let (w, h) = (self.width, self.height);
         let [kx, ky] = self.spacing.map(|s| (s * s).recip());
         let [free_x, free_y] = self.borders.map(|b| b == Border::Free);
-        let mut out = vec![0.0; w * h];
         parallel::parts(out.chunks_mut(w), |y, row| {
             let above = (y + h - 1) % h;
             for (x, v) in row.iter_mut().enumerate() {
@@ -110,25 +84,84 @@ impl Grid {
                 *v = kx * f64::from(right - left) + ky * f64::from(down - up);
             }
         });
-        out
     }
 }
 
-/// Rows of a grid become columns.
-fn transposed(values: &[f64], width: usize, height: usize) -> Vec<f64> {
-    /// Values along each side of the blocks that are copied at once: they fit the caches.
-    const BLOCK: usize = 16;
-    let mut out = vec![0.0; values.len()];
-    parallel::parts(out.chunks_mut(BLOCK * height), |band, out| {
-        for y0 in (0..height).step_by(BLOCK) {
-            for (x, column) in out.chunks_exact_mut(height).enumerate() {
-                for y in y0..(y0 + BLOCK).min(height) {
-                    column[y] = values[y * width + band * BLOCK + x];
-                }
-            }
+/// A difference that is to be made between two values.
+pub(super) struct Step {
+    pub from: usize,
+    pub to: usize,
+    pub by: f32,
+}
+
+/// Spreads single steps over their surroundings: finds the function whose differences are least but
+/// for these steps in the squares' sum, and that is to be 0 as well: it dies away over a distance.
+/// For many functions on one grid, whose distances between columns and rows are 1.
+pub(super) struct Spread(Solver);
+
+impl Spread {
+    pub fn new(width: usize, height: usize, borders: [Border; 2], range: f64) -> Self {
+        let grid = Grid { width, height, borders, spacing: [1.0; 2] };
+        Self(Solver::new(grid, (range * range).recip()))
+    }
+
+    /// The function; steps lead from values to their neighbours.
+    pub fn spread(&mut self, steps: impl IntoIterator<Item = Step>) -> &[f64] {
+        let values = &mut self.0.values;
+        values.fill(0.0);
+        for step in steps {
+            values[step.from] += f64::from(step.by);
+            values[step.to] -= f64::from(step.by);
         }
-    });
-    out
+        self.0.solve();
+        &self.0.values
+    }
+}
+
+/// Poisson's equation on a grid, screened: least squares of slopes, and of values times the root of
+/// a weight.
+struct Solver {
+    along: Axis,
+    down: Axis,
+    /// What each frequency is divided by, of each axis.
+    eigenvalues: [Vec<f64>; 2],
+    screening: f64,
+    /// The slopes' divergence, then the solution.
+    values: Vec<f64>,
+    /// Space for its columns.
+    columns: Vec<f64>,
+}
+
+impl Solver {
+    fn new(grid: Grid, screening: f64) -> Self {
+        let (w, h) = (grid.width, grid.height);
+        let (along, down) = (Axis::new(w, grid.borders[0]), Axis::new(h, grid.borders[1]));
+        let eigenvalues = [(&along, 0), (&down, 1)].map(|(axis, i)| {
+            let k = (grid.spacing[i] * grid.spacing[i]).recip();
+            (0..axis.length).map(|n| k * axis.eigenvalue(n)).collect()
+        });
+        let [values, columns] = [(); 2].map(|()| vec![0.0; w * h]);
+        Self { along, down, eigenvalues, screening, values, columns }
+    }
+
+    /// Puts the solution in place of the divergence.
+    fn solve(&mut self) {
+        let (w, h) = (self.along.length, self.down.length);
+        let [x_eigenvalues, y_eigenvalues] = &self.eigenvalues;
+        let (values, columns) = (&mut self.values, &mut self.columns);
+        self.along.transform(values, Axis::forward);
+        transpose(values, w, columns);
+        self.down.transform(columns, Axis::forward);
+        parallel::parts(columns.chunks_mut(h), |x, column| {
+            for (v, y) in column.iter_mut().zip(y_eigenvalues) {
+                let eigenvalue = x_eigenvalues[x] + y + self.screening;
+                *v = if eigenvalue > 0.0 { *v / -eigenvalue } else { 0.0 };
+            }
+        });
+        self.down.transform(columns, Axis::inverse);
+        transpose(columns, h, values);
+        self.along.transform(values, Axis::inverse);
+    }
 }
 
 /// Transform of one axis whose basis are the eigenvectors of second differences: cosines where it
@@ -285,15 +318,14 @@ mod tests {
     #[test]
     fn near_solutions_die_away() {
         let (n, range) = (200, 10.0);
-        let mut right = vec![0.0; n];
-        right[99] = 1.0;
-        let given = Differences { right, down: vec![0.0; n] };
-        let grid = Grid { width: n, height: 1, borders: [Border::Periodic; 2], spacing: [1.0; 2] };
-        let found = grid.integrate_near(&given, range);
+        let mut spread = Spread::new(n, 1, [Border::Periodic; 2], range);
+        // What was spread before does not matter.
+        spread.spread([Step { from: 3, to: 4, by: 5.0 }]);
+        let found = spread.spread([Step { from: 99, to: 100, by: 1.0 }]);
         // (u[i+1] - 2 u[i] + u[i-1]) range² = u[i] decays by this from value to value.
         let decay = (0.5 / range).asinh() * 2.0;
         for i in 0..60 {
-            let expected = found[100] * (-decay * i as f64).exp() as f32;
+            let expected = found[100] * (-decay * i as f64).exp();
             assert!((found[100 + i] - expected).abs() < 1e-4, "{i}: {} {expected}", found[100 + i]);
             assert!((found[100 + i] + found[99 - i]).abs() < 1e-6, "antisymmetric");
         }

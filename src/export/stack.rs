@@ -1,5 +1,6 @@
 //! Maps as planes in which differences mean about the same to the eye, for [`tile`](super::tile).
 
+use super::transpose::transpose;
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel};
@@ -26,9 +27,14 @@ pub(super) struct Stack {
 impl Stack {
     pub fn of(maps: &Svbrdf) -> Self {
         let root = |c: usize| (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
-        let encode = |c: usize, v: f32| if root(c) { v.max(0.0).sqrt() } else { v };
-        let planes = (0..CHANNELS).map(|c| maps.plane(c).iter().map(|&v| encode(c, v)).collect());
-        Self { width: maps.width(), height: maps.height(), planes: planes.collect() }
+        let planes = parallel::map(CHANNELS, |c| {
+            let mut plane = maps.plane(c).to_vec();
+            if root(c) {
+                plane.iter_mut().for_each(|v| *v = v.max(0.0).sqrt());
+            }
+            plane
+        });
+        Self { width: maps.width(), height: maps.height(), planes }
     }
 
     /// The maps, within their physical range.
@@ -45,9 +51,12 @@ impl Stack {
 
     /// Columns become rows.
     pub fn transposed(&self) -> Self {
-        let (w, h) = (self.width, self.height);
-        let swapped = |plane: &Vec<f32>| (0..w * h).map(|i| plane[i % h * w + i / h]).collect();
-        Self { width: h, height: w, planes: self.planes.iter().map(swapped).collect() }
+        let planes = parallel::map(CHANNELS, |c| {
+            let mut columns = vec![0.0; self.planes[c].len()];
+            transpose(&self.planes[c], self.width, &mut columns);
+            columns
+        });
+        Self { width: self.height, height: self.width, planes }
     }
 
     /// Means of blocks of `factor` by `factor` texels; what is left over at the end is dropped.
@@ -59,16 +68,19 @@ impl Stack {
             let row = |y: usize| plane[(y0 + y) * self.width + x0..][..factor].iter().sum::<f32>();
             (0..factor).map(row).sum::<f32>() / area
         };
-        let planes = self.planes.iter().map(|p| (0..w * h).map(|i| mean(p, i)).collect());
-        Self { width: w, height: h, planes: planes.collect() }
+        let planes = parallel::map(CHANNELS, |c| {
+            let plane = &self.planes[c];
+            (0..w * h).map(|i| mean(plane, i)).collect()
+        });
+        Self { width: w, height: h, planes }
     }
 
     /// Weight of each channel's squared differences: neighbours inside differ by 1 in the mean.
     pub fn weights(&self) -> [f32; CHANNELS] {
         let weights = parallel::map(CHANNELS, |c| {
             let rows = self.planes[c].chunks_exact(self.width);
-            let square = |pair: &[f32]| (pair[1] - pair[0]) * (pair[1] - pair[0]);
-            let row = |row: &[f32]| f64::from(row.windows(2).map(square).sum::<f32>());
+            let square = |a: f32, b: f32| (b - a) * (b - a);
+            let row = |row: &[f32]| f64::from(sum_of(&row[..row.len() - 1], &row[1..], square));
             let count = (self.width - 1) * self.height;
             let mean = (rows.map(row).sum::<f64>() / count as f64) as f32;
             mean.max(LEAST_DIFFERENCE * LEAST_DIFFERENCE).recip()
@@ -76,30 +88,25 @@ impl Stack {
         std::array::from_fn(|c| weights[c])
     }
 
-    /// The same tiles, cut where neighbours differ little: where a tile begins is arbitrary.
-    pub fn with_quiet_borders(&self) -> Self {
+    /// The same tiles, cut where neighbours differ little, as where a tile begins is arbitrary; and
+    /// the mean difference of neighbours across the border against that of all neighbours in the same
+    /// direction, of the map and axis for which it is greatest.
+    pub fn with_quiet_borders(&self) -> (Self, f32) {
         let (w, h) = (self.width, self.height);
         let lines = self.lines();
-        let [dx, dy] = [0, 1].map(|axis| {
+        let [(dx, across), (dy, down)] = [(0, w), (1, h)].map(|(axis, count)| {
             let loudness = |line: usize| greatest(lines.iter().map(|map| map[axis].ratio(line)));
-            let count = [w, h][axis];
-            let least = (0..count).min_by(|&a, &b| loudness(a).total_cmp(&loudness(b)));
-            (least.unwrap_or(0) + 1) % count
+            let louder = |a: &(usize, f32), b: &(usize, f32)| a.1.total_cmp(&b.1);
+            let least = (0..count).map(|line| (line, loudness(line))).min_by(louder);
+            least.map_or((0, 0.0), |(line, loudness)| ((line + 1) % count, loudness))
         });
-        let from = |i: usize| (i / w + dy) % h * w + (i % w + dx) % w;
-        Self {
-            width: w,
-            height: h,
-            planes: self.planes.iter().map(|p| (0..w * h).map(|i| p[from(i)]).collect()).collect(),
-        }
-    }
-
-    /// Mean difference of neighbours across the border against that of all neighbours in the same
-    /// direction, of the map and axis for which it is greatest.
-    pub fn border(&self) -> f32 {
-        let ends = [self.width - 1, self.height - 1];
-        let lines = self.lines();
-        greatest(lines.iter().flat_map(|map| [0, 1].map(|axis| map[axis].ratio(ends[axis]))))
+        let planes = parallel::map(CHANNELS, |c| {
+            let mut plane = self.planes[c].clone();
+            plane.rotate_left(dy * w);
+            plane.chunks_exact_mut(w).for_each(|row| row.rotate_left(dx));
+            plane
+        });
+        (Self { width: w, height: h, planes }, across.max(down))
     }
 
     /// Mean of what `difference` gives for channels of pairs of neighbours against the mean
@@ -137,18 +144,33 @@ impl Stack {
             let row = |y: usize| &plane[y * w..][..w];
             for y in 0..h {
                 if axis == 0 {
-                    let next = row(y)[1..].iter().chain(&row(y)[..1]);
-                    for (sum, (a, b)) in sums.iter_mut().zip(row(y).iter().zip(next)) {
+                    let pairs = row(y).iter().zip(&row(y)[1..]);
+                    for (sum, (a, b)) in sums.iter_mut().zip(pairs) {
                         *sum += f64::from((b - a).abs());
                     }
+                    sums[w - 1] += f64::from((row(y)[0] - row(y)[w - 1]).abs());
                 } else {
-                    let pairs = row(y).iter().zip(row((y + 1) % h));
-                    sums[y] += f64::from(pairs.map(|(a, b)| (b - a).abs()).sum::<f32>());
+                    sums[y] += f64::from(sum_of(row(y), row((y + 1) % h), |a, b| (b - a).abs()));
                 }
             }
         }
         Lines { sums, across }
     }
+}
+
+/// Sum of what is made of pairs of values, in an order that lets it be vectorised.
+fn sum_of(first: &[f32], second: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
+    const LANES: usize = 8;
+    let mut sums = [0.0; LANES];
+    let (first, first_rest) = first.as_chunks::<LANES>();
+    let (second, second_rest) = second.as_chunks::<LANES>();
+    for (a, b) in first.iter().zip(second) {
+        for i in 0..LANES {
+            sums[i] += f(a[i], b[i]);
+        }
+    }
+    let rest = first_rest.iter().zip(second_rest).map(|(a, b)| f(*a, *b));
+    sums.iter().sum::<f32>() + rest.sum::<f32>()
 }
 
 fn greatest(values: impl IntoIterator<Item = f32>) -> f32 {

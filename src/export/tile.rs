@@ -10,10 +10,10 @@
 //! of the 2D Screened Poisson Equation*, 2008). The size in texels and mm stays.
 
 use super::cut::Cuts;
-use super::poisson::{Border, Differences, Grid};
+use super::poisson::{Border, Spread, Step};
 use super::stack::Stack;
 use crate::svbrdf::CHANNELS;
-use crate::{Error, Result, Svbrdf, parallel};
+use crate::{Error, Result, Svbrdf};
 
 /// Fewest texels along a side.
 const MIN_SIDE: usize = 16;
@@ -45,9 +45,9 @@ pub(super) fn seamless(maps: &Svbrdf) -> Result<Tiled> {
     }
     let across = Joined::new(&Stack::of(maps), false);
     let both = Joined::new(&across.stack.transposed(), true);
-    let tile = both.stack.transposed().with_quiet_borders();
+    let (tile, seam) = both.stack.transposed().with_quiet_borders();
     Ok(Tiled {
-        seam: tile.border(),
+        seam,
         joins: across.joins.max(both.joins),
         cuts: across.cuts.max(both.cuts),
         maps: tile.into_maps(),
@@ -68,15 +68,15 @@ impl Joined {
         let patch = Patch { stack, cuts: Cuts::cheapest(stack, closed) };
         let pairs = patch.pairs(closed);
         let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
-        let grid = Grid { width: w, height: h, borders, spacing: [1.0; 2] };
         // Steps are spread inside of the patch, rather than over the whole sample.
-        let range = 0.5 * patch.cuts.half as f64;
-        let planes = parallel::map(CHANNELS, |c| {
+        let mut spread = Spread::new(w, h, borders, 0.5 * patch.cuts.half as f64);
+        let planes = (0..CHANNELS).map(|c| {
             let mut plane = patch.plane(c);
-            let change = grid.integrate_near(&patch.steps(c, &plane, &pairs), range);
-            plane.iter_mut().zip(change).for_each(|(v, change)| *v += change);
+            let change = spread.spread(patch.steps(c, &plane, &pairs));
+            plane.iter_mut().zip(change).for_each(|(v, change)| *v += *change as f32);
             plane
         });
+        let planes = planes.collect();
         let joined = Stack { width: w, height: h, planes };
         let across = |c: usize, pair: &Pair| {
             (joined.planes[c][pair.to.index(w)] - joined.planes[c][pair.from.index(w)]).abs()
@@ -170,17 +170,14 @@ impl Patch<'_> {
     }
 
     /// By how much differences have to change to be the mean of both sides': across the cuts.
-    fn steps(&self, c: usize, plane: &[f32], pairs: &[Pair]) -> Differences {
+    fn steps(&self, c: usize, plane: &[f32], pairs: &[Pair]) -> Vec<Step> {
         let w = self.stack.width;
-        let none = || vec![0.0; plane.len()];
-        let mut steps = Differences { right: none(), down: none() };
-        for pair in pairs {
+        let step = |pair: &Pair| {
             let [own, patch] = self.differences(c, pair);
             let (from, to) = (pair.from.index(w), pair.to.index(w));
-            let axis = if pair.axis == 0 { &mut steps.right } else { &mut steps.down };
-            axis[from] = 0.5 * (own + patch) - (plane[to] - plane[from]);
-        }
-        steps
+            Step { from, to, by: 0.5 * (own + patch) - (plane[to] - plane[from]) }
+        };
+        pairs.iter().map(step).collect()
     }
 }
 

@@ -36,9 +36,9 @@ pub(super) fn tile_picture(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>
     let n = many.texels();
     let mut rgb = vec![0.0; 3 * n];
     render(&many, &view, &mut rgb);
-    let mut sorted = rgb.clone();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let bright = sorted[(0.98 * sorted.len() as f64) as usize];
+    let mut values = rgb.clone();
+    let at = (0.98 * values.len() as f64) as usize;
+    let bright = *values.select_nth_unstable_by(at, f32::total_cmp).1;
     let gain = if bright > 0.0 { 0.8 / bright } else { 1.0 };
     let texture = Texture::colour(3 * w, 3 * h, |i| [0, 1, 2].map(|c| gain * rgb[c * n + i]));
     texture.encode(TextureFormat::Png8, None)

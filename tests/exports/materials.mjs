@@ -1,6 +1,6 @@
 // Writes four uniform materials as folders of maps (8-bit PNG, 64 x 64 texels): materials.mjs DIR.
 import { mkdirSync, writeFileSync } from 'node:fs';
-import { crc32, deflateSync } from 'node:zlib';
+import { deflateSync } from 'node:zlib';
 
 const SIDE = 64;
 const MATERIALS = {
@@ -14,11 +14,11 @@ function chunk(name, data) {
   const body = Buffer.concat([Buffer.from(name), data]);
   const out = Buffer.alloc(8);
   out.writeUInt32BE(data.length, 0);
-  out.writeUInt32BE(crc32 ? crc32(body) : crc(body), 4);
+  out.writeUInt32BE(crc(body), 4);
   return Buffer.concat([out.subarray(0, 4), body, out.subarray(4)]);
 }
 
-// For versions of Node without zlib.crc32.
+// Debian 12's Node has no zlib.crc32.
 function crc(bytes) {
   let value = ~0;
   for (const byte of bytes) {
