@@ -45,11 +45,16 @@ if [ ${#android[@]} -gt 0 ]; then
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${android[@]}" ||
     echo "packages for android-example" >> "$SVBRDF_SKIPPED"
 fi
-tests/swift-tools.sh || echo "a Swift compiler, for ffi/swift" >> "$SVBRDF_SKIPPED"
-tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
+# Downloads, while the compiler works.
+{
+  tests/swift-tools.sh || echo "a Swift compiler, for ffi/swift" >> "$SVBRDF_SKIPPED"
+  tests/android-tools.sh || echo "tools for android-example" >> "$SVBRDF_SKIPPED"
+} &
+tools=$!
 
 cargo fmt --all --check
 cargo clippy --release --workspace --all-targets -- -D warnings
+wait "$tools"
 cargo test --release --workspace "$@"
 tests/package.sh
 tests/licences.sh
