@@ -218,7 +218,7 @@ impl Swift {
 
     /// A program of Debian 13, on any.
     fn program(&self, program: &Path, libraries: &Path) -> Command {
-        let mut command = Command::new(self.root.join("lib64/ld-linux-x86-64.so.2"));
+        let mut command = Command::new(self.root.join("usr/lib64/ld-linux-x86-64.so.2"));
         let system = self.root.join("usr/lib/x86_64-linux-gnu");
         let own = self.root.join("usr/libexec/swift/lib");
         let path =
