@@ -43,8 +43,8 @@ fn code_alone(source: &str, comment: (&str, &str)) -> String {
     while let Some(at) = left.find(['"', '/']) {
         code.push_str(&left[..at]);
         left = &left[at..];
-        let end = if left.starts_with('"') {
-            left[1..].find('"').map(|i| i + 2)
+        let end = if let Some(text) = left.strip_prefix('"') {
+            text.find('"').map(|i| i + 2)
         } else if left.starts_with("//") {
             left.find('\n')
         } else if left.starts_with(comment.0) {
