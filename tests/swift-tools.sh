@@ -17,7 +17,7 @@ echo "deb $mirror trixie main" > "$apt/sources.list"
 options=(-o "Dir::Etc::SourceList=$apt/sources.list" -o Dir::Etc::SourceParts=-
          -o "Dir::State::Lists=$apt/lists" -o "Dir::Cache=$apt/cache" -o APT::Sandbox::User=)
 apt-get "${options[@]}" update -q
-(cd "$apt" && apt-get "${options[@]}" download -q swiftlang libc6 libgcc-s1 libstdc++6 libtinfo6 \
+(cd "$apt" && apt-get "${options[@]}" download -q swiftlang libswiftlang libc6 libgcc-s1 libstdc++6 libtinfo6 \
   libuuid1 libzstd1 zlib1g)
 # Neither the debugger nor what other platforms need.
 swift=./usr/libexec/swift

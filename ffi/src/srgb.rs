@@ -22,7 +22,7 @@ static TABLE: LazyLock<Table> = LazyLock::new(|| {
     }
     let of_part = |part: usize| {
         let begins = part as f32 / PARTS as f32;
-        least.partition_point(|least| *least <= begins).max(1) as u8 - 1
+        (least.partition_point(|least| *least <= begins).max(1) - 1) as u8
     };
     let mut first = [0; PARTS + 1];
     for (part, first) in first.iter_mut().enumerate() {

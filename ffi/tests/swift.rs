@@ -43,8 +43,8 @@ fn code_alone(source: &str, comment: (&str, &str)) -> String {
     while let Some(at) = left.find(['"', '/']) {
         code.push_str(&left[..at]);
         left = &left[at..];
-        let end = if left.starts_with('"') {
-            left[1..].find('"').map(|i| i + 2)
+        let end = if let Some(text) = left.strip_prefix('"') {
+            text.find('"').map(|i| i + 2)
         } else if left.starts_with("//") {
             left.find('\n')
         } else if left.starts_with(comment.0) {
@@ -218,7 +218,7 @@ impl Swift {
 
     /// A program of Debian 13, on any.
     fn program(&self, program: &Path, libraries: &Path) -> Command {
-        let mut command = Command::new(self.root.join("lib64/ld-linux-x86-64.so.2"));
+        let mut command = Command::new(self.root.join("usr/lib64/ld-linux-x86-64.so.2"));
         let system = self.root.join("usr/lib/x86_64-linux-gnu");
         let own = self.root.join("usr/libexec/swift/lib");
         let path =

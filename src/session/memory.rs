@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::Session;
 use super::settings::Settings;
 use crate::estimate::options::ScheduleOptions;
 use crate::frame::Photo;
@@ -26,7 +25,7 @@ const COMPLETED: u64 = 1800;
 /// Bytes of a texel of the colours that maps are refined by.
 const GUIDE: u64 = 12;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
-const DETECTION: u64 = 16;
+pub(super) const DETECTION: u64 = 16;
 /// Most pixels of a reduced photograph.
 const REDUCED: u64 = 2560 * 2560;
 /// Threads, tables, and what the first networks need for a moment.
@@ -84,13 +83,34 @@ impl Beside {
         self.kept.store(bytes, Ordering::Relaxed);
     }
 
-    fn held(&self) -> u64 {
+    /// Counts what is waiting, if the session may need that much; one is taken in at a time.
+    pub(super) fn hold(
+        self: &Arc<Self>,
+        settings: &Settings,
+        frames: usize,
+        [bytes, photo_bytes, pixels]: [u64; 3],
+    ) -> Result<Held> {
+        let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
+        let waiting = Arc::new(Waiting { bytes, taken_in });
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let (sum, most) = held.iter().fold((bytes, taken_in), |(sum, most), other| {
+            (sum.saturating_add(other.bytes), most.max(other.taken_in))
+        });
+        let kept = self.kept.load(Ordering::Relaxed);
+        let beside = kept.saturating_add(sum).saturating_add(most);
+        check(settings, frames + held.len() + 1, beside)?;
+        held.push(waiting.clone());
+        Ok(Held { beside: self.clone(), waiting })
+    }
+
+    /// Bytes that callers hold.
+    pub(super) fn held(&self) -> u64 {
         let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         held.iter().map(|waiting| waiting.bytes).sum()
     }
 }
 
-/// Memory of a photograph that waits to be pushed, see [`Session::hold`]; counted until dropped.
+/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
 pub struct Held {
     beside: Arc<Beside>,
     waiting: Arc<Waiting>,
@@ -100,78 +120,5 @@ impl Drop for Held {
     fn drop(&mut self) {
         let mut held = self.beside.held.lock().unwrap_or_else(PoisonError::into_inner);
         held.retain(|waiting| !Arc::ptr_eq(waiting, &self.waiting));
-    }
-}
-
-impl Session {
-    /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
-    /// if they fit beside what is held already: `photo_bytes` are those of the [`Photo`] that will be
-    /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for what
-    /// photographs keep of themselves until the board is settled. Waits for nothing.
-    ///
-    /// # Errors
-    /// [`Error::MemoryLimit`].
-    pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
-        let frames = self.shared.lock().progress.frames;
-        let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
-        let waiting = Arc::new(Waiting { bytes, taken_in });
-        let mut held = self.beside.held.lock().unwrap_or_else(PoisonError::into_inner);
-        // One is taken in at a time.
-        let (sum, most) = held.iter().fold((bytes, taken_in), |(sum, most), other| {
-            (sum.saturating_add(other.bytes), most.max(other.taken_in))
-        });
-        let kept = self.beside.kept.load(Ordering::Relaxed);
-        let beside = kept.saturating_add(sum).saturating_add(most);
-        check(&self.settings, frames + held.len() + 1, beside)?;
-        held.push(waiting.clone());
-        Ok(Held { beside: self.beside.clone(), waiting })
-    }
-
-    /// Refuses what would need more than is allowed, with what callers hold.
-    pub(super) fn check_memory(&self, photographs: usize, beside: u64) -> Result<()> {
-        check(&self.settings, photographs, beside.saturating_add(self.beside.held()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frame::Encoding;
-    use crate::initial_estimate::Networks;
-    use crate::session::{RectifiedFalloff, Scene};
-
-    const SIDE: u32 = 256;
-    const PHOTO: u64 = 3 * (SIDE as u64).pow(2);
-
-    /// A session that may need so many bytes more than for one photograph.
-    fn session(more: u64) -> Session {
-        let scene = Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto };
-        let limit = needed(&Settings::default(), 1, 0) + more;
-        let settings =
-            Settings { threads: 1, memory_limit_bytes: Some(limit), ..Settings::default() };
-        Session::with_networks(scene, settings, Arc::new(Networks::embedded().unwrap())).unwrap()
-    }
-
-    #[test]
-    fn what_is_held_is_counted_until_it_is_dropped() {
-        let pixels = u64::from(SIDE).pow(2);
-        let taken_in = PHOTO + DETECTION * pixels;
-        let more = needed(&Settings::default(), 2, 0) - needed(&Settings::default(), 1, 0);
-        let session = session(taken_in + 1000 + more);
-        let hold = |bytes| session.hold(bytes, PHOTO, pixels);
-        let first = hold(600).unwrap();
-        assert!(
-            matches!(hold(401), Err(Error::MemoryLimit { needed, limit }) if needed == limit + 1)
-        );
-        let second = hold(400).unwrap();
-        // What may be held may be pushed meanwhile.
-        let rgb = vec![100; PHOTO as usize];
-        let row = 3 * SIDE as usize;
-        let photo = Photo::from_rgb8(SIDE, SIDE, &rgb, row, Encoding::Srgb, 1.0).unwrap();
-        assert!(session.push_rectified(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
-        assert!(matches!(hold(0), Err(Error::MemoryLimit { .. })), "one is in the maps, two wait");
-        drop(first);
-        drop(second);
-        assert!(hold(1000).is_ok() && hold(u64::MAX).is_err());
     }
 }

@@ -3,6 +3,7 @@
 mod board;
 mod confidence;
 mod feedback;
+mod hold;
 mod intake;
 mod memory;
 mod observed;
