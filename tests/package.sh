@@ -63,7 +63,10 @@ resolver = "3"
 [patch.crates-io]
 svbrdf = { path = "svbrdf" }
 svbrdf-models = { path = "svbrdf-models" }
+
 EOF
+# Cargo takes profiles from the workspace alone.
+sed -n '/^\[profile\./,$p' Cargo.toml >> "$place/crates/Cargo.toml"
 (cd "$place/crates" && CARGO_TARGET_DIR=$place/target \
   cargo rustc --release --package svbrdf-cli --bin svbrdf -- -C target-feature=+crt-static)
 built=$place/target/release/svbrdf
