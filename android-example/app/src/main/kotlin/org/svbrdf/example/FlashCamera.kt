@@ -135,7 +135,7 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
     fun turn(activity: Activity): Int {
         val upright = characteristics[CameraCharacteristics.SENSOR_ORIENTATION] ?: 90
         // The screen turns against the phone. Rotations count its quarters.
-        return Math.floorMod(upright - 90 * activity.windowManager.defaultDisplay.rotation, 360)
+        return (upright - 90 * activity.windowManager.defaultDisplay.rotation).mod(360)
     }
 
     /** Height over width of the preview as the screen shows it. */
