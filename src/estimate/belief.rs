@@ -45,8 +45,8 @@ impl Belief {
     }
 
     /// Brings maps and mean to the photographs' full resolution, for the last steps: these need no base.
-    pub fn refine(&mut self, photographs: &Photographs) {
-        let guide = Guide::new(photographs);
+    pub fn refine(&mut self, photographs: &Photographs, options: &EstimateOptions) {
+        let guide = Guide::new(photographs, options.schedule.guide_radius);
         for maps in [&mut self.maps, &mut self.mean] {
             *maps = guide.refined(maps);
         }

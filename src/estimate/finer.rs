@@ -18,8 +18,6 @@ use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel, thinned};
 
-/// Texels of a window to each side of its middle.
-const RADIUS: usize = 2;
 /// Variance of colours, as roots of albedos, that explains nothing: theirs by noise.
 const RIDGE: f32 = 1e-4;
 /// Coordinates that go with colour.
@@ -52,18 +50,21 @@ pub(super) fn interpolated(coarse: &Svbrdf, times: u32) -> Svbrdf {
 /// Colours at two resolutions, to refine maps by.
 pub(super) struct Guide {
     grid: Grid,
+    /// Texels of a window to each side of its middle.
+    radius: usize,
     fine: Vec<Feature>,
     coarse: Vec<Feature>,
 }
 
 impl Guide {
-    /// The colours of photographs that are thinned out.
-    pub fn new(photographs: &Photographs) -> Self {
+    /// The colours of photographs that are thinned out, and windows of so many texels to each side.
+    pub fn new(photographs: &Photographs, radius: usize) -> Self {
         let (fine, times) = (full_colours(photographs), photographs.thinning());
         let first = photographs.full().first();
         let [width, height] = first.map_or([1, 1], |o| [o.width(), o.height()]);
         let coarse = thinned(&fine, width, times);
-        Self { grid: Grid { columns: width >> times, rows: height >> times, times }, fine, coarse }
+        let grid = Grid { columns: width >> times, rows: height >> times, times };
+        Self { grid, radius, fine, coarse }
     }
 
     /// Maps of the thinned-out texels at full resolution.
@@ -92,7 +93,8 @@ impl Guide {
     /// The linear model of the window round a texel.
     fn model(&self, values: &[f32], texel: usize) -> Model {
         let Grid { columns, rows, .. } = self.grid;
-        let near = |i: usize, n: usize| i.saturating_sub(RADIUS)..(i + RADIUS + 1).min(n);
+        let radius = self.radius;
+        let near = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
         let (mut count, mut colour_sum, mut squares) = (0.0, Vector3::zeros(), Matrix3::zeros());
         let (mut sums, mut products) = ([0.0; COUNT], [Vector3::zeros(); COUNT]);
         for row in near(texel / columns, rows) {
@@ -174,7 +176,7 @@ mod tests {
             pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / truth.texels() as f32
         };
         let (refined, smooth) =
-            (Guide::new(&photographs).refined(&coarse), interpolated(&coarse, 2));
+            (Guide::new(&photographs, 2).refined(&coarse), interpolated(&coarse, 2));
         for c in [channel::ROUGHNESS, channel::DIFFUSE] {
             // what the photograph's highlight adds to the colours is left
             let (guided, plain) = (mean_error(&refined, c), mean_error(&smooth, c));

@@ -131,7 +131,7 @@ impl Estimation {
     fn refine_belief(&mut self) {
         let full = self.photographs.full().first().map_or(0, Observation::width);
         if let Some(belief) = self.belief.as_mut().filter(|belief| belief.maps.width() < full) {
-            belief.refine(&self.photographs);
+            belief.refine(&self.photographs, &self.options);
         }
     }
 

@@ -114,6 +114,9 @@ pub struct ScheduleOptions {
     pub texels: usize,
     /// Last steps, at full size, of larger maps. Tuned.
     pub full_size_steps: usize,
+    /// Texels to each side of the middle of the windows in which albedos and roughness go with colour,
+    /// where maps are brought to full size. Tuned.
+    pub guide_radius: usize,
     /// Change of the lights, in units of their expected errors, that is worth another round.
     pub light_tolerance: f64,
     /// Change of the lights, in the same units, by which the latent fit was misled: it is done again.
@@ -148,6 +151,7 @@ impl Default for ScheduleOptions {
             photographs: 12,
             texels: 256,
             full_size_steps: 6,
+            guide_radius: 2,
             light_tolerance: 0.02,
             misled_by: 0.4,
             min_surround: 0.01,
