@@ -93,7 +93,7 @@ impl Estimation {
         let mut posteriors = MAPS.map(|range| posterior(&maps, &widths, range));
         let (residual, mean_residual) = residuals(&widths);
         let hidden = widths.weight().iter().map(|weight| *weight <= 0.0).collect();
-        // of the size of all maps, as is what follows
+        // As large as two sets of maps: not beside those that are made next.
         drop(widths);
         let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
         let planes = std::array::from_fn(|map| {

@@ -170,6 +170,29 @@ fn a_choice_once_made_needs_less_evidence() {
     assert!(!choose(1.0, 0.0, None) && choose(0.0, 1.0, None));
 }
 
+/// What predicts best in the sum may be no better than the maps before for the latest photograph; the
+/// best of those that are better is taken then.
+#[test]
+fn the_best_of_the_candidates_that_are_better_is_taken() {
+    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
+    let options = options();
+    let candidates = &options.structured.candidates;
+    let choose = |error: f64| {
+        let predicted = Some(Predicted { error, structured: false, photographs: 5 });
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
+        let folds = trials.folds.len();
+        let mut errors = vec![1.0; candidates.len() * folds];
+        errors[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
+        errors[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
+        errors.push(0.1); // residual of the widest
+        assert!(trials.resume(errors) && trials.is_done());
+        trials.chosen()
+    };
+    assert_eq!(choose(1.0), Some(candidates[1]), "best in the sum, and for the latest");
+    assert_eq!(choose(0.5), Some(candidates[0]), "the other is no better for the latest");
+    assert_eq!(choose(0.1), None);
+}
+
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
 /// a board tells them.
 #[test]
