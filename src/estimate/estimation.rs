@@ -445,7 +445,7 @@ impl Estimation {
                 let all = if part == Part::Before { row.before } else { row.after };
                 [solver.state.steps, all]
             }
-            Work::Widths(trials) => [trials.errors.len(), trials.count() + 1],
+            Work::Widths(trials) => trials.work(),
             Work::Lights(fit) => fit.work(),
             Work::Classes(trials) => [trials.costs.len(), trials.count()],
             Work::Baseline(baseline) => [baseline.steps(), self.options.baseline.steps],

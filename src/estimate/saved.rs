@@ -69,7 +69,7 @@ impl Estimation {
         let work = match &self.work {
             Work::Pending => SavedWork::Pending,
             Work::Maps(solver) => SavedWork::Maps(Cow::Borrowed(&solver.state)),
-            Work::Widths(trials) => SavedWork::Widths(Cow::Borrowed(&trials.errors)),
+            Work::Widths(trials) => SavedWork::Widths(Cow::Borrowed(trials.errors())),
             Work::Lights(fit) => SavedWork::Lights(fit.save()),
             Work::Classes(trials) => SavedWork::Classes(Cow::Borrowed(&trials.costs)),
             Work::Baseline(b) => SavedWork::Baseline(Cow::Borrowed(&b.state)),
@@ -203,7 +203,7 @@ impl Estimation {
                     options,
                 );
                 if !trials.resume(errors.into_owned()) {
-                    return Err(fault("trials of widths are too many"));
+                    return Err(fault("trials of widths are of another size"));
                 }
                 Work::Widths(Box::new(trials))
             }

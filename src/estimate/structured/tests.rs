@@ -3,6 +3,7 @@ use crate::estimate::correction::Exposure;
 use crate::estimate::options::EstimateOptions;
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
+use crate::svbrdf::{CHANNELS, channel};
 use crate::test_support::{photograph, view_from};
 
 const SIDE: usize = 32;
@@ -115,7 +116,6 @@ fn chosen_after(
     while !trials.is_done() {
         trials.step();
     }
-    assert_eq!(trials.errors.len(), trials.count());
     trials.chosen()
 }
 
@@ -162,7 +162,9 @@ fn a_choice_once_made_needs_less_evidence() {
         let predicted =
             structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
         let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
-        (0..trials.count()).for_each(|_| trials.step());
+        while !trials.is_done() {
+            trials.step();
+        }
         trials.chosen().is_some()
     };
     assert!(choose(0.0, 0.0, Some(true)));
@@ -191,6 +193,40 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
     assert_eq!(choose(1.0), Some(candidates[1]), "best in the sum, and for the latest");
     assert_eq!(choose(0.5), Some(candidates[0]), "the other is no better for the latest");
     assert_eq!(choose(0.1), None);
+}
+
+/// Trials end when no further one could change the choice: against tables of all errors, drawn at
+/// random.
+#[test]
+fn trials_that_are_left_out_change_no_choice() {
+    let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
+    let mut random = Random::new(11);
+    let (mut done, mut all, mut narrow) = (0, 0, 0);
+    for case in 0..600 {
+        let mut value = |low: f64, high: f64| low + (high - low) * random.uniform();
+        let error = value(0.5, 1.5);
+        let predicted = match case % 3 {
+            0 => None,
+            kind => Some(Predicted { error, structured: kind == 1, photographs: 3 }),
+        };
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options());
+        let (_, folds) = trials.errors.split_last().unwrap();
+        let mut table: Vec<f64> = folds.iter().map(|_| value(0.3, 1.6)).collect();
+        table.push(value(0.0, 0.05));
+        let undone = trials.errors.clone();
+        assert!(trials.resume(table.clone()));
+        let expected = trials.chosen();
+        assert!(trials.resume(undone));
+        while let Some(next) = trials.next() {
+            assert!(trials.errors[next].is_nan());
+            trials.errors[next] = table[next];
+            done += 1;
+        }
+        assert_eq!(trials.chosen(), expected, "{case}: {table:?}");
+        all += table.len();
+        narrow += usize::from(expected.is_some());
+    }
+    assert!(narrow > 60 && 10 * done < 8 * all, "{narrow} narrow, {done} of {all}");
 }
 
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
