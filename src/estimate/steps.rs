@@ -112,8 +112,10 @@ impl Estimation {
         meter.count();
         let step = summary.steps;
         let trend = self.trend.get_or_insert_with(|| Trend::new(steps, 1));
-        let is_flat = meter.budget.stop_when_invisible && trend.is_flat(step, loss);
-        if is_flat && step < steps {
+        // At full size steps are dear, and they begin close to their end.
+        let may_end = fine || meter.budget.stop_when_invisible;
+        let is_flat = trend.is_flat(step, loss) && may_end;
+        if is_flat && step < steps && meter.budget.stop_when_invisible {
             self.cut = self.cut.or(Some(Cut::Invisible));
         }
         Ok(is_flat || step >= steps)

@@ -187,7 +187,10 @@ impl LatentFit {
         let fresh = self.position.fresh.clamp(1, self.options.max_pending);
         let steps = match self.photographs {
             ..=1 => self.options.first_steps,
-            _ => fresh * self.options.steps,
+            n => {
+                let all_to = self.options.all_steps_to.max(1);
+                fresh * (self.options.steps * all_to).div_ceil(n.max(all_to))
+            }
         };
         steps.max(1)
     }

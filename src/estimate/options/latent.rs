@@ -11,6 +11,9 @@ pub struct LatentOptions {
     pub first_steps: usize,
     /// Steps after each further photograph. Tuned.
     pub steps: usize,
+    /// Photographs up to which each has so many steps. The more there are, the less one of them moves
+    /// the code: of more, its steps fall with their number. Tuned.
+    pub all_steps_to: usize,
     /// Photographs that came before the fit had settled and add their steps, at most. Tuned.
     pub max_pending: usize,
     /// Length of the first steps, in units of the code (whose variance is 1); falls to zero over
@@ -39,6 +42,7 @@ impl Default for LatentOptions {
         Self {
             first_steps: 8,
             steps: 30,
+            all_steps_to: 3,
             max_pending: 8,
             learning_rate: 0.03,
             betas: [0.9, 0.99],
