@@ -102,24 +102,31 @@ pub(in crate::estimate) fn colours(
     seen: impl Fn(usize, usize) -> Option<[f32; 3]> + Sync,
 ) -> Vec<Feature> {
     let lights: Vec<Lit> = views.iter().map(Lit::new).collect();
-    parallel::values(texels, |t| {
-        let root =
-            |(i, light): (usize, &Lit)| Some(root_albedo(seen(i, t)?, light.white(place(t))));
-        let mut all: Vec<Feature> = lights.iter().enumerate().filter_map(root).collect();
-        let rank = all.len().saturating_sub(1) / 3;
-        [0, 1, 2].map(|c| {
-            all.sort_by(|a, b| a[c].total_cmp(&b[c]));
-            all.get(rank).map_or(UNSEEN, |f| f[c])
-        })
-    })
+    let mut colours = vec![[UNSEEN; 3]; texels];
+    let albedos = || [const { Vec::<f64>::new() }; 3];
+    parallel::parts_with(colours.chunks_mut(CHUNK), albedos, |albedos, part, colours| {
+        for (colour, t) in colours.iter_mut().zip(part * CHUNK..) {
+            albedos.iter_mut().for_each(Vec::clear);
+            for (i, light) in lights.iter().enumerate() {
+                let Some(radiance) = seen(i, t) else { continue };
+                let white = light.white(place(t));
+                for ((albedos, radiance), white) in albedos.iter_mut().zip(radiance).zip(white) {
+                    albedos.push(f64::from(radiance.abs()) / white.max(1e-9));
+                }
+            }
+            for (value, albedos) in colour.iter_mut().zip(albedos.iter_mut()) {
+                let rank = albedos.len().saturating_sub(1) / 3;
+                if rank < albedos.len() {
+                    let albedo = *albedos.select_nth_unstable_by(rank, f64::total_cmp).1;
+                    *value = albedo.clamp(1e-4, 1.0).sqrt() as f32;
+                }
+            }
+        }
+    });
+    colours
 }
 
 /// Root albedo of texels that no photograph shows.
 const UNSEEN: f32 = 0.4;
-
-fn root_albedo(radiance: [f32; 3], white: [f64; 3]) -> Feature {
-    std::array::from_fn(|c| {
-        let albedo = f64::from(radiance[c].abs()) / white[c].max(1e-9);
-        albedo.clamp(1e-4, 1.0).sqrt() as f32
-    })
-}
+/// Texels of a task.
+const CHUNK: usize = 1024;
