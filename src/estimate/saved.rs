@@ -55,7 +55,7 @@ pub(crate) struct SavedEstimation<'a> {
 pub(crate) enum SavedWork<'a> {
     Pending,
     Maps(Cow<'a, SolverState>),
-    /// Errors of the trials of widths done.
+    /// Errors of the trials of widths; negative where one is not done.
     Widths(Cow<'a, [f64]>),
     Lights(SavedLights),
     /// Costs of the trials done.
@@ -69,7 +69,7 @@ impl Estimation {
         let work = match &self.work {
             Work::Pending => SavedWork::Pending,
             Work::Maps(solver) => SavedWork::Maps(Cow::Borrowed(&solver.state)),
-            Work::Widths(trials) => SavedWork::Widths(Cow::Borrowed(trials.errors())),
+            Work::Widths(trials) => SavedWork::Widths(trials.save().into()),
             Work::Lights(fit) => SavedWork::Lights(fit.save()),
             Work::Classes(trials) => SavedWork::Classes(Cow::Borrowed(&trials.costs)),
             Work::Baseline(b) => SavedWork::Baseline(Cow::Borrowed(&b.state)),
@@ -202,7 +202,7 @@ impl Estimation {
                     self.predicted,
                     options,
                 );
-                if !trials.resume(errors.into_owned()) {
+                if !trials.resume(&errors) {
                     return Err(fault("trials of widths are of another size"));
                 }
                 Work::Widths(Box::new(trials))

@@ -187,7 +187,7 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
         errors[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
         errors[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
         errors.push(0.1); // residual of the widest
-        assert!(trials.resume(errors) && trials.is_done());
+        assert!(trials.resume(&errors) && trials.is_done());
         trials.chosen()
     };
     assert_eq!(choose(1.0), Some(candidates[1]), "best in the sum, and for the latest");
@@ -213,10 +213,10 @@ fn trials_that_are_left_out_change_no_choice() {
         let (_, folds) = trials.errors.split_last().unwrap();
         let mut table: Vec<f64> = folds.iter().map(|_| value(0.3, 1.6)).collect();
         table.push(value(0.0, 0.05));
-        let undone = trials.errors.clone();
-        assert!(trials.resume(table.clone()));
+        let undone = trials.save();
+        assert!(trials.resume(&table));
         let expected = trials.chosen();
-        assert!(trials.resume(undone));
+        assert!(trials.resume(&undone));
         while let Some(next) = trials.next() {
             assert!(trials.errors[next].is_nan());
             trials.errors[next] = table[next];

@@ -92,15 +92,15 @@ impl WidthTrials {
         };
     }
 
-    /// Errors of all trials, for [`WidthTrials::resume`].
-    pub fn errors(&self) -> &[f64] {
-        &self.errors
+    /// Errors of all trials, for [`WidthTrials::resume`]; negative where one is not done.
+    pub fn save(&self) -> Vec<f64> {
+        self.errors.iter().map(|e| if e.is_nan() { -1.0 } else { *e }).collect()
     }
 
     /// Takes over errors of trials that were done before; whether they fit.
-    pub fn resume(&mut self, errors: Vec<f64>) -> bool {
+    pub fn resume(&mut self, errors: &[f64]) -> bool {
         let fits = errors.len() == self.errors.len();
-        self.errors = errors;
+        self.errors = errors.iter().map(|e| if *e < 0.0 { f64::NAN } else { *e }).collect();
         fits
     }
 
