@@ -245,7 +245,7 @@ impl SrgbBytes {
             }
             let byte = |cell: usize| {
                 let low = cell as f32 / Self::CELLS as f32;
-                from.partition_point(|&v| v <= low) as u8 - 1
+                (from.partition_point(|&v| v <= low) - 1) as u8
             };
             let cells = (0..=Self::CELLS).map(byte).collect();
             Self { from, cells }
