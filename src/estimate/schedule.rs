@@ -14,10 +14,11 @@
 //! | learned prior        | 2           | 1      |              | 4           | mean, widths     |
 //! | maps, full size      | 1           | 1      | 6            |             | maps             |
 //!
-//! Steps are the solver's, of the maps. All work on maps of at most 256 texels a side but the last row,
-//! which larger ones get, and the structured prior's. Lights are only looked for where they are not known well:
-//! held ones in photographs of which only their rough place is known, or in a room that a smooth
-//! sample shows; they end early when they stay. Numbers are those of
+//! Steps are the solver's, of the maps; those at full size at most so many. All work on maps of at
+//! most 256 texels a side but the last row, which larger ones get, and the structured prior's. Lights
+//! are only looked for where they are not known well: held ones in photographs of which only their
+//! rough place is known, or in a room that a smooth sample shows; they end early when they stay.
+//! Numbers are those of
 //! [`ScheduleOptions`](super::options::ScheduleOptions).
 
 use super::options::EstimateOptions;

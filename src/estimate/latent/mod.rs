@@ -183,14 +183,14 @@ impl LatentFit {
         Ok(Self { networks, options, gains, code, photographs: photographs.len(), position })
     }
 
+    /// Steps for the photographs that the fit has not settled on: each has those that it would have had
+    /// alone.
     fn steps(&self) -> usize {
-        let fresh = self.position.fresh.clamp(1, self.options.max_pending);
+        let LatentOptions { first_steps, steps, all_steps_to, max_pending, .. } = self.options;
+        let of = |count: usize| (steps * all_steps_to).div_ceil(count.max(all_steps_to).max(1));
         let steps = match self.photographs {
-            ..=1 => self.options.first_steps,
-            n => {
-                let all_to = self.options.all_steps_to.max(1);
-                fresh * (self.options.steps * all_to).div_ceil(n.max(all_to))
-            }
+            ..=1 => first_steps,
+            n => (n + 1 - self.position.fresh.clamp(1, n)..=n).take(max_pending).map(of).sum(),
         };
         steps.max(1)
     }
