@@ -39,8 +39,6 @@ pub(in crate::estimate) struct Descent {
     pub problem: Problem,
     pub progress: Progress,
     limits: Limits,
-    /// Cost of the state, where it is known.
-    cost: Option<f64>,
 }
 
 impl Descent {
@@ -48,7 +46,7 @@ impl Descent {
         let done = limits.steps == 0;
         let damping = problem.options.first_damping;
         let progress = Progress { state, damping, steps: 0, changed: false, done };
-        Self { problem, progress, limits, cost: None }
+        Self { problem, progress, limits }
     }
 
     /// Goes on where another stopped that began with the same; `None` where sizes differ.
@@ -59,7 +57,7 @@ impl Descent {
             (deviations.len(), groups.len(), of_lights, correction.exposure.gains.len())
         };
         let fits = sizes(&progress) == sizes(&self.progress);
-        (self.progress, self.cost) = (progress, None);
+        self.progress = progress;
         fits.then_some(self)
     }
 
@@ -73,13 +71,13 @@ impl Descent {
 
     /// One step towards the most probable state; nothing once done.
     pub fn step(&mut self) {
-        let Self { problem, progress, limits, cost } = self;
+        let Self { problem, progress, limits } = self;
         if progress.done {
             return;
         }
         progress.steps += 1;
         progress.done = progress.steps >= limits.steps;
-        let before = *cost.get_or_insert_with(|| problem.cost(&progress.state));
+        let before = problem.cost(&progress.state);
         let Some((shared, solved)) = problem.step(&progress.state, progress.damping) else {
             progress.done = true;
             return;
@@ -89,10 +87,10 @@ impl Descent {
         let tried =
             lengths.map(|length| problem.stepped(&progress.state, &shared, &solved, length));
         match tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((next, after)) if after < before => {
+            Some((next, cost)) if cost < before => {
                 progress.damping = (progress.damping * ease).max(least);
-                (progress.state, progress.changed, *cost) = (next, true, Some(after));
-                progress.done |= before - after < limits.converged * before;
+                (progress.state, progress.changed) = (next, true);
+                progress.done |= before - cost < limits.converged * before;
             }
             _ => {
                 progress.done |= progress.damping >= greatest;
