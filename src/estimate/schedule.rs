@@ -18,8 +18,7 @@
 //! most 256 texels a side but the last row, which larger ones get, and the structured prior's. Lights
 //! are only looked for where they are not known well: held ones in photographs of which only their
 //! rough place is known, or in a room that a smooth sample shows; they end early when they stay.
-//! Numbers are those of
-//! [`ScheduleOptions`](super::options::ScheduleOptions).
+//! Numbers are those of [`ScheduleOptions`](super::options::ScheduleOptions).
 
 use super::options::EstimateOptions;
 

@@ -229,6 +229,22 @@ fn trials_that_are_left_out_change_no_choice() {
     assert!(narrow > 60 && 10 * done < 8 * all, "{narrow} narrow, {done} of {all}");
 }
 
+/// Trials whose errors are no numbers are done like others, and choose nothing.
+#[test]
+fn errors_that_are_no_numbers_end_the_trials() {
+    let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
+    for error in [f64::NAN, f64::INFINITY] {
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, None, &options());
+        for _ in 0..trials.errors.len() {
+            if let Some(next) = trials.next() {
+                trials.record(next, error);
+            }
+        }
+        assert!(trials.is_done() && trials.chosen().is_none(), "{:?}", trials.errors);
+        assert!(trials.save().iter().all(|e| e.is_finite()));
+    }
+}
+
 /// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
 /// a board tells them.
 #[test]

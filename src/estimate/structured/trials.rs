@@ -85,11 +85,18 @@ impl WidthTrials {
     /// The next trial.
     pub fn step(&mut self) {
         let Some(trial) = self.next() else { return };
-        self.errors[trial] = match &self.few {
+        let error = match &self.few {
             Some(setup) => self.cost_of_all(setup, trial > 0),
             None if trial < self.residual() => self.error(trial),
             None => self.residual_of_all(),
         };
+        self.record(trial, error);
+    }
+
+    /// Keeps the error of a trial; one that is no finite number is the largest, or the trial would not
+    /// count as done.
+    pub(super) fn record(&mut self, trial: usize, error: f64) {
+        self.errors[trial] = if error.is_finite() { error } else { f64::MAX };
     }
 
     /// Errors of all trials, for [`WidthTrials::resume`]; negative where one is not done.
@@ -149,14 +156,19 @@ impl WidthTrials {
     /// tried, or where none begins.
     fn limit(&self) -> f64 {
         let options = &self.options.structured;
-        let begins = self.errors[self.residual()] > options.min_residual;
         let part = match self.predicted {
             _ if self.was_chosen() => 1.0,
-            _ if !begins => f64::NAN,
+            _ if !self.may_begin() => f64::NAN,
             Some(Predicted { structured: false, .. }) => options.evidence,
             _ => options.evidence_alone,
         };
         part * self.sum(self.widest())
+    }
+
+    /// Whether free texels leave enough of the photographs for a narrow prior to begin; not before that
+    /// is tried.
+    fn may_begin(&self) -> bool {
+        self.errors[self.residual()] > self.options.structured.min_residual
     }
 
     /// Whether a narrow prior was chosen before.
@@ -199,14 +211,8 @@ impl WidthTrials {
         if self.few.is_some() {
             return (0..self.errors.len()).find(|&t| self.errors[t].is_nan());
         }
-        if !self.was_chosen() {
-            let residual = self.errors[self.residual()];
-            if residual.is_nan() {
-                return Some(self.residual());
-            }
-            if residual <= self.options.structured.min_residual {
-                return None;
-            }
+        if !self.was_chosen() && !self.may_begin() {
+            return open(self.residual()..self.errors.len());
         }
         let rivals: Vec<usize> = (0..self.widest()).filter(|&c| self.may_win(c)).collect();
         let latest = |&c: &usize| open(self.of(c).end - 1..self.of(c).end);
