@@ -4,6 +4,7 @@
 //! own code in [`crate::network`]. A plan is built once per size and kept.
 
 mod graph;
+mod highlights;
 mod operators;
 mod photo_input;
 
@@ -102,7 +103,8 @@ impl Networks {
     /// First maps from one photograph.
     ///
     /// Observations of more than 256 texels a side are halved until they fit; the result has that
-    /// size. Where nothing was seen the network fills in from what lies around.
+    /// size. Where nothing was seen the network fills in from what lies around; so does, for the
+    /// diffuse albedo under highlights, [`highlights`].
     ///
     /// # Errors
     /// When the sides are not multiples of 32 (after halving), or the network is broken.
@@ -111,7 +113,9 @@ impl Networks {
         let observation = halved(observation, halvings, Observation::downsampled);
         let (h, w) = (observation.height(), observation.width());
         let encoded = self.photo.run_both_ways(h, w, photo_input(&observation), &PHOTO_ODD)?;
-        decoded_maps(w, h, encoded)
+        let mut maps = decoded_maps(w, h, encoded)?;
+        highlights::complete_diffuse(&mut maps, &observation);
+        Ok(maps)
     }
 
     /// The code of maps: `channels * height / 16 * width / 16` values.

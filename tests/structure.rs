@@ -35,7 +35,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
     ("network", &["simd", "svbrdf"]),
-    ("initial_estimate", &["network", "observation", "svbrdf"]),
+    ("initial_estimate", &["network", "observation", "render", "svbrdf"]),
     (
         "estimate",
         &[

@@ -251,29 +251,49 @@ def gather_crops(level, places, size):
 
 class MaterialPool:
     """Materials of several packs: on a GPU in its memory (5.9 MB each), else mapped
-    from the files."""
+    from the files. A folder whose pack is still being written joins with
+    :meth:`refresh`. ``real_share``: how often a real material is drawn; None: as
+    often as their number says."""
 
-    def __init__(self, folders, device="cpu", subset="train"):
+    WEIGHT = {"A": 2.0, "B": 1.0, "P": 1.3}
+
+    def __init__(self, folders, device="cpu", subset="train", real_share=None):
         self.device = torch.device(device)
+        self.waiting, self.subset, self.real_share = list(folders), subset, real_share
         self.entries = []  # (pack, index, meta)
         self.packs = []
-        for folder in folders:
+        self.stacked = None
+        self.refresh()
+
+    def refresh(self):
+        """Take in the packs that are complete by now."""
+        ready = [f for f in self.waiting if os.path.exists(os.path.join(f, "meta.json"))]
+        if not ready:
+            if not self.packs:
+                raise SystemExit(f"{', '.join(self.waiting)}: no pack")
+            return
+        for folder in ready:
             arrays = [np.load(os.path.join(folder, f"level{s}.npy"), mmap_mode="r") for s in (SIZE, SIZE // 2)]
             with warnings.catch_warnings():  # the files are mapped for reading only
                 warnings.simplefilter("ignore")
                 levels = [torch.from_numpy(a) for a in arrays]
             for i, m in enumerate(read_meta(folder)):
-                if subset == "all" or (subset == "held_out") == m["held_out"]:
+                if self.subset == "all" or (self.subset == "held_out") == m["held_out"]:
                     self.entries.append((len(self.packs), i, m))
             self.packs.append(levels)
-        self.stacked = None
-        if self.device.type == "cuda":
-            self.stacked = [torch.cat([p[k] for p in self.packs]).to(self.device) for k in (0, 1)]
+            if self.device.type == "cuda":
+                on_gpu = [level.to(self.device) for level in levels]
+                old = self.stacked
+                self.stacked = [torch.cat([o, n]) for o, n in zip(old, on_gpu)] if old else on_gpu
+            self.waiting.remove(folder)
         starts = np.cumsum([0] + [len(p[0]) for p in self.packs])
         self.numbers = np.array([starts[pack] + i for pack, i, _ in self.entries])
-        weight = {"A": 2.0, "B": 1.0, "P": 1.3}
-        w = np.array([weight[m["tier"]] for _, _, m in self.entries])
-        self.probability = w / w.sum()
+        weight = np.array([self.WEIGHT[m["tier"]] for _, _, m in self.entries])
+        real = np.array([m["tier"] != "P" for _, _, m in self.entries])
+        if self.real_share is not None and 0 < real.sum() < len(real):
+            weight[real] *= self.real_share / weight[real].sum()
+            weight[~real] *= (1 - self.real_share) / weight[~real].sum()
+        self.probability = weight / weight.sum()
 
     def __len__(self):
         return len(self.entries)
@@ -333,8 +353,10 @@ class MaterialPool:
         return torch.cat([blend_maps(maps[:second], maps[batch:]), maps[second:batch]])
 
 
-def blend_maps(first, second):
-    """Blend pairs by a constant weight or along a random smooth mask."""
+def blend_maps(first, second, printed=0.2):
+    """Blend pairs by a constant weight or along a random smooth mask; ``printed`` of
+    them have the relief and roughness of the first and the colours of the second,
+    so that colours need not tell relief."""
     batch, _, size, _ = first.shape
     device = first.device
     constant = torch.rand(batch, 1, 1, 1, device=device).expand(-1, 1, size, size)
@@ -342,8 +364,11 @@ def blend_maps(first, second):
     sharp = torch.exp(torch.rand(batch, 1, 1, 1, device=device) * 4.0)
     mask = torch.sigmoid(sharp * (noise + 0.6 * torch.randn(batch, 1, 1, 1, device=device)))
     pick = torch.rand(batch, 1, 1, 1, device=device) < 0.4
-    alpha = torch.where(pick, constant, mask)
-    return torch.lerp(first, second, alpha)
+    alpha = torch.where(pick, constant, mask).expand(-1, first.shape[1], -1, -1)
+    colours = torch.zeros(1, first.shape[1], 1, 1, device=device)
+    colours[:, 2:8] = 1
+    print_only = torch.rand(batch, 1, 1, 1, device=device) < printed
+    return torch.lerp(first, second, torch.where(print_only, colours, alpha))
 
 
 def augment(e, b_like):
@@ -365,6 +390,8 @@ def augment(e, b_like):
 
     # normals
     slope = slope * torch.where(chance(0.7), g(0.45).clamp(0.25, 2.5), torch.ones(1, device=device))
+    # patterned and nearly flat: polished, printed, laminated
+    slope = slope * torch.where(chance(0.1), u(0.0, 0.25), torch.ones(1, device=device))
     # diffuse: saturation, hue, brightness
     lum = kd.mean(1, keepdim=True)
     recolour = chance(0.6)

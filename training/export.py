@@ -249,6 +249,7 @@ def export_completion(args, path):
     return {
         "mac_at_256": {"completion": multiply_accumulates(network, torch.rand(1, channels, 256, 256))},
         "training": {"completion": length(state)},
+        "licences": {"completion": state.get("licences", {})},
     }
 
 

@@ -1,15 +1,16 @@
 """Write materials as folders of PNG images of 256x256 texels, for
 ``svbrdf-eval fits`` to photograph: augmented crops of packs' training materials
-(see data.py), and procedural ones."""
+(see data.py), and procedural ones; and licences.json, the number of materials by licence."""
 
 import argparse
+import json
 import os
 
 import numpy as np
 import torch
 from PIL import Image
 
-from data import MaterialPool, augment
+from data import OWN_LICENCE, MaterialPool, augment
 from procedural import FAMILIES, generate
 from renderer import decode_maps
 
@@ -42,12 +43,13 @@ def main():
     parser.add_argument("--out", required=True)
     parser.add_argument("--count", type=int, default=720, help="of packs")
     parser.add_argument("--procedural", type=int, default=130, help="procedural ones, every second augmented")
+    parser.add_argument("--real-share", type=float, default=None, help="how often a real material of the packs is drawn")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(args.seed)
     rng = np.random.default_rng(args.seed)
-    pool = MaterialPool(args.packs)
+    pool = MaterialPool(args.packs, real_share=args.real_share)
     for i in range(args.count):
         e = pool.batch(1, SIDE, rng, blended=float(i % 4 == 0))[0]
         write_material(os.path.join(args.out, f"pack-{args.seed}-{i:04}"), e)
@@ -57,6 +59,10 @@ def main():
         if i % 2:
             e = augment(e, torch.zeros(1, dtype=torch.bool))
         write_material(os.path.join(args.out, f"procedural-{args.seed}-{i:04}"), e[0])
+    licences = pool.licences()
+    licences[OWN_LICENCE] = licences.get(OWN_LICENCE, 0) + args.procedural
+    with open(os.path.join(args.out, "licences.json"), "w") as f:
+        json.dump(licences, f)
 
 
 if __name__ == "__main__":

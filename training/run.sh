@@ -1,24 +1,32 @@
 #!/bin/sh
-# Trains the photo network, or goes on with it, on whatever machine this is: packs the materials,
-# generates procedural ones, trains until LIMIT seconds have passed, and leaves weights and log in OUT.
-# Call it again with the same WORK until it says that the training is complete.
+# Trains auto-encoder and photo network side by side, or goes on with them, on whatever machine this
+# is: packs the materials, generates procedural ones meanwhile, trains until LIMIT seconds have
+# passed, and leaves weights and logs in OUT. Call it again with the same WORK until it says that the
+# training is complete.
 #
 #   MATERIALS  tar file of bundle.py or folder of materials; empty: procedural ones alone
-#   LICENCES   all or permissive (CC0, CC-BY, this project's own)
+#   LICENCES   permissive (CC0, CC-BY, this project's own) or all
 #   WORK, OUT  folders of what is needed to go on, and of results
-#   MINUTES    length of the whole training; LIMIT seconds of this call
-#   COUNT      procedural materials; INIT "exported" goes on from ../models, "" starts afresh
-#   BATCH, LR  examples a step and peak learning rate; OPTIONS further ones of train_photo.py
+#   MINUTES    length of the photo network's training, of which the auto-encoder has the first half;
+#              LIMIT seconds of this call
+#   COUNT      procedural materials; INIT "exported": the photo network goes on from ../models, "": afresh
+#   BATCH, LR  of the photo network: examples a step and peak learning rate; OPTIONS further ones
 set -eu
 cd "$(dirname "$0")"
 begun=$(date +%s)
-: "${MATERIALS=}" "${LICENCES:=all}" "${WORK:=../data/training}" "${OUT:=$WORK/out}" "${MINUTES:=24}" "${LIMIT:=570}"
-: "${COUNT:=1600}" "${INIT=exported}" "${BATCH:=256}" "${LR:=1e-3}" "${OPTIONS:=--spread}" "${PYTHON:=python3}"
+: "${MATERIALS=}" "${LICENCES:=permissive}" "${WORK:=../data/training}" "${OUT:=$WORK/out}" "${MINUTES:=11}" "${LIMIT:=570}"
+: "${COUNT:=2400}" "${INIT=}" "${BATCH:=128}" "${LR:=1.2e-3}" "${OPTIONS:=--rounds 3}" "${PYTHON:=python3}"
 jobs=$(nproc)
 export OMP_NUM_THREADS=1
 mkdir -p "$WORK" "$OUT"
 
-packs=""
+packs="$WORK/procedural-1 $WORK/procedural-2 $WORK/procedural-3"
+(for part in 1 2 3; do
+    if [ ! -e "$WORK/procedural-$part/meta.json" ]; then
+        $PYTHON procedural.py --out "$WORK/procedural-$part" --count $((COUNT / 3)) --seed "10$part" --jobs "$jobs"
+    fi
+done) &
+generator=$!
 if [ -n "$MATERIALS" ]; then
     if [ ! -e "$WORK/real/meta.json" ]; then
         folder=$MATERIALS
@@ -29,12 +37,10 @@ if [ -n "$MATERIALS" ]; then
         fi
         $PYTHON data.py --materials "$folder" --licences "$LICENCES" --out "$WORK/real" --jobs "$jobs"
     fi
-    packs="$WORK/real"
+    packs="$WORK/real $packs"
+else
+    wait "$generator"
 fi
-if [ ! -e "$WORK/procedural/meta.json" ]; then
-    $PYTHON procedural.py --out "$WORK/procedural" --count "$COUNT" --seed 101 --jobs "$jobs"
-fi
-packs="$packs $WORK/procedural"
 if [ "$INIT" = exported ]; then
     if [ ! -e "$WORK/exported.pt" ]; then
         $PYTHON import_weights.py --models ../models --out "$WORK/exported.pt"
@@ -42,16 +48,26 @@ if [ "$INIT" = exported ]; then
     OPTIONS="$OPTIONS --init $WORK/exported.pt"
 fi
 
-# SIGTERM makes it save; the rest of the limit is for that and for what follows
-left=$((LIMIT - $(date +%s) + begun - 25))
-status=0
-# shellcheck disable=SC2086 # lists of words
-timeout -k 20 "$left" $PYTHON train_photo.py --packs $packs --work "$WORK" --minutes "$MINUTES" --batch "$BATCH" \
-    --lr "$LR" --fine-from 0.7 $OPTIONS || status=$?
-cp "$WORK/photo-weights.pt" "$WORK/photo.jsonl" "$OUT"
-tail -n 1 "$WORK/photo.jsonl"
-case $status in
-0) echo "training complete: evaluate and export $OUT/photo-weights.pt" ;;
-124) echo "not complete: call again" ;;
-*) exit "$status" ;;
+# SIGTERM makes them save; the rest of the limit is for that and for what follows
+train() {
+    network=$1
+    shift
+    # shellcheck disable=SC2086 # a list of words
+    timeout -k 20 $((LIMIT - $(date +%s) + begun - 25)) $PYTHON "train_$network.py" --packs $packs --real-share 0.4 \
+        --work "$WORK" "$@"
+}
+train autoencoder --minutes $((MINUTES / 2 + 1)) --batch $((BATCH / 2)) --lr 1e-3 --fine-from 0.8 &
+encoder=$!
+photo=0 autoencoder=0
+# shellcheck disable=SC2086
+train photo --minutes "$MINUTES" --batch "$BATCH" --lr "$LR" --fine-from 0.7 $OPTIONS || photo=$?
+wait "$encoder" || autoencoder=$?
+for network in autoencoder photo; do
+    cp "$WORK/$network-weights.pt" "$WORK/$network.jsonl" "$OUT"
+    tail -n 1 "$WORK/$network.jsonl"
+done
+case $photo-$autoencoder in
+0-0) echo "training complete: evaluate and export $OUT/*-weights.pt" ;;
+124-* | *-124) echo "not complete: call again" ;;
+*) exit 1 ;;
 esac

@@ -19,7 +19,10 @@ from networks import PhotoNetwork
 def arguments(description, batch, lr, packs=True):
     parser = argparse.ArgumentParser(description=description)
     if packs:
-        parser.add_argument("--packs", nargs="+", required=True, help="pack folders (see data.py, procedural.py)")
+        parser.add_argument(
+            "--packs", nargs="+", required=True, help="pack folders (see data.py, procedural.py); unfinished ones join later"
+        )
+        parser.add_argument("--real-share", type=float, default=None, help="how often a real material is drawn")
     parser.add_argument("--work", default=os.environ.get("SVBRDF_WORK", "."), help="folder of checkpoints and logs")
     parser.add_argument("--minutes", type=float, default=None, help="length of the whole run in training time")
     parser.add_argument("--steps", type=int, default=None, help="length of the whole run in steps (reproducible)")
@@ -97,6 +100,12 @@ class Run:
         p = min(1.0, self.progress)
         return self.args.lr * min(1.0, (self.step + 1) / self.args.warmup) * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * p)))
 
+    def refresh(self, pool):
+        """Let packs join that have been finished meanwhile."""
+        if pool.waiting and self.step % 50 == 0:
+            pool.refresh()
+            self.licences = merge_licences([self.licences, pool.licences()])
+
     def update(self, loss, batch, values):
         """One optimiser step; ``values``: name -> detached tensor to log."""
         for group in self.optimizer.param_groups:
@@ -110,9 +119,8 @@ class Run:
         self.samples += batch
         decay = min(self.args.ema, (1 + self.step) / (20 + self.step))
         with torch.no_grad():
-            for k, v in self.model.state_dict().items():
-                if v.dtype.is_floating_point:
-                    self.ema[k].lerp_(v.float(), 1 - decay)
+            now = {k: v.float() for k, v in self.model.state_dict().items() if v.dtype.is_floating_point}
+            torch._foreach_lerp_([self.ema[k] for k in now], list(now.values()), 1 - decay)
         for k, v in values.items():  # tensors: a GPU need not be waited for
             total, count = self.sums.get(k, (0.0, 0))
             self.sums[k] = (total + v, count + 1)

@@ -42,7 +42,7 @@ def main():
     parser.add_argument("--render-weight", type=float, default=0.5)
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
-    pool = MaterialPool(args.packs, args.device)
+    pool = MaterialPool(args.packs, args.device, real_share=args.real_share)
     model = AutoEncoder().to(args.device).to(memory_format=torch.channels_last).train()
     run = Run("autoencoder", model, args, licences=[pool.licences()])
     compute, change = losses, augment
@@ -54,6 +54,7 @@ def main():
             principal_start(model.encoder, model.decoder, maps, torch.tensor(CHANNEL_WEIGHT))
     weight = torch.tensor(CHANNEL_WEIGHT, device=args.device).view(1, 9, 1, 1)
     while run.progress < 1:
+        run.refresh(pool)
         fine = run.progress >= args.fine_from
         size, batch = (256, max(2, args.batch // 4)) if fine else (args.size, args.batch)
         with torch.no_grad():

@@ -7,6 +7,7 @@ tell; + log-L1 of their renderings; + a twentieth of the distance of the means
 themselves.
 """
 
+import json
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -83,6 +84,7 @@ def main():
     parser = arguments(__doc__, batch=8, lr=1.5e-3, packs=False)
     parser.add_argument("--fits", nargs="+", required=True, help="folders of recorded fits")
     parser.add_argument("--held-out", nargs="*", default=[], help="the same of other materials, to be measured at the end")
+    parser.add_argument("--materials", nargs="*", default=[], help="folders of fit_materials.py that were fitted: their licences")
     parser.add_argument("--counts", nargs="+", type=int, default=[2, 3, 5, 8, 12])
     parser.add_argument("--render-weight", type=float, default=0.3)
     parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
@@ -94,7 +96,11 @@ def main():
     if args.init and not os.path.exists(os.path.join(args.work, "completion.pt")):
         load_ema(network, args.init)
     network = network.to(args.device).to(memory_format=torch.channels_last).train()
-    run = Run("completion", network, args)
+    licences = []
+    for folder in args.materials:
+        with open(os.path.join(folder, "licences.json")) as f:
+            licences.append(json.load(f))
+    run = Run("completion", network, args, licences=licences)
     picks = np.random.default_rng([args.seed, run.step])
 
     def load():

@@ -92,7 +92,7 @@ def main():
     args = options()
     torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
-    pool = MaterialPool(args.packs, args.device)
+    pool = MaterialPool(args.packs, args.device, real_share=args.real_share)
     model, licences = PhotoNetwork(spread=args.spread, rounds=args.rounds), [pool.licences()]
     if args.init and not os.path.exists(os.path.join(args.work, "photo.pt")):
         _, state = load_ema(model, args.init, widen_photo_input)
@@ -103,6 +103,7 @@ def main():
     if not args.no_compile:
         draw, compute, change = (torch.compile(f, dynamic=False) for f in (render, photo_losses, augment))
     while run.progress < 1:
+        run.refresh(pool)
         size, batch, count = example_shape(args, run)
         with torch.no_grad():
             x = pool.batch(batch, size, run.rng, change, frame=FRAME)

@@ -80,7 +80,8 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
     assert!(!first.settled && fit.latent.work() == [1, 40]);
     fit.settle();
     let after = render::loss(&fit.maps(), std::slice::from_ref(&top));
-    assert!(after < 0.7 * before, "{before} -> {after}");
+    // The network's maps are near to it already.
+    assert!(after < 0.8 * before, "{before} -> {after}");
     let both = [top, side.clone()];
     let before = render::loss(&fit.maps(), &both);
     fit.add(&side).unwrap();

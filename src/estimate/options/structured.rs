@@ -34,8 +34,8 @@ pub struct StructuredOptions {
     /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
     /// schedule goes on with them.
     pub candidates: Vec<Widths>,
-    /// Mean squared error of photographs left out, relative to that of the widest prior, and of the
-    /// latest, relative to that of the maps before it, that a narrow prior must reach. Tuned.
+    /// Mean squared error of photographs left out, relative to that of the widest prior, that a narrow
+    /// prior must reach; of the latest, it must be below that of the maps before it. Tuned.
     pub evidence: f64,
     /// The same relative to the widest alone, where there were no finished maps before. Tuned.
     pub evidence_alone: f64,

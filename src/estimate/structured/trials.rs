@@ -180,9 +180,7 @@ impl WidthTrials {
     /// Squared error of the latest photograph that a narrow candidate must be below.
     fn limit_of_latest(&self) -> f64 {
         match self.predicted {
-            Some(Predicted { structured: false, error, .. }) => {
-                self.options.structured.evidence * error
-            }
+            Some(Predicted { structured: false, error, .. }) => error,
             _ => f64::INFINITY,
         }
     }
