@@ -103,8 +103,8 @@ impl Networks {
     /// First maps from one photograph.
     ///
     /// Observations of more than 256 texels a side are halved until they fit; the result has that
-    /// size. Where nothing was seen the network fills in from what lies around; so does, for the
-    /// diffuse albedo under highlights, [`highlights`].
+    /// size. Where nothing was seen the network fills in from what lies around; diffuse albedo that a
+    /// highlight hides takes its level from there as well.
     ///
     /// # Errors
     /// When the sides are not multiples of 32 (after halving), or the network is broken.
