@@ -63,8 +63,12 @@ photo=0 autoencoder=0
 train photo --minutes "$MINUTES" --batch "$BATCH" --lr "$LR" --fine-from 0.7 $OPTIONS || photo=$?
 wait "$encoder" || autoencoder=$?
 for network in autoencoder photo; do
-    cp "$WORK/$network-weights.pt" "$WORK/$network.jsonl" "$OUT"
-    tail -n 1 "$WORK/$network.jsonl"
+    cp "$WORK/$network-weights.pt" "$OUT"
+    # none before its first lines
+    if [ -e "$WORK/$network.jsonl" ]; then
+        cp "$WORK/$network.jsonl" "$OUT"
+        tail -n 1 "$WORK/$network.jsonl"
+    fi
 done
 case $photo-$autoencoder in
 0-0) echo "training complete: evaluate and export $OUT/*-weights.pt" ;;

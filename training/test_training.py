@@ -220,6 +220,30 @@ class Materials(unittest.TestCase):
             # positions up to 512 have seven digits, and these maps are white noise
             self.assertLess(float((sliced - gathered).abs().max()), 1e-4)
 
+    def test_packs_join_when_they_are_complete(self):
+        with tempfile.TemporaryDirectory() as folder:
+            def pack(name, tier, count):
+                writer = data.PackWriter(os.path.join(folder, name), count)
+                for i in range(count):
+                    writer.add(f"{name}{i}", tier, "project", torch.zeros(9, data.SIZE, data.SIZE))
+                return writer
+
+            pack("first", "A", 1).close()
+            late = pack("late", "P", 3)
+            folders = [os.path.join(folder, n) for n in ("first", "late")]
+            pool = data.MaterialPool(folders, subset="all", real_share=0.4)
+            self.assertEqual((len(pool), pool.waiting), (1, folders[1:]))
+            late.close()
+            pool.refresh()
+            self.assertEqual((len(pool), pool.waiting), (4, []))
+            self.assertTrue(np.allclose(pool.probability, [0.4, 0.2, 0.2, 0.2]))
+            self.assertEqual(list(pool.numbers), [0, 1, 2, 3])
+
+    def test_printed_blends_have_the_relief_of_one_and_the_colours_of_the_other(self):
+        first, second = torch.zeros(4, 9, 16, 16), torch.ones(4, 9, 16, 16)
+        blend = data.blend_maps(first, second, printed=1.0)
+        self.assertTrue(bool((blend[:, [0, 1, 8]] == 0).all() and (blend[:, 2:8] == 1).all()))
+
     def test_generated_materials_are_physical(self):
         for name in procedural.FAMILIES:
             slope, kd, ks, roughness = decode_maps(torch.from_numpy(procedural.generate(name, 64, 3)))
