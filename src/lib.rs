@@ -32,6 +32,7 @@ pub mod export;
 pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
+mod interpolation;
 mod least_squares;
 pub mod loss;
 pub mod network;

@@ -27,6 +27,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("observation", &["svbrdf"]),
     ("frame", &["geometry"]),
+    ("interpolation", &[]),
     ("least_squares", &[]),
     ("calibration", &["frame", "geometry", "least_squares"]),
     ("board_sheet", &["calibration"]),
@@ -35,12 +36,13 @@ const TABLE: &[(&str, &[&str])] = &[
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
     ("network", &["simd", "svbrdf"]),
-    ("initial_estimate", &["network", "observation", "render", "svbrdf"]),
+    ("initial_estimate", &["interpolation", "network", "observation", "render", "svbrdf"]),
     (
         "estimate",
         &[
             "confidence",
             "initial_estimate",
+            "interpolation",
             "loss",
             "network",
             "observation",

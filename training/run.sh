@@ -19,11 +19,13 @@ begun=$(date +%s)
 jobs=$(nproc)
 export OMP_NUM_THREADS=1
 mkdir -p "$WORK" "$OUT"
+# what is left of this call, less what comes after training
+left() { echo $((LIMIT - $(date +%s) + begun - 25)); }
 
 packs="$WORK/procedural-1 $WORK/procedural-2 $WORK/procedural-3"
 (for part in 1 2 3; do
     if [ ! -e "$WORK/procedural-$part/meta.json" ]; then
-        $PYTHON procedural.py --out "$WORK/procedural-$part" --count $((COUNT / 3)) --seed "10$part" --jobs "$jobs"
+        timeout "$(left)" $PYTHON procedural.py --out "$WORK/procedural-$part" --count $((COUNT / 3)) --seed "10$part" --jobs "$jobs"
     fi
 done) &
 generator=$!
@@ -53,7 +55,7 @@ train() {
     network=$1
     shift
     # shellcheck disable=SC2086 # a list of words
-    timeout -k 20 $((LIMIT - $(date +%s) + begun - 25)) $PYTHON "train_$network.py" --packs $packs --real-share 0.4 \
+    timeout -k 20 "$(left)" $PYTHON "train_$network.py" --packs $packs --real-share 0.4 \
         --work "$WORK" "$@"
 }
 train autoencoder --minutes $((MINUTES / 2 + 1)) --batch $((BATCH / 2)) --lr 1e-3 --fine-from 0.8 &

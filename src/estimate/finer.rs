@@ -11,10 +11,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::bundle::colours;
 use super::clusters::Feature;
-use super::interpolation::{between, bilinear};
 use super::photographs::Photographs;
 use super::prior::{coordinates, from_coordinate};
 use crate::Svbrdf;
+use crate::interpolation::{between, bilinear};
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, channel, thinned};
 

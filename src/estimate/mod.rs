@@ -62,7 +62,6 @@ mod correction;
 mod estimation;
 mod estimator;
 mod finer;
-mod interpolation;
 mod latent;
 mod lights;
 mod noise;

@@ -1,11 +1,12 @@
-//! Diffuse albedo under highlights, where a photograph hardly tells it.
+//! Diffuse albedo under highlights, where a photograph hardly determines it.
 //!
-//! A highlight's tail is known to a tenth or so of its brightness (lobes, tone curves), and what is
-//! saturated tells nothing: the network then leaves holes and gray spots. Cells of [`CELL`] texels
-//! that are not told take their level from around instead: a membrane over all cells, held to what
-//! each of them tells. Detail within cells stays.
+//! A highlight's tail is known to 10 to 15 % of its radiance (lobes, tone curves), and saturated values
+//! say nothing: the network then leaves holes and gray spots. Unreliable cells of [`CELL`] texels take
+//! their level from around instead: a membrane over all cells, held to each by its reliability.
+//! Detail within cells stays.
 
 use crate::Svbrdf;
+use crate::interpolation::{between, bilinear};
 use crate::observation::Observation;
 use crate::render::render;
 use crate::svbrdf::channel;
@@ -18,10 +19,10 @@ const TAIL: f32 = 0.15;
 const ENOUGH: f32 = 0.1;
 /// How far saturation is believed to reach, texels.
 const REACH: usize = 2;
-/// How strongly neighbouring cells hold each other, and what the network says where the photograph
-/// tells nothing; what it says where all is told counts 1.
+/// Weight of the difference of neighbouring cells; that of a reliable cell from its own level is 1.
 const STIFFNESS: f32 = 0.5;
-const UNTOLD: f32 = 0.05;
+/// Weight of the difference from the network's level, whatever its reliability.
+const LEAST_WEIGHT: f32 = 0.05;
 /// Sweeps over the cells, enough for the largest hole.
 const SWEEPS: usize = 200;
 /// Added to roots of albedo that are divided by.
@@ -31,17 +32,17 @@ const LEAST_ROOT: f32 = 1e-3;
 /// hide it.
 pub(super) fn complete_diffuse(maps: &mut Svbrdf, observation: &Observation) {
     let (w, h) = (maps.width(), maps.height());
-    let told = reliability(maps, observation);
+    let reliability = reliability(maps, observation);
     let cells = Cells { columns: w.div_ceil(CELL), rows: h.div_ceil(CELL), width: w, height: h };
-    let weight = cells.means(|i| told[i]);
-    if weight.iter().all(|&told| told > 0.99) {
+    let weight = cells.means(|i| reliability[i]);
+    if weight.iter().all(|&weight| weight > 0.99) {
         return;
     }
     for c in channel::DIFFUSE..channel::DIFFUSE + 3 {
         let plane = maps.plane_mut(c);
         let plain = cells.means(|i| plane[i].sqrt());
-        let of_told = cells.means(|i| told[i] * plane[i].sqrt());
-        let mut ratio = cells.membrane(&weight, &of_told, &plain);
+        let weighted = cells.means(|i| reliability[i] * plane[i].sqrt());
+        let mut ratio = cells.membrane(&weight, &weighted, &plain);
         for ((ratio, plain), weight) in ratio.iter_mut().zip(plain).zip(&weight) {
             *ratio = 1.0 + (1.0 - weight) * ((*ratio + LEAST_ROOT) / (plain + LEAST_ROOT) - 1.0);
         }
@@ -55,8 +56,8 @@ pub(super) fn complete_diffuse(maps: &mut Svbrdf, observation: &Observation) {
     maps.clamp();
 }
 
-/// How well the photograph tells the diffuse albedo of each texel, 0 to 1: its share of the squared
-/// deviation where the other part is that of the highlight.
+/// How well the photograph determines the diffuse albedo of each texel, 0 to 1: the share of the
+/// variance that is good enough in its sum with the highlight's.
 fn reliability(maps: &Svbrdf, observation: &Observation) -> Vec<f32> {
     let (w, h, n) = (maps.width(), maps.height(), maps.texels());
     let mut whole = vec![0.0; 3 * n];
@@ -74,15 +75,15 @@ fn reliability(maps: &Svbrdf, observation: &Observation) -> Vec<f32> {
         (y.saturating_sub(REACH)..(y + REACH + 1).min(h))
             .any(|y| saturated[y * w..][columns.clone()].contains(&true))
     };
-    let told = |i: usize| {
+    let reliability = |i: usize| {
         if observation.weight(i) == 0.0 || near_saturated(i % w, i / w) {
             return 0.0;
         }
         let tail = TAIL * (0..3).map(|c| specular[c * n + i]).fold(0.0, f32::max);
-        let told = enough * enough / (enough * enough + tail * tail);
-        if told.is_finite() { told } else { 0.0 }
+        let share = enough * enough / (enough * enough + tail * tail);
+        if share.is_finite() { share } else { 0.0 }
     };
-    (0..n).map(told).collect()
+    (0..n).map(reliability).collect()
 }
 
 /// The cells of planes of `width * height` texels; those at the right and lower edge may be smaller.
@@ -108,15 +109,15 @@ impl Cells {
         sums.iter().zip(counts).map(|(sum, count): (&f32, f32)| sum / count).collect()
     }
 
-    /// Values of a membrane that is held to `of_told / weight` by `weight`, to `plain` by
-    /// [`UNTOLD`], and to its neighbours by [`STIFFNESS`] (Gauss-Seidel).
-    fn membrane(&self, weight: &[f32], of_told: &[f32], plain: &[f32]) -> Vec<f32> {
+    /// Values of a membrane that is held to `weighted / weight` by `weight`, to `plain` by
+    /// [`LEAST_WEIGHT`], and to its neighbours by [`STIFFNESS`] (Gauss-Seidel).
+    fn membrane(&self, weight: &[f32], weighted: &[f32], plain: &[f32]) -> Vec<f32> {
         let mut values = plain.to_vec();
         for _ in 0..SWEEPS {
             for cell in 0..values.len() {
                 let (x, y) = (cell % self.columns, cell / self.columns);
-                let mut sum = of_told[cell] + UNTOLD * plain[cell];
-                let mut held = weight[cell] + UNTOLD;
+                let mut sum = weighted[cell] + LEAST_WEIGHT * plain[cell];
+                let mut held = weight[cell] + LEAST_WEIGHT;
                 let mut add = |there: bool, neighbour: usize| {
                     if there {
                         sum += STIFFNESS * values[neighbour];
@@ -135,17 +136,13 @@ impl Cells {
 
     /// Bilinear between the centres of the cells.
     fn at(&self, values: &[f32], x: usize, y: usize) -> f32 {
-        let place = |at: usize, count: usize| {
-            let place = ((at as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (count - 1) as f32);
-            (place as usize, (place as usize + 1).min(count - 1), place.fract())
-        };
-        let (left, right, part) = place(x, self.columns);
-        let (above, below, down) = place(y, self.rows);
-        let row = |y: usize| {
-            let (a, b) = (values[y * self.columns + left], values[y * self.columns + right]);
-            a + part * (b - a)
-        };
-        row(above) + down * (row(below) - row(above))
+        let place = |at: usize| (at as f32 + 0.5) / CELL as f32 - 0.5;
+        let (left, right, across) = between(place(x), self.columns);
+        let (above, below, down) = between(place(y), self.rows);
+        let value = |x: usize, y: usize| values[y * self.columns + x];
+        let four =
+            [value(left, above), value(right, above), value(left, below), value(right, below)];
+        bilinear(four, [across, down])
     }
 }
 
@@ -221,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_everywhere_stays() {
+    fn what_is_reliable_everywhere_stays() {
         let (truth, _, observation, _) = red_with_a_hole();
         let mut matt = truth;
         for c in 0..3 {

@@ -13,12 +13,12 @@
 use super::groups::{GROUPS, Membership};
 use super::pooling::Pooling;
 use crate::estimate::belief::Belief;
-use crate::estimate::interpolation::{between, bilinear};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{ClassOptions, EstimateOptions};
 use crate::estimate::photographs::{Photographs, chosen};
 use crate::estimate::posterior::{At, gloss_information};
 use crate::estimate::solver::solve;
+use crate::interpolation::{between, bilinear};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::svbrdf::{channel, halved};
