@@ -232,7 +232,7 @@ impl Estimation {
             }
         }
         (self.cut, self.repeated, self.fraction) = (None, false, 0.0);
-        self.structured = false;
+        (self.structured, self.record) = (false, None);
         self.go_to(Position::default());
         self.measure();
         Ok(())

@@ -77,7 +77,8 @@ impl Estimator {
     }
 
     /// What the learned prior began with at last: recorded fits are what its network learns from.
-    /// `None` before the second photograph.
+    /// `None` where it was not asked for the photographs so far: of one, or with the structured
+    /// prior.
     pub fn record(&self) -> Option<&FitRecord> {
         self.estimation.record.as_ref()
     }

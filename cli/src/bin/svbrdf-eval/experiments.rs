@@ -1,15 +1,13 @@
 //! What is tried; every row of a table is a mean over all crops.
 
-use std::path::Path;
 use std::time::Instant;
 
 use svbrdf::comparison::compare;
-use svbrdf::estimate::{Method, coordinates};
+use svbrdf::estimate::Method;
 use svbrdf::export::resized;
 use svbrdf::observation::Observation;
-use svbrdf::random::Random;
 use svbrdf::svbrdf::channel;
-use svbrdf::{Error, Result, Svbrdf};
+use svbrdf::{Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
@@ -164,49 +162,6 @@ pub fn start(arguments: &Arguments, setup: &Setup, crops: &[Crop], counts: &[usi
     }
     report.print(None);
     Ok(())
-}
-
-/// Records what the learned prior begins with and the truth, as half floats: `NAME-SEED-COUNT.f16` (see
-/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-SEED-truth.f16`, the same coordinates.
-pub fn fits(
-    setup: &Setup,
-    crops: &[Crop],
-    counts: &[usize],
-    out: &Path,
-    chosen: u64,
-) -> Result<()> {
-    std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
-    let most = counts.iter().copied().max().unwrap_or(2);
-    for (index, crop) in crops.iter().enumerate() {
-        let stem = format!("{}-{chosen}", crop.name.replace(' ', "_"));
-        let path = |what: &str| out.join(format!("{stem}-{what}.f16"));
-        if path("truth").exists() {
-            continue;
-        }
-        let mut random = Random::new(7777 * chosen + seed(index));
-        let conditions = Conditions::random(&mut random);
-        let places = 7777 * chosen + seed(index);
-        let mut estimator = setup.estimator(Method::Deep, true);
-        estimator.correct_lights(false);
-        estimator.keep_record();
-        let photographs = photographs(&crop.truth, most, places, &conditions);
-        for (i, observation) in photographs.into_iter().enumerate() {
-            estimator.add(observation)?;
-            estimator.settle()?;
-            if let Some(record) = estimator.record().filter(|_| counts.contains(&(i + 1))) {
-                write_halves(&path(&(i + 1).to_string()), &record.planes())?;
-            }
-        }
-        write_halves(&path("truth"), &coordinates(&crop.truth))?;
-        eprintln!("{stem}");
-    }
-    Ok(())
-}
-
-fn write_halves(path: &Path, values: &[f32]) -> Result<()> {
-    let bytes: Vec<u8> =
-        values.iter().flat_map(|&v| half::f16::from_f32(v).to_le_bytes()).collect();
-    std::fs::write(path, bytes).map_err(|e| Error::io(path, e))
 }
 
 pub fn resolution(

@@ -5,6 +5,7 @@ mod captures;
 mod clock;
 mod confidence;
 mod experiments;
+mod fits;
 mod gate;
 mod hashes;
 mod heldout;
@@ -96,19 +97,7 @@ enum Command {
         photos: Vec<usize>,
     },
     /// Records of fits, from which the completion network learns (`training/`)
-    Fits {
-        #[command(flatten)]
-        materials: protocol::Arguments,
-        /// Numbers of photographs after which to record
-        #[arg(long, value_delimiter = ',', default_value = "2,3,5,8,12")]
-        photos: Vec<usize>,
-        /// Folder to write; records that it has are left
-        #[arg(long)]
-        out: PathBuf,
-        /// Chooses cameras and noise
-        #[arg(long, default_value_t = 0)]
-        seed: u64,
-    },
+    Fits(fits::Arguments),
     /// Error and time by the size of the maps, of whole materials
     Resolution {
         #[command(flatten)]
@@ -153,6 +142,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Heldout(of) => heldout::run(of, &setup)?,
         Command::Confidence(of) => confidence::run(of, &setup)?,
         Command::NextView(of) => next_view::run(of, &setup)?,
+        Command::Fits(of) => fits::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
         tables => print_table(tables, &setup)?,
     }
@@ -175,9 +165,6 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Start { materials: of, photos } => {
             experiments::start(of, setup, &crops(of)?, photos)
         }
-        Command::Fits { materials: of, photos, out, seed } => {
-            experiments::fits(setup, &crops(of)?, photos, out, *seed)
-        }
         Command::Resolution { materials: of, sides, photos } => {
             experiments::resolution(of, setup, sides, *photos)
         }
@@ -185,6 +172,7 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         | Command::Heldout(_)
         | Command::Confidence(_)
         | Command::NextView(_)
+        | Command::Fits(_)
         | Command::Gate(_)
         | Command::Hashes(_) => Ok(()),
     }
