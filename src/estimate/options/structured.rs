@@ -16,9 +16,11 @@ pub struct StructuredOptions {
     pub few: Widths,
     /// Part of the estimate's own deviation from its class that the mean of that prior keeps. Tuned.
     pub own_share: f64,
-    /// Cost with exposure and flash as given, relative to that with both free, from which on few
-    /// photographs contradict what was given. Tuned.
-    pub contradiction: f64,
+    /// Cost with exposure and flash as given, relative to that with both free, from which on
+    /// photographs contradict what was given: of few, and of more. Tuned.
+    pub contradiction: [f64; 2],
+    /// Expected slopes of averaged texels of more photographs, where that is asked. Tuned.
+    pub averaged_slope: f64,
     /// Texels along the longer side that are fitted, at most. Tuned.
     pub texels: usize,
     /// The same while photographs are left out. Tuned.
@@ -32,8 +34,11 @@ pub struct StructuredOptions {
     /// Photographs left out in turn, at most: the latest. Tuned.
     pub folds: usize,
     /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
-    /// schedule goes on with them.
+    /// schedule goes on with them; unless photographs contradict what was given.
     pub candidates: Vec<Widths>,
+    /// The first of these that are rivals of the other phases; those between them and the last have relief
+    /// and are tried where photographs contradict what was given.
+    pub narrow: usize,
     /// Mean squared error of photographs left out, relative to that of the widest prior, that a narrow
     /// prior must reach; of the latest, it must be below that of the maps before it. Tuned.
     pub evidence: f64,
@@ -78,12 +83,14 @@ impl Default for StructuredOptions {
     fn default() -> Self {
         let narrow =
             Widths { classes: 1, slope: 0.01, diffuse: 0.3, specular: 0.002, roughness: 0.001 };
+        let classes = Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow };
         Self {
             from: 2,
             leave_out_from: 3,
-            few: Widths { classes: 8, diffuse: 0.1, specular: 0.02, roughness: 0.01, ..narrow },
+            few: Widths { diffuse: 0.1, ..classes },
             own_share: 0.5,
-            contradiction: 1.2,
+            contradiction: [1.2, 1.3],
+            averaged_slope: 0.03,
             texels: 64,
             trial_texels: 32,
             trial_averaged: 64,
@@ -93,9 +100,12 @@ impl Default for StructuredOptions {
             candidates: vec![
                 narrow,
                 Widths { slope: 0.03, ..narrow },
-                Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow },
-                Widths { classes: 8, slope: 0.1, diffuse: 0.3, specular: 0.1, roughness: 0.12 },
+                classes,
+                Widths { slope: 0.1, ..classes },
+                Widths { slope: 0.3, ..classes },
+                Widths { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes },
             ],
+            narrow: 3,
             evidence: 0.9,
             evidence_alone: 0.5,
             min_residual: 0.006,

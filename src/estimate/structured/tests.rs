@@ -126,8 +126,10 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     // Maps before that were worse than either.
     let poor = Some(Predicted { error: 1.0, structured: false, photographs: 5 });
-    let narrow = chosen_after(&flat, true, poor);
-    assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
+    for free in [false, true] {
+        let narrow = chosen_after(&flat, free, poor);
+        assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
+    }
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
     assert_eq!(chosen_after(&bumpy, true, poor), None);
 }
@@ -179,20 +181,24 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let options = options();
     let candidates = &options.structured.candidates;
-    let choose = |error: f64| {
+    let choose = |error: f64, light: f64| {
         let predicted = Some(Predicted { error, structured: false, photographs: 5 });
         let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
         let folds = trials.folds.len();
-        let mut errors = vec![1.0; candidates.len() * folds];
-        errors[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
-        errors[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
+        let mut errors = vec![1.0; 2 + candidates.len() * folds];
+        errors[0] = light;
+        let left_out = &mut errors[2..];
+        left_out[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
+        left_out[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
+        left_out[4 * folds..5 * folds].copy_from_slice(&[0.1, 0.1, 0.1]);
         errors.push(0.1); // residual of the widest
         assert!(trials.resume(&errors) && trials.is_done());
         trials.chosen()
     };
-    assert_eq!(choose(1.0), Some(candidates[1]), "best in the sum, and for the latest");
-    assert_eq!(choose(0.5), Some(candidates[0]), "the other is no better for the latest");
-    assert_eq!(choose(0.1), None);
+    assert_eq!(choose(1.0, 1.0), Some(candidates[1]), "best in the sum, and for the latest");
+    assert_eq!(choose(0.5, 1.0), Some(candidates[0]), "the other is no better for the latest");
+    assert_eq!(choose(0.1, 1.0), None);
+    assert_eq!(choose(0.1, 2.0), Some(candidates[4]), "the light is not as given: best of all");
 }
 
 /// Trials end when no further one could change the choice: against tables of all errors, drawn at
@@ -210,8 +216,9 @@ fn trials_that_are_left_out_change_no_choice() {
             kind => Some(Predicted { error, structured: kind == 1, photographs: 3 }),
         };
         let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options());
-        let (_, folds) = trials.errors.split_last().unwrap();
-        let mut table: Vec<f64> = folds.iter().map(|_| value(0.3, 1.6)).collect();
+        let (_, rest) = trials.errors.split_last().unwrap();
+        let mut table: Vec<f64> = rest.iter().map(|_| value(0.3, 1.6)).collect();
+        table[0] = table[1] * value(0.9, 1.5);
         table.push(value(0.0, 0.05));
         let undone = trials.save();
         assert!(trials.resume(&table));
@@ -254,6 +261,19 @@ fn two_photographs_take_classes_where_the_light_is_not_as_given() {
     assert_eq!(chosen(&wrong, false), None);
     let right = photographs(&material(0.0), 2, &Exposure::default(), 0.01);
     assert_eq!(chosen(&right, true), None);
+}
+
+/// More photographs of a bumpy sheet as well: one of the priors with relief is taken, however well the
+/// maps before predicted; where the light is as given, or a board tells it, none.
+#[test]
+fn relief_is_kept_where_the_light_of_photographs_is_not_as_given() {
+    let good = Some(Predicted { error: 1e-6, structured: false, photographs: 5 });
+    let wrong = photographs(&material(0.1), 6, &planted(), 0.01);
+    let relief = chosen_after(&wrong, true, good);
+    assert!(relief.is_some_and(|w| w.slope >= 0.1), "{relief:?}");
+    assert_eq!(chosen_after(&wrong, false, good), None);
+    let right = photographs(&material(0.1), 6, &Exposure::default(), 0.01);
+    assert_eq!(chosen_after(&right, true, good), None);
 }
 
 /// With all of its own deviations an estimate is its own mean: nothing is lost between classes and

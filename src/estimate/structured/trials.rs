@@ -6,9 +6,11 @@
 //! (prequential error), those go on, and nothing is changed. A choice once made needs less evidence to
 //! stay. A prediction is made only while it can still change the choice.
 //!
-//! Two photographs cannot be left out. They tell whether exposure and flash are as given: where the
-//! classes explain them clearly better with both free (a likelihood ratio), the light is known badly,
-//! texels would follow it, and the classes are taken, round the latent estimate.
+//! All that was said of lights may be wrong where no board tells them. Where classes explain averaged
+//! texels clearly better with exposure and flash free (a likelihood ratio), it is: the other phases, whose
+//! texels would follow it, are no rivals then. Of two photographs, which cannot be left out, the classes
+//! are taken, round the latent estimate; of more, the candidate that predicts best, those with relief among
+//! them.
 
 use std::sync::Arc;
 
@@ -27,17 +29,45 @@ pub(crate) struct WidthTrials {
     sample: Arc<Sample>,
     /// Photographs that the trials see.
     which: Vec<usize>,
-    /// Classes round the estimate, where photographs are too few to leave one out.
-    few: Option<Setup>,
+    /// Asks whether the light is as given, where no board tells it.
+    light: Option<LightTest>,
+    /// Whether photographs are too few to leave one out.
+    few: bool,
     /// Photographs left out, each in turn; the latest last.
     pub(super) folds: Vec<usize>,
     /// How the maps before the latest photograph predicted it.
     predicted: Option<Predicted>,
-    /// Squared errors of each candidate for each photograph left out; then what the widest leaves of
-    /// all photographs. Of few photographs: costs with exposure and flash as given, and free. Not a
-    /// number where a trial is not done.
+    /// Costs with exposure and flash as given, and free, where that is asked; but of few photographs,
+    /// squared errors of each candidate for each photograph left out, then what the widest leaves of
+    /// all photographs. Not a number where a trial is not done.
     pub(super) errors: Vec<f64>,
 }
+
+/// Classes round the estimate, whose averaged texels show no relief.
+struct LightTest {
+    sample: Arc<Sample>,
+    setup: Setup,
+    widths: Widths,
+    /// Ratio of costs from which on the light is not as given.
+    limit: f64,
+}
+
+impl LightTest {
+    fn new(photographs: &Photographs, estimate: &Svbrdf, options: &EstimateOptions) -> Self {
+        let (count, o) = (photographs.len(), &options.structured);
+        let sample = Arc::new(Sample::new(photographs, o.trial_texels, o.trial_texels));
+        let (widths, limit) = match count < o.leave_out_from {
+            true => (o.few, o.contradiction[0]),
+            false => (Widths { slope: o.averaged_slope, ..o.few }, o.contradiction[1]),
+        };
+        let setup = Setup::new(&sample, &photographs.drawn(0), widths.classes, options);
+        let setup = setup.around(&sample.coordinates(estimate), o.own_share);
+        Self { sample, setup, widths, limit }
+    }
+}
+
+/// Trials that ask whether the light is as given.
+const OF_LIGHT: usize = 2;
 
 impl WidthTrials {
     /// Before the first trial, with the latent estimate. Where a board tells exposure and flash, they
@@ -50,24 +80,22 @@ impl WidthTrials {
         options: &EstimateOptions,
     ) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
-        let averaged = if count < o.leave_out_from { o.trial_texels } else { o.trial_averaged };
-        let sample = Sample::new(photographs, averaged, o.trial_texels);
-        let few = (count < o.leave_out_from).then(|| {
-            let which: Vec<usize> = (0..count).collect();
-            let setup = Setup::new(&sample, &which, o.few.classes, options);
-            setup.around(&sample.coordinates(estimate), o.own_share)
-        });
+        let sample = Sample::new(photographs, o.trial_averaged, o.trial_texels);
+        let few = count < o.leave_out_from;
         let folds: Vec<usize> = (count.saturating_sub(o.folds)..count).collect();
-        let trials = if few.is_some() { 2 } else { o.candidates.len() * folds.len() + 1 };
+        let left_out = if few { 0 } else { o.candidates.len() * folds.len() + 1 };
+        let light = free.then(|| LightTest::new(photographs, estimate, options));
+        let of_light = if free { OF_LIGHT } else { 0 };
         Self {
             options: options.clone(),
             free,
             sample: Arc::new(sample),
             which: photographs.drawn(0),
+            light,
             few,
             folds,
             predicted,
-            errors: vec![f64::NAN; trials],
+            errors: vec![f64::NAN; of_light + left_out],
         }
     }
 
@@ -85,10 +113,10 @@ impl WidthTrials {
     /// The next trial.
     pub fn step(&mut self) {
         let Some(trial) = self.next() else { return };
-        let error = match &self.few {
-            Some(setup) => self.cost_of_all(setup, trial > 0),
-            None if trial < self.residual() => self.error(trial),
-            None => self.residual_of_all(),
+        let error = match &self.light {
+            Some(test) if trial < OF_LIGHT => self.cost_of_all(test, trial > 0),
+            _ if trial == self.residual() => self.residual_of_all(),
+            _ => self.error(trial),
         };
         self.record(trial, error);
     }
@@ -113,11 +141,23 @@ impl WidthTrials {
 
     /// The prior that was chosen, if any.
     pub fn chosen(&self) -> Option<Widths> {
-        let StructuredOptions { contradiction, few, candidates, .. } = &self.options.structured;
-        match self.errors.as_slice() {
-            &[given, free] if self.few.is_some() => (given > contradiction * free).then_some(*few),
-            _ => self.best_narrow().map(|best| candidates[best]),
+        let StructuredOptions { few, candidates, .. } = &self.options.structured;
+        match (self.is_contradicted(), self.few) {
+            (true, true) => Some(*few),
+            (false, true) => None,
+            (true, false) => self.best(0..candidates.len()).map(|best| candidates[best]),
+            (false, false) => self.best_narrow().map(|best| candidates[best]),
         }
+    }
+
+    /// Whether photographs contradict that exposure and flash are as given.
+    fn is_contradicted(&self) -> bool {
+        self.light.as_ref().is_some_and(|test| self.errors[0] > test.limit * self.errors[1])
+    }
+
+    /// Where errors of photographs left out begin.
+    fn first(&self) -> usize {
+        if self.light.is_some() { OF_LIGHT } else { 0 }
     }
 
     /// The trial of all photographs with the widest candidate.
@@ -130,10 +170,21 @@ impl WidthTrials {
         self.options.structured.candidates.len() - 1
     }
 
+    /// Candidates that are rivals of the other phases.
+    fn narrow(&self) -> std::ops::Range<usize> {
+        0..self.options.structured.narrow.min(self.widest())
+    }
+
     /// Trials of a candidate.
     fn of(&self, candidate: usize) -> std::ops::Range<usize> {
-        let folds = self.folds.len();
-        candidate * folds..(candidate + 1) * folds
+        let (first, folds) = (self.first(), self.folds.len());
+        first + candidate * folds..first + (candidate + 1) * folds
+    }
+
+    /// The candidate that predicts best, as far as is known.
+    fn best(&self, candidates: impl IntoIterator<Item = usize>) -> Option<usize> {
+        let tried = candidates.into_iter().filter(|&c| !self.sum(c).is_nan());
+        tried.min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b)))
     }
 
     /// Sum of a candidate's squared errors; not a number where a trial is not done.
@@ -146,10 +197,9 @@ impl WidthTrials {
     /// such maps, it must be the better for it; a choice made before stays until the widest predicts
     /// better. None begins where free texels explain the photographs to within noise and rounding.
     fn best_narrow(&self) -> Option<usize> {
-        let better = (0..self.widest()).filter(|&candidate| {
+        self.best(self.narrow().filter(|&candidate| {
             self.sum(candidate) < self.limit() && self.predicts_latest(candidate)
-        });
-        better.min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b)))
+        }))
     }
 
     /// Sum of squared errors that a narrow candidate must be below; not a number before the widest is
@@ -202,17 +252,32 @@ impl WidthTrials {
         !misses_latest && !limits.any(beaten_by)
     }
 
+    /// Whether a candidate may still predict better than all others, as far as is known.
+    fn may_be_best(&self, candidate: usize) -> bool {
+        let so_far: f64 = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan()).sum();
+        self.best(0..=self.widest()).is_none_or(|best| so_far < self.sum(best))
+    }
+
     /// The trial that tells most for its time among those that can change the choice: whether a narrow
     /// prior may begin, how it predicts the latest photograph where that decides, the widest, others.
     pub(super) fn next(&self) -> Option<usize> {
         let open = |trials: std::ops::Range<usize>| trials.rev().find(|&t| self.errors[t].is_nan());
-        if self.few.is_some() {
-            return (0..self.errors.len()).find(|&t| self.errors[t].is_nan());
+        let light = 0..self.first();
+        if let Some(trial) = light.into_iter().find(|&t| self.errors[t].is_nan()) {
+            return Some(trial);
+        }
+        if self.few {
+            return None;
+        }
+        if self.is_contradicted() {
+            return (0..=self.widest())
+                .filter(|&c| self.may_be_best(c))
+                .find_map(|c| open(self.of(c)));
         }
         if !self.was_chosen() && !self.may_begin() {
             return open(self.residual()..self.errors.len());
         }
-        let rivals: Vec<usize> = (0..self.widest()).filter(|&c| self.may_win(c)).collect();
+        let rivals: Vec<usize> = self.narrow().filter(|&c| self.may_win(c)).collect();
         let latest = |&c: &usize| open(self.of(c).end - 1..self.of(c).end);
         let decides = self.limit_of_latest() < f64::INFINITY;
         let latest = decides.then(|| rivals.iter().find_map(latest)).flatten();
@@ -221,17 +286,18 @@ impl WidthTrials {
     }
 
     /// The cost of all photographs, exposure and flash as given or free.
-    fn cost_of_all(&self, setup: &Setup, free: bool) -> f64 {
-        let (options, few) = (&self.options, self.options.structured.few);
-        let which: Vec<usize> = (0..self.sample.photographs.len()).collect();
-        let problem = setup.clone().problem(&self.sample, which, few, self.free && free, options);
-        let (problem, state) = descended(problem, options.structured.trial_steps, options);
+    fn cost_of_all(&self, test: &LightTest, free: bool) -> f64 {
+        let LightTest { sample, setup, widths, .. } = test;
+        let which = self.which.clone();
+        let problem = setup.clone().problem(sample, which, *widths, free, &self.options);
+        let (problem, state) =
+            descended(problem, self.options.structured.trial_steps, &self.options);
         problem.cost(&state)
     }
 
     /// Predicts the photograph that a trial leaves out from all others.
     fn error(&self, trial: usize) -> f64 {
-        let folds = self.folds.len();
+        let (trial, folds) = (trial - self.first(), self.folds.len());
         let (candidate, left_out) = (trial / folds, self.folds[trial % folds]);
         let (problem, state) = self.fitted(candidate, Some(left_out));
         let at = |t| problem.coordinates(t, &state);
