@@ -282,7 +282,12 @@ fn moments(all: &[Coordinates], c: usize) -> [f64; 2] {
 }
 
 /// What is free of the lights of so many photographs.
-fn parameters(photographs: usize, scale: f64, free: Free, options: &LightOptions) -> Vec<Shared> {
+pub(super) fn parameters(
+    photographs: usize,
+    scale: f64,
+    free: Free,
+    options: &LightOptions,
+) -> Vec<Shared> {
     let LightOptions { direction_sigma, ambient_sigma, mirrored_sigma, .. } = *options;
     let shared =
         |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);

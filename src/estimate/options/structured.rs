@@ -19,6 +19,9 @@ pub struct StructuredOptions {
     /// Cost with exposure and flash as given, relative to that with both free, from which on
     /// photographs contradict what was given: of few, and of more. Tuned.
     pub contradiction: [f64; 2],
+    /// Mean residual of averaged texels with exposure and flash as given, at least: less is no fault of
+    /// theirs that can be seen. Tuned.
+    pub visible: f64,
     /// Expected slopes of averaged texels of more photographs, where that is asked. Tuned.
     pub averaged_slope: f64,
     /// Texels along the longer side that are fitted, at most. Tuned.
@@ -44,6 +47,10 @@ pub struct StructuredOptions {
     pub evidence: f64,
     /// The same relative to the widest alone, where there were no finished maps before. Tuned.
     pub evidence_alone: f64,
+    /// Mean squared error with which maps of the other phases must have predicted the latest photograph,
+    /// relative to that of the best prior, to go on against photographs that contradict what was given.
+    /// Tuned.
+    pub evidence_of_maps: f64,
     /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
     /// one: less is noise and rounding. Tuned.
     pub min_residual: f64,
@@ -90,6 +97,7 @@ impl Default for StructuredOptions {
             few: Widths { diffuse: 0.1, ..classes },
             own_share: 0.5,
             contradiction: [1.2, 1.3],
+            visible: 0.015,
             averaged_slope: 0.03,
             texels: 64,
             trial_texels: 32,
@@ -108,6 +116,7 @@ impl Default for StructuredOptions {
             narrow: 3,
             evidence: 0.9,
             evidence_alone: 0.5,
+            evidence_of_maps: 0.5,
             min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,

@@ -30,7 +30,7 @@ use crate::Svbrdf;
 use crate::parallel;
 use groups::Classes;
 pub(crate) use prediction::Predicted;
-use setup::{DIFFUSE, GLOSS, Setup, descended, sigmas};
+use setup::{DIFFUSE, GLOSS, Light, Setup, descended, sigmas};
 pub(crate) use trials::WidthTrials;
 
 /// Fits classes, texels, exposure and flash with the chosen widths; the belief's mean are flat maps
@@ -53,7 +53,7 @@ pub(super) fn fit(
         setup = setup.around(&sample.coordinates(&maps), own);
     }
     let classes = setup.classes.clone();
-    let problem = setup.problem(&sample, which, widths, free, options);
+    let problem = setup.problem(&sample, which, widths, Light::exposure(free), options);
     let (problem, state) = descended(problem, o.steps, options);
     let mut gloss = state.groups;
     for (class, mean) in gloss.iter_mut().zip(&problem.groups.mean) {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::groups::Classes;
 use crate::estimate::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State};
 use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::lights::{Free, parameters};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, StructuredOptions, Widths};
 use crate::estimate::prior::Coordinates;
@@ -34,9 +35,30 @@ pub(super) fn descended(
     options: &EstimateOptions,
 ) -> (Problem, State) {
     let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
-    let correction = Correction { exposure: Exposure::as_given(views), ..Correction::default() };
+    let turns = vec![[0.0; 2]; problem.which.len()];
+    let exposure = Exposure::as_given(views);
+    let correction = Correction { exposure, turns, ..Correction::default() };
     let start = problem.start(correction);
     Descent::new(problem, start, Limits { steps, converged: options.structured.converged }).run()
+}
+
+/// What of lights is free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Light {
+    AsGiven,
+    /// Exposure and flash.
+    Exposure,
+    /// What the other phases correct: ambient light, and of many photographs each light's direction.
+    Ambient {
+        turn: bool,
+    },
+}
+
+impl Light {
+    /// Exposure and flash where they are free.
+    pub fn exposure(free: bool) -> Self {
+        if free { Self::Exposure } else { Self::AsGiven }
+    }
 }
 
 /// What the prior of a fit refers to.
@@ -106,17 +128,25 @@ impl Setup {
         sample: &Arc<Sample>,
         which: Vec<usize>,
         widths: Widths,
-        free: bool,
+        free: Light,
         options: &EstimateOptions,
     ) -> Problem {
-        let (descent, options) = (options.bundle, &options.structured);
+        let (descent, lights, options) = (options.bundle, &options.lights, &options.structured);
         // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
         let scale = sample.texels() as f64 / options.independent_texels;
         let of_class = scale / self.classes.len() as f64;
         let [root, roughness] = options.class_sigma.map(|s| of_class / (s * s));
         let precision =
             std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
-        let shared = if free { exposure(which.len(), scale, options) } else { Vec::new() };
+        let shared = match free {
+            Light::AsGiven => Vec::new(),
+            Light::Exposure => exposure(which.len(), scale, options),
+            Light::Ambient { turn } => {
+                let free = Free { turn, ambient: true, mirror: false };
+                let scale = sample.texels() as f64 / lights.independent_texels;
+                parameters(which.len(), scale, free, lights)
+            }
+        };
         Problem {
             sample: sample.clone(),
             which,

@@ -6,16 +6,16 @@
 //! (prequential error), those go on, and nothing is changed. A choice once made needs less evidence to
 //! stay. A prediction is made only while it can still change the choice.
 //!
-//! All that was said of lights may be wrong where no board tells them. Where classes explain averaged
-//! texels clearly better with exposure and flash free (a likelihood ratio), it is: the other phases, whose
-//! texels would follow it, are no rivals then. Of two photographs, which cannot be left out, the classes
-//! are taken, round the latent estimate; of more, the candidate that predicts best, those with relief among
-//! them.
+//! Where no board tells lights, they may not be as given. Where classes explain averaged texels clearly
+//! better with exposure and flash free than with what the other phases can correct (a likelihood ratio),
+//! they are not, and texels of the other phases would follow that. Of two photographs, which cannot be left
+//! out, the classes are taken then, round the latent estimate; of more, the candidate that predicts best,
+//! those with relief among them, unless the maps before were far better.
 
 use std::sync::Arc;
 
 use super::prediction::{self, Predicted};
-use super::setup::{Setup, descended};
+use super::setup::{Light, Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::options::{EstimateOptions, StructuredOptions, Widths};
@@ -48,6 +48,8 @@ struct LightTest {
     sample: Arc<Sample>,
     setup: Setup,
     widths: Widths,
+    /// What is free of the light as given.
+    given: Light,
     /// Ratio of costs from which on the light is not as given.
     limit: f64,
 }
@@ -56,13 +58,16 @@ impl LightTest {
     fn new(photographs: &Photographs, estimate: &Svbrdf, options: &EstimateOptions) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
         let sample = Arc::new(Sample::new(photographs, o.trial_texels, o.trial_texels));
-        let (widths, limit) = match count < o.leave_out_from {
-            true => (o.few, o.contradiction[0]),
-            false => (Widths { slope: o.averaged_slope, ..o.few }, o.contradiction[1]),
+        let (widths, given, limit) = if count < o.leave_out_from {
+            (o.few, Light::AsGiven, o.contradiction[0])
+        } else {
+            let turn = count >= options.schedule.turns_from;
+            let widths = Widths { slope: o.averaged_slope, ..o.few };
+            (widths, Light::Ambient { turn }, o.contradiction[1])
         };
         let setup = Setup::new(&sample, &photographs.drawn(0), widths.classes, options);
         let setup = setup.around(&sample.coordinates(estimate), o.own_share);
-        Self { sample, setup, widths, limit }
+        Self { sample, setup, widths, given, limit }
     }
 }
 
@@ -145,7 +150,7 @@ impl WidthTrials {
         match (self.is_contradicted(), self.few) {
             (true, true) => Some(*few),
             (false, true) => None,
-            (true, false) => self.best(0..candidates.len()).map(|best| candidates[best]),
+            (true, false) => self.best_of_all().map(|best| candidates[best]),
             (false, false) => self.best_narrow().map(|best| candidates[best]),
         }
     }
@@ -190,6 +195,14 @@ impl WidthTrials {
     /// Sum of a candidate's squared errors; not a number where a trial is not done.
     fn sum(&self, candidate: usize) -> f64 {
         self.errors[self.of(candidate)].iter().sum()
+    }
+
+    /// Of all candidates the one that predicts best, unless the maps of the other phases that were before
+    /// the latest photograph have predicted it clearly better.
+    fn best_of_all(&self) -> Option<usize> {
+        let part = self.options.structured.evidence_of_maps;
+        let best = self.best(0..=self.widest())?;
+        (part * self.errors[self.of(best).end - 1] < self.limit_of_latest()).then_some(best)
     }
 
     /// Of the narrow candidates that predict better than the widest and than the maps of the other
@@ -262,8 +275,9 @@ impl WidthTrials {
     /// prior may begin, how it predicts the latest photograph where that decides, the widest, others.
     pub(super) fn next(&self) -> Option<usize> {
         let open = |trials: std::ops::Range<usize>| trials.rev().find(|&t| self.errors[t].is_nan());
-        let light = 0..self.first();
-        if let Some(trial) = light.into_iter().find(|&t| self.errors[t].is_nan()) {
+        let explained = self.light.is_some() && self.errors[0] == 0.0;
+        let mut of_light = 0..if explained { 1 } else { self.first() };
+        if let Some(trial) = of_light.find(|&t| self.errors[t].is_nan()) {
             return Some(trial);
         }
         if self.few {
@@ -285,14 +299,17 @@ impl WidthTrials {
         latest.or_else(widest).or_else(|| rivals.iter().find_map(|&c| open(self.of(c))))
     }
 
-    /// The cost of all photographs, exposure and flash as given or free.
+    /// The cost of all photographs, exposure and flash as given or free; nothing where as given they
+    /// leave nothing visible.
     fn cost_of_all(&self, test: &LightTest, free: bool) -> f64 {
-        let LightTest { sample, setup, widths, .. } = test;
+        let LightTest { sample, setup, widths, given, .. } = test;
+        let light = if free { Light::Exposure } else { *given };
         let which = self.which.clone();
-        let problem = setup.clone().problem(sample, which, *widths, free, &self.options);
+        let problem = setup.clone().problem(sample, which, *widths, light, &self.options);
         let (problem, state) =
             descended(problem, self.options.structured.trial_steps, &self.options);
-        problem.cost(&state)
+        let visible = free || problem.mean_residual(&state) > self.options.structured.visible;
+        if visible { problem.cost(&state) } else { 0.0 }
     }
 
     /// Predicts the photograph that a trial leaves out from all others.
@@ -317,7 +334,8 @@ impl WidthTrials {
         let seen = self.which.iter().copied().filter(|&i| Some(i) != left_out);
         let which: Vec<usize> = seen.collect();
         let setup = Setup::new(&self.sample, &which, widths.classes, options);
-        let problem = setup.problem(&self.sample, which, widths, self.free, options);
+        let light = Light::exposure(self.free);
+        let problem = setup.problem(&self.sample, which, widths, light, options);
         descended(problem, options.structured.trial_steps, options)
     }
 }
