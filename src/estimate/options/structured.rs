@@ -16,11 +16,12 @@ pub struct StructuredOptions {
     pub few: Widths,
     /// Part of the estimate's own deviation from its class that the mean of that prior keeps. Tuned.
     pub own_share: f64,
-    /// Cost with exposure and flash as given, relative to that with both free, from which on
-    /// photographs contradict what was given: of few, and of more. Tuned.
+    /// Cost with the light as given, relative to that with exposure and flash free, from which on
+    /// photographs contradict what was given: of few; and of more, ambient light and with many
+    /// directions free in the former, as the other phases correct them. Tuned.
     pub contradiction: [f64; 2],
-    /// Mean residual of averaged texels with exposure and flash as given, at least: less is no fault of
-    /// theirs that can be seen. Tuned.
+    /// Mean residual of averaged texels with the light as given, at least: of less no fault of the
+    /// light can be seen. Tuned.
     pub visible: f64,
     /// Expected slopes of averaged texels of more photographs, where that is asked. Tuned.
     pub averaged_slope: f64,
@@ -39,8 +40,8 @@ pub struct StructuredOptions {
     /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
     /// schedule goes on with them; unless photographs contradict what was given.
     pub candidates: Vec<Widths>,
-    /// The first of these that are rivals of the other phases; those between them and the last have relief
-    /// and are tried where photographs contradict what was given.
+    /// How many of these, from the first, are rivals of the other phases; those between them and the last
+    /// have relief and are tried where photographs contradict what was given.
     pub narrow: usize,
     /// Mean squared error of photographs left out, relative to that of the widest prior, that a narrow
     /// prior must reach; of the latest, it must be below that of the maps before it. Tuned.

@@ -37,10 +37,13 @@ pub struct Arguments {
 /// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-truth.f16`, the same coordinates. Names of
 /// materials end with the seed.
 pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
-    let Arguments { materials, captures, out, .. } = arguments;
+    let Arguments { captures, out, .. } = arguments;
     std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     let recorder = Recorder { setup, counts: &arguments.photos, out };
-    for folder in if captures.is_empty() { Vec::new() } else { capture_folders(captures)? } {
+    if captures.is_empty() {
+        return of_materials(arguments, &recorder);
+    }
+    for folder in capture_folders(captures)? {
         let stem = name(&folder);
         if recorder.is_new(&stem) {
             let (capture, truth) = with_truth(&folder, setup.resolution)?;
@@ -49,8 +52,11 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
             recorder.record(&stem, &truth, observations, roughly)?;
         }
     }
-    let crops = if captures.is_empty() { crops(materials)? } else { Vec::new() };
-    for (index, crop) in crops.iter().enumerate() {
+    Ok(())
+}
+
+fn of_materials(arguments: &Arguments, recorder: &Recorder) -> Result<()> {
+    for (index, crop) in crops(&arguments.materials)?.iter().enumerate() {
         let stem = format!("{}-{}", crop.name.replace(' ', "_"), arguments.seed);
         if recorder.is_new(&stem) {
             let chosen = 7777 * arguments.seed + seed(index);
