@@ -117,8 +117,8 @@ pub(crate) struct Estimation {
     pub(super) repeated: bool,
     /// Whether the structured prior was chosen for these photographs.
     pub(super) structured: bool,
-    /// How the finished maps of all earlier photographs predicted the latest.
-    pub(super) predicted: Option<Predicted>,
+    /// How finished maps predicted the next photograph, each time that there were such.
+    pub(super) predicted: Vec<Predicted>,
     /// The latent fit's maps before its latest step, and losses of the maps.
     pub(super) previous: Option<Shown>,
     pub(super) trend: Option<Trend>,
@@ -146,7 +146,7 @@ impl Estimation {
             lights_before: Correction::default(),
             repeated: false,
             structured: false,
-            predicted: None,
+            predicted: Vec::new(),
             previous: None,
             trend: None,
             keep_record: false,
@@ -207,7 +207,7 @@ impl Estimation {
         changes: &[impl Change],
         restart: bool,
     ) -> Result<()> {
-        self.predicted = self.predict(&observation)?;
+        self.predicted.extend(self.predict(&observation)?);
         self.leave();
         for change in changes {
             self.photographs.change(change.index(), |observation| change.apply(observation));

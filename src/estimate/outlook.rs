@@ -220,6 +220,6 @@ fn foreshortening(view: &View, place: [f64; 2]) -> f64 {
 /// Radiances of a texel and their derivatives by its coordinates.
 fn radiance(light: &Lit, at: &Coordinates, place: [f64; 2]) -> ([f64; 3], Jacobian) {
     let x: [f64; CHANNELS] = (*at).into();
-    let Radiance { value, jacobian } = light.radiance(&natural(&x), place);
+    let Radiance { value, jacobian, .. } = light.radiance(&natural(&x), place);
     (value, Jacobian::from_fn(|c, p| jacobian[c][p] * by_coordinate(&x, p)))
 }

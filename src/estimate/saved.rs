@@ -44,7 +44,7 @@ pub(crate) struct SavedEstimation<'a> {
     pub lights_before: Cow<'a, Correction>,
     pub repeated: bool,
     pub structured: bool,
-    pub predicted: Option<Predicted>,
+    pub predicted: Cow<'a, [Predicted]>,
     /// What was to be seen before the latest step of the latent fit.
     pub previous: Option<Cow<'a, [f32]>>,
     pub trend: Option<Trend>,
@@ -87,7 +87,7 @@ impl Estimation {
             lights_before: Cow::Borrowed(&self.lights_before),
             repeated: self.repeated,
             structured: self.structured,
-            predicted: self.predicted,
+            predicted: Cow::Borrowed(&self.predicted),
             previous: self.previous.as_ref().map(|shown| Cow::Borrowed(&shown.values[..])),
             trend: self.trend.clone(),
         }
@@ -121,7 +121,7 @@ impl Estimation {
         estimation.lights_before = saved.lights_before.into_owned();
         estimation.repeated = saved.repeated;
         estimation.structured = saved.structured;
-        estimation.predicted = saved.predicted;
+        estimation.predicted = saved.predicted.into_owned();
         estimation.check()?;
         estimation.previous = saved.previous.map(|values| Shown { values: values.into_owned() });
         estimation.trend = saved.trend;
@@ -199,7 +199,7 @@ impl Estimation {
                     self.photographs.working(),
                     &belief.maps,
                     free,
-                    self.predicted,
+                    &self.predicted,
                     options,
                 );
                 if !trials.resume(&errors) {

@@ -143,7 +143,8 @@ impl Estimation {
         let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
             let photographs = self.photographs.working();
-            let trials = WidthTrials::new(photographs, &belief.maps, free, self.predicted, options);
+            let trials =
+                WidthTrials::new(photographs, &belief.maps, free, &self.predicted, options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };

@@ -126,7 +126,12 @@ impl<V: Lanes> Directions<V> {
     pub fn new(view: &TexelView, column: usize, row: usize) -> Self {
         let x = V::iota() + V::splat(column as f32);
         let x = x.mul_add(V::splat(view.step[0]), V::splat(view.origin[0]));
-        let y = view.origin[1] + row as f32 * view.step[1];
+        Self::at(view, x, V::splat(view.origin[1] + row as f32 * view.step[1]))
+    }
+
+    /// Texels at these places, mm.
+    #[inline(always)]
+    pub fn at(view: &TexelView, x: V, y: V) -> Self {
         let (l, inverse_distance) = towards(view.light, x, y);
         let (v, _) = towards(view.camera, x, y);
         let sum = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
@@ -260,10 +265,11 @@ impl<V: Lanes> Lobes<V> {
 
 /// Unit vector and inverse distance to a point from (x, y, 0).
 #[inline(always)]
-fn towards<V: Lanes>(target: [f32; 3], x: V, y: f32) -> ([V; 3], V) {
-    let (dx, dy, dz) = (V::splat(target[0]) - x, target[1] - y, target[2]);
-    let inverse = dx.mul_add(dx, V::splat(dy * dy + dz * dz)).reciprocal_sqrt();
-    ([dx * inverse, inverse * V::splat(dy), inverse * V::splat(dz)], inverse)
+fn towards<V: Lanes>(target: [f32; 3], x: V, y: V) -> ([V; 3], V) {
+    let [tx, ty, dz] = target.map(V::splat);
+    let (dx, dy) = (tx - x, ty - y);
+    let inverse = dx.mul_add(dx, dy * dy + dz * dz).reciprocal_sqrt();
+    ([dx * inverse, inverse * dy, inverse * dz], inverse)
 }
 
 #[inline(always)]

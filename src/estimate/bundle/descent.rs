@@ -7,8 +7,8 @@ use super::light::clamped;
 use super::parameters::Shared;
 use super::problem::{Problem, State};
 use crate::estimate::options::BundleOptions;
+use crate::estimate::prior::Coordinates;
 use crate::parallel;
-use crate::svbrdf::CHANNELS;
 
 /// Texels of a task.
 const CHUNK: usize = 128;
@@ -185,26 +185,25 @@ impl Problem {
         }
         let n = self.sample.texels();
         let steps = parallel::values(n, |t| self.texel_step(t, shared, &solved[t], length));
-        let mut costs = vec![f64::MAX; n];
-        let base = next.clone();
-        for own in self.options.texel_lengths {
-            let mut trial = base.clone();
-            for (t, step) in steps.iter().enumerate() {
-                let mean = self.mean(t, &base);
-                for c in 0..CHANNELS {
+        let trials = self.options.texel_lengths.map(|own| {
+            let deviations = |(t, step): (usize, &Column)| {
+                let mean = self.mean(t, &next);
+                std::array::from_fn(|c| {
                     let by = (own * step[c]).clamp(-max_step, max_step);
-                    let x = clamped(c, mean[c] + state.deviations[t][c] + by);
-                    trial.deviations[t][c] = x - mean[c];
-                }
-            }
-            for (t, cost) in self.texel_costs(&trial).into_iter().enumerate() {
-                if cost < costs[t] {
-                    costs[t] = cost;
-                    next.deviations[t] = trial.deviations[t];
-                }
+                    clamped(c, mean[c] + state.deviations[t][c] + by) - mean[c]
+                })
+            };
+            steps.iter().enumerate().map(deviations).collect::<Vec<Coordinates>>()
+        });
+        let costs = self.texel_costs(&next, trials.each_ref().map(Vec::as_slice));
+        let mut cost = self.shared_cost(&next);
+        for (t, costs) in costs.iter().enumerate() {
+            let trials = trials.iter().zip(costs);
+            if let Some((trial, least)) = trials.min_by(|a, b| a.1.total_cmp(b.1)) {
+                next.deviations[t] = trial[t];
+                cost += least;
             }
         }
-        let cost = costs.iter().sum::<f64>() + self.shared_cost(&next);
         (next, cost)
     }
 

@@ -80,10 +80,7 @@ impl Problem {
             by_parameter.extend(linear.derivatives.iter().map(|(a, derivative)| {
                 let by = match derivative {
                     Derivative::Factor(factor) => here.value.map(|v| factor * v),
-                    Derivative::Difference(lights, scale) => {
-                        let [ahead, behind] = lights.each_ref().map(|l| l.value(&natural, at));
-                        std::array::from_fn(|c| scale * (ahead[c] - behind[c]))
-                    }
+                    Derivative::OfView(change) => change.of(&here, &natural),
                 };
                 (*a, by)
             }));

@@ -6,6 +6,7 @@
 //! as in bundle adjustment: Levenberg and Marquardt on the posterior of [`super`] by reweighted least
 //! squares, each texel's nine deviations from its prior mean eliminated (Schur complement).
 
+mod costs;
 mod descent;
 mod equations;
 mod light;

@@ -1,6 +1,6 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
-use super::light::Lit;
+use super::light::{Change, Lit};
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 
@@ -48,8 +48,8 @@ impl Shared {
 pub(super) enum Derivative {
     /// The radiance times this.
     Factor(f64),
-    /// The difference of two radiances times this: of the first and the second view.
-    Difference(Box<[Lit; 2]>, f64),
+    /// That of a change of the view.
+    OfView(Change),
 }
 
 impl Parameter {
@@ -85,7 +85,7 @@ impl Parameter {
         }
     }
 
-    /// Half of the difference that the derivative is formed of.
+    /// Half of the difference that the view's derivative is formed of.
     fn difference(self) -> f64 {
         match self {
             Self::Flash(_) => 0.5,
@@ -114,7 +114,7 @@ impl Parameter {
                     self.set(&mut correction, self.get(at) + by);
                     Lit::new(&correction.apply(given, index))
                 };
-                Derivative::Difference(Box::new([moved(by), moved(-by)]), 0.5 / by)
+                Derivative::OfView(Change::between(&moved(-by), &moved(by), by))
             }
         })
     }

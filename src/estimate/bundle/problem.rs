@@ -10,8 +10,9 @@ use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
-use crate::loss::{huber, log_residual};
+use crate::loss::log_residual;
 use crate::parallel;
+use crate::reflectance::TexelView;
 use crate::svbrdf::CHANNELS;
 
 /// All unknowns.
@@ -84,8 +85,18 @@ impl Problem {
 
     /// A texel's coordinates.
     pub fn coordinates(&self, t: usize, state: &State) -> Coordinates {
+        self.deviating(t, state, &state.deviations[t])
+    }
+
+    /// A texel's coordinates with these deviations instead.
+    pub(super) fn deviating(
+        &self,
+        t: usize,
+        state: &State,
+        deviations: &Coordinates,
+    ) -> Coordinates {
         let mean = self.mean(t, state);
-        std::array::from_fn(|c| clamped(c, mean[c] + state.deviations[t][c]))
+        std::array::from_fn(|c| clamped(c, mean[c] + deviations[c]))
     }
 
     /// The state whose texels have these coordinates.
@@ -102,25 +113,17 @@ impl Problem {
         self.photographs().enumerate().map(light).collect()
     }
 
-    /// Negative logarithm of the posterior.
-    pub fn cost(&self, state: &State) -> f64 {
-        self.texel_costs(state).iter().sum::<f64>() + self.shared_cost(state)
+    /// Corrected views of the photographs that are fitted, for kernels.
+    pub(super) fn views(&self, correction: &Correction) -> Vec<(TexelView, &Photograph)> {
+        let view =
+            |(i, p): (usize, &'_ Photograph)| TexelView::new(&correction.apply(&p.view, i), 1, 1);
+        self.photographs().enumerate().map(|(i, p)| (view((i, p)), p)).collect()
     }
 
-    /// Of each texel: of its residuals, and of the prior of its deviations.
-    pub(super) fn texel_costs(&self, state: &State) -> Vec<f64> {
-        let lights = self.lights(&state.correction);
-        let [scale, limit] = [self.noise.scale, self.noise.huber].map(f64::from);
-        parallel::values(self.sample.texels(), |t| {
-            let mut cost = 0.0;
-            self.residuals(t, state, &lights, |weight, r| {
-                cost += weight * huber(r, limit) / scale;
-            });
-            for (d, precision) in state.deviations[t].iter().zip(self.precision) {
-                cost += 0.5 * precision * d * d;
-            }
-            cost
-        })
+    /// Negative logarithm of the posterior.
+    pub fn cost(&self, state: &State) -> f64 {
+        let costs = self.texel_costs(state, [&state.deviations]);
+        costs.iter().map(|[cost]| cost).sum::<f64>() + self.shared_cost(state)
     }
 
     /// `each` gets the weight and value of every log residual of a texel.

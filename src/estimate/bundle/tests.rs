@@ -8,7 +8,7 @@ use crate::estimate::noise::Noise;
 use crate::estimate::options::BundleOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::Coordinates;
-use crate::loss::log_residual;
+use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
 use crate::svbrdf::{CHANNELS, Svbrdf, channel};
@@ -115,6 +115,41 @@ fn residuals(problem: &Problem, x: &Coordinates, correction: &Correction, t: usi
         [0, 1, 2].map(|c| log_residual(radiance.value[c].max(0.0), seen(c)))
     };
     lights.iter().zip(problem.photographs()).flat_map(of).collect()
+}
+
+/// Costs of eight texels at a time are those of double precision: of a few hundred residuals of size
+/// one, each to within 1e-6, some saturated and some not seen.
+#[test]
+fn costs_in_lanes_are_those_of_single_texels() {
+    let (mut problem, mut state) = problem();
+    let mut sample = (*problem.sample).clone();
+    let mut random = Random::new(9);
+    for photograph in &mut sample.photographs {
+        photograph.radiance.iter_mut().step_by(7).for_each(|v| *v = -0.7 * *v);
+        photograph.weight.iter_mut().step_by(5).for_each(|w| *w = 0.0);
+    }
+    problem.sample = Arc::new(sample);
+    for deviation in state.deviations.iter_mut().flatten() {
+        *deviation = 0.05 * random.bell();
+    }
+    let none = vec![[0.0; CHANNELS]; problem.sample.texels()];
+    let costs = problem.texel_costs(&state, [&state.deviations, &none]);
+    let still = State { deviations: none, ..state.clone() };
+    let Noise { scale, huber } = problem.noise;
+    for (t, costs) in costs.iter().enumerate() {
+        for (state, cost) in [&state, &still].into_iter().zip(costs) {
+            let weights = problem.photographs().flat_map(|p| [p.weight[t]; 3]);
+            let x = problem.coordinates(t, state);
+            let residuals = residuals(&problem, &x, &state.correction, t);
+            let of_residuals = weights.zip(residuals).map(|(weight, r)| {
+                f64::from(weight) * loss::huber(r, f64::from(huber)) / f64::from(scale)
+            });
+            let prior = state.deviations[t].iter().zip(problem.precision);
+            let expected: f64 = of_residuals.sum::<f64>()
+                + prior.map(|(d, precision)| 0.5 * precision * d * d).sum::<f64>();
+            assert!((cost - expected).abs() < 1e-5 * expected.max(1.0), "{t}: {cost} {expected}");
+        }
+    }
 }
 
 fn check_rows(problem: &Problem, state: &State, t: usize) {

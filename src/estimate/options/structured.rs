@@ -44,13 +44,14 @@ pub struct StructuredOptions {
     /// have relief and are tried where photographs contradict what was given.
     pub narrow: usize,
     /// Mean squared error of photographs left out, relative to that of the widest prior, that a narrow
-    /// prior must reach; of the latest, it must be below that of the maps before it. Tuned.
+    /// prior must reach; of those that maps of the other phases have predicted, each when it came, it
+    /// must be below theirs. Tuned.
     pub evidence: f64,
     /// The same relative to the widest alone, where there were no finished maps before. Tuned.
     pub evidence_alone: f64,
-    /// Mean squared error with which maps of the other phases must have predicted the latest photograph,
-    /// relative to that of the best prior, to go on against photographs that contradict what was given.
-    /// Tuned.
+    /// Mean squared error with which maps of the other phases must have predicted photographs, each when it
+    /// came, relative to that of the best prior, to go on against photographs that contradict what was
+    /// given. Tuned.
     pub evidence_of_maps: f64,
     /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
     /// one: less is noise and rounding. Tuned.

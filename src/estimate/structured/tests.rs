@@ -103,15 +103,11 @@ fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
 }
 
 fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
-    chosen_after(photographs, free, None)
+    chosen_after(photographs, free, &[])
 }
 
-/// What is chosen when earlier maps have predicted the latest photograph like this.
-fn chosen_after(
-    photographs: &Photographs,
-    free: bool,
-    predicted: Option<Predicted>,
-) -> Option<Widths> {
+/// What is chosen when earlier maps have predicted photographs like this.
+fn chosen_after(photographs: &Photographs, free: bool, predicted: &[Predicted]) -> Option<Widths> {
     let mut trials = WidthTrials::new(photographs, &material(0.0), free, predicted, &options());
     while !trials.is_done() {
         trials.step();
@@ -125,13 +121,13 @@ fn chosen_after(
 fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     // Maps before that were worse than either.
-    let poor = Some(Predicted { error: 1.0, structured: false, photographs: 5 });
+    let poor = [Predicted { error: 1.0, structured: false, photographs: 5 }];
     for free in [false, true] {
-        let narrow = chosen_after(&flat, free, poor);
+        let narrow = chosen_after(&flat, free, &poor);
         assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
     }
     let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
-    assert_eq!(chosen_after(&bumpy, true, poor), None);
+    assert_eq!(chosen_after(&bumpy, true, &poor), None);
 }
 
 /// Maps of the other phases that predict better than a narrow prior would go on; those of a narrow
@@ -140,7 +136,7 @@ fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
 fn maps_that_predict_the_latest_photograph_better_go_on() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let after = |error: f64, structured| {
-        chosen_after(&flat, true, Some(Predicted { error, structured, photographs: 5 })).is_some()
+        chosen_after(&flat, true, &[Predicted { error, structured, photographs: 5 }]).is_some()
     };
     assert!(after(1.0, false) && !after(1e-6, false));
     assert!(after(1.0, true) && after(1e-6, true));
@@ -163,6 +159,7 @@ fn a_choice_once_made_needs_less_evidence() {
         (options.structured.evidence, options.structured.evidence_alone) = (evidence, alone);
         let predicted =
             structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
+        let predicted = predicted.as_slice();
         let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
         while !trials.is_done() {
             trials.step();
@@ -174,16 +171,21 @@ fn a_choice_once_made_needs_less_evidence() {
     assert!(!choose(1.0, 0.0, None) && choose(0.0, 1.0, None));
 }
 
-/// What predicts best in the sum may be no better than the maps before for the latest photograph; the
-/// best of those that are better is taken then.
+/// What predicts best in the sum may be no better than the maps before for the photographs that these
+/// have predicted; the best of those that are better is taken then.
 #[test]
 fn the_best_of_the_candidates_that_are_better_is_taken() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let options = options();
     let candidates = &options.structured.candidates;
-    let choose = |error: f64, light: f64| {
-        let predicted = Some(Predicted { error, structured: false, photographs: 5 });
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
+    let choose = |errors: &[f64], light: f64| {
+        let of = |(i, error): (usize, &f64)| Predicted {
+            error: *error,
+            structured: false,
+            photographs: 6 - errors.len() + i,
+        };
+        let predicted: Vec<Predicted> = errors.iter().enumerate().map(of).collect();
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &predicted, &options);
         let folds = trials.folds.len();
         let mut errors = vec![1.0; 2 + candidates.len() * folds];
         errors[0] = light;
@@ -195,10 +197,12 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
         assert!(trials.resume(&errors) && trials.is_done());
         trials.chosen()
     };
-    assert_eq!(choose(1.0, 1.0), Some(candidates[1]), "best in the sum, and for the latest");
-    assert_eq!(choose(0.5, 1.0), Some(candidates[0]), "the other is no better for the latest");
-    assert_eq!(choose(0.1, 1.0), None);
-    assert_eq!(choose(0.1, 2.0), Some(candidates[4]), "the light is not as given: best of all");
+    assert_eq!(choose(&[1.0], 1.0), Some(candidates[1]), "best in the sum, and for the latest");
+    assert_eq!(choose(&[0.5], 1.0), Some(candidates[0]), "the other is no better for the latest");
+    assert_eq!(choose(&[0.5, 0.5], 1.0), Some(candidates[1]), "but for the last two");
+    assert_eq!(choose(&[0.05, 0.5], 1.0), None, "nor for the last two");
+    assert_eq!(choose(&[0.1], 1.0), None);
+    assert_eq!(choose(&[0.1], 2.0), Some(candidates[4]), "the light is not as given: best of all");
 }
 
 /// Trials end when no further one could change the choice: against tables of all errors, drawn at
@@ -211,11 +215,14 @@ fn trials_that_are_left_out_change_no_choice() {
     for case in 0..600 {
         let mut value = |low: f64, high: f64| low + (high - low) * random.uniform();
         let error = value(0.5, 1.5);
-        let predicted = match case % 3 {
-            0 => None,
-            kind => Some(Predicted { error, structured: kind == 1, photographs: 3 }),
+        let of = |photographs, structured| Predicted { error, structured, photographs };
+        let predicted = match case % 4 {
+            0 => vec![],
+            1 => vec![of(3, true)],
+            2 => vec![of(3, false)],
+            _ => vec![of(2, false), of(3, false)],
         };
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options());
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &predicted, &options());
         let (_, rest) = trials.errors.split_last().unwrap();
         let mut table: Vec<f64> = rest.iter().map(|_| value(0.3, 1.6)).collect();
         // nothing where as given it leaves nothing visible
@@ -242,7 +249,7 @@ fn trials_that_are_left_out_change_no_choice() {
 fn errors_that_are_no_numbers_end_the_trials() {
     let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
     for error in [f64::NAN, f64::INFINITY] {
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, None, &options());
+        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &[], &options());
         for _ in 0..trials.errors.len() {
             if let Some(next) = trials.next() {
                 trials.record(next, error);
@@ -269,12 +276,12 @@ fn two_photographs_take_classes_where_the_light_is_not_as_given() {
 /// be seen, none.
 #[test]
 fn relief_is_kept_where_the_light_of_photographs_is_not_as_given() {
-    let before = |error: f64| Some(Predicted { error, structured: false, photographs: 5 });
+    let before = |error: f64| [Predicted { error, structured: false, photographs: 5 }];
     let wrong = photographs(&material(0.1), 6, &planted(), 0.01);
-    let relief = chosen_after(&wrong, true, before(1.0));
+    let relief = chosen_after(&wrong, true, &before(1.0));
     assert!(relief.is_some_and(|w| w.slope >= 0.1), "{relief:?}");
-    assert_eq!(chosen_after(&wrong, true, before(1e-6)), None);
-    assert!(chosen_after(&wrong, false, before(1.0)).is_none_or(|w| w.slope < 0.1));
+    assert_eq!(chosen_after(&wrong, true, &before(1e-6)), None);
+    assert!(chosen_after(&wrong, false, &before(1.0)).is_none_or(|w| w.slope < 0.1));
     let Exposure { gains, exponent, offset_mm, .. } = planted();
     let little = Exposure {
         gains: gains.iter().map(|g| 0.1 * g).collect(),
@@ -284,7 +291,7 @@ fn relief_is_kept_where_the_light_of_photographs_is_not_as_given() {
     };
     for (bumps, exposure) in [(0.02, little), (0.1, Exposure::default())] {
         let right = photographs(&material(bumps), 6, &exposure, 0.002);
-        assert_eq!(chosen_after(&right, true, before(1.0)), None, "{exposure:?}");
+        assert_eq!(chosen_after(&right, true, &before(1.0)), None, "{exposure:?}");
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Candidates are compared by how well they predict each of the latest photographs from all others
 //! (leave-one-out cross-validation), at a few texels as they are: averages would hide relief. Where the
-//! widest wins, or the maps of the other phases have predicted the latest photograph better
+//! widest wins, or the maps of the other phases have predicted these photographs better, each when it came
 //! (prequential error), those go on, and nothing is changed. A choice once made needs less evidence to
 //! stay. A prediction is made only while it can still change the choice.
 //!
@@ -35,8 +35,8 @@ pub(crate) struct WidthTrials {
     few: bool,
     /// Photographs left out, each in turn; the latest last.
     pub(super) folds: Vec<usize>,
-    /// How the maps before the latest photograph predicted it.
-    predicted: Option<Predicted>,
+    /// How the maps before each of these predicted it.
+    pub(super) predicted: Vec<Option<Predicted>>,
     /// Costs with exposure and flash as given, and free, where that is asked; but of few photographs,
     /// squared errors of each candidate for each photograph left out, then what the widest leaves of
     /// all photographs. Not a number where a trial is not done.
@@ -81,13 +81,16 @@ impl WidthTrials {
         photographs: &Photographs,
         estimate: &Svbrdf,
         free: bool,
-        predicted: Option<Predicted>,
+        predicted: &[Predicted],
         options: &EstimateOptions,
     ) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
         let sample = Sample::new(photographs, o.trial_averaged, o.trial_texels);
         let few = count < o.leave_out_from;
         let folds: Vec<usize> = (count.saturating_sub(o.folds)..count).collect();
+        // Maps of so many photographs have predicted the next.
+        let of = |fold: &usize| predicted.iter().find(|p| p.photographs == *fold).copied();
+        let predicted = folds.iter().map(of).collect();
         let left_out = if few { 0 } else { o.candidates.len() * folds.len() + 1 };
         let light = free.then(|| LightTest::new(photographs, estimate, options));
         let of_light = if free { OF_LIGHT } else { 0 };
@@ -197,29 +200,31 @@ impl WidthTrials {
         self.errors[self.of(candidate)].iter().sum()
     }
 
-    /// Of all candidates the one that predicts best, unless the maps of the other phases that were before
-    /// the latest photograph have predicted it clearly better.
+    /// Of all candidates the one that predicts best, unless the maps of the other phases have predicted
+    /// clearly better.
     fn best_of_all(&self) -> Option<usize> {
         let part = self.options.structured.evidence_of_maps;
         let best = self.best(0..=self.widest())?;
-        (part * self.errors[self.of(best).end - 1] < self.limit_of_latest()).then_some(best)
+        (part * self.sum_against_maps(best) < self.limit_of_maps()).then_some(best)
     }
 
     /// Of the narrow candidates that predict better than the widest and than the maps of the other
-    /// phases that were before the latest photograph, the one that predicts best. Where there are no
-    /// such maps, it must be the better for it; a choice made before stays until the widest predicts
-    /// better. None begins where free texels explain the photographs to within noise and rounding.
+    /// phases did, the one that predicts best. Where there are no such maps, it must be the better for
+    /// it; a choice made before stays until the widest predicts better. None begins where free texels
+    /// explain the photographs to within noise and rounding.
     fn best_narrow(&self) -> Option<usize> {
-        self.best(self.narrow().filter(|&candidate| {
-            self.sum(candidate) < self.limit() && self.predicts_latest(candidate)
-        }))
+        self.best(
+            self.narrow().filter(|&candidate| {
+                self.sum(candidate) < self.limit() && self.beats_maps(candidate)
+            }),
+        )
     }
 
     /// Sum of squared errors that a narrow candidate must be below; not a number before the widest is
     /// tried, or where none begins.
     fn limit(&self) -> f64 {
         let options = &self.options.structured;
-        let part = match self.predicted {
+        let part = match self.latest_predicted() {
             _ if self.was_chosen() => 1.0,
             _ if !self.may_begin() => f64::NAN,
             Some(Predicted { structured: false, .. }) => options.evidence,
@@ -234,35 +239,58 @@ impl WidthTrials {
         self.errors[self.residual()] > self.options.structured.min_residual
     }
 
+    /// How the maps before the latest photograph predicted it.
+    fn latest_predicted(&self) -> Option<Predicted> {
+        self.predicted.last().copied().flatten()
+    }
+
     /// Whether a narrow prior was chosen before.
     fn was_chosen(&self) -> bool {
         let least = self.options.structured.leave_out_from;
-        self.predicted.is_some_and(|p| p.structured && p.photographs >= least)
+        self.latest_predicted().is_some_and(|p| p.structured && p.photographs >= least)
     }
 
-    /// Squared error of the latest photograph that a narrow candidate must be below.
-    fn limit_of_latest(&self) -> f64 {
-        match self.predicted {
-            Some(Predicted { structured: false, error, .. }) => error,
-            _ => f64::INFINITY,
-        }
+    /// Photographs left out that maps of the other phases have predicted, with the error of that; none
+    /// unless the latest is among them. One photograph's maps are no rivals of candidates that see more.
+    fn predicted_by_maps(&self) -> impl Iterator<Item = (usize, f64)> {
+        let rivals = self.latest_predicted().is_some_and(|p| !p.structured);
+        let least = self.options.structured.leave_out_from - 1;
+        let of_maps = self.predicted.iter().enumerate().filter_map(move |(fold, predicted)| {
+            let rival = predicted.filter(|p| !p.structured && p.photographs >= least)?;
+            Some((fold, rival.error))
+        });
+        of_maps.filter(move |_| rivals)
     }
 
-    /// Whether a candidate predicts the latest photograph well enough; not where that is not tried.
-    fn predicts_latest(&self, candidate: usize) -> bool {
-        let limit = self.limit_of_latest();
-        limit == f64::INFINITY || self.errors[self.of(candidate).end - 1] < limit
+    /// Sum of squared errors of the maps of the other phases that a narrow candidate must be below.
+    fn limit_of_maps(&self) -> f64 {
+        let errors = self.predicted_by_maps().map(|(_, error)| error);
+        errors.reduce(|a, b| a + b).unwrap_or(f64::INFINITY)
+    }
+
+    /// Sum of a candidate's squared errors of the photographs that these have predicted; not a number
+    /// where a trial is not done.
+    fn sum_against_maps(&self, candidate: usize) -> f64 {
+        let first = self.of(candidate).start;
+        self.predicted_by_maps().map(|(fold, _)| self.errors[first + fold]).sum()
+    }
+
+    /// Whether a candidate predicts better than the maps of the other phases did; not where that is not
+    /// tried.
+    fn beats_maps(&self, candidate: usize) -> bool {
+        let limit = self.limit_of_maps();
+        limit == f64::INFINITY || self.sum_against_maps(candidate) < limit
     }
 
     /// Whether a narrow candidate may still be chosen, as far as is known.
     fn may_win(&self, candidate: usize) -> bool {
         let trials = &self.errors[self.of(candidate)];
         let so_far: f64 = trials.iter().filter(|e| !e.is_nan()).sum();
-        let others = (0..candidate).filter(|&other| self.predicts_latest(other));
-        let beaten_by = |limit: f64| so_far >= limit;
-        let misses_latest = trials.last().is_some_and(|&e| e >= self.limit_of_latest());
+        let others = (0..candidate).filter(|&other| self.beats_maps(other));
+        let against_maps = self.predicted_by_maps().map(|(fold, _)| trials[fold]);
+        let against_maps: f64 = against_maps.filter(|e| !e.is_nan()).sum();
         let mut limits = others.map(|other| self.sum(other)).chain([self.limit()]);
-        !misses_latest && !limits.any(beaten_by)
+        against_maps < self.limit_of_maps() && !limits.any(|limit| so_far >= limit)
     }
 
     /// Whether a candidate may still predict better than all others, as far as is known.
@@ -272,7 +300,7 @@ impl WidthTrials {
     }
 
     /// The trial that tells most for its time among those that can change the choice: whether a narrow
-    /// prior may begin, how it predicts the latest photograph where that decides, the widest, others.
+    /// prior may begin, how it predicts the latest photograph where maps have too, the widest, others.
     pub(super) fn next(&self) -> Option<usize> {
         let open = |trials: std::ops::Range<usize>| trials.rev().find(|&t| self.errors[t].is_nan());
         let explained = self.light.is_some() && self.errors[0] == 0.0;
@@ -293,7 +321,7 @@ impl WidthTrials {
         }
         let rivals: Vec<usize> = self.narrow().filter(|&c| self.may_win(c)).collect();
         let latest = |&c: &usize| open(self.of(c).end - 1..self.of(c).end);
-        let decides = self.limit_of_latest() < f64::INFINITY;
+        let decides = self.limit_of_maps() < f64::INFINITY;
         let latest = decides.then(|| rivals.iter().find_map(latest)).flatten();
         let widest = || if rivals.is_empty() { None } else { open(self.of(self.widest())) };
         latest.or_else(widest).or_else(|| rivals.iter().find_map(|&c| open(self.of(c))))

@@ -1,0 +1,104 @@
+//! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
+
+use super::light::natural;
+use super::problem::{Problem, State};
+use super::sample::Photograph;
+use crate::estimate::prior::Coordinates;
+use crate::loss::{EPSILON, OffsetPair};
+use crate::parallel;
+use crate::reflectance::{Directions, Lobes, Material, TexelView};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::CHANNELS;
+
+/// Texels of a task: a sample of 32 a side keeps several threads busy.
+const CHUNK: usize = 128;
+
+impl Problem {
+    /// Of each texel and of each of `K` values of its deviations: what its residuals cost, and the prior
+    /// of the deviations. All have the correction and the groups of `state`.
+    pub(super) fn texel_costs<const K: usize>(
+        &self,
+        state: &State,
+        deviations: [&[Coordinates]; K],
+    ) -> Vec<[f64; K]> {
+        let views = self.views(&state.correction);
+        let mut costs = vec![[0.0; K]; self.sample.texels()];
+        parallel::parts(costs.chunks_mut(CHUNK), |chunk, costs| {
+            let first = chunk * CHUNK;
+            for (block, costs) in costs.chunks_mut(LANES).enumerate() {
+                let texels = first + block * LANES..first + block * LANES + costs.len();
+                let natural = deviations.map(|deviations| {
+                    let mut lanes = [[0.0; LANES]; CHANNELS];
+                    for (lane, t) in texels.clone().enumerate() {
+                        let of_texel = natural(&self.deviating(t, state, &deviations[t]));
+                        for (lanes, value) in lanes.iter_mut().zip(of_texel) {
+                            lanes[lane] = value as f32;
+                        }
+                    }
+                    lanes
+                });
+                let block = Block { problem: self, views: &views, texels: texels.clone(), natural };
+                let of_residuals = dispatch(block);
+                for (lane, (t, cost)) in texels.zip(costs).enumerate() {
+                    *cost = std::array::from_fn(|k| {
+                        let prior = deviations[k][t].iter().zip(self.precision);
+                        let prior: f64 = prior.map(|(d, precision)| precision * d * d).sum();
+                        f64::from(of_residuals[k][lane]) + 0.5 * prior
+                    });
+                }
+            }
+        });
+        costs
+    }
+}
+
+/// Eight texels, or the last few.
+struct Block<'a, const K: usize> {
+    problem: &'a Problem,
+    views: &'a [(TexelView, &'a Photograph)],
+    texels: std::ops::Range<usize>,
+    natural: [[[f32; LANES]; CHANNELS]; K],
+}
+
+impl<const K: usize> Kernel for Block<'_, K> {
+    /// Costs of residuals.
+    type Output = [[f32; LANES]; K];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Self::Output {
+        let Problem { sample, noise, .. } = self.problem;
+        let (n, end, zero) = (sample.texels(), self.texels.end, V::splat(0.0));
+        let places = |axis: usize| {
+            let mut at = [0.0; LANES];
+            let of = sample.places[self.texels.clone()].iter();
+            at.iter_mut().zip(of).for_each(|(at, place)| *at = place[axis] as f32);
+            V::from_array(at)
+        };
+        let (x, y) = (places(0), places(1));
+        let materials = self.natural.map(|natural| Material::new(&natural.map(V::from_array)));
+        let mut costs = [zero; K];
+        let [huber, half, inverse] = [noise.huber, 0.5 * noise.huber, 0.5 / noise.huber];
+        for (view, photograph) in self.views {
+            let directions = Directions::at(view, x, y);
+            let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
+            let seen =
+                |c: usize| V::load(&photograph.radiance[c * n..][self.texels.start..end], 0.0);
+            for (cost, material) in costs.iter_mut().zip(&materials) {
+                let lobes = Lobes::new(material, &directions);
+                let mut sum = zero;
+                for c in 0..3 {
+                    let irradiance = lobes.irradiance * V::splat(view.power[c]);
+                    let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+                        + material.specular[c] * V::splat(view.mirrored[c]);
+                    let rendered = lobes.brdf(material, c).0.mul_add(irradiance, ambient);
+                    let offset = rendered.max(zero) + V::splat(EPSILON);
+                    let r = OffsetPair::new(offset, seen(c)).log_residual().abs();
+                    let near = r * r * V::splat(inverse);
+                    sum += r.if_greater(V::splat(huber), r - V::splat(half), near);
+                }
+                *cost += sum * weight;
+            }
+        }
+        costs.map(|cost| (cost * V::splat(noise.scale.recip())).to_array())
+    }
+}
