@@ -15,7 +15,8 @@ pub(crate) struct TexelView {
     step: [f32; 2],
     /// Irradiance is `power * (inverse_square / distance² + constant)`.
     pub power: [f32; 3],
-    inverse_square: f32,
+    /// 1 where irradiance falls off, else 0.
+    pub inverse_square: f32,
     constant: f32,
     /// Radiance of the surround for the diffuse albedo.
     pub ambient: [f32; 3],
@@ -127,6 +128,12 @@ impl<V: Lanes> Directions<V> {
         let x = V::iota() + V::splat(column as f32);
         let x = x.mul_add(V::splat(view.step[0]), V::splat(view.origin[0]));
         Self::at(view, x, V::splat(view.origin[1] + row as f32 * view.step[1]))
+    }
+
+    /// Inverse distance of the light, 1/mm.
+    #[inline(always)]
+    pub fn inverse_distance(view: &TexelView, x: V, y: V) -> V {
+        towards(view.light, x, y).1
     }
 
     /// Texels at these places, mm.
@@ -258,6 +265,43 @@ impl<V: Lanes> Lobes<V> {
         for i in 0..3 {
             let lv = by_nl.mul_add(directions.light[i], by_nv * directions.view[i]);
             out[i] = by_nh.mul_add(directions.half[i], lv);
+        }
+        out
+    }
+}
+
+/// Derivatives by the unit vector to the light, each of its parts live across that vector alone.
+#[derive(Clone, Copy)]
+pub(crate) struct ByLight<V> {
+    /// Of the cosine of the light.
+    pub cosine: [V; 3],
+    /// Of ln `specular`.
+    pub log_specular: [V; 3],
+    /// Of the Fresnel power.
+    pub fresnel: [V; 3],
+}
+
+impl<V: Lanes> Lobes<V> {
+    /// The derivatives by the unit vector to the light.
+    #[inline(always)]
+    pub fn by_light(&self, material: &Material<V>, directions: &Directions<V>) -> ByLight<V> {
+        let (zero, one, least) = (V::splat(0.0), V::splat(1.0), V::splat(MIN_COSINE));
+        let (n, h, v) = (material.normal, directions.half, directions.view);
+        let vh = dot(v, h).max(least);
+        // The half vector turns by what the light does, across itself, over |l + v| = 2 VoH.
+        let turn = (vh + vh).reciprocal();
+        let live = self.raw[0].if_greater(least, one, zero);
+        let by_nl = -(material.one_minus_k * self.inverse_light) * live;
+        let by_nh = self.inverse_den * self.nh * material.alpha2_minus_1 * V::splat(-4.0) * turn;
+        let by_nh = self.raw[2].if_greater(least, by_nh, zero);
+        let slope = vh.mul_add(V::splat(2.0 * FRESNEL[0]), V::splat(FRESNEL[1]));
+        let by_vh = slope * self.fresnel * turn * V::splat(std::f32::consts::LN_2);
+        let nh = dot(n, h);
+        let mut out = ByLight { cosine: n, log_specular: n, fresnel: n };
+        for i in 0..3 {
+            out.cosine[i] = live * n[i];
+            out.log_specular[i] = by_nl.mul_add(n[i], by_nh * (n[i] - nh * h[i]));
+            out.fresnel[i] = by_vh * (v[i] - vh * h[i]);
         }
         out
     }

@@ -21,5 +21,5 @@
 mod lanes;
 mod scalar;
 
-pub(crate) use lanes::{Directions, Lobes, Material, TexelView};
+pub(crate) use lanes::{ByLight, Directions, Lobes, Material, TexelView};
 pub use scalar::{FRESNEL, MIN_COSINE, Reflection, reflect};

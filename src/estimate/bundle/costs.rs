@@ -60,6 +60,7 @@ struct Block<'a, const K: usize> {
     natural: [[[f32; LANES]; CHANNELS]; K],
 }
 
+// Loops instead of closures: those may stay calls, outside of the kernel's features.
 impl<const K: usize> Kernel for Block<'_, K> {
     /// Costs of residuals.
     type Output = [[f32; LANES]; K];
@@ -68,21 +69,24 @@ impl<const K: usize> Kernel for Block<'_, K> {
     fn run<V: Lanes>(self) -> Self::Output {
         let Problem { sample, noise, .. } = self.problem;
         let (n, end, zero) = (sample.texels(), self.texels.end, V::splat(0.0));
-        let places = |axis: usize| {
-            let mut at = [0.0; LANES];
-            let of = sample.places[self.texels.clone()].iter();
-            at.iter_mut().zip(of).for_each(|(at, place)| *at = place[axis] as f32);
-            V::from_array(at)
-        };
-        let (x, y) = (places(0), places(1));
-        let materials = self.natural.map(|natural| Material::new(&natural.map(V::from_array)));
+        let [x, y] = sample.eight_places::<V>(self.texels.clone());
+        let mut materials = [Material::new(&[zero; CHANNELS]); K];
+        for (material, natural) in materials.iter_mut().zip(&self.natural) {
+            let mut lanes = [zero; CHANNELS];
+            for (to, from) in lanes.iter_mut().zip(natural) {
+                *to = V::from_array(*from);
+            }
+            *material = Material::new(&lanes);
+        }
         let mut costs = [zero; K];
         let [huber, half, inverse] = [noise.huber, 0.5 * noise.huber, 0.5 / noise.huber];
         for (view, photograph) in self.views {
             let directions = Directions::at(view, x, y);
             let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
-            let seen =
-                |c: usize| V::load(&photograph.radiance[c * n..][self.texels.start..end], 0.0);
+            let mut seen = [zero; 3];
+            for (c, seen) in seen.iter_mut().enumerate() {
+                *seen = V::load(&photograph.radiance[c * n..][self.texels.start..end], 0.0);
+            }
             for (cost, material) in costs.iter_mut().zip(&materials) {
                 let lobes = Lobes::new(material, &directions);
                 let mut sum = zero;
@@ -92,13 +96,17 @@ impl<const K: usize> Kernel for Block<'_, K> {
                         + material.specular[c] * V::splat(view.mirrored[c]);
                     let rendered = lobes.brdf(material, c).0.mul_add(irradiance, ambient);
                     let offset = rendered.max(zero) + V::splat(EPSILON);
-                    let r = OffsetPair::new(offset, seen(c)).log_residual().abs();
+                    let r = OffsetPair::new(offset, seen[c]).log_residual().abs();
                     let near = r * r * V::splat(inverse);
                     sum += r.if_greater(V::splat(huber), r - V::splat(half), near);
                 }
                 *cost += sum * weight;
             }
         }
-        costs.map(|cost| (cost * V::splat(noise.scale.recip())).to_array())
+        let mut out = [[0.0; LANES]; K];
+        for (to, cost) in out.iter_mut().zip(costs) {
+            *to = (cost * V::splat(noise.scale.recip())).to_array();
+        }
+        out
     }
 }

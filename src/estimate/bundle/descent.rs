@@ -9,6 +9,7 @@ use super::problem::{Problem, State};
 use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
 use crate::parallel;
+use crate::simd::LANES;
 
 /// Texels of a task.
 const CHUNK: usize = 128;
@@ -110,10 +111,13 @@ impl Problem {
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
         let parts: Vec<(Reduced, Vec<Solved>)> = parallel::map_parts(chunks.iter(), |_, &from| {
             let (mut sum, mut scratch) = (empty.clone(), Reduced::zeros(g + q));
-            let texels = from..(from + CHUNK).min(n);
-            let solved = texels
-                .map(|t| self.eliminate(t, state, &linear, damping, &mut sum, &mut scratch))
-                .collect();
+            let end = (from + CHUNK).min(n);
+            let mut solved = Vec::with_capacity(end - from);
+            for first in (from..end).step_by(LANES) {
+                let texels = first..(first + LANES).min(end);
+                let (sum, scratch) = (&mut sum, &mut scratch);
+                solved.extend(self.eliminate_eight(texels, state, &linear, damping, sum, scratch));
+            }
             (sum, solved)
         });
         let (mut sum, mut solved) = (empty, Vec::with_capacity(n));

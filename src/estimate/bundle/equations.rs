@@ -1,13 +1,13 @@
 //! The normal equations of texels and of what they share, texels eliminated.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-use super::light::{Lit, by_coordinate, by_log, natural};
-use super::parameters::Derivative;
 use super::problem::{Problem, State};
-use crate::estimate::correction::Correction;
+use super::sums::{Linear, Sums};
 use crate::estimate::prior::{Coordinates, range};
-use crate::loss::{huber_weight, log_residual};
+use crate::simd::LANES;
 use crate::svbrdf::CHANNELS;
 
 type Block = SMatrix<f64, CHANNELS, CHANNELS>;
@@ -29,110 +29,78 @@ impl Reduced {
     }
 }
 
+/// One of eight texels at its coordinates.
+struct Texel<'a> {
+    t: usize,
+    x: Coordinates,
+    lane: usize,
+    sums: &'a Sums,
+}
+
 /// A texel's step: `-(own + columns * step of its groups' coordinates and of the parameters)`.
 pub(super) struct Solved {
     pub own: Column,
     pub columns: Vec<Column>,
 }
 
-/// A photograph's light, and derivatives by the parameters that concern it.
-pub(super) struct Linear {
-    light: Lit,
-    derivatives: Vec<(usize, Derivative)>,
+impl Sums {
+    /// The matrix of one of the texels.
+    fn block(&self, lane: usize) -> Block {
+        let mut block = Block::zeros();
+        let mut k = 0;
+        for i in 0..CHANNELS {
+            for j in i..CHANNELS {
+                let value = f64::from(self.matrix[k][lane]);
+                (block[(i, j)], block[(j, i)]) = (value, value);
+                k += 1;
+            }
+        }
+        block
+    }
 }
 
 impl Problem {
-    pub(super) fn linear(&self, correction: &Correction) -> Vec<Linear> {
-        let photographs = self.photographs().enumerate();
-        let linear = photographs.map(|(i, photograph)| {
-            let of = |(a, shared): (usize, &super::Shared)| {
-                Some((a, shared.parameter.derivative(&photograph.view, i, correction)?))
-            };
-            Linear {
-                light: Lit::new(&correction.apply(&photograph.view, i)),
-                derivatives: self.shared.iter().enumerate().filter_map(of).collect(),
-            }
-        });
-        linear.collect()
-    }
-
-    /// Rows of the linear model of a texel: each residual, its weight, and its derivatives by the
-    /// texel's coordinates and by the parameters.
-    pub(super) fn rows(
+    /// Adds some texels, at most eight, to the reduced equations, themselves eliminated.
+    pub(super) fn eliminate_eight(
         &self,
-        t: usize,
-        x: &Coordinates,
-        linear: &[Linear],
-        mut each: impl FnMut(f64, f64, &Column, &[(usize, f64)]),
-    ) {
-        let (n, at) = (self.sample.texels(), self.sample.places[t]);
-        let natural = natural(x);
-        let limit = f64::from(self.noise.huber);
-        let mut shared: Vec<(usize, f64)> = Vec::with_capacity(self.shared.len());
-        let mut by_parameter: Vec<(usize, [f64; 3])> = Vec::with_capacity(self.shared.len());
-        for (linear, photograph) in linear.iter().zip(self.photographs()) {
-            let weight = f64::from(photograph.weight[t]);
-            if weight <= 0.0 {
-                continue;
-            }
-            let here = linear.light.radiance(&natural, at);
-            by_parameter.clear();
-            by_parameter.extend(linear.derivatives.iter().map(|(a, derivative)| {
-                let by = match derivative {
-                    Derivative::Factor(factor) => here.value.map(|v| factor * v),
-                    Derivative::OfView(change) => change.of(&here, &natural),
-                };
-                (*a, by)
-            }));
-            for c in 0..3 {
-                let seen = f64::from(photograph.radiance[c * n + t]);
-                let r = log_residual(here.value[c].max(0.0), seen);
-                // A saturated value that is explained says nothing.
-                if seen < 0.0 && r >= 0.0 {
-                    continue;
-                }
-                let inverse = by_log(here.value[c]);
-                let row =
-                    Column::from_fn(|i, _| here.jacobian[c][i] * by_coordinate(x, i) * inverse);
-                shared.clear();
-                shared.extend(by_parameter.iter().map(|(a, by)| (*a, by[c] * inverse)));
-                let weight = weight * huber_weight(r, limit) / f64::from(self.noise.scale);
-                each(r, weight, &row, &shared);
-            }
-        }
-    }
-
-    /// Adds a texel to the reduced equations, itself eliminated.
-    pub(super) fn eliminate(
-        &self,
-        t: usize,
+        texels: Range<usize>,
         state: &State,
         linear: &[Linear],
         damping: f64,
         sum: &mut Reduced,
         scratch: &mut Reduced,
+    ) -> Vec<Solved> {
+        let coordinates: Vec<Coordinates> =
+            texels.clone().map(|t| self.coordinates(t, state)).collect();
+        let first = self.groups.coordinates.len() * state.groups.len();
+        let sums = self.sums(texels.clone(), &coordinates, linear, sum, first);
+        let eliminate = |((lane, t), x): ((usize, usize), Coordinates)| {
+            self.eliminate(&Texel { t, x, lane, sums: &sums }, state, damping, sum, scratch)
+        };
+        texels.enumerate().zip(coordinates).map(eliminate).collect()
+    }
+
+    /// Adds a texel to the reduced equations, itself eliminated.
+    fn eliminate(
+        &self,
+        texel: &Texel,
+        state: &State,
+        damping: f64,
+        sum: &mut Reduced,
+        scratch: &mut Reduced,
     ) -> Solved {
+        let &Texel { t, ref x, lane, sums } = texel;
         let (moving, q) = (self.groups.coordinates.clone(), self.shared.len());
         let g = moving.len();
-        let x = self.coordinates(t, state);
-        let (mut block, mut gradient) = (Block::zeros(), Column::zeros());
-        let mut mixed = vec![Column::zeros(); q];
+        let mut block = sums.block(lane);
+        let of_lane =
+            |lanes: &[[f32; LANES]; CHANNELS]| Column::from_fn(|c, _| f64::from(lanes[c][lane]));
+        let mut gradient = of_lane(&sums.gradient);
+        let mut mixed: Vec<Column> = sums.mixed.iter().map(of_lane).collect();
         let Reduced { matrix: local, gradient: local_gradient } = scratch;
         local.fill(0.0);
         local_gradient.fill(0.0);
-        self.rows(t, &x, linear, |r, weight, row, shared| {
-            block.syger(weight, row, row, 1.0);
-            gradient.axpy(weight * r, row, 1.0);
-            for (i, &(a, by)) in shared.iter().enumerate() {
-                mixed[a].axpy(weight * by, row, 1.0);
-                local_gradient[g + a] += weight * by * r;
-                for &(b, other) in &shared[..=i] {
-                    local[(g + a, g + b)] += weight * by * other;
-                }
-            }
-        });
-        block.fill_upper_triangle_with_lower_triangle();
-        let held = self.held(t, state, &x, &gradient);
+        let held = self.held(t, state, x, &gradient);
         // A coordinate that would leave its range stays out of the step, or all others would be off
         // by what its step is cut.
         for c in (0..CHANNELS).filter(|&c| held[c]) {

@@ -13,6 +13,7 @@ mod light;
 mod parameters;
 mod problem;
 mod sample;
+mod sums;
 #[cfg(test)]
 mod tests;
 

@@ -1,6 +1,6 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
-use super::light::{Change, Lit};
+use super::sums::Change;
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 
@@ -112,7 +112,7 @@ impl Parameter {
                 let moved = |by: f64| {
                     let mut correction = at.clone();
                     self.set(&mut correction, self.get(at) + by);
-                    Lit::new(&correction.apply(given, index))
+                    correction.apply(given, index)
                 };
                 Derivative::OfView(Change::between(&moved(-by), &moved(by), by))
             }

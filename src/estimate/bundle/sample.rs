@@ -1,11 +1,14 @@
 //! Photographs at a few texels.
 
+use std::ops::Range;
+
 use super::light::{Lit, clamped};
 use crate::estimate::clusters::Feature;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::{Coordinates, to_coordinate};
 use crate::observation::{Observation, View};
 use crate::parallel;
+use crate::simd::{LANES, Lanes};
 use crate::svbrdf::Svbrdf;
 
 /// One photograph at the sample's texels.
@@ -57,6 +60,17 @@ impl Sample {
 
     pub fn texels(&self) -> usize {
         self.places.len()
+    }
+
+    /// Places of some texels, at most eight.
+    #[inline(always)]
+    pub(super) fn eight_places<V: Lanes>(&self, texels: Range<usize>) -> [V; 2] {
+        let mut at = [[0.0; LANES]; 2];
+        for (lane, place) in self.places[texels].iter().enumerate() {
+            at[0][lane] = place[0] as f32;
+            at[1][lane] = place[1] as f32;
+        }
+        [V::from_array(at[0]), V::from_array(at[1])]
     }
 
     /// Colours of the texels as some of the photographs show them, see [`colours`].

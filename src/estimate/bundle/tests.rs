@@ -95,14 +95,15 @@ fn problem() -> (Problem, State) {
     (problem, state)
 }
 
-/// Central differences of steps h: truncation is h² / 6 times the third derivative, at most 1e3 for
-/// slopes inside a lobe of roughness 0.35, rounding 1e-15 / h; views are in single precision.
+/// The sums are those of differences of residuals. Central ones of steps h: truncation is h² / 6 times the
+/// third derivative, at most 1e3 for slopes inside a lobe of roughness 0.35, rounding 1e-15 / h; views
+/// are in single precision.
 #[test]
-fn rows_are_derivatives_of_residuals() {
+fn sums_are_those_of_derivatives_of_residuals() {
     let (problem, mut state) = problem();
     for t in [0, 137, 300, SIDE * SIDE - 1] {
         state.deviations[t] = [0.05, -0.03, 0.05, 0.02, -0.01, 0.03, 0.02, -0.02, 0.05];
-        check_rows(&problem, &state, t);
+        check_sums(&problem, &state, t);
     }
 }
 
@@ -125,7 +126,7 @@ fn costs_in_lanes_are_those_of_single_texels() {
     let mut sample = (*problem.sample).clone();
     let mut random = Random::new(9);
     for photograph in &mut sample.photographs {
-        photograph.radiance.iter_mut().step_by(7).for_each(|v| *v = -0.7 * *v);
+        photograph.radiance.iter_mut().step_by(7).for_each(|v| *v *= -0.7);
         photograph.weight.iter_mut().step_by(5).for_each(|w| *w = 0.0);
     }
     problem.sample = Arc::new(sample);
@@ -152,20 +153,14 @@ fn costs_in_lanes_are_those_of_single_texels() {
     }
 }
 
-fn check_rows(problem: &Problem, state: &State, t: usize) {
+fn check_sums(problem: &Problem, state: &State, t: usize) {
     let x = problem.coordinates(t, state);
-    let mut rows = Vec::new();
-    problem.rows(t, &x, &problem.linear(&state.correction), |r, _, row, shared| {
-        rows.push((r, *row, shared.to_vec()));
-    });
     let here = residuals(problem, &x, &state.correction, t);
-    assert!(rows.len() == 3 * COUNT && rows.iter().zip(here).all(|(row, r)| row.0 == r));
-    let compare = |of: &dyn Fn(usize) -> f64, plus: &[f64], minus: &[f64], h: f64| {
-        for (i, (a, b)) in plus.iter().zip(minus).enumerate() {
-            let numeric = (a - b) / (2.0 * h);
-            let tolerance = 4e-3 * numeric.abs() + 4e-4;
-            assert!((numeric - of(i)).abs() < tolerance, "{i}: {numeric} {}", of(i));
-        }
+    let q = problem.shared.len();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    let mut difference = |plus: Vec<f64>, minus: Vec<f64>, h: f64| {
+        let difference = plus.iter().zip(&minus).map(|(a, b)| (a - b) / (2.0 * h));
+        columns.push(DVector::from_iterator(plus.len(), difference));
     };
     for c in 0..CHANNELS {
         let moved = |h: f64| {
@@ -173,21 +168,68 @@ fn check_rows(problem: &Problem, state: &State, t: usize) {
             x[c] += h;
             residuals(problem, &x, &state.correction, t)
         };
-        compare(&|i| rows[i].1[c], &moved(1e-4), &moved(-1e-4), 1e-4);
+        difference(moved(1e-4), moved(-1e-4), 1e-4);
     }
-    for (a, shared) in problem.shared.iter().enumerate() {
+    for shared in &problem.shared {
         let h = if matches!(shared.parameter, Parameter::Flash(_)) { 0.7 } else { 2e-3 };
         let moved = |h: f64| {
             let mut correction = state.correction.clone();
             shared.parameter.set(&mut correction, shared.parameter.get(&state.correction) + h);
             residuals(problem, &x, &correction, t)
         };
-        let by = |i: usize| {
-            let row: &Vec<(usize, f64)> = &rows[i].2;
-            row.iter().find(|(at, _)| *at == a).map_or(0.0, |(_, by)| *by)
-        };
-        compare(&by, &moved(h), &moved(-h), h);
+        difference(moved(h), moved(-h), h);
     }
+    let jacobian = nalgebra::DMatrix::from_columns(&columns);
+    let Noise { scale, huber } = problem.noise;
+    let weight = |r: &f64| loss::huber_weight(*r, f64::from(huber)) / f64::from(scale);
+    let weights = DVector::from_iterator(here.len(), here.iter().map(weight));
+    let weighted =
+        nalgebra::DMatrix::from_fn(here.len(), CHANNELS + q, |i, j| weights[i] * jacobian[(i, j)]);
+    let (matrix, gradient) =
+        (jacobian.transpose() * &weighted, weighted.transpose() * DVector::from_vec(here.clone()));
+
+    let mut reduced = super::equations::Reduced::zeros(q);
+    let sums = problem.sums(t..t + 1, &[x], &problem.linear(&state.correction), &mut reduced, 0);
+    let whole = whole(&sums, 0, &reduced);
+    for i in 0..CHANNELS + q {
+        for j in 0..=i {
+            let size = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
+            let (found, numeric) = (whole.matrix[(i, j)], matrix[(i, j)]);
+            let close = (found - numeric).abs() < 4e-3 * size + 1e-3;
+            assert!(close, "{t}: {i} {j}: {found} {numeric}, {size}");
+        }
+        let size = (matrix[(i, i)] * weights.sum()).sqrt();
+        let (found, numeric) = (whole.gradient[i], gradient[i]);
+        assert!((found - numeric).abs() < 1e-3 * size + 1e-3, "{t}: {i}: {found} {numeric}");
+    }
+}
+
+/// The equations of one texel's coordinates and of all parameters; lower triangle.
+fn whole(
+    sums: &super::sums::Sums,
+    lane: usize,
+    reduced: &super::equations::Reduced,
+) -> super::equations::Reduced {
+    let q = sums.mixed.len();
+    let mut whole = super::equations::Reduced::zeros(CHANNELS + q);
+    let mut k = 0;
+    for i in 0..CHANNELS {
+        whole.gradient[i] = f64::from(sums.gradient[i][lane]);
+        for j in i..CHANNELS {
+            whole.matrix[(j, i)] = f64::from(sums.matrix[k][lane]);
+            k += 1;
+        }
+        for (a, mixed) in sums.mixed.iter().enumerate() {
+            whole.matrix[(CHANNELS + a, i)] = f64::from(mixed[i][lane]);
+        }
+    }
+    for a in 0..q {
+        whole.gradient[CHANNELS + a] = reduced.gradient[a];
+        for b in 0..=a {
+            whole.matrix[(CHANNELS + a, CHANNELS + b)] = reduced.matrix[(a, b)];
+        }
+    }
+    whole
 }
 
 /// One step solves the equations of all unknowns together as a dense matrix would.
@@ -209,18 +251,29 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     let linear = problem.linear(&state.correction);
     for t in 0..texels {
         let x = problem.coordinates(t, &state);
-        problem.rows(t, &x, &linear, |r, weight, row, by| {
-            let mut all = DVector::zeros(size);
-            all.rows_mut(CHANNELS * t, CHANNELS).copy_from(row);
-            for (k, share) in problem.texel_shares(t).iter().enumerate() {
-                for (i, c) in problem.groups.coordinates.clone().enumerate() {
-                    all[CHANNELS * texels + g * k + i] = f64::from(*share) * row[c];
+        let mut reduced = super::equations::Reduced::zeros(q);
+        let sums = problem.sums(t..t + 1, &[x], &linear, &mut reduced, 0);
+        let own = whole(&sums, 0, &reduced);
+        // What each row of the texel's equations is in the whole system's.
+        let mut places: Vec<Vec<(usize, f64)>> =
+            (0..CHANNELS).map(|c| vec![(CHANNELS * t + c, 1.0)]).collect();
+        for (k, share) in problem.texel_shares(t).iter().enumerate() {
+            for (i, c) in problem.groups.coordinates.clone().enumerate() {
+                places[c].push((CHANNELS * texels + g * k + i, f64::from(*share)));
+            }
+        }
+        places.extend((0..q).map(|a| vec![(CHANNELS * texels + 2 * g + a, 1.0)]));
+        for i in 0..CHANNELS + q {
+            for (at, share) in &places[i] {
+                gradient[*at] += share * own.gradient[i];
+                for j in 0..CHANNELS + q {
+                    for (other, of_other) in &places[j] {
+                        let value = own.matrix[(i.max(j), i.min(j))];
+                        matrix[(*at, *other)] += share * of_other * value;
+                    }
                 }
             }
-            by.iter().for_each(|(a, by)| all[CHANNELS * texels + 2 * g + a] = *by);
-            matrix.ger(weight, &all, &all, 1.0);
-            gradient.axpy(weight * r, &all, 1.0);
-        });
+        }
     }
     for i in 0..CHANNELS * texels {
         matrix[(i, i)] += problem.precision[i % CHANNELS];

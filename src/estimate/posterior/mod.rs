@@ -18,4 +18,6 @@ pub(super) use information::{
     At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision,
 };
 pub(super) use model::Posterior;
-pub(super) use normal_equations::{NormalEquations, cost};
+pub(super) use normal_equations::{
+    Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen, cost,
+};

@@ -4,7 +4,7 @@ use super::model::Posterior;
 use crate::estimate::noise::Noise;
 use crate::estimate::prior::from_coordinates;
 use crate::loss::{EPSILON, OffsetPair};
-use crate::reflectance::{Directions, Lobes, Material};
+use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 use std::f32::consts::FRAC_1_PI;
@@ -14,7 +14,8 @@ use std::ops::Range;
 pub(in crate::estimate) const PAIRS: usize = CHANNELS * (CHANNELS + 1) / 2;
 
 /// The parameters that colours share.
-const SHAPE: [usize; 3] = [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS];
+pub(in crate::estimate) const SHAPE: [usize; 3] =
+    [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS];
 
 /// `H d = -g` with H the weighted sum of Jacobian products plus the prior's precision. Normal and
 /// roughness ("shape": p, q, r) are shared by the colours; diffuse and specular root ("colour":
@@ -35,22 +36,29 @@ struct Colour<V> {
     gradient: [V; 2],
 }
 
+/// What a photograph shows in one colour, and how sure that is.
+pub(in crate::estimate) struct Seen<V> {
+    pub noise: Noise,
+    pub radiance: V,
+    pub weight: V,
+}
+
 /// A photograph's residual in one colour, and how the objective weighs it.
-struct Residual<V> {
-    value: V,
+pub(in crate::estimate) struct Residual<V> {
+    pub value: V,
     /// 1 / (rendered + 0.01).
-    inverse: V,
+    pub inverse: V,
     /// Weight of the square in re-weighted least squares.
-    square_weight: V,
+    pub square_weight: V,
     /// Value of the objective, and of the plain log-L1 loss.
-    cost: V,
-    loss: V,
+    pub cost: V,
+    pub loss: V,
 }
 
 impl<V: Lanes> Residual<V> {
     #[inline(always)]
-    fn new(posterior: &Posterior, c: usize, offset_rendered: V, observed: V, weight: V) -> Self {
-        let Noise { scale, huber } = posterior.noise[c];
+    fn new(offset_rendered: V, seen: &Seen<V>) -> Self {
+        let &Seen { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
         let (zero, threshold) = (V::splat(0.0), V::splat(huber));
         let pair = OffsetPair::new(offset_rendered, observed);
         // Unseen texels may hold anything.
@@ -68,6 +76,78 @@ impl<V: Lanes> Residual<V> {
             cost: scaled * size.if_greater(threshold, outer, inner),
             loss: weight * size,
         }
+    }
+}
+
+/// A photograph at eight texels: what its colours share.
+pub(in crate::estimate) struct Appearance<V> {
+    pub lobes: Lobes<V>,
+    lobe_by_slopes: [V; 2],
+    irradiance_by_slopes: [V; 2],
+    lobe_by_roughness: V,
+}
+
+/// A colour of a photograph at eight texels.
+pub(in crate::estimate) struct Line<V> {
+    pub residual: Residual<V>,
+    /// Derivatives of ln(rendered + 0.01).
+    pub shape: [V; 3],
+    pub colour: [V; 2],
+    pub brdf: V,
+    pub fresnel: V,
+    /// Times the light's power.
+    pub irradiance: V,
+}
+
+impl<V: Lanes> Appearance<V> {
+    #[inline(always)]
+    pub fn new(material: &Material<V>, directions: &Directions<V>) -> Self {
+        let (zero, one) = (V::splat(0.0), V::splat(1.0));
+        let lobes = Lobes::new(material, directions);
+        let by_normal = lobes.by_normal(material, directions, one, zero);
+        let lobe_by_slopes = material.by_slopes(by_normal);
+        let by_normal = lobes.by_normal(material, directions, zero, one);
+        let irradiance_by_slopes = material.by_slopes(by_normal);
+        let lobe_by_roughness = lobes.log_specular_by_roughness(material);
+        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness }
+    }
+
+    /// A colour at coordinates `x`, which are those of the material.
+    #[inline(always)]
+    pub fn line(
+        &self,
+        material: &Material<V>,
+        view: &TexelView,
+        c: usize,
+        x: &[V; CHANNELS],
+        seen: &Seen<V>,
+    ) -> Line<V> {
+        let lobes = &self.lobes;
+        let power = V::splat(view.power[c]);
+        let ambient = V::splat(view.ambient[c]);
+        let mirrored = V::splat(view.mirrored[c]);
+        let (brdf, fresnel) = lobes.brdf(material, c);
+        let irradiance = lobes.irradiance * power;
+        let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
+        let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
+        let residual = Residual::new(rendered, seen);
+
+        // Derivatives of ln(rendered + 0.01).
+        let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
+        let lit = brdf * power * residual.inverse;
+        let shape = [
+            lobe.mul_add(self.lobe_by_slopes[0], lit * self.irradiance_by_slopes[0]),
+            lobe.mul_add(self.lobe_by_slopes[1], lit * self.irradiance_by_slopes[1]),
+            lobe * self.lobe_by_roughness,
+        ];
+        let twice = residual.inverse * V::splat(2.0);
+        let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
+        let by_specular = irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
+        let colour = [
+            by_diffuse * twice * x[channel::DIFFUSE + c],
+            by_specular * twice * x[channel::SPECULAR + c],
+        ];
+        Line { residual, shape, colour, brdf, fresnel, irradiance }
     }
 }
 
@@ -103,8 +183,9 @@ pub(in crate::estimate) fn cost<V: Lanes>(
                 + material.specular[c] * V::splat(view.mirrored[c]);
             let irradiance = lobes.irradiance * V::splat(view.power[c]);
             let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
-            let observed = observation.load_radiance(c, &texels);
-            let residual = Residual::new(posterior, c, rendered, observed, weight);
+            let radiance = observation.load_radiance(c, &texels);
+            let residual =
+                Residual::new(rendered, &Seen { noise: posterior.noise[c], radiance, weight });
             cost += residual.cost;
             loss[c] += residual.loss;
         }
@@ -122,52 +203,71 @@ impl<V: Lanes> NormalEquations<V> {
         directions: &[Directions<V>],
         texels: Range<usize>,
     ) -> (Self, (V, [V; 3])) {
-        let (zero, one) = (V::splat(0.0), V::splat(1.0));
+        let zero = V::splat(0.0);
         let material = Material::new(&from_coordinates(x));
         let mut equations = Self::of_prior(posterior, x, mean);
         let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [zero; 3]);
         for (observation, directions) in posterior.observations.iter().zip(directions) {
-            let view = &observation.view;
-            let lobes = Lobes::new(&material, directions);
+            let appearance = Appearance::new(&material, directions);
             let weight = observation.load_weight(&texels);
-            let by_normal = lobes.by_normal(&material, directions, one, zero);
-            let lobe_by_slopes = material.by_slopes(by_normal);
-            let by_normal = lobes.by_normal(&material, directions, zero, one);
-            let irradiance_by_slopes = material.by_slopes(by_normal);
-            let lobe_by_roughness = lobes.log_specular_by_roughness(&material);
             for c in 0..3 {
-                let power = V::splat(view.power[c]);
-                let ambient = V::splat(view.ambient[c]);
-                let mirrored = V::splat(view.mirrored[c]);
-                let (brdf, fresnel) = lobes.brdf(&material, c);
-                let irradiance = lobes.irradiance * power;
-                let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
-                let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
-                let observed = observation.load_radiance(c, &texels);
-                let residual = Residual::new(posterior, c, rendered, observed, weight);
-                cost += residual.cost;
-                loss[c] += residual.loss;
-
-                // Derivatives of ln(rendered + 0.01).
-                let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
-                let lit = brdf * power * residual.inverse;
-                let shape = [
-                    lobe.mul_add(lobe_by_slopes[0], lit * irradiance_by_slopes[0]),
-                    lobe.mul_add(lobe_by_slopes[1], lit * irradiance_by_slopes[1]),
-                    lobe * lobe_by_roughness,
-                ];
-                let twice = residual.inverse * V::splat(2.0);
-                let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
-                let by_specular =
-                    irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
-                let colour = [
-                    by_diffuse * twice * x[channel::DIFFUSE + c],
-                    by_specular * twice * x[channel::SPECULAR + c],
-                ];
-                equations.add(c, shape, colour, residual.value, residual.square_weight);
+                let radiance = observation.load_radiance(c, &texels);
+                let seen = Seen { noise: posterior.noise[c], radiance, weight };
+                let line = appearance.line(&material, &observation.view, c, x, &seen);
+                cost += line.residual.cost;
+                loss[c] += line.residual.loss;
+                let Residual { value, square_weight, .. } = line.residual;
+                equations.add(c, line.shape, line.colour, value, square_weight);
             }
         }
         (equations, (cost, loss))
+    }
+
+    /// Without residuals and prior.
+    #[inline(always)]
+    pub fn none() -> Self {
+        let zero = V::splat(0.0);
+        let colour = Colour { own: [zero; 3], mixed: [[zero; 3]; 2], gradient: [zero; 2] };
+        Self { shape: [zero; 6], shape_gradient: [zero; 3], colour: [colour; 3] }
+    }
+
+    /// Upper triangle of the matrix, by rows, and gradient.
+    #[inline(always)]
+    pub fn whole(&self) -> ([V; PAIRS], [V; CHANNELS]) {
+        let zero = V::splat(0.0);
+        let mut rows = [[zero; CHANNELS]; CHANNELS];
+        let mut gradient = [zero; CHANNELS];
+        let [p, q, r] = SHAPE;
+        let [pp, pq, pr, qq, qr, rr] = self.shape;
+        for ((i, j), value) in [(p, p), (p, q), (p, r), (q, q), (q, r), (r, r)]
+            .into_iter()
+            .zip([pp, pq, pr, qq, qr, rr])
+        {
+            rows[i][j] = value;
+        }
+        for (i, value) in SHAPE.into_iter().zip(self.shape_gradient) {
+            gradient[i] = value;
+        }
+        for (c, colour) in self.colour.iter().enumerate() {
+            let own = [channel::DIFFUSE + c, channel::SPECULAR + c];
+            let [d, s] = own;
+            (rows[d][d], rows[d][s], rows[s][s]) = (colour.own[0], colour.own[1], colour.own[2]);
+            for (k, at) in own.into_iter().enumerate() {
+                gradient[at] = colour.gradient[k];
+                for (i, value) in SHAPE.into_iter().zip(colour.mixed[k]) {
+                    rows[i.min(at)][i.max(at)] = value;
+                }
+            }
+        }
+        let mut out = [zero; PAIRS];
+        let mut k = 0;
+        for i in 0..CHANNELS {
+            for value in &rows[i][i..] {
+                out[k] = *value;
+                k += 1;
+            }
+        }
+        (out, gradient)
     }
 
     #[inline(always)]
@@ -191,7 +291,7 @@ impl<V: Lanes> NormalEquations<V> {
 
     /// Adds a residual with its derivatives.
     #[inline(always)]
-    fn add(&mut self, c: usize, shape: [V; 3], colour: [V; 2], residual: V, weight: V) {
+    pub fn add(&mut self, c: usize, shape: [V; 3], colour: [V; 2], residual: V, weight: V) {
         let [p, q, r] = shape;
         let [wp, wq, wr] = [p * weight, q * weight, r * weight];
         let h = &mut self.shape;

@@ -1,0 +1,302 @@
+//! Sums of the normal equations of eight texels over all photographs, in single precision.
+
+use std::ops::Range;
+
+use super::equations::Reduced;
+use super::parameters::Derivative;
+use super::problem::Problem;
+use super::sample::Photograph;
+use crate::estimate::correction::Correction;
+use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
+use crate::estimate::prior::{Coordinates, from_coordinates};
+use crate::loss::EPSILON;
+use crate::observation::View;
+use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::{CHANNELS, channel};
+
+/// A photograph's view, and derivatives by the parameters that concern it.
+pub(super) struct Linear<'a> {
+    photograph: &'a Photograph,
+    view: TexelView,
+    derivatives: Vec<(usize, Derivative)>,
+    /// Whether one of them is by the view.
+    by_view: bool,
+}
+
+/// How a view changes with a parameter.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Change {
+    place: [f32; 3],
+    power: [f32; 3],
+    /// Of ambient light, and of what of it is mirrored.
+    ambient: [f32; 3],
+    mirrored: [f32; 3],
+}
+
+impl Change {
+    /// Of two views, of which one is `by` before and one `by` after.
+    pub fn between(before: &View, after: &View, by: f64) -> Self {
+        let [before_lit, after_lit] = [before, after].map(|view| TexelView::new(view, 1, 1));
+        let slope = |a: [f32; 3], b: [f32; 3]| {
+            std::array::from_fn(|i| ((f64::from(b[i]) - f64::from(a[i])) / (2.0 * by)) as f32)
+        };
+        Self {
+            place: slope(before.light_mm, after.light_mm),
+            power: slope(before_lit.power, after_lit.power),
+            ambient: slope(before_lit.ambient, after_lit.ambient),
+            mirrored: slope(before_lit.mirrored, after_lit.mirrored),
+        }
+    }
+}
+
+/// The equations of eight texels, or the last few.
+pub(super) struct Sums {
+    /// Upper triangle of the matrix, by rows.
+    pub matrix: [[f32; LANES]; PAIRS],
+    pub gradient: [[f32; LANES]; CHANNELS],
+    /// Of each parameter with the texels' coordinates.
+    pub mixed: Vec<[[f32; LANES]; CHANNELS]>,
+}
+
+impl Problem {
+    pub(super) fn linear(&self, correction: &Correction) -> Vec<Linear<'_>> {
+        let photographs = self.photographs().enumerate();
+        let linear = photographs.map(|(i, photograph)| {
+            let of = |(a, shared): (usize, &super::Shared)| {
+                Some((a, shared.parameter.derivative(&photograph.view, i, correction)?))
+            };
+            let derivatives: Vec<_> = self.shared.iter().enumerate().filter_map(of).collect();
+            Linear {
+                photograph,
+                view: TexelView::new(&correction.apply(&photograph.view, i), 1, 1),
+                by_view: derivatives.iter().any(|(_, d)| matches!(d, Derivative::OfView(_))),
+                derivatives,
+            }
+        });
+        linear.collect()
+    }
+
+    /// The sums of some texels, at most eight, with these coordinates. What parameters alone are in
+    /// is added to their part of the reduced equations, from row `first` on.
+    pub(super) fn sums(
+        &self,
+        texels: Range<usize>,
+        coordinates: &[Coordinates],
+        linear: &[Linear],
+        reduced: &mut Reduced,
+        first: usize,
+    ) -> Sums {
+        let mut lanes = [[0.0; LANES]; CHANNELS];
+        for (lane, x) in coordinates.iter().enumerate() {
+            for (lanes, value) in lanes.iter_mut().zip(x) {
+                lanes[lane] = *value as f32;
+            }
+        }
+        dispatch(Block { problem: self, texels, coordinates: lanes, linear, reduced, first })
+    }
+}
+
+struct Block<'a> {
+    problem: &'a Problem,
+    texels: Range<usize>,
+    coordinates: [[f32; LANES]; CHANNELS],
+    linear: &'a [Linear<'a>],
+    reduced: &'a mut Reduced,
+    first: usize,
+}
+
+// Loops instead of closures: those may stay calls, outside of the kernel's features.
+impl Kernel for Block<'_> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Sums {
+        let Problem { sample, noise, shared, .. } = self.problem;
+        let (n, zero) = (sample.texels(), V::splat(0.0));
+        let [x, y] = sample.eight_places::<V>(self.texels.clone());
+        let mut coordinates = [zero; CHANNELS];
+        for (to, from) in coordinates.iter_mut().zip(self.coordinates) {
+            *to = V::from_array(from);
+        }
+        let material = Material::new(&from_coordinates(&coordinates));
+        let mut equations = NormalEquations::none();
+        let mut parameters = Parameters::new(shared.len(), self.linear);
+        for linear in self.linear {
+            let (view, photograph) = (&linear.view, linear.photograph);
+            let directions = Directions::at(view, x, y);
+            let appearance = Appearance::new(&material, &directions);
+            let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
+            if linear.by_view {
+                let by_light = appearance.lobes.by_light(&material, &directions);
+                parameters.across = across_light(&by_light, &directions, view, x, y);
+            }
+            for c in 0..3 {
+                let plane = &photograph.radiance[c * n..(c + 1) * n];
+                let radiance = V::load(&plane[self.texels.clone()], 0.0);
+                let seen = Seen { noise: *noise, radiance, weight };
+                let line = appearance.line(&material, view, c, &coordinates, &seen);
+                let Residual { value, square_weight, .. } = line.residual;
+                equations.add(c, line.shape, line.colour, value, square_weight);
+                parameters.find(linear, c, &material, &directions, &appearance.lobes, &line);
+                parameters.add(linear, c, &line);
+            }
+            parameters.move_to(linear, self.reduced, self.first);
+        }
+        let (triangle, right) = equations.whole();
+        let mut sums = Sums {
+            matrix: [[0.0; LANES]; PAIRS],
+            gradient: [[0.0; LANES]; CHANNELS],
+            mixed: vec![[[0.0; LANES]; CHANNELS]; shared.len()],
+        };
+        for (to, from) in sums.matrix.iter_mut().zip(triangle) {
+            *to = from.to_array();
+        }
+        for (to, from) in sums.gradient.iter_mut().zip(right) {
+            *to = from.to_array();
+        }
+        for (to, from) in sums.mixed.iter_mut().flatten().zip(parameters.mixed.iter().flatten()) {
+            *to = from.to_array();
+        }
+        sums
+    }
+}
+
+/// What parameters add to the equations of eight texels.
+struct Parameters<V> {
+    /// Of each parameter with the coordinates, of all photographs.
+    mixed: Vec<[V; CHANNELS]>,
+    /// Of a photograph's parameters in one colour: derivatives of ln(rendered + 0.01).
+    by: Vec<V>,
+    /// Their products in all colours, lower triangle, and those with residuals.
+    products: Vec<V>,
+    gradients: Vec<V>,
+    /// See [`across_light`].
+    across: [[V; 3]; 4],
+}
+
+impl<V: Lanes> Parameters<V> {
+    #[inline(always)]
+    fn new(count: usize, linear: &[Linear]) -> Self {
+        let zero = V::splat(0.0);
+        let mut most = 0;
+        for linear in linear {
+            most = most.max(linear.derivatives.len());
+        }
+        Self {
+            mixed: vec![[zero; CHANNELS]; count],
+            by: vec![zero; most],
+            products: vec![zero; most * (most + 1) / 2],
+            gradients: vec![zero; most],
+            across: [[zero; 3]; 4],
+        }
+    }
+
+    /// Finds the derivatives in a colour.
+    #[inline(always)]
+    fn find(
+        &mut self,
+        linear: &Linear,
+        c: usize,
+        material: &Material<V>,
+        directions: &Directions<V>,
+        lobes: &Lobes<V>,
+        line: &Line<V>,
+    ) {
+        let Line { brdf, fresnel, irradiance, residual, .. } = line;
+        let (diffuse, specular) = (material.diffuse[c], material.specular[c]);
+        let lobe = lobes.specular * *irradiance;
+        let by_cosine = *brdf * directions.attenuation * V::splat(linear.view.power[c]);
+        let by_fresnel = lobe * (V::splat(1.0) - specular);
+        for (by, (_, derivative)) in self.by.iter_mut().zip(&linear.derivatives) {
+            let of_radiance = match derivative {
+                // The radiance, of which ln(rendered + 0.01) is by the inverse.
+                Derivative::Factor(factor) => {
+                    let whole = V::splat(1.0) - residual.inverse * V::splat(EPSILON);
+                    *by = whole * V::splat(*factor as f32);
+                    continue;
+                }
+                Derivative::OfView(change) => {
+                    let mut moved = [V::splat(0.0); 4];
+                    for (moved, across) in moved.iter_mut().zip(&self.across) {
+                        for (across, place) in across.iter().zip(change.place) {
+                            *moved = across.mul_add(V::splat(place), *moved);
+                        }
+                    }
+                    let [cosine, log_specular, power, distance] = moved;
+                    cosine * by_cosine
+                        + log_specular * *fresnel * lobe
+                        + power * by_fresnel
+                        + distance * *brdf * *irradiance
+                        + *brdf * lobes.irradiance * V::splat(change.power[c])
+                        + diffuse * V::splat(change.ambient[c])
+                        + specular * V::splat(change.mirrored[c])
+                }
+            };
+            *by = of_radiance * residual.inverse;
+        }
+    }
+
+    /// Adds a colour's residual.
+    #[inline(always)]
+    fn add(&mut self, linear: &Linear, c: usize, line: &Line<V>) {
+        let Line { residual, shape, colour, .. } = line;
+        let mut k = 0;
+        for (i, (a, _)) in linear.derivatives.iter().enumerate() {
+            let weighted = residual.square_weight * self.by[i];
+            let mixed = &mut self.mixed[*a];
+            for (at, by) in SHAPE.into_iter().zip(shape) {
+                mixed[at] = weighted.mul_add(*by, mixed[at]);
+            }
+            for (at, by) in [channel::DIFFUSE + c, channel::SPECULAR + c].into_iter().zip(colour) {
+                mixed[at] = weighted.mul_add(*by, mixed[at]);
+            }
+            self.gradients[i] = weighted.mul_add(residual.value, self.gradients[i]);
+            for other in &self.by[..=i] {
+                self.products[k] = weighted.mul_add(*other, self.products[k]);
+                k += 1;
+            }
+        }
+    }
+
+    /// Moves what a photograph's parameters are among themselves to the reduced equations.
+    #[inline(always)]
+    fn move_to(&mut self, linear: &Linear, reduced: &mut Reduced, first: usize) {
+        let Reduced { matrix, gradient } = reduced;
+        let mut k = 0;
+        for (i, (a, _)) in linear.derivatives.iter().enumerate() {
+            gradient[first + a] += self.gradients[i].sum();
+            for (b, _) in &linear.derivatives[..=i] {
+                matrix[(first + a, first + b)] += self.products[k].sum();
+                k += 1;
+            }
+        }
+        self.gradients.fill(V::splat(0.0));
+        self.products.fill(V::splat(0.0));
+    }
+}
+
+/// Derivatives by the place of the light, 1/mm: of its cosine, of ln `specular`, of the Fresnel power,
+/// and of the logarithm of what falls off with its distance.
+#[inline(always)]
+fn across_light<V: Lanes>(
+    by_light: &ByLight<V>,
+    directions: &Directions<V>,
+    view: &TexelView,
+    x: V,
+    y: V,
+) -> [[V; 3]; 4] {
+    let (l, inverse) = (directions.light, Directions::inverse_distance(view, x, y));
+    let mut out = [by_light.cosine, by_light.log_specular, by_light.fresnel, l];
+    for of in &mut out[..3] {
+        let along = of[0].mul_add(l[0], of[1].mul_add(l[1], of[2] * l[2]));
+        for i in 0..3 {
+            of[i] = (of[i] - along * l[i]) * inverse;
+        }
+    }
+    let fall = V::splat(-2.0 * view.inverse_square) * inverse;
+    for of in &mut out[3] {
+        *of = *of * fall;
+    }
+    out
+}
