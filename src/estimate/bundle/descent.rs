@@ -221,7 +221,7 @@ impl Problem {
     ) -> Column {
         let g = self.groups.coordinates.len();
         let first = shared.len() - self.shared.len();
-        let mut step = -solved.own;
+        let mut sum = solved.own;
         for (i, column) in solved.columns.iter().enumerate() {
             let by = if i < g {
                 let shares = self.texel_shares(t).iter().enumerate();
@@ -229,8 +229,8 @@ impl Problem {
             } else {
                 shared[first + i - g]
             };
-            step.axpy(-length * by, column, 1.0);
+            sum.axpy(length * by, column, 1.0);
         }
-        step
+        -solved.inverse.tr_mul(&sum)
     }
 }

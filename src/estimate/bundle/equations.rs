@@ -37,10 +37,25 @@ struct Texel<'a> {
     sums: &'a Sums,
 }
 
-/// A texel's step: `-(own + columns * step of its groups' coordinates and of the parameters)`.
+/// A texel's step: `-inverse^T (own + columns * step of its groups' coordinates and of the parameters)`.
 pub(super) struct Solved {
+    /// Of the Cholesky factor of its own equations; nothing where they have none.
+    pub inverse: Block,
     pub own: Column,
     pub columns: Vec<Column>,
+}
+
+/// The inverse of a lower triangle.
+fn inverse_of_lower(lower: &Block) -> Block {
+    let mut inverse = Block::zeros();
+    for j in 0..CHANNELS {
+        inverse[(j, j)] = lower[(j, j)].recip();
+        for i in j + 1..CHANNELS {
+            let sum: f64 = (j..i).map(|k| lower[(i, k)] * inverse[(k, j)]).sum();
+            inverse[(i, j)] = -sum / lower[(i, i)];
+        }
+    }
+    inverse
 }
 
 impl Sums {
@@ -90,7 +105,7 @@ impl Problem {
         scratch: &mut Reduced,
     ) -> Solved {
         let &Texel { t, ref x, lane, sums } = texel;
-        let (moving, q) = (self.groups.coordinates.clone(), self.shared.len());
+        let moving = self.groups.coordinates.clone();
         let g = moving.len();
         let mut block = sums.block(lane);
         let of_lane =
@@ -128,19 +143,18 @@ impl Problem {
                 (block[(c, c)], gradient[c]) = (1.0, 0.0);
             }
         }
-        let Some(factor) = block.cholesky() else {
-            return Solved { own: Column::zeros(), columns: vec![Column::zeros(); g + q] };
-        };
-        let own = factor.solve(&gradient);
-        let solved: Vec<Column> = columns.iter().map(|c| factor.solve(c)).collect();
+        let factor = block.cholesky();
+        let inverse = factor.map_or_else(Block::zeros, |f| inverse_of_lower(f.l_dirty()));
+        let own = inverse * gradient;
+        columns.iter_mut().for_each(|column| *column = inverse * *column);
         for (i, column) in columns.iter().enumerate() {
             local_gradient[i] -= column.dot(&own);
-            for (j, other) in solved.iter().enumerate().take(i + 1) {
+            for (j, other) in columns.iter().enumerate().take(i + 1) {
                 local[(i, j)] -= column.dot(other);
             }
         }
         self.scatter(t, local, local_gradient, sum);
-        Solved { own, columns: solved }
+        Solved { inverse, own, columns }
     }
 
     /// Coordinates that would leave their range.
