@@ -2,10 +2,11 @@
 
 use nalgebra::DVector;
 
-use super::equations::{Column, Reduced, Solved};
+use super::equations::{Column, Solved};
 use super::light::clamped;
 use super::parameters::Shared;
 use super::problem::{Problem, State};
+use super::sums::Reduced;
 use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
 use crate::parallel;

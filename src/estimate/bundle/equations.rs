@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::problem::{Problem, State};
-use super::sums::{Linear, Sums};
+use super::sums::{Linear, Reduced, Sums};
 use crate::estimate::prior::{Coordinates, range};
 use crate::simd::LANES;
 use crate::svbrdf::CHANNELS;
@@ -15,19 +15,6 @@ pub(super) type Column = SVector<f64, CHANNELS>;
 
 /// Least share in a group that counts.
 const MIN_SHARE: f32 = 1e-3;
-
-/// The reduced equations of what texels share: groups, then parameters. Lower triangle.
-#[derive(Clone)]
-pub(super) struct Reduced {
-    pub matrix: DMatrix<f64>,
-    pub gradient: DVector<f64>,
-}
-
-impl Reduced {
-    pub fn zeros(size: usize) -> Self {
-        Self { matrix: DMatrix::zeros(size, size), gradient: DVector::zeros(size) }
-    }
-}
 
 /// One of eight texels at its coordinates.
 struct Texel<'a> {

@@ -1,8 +1,8 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
-use super::sums::Change;
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
+use crate::reflectance::TexelView;
 
 /// A number of a correction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +50,32 @@ pub(super) enum Derivative {
     Factor(f64),
     /// That of a change of the view.
     OfView(Change),
+}
+
+/// How a view changes with a parameter.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Change {
+    pub place: [f32; 3],
+    pub power: [f32; 3],
+    /// Of ambient light, and of what of it is mirrored.
+    pub ambient: [f32; 3],
+    pub mirrored: [f32; 3],
+}
+
+impl Change {
+    /// Of two views, of which one is `by` before and one `by` after.
+    pub fn between(before: &View, after: &View, by: f64) -> Self {
+        let [before_lit, after_lit] = [before, after].map(|view| TexelView::new(view, 1, 1));
+        let slope = |a: [f32; 3], b: [f32; 3]| {
+            std::array::from_fn(|i| ((f64::from(b[i]) - f64::from(a[i])) / (2.0 * by)) as f32)
+        };
+        Self {
+            place: slope(before.light_mm, after.light_mm),
+            power: slope(before_lit.power, after_lit.power),
+            ambient: slope(before_lit.ambient, after_lit.ambient),
+            mirrored: slope(before_lit.mirrored, after_lit.mirrored),
+        }
+    }
 }
 
 impl Parameter {

@@ -115,9 +115,9 @@ impl Problem {
 
     /// Corrected views of the photographs that are fitted, for kernels.
     pub(super) fn views(&self, correction: &Correction) -> Vec<(TexelView, &Photograph)> {
-        let view =
-            |(i, p): (usize, &'_ Photograph)| TexelView::new(&correction.apply(&p.view, i), 1, 1);
-        self.photographs().enumerate().map(|(i, p)| (view((i, p)), p)).collect()
+        let photographs = self.photographs().enumerate();
+        let view = |(i, view)| TexelView::new(&correction.apply(view, i), 1, 1);
+        photographs.map(|(i, p)| (view((i, &p.view)), p)).collect()
     }
 
     /// Negative logarithm of the posterior.

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::equations::Reduced;
+use nalgebra::{DMatrix, DVector};
+
 use super::parameters::Derivative;
 use super::problem::Problem;
 use super::sample::Photograph;
@@ -10,7 +11,6 @@ use crate::estimate::correction::Correction;
 use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
 use crate::estimate::prior::{Coordinates, from_coordinates};
 use crate::loss::EPSILON;
-use crate::observation::View;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, channel};
@@ -24,29 +24,16 @@ pub(super) struct Linear<'a> {
     by_view: bool,
 }
 
-/// How a view changes with a parameter.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Change {
-    place: [f32; 3],
-    power: [f32; 3],
-    /// Of ambient light, and of what of it is mirrored.
-    ambient: [f32; 3],
-    mirrored: [f32; 3],
+/// The reduced equations of what texels share: groups, then parameters. Lower triangle.
+#[derive(Clone)]
+pub(super) struct Reduced {
+    pub matrix: DMatrix<f64>,
+    pub gradient: DVector<f64>,
 }
 
-impl Change {
-    /// Of two views, of which one is `by` before and one `by` after.
-    pub fn between(before: &View, after: &View, by: f64) -> Self {
-        let [before_lit, after_lit] = [before, after].map(|view| TexelView::new(view, 1, 1));
-        let slope = |a: [f32; 3], b: [f32; 3]| {
-            std::array::from_fn(|i| ((f64::from(b[i]) - f64::from(a[i])) / (2.0 * by)) as f32)
-        };
-        Self {
-            place: slope(before.light_mm, after.light_mm),
-            power: slope(before_lit.power, after_lit.power),
-            ambient: slope(before_lit.ambient, after_lit.ambient),
-            mirrored: slope(before_lit.mirrored, after_lit.mirrored),
-        }
+impl Reduced {
+    pub fn zeros(size: usize) -> Self {
+        Self { matrix: DMatrix::zeros(size, size), gradient: DVector::zeros(size) }
     }
 }
 

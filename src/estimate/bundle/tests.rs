@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
+use super::sums::{Reduced, Sums};
 use super::*;
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
@@ -188,7 +189,7 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
     let (matrix, gradient) =
         (jacobian.transpose() * &weighted, weighted.transpose() * DVector::from_vec(here.clone()));
 
-    let mut reduced = super::equations::Reduced::zeros(q);
+    let mut reduced = Reduced::zeros(q);
     let sums = problem.sums(t..t + 1, &[x], &problem.linear(&state.correction), &mut reduced, 0);
     let whole = whole(&sums, 0, &reduced);
     for i in 0..CHANNELS + q {
@@ -205,13 +206,9 @@ fn check_sums(problem: &Problem, state: &State, t: usize) {
 }
 
 /// The equations of one texel's coordinates and of all parameters; lower triangle.
-fn whole(
-    sums: &super::sums::Sums,
-    lane: usize,
-    reduced: &super::equations::Reduced,
-) -> super::equations::Reduced {
+fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
     let q = sums.mixed.len();
-    let mut whole = super::equations::Reduced::zeros(CHANNELS + q);
+    let mut whole = Reduced::zeros(CHANNELS + q);
     let mut k = 0;
     for i in 0..CHANNELS {
         whole.gradient[i] = f64::from(sums.gradient[i][lane]);
@@ -251,7 +248,7 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     let linear = problem.linear(&state.correction);
     for t in 0..texels {
         let x = problem.coordinates(t, &state);
-        let mut reduced = super::equations::Reduced::zeros(q);
+        let mut reduced = Reduced::zeros(q);
         let sums = problem.sums(t..t + 1, &[x], &linear, &mut reduced, 0);
         let own = whole(&sums, 0, &reduced);
         // What each row of the texel's equations is in the whole system's.
@@ -278,7 +275,7 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     for i in 0..CHANNELS * texels {
         matrix[(i, i)] += problem.precision[i % CHANNELS];
     }
-    let mut priors = super::equations::Reduced::zeros(2 * g + q);
+    let mut priors = Reduced::zeros(2 * g + q);
     problem.add_priors(&state, &mut priors);
     let first = CHANNELS * texels;
     for i in 0..2 * g + q {
