@@ -47,7 +47,8 @@ pub struct StructuredOptions {
     /// prior must reach; of those that maps of the other phases have predicted, each when it came, it
     /// must be below theirs. Tuned.
     pub evidence: f64,
-    /// The same relative to the widest alone, where there were no finished maps before. Tuned.
+    /// The same relative to the widest alone, where there were no finished maps before and a board tells
+    /// the light. Tuned.
     pub evidence_alone: f64,
     /// Mean squared error with which maps of the other phases must have predicted photographs, each when it
     /// came, relative to that of the best prior, to go on against photographs that contradict what was

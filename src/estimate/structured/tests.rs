@@ -160,11 +160,17 @@ fn a_choice_once_made_needs_less_evidence() {
         let predicted =
             structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
         let predicted = predicted.as_slice();
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, predicted, &options);
-        while !trials.is_done() {
-            trials.step();
-        }
-        trials.chosen().is_some()
+        let choose = |free| {
+            let mut trials = WidthTrials::new(&flat, &material(0.0), free, predicted, &options);
+            while !trials.is_done() {
+                trials.step();
+            }
+            trials.chosen().is_some()
+        };
+        let chosen = choose(false);
+        let expected = chosen && structured.is_some();
+        assert_eq!(choose(true), expected, "without a board and without maps before, none");
+        chosen
     };
     assert!(choose(0.0, 0.0, Some(true)));
     assert!(!choose(0.0, 1.0, Some(false)) && choose(1.0, 0.0, Some(false)));

@@ -210,7 +210,7 @@ impl WidthTrials {
 
     /// Of the narrow candidates that predict better than the widest and than the maps of the other
     /// phases did, the one that predicts best. Where there are no such maps, it must be the better for
-    /// it; a choice made before stays until the widest predicts better. None begins where free texels
+    /// it, and none is taken without a board that tells the light; a choice made before stays until the widest predicts better. None begins where free texels
     /// explain the photographs to within noise and rounding.
     fn best_narrow(&self) -> Option<usize> {
         self.best(
@@ -228,6 +228,8 @@ impl WidthTrials {
             _ if self.was_chosen() => 1.0,
             _ if !self.may_begin() => f64::NAN,
             Some(Predicted { structured: false, .. }) => options.evidence,
+            // The other phases correct light that is as given but for that; the widest does not.
+            None if self.light.is_some() => f64::NAN,
             _ => options.evidence_alone,
         };
         part * self.sum(self.widest())
