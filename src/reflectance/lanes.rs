@@ -310,8 +310,7 @@ impl<V: Lanes> Lobes<V> {
 /// Unit vector and inverse distance to a point from (x, y, 0).
 #[inline(always)]
 fn towards<V: Lanes>(target: [f32; 3], x: V, y: V) -> ([V; 3], V) {
-    let [tx, ty, dz] = target.map(V::splat);
-    let (dx, dy) = (tx - x, ty - y);
+    let (dx, dy, dz) = (V::splat(target[0]) - x, V::splat(target[1]) - y, V::splat(target[2]));
     let inverse = dx.mul_add(dx, dy * dy + dz * dz).reciprocal_sqrt();
     ([dx * inverse, inverse * dy, inverse * dz], inverse)
 }

@@ -3,8 +3,8 @@
 use super::light::natural;
 use super::problem::{Problem, State};
 use super::sample::Photograph;
+use crate::estimate::posterior::{Residual, Seen};
 use crate::estimate::prior::Coordinates;
-use crate::loss::{EPSILON, OffsetPair};
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
@@ -68,7 +68,7 @@ impl<const K: usize> Kernel for Block<'_, K> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> Self::Output {
         let Problem { sample, noise, .. } = self.problem;
-        let (n, end, zero) = (sample.texels(), self.texels.end, V::splat(0.0));
+        let (n, zero) = (sample.texels(), V::splat(0.0));
         let [x, y] = sample.eight_places::<V>(self.texels.clone());
         let mut materials = [Material::new(&[zero; CHANNELS]); K];
         for (material, natural) in materials.iter_mut().zip(&self.natural) {
@@ -79,33 +79,22 @@ impl<const K: usize> Kernel for Block<'_, K> {
             *material = Material::new(&lanes);
         }
         let mut costs = [zero; K];
-        let [huber, half, inverse] = [noise.huber, 0.5 * noise.huber, 0.5 / noise.huber];
         for (view, photograph) in self.views {
             let directions = Directions::at(view, x, y);
             let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
-            let mut seen = [zero; 3];
-            for (c, seen) in seen.iter_mut().enumerate() {
-                *seen = V::load(&photograph.radiance[c * n..][self.texels.start..end], 0.0);
-            }
             for (cost, material) in costs.iter_mut().zip(&materials) {
                 let lobes = Lobes::new(material, &directions);
-                let mut sum = zero;
                 for c in 0..3 {
-                    let irradiance = lobes.irradiance * V::splat(view.power[c]);
-                    let ambient = material.diffuse[c] * V::splat(view.ambient[c])
-                        + material.specular[c] * V::splat(view.mirrored[c]);
-                    let rendered = lobes.brdf(material, c).0.mul_add(irradiance, ambient);
-                    let offset = rendered.max(zero) + V::splat(EPSILON);
-                    let r = OffsetPair::new(offset, seen[c]).log_residual().abs();
-                    let near = r * r * V::splat(inverse);
-                    sum += r.if_greater(V::splat(huber), r - V::splat(half), near);
+                    let plane = &photograph.radiance[c * n..(c + 1) * n];
+                    let radiance = V::load(&plane[self.texels.clone()], 0.0);
+                    let seen = Seen { noise: *noise, radiance, weight };
+                    *cost += Residual::of(&lobes, material, view, c, &seen).cost;
                 }
-                *cost += sum * weight;
             }
         }
         let mut out = [[0.0; LANES]; K];
         for (to, cost) in out.iter_mut().zip(costs) {
-            *to = (cost * V::splat(noise.scale.recip())).to_array();
+            *to = cost.to_array();
         }
         out
     }

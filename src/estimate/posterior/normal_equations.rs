@@ -56,6 +56,22 @@ pub(in crate::estimate) struct Residual<V> {
 }
 
 impl<V: Lanes> Residual<V> {
+    /// Of what a material shows in a view.
+    #[inline(always)]
+    pub fn of(
+        lobes: &Lobes<V>,
+        material: &Material<V>,
+        view: &TexelView,
+        c: usize,
+        seen: &Seen<V>,
+    ) -> Self {
+        let (brdf, _) = lobes.brdf(material, c);
+        let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+            + material.specular[c] * V::splat(view.mirrored[c]);
+        let irradiance = lobes.irradiance * V::splat(view.power[c]);
+        Self::new(brdf.mul_add(irradiance, ambient + V::splat(EPSILON)), seen)
+    }
+
     #[inline(always)]
     fn new(offset_rendered: V, seen: &Seen<V>) -> Self {
         let &Seen { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
@@ -178,14 +194,9 @@ pub(in crate::estimate) fn cost<V: Lanes>(
         let lobes = Lobes::new(&material, directions);
         let weight = observation.load_weight(&texels);
         for c in 0..3 {
-            let (brdf, _) = lobes.brdf(&material, c);
-            let ambient = material.diffuse[c] * V::splat(view.ambient[c])
-                + material.specular[c] * V::splat(view.mirrored[c]);
-            let irradiance = lobes.irradiance * V::splat(view.power[c]);
-            let rendered = brdf.mul_add(irradiance, ambient + V::splat(EPSILON));
             let radiance = observation.load_radiance(c, &texels);
-            let residual =
-                Residual::new(rendered, &Seen { noise: posterior.noise[c], radiance, weight });
+            let seen = Seen { noise: posterior.noise[c], radiance, weight };
+            let residual = Residual::of(&lobes, &material, view, c, &seen);
             cost += residual.cost;
             loss[c] += residual.loss;
         }

@@ -133,6 +133,7 @@ pub(super) fn read(
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
     let (repeated, structured) = (r.flag()?, r.flag()?);
+    // An error, a flag and a number each.
     let predicted = (0..r.count(13)?).map(|_| {
         let (error, structured) = (r.f64()?, r.flag()?);
         Ok(Predicted { error, structured, photographs: r.u32()? as usize })
