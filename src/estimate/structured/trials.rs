@@ -336,8 +336,8 @@ impl WidthTrials {
         let light = if free { Light::Exposure } else { *given };
         let which = self.which.clone();
         let problem = setup.clone().problem(sample, which, *widths, light, &self.options);
-        let (problem, state) =
-            descended(problem, self.options.structured.trial_steps, &self.options);
+        // What is left is compared with a bound, so the fit has to have arrived.
+        let (problem, state) = descended(problem, self.options.structured.steps, &self.options);
         let visible = free || problem.mean_residual(&state) > self.options.structured.visible;
         if visible { problem.cost(&state) } else { 0.0 }
     }
