@@ -21,12 +21,39 @@ impl Problem {
         state: &State,
         deviations: [&[Coordinates]; K],
     ) -> Vec<[f64; K]> {
-        let views = self.views(&state.correction);
-        let mut costs = vec![[0.0; K]; self.sample.texels()];
+        let mut costs = self.of_residuals::<K, true>(state, deviations);
         parallel::parts(costs.chunks_mut(CHUNK), |chunk, costs| {
+            for (cost, t) in costs.iter_mut().zip(chunk * CHUNK..) {
+                for (cost, deviations) in cost.iter_mut().zip(deviations) {
+                    let prior = deviations[t].iter().zip(self.precision);
+                    *cost += 0.5 * prior.map(|(d, precision)| precision * d * d).sum::<f64>();
+                }
+            }
+        });
+        costs
+    }
+
+    /// Mean of absolute log residuals.
+    pub fn mean_residual(&self, state: &State) -> f64 {
+        let sums = self.of_residuals::<1, false>(state, [&state.deviations]);
+        let weights = self.photographs().flat_map(|p| &p.weight).map(|w| f64::from(*w));
+        let total: f64 = sums.iter().map(|[sum]| sum).sum();
+        total / (3.0 * weights.sum::<f64>()).max(1e-12)
+    }
+
+    /// Sums over each texel's residuals, for each of `K` values of its deviations: of what they cost,
+    /// or else of their sizes.
+    fn of_residuals<const K: usize, const COST: bool>(
+        &self,
+        state: &State,
+        deviations: [&[Coordinates]; K],
+    ) -> Vec<[f64; K]> {
+        let views = self.views(&state.correction);
+        let mut sums = vec![[0.0; K]; self.sample.texels()];
+        parallel::parts(sums.chunks_mut(CHUNK), |chunk, sums| {
             let first = chunk * CHUNK;
-            for (block, costs) in costs.chunks_mut(LANES).enumerate() {
-                let texels = first + block * LANES..first + block * LANES + costs.len();
+            for (block, sums) in sums.chunks_mut(LANES).enumerate() {
+                let texels = first + block * LANES..first + block * LANES + sums.len();
                 let natural = deviations.map(|deviations| {
                     let mut lanes = [[0.0; LANES]; CHANNELS];
                     for (lane, t) in texels.clone().enumerate() {
@@ -37,23 +64,19 @@ impl Problem {
                     }
                     lanes
                 });
-                let block = Block { problem: self, views: &views, texels: texels.clone(), natural };
-                let of_residuals = dispatch(block);
-                for (lane, (t, cost)) in texels.zip(costs).enumerate() {
-                    *cost = std::array::from_fn(|k| {
-                        let prior = deviations[k][t].iter().zip(self.precision);
-                        let prior: f64 = prior.map(|(d, precision)| precision * d * d).sum();
-                        f64::from(of_residuals[k][lane]) + 0.5 * prior
-                    });
+                let block = Block::<K, COST> { problem: self, views: &views, texels, natural };
+                let of_eight = dispatch(block);
+                for (lane, sums) in sums.iter_mut().enumerate() {
+                    *sums = of_eight.map(|lanes| f64::from(lanes[lane]));
                 }
             }
         });
-        costs
+        sums
     }
 }
 
 /// Eight texels, or the last few.
-struct Block<'a, const K: usize> {
+struct Block<'a, const K: usize, const COST: bool> {
     problem: &'a Problem,
     views: &'a [(TexelView, &'a Photograph)],
     texels: std::ops::Range<usize>,
@@ -61,8 +84,7 @@ struct Block<'a, const K: usize> {
 }
 
 // Loops instead of closures: those may stay calls, outside of the kernel's features.
-impl<const K: usize> Kernel for Block<'_, K> {
-    /// Costs of residuals.
+impl<const K: usize, const COST: bool> Kernel for Block<'_, K, COST> {
     type Output = [[f32; LANES]; K];
 
     #[inline(always)]
@@ -78,23 +100,24 @@ impl<const K: usize> Kernel for Block<'_, K> {
             }
             *material = Material::new(&lanes);
         }
-        let mut costs = [zero; K];
+        let mut sums = [zero; K];
         for (view, photograph) in self.views {
             let directions = Directions::at(view, x, y);
             let weight = V::load(&photograph.weight[self.texels.clone()], 0.0);
-            for (cost, material) in costs.iter_mut().zip(&materials) {
+            for (sum, material) in sums.iter_mut().zip(&materials) {
                 let lobes = Lobes::new(material, &directions);
                 for c in 0..3 {
                     let plane = &photograph.radiance[c * n..(c + 1) * n];
                     let radiance = V::load(&plane[self.texels.clone()], 0.0);
                     let seen = Seen { noise: *noise, radiance, weight };
-                    *cost += Residual::of(&lobes, material, view, c, &seen).cost;
+                    let residual = Residual::of(&lobes, material, view, c, &seen);
+                    *sum += if COST { residual.cost } else { residual.loss };
                 }
             }
         }
         let mut out = [[0.0; LANES]; K];
-        for (to, cost) in out.iter_mut().zip(costs) {
-            *to = cost.to_array();
+        for (to, sum) in out.iter_mut().zip(sums) {
+            *to = sum.to_array();
         }
         out
     }

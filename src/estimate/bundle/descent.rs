@@ -2,7 +2,8 @@
 
 use nalgebra::DVector;
 
-use super::equations::{Column, Solved};
+use super::elimination::{Eliminated, Totals};
+use super::equations::TexelStep;
 use super::light::clamped;
 use super::parameters::Shared;
 use super::problem::{Problem, State};
@@ -14,6 +15,11 @@ use crate::simd::LANES;
 
 /// Texels of a task.
 const CHUNK: usize = 128;
+
+/// Texels from one to another, eight at a time.
+fn eights(from: usize, to: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    (from..to).step_by(LANES).map(move |first| first..(first + LANES).min(to))
+}
 
 /// When a descent ends.
 #[derive(Debug, Clone, Copy)]
@@ -80,14 +86,13 @@ impl Descent {
         progress.steps += 1;
         progress.done = progress.steps >= limits.steps;
         let before = problem.cost(&progress.state);
-        let Some((shared, solved)) = problem.step(&progress.state, progress.damping) else {
+        let Some((shared, steps)) = problem.step(&progress.state, progress.damping) else {
             progress.done = true;
             return;
         };
         let BundleOptions { lengths, damping: [least, greatest], ease, raise, .. } =
             problem.options;
-        let tried =
-            lengths.map(|length| problem.stepped(&progress.state, &shared, &solved, length));
+        let tried = lengths.map(|length| problem.stepped(&progress.state, &shared, &steps, length));
         match tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((next, cost)) if cost < before => {
                 progress.damping = (progress.damping * ease).max(least);
@@ -103,36 +108,50 @@ impl Descent {
 }
 
 impl Problem {
-    /// The step of all; nothing when the equations cannot be solved.
-    pub(super) fn step(&self, state: &State, damping: f64) -> Option<(DVector<f64>, Vec<Solved>)> {
-        let (g, q) = (self.groups.coordinates.len(), self.shared.len());
-        let empty = Reduced::zeros(g * state.groups.len() + q);
+    /// The step of all: of what is shared, and of each texel; nothing when the equations cannot be
+    /// solved.
+    pub(super) fn step(
+        &self,
+        state: &State,
+        damping: f64,
+    ) -> Option<(DVector<f64>, Vec<TexelStep>)> {
+        let size = self.groups.coordinates.len() * state.groups.len() + self.shared.len();
         let linear = self.linear(&state.correction);
         let n = self.sample.texels();
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
-        let parts: Vec<(Reduced, Vec<Solved>)> = parallel::map_parts(chunks.iter(), |_, &from| {
-            let (mut sum, mut scratch) = (empty.clone(), Reduced::zeros(g + q));
-            let end = (from + CHUNK).min(n);
-            let mut solved = Vec::with_capacity(end - from);
-            for first in (from..end).step_by(LANES) {
-                let texels = first..(first + LANES).min(end);
-                let (sum, scratch) = (&mut sum, &mut scratch);
-                solved.extend(self.eliminate_eight(texels, state, &linear, damping, sum, scratch));
-            }
-            (sum, solved)
-        });
-        let (mut sum, mut solved) = (empty, Vec::with_capacity(n));
-        for (part, texels) in parts {
-            sum.matrix += part.matrix;
-            sum.gradient += part.gradient;
-            solved.extend(texels);
+        let parts: Vec<(Reduced, Vec<Eliminated>)> =
+            parallel::map_parts(chunks.iter(), |_, &from| {
+                let (mut sum, mut totals) = (Reduced::zeros(size), Totals::zeros(size));
+                let eliminated = eights(from, (from + CHUNK).min(n))
+                    .map(|texels| {
+                        self.eliminate_eight(texels, state, &linear, damping, &mut sum, &mut totals)
+                    })
+                    .collect();
+                totals.add_to(&mut sum);
+                (sum, eliminated)
+            });
+        let mut sum = Reduced::zeros(size);
+        for (part, _) in &parts {
+            sum.matrix += &part.matrix;
+            sum.gradient += &part.gradient;
         }
         self.add_priors(state, &mut sum);
-        for i in 0..sum.gradient.len() {
+        for i in 0..size {
             sum.matrix[(i, i)] *= 1.0 + damping;
         }
         sum.matrix.fill_upper_triangle_with_lower_triangle();
-        Some((self.solved(state, &sum)?, solved))
+        let shared = self.solved(state, &sum)?;
+        let mut steps = vec![TexelStep::default(); n];
+        let tasks = steps.chunks_mut(CHUNK).zip(&parts);
+        parallel::parts(tasks, |chunk, (steps, (_, eliminated))| {
+            let from = chunk * CHUNK;
+            for (texels, eliminated) in eights(from, from + steps.len()).zip(eliminated) {
+                let steps = &mut steps[texels.start - from..texels.end - from];
+                let of_eight = self.texel_steps(texels, &shared, eliminated);
+                steps.iter_mut().zip(of_eight).for_each(|(step, found)| *step = found);
+            }
+        });
+        Some((shared, steps))
     }
 
     /// The step of what texels share. Parameters that would leave their range go to its bound, the
@@ -170,7 +189,7 @@ impl Problem {
         &self,
         state: &State,
         shared: &DVector<f64>,
-        solved: &[Solved],
+        steps: &[TexelStep],
         length: f64,
     ) -> (State, f64) {
         let (moving, mut next) = (self.groups.coordinates.clone(), state.clone());
@@ -188,11 +207,9 @@ impl Problem {
             let to = (s.parameter.get(&state.correction) + by).clamp(s.range[0], s.range[1]);
             s.parameter.set(&mut next.correction, to);
         }
-        let n = self.sample.texels();
-        let steps = parallel::values(n, |t| self.texel_step(t, shared, &solved[t], length));
         let trials = self.options.texel_lengths.map(|own| {
-            let deviations = |(t, step): (usize, &Column)| {
-                let mean = self.mean(t, &next);
+            let deviations = |(t, step): (usize, &TexelStep)| {
+                let (mean, step) = (self.mean(t, &next), step.with(length));
                 std::array::from_fn(|c| {
                     let by = (own * step[c]).clamp(-max_step, max_step);
                     clamped(c, mean[c] + state.deviations[t][c] + by) - mean[c]
@@ -210,28 +227,5 @@ impl Problem {
             }
         }
         (next, cost)
-    }
-
-    /// The step of a texel when what is shared makes so much of its own.
-    pub(super) fn texel_step(
-        &self,
-        t: usize,
-        shared: &DVector<f64>,
-        solved: &Solved,
-        length: f64,
-    ) -> Column {
-        let g = self.groups.coordinates.len();
-        let first = shared.len() - self.shared.len();
-        let mut sum = solved.own;
-        for (i, column) in solved.columns.iter().enumerate() {
-            let by = if i < g {
-                let shares = self.texel_shares(t).iter().enumerate();
-                shares.map(|(k, s)| f64::from(*s) * shared[g * k + i]).sum::<f64>()
-            } else {
-                shared[first + i - g]
-            };
-            sum.axpy(length * by, column, 1.0);
-        }
-        -solved.inverse.tr_mul(&sum)
     }
 }

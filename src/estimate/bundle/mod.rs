@@ -8,6 +8,7 @@
 
 mod costs;
 mod descent;
+mod elimination;
 mod equations;
 mod light;
 mod parameters;

@@ -3,15 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::light::{Lit, clamped, natural};
+use super::light::clamped;
 use super::parameters::Shared;
 use super::sample::{Photograph, Sample};
 use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
-use crate::loss::log_residual;
-use crate::parallel;
 use crate::reflectance::TexelView;
 use crate::svbrdf::CHANNELS;
 
@@ -108,11 +106,6 @@ impl Problem {
         state
     }
 
-    pub(super) fn lights(&self, correction: &Correction) -> Vec<Lit> {
-        let light = |(i, p): (usize, &Photograph)| Lit::new(&correction.apply(&p.view, i));
-        self.photographs().enumerate().map(light).collect()
-    }
-
     /// Corrected views of the photographs that are fitted, for kernels.
     pub(super) fn views(&self, correction: &Correction) -> Vec<(TexelView, &Photograph)> {
         let photographs = self.photographs().enumerate();
@@ -124,37 +117,6 @@ impl Problem {
     pub fn cost(&self, state: &State) -> f64 {
         let costs = self.texel_costs(state, [&state.deviations]);
         costs.iter().map(|[cost]| cost).sum::<f64>() + self.shared_cost(state)
-    }
-
-    /// `each` gets the weight and value of every log residual of a texel.
-    fn residuals(&self, t: usize, state: &State, lights: &[Lit], mut each: impl FnMut(f64, f64)) {
-        let natural = natural(&self.coordinates(t, state));
-        let n = self.sample.texels();
-        for (light, photograph) in lights.iter().zip(self.photographs()) {
-            let weight = f64::from(photograph.weight[t]);
-            if weight <= 0.0 {
-                continue;
-            }
-            let value = light.value(&natural, self.sample.places[t]);
-            for c in 0..3 {
-                let seen = f64::from(photograph.radiance[c * n + t]);
-                each(weight, log_residual(value[c].max(0.0), seen));
-            }
-        }
-    }
-
-    /// Mean of absolute log residuals.
-    pub fn mean_residual(&self, state: &State) -> f64 {
-        let lights = self.lights(&state.correction);
-        let sums = parallel::values(self.sample.texels(), |t| {
-            let mut sums = [0.0; 2];
-            self.residuals(t, state, &lights, |weight, r| {
-                sums = [sums[0] + weight * r.abs(), sums[1] + weight];
-            });
-            sums
-        });
-        let total = |i: usize| sums.iter().map(|s| s[i]).sum::<f64>();
-        total(0) / total(1).max(1e-12)
     }
 
     /// Photographs that show a texel, on average.

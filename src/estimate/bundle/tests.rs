@@ -110,13 +110,14 @@ fn sums_are_those_of_derivatives_of_residuals() {
 
 fn residuals(problem: &Problem, x: &Coordinates, correction: &Correction, t: usize) -> Vec<f64> {
     let n = problem.sample.texels();
-    let lights = problem.lights(correction);
-    let of = |(light, photograph): (&Lit, &super::sample::Photograph)| {
+    let lights = problem.photographs().enumerate();
+    let lights = lights.map(|(i, p)| Lit::new(&correction.apply(&p.view, i)));
+    let of = |(light, photograph): (Lit, &super::sample::Photograph)| {
         let radiance = light.radiance(&natural(x), problem.sample.places[t]);
         let seen = |c: usize| f64::from(photograph.radiance[c * n + t]);
         [0, 1, 2].map(|c| log_residual(radiance.value[c].max(0.0), seen(c)))
     };
-    lights.iter().zip(problem.photographs()).flat_map(of).collect()
+    lights.zip(problem.photographs()).flat_map(of).collect()
 }
 
 /// Costs of eight texels at a time are those of double precision: of a few hundred residuals of size
@@ -229,7 +230,8 @@ fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
     whole
 }
 
-/// One step solves the equations of all unknowns together as a dense matrix would.
+/// One step solves the equations of all unknowns together as a dense matrix would. Texels are eliminated
+/// in single precision: of 6e-8 of what they say of a parameter there may be left a hundredth or less.
 #[test]
 fn eliminated_texels_step_as_in_the_whole_system() {
     let (mut problem, state) = problem();
@@ -241,7 +243,7 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     }
     problem.sample = Arc::new(sample);
     let (g, q, damping) = (problem.groups.coordinates.len(), problem.shared.len(), 1e-9);
-    let (shared, solved) = problem.step(&state, damping).unwrap();
+    let (shared, steps) = problem.step(&state, damping).unwrap();
     let size = CHANNELS * texels + 2 * g + q;
     let (mut matrix, mut gradient) =
         (nalgebra::DMatrix::<f64>::zeros(size, size), DVector::<f64>::zeros(size));
@@ -285,12 +287,14 @@ fn eliminated_texels_step_as_in_the_whole_system() {
     let expected = matrix.cholesky().unwrap().solve(&-gradient);
     let tolerance = 1e-6 * expected.amax();
     for i in 0..2 * g + q {
-        assert!((shared[i] - expected[first + i]).abs() < tolerance, "{i}");
+        let (found, expected) = (shared[i], expected[first + i]);
+        let close = (found - expected).abs() < 1e-4 * expected.abs() + tolerance;
+        assert!(close, "{i}: {found} {expected}");
     }
     for t in 0..texels {
-        let step = problem.texel_step(t, &shared, &solved[t], 1.0);
+        let step = DVector::from_row_slice(&steps[t].with(1.0));
         let all = expected.rows(CHANNELS * t, CHANNELS);
-        assert!((step - all).amax() < tolerance, "{t}: {step} {all}");
+        assert!((&step - all).amax() < tolerance, "{t}: {step} {all}");
     }
 }
 
@@ -300,11 +304,11 @@ fn parameters_stop_at_their_bounds_and_the_cost_falls() {
     let (problem, mut state) = problem();
     state.correction.ambient = 0.002;
     let before = problem.cost(&state);
-    let (shared, solved) = problem.step(&state, 1e-3).unwrap();
+    let (shared, steps) = problem.step(&state, 1e-3).unwrap();
     let ambient = problem.shared.iter().position(|s| s.parameter == Parameter::Ambient).unwrap();
     let to = state.correction.ambient + shared[shared.len() - problem.shared.len() + ambient];
     assert!(to >= -1e-12, "{to}");
-    let (next, cost) = problem.stepped(&state, &shared, &solved, 1.0);
+    let (next, cost) = problem.stepped(&state, &shared, &steps, 1.0);
     assert!(cost < before && next.correction.ambient >= 0.0, "{before} {cost}");
 }
 

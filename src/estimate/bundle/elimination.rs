@@ -1,0 +1,288 @@
+//! Elimination of eight texels' own coordinates, in single precision: a step is taken only where the
+//! cost falls, and what is eliminated is summed in double precision over tasks.
+
+use std::ops::Range;
+
+use super::sums::{Reduced, Sums};
+use crate::estimate::posterior::PAIRS;
+use crate::simd::{Kernel, LANES, Lanes, dispatch};
+use crate::svbrdf::CHANNELS;
+
+/// A value of eight texels, and one of each of their coordinates.
+pub(super) type Eight = [f32; LANES];
+pub(super) type Column = [Eight; CHANNELS];
+
+/// The place of an entry of a lower triangle, by rows.
+const fn at(i: usize, j: usize) -> usize {
+    i * (i + 1) / 2 + j
+}
+
+/// What eight texels' equations are besides their sums.
+pub(super) struct Equations<'a> {
+    pub sums: &'a Sums,
+    /// One; of coordinates that stay out of the step nothing.
+    pub free: Column,
+    pub precision: [f64; CHANNELS],
+    /// Of the prior.
+    pub gradient: Column,
+    pub damping: f64,
+    /// Coordinates of groups, and how much the texels belong to each group.
+    pub moving: Range<usize>,
+    pub shares: &'a [Eight],
+}
+
+/// The equations of what texels share that a task has so far, lane by lane; lower triangle.
+pub(super) struct Totals {
+    matrix: Vec<Eight>,
+    gradient: Vec<Eight>,
+}
+
+impl Totals {
+    pub fn zeros(size: usize) -> Self {
+        let zeros = |count: usize| vec![[0.0; LANES]; count];
+        Self { matrix: zeros(at(size, 0)), gradient: zeros(size) }
+    }
+
+    /// Adds all lanes.
+    pub fn add_to(&self, sum: &mut Reduced) {
+        let total = |lanes: &Eight| lanes.iter().copied().map(f64::from).sum::<f64>();
+        for (i, gradient) in self.gradient.iter().enumerate() {
+            sum.gradient[i] += total(gradient);
+            for j in 0..=i {
+                sum.matrix[(i, j)] += total(&self.matrix[at(i, j)]);
+            }
+        }
+    }
+}
+
+/// Eight texels' equations, solved but for what is shared: with `L L^T` their own matrix, `L^-1` times
+/// their gradient and times the columns of their groups' coordinates and of the parameters.
+pub(super) struct Eliminated {
+    /// L, but for reciprocals of its diagonal, nothing where it has none.
+    factor: [Eight; PAIRS],
+    own: Column,
+    columns: Vec<Column>,
+}
+
+impl Equations<'_> {
+    /// Eliminates the texels; what they say of what is shared is added to `totals`.
+    pub fn eliminate(self, totals: &mut Totals) -> Eliminated {
+        dispatch(Eliminate { equations: self, totals })
+    }
+}
+
+impl Eliminated {
+    /// Steps of the texels: their own, and what a step of what is shared makes of them. `shared` has
+    /// the steps of the columns.
+    pub fn steps(&self, shared: &[Eight]) -> [Column; 2] {
+        dispatch(Substitute { eliminated: self, shared })
+    }
+}
+
+struct Eliminate<'a> {
+    equations: Equations<'a>,
+    totals: &'a mut Totals,
+}
+
+// Loops instead of closures: those may stay calls, outside of the kernel's features.
+#[inline(always)]
+fn loaded<V: Lanes, const N: usize>(from: &[Eight; N]) -> [V; N] {
+    let mut to = [V::splat(0.0); N];
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = V::from_array(*from);
+    }
+    to
+}
+
+#[inline(always)]
+fn stored<V: Lanes, const N: usize>(from: &[V; N]) -> [Eight; N] {
+    let mut to = [[0.0; LANES]; N];
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = from.to_array();
+    }
+    to
+}
+
+/// Adds to a total.
+#[inline(always)]
+fn add<V: Lanes>(total: &mut Eight, value: V) {
+    *total = (V::from_array(*total) + value).to_array();
+}
+
+/// Negated dot product, with something added.
+#[inline(always)]
+fn minus_dot<V: Lanes>(a: &[V; CHANNELS], b: &[V; CHANNELS], plus: V) -> V {
+    let mut sum = plus;
+    for c in 0..CHANNELS {
+        sum = (-a[c]).mul_add(b[c], sum);
+    }
+    sum
+}
+
+impl Kernel for Eliminate<'_> {
+    type Output = Eliminated;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Eliminated {
+        let Self { equations, totals } = self;
+        let Equations { sums, moving, shares, .. } = &equations;
+        let free: [V; CHANNELS] = loaded(&equations.free);
+        let matrix: [V; PAIRS] = triangle(sums, &free);
+        let factor = factor(&matrix, &equations);
+        let mut right = [V::splat(0.0); CHANNELS];
+        for (c, right) in right.iter_mut().enumerate() {
+            let of_data = V::from_array(sums.gradient[c]);
+            *right = free[c] * (of_data + V::from_array(equations.gradient[c]));
+        }
+        let own = forward(&factor, &right);
+        let g = moving.len();
+        let mut columns: Vec<Column> = Vec::with_capacity(g + sums.mixed.len());
+        for c in moving.clone() {
+            let mut column = [V::splat(0.0); CHANNELS];
+            for (i, to) in column.iter_mut().enumerate() {
+                *to = matrix[at(i.max(c), i.min(c))];
+            }
+            columns.push(stored(&forward(&factor, &column)));
+        }
+        for mixed in &sums.mixed {
+            let mut column: [V; CHANNELS] = loaded(mixed);
+            for (to, free) in column.iter_mut().zip(&free) {
+                *to = *to * *free;
+            }
+            columns.push(stored(&forward(&factor, &column)));
+        }
+        let first = g * shares.len();
+        for (i, column) in columns.iter().enumerate() {
+            let column: [V; CHANNELS] = loaded(column);
+            let at_i = moving.start + i;
+            let of_data =
+                if i < g { free[at_i] * V::from_array(sums.gradient[at_i]) } else { V::splat(0.0) };
+            let gradient = minus_dot(&column, &own, of_data);
+            if i < g {
+                for (k, share) in shares.iter().enumerate() {
+                    add(&mut totals.gradient[g * k + i], gradient * V::from_array(*share));
+                }
+            } else {
+                add(&mut totals.gradient[first + i - g], gradient);
+            }
+            for (j, other) in columns[..=i].iter().enumerate() {
+                let other: [V; CHANNELS] = loaded(other);
+                if j >= g {
+                    let total = &mut totals.matrix[at(first + i - g, first + j - g)];
+                    *total = minus_dot(&column, &other, V::from_array(*total)).to_array();
+                    continue;
+                }
+                let c = moving.start + j;
+                let of_data = if i < g {
+                    matrix[at(at_i, c)]
+                } else {
+                    free[c] * V::from_array(sums.mixed[i - g][c])
+                };
+                let value = minus_dot(&column, &other, of_data);
+                for (k, share) in shares.iter().enumerate() {
+                    let value = value * V::from_array(*share);
+                    if i >= g {
+                        add(&mut totals.matrix[at(first + i - g, g * k + j)], value);
+                        continue;
+                    }
+                    for (l, other) in shares[..=k].iter().enumerate() {
+                        let value = value * V::from_array(*other);
+                        add(&mut totals.matrix[at(g * k + i, g * l + j)], value);
+                        if l < k && i != j {
+                            add(&mut totals.matrix[at(g * k + j, g * l + i)], value);
+                        }
+                    }
+                }
+            }
+        }
+        Eliminated { factor: stored(&factor), own: stored(&own), columns }
+    }
+}
+
+/// The matrix that the photographs make, lower triangle, without what stays out of the step.
+#[inline(always)]
+fn triangle<V: Lanes>(sums: &Sums, free: &[V; CHANNELS]) -> [V; PAIRS] {
+    let mut matrix = [V::splat(0.0); PAIRS];
+    let mut k = 0;
+    for i in 0..CHANNELS {
+        for j in i..CHANNELS {
+            matrix[at(j, i)] = V::from_array(sums.matrix[k]) * free[i] * free[j];
+            k += 1;
+        }
+    }
+    matrix
+}
+
+/// The Cholesky factor of the matrix with prior and damping.
+#[inline(always)]
+fn factor<V: Lanes>(matrix: &[V; PAIRS], equations: &Equations) -> [V; PAIRS] {
+    let (zero, damping) = (V::splat(0.0), equations.damping as f32);
+    let mut factor = *matrix;
+    for i in 0..CHANNELS {
+        for j in 0..i {
+            let mut sum = factor[at(i, j)];
+            for k in 0..j {
+                sum = (-factor[at(i, k)]).mul_add(factor[at(j, k)], sum);
+            }
+            factor[at(i, j)] = sum * factor[at(j, j)];
+        }
+        let own = V::splat(equations.precision[i] as f32 + damping * 1e-9);
+        let mut pivot = factor[at(i, i)].mul_add(V::splat(1.0 + damping), own);
+        for k in 0..i {
+            pivot = (-factor[at(i, k)]).mul_add(factor[at(i, k)], pivot);
+        }
+        factor[at(i, i)] = pivot.if_greater(zero, pivot.reciprocal_sqrt(), zero);
+    }
+    factor
+}
+
+/// `L^-1` times a column.
+#[inline(always)]
+fn forward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
+    let mut out = *column;
+    for i in 0..CHANNELS {
+        for k in 0..i {
+            out[i] = (-factor[at(i, k)]).mul_add(out[k], out[i]);
+        }
+        out[i] = out[i] * factor[at(i, i)];
+    }
+    out
+}
+
+struct Substitute<'a> {
+    eliminated: &'a Eliminated,
+    shared: &'a [Eight],
+}
+
+impl Kernel for Substitute<'_> {
+    type Output = [Column; 2];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> [Column; 2] {
+        let Eliminated { factor, own, columns } = self.eliminated;
+        let factor: [V; PAIRS] = loaded(factor);
+        let mut of_shared = [V::splat(0.0); CHANNELS];
+        for (column, by) in columns.iter().zip(self.shared) {
+            for (sum, value) in of_shared.iter_mut().zip(column) {
+                *sum = V::from_array(*by).mul_add(V::from_array(*value), *sum);
+            }
+        }
+        [stored(&backward(&factor, &loaded(own))), stored(&backward(&factor, &of_shared))]
+    }
+}
+
+/// `-L^-T` times a column.
+#[inline(always)]
+fn backward<V: Lanes>(factor: &[V; PAIRS], column: &[V; CHANNELS]) -> [V; CHANNELS] {
+    let mut out = *column;
+    for i in (0..CHANNELS).rev() {
+        for k in i + 1..CHANNELS {
+            out[i] = (-factor[at(k, i)]).mul_add(out[k], out[i]);
+        }
+        out[i] = out[i] * factor[at(i, i)];
+    }
+    for value in &mut out {
+        *value = -*value;
+    }
+    out
+}
