@@ -125,78 +125,110 @@ impl Kernel for Eliminate<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> Eliminated {
         let Self { equations, totals } = self;
-        let Equations { sums, moving, shares, .. } = &equations;
         let free: [V; CHANNELS] = loaded(&equations.free);
-        let matrix: [V; PAIRS] = triangle(sums, &free);
+        let matrix = triangle(equations.sums, &free);
         let factor = factor(&matrix, &equations);
         let mut right = [V::splat(0.0); CHANNELS];
         for (c, right) in right.iter_mut().enumerate() {
-            let of_data = V::from_array(sums.gradient[c]);
+            let of_data = V::from_array(equations.sums.gradient[c]);
             *right = free[c] * (of_data + V::from_array(equations.gradient[c]));
         }
         let own = forward(&factor, &right);
-        let g = moving.len();
-        let mut columns: Vec<Column> = Vec::with_capacity(g + sums.mixed.len());
-        for c in moving.clone() {
-            let mut column = [V::splat(0.0); CHANNELS];
-            for (i, to) in column.iter_mut().enumerate() {
-                *to = matrix[at(i.max(c), i.min(c))];
-            }
-            columns.push(stored(&forward(&factor, &column)));
+        // Before elimination, then `L^-1` times that.
+        let mixed = mixed(&equations, &matrix, &free);
+        let mut columns = Vec::with_capacity(mixed.len());
+        for column in &mixed {
+            columns.push(stored(&forward(&factor, &loaded::<V, CHANNELS>(column))));
         }
-        for mixed in &sums.mixed {
-            let mut column: [V; CHANNELS] = loaded(mixed);
-            for (to, free) in column.iter_mut().zip(&free) {
-                *to = *to * *free;
-            }
-            columns.push(stored(&forward(&factor, &column)));
-        }
-        let first = g * shares.len();
+        let groups = &equations.moving;
         for (i, column) in columns.iter().enumerate() {
             let column: [V; CHANNELS] = loaded(column);
-            let at_i = moving.start + i;
-            let of_data =
-                if i < g { free[at_i] * V::from_array(sums.gradient[at_i]) } else { V::splat(0.0) };
-            let gradient = minus_dot(&column, &own, of_data);
-            if i < g {
-                for (k, share) in shares.iter().enumerate() {
-                    add(&mut totals.gradient[g * k + i], gradient * V::from_array(*share));
-                }
-            } else {
-                add(&mut totals.gradient[first + i - g], gradient);
+            let mut gradient = V::splat(0.0);
+            if i < groups.len() {
+                let c = groups.start + i;
+                gradient = free[c] * V::from_array(equations.sums.gradient[c]);
             }
+            totals.add_gradient(&equations, i, minus_dot(&column, &own, gradient));
             for (j, other) in columns[..=i].iter().enumerate() {
-                let other: [V; CHANNELS] = loaded(other);
-                if j >= g {
-                    let total = &mut totals.matrix[at(first + i - g, first + j - g)];
-                    *total = minus_dot(&column, &other, V::from_array(*total)).to_array();
-                    continue;
+                let mut entry = V::splat(0.0);
+                if j < groups.len() {
+                    entry = V::from_array(mixed[i][groups.start + j]);
                 }
-                let c = moving.start + j;
-                let of_data = if i < g {
-                    matrix[at(at_i, c)]
-                } else {
-                    free[c] * V::from_array(sums.mixed[i - g][c])
-                };
-                let value = minus_dot(&column, &other, of_data);
-                for (k, share) in shares.iter().enumerate() {
-                    let value = value * V::from_array(*share);
-                    if i >= g {
-                        add(&mut totals.matrix[at(first + i - g, g * k + j)], value);
-                        continue;
-                    }
-                    for (l, other) in shares[..=k].iter().enumerate() {
-                        let value = value * V::from_array(*other);
-                        add(&mut totals.matrix[at(g * k + i, g * l + j)], value);
-                        if l < k && i != j {
-                            add(&mut totals.matrix[at(g * k + j, g * l + i)], value);
-                        }
-                    }
-                }
+                totals.add(&equations, [i, j], minus_dot(&column, &loaded(other), entry));
             }
         }
         Eliminated { factor: stored(&factor), own: stored(&own), columns }
     }
+}
+
+impl Totals {
+    /// Adds to the gradient of a column: of a coordinate of the groups, as much to each as texels belong
+    /// to it; of a parameter.
+    #[inline(always)]
+    fn add_gradient<V: Lanes>(&mut self, equations: &Equations, i: usize, value: V) {
+        let Equations { moving, shares, .. } = equations;
+        let g = moving.len();
+        if i >= g {
+            add(&mut self.gradient[g * shares.len() + i - g], value);
+            return;
+        }
+        for (k, share) in shares.iter().enumerate() {
+            add(&mut self.gradient[g * k + i], value * V::from_array(*share));
+        }
+    }
+
+    /// Adds to the entry of two columns, the second not after the first.
+    #[inline(always)]
+    fn add<V: Lanes>(&mut self, equations: &Equations, [i, j]: [usize; 2], value: V) {
+        let Equations { moving, shares, .. } = equations;
+        let g = moving.len();
+        // Parameters follow the groups' coordinates.
+        let row = |i: usize| g * shares.len() + i - g;
+        if j >= g {
+            add(&mut self.matrix[at(row(i), row(j))], value);
+            return;
+        }
+        for (k, share) in shares.iter().enumerate() {
+            let value = value * V::from_array(*share);
+            if i >= g {
+                add(&mut self.matrix[at(row(i), g * k + j)], value);
+                continue;
+            }
+            for (l, other) in shares[..=k].iter().enumerate() {
+                let value = value * V::from_array(*other);
+                add(&mut self.matrix[at(g * k + i, g * l + j)], value);
+                if l < k && i != j {
+                    add(&mut self.matrix[at(g * k + j, g * l + i)], value);
+                }
+            }
+        }
+    }
+}
+
+/// Columns of the texels' equations by what is shared: the groups' coordinates, then the parameters.
+#[inline(always)]
+fn mixed<V: Lanes>(
+    equations: &Equations,
+    matrix: &[V; PAIRS],
+    free: &[V; CHANNELS],
+) -> Vec<Column> {
+    let Equations { sums, moving, .. } = equations;
+    let mut columns = Vec::with_capacity(moving.len() + sums.mixed.len());
+    for c in moving.clone() {
+        let mut column = [V::splat(0.0); CHANNELS];
+        for (i, to) in column.iter_mut().enumerate() {
+            *to = matrix[at(i.max(c), i.min(c))];
+        }
+        columns.push(stored(&column));
+    }
+    for mixed in &sums.mixed {
+        let mut column: [V; CHANNELS] = loaded(mixed);
+        for (to, free) in column.iter_mut().zip(free) {
+            *to = *to * *free;
+        }
+        columns.push(stored(&column));
+    }
+    columns
 }
 
 /// The matrix that the photographs make, lower triangle, without what stays out of the step.
