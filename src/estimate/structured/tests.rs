@@ -184,7 +184,7 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
     let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
     let options = options();
     let candidates = &options.structured.candidates;
-    let choose = |errors: &[f64], light: f64| {
+    let choose = |errors: &[f64], light: f64, as_given: f64| {
         let of = |(i, error): (usize, &f64)| Predicted {
             error: *error,
             structured: false,
@@ -199,16 +199,31 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
         left_out[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
         left_out[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
         left_out[4 * folds..5 * folds].copy_from_slice(&[0.1, 0.1, 0.1]);
+        errors.extend(vec![as_given; folds]); // of the best, the light as given
         errors.push(0.1); // residual of the widest
         assert!(trials.resume(&errors) && trials.is_done());
         trials.chosen()
     };
-    assert_eq!(choose(&[1.0], 1.0), Some(candidates[1]), "best in the sum, and for the latest");
-    assert_eq!(choose(&[0.5], 1.0), Some(candidates[0]), "the other is no better for the latest");
-    assert_eq!(choose(&[0.5, 0.5], 1.0), Some(candidates[1]), "but for the last two");
-    assert_eq!(choose(&[0.05, 0.5], 1.0), None, "nor for the last two");
-    assert_eq!(choose(&[0.1], 1.0), None);
-    assert_eq!(choose(&[0.1], 2.0), Some(candidates[4]), "the light is not as given: best of all");
+    assert_eq!(
+        choose(&[1.0], 1.0, 1.0),
+        Some(candidates[1]),
+        "best in the sum, and for the latest"
+    );
+    assert_eq!(
+        choose(&[0.5], 1.0, 1.0),
+        Some(candidates[0]),
+        "the other is no better for the latest"
+    );
+    assert_eq!(choose(&[0.5, 0.5], 1.0, 1.0), Some(candidates[1]), "but for the last two");
+    assert_eq!(choose(&[0.05, 0.5], 1.0, 1.0), None, "nor for the last two");
+    assert_eq!(choose(&[0.1], 1.0, 1.0), None);
+    assert_eq!(
+        choose(&[0.1], 2.0, 0.0),
+        Some(candidates[4]),
+        "the light is not as given: best of all"
+    );
+    assert_eq!(choose(&[0.1], 1.4, 0.2), Some(candidates[4]), "predictions confirm it");
+    assert_eq!(choose(&[0.1], 1.4, 0.1), None, "as given it predicts as well");
 }
 
 /// Trials end when no further one could change the choice: against tables of all errors, drawn at
@@ -232,7 +247,7 @@ fn trials_that_are_left_out_change_no_choice() {
         let (_, rest) = trials.errors.split_last().unwrap();
         let mut table: Vec<f64> = rest.iter().map(|_| value(0.3, 1.6)).collect();
         // nothing where as given it leaves nothing visible
-        table[0] = if case % 7 == 0 { 0.0 } else { table[1] * value(0.9, 1.5) };
+        table[0] = if case % 7 == 0 { 0.0 } else { table[1] * value(0.9, 1.8) };
         table.push(value(0.0, 0.05));
         let undone = trials.save();
         assert!(trials.resume(&table));

@@ -10,7 +10,9 @@
 //! better with exposure and flash free than with what the other phases can correct (a likelihood ratio),
 //! they are not, and texels of the other phases would follow that. Of two photographs, which cannot be left
 //! out, the classes are taken then, round the latent estimate; of more, the candidate that predicts best,
-//! those with relief among them, unless the maps before were far better.
+//! those with relief among them, unless the maps before were far better. Averages of strong relief look a
+//! little as if the light were wrong: unless the ratio is clear, that candidate must predict worse with the
+//! light as given.
 
 use std::sync::Arc;
 
@@ -38,8 +40,9 @@ pub(crate) struct WidthTrials {
     /// How the maps before each of these predicted it.
     pub(super) predicted: Vec<Option<Predicted>>,
     /// Costs with exposure and flash as given, and free, where that is asked; but of few photographs,
-    /// squared errors of each candidate for each photograph left out, then what the widest leaves of
-    /// all photographs. Not a number where a trial is not done.
+    /// squared errors of each candidate for each photograph left out, then, where the light is asked for,
+    /// those of the best with the light as given, then what the widest leaves of all photographs. Not a
+    /// number where a trial is not done.
     pub(super) errors: Vec<f64>,
 }
 
@@ -91,7 +94,8 @@ impl WidthTrials {
         // Maps of so many photographs have predicted the next.
         let of = |fold: &usize| predicted.iter().find(|p| p.photographs == *fold).copied();
         let predicted = folds.iter().map(of).collect();
-        let left_out = if few { 0 } else { o.candidates.len() * folds.len() + 1 };
+        let fitted = o.candidates.len() + usize::from(free);
+        let left_out = if few { 0 } else { fitted * folds.len() + 1 };
         let light = free.then(|| LightTest::new(photographs, estimate, options));
         let of_light = if free { OF_LIGHT } else { 0 };
         Self {
@@ -124,7 +128,8 @@ impl WidthTrials {
         let error = match &self.light {
             Some(test) if trial < OF_LIGHT => self.cost_of_all(test, trial > 0),
             _ if trial == self.residual() => self.residual_of_all(),
-            _ => self.error(trial),
+            Some(test) if self.of_given().contains(&trial) => self.error(trial, test.given),
+            _ => self.error(trial, Light::exposure(self.free)),
         };
         self.record(trial, error);
     }
@@ -163,6 +168,11 @@ impl WidthTrials {
         self.light.as_ref().is_some_and(|test| self.errors[0] > test.limit * self.errors[1])
     }
 
+    /// Whether they do so beyond what strong relief, which averaged texels cannot follow, may feign.
+    fn is_clear(&self) -> bool {
+        self.errors[0] > self.options.structured.clear * self.errors[1]
+    }
+
     /// Where errors of photographs left out begin.
     fn first(&self) -> usize {
         if self.light.is_some() { OF_LIGHT } else { 0 }
@@ -189,6 +199,11 @@ impl WidthTrials {
         first + candidate * folds..first + (candidate + 1) * folds
     }
 
+    /// Trials of the best of all candidates with the light as given.
+    fn of_given(&self) -> std::ops::Range<usize> {
+        self.of(self.widest() + 1)
+    }
+
     /// The candidate that predicts best, as far as is known.
     fn best(&self, candidates: impl IntoIterator<Item = usize>) -> Option<usize> {
         let tried = candidates.into_iter().filter(|&c| !self.sum(c).is_nan());
@@ -200,12 +215,15 @@ impl WidthTrials {
         self.errors[self.of(candidate)].iter().sum()
     }
 
-    /// Of all candidates the one that predicts best, unless the maps of the other phases have predicted
-    /// clearly better.
+    /// Of all candidates the one that predicts best, unless with the light as given it predicts as well, or
+    /// the maps of the other phases have predicted clearly better.
     fn best_of_all(&self) -> Option<usize> {
-        let part = self.options.structured.evidence_of_maps;
+        let StructuredOptions { confirmed, evidence_of_maps, .. } = self.options.structured;
         let best = self.best(0..=self.widest())?;
-        (part * self.sum_against_maps(best) < self.limit_of_maps()).then_some(best)
+        let of_given: f64 = self.errors[self.of_given()].iter().sum();
+        let confirmed = self.is_clear() || of_given > confirmed * self.sum(best);
+        let rivals = evidence_of_maps * self.sum_against_maps(best) < self.limit_of_maps();
+        (confirmed && rivals).then_some(best)
     }
 
     /// Of the narrow candidates that predict better than the widest and than the maps of the other
@@ -316,7 +334,8 @@ impl WidthTrials {
         if self.is_contradicted() {
             return (0..=self.widest())
                 .filter(|&c| self.may_be_best(c))
-                .find_map(|c| open(self.of(c)));
+                .find_map(|c| open(self.of(c)))
+                .or_else(|| open(self.of_given()).filter(|_| !self.is_clear()));
         }
         if !self.was_chosen() && !self.may_begin() {
             return open(self.residual()..self.errors.len());
@@ -343,28 +362,30 @@ impl WidthTrials {
     }
 
     /// Predicts the photograph that a trial leaves out from all others.
-    fn error(&self, trial: usize) -> f64 {
+    fn error(&self, trial: usize, light: Light) -> f64 {
         let (trial, folds) = (trial - self.first(), self.folds.len());
         let (candidate, left_out) = (trial / folds, self.folds[trial % folds]);
-        let (problem, state) = self.fitted(candidate, Some(left_out));
+        let candidates = 0..=self.widest();
+        let best = || self.best(candidates.clone()).unwrap_or(0);
+        let candidate = if candidates.contains(&candidate) { candidate } else { best() };
+        let (problem, state) = self.fitted(candidate, Some(left_out), light);
         let at = |t| problem.coordinates(t, &state);
         prediction::error(&problem.sample, left_out, &state.correction, at)
     }
 
     /// What the widest candidate leaves of all photographs.
     fn residual_of_all(&self) -> f64 {
-        let (problem, state) = self.fitted(self.widest(), None);
+        let (problem, state) = self.fitted(self.widest(), None, Light::exposure(self.free));
         problem.mean_residual(&state)
     }
 
     /// A candidate fitted to all photographs but one.
-    fn fitted(&self, candidate: usize, left_out: Option<usize>) -> (Problem, State) {
+    fn fitted(&self, candidate: usize, left_out: Option<usize>, light: Light) -> (Problem, State) {
         let options = &self.options;
         let widths = options.structured.candidates[candidate];
         let seen = self.which.iter().copied().filter(|&i| Some(i) != left_out);
         let which: Vec<usize> = seen.collect();
         let setup = Setup::new(&self.sample, &which, widths.classes, options);
-        let light = Light::exposure(self.free);
         let problem = setup.problem(&self.sample, which, widths, light, options);
         descended(problem, options.structured.trial_steps, options)
     }
