@@ -36,9 +36,8 @@ impl Problem {
     /// Mean of absolute log residuals.
     pub fn mean_residual(&self, state: &State) -> f64 {
         let sums = self.of_residuals::<1, false>(state, [&state.deviations]);
-        let weights = self.photographs().flat_map(|p| &p.weight).map(|w| f64::from(*w));
-        let total: f64 = sums.iter().map(|[sum]| sum).sum();
-        total / (3.0 * weights.sum::<f64>()).max(1e-12)
+        let residuals = 3.0 * self.photographs_per_texel() * self.sample.texels() as f64;
+        sums.iter().map(|[sum]| sum).sum::<f64>() / residuals.max(1e-12)
     }
 
     /// Sums over each texel's residuals, for each of `K` values of its deviations: of what they cost,

@@ -21,10 +21,10 @@ pub struct StructuredOptions {
     /// directions free in the former, as the other phases correct them. Tuned.
     pub contradiction: [f64; 2],
     /// The same for more than few, from which on predictions need not confirm it. Tuned.
-    pub clear: f64,
+    pub clear_contradiction: f64,
     /// Squared error of predictions with the light as given, relative to that with exposure and flash free,
     /// that confirms it. Tuned.
-    pub confirmed: f64,
+    pub confirmation: f64,
     /// Mean residual of averaged texels with the light as given, at least: of less no fault of the
     /// light can be seen. Tuned.
     pub visible: f64,
@@ -105,8 +105,8 @@ impl Default for StructuredOptions {
             few: Widths { diffuse: 0.1, ..classes },
             own_share: 0.5,
             contradiction: [1.2, 1.3],
-            clear: 1.5,
-            confirmed: 1.25,
+            clear_contradiction: 1.5,
+            confirmation: 1.25,
             visible: 0.015,
             averaged_slope: 0.03,
             texels: 64,

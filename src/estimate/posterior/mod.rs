@@ -13,11 +13,11 @@
 mod information;
 mod model;
 mod normal_equations;
+mod residual;
 
 pub(super) use information::{
     At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision,
 };
 pub(super) use model::Posterior;
-pub(super) use normal_equations::{
-    Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen, cost,
-};
+pub(super) use normal_equations::{NormalEquations, PAIRS, SHAPE, cost};
+pub(super) use residual::{Appearance, Line, Residual, Seen};

@@ -128,8 +128,7 @@ impl WidthTrials {
         let error = match &self.light {
             Some(test) if trial < OF_LIGHT => self.cost_of_all(test, trial > 0),
             _ if trial == self.residual() => self.residual_of_all(),
-            Some(test) if self.of_given().contains(&trial) => self.error(trial, test.given),
-            _ => self.error(trial, Light::exposure(self.free)),
+            _ => self.error(trial),
         };
         self.record(trial, error);
     }
@@ -170,7 +169,7 @@ impl WidthTrials {
 
     /// Whether they do so beyond what strong relief, which averaged texels cannot follow, may feign.
     fn is_clear(&self) -> bool {
-        self.errors[0] > self.options.structured.clear * self.errors[1]
+        self.errors[0] > self.options.structured.clear_contradiction * self.errors[1]
     }
 
     /// Where errors of photographs left out begin.
@@ -218,10 +217,10 @@ impl WidthTrials {
     /// Of all candidates the one that predicts best, unless with the light as given it predicts as well, or
     /// the maps of the other phases have predicted clearly better.
     fn best_of_all(&self) -> Option<usize> {
-        let StructuredOptions { confirmed, evidence_of_maps, .. } = self.options.structured;
+        let StructuredOptions { confirmation, evidence_of_maps, .. } = self.options.structured;
         let best = self.best(0..=self.widest())?;
         let of_given: f64 = self.errors[self.of_given()].iter().sum();
-        let confirmed = self.is_clear() || of_given > confirmed * self.sum(best);
+        let confirmed = self.is_clear() || of_given > confirmation * self.sum(best);
         let rivals = evidence_of_maps * self.sum_against_maps(best) < self.limit_of_maps();
         (confirmed && rivals).then_some(best)
     }
@@ -362,12 +361,14 @@ impl WidthTrials {
     }
 
     /// Predicts the photograph that a trial leaves out from all others.
-    fn error(&self, trial: usize, light: Light) -> f64 {
-        let (trial, folds) = (trial - self.first(), self.folds.len());
-        let (candidate, left_out) = (trial / folds, self.folds[trial % folds]);
-        let candidates = 0..=self.widest();
-        let best = || self.best(candidates.clone()).unwrap_or(0);
-        let candidate = if candidates.contains(&candidate) { candidate } else { best() };
+    fn error(&self, trial: usize) -> f64 {
+        let (at, folds) = (trial - self.first(), self.folds.len());
+        let (mut candidate, left_out) = (at / folds, self.folds[at % folds]);
+        let mut light = Light::exposure(self.free);
+        if let Some(test) = self.light.as_ref().filter(|_| self.of_given().contains(&trial)) {
+            candidate = self.best(0..=self.widest()).unwrap_or(0);
+            light = test.given;
+        }
         let (problem, state) = self.fitted(candidate, Some(left_out), light);
         let at = |t| problem.coordinates(t, &state);
         prediction::error(&problem.sample, left_out, &state.correction, at)

@@ -1,4 +1,5 @@
 use super::*;
+use crate::estimate::noise::Noise;
 use crate::random::Random;
 use crate::simd::{Kernel, LANES, dispatch};
 use nalgebra::{SMatrix, SVector};

@@ -1,0 +1,140 @@
+//! What a photograph shows at eight texels, against what a material would show there: residuals, and
+//! derivatives of the radiance.
+
+use crate::estimate::noise::Noise;
+use crate::loss::{EPSILON, OffsetPair};
+use crate::reflectance::{Directions, Lobes, Material, TexelView};
+use crate::simd::Lanes;
+use crate::svbrdf::{CHANNELS, channel};
+use std::f32::consts::FRAC_1_PI;
+
+/// What a photograph shows in one colour, and how sure that is.
+pub(in crate::estimate) struct Seen<V> {
+    pub noise: Noise,
+    pub radiance: V,
+    pub weight: V,
+}
+
+/// A photograph's residual in one colour, and how the objective weighs it.
+pub(in crate::estimate) struct Residual<V> {
+    pub value: V,
+    /// 1 / (rendered + 0.01).
+    pub inverse: V,
+    /// Weight of the square in re-weighted least squares.
+    pub square_weight: V,
+    /// Value of the objective, and of the plain log-L1 loss.
+    pub cost: V,
+    pub loss: V,
+}
+
+impl<V: Lanes> Residual<V> {
+    /// Of what a material shows in a view.
+    #[inline(always)]
+    pub fn of(
+        lobes: &Lobes<V>,
+        material: &Material<V>,
+        view: &TexelView,
+        c: usize,
+        seen: &Seen<V>,
+    ) -> Self {
+        let (brdf, _) = lobes.brdf(material, c);
+        let ambient = material.diffuse[c] * V::splat(view.ambient[c])
+            + material.specular[c] * V::splat(view.mirrored[c]);
+        let irradiance = lobes.irradiance * V::splat(view.power[c]);
+        Self::new(brdf.mul_add(irradiance, ambient + V::splat(EPSILON)), seen)
+    }
+
+    #[inline(always)]
+    fn new(offset_rendered: V, seen: &Seen<V>) -> Self {
+        let &Seen { noise: Noise { scale, huber }, radiance: observed, weight } = seen;
+        let (zero, threshold) = (V::splat(0.0), V::splat(huber));
+        let pair = OffsetPair::new(offset_rendered, observed);
+        // Unseen texels may hold anything.
+        let value = weight.if_greater(zero, pair.log_residual(), zero);
+        let size = value.abs();
+        let scaled = weight * V::splat(scale.recip());
+        let inner = value * value * V::splat(0.5 / huber);
+        let outer = size - V::splat(0.5 * huber);
+        let square_weight = scaled / size.max(threshold);
+        Self {
+            value,
+            inverse: pair.rendered.reciprocal(),
+            // A saturated measurement that is explained says nothing about the parameters.
+            square_weight: offset_rendered.if_greater(pair.rendered, zero, square_weight),
+            cost: scaled * size.if_greater(threshold, outer, inner),
+            loss: weight * size,
+        }
+    }
+}
+
+/// A photograph at eight texels: what its colours share.
+pub(in crate::estimate) struct Appearance<V> {
+    pub lobes: Lobes<V>,
+    lobe_by_slopes: [V; 2],
+    irradiance_by_slopes: [V; 2],
+    lobe_by_roughness: V,
+}
+
+/// A colour of a photograph at eight texels.
+pub(in crate::estimate) struct Line<V> {
+    pub residual: Residual<V>,
+    /// Derivatives of ln(rendered + 0.01).
+    pub shape: [V; 3],
+    pub colour: [V; 2],
+    pub brdf: V,
+    pub fresnel: V,
+    /// Times the light's power.
+    pub irradiance: V,
+}
+
+impl<V: Lanes> Appearance<V> {
+    #[inline(always)]
+    pub fn new(material: &Material<V>, directions: &Directions<V>) -> Self {
+        let (zero, one) = (V::splat(0.0), V::splat(1.0));
+        let lobes = Lobes::new(material, directions);
+        let by_normal = lobes.by_normal(material, directions, one, zero);
+        let lobe_by_slopes = material.by_slopes(by_normal);
+        let by_normal = lobes.by_normal(material, directions, zero, one);
+        let irradiance_by_slopes = material.by_slopes(by_normal);
+        let lobe_by_roughness = lobes.log_specular_by_roughness(material);
+        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness }
+    }
+
+    /// A colour at coordinates `x`, which are those of the material.
+    #[inline(always)]
+    pub fn line(
+        &self,
+        material: &Material<V>,
+        view: &TexelView,
+        c: usize,
+        x: &[V; CHANNELS],
+        seen: &Seen<V>,
+    ) -> Line<V> {
+        let lobes = &self.lobes;
+        let power = V::splat(view.power[c]);
+        let ambient = V::splat(view.ambient[c]);
+        let mirrored = V::splat(view.mirrored[c]);
+        let (brdf, fresnel) = lobes.brdf(material, c);
+        let irradiance = lobes.irradiance * power;
+        let surround = material.diffuse[c] * ambient + material.specular[c] * mirrored;
+        let rendered = brdf.mul_add(irradiance, surround + V::splat(EPSILON));
+        let residual = Residual::new(rendered, seen);
+
+        // Derivatives of ln(rendered + 0.01).
+        let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
+        let lit = brdf * power * residual.inverse;
+        let shape = [
+            lobe.mul_add(self.lobe_by_slopes[0], lit * self.irradiance_by_slopes[0]),
+            lobe.mul_add(self.lobe_by_slopes[1], lit * self.irradiance_by_slopes[1]),
+            lobe * self.lobe_by_roughness,
+        ];
+        let twice = residual.inverse * V::splat(2.0);
+        let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
+        let by_specular = irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
+        let colour = [
+            by_diffuse * twice * x[channel::DIFFUSE + c],
+            by_specular * twice * x[channel::SPECULAR + c],
+        ];
+        Line { residual, shape, colour, brdf, fresnel, irradiance }
+    }
+}
