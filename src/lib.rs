@@ -29,6 +29,8 @@ pub mod comparison;
 pub mod confidence;
 pub mod estimate;
 pub mod export;
+#[cfg(feature = "files")]
+pub mod files;
 pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;

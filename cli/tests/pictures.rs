@@ -280,8 +280,9 @@ fn pictures_that_cannot_be_used_are_named() {
         assert!(!out.join("capture.json").exists());
     };
     refused(&[], &["photos: neither capture.json nor photographs", "JPEG"]);
-    fs::write(folder.join("IMG_1.HEIC"), b"heic").unwrap();
-    refused(&[], &["IMG_1.HEIC", "must be converted", "Most Compatible"]);
+    fs::write(folder.join("IMG_1.JPG"), b"\0\0\0\x18ftypavif\0\0\0\0mif1avif").unwrap();
+    fs::write(folder.join("IMG_2.CR3"), b"\0\0\0\x14ftypcrx \0\0\0\0crx ").unwrap();
+    refused(&[], &["IMG_1.JPG: an AVIF picture", "convert it", "IMG_2.CR3", "convert it to DNG"]);
     fs::write(folder.join("text.jpg"), b"no picture").unwrap();
     refused(&[], &["text.jpg", "unreadable", "every photo was rejected"]);
     refused(&["--sample-mm", "300"], &["--sample-mm 300x300", "115x126.5"]);

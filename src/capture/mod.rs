@@ -8,6 +8,8 @@ use glam::DVec3;
 use serde_json::Value;
 
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
+#[cfg(feature = "files")]
+use crate::files::{self, Remark};
 use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
@@ -65,16 +67,43 @@ pub struct RectifiedView {
 }
 
 impl Frame {
-    /// Reads the photograph.
+    /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] stands for what the file says
+    /// of its colours, and DNG is read.
     ///
     /// # Errors
-    /// Those of [`Photo::read`], and when a photograph without flash has another size.
+    /// Those of `files::read`, or of [`Photo::read`] without that feature, and when a photograph
+    /// without flash has another size.
     pub fn read(&self) -> Result<Photo> {
-        let photo = Photo::read(&self.path, self.encoding, self.exposure)?;
+        #[cfg(feature = "files")]
+        return Ok(self.read_with_remarks()?.0);
+        #[cfg(not(feature = "files"))]
+        self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
+    }
+
+    /// As [`Frame::read`], and what is to be said about the file.
+    ///
+    /// # Errors
+    /// As [`Frame::read`].
+    #[cfg(feature = "files")]
+    pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
+        let mut remarks = None;
+        let photo = self.less_ambient(|path, exposure| {
+            let (encoding, exposure) = (Some(self.encoding), Some(exposure));
+            let decoded =
+                files::read(path, &files::Options { encoding, exposure, ..Default::default() })?;
+            // Those of the photograph, which comes before the one without flash.
+            remarks.get_or_insert(decoded.remarks);
+            Ok(decoded.photo)
+        })?;
+        Ok((photo, remarks.unwrap_or_default()))
+    }
+
+    /// The photograph without the light of the one without flash, and turned.
+    fn less_ambient(&self, mut read: impl FnMut(&Path, f32) -> Result<Photo>) -> Result<Photo> {
+        let photo = read(&self.path, self.exposure)?;
         let Some((path, exposure)) = &self.ambient else { return Ok(photo.turned(self.turn)) };
-        let ambient = Photo::read(path, self.encoding, *exposure)?;
         let less = photo
-            .without_ambient(&ambient)
+            .without_ambient(&read(path, *exposure)?)
             .map_err(|fault| Error::Image { path: path.clone(), message: fault.to_string() })?;
         Ok(less.turned(self.turn))
     }

@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::Rejection;
 use svbrdf::capture::Frame;
+use svbrdf::files::Remark;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
 
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
-use crate::pictures::{self, Remark};
 use crate::progress::Progress;
 use crate::report::Recorder;
 
@@ -127,7 +127,7 @@ impl<'a> Fit<'a> {
     /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
-        match pictures::read(&self.frames[index]) {
+        match self.frames[index].read_with_remarks() {
             Ok((photo, remarks)) => {
                 self.remarks.insert(index, remarks);
                 self.recorder.photograph(index, &photo)?;

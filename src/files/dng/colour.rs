@@ -1,7 +1,7 @@
 //! What raw values mean: darkness, full scale, filters, colours.
 
+use crate::frame::{Bayer, BayerPattern, Primaries};
 use glam::{DMat3, DVec3};
-use svbrdf::frame::{Bayer, BayerPattern, Primaries};
 
 use super::tiff::Directory;
 

@@ -1,6 +1,6 @@
 //! Sensor values as strips or tiles hold them.
 
-use svbrdf::frame::MAX_PIXELS;
+use crate::frame::MAX_PIXELS;
 
 use super::lossless_jpeg;
 use super::tiff::{Directory, Tiff};

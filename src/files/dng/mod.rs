@@ -7,16 +7,14 @@ mod raw;
 mod shading;
 mod tiff;
 
-use std::path::Path;
-
-use svbrdf::Error;
-use svbrdf::frame::{Bayer, Photo, Plane, Rotation};
+use crate::frame::{Bayer, Photo, Plane, Rotation};
 
 use self::raw::Raw;
 use self::tiff::{Directory, Tiff};
 
-/// Largest file read, bytes.
-const MAX_FILE_BYTES: u64 = 2 << 30;
+/// Memory for a pixel while it is developed: sensor values, their bytes, floats with a mark, gains,
+/// and the result twice.
+pub const BYTES_PER_PIXEL: u64 = 2 + 2 + 5 + 4 + 2 * 6;
 const PHOTOMETRIC: u16 = 262;
 const ORIENTATION: u16 = 274;
 const SUB_DIRECTORIES: u16 = 330;
@@ -41,36 +39,40 @@ struct Area {
     height: u32,
 }
 
-/// Whether a file's name says that it is a DNG.
-pub fn is_named(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"))
+/// What a file that is TIFF inside holds.
+pub enum Content {
+    /// A digital negative.
+    Negative,
+    /// Raw values without what DNG says about them: the format of a camera maker.
+    OtherRaw,
+    /// Pictures.
+    Picture,
 }
 
-/// Reads a photograph, upright.
-pub fn read(path: &Path, exposure: f32) -> svbrdf::Result<Photo> {
-    let bytes = bytes(path)?;
-    develop(&bytes, exposure).map_err(|message| Error::Image {
-        path: path.to_owned(),
-        message: format!("DNG: {message}"),
-    })
+/// Looks into a file that is TIFF inside.
+pub fn content(bytes: &[u8]) -> Content {
+    let look = || -> Result<Content, String> {
+        let tiff = Tiff::parse(bytes)?;
+        let first = tiff.first()?;
+        if first.bytes(DNG_VERSION)?.is_some() {
+            return Ok(Content::Negative);
+        }
+        let below = tiff.below(&first, SUB_DIRECTORIES)?;
+        let is_raw = |d: &Directory| d.whole(PHOTOMETRIC) == Ok(Some(COLOUR_FILTERS));
+        Ok(if std::iter::once(&first).chain(&below).any(is_raw) {
+            Content::OtherRaw
+        } else {
+            Content::Picture
+        })
+    };
+    look().unwrap_or(Content::Picture)
 }
 
 /// Width and height of the photograph before it is turned upright; `None` where it cannot be read.
-pub fn size(path: &Path) -> Option<[u32; 2]> {
-    let bytes = bytes(path).ok()?;
-    let file = File::parse(&bytes).ok()?;
+pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let file = File::parse(bytes).ok()?;
     let area = file.active().and_then(|active| file.crop(active)).ok()?;
     Some([area.width, area.height])
-}
-
-fn bytes(path: &Path) -> svbrdf::Result<Vec<u8>> {
-    let io = |source| Error::Io { path: path.to_owned(), source };
-    let size = std::fs::metadata(path).map_err(io)?.len();
-    if size > MAX_FILE_BYTES {
-        let message = format!("{size} bytes; at most {MAX_FILE_BYTES} are supported");
-        return Err(Error::Image { path: path.to_owned(), message });
-    }
-    std::fs::read(path).map_err(io)
 }
 
 /// A photograph from the bytes of a file, upright; the error says what is wrong with them.
