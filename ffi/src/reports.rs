@@ -86,9 +86,9 @@ pub(crate) fn measured(rejection: &Rejection) -> (f32, f32) {
 }
 
 /// Text with a NUL at its end, as much of it as there is room for.
-pub(crate) fn text(text: &str) -> [c_char; SVBRDF_ADVICE_BYTES] {
-    let end = text.floor_char_boundary(SVBRDF_ADVICE_BYTES - 1);
-    let mut out = [0; SVBRDF_ADVICE_BYTES];
+pub(crate) fn text<const N: usize>(text: &str) -> [c_char; N] {
+    let end = text.floor_char_boundary(N - 1);
+    let mut out = [0; N];
     for (to, from) in out.iter_mut().zip(text[..end].bytes()) {
         *to = c_char::from_ne_bytes([from]);
     }
