@@ -1669,6 +1669,26 @@ typedef uint32_t svbrdf_sheet_format;
 #define SVBRDF_REJECTION_NOT_FINITE 12
 
 /**
+ * Several places on the board fit what is seen.
+ */
+#define SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS 13
+
+/**
+ * What is printed is not the board described; the advice says in what it differs.
+ */
+#define SVBRDF_REJECTION_BOARD_DIFFERS 14
+
+/**
+ * It was taken with another lens or zoom.
+ */
+#define SVBRDF_REJECTION_OTHER_CAMERA 15
+
+/**
+ * The board's squares are too small.
+ */
+#define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
+
+/**
  * Something that this version of the header does not know.
  */
 #define SVBRDF_HINT_OTHER 1

@@ -55,5 +55,5 @@ pub mod threads;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub use error::{Error, Rejection, Result, StateFault};
+pub use error::{BoardDifference, Error, Rejection, Result, Side, StateFault};
 pub use svbrdf::Svbrdf;

@@ -1,6 +1,7 @@
 //! A capture folder: `capture.json` and its photographs.
 
 mod document;
+mod unknown;
 
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,8 @@ pub struct Capture {
     pub scene: Scene,
     /// The photographs in the order of the file; at least one.
     pub frames: Vec<Frame>,
+    /// Fields of the file that are not known, hence ignored: a sentence each.
+    pub warnings: Vec<String>,
 }
 
 /// One photograph of a capture.
@@ -162,7 +165,11 @@ impl Capture {
         if frames.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
-        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames })
+        if let Scene::Board { target, .. } = &scene {
+            fits_hole(&sample, target)?;
+        }
+        let warnings = unknown::warnings(file, value);
+        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames, warnings })
     }
 }
 
@@ -175,6 +182,21 @@ pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
     let path = path.as_ref();
     let value = read_json(path)?;
     camera(&Node::root(path, &value))
+}
+
+/// Checks that the sample is not larger than the board's hole, if the board has one.
+fn fits_hole(sample: &Node, target: &Target) -> Result<()> {
+    let Hole { row_start, col_start, row_end, col_end } = target.hole;
+    let sides = [("width_mm", col_end - col_start), ("height_mm", row_end - row_start)];
+    for (name, squares) in sides.into_iter().filter(|(_, squares)| *squares > 0) {
+        let (side, hole) = (sample.get(name), f64::from(squares) * target.square_mm);
+        let expected = format!("at most {hole} mm: the board's hole is no larger");
+        // Rounding of lengths in inches.
+        if side.number(&expected)? > hole + 0.1 {
+            return Err(side.fault(expected));
+        }
+    }
+    Ok(())
 }
 
 fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {

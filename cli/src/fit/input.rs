@@ -58,6 +58,10 @@ impl Input {
 
     /// Says what is to be said before the fit begins.
     pub fn tell(&self, progress: &mut Progress) {
+        for warning in &self.capture.warnings {
+            progress.say(&format!("warning: {warning}"));
+            progress.event("warning", json!({ "text": warning }));
+        }
         let Some(Photographs { choice, setup, .. }) = &self.photographs else { return };
         let [width, height] = setup.sample_mm;
         let count = choice.chosen.len();

@@ -2,6 +2,7 @@
 //! earlier ones.
 
 mod frame;
+mod reasons;
 pub(super) mod replay;
 mod update;
 
@@ -17,8 +18,8 @@ use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
 };
 use crate::calibration::{
-    self, CameraEstimate, CameraPrior, Corner, LumaImage, Paper, PaperEstimate, PoseEstimate,
-    Target,
+    self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
+    PoseEstimate, Target,
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -27,6 +28,7 @@ use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
 pub(super) use frame::Frame;
 use frame::Seen;
+use reasons::{Softness, other_camera, same_lens};
 pub(super) use update::{Kept, Update, Used};
 use update::{moves, steepest, texel_mm};
 
@@ -220,15 +222,26 @@ impl BoardIntake {
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Taken, Rejection> {
-        let corners = self.detect(photo)?;
+        let Detection { corners, blur_px } = self.detect(photo)?;
+        let blur = Softness::new(&corners, blur_px)?;
         let prior = CameraPrior::of_photo(photo);
-        let solved = self.solve(&prior, &corners)?;
+        let first = self.frames.iter().find_map(|f| f.prior.as_ref());
+        same_lens(first, &prior)?;
+        let solved = self.solve(&prior, &corners).map_err(|rejection| {
+            let known = self.camera();
+            known
+                .and_then(|known| other_camera(&self.target, &known, &corners, rejection))
+                .unwrap_or(rejection)
+        })?;
         let (camera, pose) = (solved.camera, solved.new.pose);
-        let squares = Squares::measure(photo, &self.target, &camera, &pose)?;
+        let squares = Squares::measure(photo, &self.target, &camera, &pose)
+            .map_err(|rejection| blur.explained(rejection))?;
         let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
         let keep = || Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm));
         let kept = self.may_move().then(keep);
-        let plan = self.plan(corners, prior, solved, squares, kept, sample_mm, resolution)?;
+        let plan = self
+            .plan(corners, prior, solved, squares, kept, sample_mm, resolution)
+            .map_err(|rejection| blur.explained(rejection))?;
         let observation = rectification::rectify_raised(
             photo,
             &camera,
@@ -324,7 +337,7 @@ impl BoardIntake {
     }
 
     /// Corners of a photograph of the size that is known.
-    fn detect(&self, photo: &Photo) -> std::result::Result<Vec<Corner>, Rejection> {
+    fn detect(&self, photo: &Photo) -> std::result::Result<Detection, Rejection> {
         if let Some(camera) = self.camera()
             && (photo.width(), photo.height()) != (camera.width, camera.height)
         {
@@ -337,9 +350,8 @@ impl BoardIntake {
         }
         let luma = LumaImage::from_photo(photo);
         match calibration::detect(&luma, &self.target) {
-            Ok(detection) => Ok(detection.corners),
             Err(Rejection::BoardNotFound) => Err(why_no_board(photo)),
-            Err(rejection) => Err(rejection),
+            found => found,
         }
     }
 
