@@ -100,6 +100,7 @@ impl Kind {
     pub fn is_read(self) -> bool {
         match self {
             Self::Jpeg | Self::Png | Self::Tiff | Self::OpenExr | Self::Dng => true,
+            Self::Heic => cfg!(feature = "heic"),
             _ => false,
         }
     }

@@ -110,6 +110,8 @@ impl Metadata {
 fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
     match Kind::of(bytes)? {
         Kind::Dng => Some((dng::size(bytes)?, true)),
+        #[cfg(feature = "heic")]
+        Kind::Heic => Some((super::heic::size(bytes)?, false)),
         _ => look_at(bytes),
     }
 }

@@ -2,12 +2,14 @@
 //! their profiles mean them.
 //!
 //! [`read`] and [`decode`] make a [`Photo`](crate::frame::Photo) of JPEG, PNG, TIFF, OpenEXR and DNG
-//! files, told apart by their content. What is read, and how it is checked, is listed in
+//! files, with feature `heic` of HEIC ones too, told apart by their content. What is read, and how it is checked, is listed in
 //! `docs/formats.md`.
 
 mod choice;
 mod colours;
 mod dng;
+#[cfg(feature = "heic")]
+mod heic;
 mod jpeg;
 mod kind;
 mod metadata;

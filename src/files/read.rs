@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use super::colours::Colours;
+#[cfg(feature = "heic")]
+use super::heic;
 use super::kind::Kind;
 use super::metadata::Metadata;
 use super::remark::Remark;
@@ -78,6 +80,9 @@ fn of_bytes(path: &Path, bytes: &[u8], options: &Options) -> Result<Decoded> {
     let mut remarks = Vec::new();
     let photo = match kind {
         Kind::Dng => negative(path, bytes, options, exposure)?,
+        #[cfg(feature = "heic")]
+        Kind::Heic => heic(path, bytes, options, exposure, &mut remarks)?
+            .with_focal_35mm(metadata.focal_35mm.map(|mm| mm as f32)),
         _ => picture(path, bytes, kind, &metadata, options, exposure, &mut remarks)?,
     };
     if kind == Kind::Jpeg && jpeg::has_gain_map(bytes) {
@@ -135,17 +140,50 @@ fn picture(
         _ if metadata.adobe_rgb => Colours::adobe_rgb(),
         _ => Colours::Srgb,
     };
-    match colours {
-        Colours::Srgb => photo(picture, Encoding::Srgb),
-        Colours::Named(encoding, primaries) => {
-            Ok(photo(picture, encoding)?.with_primaries(primaries))
+    coloured(colours, clipped, exposure, remarks, |encoding| photo(picture, encoding))
+}
+
+/// A HEIC picture: its own turns, not those of the Exif block, make it upright.
+#[cfg(feature = "heic")]
+fn heic(
+    path: &Path,
+    bytes: &[u8],
+    options: &Options,
+    exposure: f32,
+    remarks: &mut Vec<Remark>,
+) -> Result<Photo> {
+    let decoded = heic::Heic::decode(path, bytes, &options.limits)?;
+    if heic::has_gain_map(bytes) {
+        remarks.push(Remark::GainMap);
+    }
+    let clipped = if decoded.is_deep() { CLIPPED_16 } else { CLIPPED_8 };
+    match options.encoding {
+        None | Some(Encoding::Srgb) => {
+            coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
+                decoded.photo(path, encoding, exposure)
+            })
         }
+        Some(encoding) => decoded.photo(path, encoding, exposure),
+    }
+}
+
+/// The photograph with the colours that its file states.
+fn coloured(
+    colours: Colours,
+    clipped: f32,
+    exposure: f32,
+    remarks: &mut Vec<Remark>,
+    photo: impl FnOnce(Encoding) -> Result<Photo>,
+) -> Result<Photo> {
+    match colours {
+        Colours::Srgb => photo(Encoding::Srgb),
+        Colours::Named(encoding, primaries) => Ok(photo(encoding)?.with_primaries(primaries)),
         Colours::Unusable(what) => {
             remarks.push(Remark::ProfileUnusable(what));
-            photo(picture, Encoding::Srgb)
+            photo(Encoding::Srgb)
         }
         Colours::Profile(profile) => {
-            let stored = photo(picture, Encoding::Linear)?;
+            let stored = photo(Encoding::Linear)?;
             let mut rgb = stored.to_linear();
             profile.apply(&mut rgb, clipped);
             let (width, height, focal) = (stored.width(), stored.height(), stored.focal_35mm());

@@ -9,17 +9,20 @@ const CFA_SIZE: u16 = 33421;
 const CFA_PATTERN: u16 = 33422;
 const CFA_LAYOUT: u16 = 50711;
 const BLACK_SIZE: u16 = 50713;
-const BLACK: u16 = 50714;
-const WHITE: u16 = 50717;
+/// Values of darkness.
+pub const BLACK: u16 = 50714;
+/// Values of full scale.
+pub const WHITE: u16 = 50717;
 const COLOR_MATRICES: [u16; 2] = [50721, 50722];
 const CAMERA_CALIBRATIONS: [u16; 2] = [50723, 50724];
 const ANALOG_BALANCE: u16 = 50727;
 const AS_SHOT_NEUTRAL: u16 = 50728;
+const AS_SHOT_WHITE_XY: u16 = 50729;
+/// Rounds in which light and matrix settle: each brings them some ten times nearer.
+const ROUNDS: usize = 8;
 const ILLUMINANTS: [u16; 2] = [50778, 50779];
 /// Signatures of the camera calibration and of the profile that it belongs to.
 const SIGNATURES: [u16; 2] = [50931, 50932];
-/// Standard illuminant D65 by Exif's number.
-const D65: u32 = 21;
 /// Longest side of a pattern of black levels.
 const LONGEST_PATTERN: usize = 8;
 
@@ -74,13 +77,10 @@ fn black_level(raw: &Directory) -> Result<[f32; 4], String> {
 
 /// White balance, and rows of the matrix from balanced values to linear Rec. 709. White as it was
 /// when the photograph was taken comes out neutral, and green as bright as the sensor saw it.
-fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> {
-    let neutral = camera.exactly::<3>(AS_SHOT_NEUTRAL)?.ok_or("no AsShotNeutral")?;
-    if neutral.iter().any(|v| !(1e-3..=1e3).contains(v)) {
-        return Err(format!("AsShotNeutral {neutral:?}; three positive numbers are expected"));
-    }
-    let neutral = DVec3::from_array(neutral) / neutral[1];
-    let to_xyz = from_xyz(camera)?.inverse();
+pub fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> {
+    let matrices = Matrices::read(camera)?;
+    let (neutral, from_xyz) = white(camera, &matrices)?;
+    let to_xyz = from_xyz.inverse();
     let seen = to_xyz * neutral;
     let rec709_to_xyz = Primaries::Rec709.to_xyz();
     let bradford = rows(BRADFORD.as_flattened());
@@ -94,27 +94,104 @@ fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> {
     Ok((neutral.recip().as_vec3().to_array(), matrix))
 }
 
-/// From XYZ to the camera's values: by the matrix for daylight (D65), else by the second one, which
-/// is for the bluer light of the two.
-fn from_xyz(camera: &Directory) -> Result<DMat3, String> {
-    let mut found = [None; 2];
-    for (i, found) in found.iter_mut().enumerate() {
-        let Some(matrix) = camera.exactly::<9>(COLOR_MATRICES[i])? else { continue };
-        *found = Some((i, matrix, camera.whole(ILLUMINANTS[i])? == Some(D65)));
-    }
-    let daylight = found.iter().flatten().find(|(.., is_daylight)| *is_daylight);
-    let Some((i, matrix, _)) = daylight.or(found[1].as_ref()).or(found[0].as_ref()) else {
-        return Err("no colour matrix of 3 x 3".into());
+/// The camera's values of the white that a photograph was taken under, green 1, and the matrix from
+/// XYZ to camera that fits its light.
+fn white(camera: &Directory, matrices: &Matrices) -> Result<(DVec3, DMat3), String> {
+    let neutral = match camera.exactly::<3>(AS_SHOT_NEUTRAL)? {
+        Some(neutral) => DVec3::from_array(neutral),
+        None => {
+            let [x, y] = camera
+                .exactly::<2>(AS_SHOT_WHITE_XY)?
+                .ok_or("neither AsShotNeutral nor AsShotWhiteXY")?;
+            if !(x > 0.0 && y > 0.0 && x + y < 1.0) {
+                return Err(format!("AsShotWhiteXY {x}, {y}; a chromaticity is expected"));
+            }
+            matrices.at(temperature([x, y])) * DVec3::new(x / y, 1.0, (1.0 - x - y) / y)
+        }
     };
-    let balance = camera.exactly::<3>(ANALOG_BALANCE)?.unwrap_or([1.0; 3]);
-    let mut own = DMat3::IDENTITY;
-    let [calibration, profile] = SIGNATURES.map(|tag| camera.bytes(tag));
-    if calibration?.unwrap_or(b"\0") == profile?.unwrap_or(b"\0")
-        && let Some(values) = camera.exactly::<9>(CAMERA_CALIBRATIONS[*i])?
-    {
-        own = rows(&values);
+    if !neutral.to_array().iter().all(|v| (1e-3..=1e3).contains(v)) {
+        return Err(format!("white of {neutral:?}; three positive numbers are expected"));
     }
-    Ok(DMat3::from_diagonal(balance.into()) * own * rows(matrix))
+    let neutral = neutral / neutral.y;
+    // The matrix depends on the light's temperature, which the matrix tells: from daylight on.
+    let mut from_xyz = matrices.at(f64::INFINITY);
+    for _ in 0..ROUNDS {
+        let xyz = from_xyz.inverse() * neutral;
+        let sum = xyz.element_sum();
+        if !(sum > 0.0 && xyz.y > 0.0) {
+            break;
+        }
+        from_xyz = matrices.at(temperature([xyz.x / sum, xyz.y / sum]));
+    }
+    Ok((neutral, from_xyz))
+}
+
+/// From XYZ to the camera's values under one or two lights.
+struct Matrices {
+    /// The light's temperature, K, and the matrix; the redder first.
+    lights: Vec<(f64, DMat3)>,
+}
+
+impl Matrices {
+    fn read(camera: &Directory) -> Result<Self, String> {
+        let balance = camera.exactly::<3>(ANALOG_BALANCE)?.unwrap_or([1.0; 3]);
+        let balance = DMat3::from_diagonal(balance.into());
+        let [calibration, profile] = SIGNATURES.map(|tag| camera.bytes(tag));
+        let is_own = calibration?.unwrap_or(b"\0") == profile?.unwrap_or(b"\0");
+        let mut found = Vec::new();
+        for i in 0..2 {
+            let Some(matrix) = camera.exactly::<9>(COLOR_MATRICES[i])? else { continue };
+            let own = camera.exactly::<9>(CAMERA_CALIBRATIONS[i])?.filter(|_| is_own);
+            let own = own.map_or(DMat3::IDENTITY, |values| rows(&values));
+            let light = camera.whole(ILLUMINANTS[i])?.and_then(illuminant);
+            found.push((light, balance * own * rows(&matrix)));
+        }
+        let lights = match found[..] {
+            [] => return Err("no colour matrix of 3 x 3".into()),
+            [(Some(a), first), (Some(b), second)] if a < b => vec![(a, first), (b, second)],
+            [(Some(a), first), (Some(b), second)] if a > b => vec![(b, second), (a, first)],
+            // Of two lights that are not known, the second is the bluer one.
+            [.., (_, last)] => vec![(0.0, last)],
+        };
+        Ok(Self { lights })
+    }
+
+    /// The matrix under a light, K: interpolated in reciprocals of temperatures, as DNG has it.
+    fn at(&self, kelvin: f64) -> DMat3 {
+        match self.lights[..] {
+            [(red, first), (blue, second)] => {
+                let share = (kelvin.recip() - blue.recip()) / (red.recip() - blue.recip());
+                let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
+                first * share + second * (1.0 - share)
+            }
+            _ => self.lights[0].1,
+        }
+    }
+}
+
+/// Correlated colour temperature of a chromaticity, K, after McCamy (1992).
+fn temperature([x, y]: [f64; 2]) -> f64 {
+    let n = (x - 0.3320) / (0.1858 - y);
+    let kelvin = ((449.0 * n + 3525.0) * n + 6823.3) * n + 5520.33;
+    if kelvin.is_finite() { kelvin.clamp(1000.0, 50_000.0) } else { 6504.0 }
+}
+
+/// Temperature of a light by Exif's number, K.
+fn illuminant(number: u32) -> Option<f64> {
+    Some(match number {
+        3 | 17 => 2856.0,
+        24 => 3200.0,
+        15 => 3525.0,
+        2 | 14 => 4150.0,
+        18 => 4874.0,
+        13 | 23 => 5003.0,
+        1 | 4 | 9 | 20 => 5503.0,
+        12 => 6430.0,
+        10 | 21 => 6504.0,
+        19 => 6774.0,
+        11 | 22 => 7504.0,
+        _ => return None,
+    })
 }
 
 fn rows(values: &[f64]) -> DMat3 {
