@@ -71,11 +71,12 @@ fn seed(target: &str, name: &str, bytes: &[u8]) {
     }
 }
 
-fn negative(storage: Storage, big_endian: bool) -> Vec<u8> {
+fn negative(storage: Storage, big_endian: bool, channels: u32) -> Vec<u8> {
     let negative = Negative {
         size: [18, 14],
         bits: 12,
-        samples: (0..18 * 14).map(|i| 64 + (i * 29 % 4000)).collect(),
+        channels,
+        samples: (0..18 * 14 * channels as u16).map(|i| 64 + (i * 29 % 4000)).collect(),
         storage,
         big_endian,
         below: big_endian,
@@ -98,16 +99,24 @@ fn negative(storage: Storage, big_endian: bool) -> Vec<u8> {
 
 #[test]
 fn files() {
-    seed("files", "dng-strips", &negative(Storage::Strips(5), false));
-    seed("files", "dng-jpeg", &negative(Storage::Jpeg(16, 16, 1, 2), true));
-    seed("files", "dng-tiles", &negative(Storage::Tiles(16, 16), false));
+    seed("files", "dng-strips", &negative(Storage::Strips(5), false, 1));
+    seed("files", "dng-jpeg", &negative(Storage::Jpeg(16, 16, 1, 2), true, 1));
+    seed("files", "dng-tiles", &negative(Storage::Tiles(16, 16), false, 1));
+    seed("files", "dng-linear", &negative(Storage::Jpeg(16, 16, 4, 3), false, 3));
+    let rgb: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 37 % 251) as u8).collect();
+    let heic = heifer::encode_rgb8(24, 16, &rgb, &heifer::EncodeOptions::default()).unwrap();
+    seed("files", "heic", &[&[0], heic.as_slice()].concat());
     let p3 = ColorProfile::new_display_p3().encode().unwrap();
     let gray = ColorProfile::new_gray_with_gamma(2.2).encode().unwrap();
     seed("files", "display-p3", &[&[1], p3.as_slice()].concat());
     seed("files", "gray", &[&[1], gray.as_slice()].concat());
     let turned = std::fs::read(seeds("photo").join("turned.jpg")).unwrap();
     seed("files", "exif", &[&[0], &turned[1..]].concat());
-    let tokens: [&[u8]; 9] = [
+    let tokens: [&[u8]; 13] = [
+        b"iCCP",
+        b"cICP",
+        b"hvcC",
+        b"irot",
         &[0xFF, 0xC3],
         &[0xFF, 0xDA],
         &[0, 0, 1],

@@ -15,7 +15,11 @@ const MAX_PROFILE: usize = 4 << 20;
 pub fn read(bytes: &[u8]) -> Colours {
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: MAX_PROFILE });
     decoder.set_ignore_text_chunk(true);
-    let Ok(reader) = decoder.read_info() else { return Colours::Srgb };
+    let unusable =
+        || Colours::Unusable("its ICC profile cannot be used (damaged, or too large)".into());
+    let Ok(reader) = decoder.read_info() else {
+        return if has_profile(bytes) { unusable() } else { Colours::Srgb };
+    };
     let info = reader.info();
     if let Some(points) = info.coding_independent_code_points {
         let (primaries, transfer) = (points.color_primaries, points.transfer_function);
@@ -28,7 +32,7 @@ pub fn read(bytes: &[u8]) -> Colours {
         return Colours::of_icc(profile);
     }
     if has_profile(bytes) {
-        return Colours::Unusable("its ICC profile cannot be used (damaged, or too large)".into());
+        return unusable();
     }
     let chromaticities = info.chrm_chunk.map(chromaticities);
     let gamma = info.gama_chunk.map(|gamma| f64::from(gamma.into_scaled()) / 1e5);
