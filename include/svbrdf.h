@@ -41,6 +41,11 @@
 #include <stdint.h>
 
 /**
+ * Most bytes of a text, with the NUL at its end.
+ */
+#define SVBRDF_TEXT 64
+
+/**
  * Major version of this header. Libraries of another one do not fit.
  */
 #define SVBRDF_VERSION_MAJOR 0
@@ -69,6 +74,11 @@
  * svbrdf_features(): raw sensor buffers are taken.
  */
 #define SVBRDF_FEATURE_RAW 4
+
+/**
+ * svbrdf_features(): encoded files are read: svbrdf_session_push_encoded().
+ */
+#define SVBRDF_FEATURE_FILES 8
 
 /**
  * Bytes of svbrdf_frame_report.advice.
@@ -607,6 +617,129 @@ typedef struct svbrdf_map_view {
 } svbrdf_map_view;
 
 /**
+ * Transfer curve of stored values.
+ */
+typedef uint32_t svbrdf_transfer;
+
+/**
+ * What lit a photo.
+ */
+typedef uint32_t svbrdf_flash;
+
+/**
+ * How a file is read.
+ */
+typedef struct svbrdf_encoded_options {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Relative exposure: value = radiance * exposure. 0, the default: that of the metadata
+     * (exposure time * ISO / F-number²), or 1.
+     */
+    float exposure;
+    /**
+     * Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
+     * PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
+     */
+    svbrdf_transfer transfer;
+    /**
+     * How far the upright picture is turned clockwise: 0, 90, 180 or 270 degrees. The session's
+     * camera describes the turned picture.
+     */
+    uint32_t rotation;
+    /**
+     * One of SVBRDF_FLASH_. Default: unknown.
+     */
+    svbrdf_flash flash;
+    /**
+     * Handed back in the report and named in the log, e.g. to tell which photo it was.
+     */
+    int64_t timestamp_ns;
+    /**
+     * Largest picture, pixels; 0, the default: 100 million.
+     */
+    uint64_t max_pixels;
+    /**
+     * Most memory that decoding may take beside the file itself, bytes; more is
+     * SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
+     */
+    uint64_t max_bytes;
+} svbrdf_encoded_options;
+
+/**
+ * What is to be said about a file: an OR of SVBRDF_REMARK_ values.
+ */
+typedef uint32_t svbrdf_remarks;
+
+/**
+ * What a photo's file says of how it was taken.
+ */
+typedef struct svbrdf_file_info {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Width as the sensor has it, px; 0: not known.
+     */
+    uint32_t width;
+    /**
+     * Height as the sensor has it, px; 0: not known.
+     */
+    uint32_t height;
+    /**
+     * How far the stored picture is turned clockwise to stand upright, degrees. Reading a file does
+     * that; lens and flash keep their place in the camera, however it is held: options.rotation
+     * turns photos back to how most of them were held.
+     */
+    uint32_t upright_deg;
+    /**
+     * 1: the values are linear (floats, raw values).
+     */
+    uint32_t is_linear;
+    /**
+     * Exposure time * ISO / F-number², relative; 0: not known.
+     */
+    float exposure;
+    /**
+     * Focal length of the lens, mm; 0: not known.
+     */
+    float focal_mm;
+    /**
+     * Focal length on film of 36 x 24 mm that shows as much, mm; 0: not known.
+     */
+    float focal_35mm;
+    /**
+     * How many times a digital zoom enlarged the picture; 1: not, or not known.
+     */
+    float digital_zoom;
+    /**
+     * What is to be said: an OR of SVBRDF_REMARK_ values. Those about colours are known when the
+     * photo is pushed only.
+     */
+    svbrdf_remarks remarks;
+    /**
+     * Who made the camera; empty: not known. Photos that differ in maker, model, lens, focal
+     * lengths, zoom or size need sessions, or cameras, of their own.
+     */
+    char make[SVBRDF_TEXT];
+    /**
+     * Which camera it is.
+     */
+    char model[SVBRDF_TEXT];
+    /**
+     * Which lens it is.
+     */
+    char lens[SVBRDF_TEXT];
+    /**
+     * When the shutter opened: digits whose order, as text, is that of time.
+     */
+    char taken[SVBRDF_TEXT];
+} svbrdf_file_info;
+
+/**
  * How textures are stored.
  */
 typedef uint32_t svbrdf_texture_format;
@@ -682,11 +815,6 @@ typedef struct svbrdf_frame_fit {
  * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
  */
 typedef uint32_t svbrdf_pixel_format;
-
-/**
- * Transfer curve of stored values.
- */
-typedef uint32_t svbrdf_transfer;
 
 /**
  * How luma and chroma were made. Numbers are of 8 bits: of 10 bits, they are four times that.
@@ -799,11 +927,6 @@ typedef struct svbrdf_image {
  * How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
  */
 typedef uint32_t svbrdf_map_format;
-
-/**
- * What lit a photo.
- */
-typedef uint32_t svbrdf_flash;
 
 /**
  * What is known about a photo.
@@ -1120,6 +1243,31 @@ typedef uint32_t svbrdf_page;
  * Format of a printed board.
  */
 typedef uint32_t svbrdf_sheet_format;
+
+/**
+ * What it says of its colours cannot be used; it was taken as sRGB.
+ */
+#define SVBRDF_REMARK_PROFILE_UNUSABLE 1
+
+/**
+ * It has a gain map (Ultra HDR), which is left out.
+ */
+#define SVBRDF_REMARK_GAIN_MAP 2
+
+/**
+ * Its orientation tag mirrors it.
+ */
+#define SVBRDF_REMARK_MIRRORED 4
+
+/**
+ * It does not say how it was exposed.
+ */
+#define SVBRDF_REMARK_NO_EXPOSURE 8
+
+/**
+ * It says that the flash did not fire (a torch counts as none).
+ */
+#define SVBRDF_REMARK_NO_FLASH 16
 
 /**
  * PNG, 8 bits a channel.
@@ -1521,6 +1669,26 @@ typedef uint32_t svbrdf_sheet_format;
 #define SVBRDF_REJECTION_NOT_FINITE 12
 
 /**
+ * Several places on the board fit what is seen.
+ */
+#define SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS 13
+
+/**
+ * What is printed is not the board described; the advice says in what it differs.
+ */
+#define SVBRDF_REJECTION_BOARD_DIFFERS 14
+
+/**
+ * It was taken with another lens or zoom.
+ */
+#define SVBRDF_REJECTION_OTHER_CAMERA 15
+
+/**
+ * The board's squares are too small.
+ */
+#define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
+
+/**
  * Something that this version of the header does not know.
  */
 #define SVBRDF_HINT_OTHER 1
@@ -1798,6 +1966,35 @@ svbrdf_status svbrdf_maps_confidence(const struct svbrdf_maps *maps,
 svbrdf_status svbrdf_maps_deviations(const struct svbrdf_maps *maps,
                                      svbrdf_map map,
                                      struct svbrdf_map_view *view);
+
+/**
+ * Fills options with defaults: pass sizeof(svbrdf_encoded_options).
+ */
+svbrdf_status svbrdf_encoded_options_init(struct svbrdf_encoded_options *options, size_t size);
+
+/**
+ * Fills a result with defaults: pass sizeof(svbrdf_file_info).
+ */
+svbrdf_status svbrdf_file_info_init(struct svbrdf_file_info *info, size_t size);
+
+/**
+ * Takes in a photo of a board that is a file in memory: JPEG, PNG, TIFF, OpenEXR or DNG, by its
+ * content, as svbrdf_session_push_frame() otherwise. A file that is damaged or of another format
+ * is SVBRDF_INVALID_ARGUMENT, and the message names it; nothing has changed. `options`, `info` and
+ * `report` may be NULL. SVBRDF_UNSUPPORTED where svbrdf_features() lacks SVBRDF_FEATURE_FILES.
+ */
+svbrdf_status svbrdf_session_push_encoded(struct svbrdf_session *session,
+                                          const void *bytes,
+                                          size_t length,
+                                          const struct svbrdf_encoded_options *options,
+                                          struct svbrdf_file_info *info,
+                                          struct svbrdf_frame_report *report);
+
+/**
+ * What a photo's file says of how it was taken, without reading its pixels: to sort photos by
+ * camera and time before they are pushed. What it does not say keeps its default.
+ */
+svbrdf_status svbrdf_file_look_at(const void *bytes, size_t length, struct svbrdf_file_info *info);
 
 /**
  * Fills options with defaults: pass sizeof(svbrdf_export_options).

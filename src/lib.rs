@@ -29,6 +29,8 @@ pub mod comparison;
 pub mod confidence;
 pub mod estimate;
 pub mod export;
+#[cfg(feature = "files")]
+pub mod files;
 pub mod frame;
 pub mod geometry;
 pub mod initial_estimate;
@@ -53,5 +55,5 @@ pub mod threads;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub use error::{Error, Rejection, Result, StateFault};
+pub use error::{BoardDifference, Error, Rejection, Result, Side, StateFault};
 pub use svbrdf::Svbrdf;

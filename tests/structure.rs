@@ -27,6 +27,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("observation", &["svbrdf"]),
     ("frame", &["geometry"]),
+    ("files", &["frame"]),
     ("interpolation", &[]),
     ("least_squares", &[]),
     ("calibration", &["frame", "geometry", "least_squares"]),
@@ -71,7 +72,10 @@ const TABLE: &[(&str, &[&str])] = &[
             "threads",
         ],
     ),
-    ("capture", &["calibration", "frame", "geometry", "observation", "rectification", "session"]),
+    (
+        "capture",
+        &["calibration", "files", "frame", "geometry", "observation", "rectification", "session"],
+    ),
 ];
 
 /// Modules open to all.

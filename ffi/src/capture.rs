@@ -8,6 +8,7 @@ use engine::session::{Session, Settings};
 
 use crate::handles::{Handles, svbrdf_session};
 use crate::live::act;
+use crate::log::{self, SVBRDF_LOG_WARNING};
 use crate::maps::folder;
 use crate::models;
 use crate::options::svbrdf_session_options;
@@ -39,6 +40,9 @@ pub unsafe extern "C" fn svbrdf_capture_open(
         }
         // SAFETY: the caller vouches for the string.
         let capture = Capture::load(unsafe { folder(path) }?)?;
+        for warning in &capture.warnings {
+            log::write(SVBRDF_LOG_WARNING, || warning.clone());
+        }
         let handle = Handles::<Capture>::reserve();
         CAPTURES.insert(handle, Arc::new(capture));
         // SAFETY: not NULL, and the caller vouches for the rest.

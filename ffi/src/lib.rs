@@ -13,6 +13,7 @@ pub mod buffer;
 mod callbacks;
 pub mod capture;
 pub mod confidence;
+pub mod encoded;
 pub mod export;
 pub mod frame_fit;
 mod handles;

@@ -182,6 +182,15 @@ public:
                                                     light_mm.data(), &report),
                       report);
     }
+    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_push_encoded(); what it
+    /// says of how it was taken goes to `info`.
+    Pushed push_encoded(const void* bytes, std::size_t length,
+                        const svbrdf_encoded_options* options = nullptr,
+                        svbrdf_file_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(
+            svbrdf_session_push_encoded(get(), bytes, length, options, info, &report), report);
+    }
     /// Reads a capture's photo and takes it in.
     Pushed push(const Capture& capture, std::uint32_t index) {
         svbrdf_frame_report report = make(svbrdf_frame_report_init);

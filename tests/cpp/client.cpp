@@ -283,6 +283,12 @@ void capture(const std::string& folder) {
     CHECK(again.advice.find("photo 1 has") == 0);
     CHECK(session.snapshot() && session.next_view());
     CHECK(thrown([&] { session.push(capture, 99); }) == SVBRDF_INVALID_ARGUMENT);
+    std::ifstream file(folder + "/capture/frames/01.jpg", std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+    auto info = svbrdf::make(svbrdf_file_info_init);
+    CHECK(session.push_encoded(bytes.data(), bytes.size(), nullptr, &info));
+    CHECK(info.width == 2016 && info.height == 1512);
+    CHECK(thrown([&] { session.push_encoded("hello", 5); }) == SVBRDF_INVALID_ARGUMENT);
     CHECK(thrown([] { svbrdf::Capture none("/nowhere"); }) == SVBRDF_IO);
 }
 

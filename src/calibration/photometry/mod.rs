@@ -44,7 +44,7 @@ use light::Light;
 use model::{Ink, Problem, Sample};
 
 pub use lobe::Lobe;
-pub(crate) use squares::patch_value;
+pub(crate) use squares::patch_values;
 pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.

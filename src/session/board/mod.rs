@@ -2,6 +2,7 @@
 //! earlier ones.
 
 mod frame;
+mod reasons;
 pub(super) mod replay;
 mod update;
 
@@ -25,6 +26,7 @@ use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
 pub(super) use frame::Frame;
 use frame::Seen;
+use reasons::{Softness, other_camera, same_lens};
 pub(super) use update::{Kept, Update, Used};
 use update::{moves, steepest, texel_mm};
 
@@ -221,16 +223,26 @@ impl BoardIntake {
         resolution: usize,
     ) -> std::result::Result<Taken, Rejection> {
         let Detection { corners, blur_px } = self.detect(photo)?;
+        let blur = Softness::new(&corners, blur_px)?;
         let prior = CameraPrior::of_photo(photo);
-        let solved = self.solve(&prior, &corners)?;
+        let first = self.frames.iter().find_map(|f| f.prior.as_ref());
+        same_lens(first, &prior)?;
+        let solved = self.solve(&prior, &corners).map_err(|rejection| {
+            let known = self.camera();
+            known
+                .and_then(|known| other_camera(&self.target, &known, &corners, rejection))
+                .unwrap_or(rejection)
+        })?;
         let (camera, pose) = (solved.camera, solved.new.pose);
-        let squares = Squares::measure(photo, &self.target, &camera, &pose)?;
+        let squares = Squares::measure(photo, &self.target, &camera, &pose)
+            .map_err(|rejection| blur.explained(rejection))?;
         let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
         let keep = || Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm));
         let kept = self.may_move().then(keep);
         let edge_px = blur_px.hypot(solved.new.rms_px).hypot(PLACED_PX) as f32;
-        let plan =
-            self.plan(corners, prior, solved, squares, kept, edge_px, sample_mm, resolution)?;
+        let plan = self
+            .plan(corners, prior, solved, squares, kept, edge_px, sample_mm, resolution)
+            .map_err(|rejection| blur.explained(rejection))?;
         let Used { radiometry, .. } = &plan.used;
         let top = plan.used.top(sample_mm, [resolution; 2]);
         let observation = rectification::rectify_raised(photo, &camera, &pose, radiometry, top)?;
@@ -335,9 +347,8 @@ impl BoardIntake {
         }
         let luma = LumaImage::from_photo(photo);
         match calibration::detect(&luma, &self.target) {
-            Ok(detection) => Ok(detection),
             Err(Rejection::BoardNotFound) => Err(why_no_board(photo)),
-            Err(rejection) => Err(rejection),
+            found => found,
         }
     }
 

@@ -76,6 +76,12 @@ public actor MaterialScanner {
         }
     }
 
+    /// Takes in a photo that is a file, with what it says of how it was taken. One that is damaged, or of
+    /// a format that is not read, throws `.invalidArgument` with its name.
+    public func push(_ file: PhotoFile) throws -> (pushed: Pushed, info: FileInfo) {
+        try file.push(session)
+    }
+
     /// Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one.
     public func remove(_ index: Int) throws {
         try check(svbrdf_session_remove_frame(session.handle, UInt32(clamping: index)))

@@ -20,6 +20,11 @@ public struct Rejection: RawRepresentable, Hashable, Sendable {
     public static let sampleOutside = Self(rawValue: UInt32(SVBRDF_REJECTION_SAMPLE_OUTSIDE))
     public static let lightNotVisible = Self(rawValue: UInt32(SVBRDF_REJECTION_LIGHT_NOT_VISIBLE))
     public static let notFinite = Self(rawValue: UInt32(SVBRDF_REJECTION_NOT_FINITE))
+    public static let placementAmbiguous = Self(
+        rawValue: UInt32(SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS))
+    public static let boardDiffers = Self(rawValue: UInt32(SVBRDF_REJECTION_BOARD_DIFFERS))
+    public static let otherCamera = Self(rawValue: UInt32(SVBRDF_REJECTION_OTHER_CAMERA))
+    public static let squaresTooSmall = Self(rawValue: UInt32(SVBRDF_REJECTION_SQUARES_TOO_SMALL))
 }
 
 /// What an accepted photo could do better.

@@ -4,7 +4,7 @@
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, PROBE = 43, CORNERS = 1024 };
+enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, PROBE = 43, CORNERS = 1024, FILE_INFO = 9 };
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -149,6 +149,92 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
 }
 
+/* What a file says, as PhotoFile.kt takes it apart: 1 and an exception where that fails. */
+static int give_info(JNIEnv *env, const svbrdf_file_info *info, jdoubleArray out,
+                     jobjectArray names)
+{
+    const char *texts[] = {info->make, info->model, info->lens, info->taken};
+    jdouble values[FILE_INFO];
+    jsize i;
+
+    values[0] = info->width;
+    values[1] = info->height;
+    values[2] = info->upright_deg;
+    values[3] = info->is_linear;
+    values[4] = (jdouble)info->exposure;
+    values[5] = (jdouble)info->focal_mm;
+    values[6] = (jdouble)info->focal_35mm;
+    values[7] = (jdouble)info->digital_zoom;
+    values[8] = info->remarks;
+    (*env)->SetDoubleArrayRegion(env, out, 0, FILE_INFO, values);
+    for (i = 0; i < COUNT(texts) && !(*env)->ExceptionCheck(env); ++i) {
+        const jbyteArray text = to_bytes(env, texts[i]);
+        if (text != NULL) {
+            (*env)->SetObjectArrayElement(env, names, i, text);
+            (*env)->DeleteLocalRef(env, text);
+        }
+    }
+    return (*env)->ExceptionCheck(env) != 0;
+}
+
+/* As session_push() with a file. */
+static jbyteArray session_push_encoded(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                       jobject file, jlong position, jlong bytes, jfloat exposure,
+                                       jint transfer, jint rotation, jint flash, jlong timestamp,
+                                       jlong max_pixels, jlong max_bytes, jdoubleArray info_out,
+                                       jobjectArray names, jdoubleArray out)
+{
+    svbrdf_encoded_options options;
+    svbrdf_file_info info;
+    svbrdf_frame_report report;
+    svbrdf_status status;
+    jdouble values[REPORT];
+    const void *content = direct_memory(env, file, position, bytes);
+
+    (void)class, (void)owner;
+    if (content == NULL) {
+        return NULL;
+    }
+    svbrdf_encoded_options_init(&options, sizeof options);
+    svbrdf_file_info_init(&info, sizeof info);
+    svbrdf_frame_report_init(&report, sizeof report);
+    options.exposure = exposure;
+    options.transfer = (svbrdf_transfer)transfer;
+    options.rotation = (uint32_t)rotation;
+    options.flash = (svbrdf_flash)flash;
+    options.timestamp_ns = timestamp;
+    options.max_pixels = (uint64_t)max_pixels;
+    options.max_bytes = (uint64_t)max_bytes;
+    status = svbrdf_session_push_encoded(HANDLE(svbrdf_session, handle), content, (size_t)bytes,
+                                         &options, &info, &report);
+    if (status != SVBRDF_OK && status != SVBRDF_REJECTED) {
+        throw_status(env, status);
+        return NULL;
+    }
+    fill_report(&report, values);
+    (*env)->SetDoubleArrayRegion(env, out, 0, REPORT, values);
+    if ((*env)->ExceptionCheck(env) || give_info(env, &info, info_out, names)) {
+        return NULL;
+    }
+    return to_bytes(env, report.advice);
+}
+
+static void file_look_at(JNIEnv *env, jclass class, jobject file, jlong position, jlong bytes,
+                         jdoubleArray info_out, jobjectArray names)
+{
+    svbrdf_file_info info;
+    const void *content = direct_memory(env, file, position, bytes);
+
+    (void)class;
+    if (content == NULL) {
+        return;
+    }
+    svbrdf_file_info_init(&info, sizeof info);
+    if (!throw_status(env, svbrdf_file_look_at(content, (size_t)bytes, &info))) {
+        give_info(env, &info, info_out, names);
+    }
+}
+
 /* Native.onPushed() is told of `id`, unless an exception is thrown. */
 static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
@@ -244,9 +330,11 @@ static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong 
 }
 
 const JNINativeMethod frame_methods[] = {
+    METHOD("fileLookAt", "(" BUFFER "JJ[D[[B)V", file_look_at),
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
            session_push),
+    METHOD("sessionPushEncoded", "(" OWNER "J" BUFFER "JJFIIIJJJ[D[[B[D)[B", session_push_encoded),
     METHOD("sessionPushAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
            session_push_async),
 };

@@ -74,6 +74,12 @@ class MaterialScanner private constructor(
     fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
         photo.push(this, handle.now, info, null, null)
 
+    /**
+     * As [push] with a photo that is a file. One that is damaged, or of a format that is not read, is an
+     * [IllegalArgumentException] that names it.
+     */
+    fun push(file: PhotoFile): PushedFile = file.push(this, handle.now)
+
     /** Called with what became of a photo; exactly one of the two is null. */
     fun interface PushCallback {
         fun onPushed(pushed: Pushed?, fault: Throwable?)

@@ -36,6 +36,14 @@ internal object Native {
         darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
         report: DoubleArray,
     ): ByteArray
+    @JvmStatic external fun sessionPushEncoded(
+        owner: Any, handle: Long, file: ByteBuffer, position: Long, bytes: Long, exposure: Float,
+        transfer: Int, rotation: Int, flash: Int, timestamp: Long, maxPixels: Long, maxBytes: Long,
+        info: DoubleArray, names: Array<ByteArray?>, report: DoubleArray,
+    ): ByteArray
+    @JvmStatic external fun fileLookAt(
+        file: ByteBuffer, position: Long, bytes: Long, info: DoubleArray, names: Array<ByteArray?>,
+    )
     @JvmStatic external fun sessionPushAsync(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, darkInts: IntArray?,

@@ -158,7 +158,7 @@ class Photo @JvmOverloads constructor(
             return Photo(format, width, height, listOf(Plane(pixels, stride)), transfer)
         }
 
-        private fun direct(buffer: ByteBuffer): ByteBuffer {
+        internal fun direct(buffer: ByteBuffer): ByteBuffer {
             if (buffer.isDirect) {
                 return buffer
             }

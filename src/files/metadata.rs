@@ -1,13 +1,13 @@
 //! What a photograph's file says of how it was taken.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Seek};
+use std::io::Cursor;
 use std::path::Path;
 
 use exif::{Context, Exif, Field, In, Reader, Tag, Value};
-use image::{ColorType, ImageDecoder, ImageReader};
 
-use crate::dng;
+use super::dng;
+use super::kind::Kind;
+use crate::frame::{Limits, look_at};
 
 /// Exposure times there are, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
@@ -15,6 +15,8 @@ const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
 const ISO: std::ops::RangeInclusive<f64> = 1.0..=1e7;
 /// Apertures there are.
 const F_NUMBER: std::ops::RangeInclusive<f64> = 0.5..=128.0;
+/// Digital zooms there are.
+const ZOOM: std::ops::RangeInclusive<f64> = 1.0..=100.0;
 /// What stands for sensitivities that do not fit into 16 bits.
 const ISO_ELSEWHERE: f64 = 65_535.0;
 
@@ -29,69 +31,89 @@ pub struct Metadata {
     pub lens: Option<String>,
     /// Focal length of the lens, mm.
     pub focal_mm: Option<f64>,
+    /// Focal length on film of 36 x 24 mm that shows as much, mm.
+    pub focal_35mm: Option<f64>,
+    /// How many times the picture was enlarged by cropping; 1: not at all.
+    pub digital_zoom: Option<f64>,
     /// Width and height as the sensor has them, px.
     pub size: Option<[u32; 2]>,
     /// Whether the pixels are floats or raw values, which are linear.
     pub is_linear: bool,
-    /// How far the picture is turned clockwise to stand upright, degrees; mirrored ones are not
-    /// known.
+    /// How far the picture is turned clockwise to stand upright, degrees; of one that is also
+    /// mirrored, after mirroring it left to right.
     pub upright_deg: Option<u32>,
+    /// Whether standing upright includes being mirrored.
+    pub mirrored: bool,
     /// Light that the sensor counts, relative: seconds * ISO / F-number².
     pub exposure: Option<f64>,
     /// Whether the flash fired.
     pub flash_fired: Option<bool>,
     /// When the shutter opened, in digits whose order is that of time.
     pub taken: Option<String>,
+    /// Whether the colours are said to be those of Adobe RGB (1998).
+    pub adobe_rgb: bool,
 }
 
 impl Metadata {
-    /// Reads a file's metadata; what is absent or damaged is left out.
-    pub fn read(path: &Path) -> Self {
-        let known = File::open(path)
-            .map_or_else(|_| Self::default(), |f| Self::within(&mut BufReader::new(f)));
-        let (size, is_linear) = pixels(path).unzip();
+    /// Reads a file's metadata; nothing is known of files that cannot be read.
+    pub fn read(path: impl AsRef<Path>) -> Self {
+        Limits::default().read(path.as_ref()).map_or_else(|_| Self::default(), |b| Self::of(&b))
+    }
+
+    /// What a file's content says of it; what is absent or damaged is left out.
+    pub fn of(bytes: &[u8]) -> Self {
+        let known = Self::of_exif(bytes);
+        let (size, is_linear) = pixels(bytes).unzip();
         Self { size, is_linear: is_linear.unwrap_or(false), ..known }
     }
 
     /// What the Exif block of a file says.
-    pub fn within(file: &mut (impl BufRead + Seek)) -> Self {
-        let read = Reader::new().continue_on_error(true).read_from_container(file);
+    pub(super) fn of_exif(bytes: &[u8]) -> Self {
+        let mut reader = Reader::new();
+        let read = reader.continue_on_error(true).read_from_container(&mut Cursor::new(bytes));
         let exif = read.or_else(|fault| fault.distill_partial_result(|_| ())).ok();
-        exif.map_or_else(Self::default, |exif| Self::of(&exif))
+        exif.map_or_else(Self::default, |exif| Self::within(&exif))
     }
 
-    fn of(exif: &Exif) -> Self {
+    fn within(exif: &Exif) -> Self {
         let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
+        let orientation = number(exif, Tag::Orientation).map_or(0, |v| v as u32);
         Self {
             make: text(exif, Tag::Make),
             model: text(exif, Tag::Model),
             lens: text(exif, Tag::LensModel),
             focal_mm: positive(Tag::FocalLength),
+            focal_35mm: positive(Tag::FocalLengthIn35mmFilm),
+            // 0 says that it was not used.
+            digital_zoom: number(exif, Tag::DigitalZoomRatio)
+                .map(|zoom| if zoom == 0.0 { 1.0 } else { zoom })
+                .filter(|zoom| ZOOM.contains(zoom)),
             size: None,
             is_linear: false,
-            upright_deg: match number(exif, Tag::Orientation).map(|v| v as u32) {
-                Some(1) => Some(0),
-                Some(6) => Some(90),
-                Some(3) => Some(180),
-                Some(8) => Some(270),
+            upright_deg: match orientation {
+                1 | 2 => Some(0),
+                6 | 7 => Some(90),
+                3 | 4 => Some(180),
+                8 | 5 => Some(270),
                 _ => None,
             },
+            mirrored: [2, 4, 5, 7].contains(&orientation),
             exposure: exposure(exif),
             flash_fired: number(exif, Tag::Flash).map(|bits| bits as u32 & 1 == 1),
             taken: taken(exif),
+            adobe_rgb: text(exif, Tag::InteroperabilityIndex).is_some_and(|index| index == "R03"),
         }
     }
 }
 
 /// Width and height, and whether the values are linear: floats, or raw.
-fn pixels(path: &Path) -> Option<([u32; 2], bool)> {
-    if dng::is_named(path) {
-        return Some((dng::size(path)?, true));
+fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
+    match Kind::of(bytes)? {
+        Kind::Dng => Some((dng::size(bytes)?, true)),
+        #[cfg(feature = "heic")]
+        Kind::Heic => Some((super::heic::size(bytes)?, false)),
+        _ => look_at(bytes),
     }
-    let decoder = ImageReader::open(path).ok()?.with_guessed_format().ok()?.into_decoder().ok()?;
-    let (width, height) = decoder.dimensions();
-    let is_linear = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
-    Some(([width, height], is_linear))
 }
 
 /// A field of the Exif directory, or of the first one: Android's raw files have all fields there.

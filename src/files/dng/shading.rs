@@ -22,8 +22,13 @@ struct GainMap {
     gains: Vec<f32>,
 }
 
-/// Gain of every pixel of a picture of `size`, if the file states any.
-pub fn gains(raw: &Directory, size: [usize; 2]) -> Result<Option<Vec<f32>>, String> {
+/// Gain of every pixel of a picture of `size`, if the file states any; all of a pixel's channels have
+/// the same.
+pub fn gains(
+    raw: &Directory,
+    size: [usize; 2],
+    channels: usize,
+) -> Result<Option<Vec<f32>>, String> {
     let Some(mut list) = raw.bytes(OPCODES)? else { return Ok(None) };
     let count = u32_of(&mut list)?;
     if count > MOST_OPCODES {
@@ -35,14 +40,14 @@ pub fn gains(raw: &Directory, size: [usize; 2]) -> Result<Option<Vec<f32>>, Stri
         let body = take(&mut list, bytes as usize)?;
         if code == GAIN_MAP {
             let gains = gains.get_or_insert_with(|| vec![1.0; size[0] * size[1]]);
-            GainMap::parse(body)?.multiply(gains, size);
+            GainMap::parse(body, channels)?.multiply(gains, size);
         }
     }
     Ok(gains)
 }
 
 impl GainMap {
-    fn parse(mut body: &[u8]) -> Result<Self, String> {
+    fn parse(mut body: &[u8], channels: usize) -> Result<Self, String> {
         let body = &mut body;
         let area = four(body)?.map(|v| v as usize);
         let [plane, planes, down, across] = four(body)?;
@@ -51,7 +56,8 @@ impl GainMap {
         let origin = [f64_of(body)?, f64_of(body)?];
         let map_planes = u32_of(body)?;
         let count = points[0].saturating_mul(points[1]);
-        let is_known = plane == 0 && planes == 1 && map_planes == 1 && down > 0 && across > 0;
+        let is_known =
+            plane == 0 && planes as usize == channels && map_planes == 1 && down > 0 && across > 0;
         if !is_known || count == 0 || spacing.iter().chain(&origin).any(|v| !v.is_finite()) {
             return Err("a gain map of a kind that is not read".into());
         }

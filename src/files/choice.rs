@@ -9,13 +9,16 @@ use super::metadata::Metadata;
 /// Focal lengths that are the same lens', relative.
 const SAME_FOCAL: f64 = 0.02;
 
-/// The camera that took most photographs.
+/// What tells one camera from another: maker and model, lens, focal length, digital zoom and size
+/// of the picture. Photographs with the same key share intrinsics.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Camera {
+pub struct CameraKey {
     make: Option<String>,
     model: Option<String>,
     lens: Option<String>,
     focal_mm: Option<f64>,
+    focal_35mm: Option<f64>,
+    digital_zoom: Option<f64>,
     size: Option<[u32; 2]>,
 }
 
@@ -45,30 +48,36 @@ pub struct LeftOut {
 #[derive(Debug, Default)]
 pub struct Choice {
     /// The camera; unknown as long as there is no photograph.
-    pub camera: Option<Camera>,
+    pub camera: Option<CameraKey>,
     /// Exposure of the first photograph that states it.
     reference: Option<f64>,
     /// How far most photographs are turned to stand upright.
     upright_deg: Option<u32>,
+    /// Photographs of the camera.
     pub chosen: Vec<Chosen>,
+    /// The others.
     pub left_out: Vec<LeftOut>,
     /// What metadata did not say, or what speaks against a photograph.
     pub remarks: Vec<String>,
 }
 
-impl Camera {
-    fn of(known: &Metadata) -> Self {
+impl CameraKey {
+    /// The key of a photograph.
+    pub fn of(known: &Metadata) -> Self {
         Self {
             make: known.make.clone(),
             model: known.model.clone(),
             lens: known.lens.clone(),
             focal_mm: known.focal_mm,
+            focal_35mm: known.focal_35mm,
+            digital_zoom: known.digital_zoom,
             size: known.size,
         }
     }
 
-    /// What tells a photograph's camera from this one. What either does not know tells nothing.
-    fn difference(&self, other: &Self) -> Option<String> {
+    /// What tells a photograph's camera from this one, which most photographs have: the end of a
+    /// sentence. What either does not know tells nothing.
+    pub fn difference(&self, other: &Self) -> Option<String> {
         let differs = |a: &Option<String>, b: &Option<String>| {
             a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| a != b)
         };
@@ -81,6 +90,9 @@ impl Camera {
         {
             return Some(format!("another lens: {}, most {}", other.lens(), self.lens()));
         }
+        if let Some(difference) = self.other_crop(other) {
+            return Some(difference);
+        }
         let (mine, its) = self.size.zip(other.size)?;
         let size = |[w, h]: [u32; 2]| format!("{w} x {h} px");
         let turned = mine == [its[1], its[0]];
@@ -88,16 +100,38 @@ impl Camera {
         (mine != its).then(|| format!("{}, most {}{held}", size(its), size(mine)))
     }
 
+    /// Whether a digital zoom tells the photographs apart, though the lens is the same: sizes stay
+    /// as they are.
+    fn other_crop(&self, other: &Self) -> Option<String> {
+        let differ = |a: f64, b: f64| (a - b).abs() > SAME_FOCAL * a.max(b);
+        let [mine, its] = [self, other].map(|c| c.digital_zoom.unwrap_or(1.0));
+        let zoomed = |zoom: f64| match zoom {
+            1.0 => "none".to_owned(),
+            zoom => format!("{zoom:.2} times"),
+        };
+        if differ(mine, its) {
+            return Some(format!("digital zoom: {}, most {}", zoomed(its), zoomed(mine)));
+        }
+        let (mine, its) = self.focal_35mm.zip(other.focal_35mm)?;
+        differ(mine, its).then(|| {
+            format!("another field of view: {its:.0} mm on film of 36 x 24 mm, most {mine:.0} mm")
+        })
+    }
+
     /// Whether everything that another one states is stated here too.
     fn states_what(&self, other: &Self) -> bool {
         let stated = |c: &Self| {
-            let texts = [&c.make, &c.model, &c.lens].map(Option::is_some);
-            (texts, c.focal_mm.is_some(), c.size.is_some())
+            [
+                c.make.is_some(),
+                c.model.is_some(),
+                c.lens.is_some(),
+                c.focal_mm.is_some(),
+                c.focal_35mm.is_some(),
+                c.digital_zoom.is_some(),
+                c.size.is_some(),
+            ]
         };
-        let ((texts, focal, size), (its_texts, its_focal, its_size)) =
-            (stated(self), stated(other));
-        let texts = texts.iter().zip(its_texts).all(|(here, there)| *here || !there);
-        texts && (focal || !its_focal) && (size || !its_size)
+        stated(self).iter().zip(stated(other)).all(|(here, there)| *here || !there)
     }
 
     fn name(&self) -> String {
@@ -120,17 +154,10 @@ impl Camera {
     }
 }
 
-/// Chooses the photographs of the camera that took most of them, the first of several that took
-/// equally many, and brings them into the order of time, then of names; those without a time come
-/// last.
-pub fn choose(paths: Vec<PathBuf>) -> Choice {
-    let mut choice = Choice::default();
-    choice.add(paths.into_iter().map(|path| (Metadata::read(&path), path)).collect());
-    choice
-}
-
 impl Choice {
-    /// Adds photographs behind those that are there.
+    /// Adds photographs behind those that are there. Those come first that were taken first, then
+    /// by name; those without a time last. The first call decides about the camera: the one that
+    /// took most photographs, the first of several that took equally many.
     pub fn add(&mut self, mut photographs: Vec<(Metadata, PathBuf)>) {
         photographs.sort_by(order);
         if self.camera.is_none() {
@@ -139,7 +166,7 @@ impl Choice {
         let Some(camera) = self.camera.clone() else { return };
         let (mut fitting, mut silent, mut dark) = (Vec::new(), Vec::new(), Vec::new());
         for (known, path) in photographs {
-            match camera.difference(&Camera::of(&known)) {
+            match camera.difference(&CameraKey::of(&known)) {
                 Some(reason) => self.left_out.push(LeftOut { path, reason }),
                 None => fitting.push((known, path)),
             }
@@ -173,14 +200,6 @@ impl Choice {
         self.chosen.retain(|chosen| !paths.contains(&chosen.path));
     }
 
-    /// Says that pictures of other formats lay among the others.
-    pub fn remark_foreign(&mut self, foreign: &[PathBuf]) {
-        if !foreign.is_empty() {
-            let text = "not read; convert such pictures to JPEG, PNG, TIFF, OpenEXR or DNG";
-            self.remarks.push(format!("{}: {text}", names(foreign)));
-        }
-    }
-
     fn remark(&mut self, silent: &[PathBuf], dark: &[PathBuf]) {
         if !silent.is_empty() {
             let taken = match self.reference {
@@ -204,10 +223,11 @@ fn order((a, path): &(Metadata, PathBuf), (b, other): &(Metadata, PathBuf)) -> O
 
 /// The camera that agrees with most photographs, of which none states what it leaves open: a silent
 /// photograph would agree with every camera.
-fn most_frequent(photographs: &[(Metadata, PathBuf)]) -> Option<Camera> {
-    let cameras: Vec<Camera> = photographs.iter().map(|(known, _)| Camera::of(known)).collect();
-    let like = |camera: &Camera| {
-        let alike = |c: &&Camera| camera.difference(c).is_none() && camera.states_what(c);
+fn most_frequent(photographs: &[(Metadata, PathBuf)]) -> Option<CameraKey> {
+    let cameras: Vec<CameraKey> =
+        photographs.iter().map(|(known, _)| CameraKey::of(known)).collect();
+    let like = |camera: &CameraKey| {
+        let alike = |c: &&CameraKey| camera.difference(c).is_none() && camera.states_what(c);
         cameras.iter().filter(alike).count()
     };
     cameras.iter().min_by_key(|camera| Reverse(like(camera))).cloned()
@@ -281,14 +301,41 @@ mod tests {
     }
 
     #[test]
+    fn digital_zoom_is_told_apart() {
+        let with = |zoom, focal_35mm| Metadata {
+            focal_mm: Some(6.76),
+            focal_35mm,
+            digital_zoom: zoom,
+            size: Some([40, 30]),
+            ..Metadata::default()
+        };
+        let difference =
+            |a: Metadata, b: Metadata| CameraKey::of(&a).difference(&CameraKey::of(&b));
+        let plain = || with(Some(1.0), Some(27.0));
+        assert_eq!(difference(plain(), with(None, None)), None);
+        assert_eq!(difference(plain(), with(None, Some(27.0))), None);
+        let said = difference(plain(), with(Some(1.3), Some(35.0))).unwrap();
+        assert_eq!(said, "digital zoom: 1.30 times, most none");
+        // Some phones state the field of view only.
+        let said = difference(with(None, Some(26.0)), with(None, Some(52.0))).unwrap();
+        assert_eq!(said, "another field of view: 52 mm on film of 36 x 24 mm, most 26 mm");
+        assert!(difference(with(Some(2.0), None), with(None, None)).is_some());
+        let mut shots = vec![(with(Some(1.3), Some(35.0)), "zoomed".into())];
+        shots.extend(["a", "b"].map(|name| (plain(), name.into())));
+        let choice = chosen(shots);
+        assert_eq!(choice.chosen.len(), 2);
+        assert!(choice.left_out[0].reason.starts_with("digital zoom"));
+    }
+
+    #[test]
     fn lenses_and_sizes_are_told_apart() {
         let with = |focal, size| Metadata {
             focal_mm: Some(focal),
             size: Some(size),
             ..Metadata::default()
         };
-        let camera = Camera::of(&with(6.86, [40, 30]));
-        let difference = |focal, size| camera.difference(&Camera::of(&with(focal, size)));
+        let camera = CameraKey::of(&with(6.86, [40, 30]));
+        let difference = |focal, size| camera.difference(&CameraKey::of(&with(focal, size)));
         assert_eq!(difference(6.9, [40, 30]), None);
         assert!(difference(2.22, [40, 30]).unwrap().contains("another lens: 2.22 mm"));
         assert!(difference(6.86, [80, 60]).unwrap().contains("80 x 60 px, most 40 x 30 px"));

@@ -30,6 +30,8 @@ pub enum Values {
 pub struct Negative {
     pub size: [u32; 2],
     pub bits: u32,
+    /// Values of a pixel, side by side in `samples`: 1 behind colour filters, 3 of `LinearRaw`.
+    pub channels: u32,
     pub samples: Vec<u16>,
     pub storage: Storage,
     pub big_endian: bool,
@@ -69,10 +71,10 @@ impl Negative {
         let mut raw = vec![
             (256, Values::Longs(vec![w])),
             (257, Values::Longs(vec![h])),
-            (258, Values::Shorts(vec![self.bits as u16])),
+            (258, Values::Shorts(vec![self.bits as u16; self.channels as usize])),
             (259, Values::Shorts(vec![compression])),
-            (262, Values::Shorts(vec![32803])),
-            (277, Values::Shorts(vec![1])),
+            (262, Values::Shorts(vec![if self.channels == 1 { 32803 } else { 34892 }])),
+            (277, Values::Shorts(vec![self.channels as u16])),
         ];
         raw.extend(match self.storage {
             Storage::Strips(rows) => vec![
@@ -169,11 +171,13 @@ impl Negative {
                 let strip = matches!(self.storage, Storage::Strips(_));
                 let y1 = if strip { height.min(y0 + h) } else { y0 + h };
                 // What sticks out repeats the last value.
+                let n = self.channels as usize;
                 let at = |x: u32, y: u32| {
-                    self.samples[(y.min(height - 1) * width + x.min(width - 1)) as usize]
+                    let pixel = (y.min(height - 1) * width + x.min(width - 1)) as usize;
+                    self.samples[n * pixel..n * (pixel + 1)].iter().copied()
                 };
                 let rows: Vec<Vec<u16>> =
-                    (y0..y1).map(|y| (x0..x0 + w).map(|x| at(x, y)).collect()).collect();
+                    (y0..y1).map(|y| (x0..x0 + w).flat_map(|x| at(x, y)).collect()).collect();
                 blocks.push(match self.storage {
                     Storage::Jpeg(_, _, predictor, components) => {
                         jpeg(&rows, self.bits, predictor, components as usize)

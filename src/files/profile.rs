@@ -1,7 +1,7 @@
 //! ICC profiles of pictures.
 
+use crate::frame::Encoding;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve};
-use svbrdf::frame::Encoding;
 
 /// Values of a curve.
 const STEPS: usize = 65_536;
@@ -23,7 +23,11 @@ pub struct Profile {
 impl Profile {
     /// Reads a profile; the error says what is wrong with it.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let profile = ColorProfile::new_from_slice(bytes).map_err(|e| e.to_string())?;
+        Self::of(&ColorProfile::new_from_slice(bytes).map_err(|e| e.to_string())?)
+    }
+
+    /// Curves and matrix of a profile that has been read.
+    pub fn of(profile: &ColorProfile) -> Result<Self, String> {
         let curve = |curve: &Option<ToneReprCurve>| table(curve.as_ref());
         let (curves, matrix) = match profile.color_space {
             DataColorSpace::Rgb if profile.is_matrix_shaper() => {
@@ -39,7 +43,7 @@ impl Profile {
                 let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
                 ([gray.clone(), gray.clone(), gray], identity)
             }
-            _ => return Err(format!("{} is not described by curves and a matrix", name(&profile))),
+            _ => return Err(format!("{} is not described by curves and a matrix", name(profile))),
         };
         let white = matrix.map(|row| row.iter().sum::<f64>());
         if !white.iter().all(|v| WHITE.contains(v)) {

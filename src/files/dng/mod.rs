@@ -1,22 +1,24 @@
-//! Digital negatives (Adobe DNG 1.4): raw photographs of Bayer sensors, developed to linear
-//! Rec. 709.
+//! Digital negatives (Adobe DNG): raw photographs of Bayer sensors, and such as are demosaicked already
+//! (`LinearRaw`), developed to linear Rec. 709.
+//!
+//! The container is read here: the crate `tiff` (0.11) opens a file only if its first directory is a
+//! picture that it knows, which those of Android's cameras, behind colour filters, are not.
 
 mod colour;
+mod linear;
 mod lossless_jpeg;
 mod raw;
 mod shading;
 mod tiff;
 
-use std::path::Path;
-
-use svbrdf::Error;
-use svbrdf::frame::{Bayer, Photo, Plane, Rotation};
+use crate::frame::{Bayer, Photo, Plane, Rotation};
 
 use self::raw::Raw;
 use self::tiff::{Directory, Tiff};
 
-/// Largest file read, bytes.
-const MAX_FILE_BYTES: u64 = 2 << 30;
+/// Memory for a pixel while it is developed: sensor values, their bytes, floats with a mark, gains,
+/// and the result twice.
+pub const BYTES_PER_PIXEL: u64 = 6 + 2 + 5 + 4 + 2 * 12;
 const PHOTOMETRIC: u16 = 262;
 const ORIENTATION: u16 = 274;
 const SUB_DIRECTORIES: u16 = 330;
@@ -41,36 +43,40 @@ struct Area {
     height: u32,
 }
 
-/// Whether a file's name says that it is a DNG.
-pub fn is_named(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng"))
+/// What a file that is TIFF inside holds.
+pub enum Content {
+    /// A digital negative.
+    Negative,
+    /// Raw values without what DNG says about them: the format of a camera maker.
+    OtherRaw,
+    /// Pictures.
+    Picture,
 }
 
-/// Reads a photograph, upright.
-pub fn read(path: &Path, exposure: f32) -> svbrdf::Result<Photo> {
-    let bytes = bytes(path)?;
-    develop(&bytes, exposure).map_err(|message| Error::Image {
-        path: path.to_owned(),
-        message: format!("DNG: {message}"),
-    })
+/// Looks into a file that is TIFF inside.
+pub fn content(bytes: &[u8]) -> Content {
+    let look = || -> Result<Content, String> {
+        let tiff = Tiff::parse(bytes)?;
+        let first = tiff.first()?;
+        if first.bytes(DNG_VERSION)?.is_some() {
+            return Ok(Content::Negative);
+        }
+        let below = tiff.below(&first, SUB_DIRECTORIES)?;
+        let is_raw = |d: &Directory| d.whole(PHOTOMETRIC) == Ok(Some(COLOUR_FILTERS));
+        Ok(if std::iter::once(&first).chain(&below).any(is_raw) {
+            Content::OtherRaw
+        } else {
+            Content::Picture
+        })
+    };
+    look().unwrap_or(Content::Picture)
 }
 
 /// Width and height of the photograph before it is turned upright; `None` where it cannot be read.
-pub fn size(path: &Path) -> Option<[u32; 2]> {
-    let bytes = bytes(path).ok()?;
-    let file = File::parse(&bytes).ok()?;
+pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let file = File::parse(bytes).ok()?;
     let area = file.active().and_then(|active| file.crop(active)).ok()?;
     Some([area.width, area.height])
-}
-
-fn bytes(path: &Path) -> svbrdf::Result<Vec<u8>> {
-    let io = |source| Error::Io { path: path.to_owned(), source };
-    let size = std::fs::metadata(path).map_err(io)?.len();
-    if size > MAX_FILE_BYTES {
-        let message = format!("{size} bytes; at most {MAX_FILE_BYTES} are supported");
-        return Err(Error::Image { path: path.to_owned(), message });
-    }
-    std::fs::read(path).map_err(io)
 }
 
 /// A photograph from the bytes of a file, upright; the error says what is wrong with them.
@@ -78,11 +84,17 @@ pub fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
     let file = File::parse(bytes)?;
     let (active, rotation) = (file.active()?, file.rotation()?);
     let crop = file.crop(active)?;
-    let raw = raw::read(&file.tiff, &file.raw)?;
-    let bayer = colour::read(&file.camera, &file.raw, raw.bits)?;
     let size = [active.width as usize, active.height as usize];
-    let gains = shading::gains(&file.raw, size)?;
-    let photo = demosaicked(&raw, active, &bayer, gains.as_deref(), exposure)?;
+    let photo = if file.is_linear {
+        let raw = raw::read(&file.tiff, &file.raw, 3)?;
+        let gains = shading::gains(&file.raw, size, 3)?;
+        linear::developed(&file.camera, &file.raw, &raw, active, gains.as_deref(), exposure)?
+    } else {
+        let raw = raw::read(&file.tiff, &file.raw, 1)?;
+        let bayer = colour::read(&file.camera, &file.raw, raw.bits)?;
+        let gains = shading::gains(&file.raw, size, 1)?;
+        demosaicked(&raw, active, &bayer, gains.as_deref(), exposure)?
+    };
     let photo = photo.cropped(crop.x, crop.y, crop.width, crop.height).turned(rotation);
     Ok(photo.with_focal_35mm(file.focal_35mm()))
 }
@@ -108,6 +120,11 @@ fn demosaicked(
     .map_err(|fault| fault.to_string())
 }
 
+/// Pixels of a picture; 0 where they are not known.
+fn area(directory: &Directory) -> u64 {
+    raw::size(directory).map_or(0, |[w, h]| u64::from(w) * u64::from(h))
+}
+
 /// The directories of a file that count.
 struct File<'a> {
     tiff: Tiff<'a>,
@@ -115,6 +132,8 @@ struct File<'a> {
     camera: Directory<'a>,
     /// What holds for the raw picture.
     raw: Directory<'a>,
+    /// Whether that is demosaicked already.
+    is_linear: bool,
 }
 
 impl<'a> File<'a> {
@@ -124,20 +143,22 @@ impl<'a> File<'a> {
         if camera.bytes(DNG_VERSION)?.is_none() {
             return Err("not a DNG file: a TIFF file without DNGVersion".into());
         }
-        let mut linear = false;
+        let mut linear = None;
         // Beside the raw picture, there may be smaller ones to look at.
         for raw in std::iter::once(tiff.first()?).chain(tiff.below(&camera, SUB_DIRECTORIES)?) {
             match raw.whole(PHOTOMETRIC)? {
-                Some(COLOUR_FILTERS) => return Ok(Self { tiff, camera, raw }),
-                kind => linear |= kind == Some(LINEAR_RAW),
+                Some(COLOUR_FILTERS) => return Ok(Self { tiff, camera, raw, is_linear: false }),
+                Some(LINEAR_RAW) => {
+                    let is_larger = |known: &Directory| area(&raw) > area(known);
+                    if linear.as_ref().is_none_or(is_larger) {
+                        linear = Some(raw);
+                    }
+                }
+                _ => (),
             }
         }
-        let without = "no raw picture behind colour filters inside";
-        Err(if linear {
-            format!("{without}: it is demosaicked already (LinearRaw), which is not read")
-        } else {
-            without.into()
-        })
+        let raw = linear.ok_or("no raw picture inside")?;
+        Ok(Self { tiff, camera, raw, is_linear: true })
     }
 
     /// The part of the sensor that sees light.
@@ -176,6 +197,7 @@ impl<'a> File<'a> {
             3 => Ok(Rotation::Half),
             6 => Ok(Rotation::Quarter),
             8 => Ok(Rotation::ThreeQuarters),
+            // Nobody mirrors raw values.
             other => Err(format!("orientation {other} is not read; 1, 3, 6 and 8 are")),
         }
     }

@@ -1,6 +1,6 @@
 //! Sensor values as strips or tiles hold them.
 
-use svbrdf::frame::MAX_PIXELS;
+use crate::frame::MAX_PIXELS;
 
 use super::lossless_jpeg;
 use super::tiff::{Directory, Tiff};
@@ -17,10 +17,11 @@ const TILE_WIDTH: u16 = 322;
 const TILE_HEIGHT: u16 = 323;
 const TILE_OFFSETS: u16 = 324;
 const TILE_BYTES: u16 = 325;
+const PLANAR: u16 = 284;
 const SAMPLE_FORMAT: u16 = 339;
 const LINEARIZATION: u16 = 50712;
 
-/// Sensor values, row by row.
+/// Sensor values, row by row; those of a pixel side by side.
 pub struct Raw {
     pub size: [u32; 2],
     /// Bits of a stored value.
@@ -47,39 +48,45 @@ pub fn size(directory: &Directory) -> Result<[u32; 2], String> {
     Ok([w, h])
 }
 
-/// Reads the values, with the linearization table applied.
-pub fn read(tiff: &Tiff, directory: &Directory) -> Result<Raw, String> {
+/// Reads the values, so many of each pixel, with the linearization table applied.
+pub fn read(tiff: &Tiff, directory: &Directory, channels: usize) -> Result<Raw, String> {
     let size = size(directory)?;
     let number = |tag, default| Ok::<u32, String>(directory.whole(tag)?.unwrap_or(default));
     let (bits, samples) = (number(BITS, 1)?, number(SAMPLES_PER_PIXEL, 1)?);
-    if !(8..=16).contains(&bits) || samples != 1 || number(SAMPLE_FORMAT, 1)? != 1 {
+    let fits = samples as usize == channels && number(PLANAR, 1)? == 1;
+    if !(8..=16).contains(&bits) || !fits || number(SAMPLE_FORMAT, 1)? != 1 {
         return Err(format!(
-            "{samples} values of {bits} bits a pixel; one whole number of 8 to 16 bits is expected"
+            "{samples} values of {bits} bits a pixel; {channels} side by side, whole numbers of 8 to 16 bits, are expected"
         ));
     }
     let compression = number(COMPRESSION, 1)?;
     if ![1, 7].contains(&compression) {
+        let name = match compression {
+            34892 => " (lossy JPEG)",
+            52546 => " (JPEG XL)",
+            _ => "",
+        };
         return Err(format!(
-            "compression {compression} is not read; uncompressed (1) and lossless JPEG (7) are"
+            "compression {compression}{name} is not read; uncompressed (1) and lossless JPEG (7) are: convert it with Adobe's DNG Converter"
         ));
     }
     let blocks = Blocks::read(directory, size)?;
     let [width, height] = size.map(|n| n as usize);
-    let mut out = vec![0; width * height];
+    let mut out = vec![0; channels * width * height];
     let across = width.div_ceil(blocks.size[0]);
     for (i, (offset, bytes)) in blocks.offsets.iter().zip(&blocks.bytes).enumerate() {
         let (x, y) = (i % across * blocks.size[0], i / across * blocks.size[1]);
         let rows = if blocks.padded { blocks.size[1] } else { blocks.size[1].min(height - y) };
         let truncated = || format!("truncated: block {i} of the raw picture lies behind the end");
         let data = tiff.range(*offset as usize, *bytes as usize).ok_or_else(truncated)?;
-        let line = blocks.size[0];
+        let line = channels * blocks.size[0];
         let values = match compression {
             1 => unpacked(data, [line, rows], bits, tiff.is_big_endian())?,
             _ => lossless_jpeg::decode(data, line * rows)?,
         };
-        let inside = line.min(width - x);
+        let inside = line.min(channels * (width - x));
         for (row, values) in values.chunks_exact(line).take(height - y).enumerate() {
-            let start = (y + row) * width + x;
+            let start = channels * ((y + row) * width + x);
             out[start..start + inside].copy_from_slice(&values[..inside]);
         }
     }
