@@ -4,8 +4,6 @@ import os
 import threading
 from dataclasses import dataclass, field
 
-PICTURES = (".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
-
 
 class SourceError(Exception):
     """There is nothing to read where the user pointed to."""
@@ -115,10 +113,6 @@ class Job:
         if not os.path.isdir(source):
             raise SourceError(f"{source or 'Photographs'}: there is no such folder")
         if not os.path.isfile(os.path.join(source, "capture.json")):
-            names = sorted(n for n in os.listdir(source) if n.lower().endswith(PICTURES))
-            if not names:
-                raise SourceError(f"{source}: no photographs ({', '.join(PICTURES)})")
-            source = [os.path.join(source, name) for name in names]
             options["sample_mm"] = request.sample_mm
 
         def tell(progress):

@@ -215,9 +215,9 @@ def test_faults_of_files_are_told(settings, fitted, tmp_path):
         bpy.ops.svbrdf.make()
     (tmp_path / "empty").mkdir()
     settings.source, settings.photographs = "PHOTOGRAPHS", str(tmp_path / "empty")
-    with pytest.raises(RuntimeError, match="SourceError: .*no photographs"):
+    with pytest.raises(RuntimeError, match="FileError: .*nor a photograph"):
         bpy.ops.svbrdf.make()
-    (tmp_path / "empty" / "0.png").write_bytes(b"no picture")
+    (tmp_path / "empty" / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n no picture")
     with pytest.raises(RuntimeError, match="RejectedError"):
         bpy.ops.svbrdf.make()
     assert any("0.png" in line for line in part("panel")._report)

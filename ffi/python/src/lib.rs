@@ -20,7 +20,7 @@ mod _native {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
-    use super::capture::{Capture, Frame};
+    use super::capture::{_choose, _pictures, Capture, Frame};
     #[pymodule_export]
     use super::maps::Maps;
     #[pymodule_export]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use numpy::PyArray3;
 use numpy::ndarray::Ix3;
 use pyo3::prelude::*;
+use svbrdf::files;
 use svbrdf::frame::{self, Encoding, Rotation};
 
 use crate::arrays::{array, exactly, floats, size};
@@ -82,22 +83,23 @@ impl Photo {
         Ok(Self(Arc::new(photo.with_focal_35mm(focal_35mm))))
     }
 
-    /// Reads a PNG, JPEG, TIFF or OpenEXR file, upright as its orientation tag says.
+    /// Reads a JPEG, PNG, TIFF, OpenEXR or DNG file, upright as its orientation tag says, colours as its profile means
+    /// them.
     ///
-    /// ``encoding`` is the transfer curve of its values, by default ``srgb``, or ``linear`` for OpenEXR.
+    /// ``encoding`` is the transfer curve of its values; by default, what the file says. ``exposure`` is by default that of
+    /// the metadata (seconds * ISO / F-number²), or 1.
     #[staticmethod]
-    #[pyo3(signature = (path, encoding = None, *, exposure = 1.0))]
+    #[pyo3(signature = (path, encoding = None, *, exposure = None))]
     fn read(
         py: Python<'_>,
         path: PathBuf,
         encoding: Option<&str>,
-        exposure: f32,
+        exposure: Option<f32>,
     ) -> PyResult<Self> {
-        let float = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-        let usual = if float { Encoding::Linear } else { Encoding::Srgb };
-        let encoding = encoding.map(self::encoding).transpose()?.unwrap_or(usual);
-        let photo = detached(py, || frame::Photo::read(path, encoding, exposure))?;
-        Ok(Self(Arc::new(photo)))
+        let encoding = encoding.map(self::encoding).transpose()?;
+        let options = files::Options { encoding, exposure, ..files::Options::default() };
+        let decoded = detached(py, || files::read(path, &options))?;
+        Ok(Self(Arc::new(decoded.photo)))
     }
 
     /// Width, px.

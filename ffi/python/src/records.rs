@@ -13,6 +13,13 @@ pub struct Hint {
     message: String,
 }
 
+impl Hint {
+    /// What is to be told, and its name.
+    pub fn new(code: &'static str, message: String) -> Self {
+        Self { code, message }
+    }
+}
+
 #[pymethods]
 impl Hint {
     fn __repr__(&self) -> String {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pathlib
 import signal
+import subprocess
 import threading
 import time
 
@@ -99,14 +100,49 @@ def test_ctrl_c_ends_the_fit_and_python_runs_meanwhile(capture: pathlib.Path) ->
     assert beats > 50, beats
 
 
+def test_photographs_without_a_description_are_the_command_lines(
+    command: str, capture: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    # Their own board, which only the command's name of it tells.
+    board = svbrdf.Board(
+        rows=19, cols=14, square_mm=10, hole_squares=(3, 2, 16, 12), patches=True
+    )
+    photos = sorted((capture / "frames").glob("0[0-2].jpg"))
+    (tmp_path / "photos").mkdir()
+    for photo in photos:
+        (tmp_path / "photos" / photo.name).write_bytes(photo.read_bytes())
+    (tmp_path / "photos" / "notes.txt").write_text("no picture")
+    subprocess.run(
+        [command, "fit", str(tmp_path / "photos"), "--out", str(tmp_path / "cli"), "--quiet"]
+        + ["--no-report", "--steps", str(STEPS), "--sample-mm", "88"]
+        + ["--board", "ring:19x14:10:3,2,16,12"],
+        check=True,
+    )
+    for source in (tmp_path / "photos", photos):
+        maps = svbrdf.fit(source, board=board, sample_mm=(88, 88), steps=STEPS)
+        assert [p.accepted for p in maps.photographs] == [True] * 3
+        maps.save(tmp_path / "ours")
+        for name in FILES:
+            ours, theirs = (tmp_path.joinpath(d, name).read_bytes() for d in ("ours", "cli"))
+            assert ours == theirs, name
+
+
 def test_photographs_that_all_fail_raise_with_their_reasons(tmp_path: pathlib.Path) -> None:
     gray = svbrdf.Photo(np.full((480, 640, 3), 128, np.uint8))
-    broken = tmp_path / "broken.jpg"
-    broken.write_bytes(b"no picture")
     with pytest.raises(svbrdf.RejectedError) as raised:
-        svbrdf.fit([gray, broken])
-    assert [p.code for p in raised.value.photographs] == ["board_not_found", "unreadable"]
-    assert "broken.jpg" in str(raised.value)
+        svbrdf.fit([gray])
+    assert [p.code for p in raised.value.photographs] == ["board_not_found"]
+    broken = tmp_path / "broken.jpg"
+    broken.write_bytes(b"\xff\xd8\xff\xe0 no picture")
+    with pytest.raises(svbrdf.RejectedError, match="broken.jpg") as raised:
+        svbrdf.fit([broken])
+    assert [p.code for p in raised.value.photographs] == ["unreadable"]
+    for wrong in ([], [gray, broken]):
+        with pytest.raises(svbrdf.ArgumentError, match="source"):
+            svbrdf.fit(wrong)
+    for missing in (tmp_path / "nowhere", [tmp_path / "nowhere.jpg"]):
+        with pytest.raises(svbrdf.FileError, match="nowhere"):
+            svbrdf.fit(missing)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,20 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ._native import Board, Camera, Capture, Frame, Hint, Maps, Photo, Rejected, Session
-from .errors import ArgumentError, FileError, RejectedError
+from ._native import (
+    Board,
+    Camera,
+    Capture,
+    Frame,
+    Hint,
+    Maps,
+    Photo,
+    Rejected,
+    Session,
+    _choose,
+    _pictures,
+)
+from .errors import ArgumentError, FieldError, FileError, RejectedError
 
 #: Seconds between two reports of progress.
 _LOOK = 0.1
@@ -24,7 +36,8 @@ class Photograph:
     source: str | int
     #: Whether it is in the fit.
     accepted: bool
-    #: Why not, as a name for programs such as ``board_not_found``; ``unreadable`` for files. Empty where accepted.
+    #: Why not, as a name for programs such as ``board_not_found``; of files also ``unreadable``, and ``left_out`` for those of
+    #: another camera. Empty where accepted.
     code: str = ""
     #: Why not, as a sentence. Empty where accepted.
     message: str = ""
@@ -69,10 +82,11 @@ def fit(
 ) -> Maps:
     """Fits maps to photographs, as ``svbrdf fit`` does, and says how far they may be off.
 
-    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board`` of one camera: ``Photo`` objects or
-    picture files with sRGB values. A capture says itself what sample, board and flash are; for photographs ``sample_mm``
-    is by default a square that the board's hole holds with 5 mm to spare, and ``camera`` and ``flash_offset_mm`` are
-    estimated unless given. ``frames`` uses the first ones only, ``steps`` limits the optimisers' steps on each photograph.
+    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board``: a folder of them, picture files
+    (JPEG, PNG, TIFF, OpenEXR, DNG) or ``Photo`` objects. Of files, exposure, order and camera are read from their metadata;
+    those of another camera are left out. A capture says itself what sample, board and flash are; for photographs
+    ``sample_mm`` is by default a square that the board's hole holds with 5 mm to spare, and ``camera`` and
+    ``flash_offset_mm`` are estimated unless given. ``frames`` uses the first ones only, ``steps`` limits the optimisers' steps on each photograph.
 
     ``on_progress`` is called several times a second. What it raises ends the fit, and so does Ctrl-C.
 
@@ -92,9 +106,10 @@ def fit(
         session = Session.of_capture(
             shown, resolution=resolution, method=method, refine=refine, threads=threads
         )
-        photographs: list[Frame | Photo | str] = list(shown.frames)
+        photographs: list[Frame | Photo] = list(shown.frames)
+        left_out: list[Photograph] = []
     else:
-        photographs = shown
+        photographs, left_out = shown
         session = Session(
             sample_mm=sample_mm or _default_sample_mm(board or Board()),
             board=board,
@@ -109,7 +124,7 @@ def fit(
         raise ArgumentError(f"frames: {frames} given; at least 1 expected")
     with session:
         session.set_budget(steps=steps)
-        told = tuple(_run(session, photographs[:frames], on_progress))
+        told = (*_run(session, photographs[:frames], on_progress), *left_out)
         if not any(photograph.accepted for photograph in told):
             reasons = "\n".join(f"{p.source}: {p.message}" for p in told)
             raise RejectedError(f"every photograph was rejected:\n{reasons}", told)
@@ -119,8 +134,8 @@ def fit(
 def _capture(
     source: str | os.PathLike[str] | Capture | Iterable[Photo | str | os.PathLike[str]],
     camera: Camera | None,
-) -> Capture | list[Frame | Photo | str]:
-    """The capture of a folder, or photographs without one."""
+) -> Capture | tuple[list[Frame | Photo], list[Photograph]]:
+    """A capture, or photographs without a description and those left out."""
     if isinstance(source, Capture):
         if camera is not None:
             raise ArgumentError("camera: give it to Capture.load")
@@ -129,13 +144,30 @@ def _capture(
         folder = os.fspath(source)
         if not os.path.isdir(folder):
             raise FileError(f"{folder}: there is no such folder")
-        return Capture.load(folder, camera=camera)
-    photographs: list[Frame | Photo | str] = [
-        item if isinstance(item, Photo) else os.fspath(item) for item in source
-    ]
-    if not photographs:
+        if os.path.isfile(os.path.join(folder, "capture.json")):
+            return Capture.load(folder, camera=camera)
+        paths = [os.fspath(path) for path in _pictures(folder)]
+        if not paths:
+            raise FileError(f"{folder}: neither capture.json nor a photograph is there")
+        return _of_files(paths)
+    items = list(source)
+    if not items:
         raise ArgumentError("source: at least one photograph is expected")
-    return photographs
+    photos = [item for item in items if isinstance(item, Photo)]
+    if not photos:
+        return _of_files([os.fspath(item) for item in items if not isinstance(item, Photo)])
+    if len(photos) < len(items):
+        raise ArgumentError("source: files or Photo objects are expected, not both")
+    return list(photos), []
+
+
+def _of_files(paths: list[str]) -> tuple[list[Frame | Photo], list[Photograph]]:
+    """Photographs of one camera, in order, and those left out."""
+    for path in paths:
+        if not os.path.isfile(path):
+            raise FileError(f"{path}: there is no such file")
+    frames, left_out, _ = _choose(list(paths))
+    return list(frames), [Photograph(str(path), False, "left_out", why) for path, why in left_out]
 
 
 def _default_sample_mm(board: Board) -> tuple[float, float]:
@@ -146,7 +178,7 @@ def _default_sample_mm(board: Board) -> tuple[float, float]:
 
 def _run(
     session: Session,
-    photographs: list[Frame | Photo | str],
+    photographs: list[Frame | Photo],
     on_progress: Callable[[FitProgress], object] | None,
 ) -> Iterator[Photograph]:
     """Pushes one photograph after the other and waits for the fit of each."""
@@ -171,25 +203,23 @@ def _run(
     tell(len(photographs) - 1, 1.0)
 
 
-def _push(session: Session, number: int, photograph: Frame | Photo | str) -> Photograph:
+def _push(session: Session, number: int, photograph: Frame | Photo) -> Photograph:
     source: str | int = number
     rectified = None
-    try:
-        if isinstance(photograph, Frame):
-            source, rectified = str(photograph.path), photograph.rectified
-            photo = photograph.read()
-        elif isinstance(photograph, str):
-            source = photograph
-            photo = Photo.read(photograph)
-        else:
-            photo = photograph
-    except FileError as fault:
-        return Photograph(source, False, "unreadable", str(fault))
+    remarks: list[Hint] = []
+    if isinstance(photograph, Frame):
+        source, rectified = str(photograph.path), photograph.rectified
+        try:
+            photo, remarks = photograph._read_with_hints()
+        except (FileError, FieldError) as fault:
+            return Photograph(source, False, "unreadable", str(fault))
+    else:
+        photo = photograph
     if rectified is None:
         pushed = session.push(photo)
     else:
         pushed = session.push_rectified(photo, camera_mm=rectified[0], light_mm=rectified[1])
     if isinstance(pushed, Rejected):
-        return Photograph(source, False, pushed.code, pushed.message)
-    hints, rms = tuple(pushed.hints), pushed.reprojection_rms_px
+        return Photograph(source, False, pushed.code, pushed.message, tuple(remarks))
+    hints, rms = (*pushed.hints, *remarks), pushed.reprojection_rms_px
     return Photograph(source, True, hints=hints, reprojection_rms_px=rms)
