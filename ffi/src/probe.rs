@@ -196,7 +196,8 @@ impl Room {
     /// `probe` is NULL or initialised.
     pub(crate) unsafe fn of(probe: *mut svbrdf_probe) -> Result<Option<Self>, Fault> {
         // SAFETY: as the caller vouches.
-        let Some(size) = (unsafe { versioned::result_size(probe) }?) else { return Ok(None) };
+        let size = unsafe { versioned::result_size(probe) }?;
+        let Some(size) = size else { return Ok(None) };
         // SAFETY: as the caller vouches.
         let given = unsafe { versioned::read(probe) }?;
         Ok(Some(Self { probe, size, given }))

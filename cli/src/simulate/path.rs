@@ -33,8 +33,9 @@ const ARRIVAL_SECONDS: f64 = 0.4;
 /// and how long it remembers it, seconds.
 const TREMBLING: [f64; 2] = [15.0, 4.0];
 const TREMBLING_SECONDS: f64 = 0.2;
-/// Nobody stands exactly where told: standard deviation, degrees.
-const AIM_DEG: f64 = 4.0;
+/// Nobody goes exactly where told: standard deviation over the way, and how near is there, mm.
+const AIM: f64 = 0.15;
+const ARRIVED_MM: f64 = 10.0;
 /// Tilt of a person's circle, degrees, and how evenly it is kept.
 const CIRCLE_TILT_DEG: [f64; 2] = [30.0, 6.0];
 const CIRCLE_SIDE_DEG: f64 = 5.0;
@@ -145,7 +146,9 @@ impl Walk {
         let gains = match &mut self.led {
             None => {
                 let goal = circle(index, self.frames, &mut self.hand.random);
-                while self.hand.at.distance(goal) > 10.0 && self.hand.seconds < began + PATIENCE {
+                while self.hand.at.distance(goal) > ARRIVED_MM
+                    && self.hand.seconds < began + PATIENCE
+                {
                     self.hand.step(Some(goal));
                 }
                 None
@@ -190,12 +193,16 @@ impl Led {
                 (Action::Shoot, _) => return Ok(gain.zip(best_gain).map(|(a, b)| [a, b])),
                 (Action::Hold, _) | (_, None) => hand.step(None),
                 (_, Some(target)) => {
-                    if goal.is_none_or(|(view, _)| view != target.view) {
+                    // Who has arrived and is told to go on looks again.
+                    let arrived = |(view, there): (session::NextView, DVec3)| {
+                        view != target.view || hand.at.distance(there) < ARRIVED_MM
+                    };
+                    if goal.is_none_or(arrived) {
                         let offset = glam::Vec3::from(target.offset_mm).as_dvec3();
                         let there = hand.pose().to_board(offset);
-                        let mut bell = || hand.random.bell() * AIM_DEG.to_radians();
-                        let miss = DVec3::new(bell(), bell(), 0.0) * there.length();
-                        goal = Some((target.view, there + miss));
+                        let aim = AIM * f64::from(target.degrees).to_radians();
+                        let mut bell = || hand.random.bell() * aim * there.length();
+                        goal = Some((target.view, there + DVec3::new(bell(), bell(), 0.0)));
                     }
                     hand.step(goal.map(|(_, there)| there));
                 }

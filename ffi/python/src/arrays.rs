@@ -51,7 +51,9 @@ pub fn size(name: &'static str, shape: &[usize], channels: usize) -> PyResult<[u
     };
     match *shape {
         [height, width] if channels == 1 && height * width > 0 => Ok([height, width]),
-        [height, width, c] if c == channels && height * width > 0 => Ok([height, width]),
+        [height, width, c] if c == channels && channels > 1 && height * width > 0 => {
+            Ok([height, width])
+        }
         _ => Err(argument(name, format!("shape {shape:?} given; {expected} expected"))),
     }
 }

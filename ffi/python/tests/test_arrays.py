@@ -166,6 +166,11 @@ def test_the_board_is_the_command_lines(command: str, tmp_path: pathlib.Path) ->
 
 def test_examples_of_the_documentation_run() -> None:
     tested = [doctest.testmod(module) for module in (svbrdf, sys.modules["svbrdf.fitting"])]
+    # doctest does not look at static methods of native classes.
+    runner = doctest.DocTestRunner()
+    static = svbrdf.Maps.from_arrays
+    for test in doctest.DocTestFinder().find(static, "from_arrays", globs=dict(vars(svbrdf))):
+        tested.append(runner.run(test))
     assert all(t.failed == 0 for t in tested)
     assert sum(t.attempted for t in tested) >= 15, tested
     readme = pathlib.Path(__file__).parents[1] / "README.md"

@@ -24,7 +24,7 @@ class Board:
         rows: int = 17,
         cols: int = 16,
         square_mm: float = 11.5,
-        hole_squares: tuple[int, int, int, int] = (3, 3, 14, 13),
+        hole_squares: tuple[int, int, int, int] = ...,
         white_albedo: float = 0.8,
         black_albedo: float = 0.05,
         top_left: Literal["black", "white"] = "black",
@@ -57,7 +57,7 @@ class Camera:
         fy: float,
         cx: float,
         cy: float,
-        distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
+        distortion: tuple[float, float, float, float, float] = ...,
     ) -> Camera: ...
     @staticmethod
     def read(path: _Path) -> Camera: ...
