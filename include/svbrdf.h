@@ -812,6 +812,107 @@ typedef struct svbrdf_frame_fit {
 } svbrdf_frame_fit;
 
 /**
+ * When guidance asks for what. Set the fields that are to differ after svbrdf_guide_options_init().
+ */
+typedef struct svbrdf_guide_options {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * Gain from which on a photo is worth taking, as a share of the best view's, 0 to 1. High: fewer
+     * photos; low: less walking.
+     */
+    float worth;
+    /**
+     * The camera is steady where the sample moves less than this across the picture, in widths of the
+     * sample a second.
+     */
+    float steady;
+    /**
+     * For so long, seconds.
+     */
+    float steady_seconds;
+    /**
+     * It is enough where the best view would take away less of the expected squared error, 0 to 1.
+     */
+    float enough;
+    /**
+     * But not before so many photos.
+     */
+    uint32_t least;
+    /**
+     * And in any case with so many.
+     */
+    uint32_t most;
+    /**
+     * Steepest view of the first photo, degrees off the top.
+     */
+    float first_tilt_deg;
+    /**
+     * A photo that has not been pushed so long after SVBRDF_ACTION_SHOOT is not going to be, seconds.
+     */
+    float shot_seconds;
+} svbrdf_guide_options;
+
+/**
+ * What the user is to do: one of SVBRDF_ACTION_.
+ */
+typedef uint32_t svbrdf_action;
+
+/**
+ * What to do now, see svbrdf_session_guide().
+ */
+typedef struct svbrdf_guidance {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * One of SVBRDF_ACTION_.
+     */
+    svbrdf_action action;
+    /**
+     * Accepted photos so far.
+     */
+    uint32_t photos;
+    /**
+     * 1 when what follows up to degrees is known.
+     */
+    uint32_t has_target;
+    /**
+     * The target's angle off the top, degrees.
+     */
+    float target_tilt_deg;
+    /**
+     * The target's side: degrees counter-clockwise from the board's +X, 0 to 360.
+     */
+    float target_azimuth_deg;
+    /**
+     * From the camera to the target, camera frame, mm: x right, y down, z forward. An arrow along x and
+     * y in the picture shows the way.
+     */
+    float offset_mm[3];
+    /**
+     * Angle between the view and the target, seen from the sample, degrees.
+     */
+    float degrees;
+    /**
+     * Share of the expected squared error of renderings that a photo from here would take away, 0 to 1;
+     * negative when not known.
+     */
+    float gain;
+    /**
+     * The same of the view that tells most.
+     */
+    float best_gain;
+    /**
+     * For the user, in English, UTF-8.
+     */
+    char message[SVBRDF_ADVICE_BYTES];
+} svbrdf_guidance;
+
+/**
  * Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
  */
 typedef uint32_t svbrdf_pixel_format;
@@ -924,11 +1025,6 @@ typedef struct svbrdf_image {
 } svbrdf_image;
 
 /**
- * How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
- */
-typedef uint32_t svbrdf_map_format;
-
-/**
  * What is known about a photo.
  */
 typedef struct svbrdf_frame_info {
@@ -964,50 +1060,6 @@ typedef struct svbrdf_frame_info {
      */
     float focal_35mm;
 } svbrdf_frame_info;
-
-/**
- * The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
- * photos and more contradict that clearly.
- */
-typedef struct svbrdf_paper {
-    /**
-     * Size of this struct.
-     */
-    size_t size;
-    /**
-     * 1 when the rest means something: a session of a board.
-     */
-    uint32_t known;
-    /**
-     * 0.
-     */
-    uint32_t reserved;
-    /**
-     * Scale of the print along Y relative to that along X, which is as planned.
-     */
-    double aspect;
-    /**
-     * Its standard deviation.
-     */
-    double aspect_sigma;
-    /**
-     * How far the board's left and right edges rise above its middle, and its upper and lower
-     * edges, mm.
-     */
-    double bow_mm[2];
-    /**
-     * Their standard deviations, mm.
-     */
-    double bow_sigma_mm[2];
-    /**
-     * Height of the sample's surface above the board's plane, mm.
-     */
-    double elevation_mm;
-    /**
-     * Its standard deviation, mm; 0 where the height was given.
-     */
-    double elevation_sigma_mm;
-} svbrdf_paper;
 
 /**
  * What a photo that is only looked at would be good for, see svbrdf_session_probe(). Lengths in
@@ -1151,6 +1203,55 @@ typedef struct svbrdf_probe {
 } svbrdf_probe;
 
 /**
+ * How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
+ */
+typedef uint32_t svbrdf_map_format;
+
+/**
+ * The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
+ * photos and more contradict that clearly.
+ */
+typedef struct svbrdf_paper {
+    /**
+     * Size of this struct.
+     */
+    size_t size;
+    /**
+     * 1 when the rest means something: a session of a board.
+     */
+    uint32_t known;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * Scale of the print along Y relative to that along X, which is as planned.
+     */
+    double aspect;
+    /**
+     * Its standard deviation.
+     */
+    double aspect_sigma;
+    /**
+     * How far the board's left and right edges rise above its middle, and its upper and lower
+     * edges, mm.
+     */
+    double bow_mm[2];
+    /**
+     * Their standard deviations, mm.
+     */
+    double bow_sigma_mm[2];
+    /**
+     * Height of the sample's surface above the board's plane, mm.
+     */
+    double elevation_mm;
+    /**
+     * Its standard deviation, mm; 0 where the height was given.
+     */
+    double elevation_sigma_mm;
+} svbrdf_paper;
+
+/**
  * What a thread of the library does. Values may be added.
  */
 typedef uint32_t svbrdf_thread;
@@ -1283,6 +1384,31 @@ typedef uint32_t svbrdf_sheet_format;
  * JPEG; textures of four channels are PNG of 8 bits.
  */
 #define SVBRDF_TEXTURE_JPEG 3
+
+/**
+ * Put right what svbrdf_probe.rejection names: a photo would not be used.
+ */
+#define SVBRDF_ACTION_ADJUST 1
+
+/**
+ * Keep the camera where it is: until it is steady, or a photo has been taken in.
+ */
+#define SVBRDF_ACTION_HOLD 2
+
+/**
+ * Go to the target.
+ */
+#define SVBRDF_ACTION_MOVE 3
+
+/**
+ * Nothing: take the photo now, and push it.
+ */
+#define SVBRDF_ACTION_SHOOT 4
+
+/**
+ * Nothing more: a further photo would tell little.
+ */
+#define SVBRDF_ACTION_ENOUGH 5
 
 /**
  * 3 bytes a pixel.
@@ -2049,6 +2175,39 @@ svbrdf_status svbrdf_frame_fit_init(struct svbrdf_frame_fit *fit, size_t size);
 svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
                                        uint32_t index,
                                        struct svbrdf_frame_fit *fit);
+
+/**
+ * Fills options with defaults: pass sizeof(svbrdf_guide_options).
+ */
+svbrdf_status svbrdf_guide_options_init(struct svbrdf_guide_options *options, size_t size);
+
+/**
+ * Fills guidance with defaults: pass sizeof(svbrdf_guidance).
+ */
+svbrdf_status svbrdf_guidance_init(struct svbrdf_guidance *guidance, size_t size);
+
+/**
+ * Begins guidance anew, with other options: NULL for the defaults. Guidance with defaults needs no
+ * beginning. Also tells that the photo asked for was not taken, or was rejected.
+ */
+svbrdf_status svbrdf_session_guide_begin(struct svbrdf_session *session,
+                                         const struct svbrdf_guide_options *options);
+
+/**
+ * Judges a picture of the camera's preview as svbrdf_session_probe() does and tells what to do: hold, move
+ * there, shoot now, or enough, by the board's place, blur, exposure, the camera's motion since the pictures
+ * before, and what the fit expects of a photo from here. Call it with every picture, a few a second or
+ * thirty; `info.timestamp_ns` says when it was taken, by a clock that does not jump.
+ *
+ * After SVBRDF_ACTION_SHOOT it answers SVBRDF_ACTION_HOLD until the photo has been pushed or
+ * svbrdf_guide_options.shot_seconds have passed. Runs on the calling thread alone; waits neither for the fit
+ * nor for a push. `probe` may be NULL.
+ */
+svbrdf_status svbrdf_session_guide(struct svbrdf_session *session,
+                                   const struct svbrdf_image *image,
+                                   const struct svbrdf_frame_info *info,
+                                   struct svbrdf_probe *probe,
+                                   struct svbrdf_guidance *guidance);
 
 /**
  * Fills a picture description with defaults: pass sizeof(svbrdf_image).

@@ -33,6 +33,7 @@ pub mod export;
 pub mod files;
 pub mod frame;
 pub mod geometry;
+pub mod guide;
 pub mod initial_estimate;
 mod interpolation;
 mod least_squares;

@@ -108,6 +108,18 @@ struct Probe {
     explicit operator bool() const noexcept { return acceptable; }
 };
 
+/// What to do now, see Session::guide().
+struct Guidance {
+    /// One of SVBRDF_ACTION_.
+    svbrdf_action action;
+    /// For the user.
+    std::string message;
+    /// The target and what photos from here and from there would tell.
+    svbrdf_guidance report;
+    /// The picture that was judged.
+    Probe probe;
+};
+
 /// Functions a session calls on its own thread (log also on yours). They may use the session's
 /// C handle; what they throw is dropped.
 struct Callbacks {
@@ -198,15 +210,22 @@ public:
     }
     /// Judges a photo of a board, or a picture of the preview, without taking it in.
     Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
-        svbrdf_probe report = make(svbrdf_probe_init);
-        std::vector<std::array<float, 2>> corners(1024);
-        report.corners_px = corners.front().data();
-        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
-        check(svbrdf_session_probe(get(), &image, info, &report));
-        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
-        report.corners_px = nullptr;
-        report.corners_capacity = 0;
-        return {report.acceptable == 1, report.rejection, report.advice, report, std::move(corners)};
+        return probed([&](svbrdf_probe* report) {
+            return svbrdf_session_probe(get(), &image, info, report);
+        });
+    }
+    /// Judges a picture of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
+    /// with every picture; `info->timestamp_ns` says when it was taken.
+    Guidance guide(const svbrdf_image& image, const svbrdf_frame_info& info) {
+        svbrdf_guidance report = make(svbrdf_guidance_init);
+        Probe probe = probed([&](svbrdf_probe* found) {
+            return svbrdf_session_guide(get(), &image, &info, found, &report);
+        });
+        return {report.action, report.message, report, std::move(probe)};
+    }
+    /// Begins guidance anew with other options. Also tells that the photo asked for was not taken.
+    void begin_guide(const svbrdf_guide_options& options = make(svbrdf_guide_options_init)) {
+        check(svbrdf_session_guide_begin(get(), &options));
     }
     /// Takes an accepted photo back, as if it had never come; later ones move up by one.
     void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
@@ -318,6 +337,19 @@ public:
     svbrdf_session* get() const noexcept { return owner_.get(); }
 
 private:
+    /// A probe that a call fills in, with its corners.
+    template <typename Call>
+    static Probe probed(const Call& call) {
+        svbrdf_probe report = make(svbrdf_probe_init);
+        std::vector<std::array<float, 2>> corners(1024);
+        report.corners_px = corners.front().data();
+        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
+        check(call(&report));
+        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
+        report.corners_px = nullptr;
+        report.corners_capacity = 0;
+        return {report.acceptable == 1, report.rejection, report.advice, report, std::move(corners)};
+    }
     Session() = default;
     /// Makes the session; `options` are those that `create` uses.
     template <typename Create>

@@ -114,6 +114,15 @@ void board(const std::string& folder) {
         const auto probe = session.probe(photo.view());
         CHECK(probe && probe.advice.empty() && probe.report.has_pose == 1);
         CHECK(probe.corners.size() == probe.report.corners_found && probe.corners.size() > 60);
+        if (!first) {
+            session.begin_guide();
+            auto when = svbrdf::make(svbrdf_frame_info_init);
+            CHECK(session.guide(photo.view(), when).action == SVBRDF_ACTION_HOLD);
+            when.timestamp_ns = 200000000;
+            const auto guided = session.guide(photo.view(), when);
+            CHECK(guided.action == SVBRDF_ACTION_SHOOT && !guided.message.empty());
+            CHECK(guided.probe && guided.probe.corners.size() == probe.corners.size());
+        }
         const auto pushed = session.push(photo.view());
         CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
         CHECK(!pushed.has(SVBRDF_HINT_NOTHING_NEW));

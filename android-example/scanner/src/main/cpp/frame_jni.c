@@ -4,7 +4,16 @@
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, PROBE = 43, CORNERS = 1024, FILE_INFO = 9 };
+enum {
+    IMAGE_INTS = 8,
+    PLANE_LONGS = 4,
+    LEVELS = 18,
+    PROBE = 43,
+    CORNERS = 1024,
+    FILE_INFO = 9,
+    GUIDANCE = 11,
+    GUIDE_OPTIONS = 8
+};
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -329,8 +338,104 @@ static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong 
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, probe.advice);
 }
 
+static void fill_guidance(const svbrdf_guidance *guidance, jdouble out[GUIDANCE])
+{
+    out[0] = guidance->action;
+    out[1] = guidance->photos;
+    out[2] = guidance->has_target;
+    out[3] = (jdouble)guidance->target_tilt_deg;
+    out[4] = (jdouble)guidance->target_azimuth_deg;
+    widen(guidance->offset_mm, 3, out + 5);
+    out[8] = (jdouble)guidance->degrees;
+    out[9] = (jdouble)guidance->gain;
+    out[10] = (jdouble)guidance->best_gain;
+}
+
+/* Two texts; NULL and an exception where there is no memory. */
+static jobjectArray texts(JNIEnv *env, const char *first, const char *second)
+{
+    const char *both[2];
+    const jclass bytes = (*env)->FindClass(env, "[B");
+    const jobjectArray array = bytes == NULL ? NULL : (*env)->NewObjectArray(env, 2, bytes, NULL);
+    int i;
+    both[0] = first;
+    both[1] = second;
+    for (i = 0; array != NULL && i < 2; ++i) {
+        const jbyteArray text = to_bytes(env, both[i]);
+        if (text == NULL) {
+            return NULL;
+        }
+        (*env)->SetObjectArrayElement(env, array, i, text);
+        (*env)->DeleteLocalRef(env, text);
+    }
+    return array;
+}
+
+/* What the probe has to tell, and the guidance. */
+static jobjectArray session_guide(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                  jintArray ints, jobjectArray planes, jlongArray layout,
+                                  jfloatArray levels, jfloat exposure, jint flash,
+                                  jfloat focal_35mm, jlong timestamp, jfloatArray corners,
+                                  jdoubleArray out)
+{
+    svbrdf_image image;
+    svbrdf_frame_info info;
+    svbrdf_probe probe;
+    svbrdf_guidance guidance;
+    jdouble values[PROBE + GUIDANCE];
+    float px[2 * CORNERS];
+    uint32_t found;
+
+    (void)class, (void)owner;
+    if (read_lit(env, ints, planes, layout, levels, exposure, flash, focal_35mm, &image, &info)) {
+        return NULL;
+    }
+    info.timestamp_ns = timestamp;
+    svbrdf_probe_init(&probe, sizeof probe);
+    probe.corners_px = px;
+    probe.corners_capacity = CORNERS;
+    svbrdf_guidance_init(&guidance, sizeof guidance);
+    if (throw_status(env, svbrdf_session_guide(HANDLE(svbrdf_session, handle), &image, &info,
+                                               &probe, &guidance))) {
+        return NULL;
+    }
+    fill_probe(&probe, values);
+    fill_guidance(&guidance, values + PROBE);
+    found = probe.corners_found < CORNERS ? probe.corners_found : CORNERS;
+    (*env)->SetFloatArrayRegion(env, corners, 0, (jsize)(2 * found), px);
+    if ((*env)->ExceptionCheck(env)) {
+        return NULL;
+    }
+    (*env)->SetDoubleArrayRegion(env, out, 0, PROBE + GUIDANCE, values);
+    return (*env)->ExceptionCheck(env) ? NULL : texts(env, probe.advice, guidance.message);
+}
+
+static void session_guide_begin(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                jfloatArray given)
+{
+    svbrdf_guide_options options;
+    jfloat f[GUIDE_OPTIONS];
+
+    (void)class, (void)owner;
+    if (read_floats(env, given, GUIDE_OPTIONS, f)) {
+        return;
+    }
+    svbrdf_guide_options_init(&options, sizeof options);
+    options.worth = f[0];
+    options.steady = f[1];
+    options.steady_seconds = f[2];
+    options.enough = f[3];
+    options.least = (uint32_t)f[4];
+    options.most = (uint32_t)f[5];
+    options.first_tilt_deg = f[6];
+    options.shot_seconds = f[7];
+    throw_status(env, svbrdf_session_guide_begin(HANDLE(svbrdf_session, handle), &options));
+}
+
 const JNINativeMethod frame_methods[] = {
     METHOD("fileLookAt", "(" BUFFER "JJ[D[[B)V", file_look_at),
+    METHOD("sessionGuide", "(" OWNER "J[I[" BUFFER "[J[FFIFJ[F[D)[[B", session_guide),
+    METHOD("sessionGuideBegin", "(" OWNER "J[F)V", session_guide_begin),
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
            session_push),

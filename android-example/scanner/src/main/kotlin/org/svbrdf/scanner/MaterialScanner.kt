@@ -118,6 +118,30 @@ class MaterialScanner private constructor(
         photo.probe(this, handle.now, info)
 
     /**
+     * Judges a picture of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
+     * now, or enough. Call it with every picture; [PhotoInfo.timestampNs] says when it was taken. After
+     * [Action.SHOOT] it asks to hold until the photo has been pushed. Waits neither for the fit nor for a push.
+     */
+    @JvmOverloads
+    fun guide(preview: Photo, info: PhotoInfo = PhotoInfo()): Guidance =
+        preview.guide(this, handle.now, info)
+
+    /**
+     * Begins guidance anew, with other options. Also tells that the photo asked for was not taken, or was
+     * rejected.
+     */
+    @JvmOverloads
+    fun beginGuide(options: GuideOptions = GuideOptions()) = Native.sessionGuideBegin(
+        this, handle.now,
+        options.run {
+            floatArrayOf(
+                worth, steady, steadySeconds, enough, least.toFloat(), most.toFloat(), firstTiltDeg,
+                shotSeconds,
+            )
+        },
+    )
+
+    /**
      * Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one,
      * and the fit begins anew. Takes as long as a few photos take to push.
      */
