@@ -145,26 +145,35 @@ unsafe fn package(
     Ok(export(&maps, &options)?)
 }
 
-/// Exports maps into a folder (UTF-8), which is made if missing: material.glb, material.usdz, a
-/// folder for every other format, and material.json, height.png and height.exr. All files are
-/// written or none.
+/// Writes maps into a folder (UTF-8), which is made if missing.
+///
+/// Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
+/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+/// preview.png. No file is ever half-written under its name.
+///
+/// With options: material.glb, material.usdz, a folder for every other format, and material.json,
+/// height.png and height.exr. All files are written or none.
 ///
 /// # Safety
-/// `options` was initialised by svbrdf_export_options_init(); `path` is NULL or a C string.
+/// `options` is NULL or initialised by svbrdf_export_options_init(); `path` is NULL or a C string.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_maps_export_formats(
+pub unsafe extern "C" fn svbrdf_maps_export(
     maps: *const svbrdf_maps,
     options: *const svbrdf_export_options,
     path: *const c_char,
 ) -> svbrdf_status {
     entry(|| {
-        // SAFETY: the caller vouches for string and struct.
-        let (path, package) = unsafe { (folder(path)?, package(maps, options)?) };
-        Ok(package.write(path)?)
+        // SAFETY: the caller vouches for the string.
+        let path = unsafe { folder(path) }?;
+        if options.is_null() {
+            return maps::export(&*maps::get(maps)?, path);
+        }
+        // SAFETY: the caller vouches for the struct.
+        Ok(unsafe { package(maps, options) }?.write(path)?)
     })
 }
 
-/// As svbrdf_maps_export_formats(), into memory. Free with svbrdf_package_destroy().
+/// As svbrdf_maps_export() with options, into memory. Free with svbrdf_package_destroy().
 ///
 /// # Safety
 /// `options` was initialised by svbrdf_export_options_init(); `out` is NULL or writable.

@@ -15,6 +15,7 @@ pub mod capture;
 pub mod confidence;
 pub mod export;
 pub mod frame_fit;
+mod gate;
 mod handles;
 pub mod image;
 pub mod info;

@@ -33,7 +33,7 @@ unsafe impl Sync for Sink {}
 
 impl Sink {
     /// Takes nothing.
-    const NONE: Self = Self { call: None, user_data: std::ptr::null_mut() };
+    pub(crate) const NONE: Self = Self { call: None, user_data: std::ptr::null_mut() };
 
     pub(crate) fn new(call: svbrdf_log_callback, user_data: *mut c_void) -> Self {
         Self { call, user_data }

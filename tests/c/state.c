@@ -186,9 +186,10 @@ void test_capture(const char *folder)
     CHECK(count == 8);
     OK(svbrdf_session_options_init(&options, sizeof options));
     options.threads = 1;
-    EXPECT(svbrdf_session_create_for_capture(&options, NULL, &session), SVBRDF_INVALID_HANDLE);
-    EXPECT(svbrdf_session_create_for_capture(NULL, capture, &session), SVBRDF_INVALID_ARGUMENT);
-    OK(svbrdf_session_create_for_capture(&options, capture, &session));
+    options.capture = (const svbrdf_capture *)rectified;
+    EXPECT(svbrdf_session_create(&options, &session), SVBRDF_INVALID_HANDLE);
+    options.capture = capture;
+    OK(svbrdf_session_create(&options, &session));
     EXPECT(svbrdf_session_push_capture(session, capture, 8, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_push_capture(session, NULL, 0, NULL), SVBRDF_INVALID_HANDLE);
     /* A session of another kind. */

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::board::{svbrdf_board, svbrdf_camera};
 use super::callbacks::{svbrdf_maps_callback, svbrdf_progress_callback};
+use crate::capture::svbrdf_capture;
 use crate::log::svbrdf_log_callback;
 use crate::models::svbrdf_models;
 use crate::status::{Fault, entry, svbrdf_status};
@@ -72,6 +73,9 @@ pub struct svbrdf_session_options {
     pub flash_offset_mm: *const f64,
     /// Models; NULL: those inside the library.
     pub models: *const svbrdf_models,
+    /// A capture whose scene, sample, board, camera, flash and falloff take the place of those
+    /// above; NULL: none. The session does not need it after the call.
+    pub capture: *const svbrdf_capture,
     /// Called on the session's callback thread, or NULL.
     pub on_progress: svbrdf_progress_callback,
     /// Called on the session's callback thread, or NULL.
@@ -107,6 +111,7 @@ impl Default for svbrdf_session_options {
             camera: std::ptr::null(),
             flash_offset_mm: std::ptr::null(),
             models: std::ptr::null(),
+            capture: std::ptr::null(),
             on_progress: None,
             on_maps: None,
             on_log: None,

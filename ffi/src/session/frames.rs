@@ -4,6 +4,7 @@ use engine::frame::Photo;
 use engine::session::{Pushed, Session};
 use engine::{Error, Rejection};
 
+use crate::capture::{CAPTURES, svbrdf_capture};
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{Live, act};
@@ -138,6 +139,38 @@ pub(crate) fn outcome(
             (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
         }
     }
+}
+
+/// Reads a capture's photo and takes it in, as svbrdf_session_push_frame() or
+/// svbrdf_session_push_rectified(); the report's timestamp is the index. `report` may be NULL.
+///
+/// # Safety
+/// `report` is NULL or initialised by svbrdf_frame_report_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_push_capture(
+    session: *mut svbrdf_session,
+    capture: *const svbrdf_capture,
+    index: u32,
+    report: *mut svbrdf_frame_report,
+) -> svbrdf_status {
+    act(session, |live| {
+        let capture = CAPTURES.get(capture.addr())?;
+        // SAFETY: the caller vouches for the report.
+        let size = unsafe { versioned::result_size(report) }?;
+        let frame = capture.frames.get(index as usize).ok_or_else(|| {
+            Fault::argument(format!(
+                "index: {index} given, but the capture has {} frames",
+                capture.frames.len()
+            ))
+        })?;
+        let photo = frame.read()?;
+        let pushed = match frame.rectified {
+            Some(view) => live.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
+            None => live.session.push(&photo)?,
+        };
+        // SAFETY: `size` bytes are there.
+        unsafe { tell(live, &pushed, index.into(), report, size) }
+    })
 }
 
 /// Takes an accepted photo back: the session is as if it had never come, calibration included. `index`

@@ -1,6 +1,5 @@
 //! What a session knows: the fit's state, camera and light, maps.
 
-use std::ffi::c_char;
 use std::time::Duration;
 
 use crate::handles::svbrdf_session;
@@ -199,21 +198,5 @@ pub unsafe extern "C" fn svbrdf_session_snapshot_maps(
         // SAFETY: not NULL, and the caller vouches for the rest.
         unsafe { out.write(maps::hand_out(snapshot, live.sample_mm)) };
         Ok(())
-    })
-}
-
-/// Writes the maps as they are now into a folder, as svbrdf_maps_export().
-///
-/// # Safety
-/// `path` is NULL or a C string.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_export(
-    session: *const svbrdf_session,
-    path: *const c_char,
-) -> svbrdf_status {
-    look(session, |live| {
-        // SAFETY: the caller vouches for the string.
-        let dir = unsafe { maps::folder(path) }?;
-        maps::export(&*live.session.snapshot()?, live.sample_mm, dir)
     })
 }

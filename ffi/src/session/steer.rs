@@ -62,6 +62,7 @@ pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf
                 let _ = thread.join();
             }
         }
+        live.callbacks.logging.close();
         Ok(())
     })
 }
