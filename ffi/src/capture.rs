@@ -16,8 +16,8 @@ pub struct svbrdf_capture {
 
 pub(crate) static CAPTURES: Handles<Capture> = Handles::new("capture");
 
-/// Reads capture.json of a folder (UTF-8) and checks every field; photos are read when pushed.
-/// SVBRDF_INVALID_ARGUMENT names the field at fault. Free with svbrdf_capture_destroy().
+/// Reads capture.json in a folder (UTF-8) and checks every field; photos are read when pushed. The
+/// message of SVBRDF_INVALID_ARGUMENT names the field at fault. Free with svbrdf_capture_destroy().
 ///
 /// # Safety
 /// `path` is NULL or a C string; `out` is NULL or writable.
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn svbrdf_capture_open(
     })
 }
 
-/// How many photos a capture has.
+/// Number of photos of a capture.
 ///
 /// # Safety
 /// `count` is NULL or writable.

@@ -33,7 +33,7 @@ pub extern "C" fn svbrdf_version_number() -> u32 {
     SVBRDF_VERSION_MAJOR << 16 | SVBRDF_VERSION_MINOR << 8 | SVBRDF_VERSION_PATCH
 }
 
-/// What this build has: an OR of SVBRDF_FEATURE_ values.
+/// Features of this build: an OR of SVBRDF_FEATURE_ values.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_features() -> u64 {
     let models = if cfg!(feature = "embedded-models") { SVBRDF_FEATURE_EMBEDDED_MODELS } else { 0 };

@@ -15,7 +15,7 @@ use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_for
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
-/// Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
+/// Maps as they were when svbrdf_session_snapshot_maps() was called. They do not need the session.
 pub struct svbrdf_maps {
     _opaque: (),
 }
@@ -243,7 +243,7 @@ impl Maps {
     }
 }
 
-/// Width, height (texels) and size of the sample (mm) of maps. Results may be NULL.
+/// Width and height (texels), and width and height of the sample (two floats, mm). Results may be NULL.
 ///
 /// # Safety
 /// Each pointer is NULL or writable, `sample_mm` with two floats.
@@ -272,7 +272,7 @@ pub unsafe extern "C" fn svbrdf_maps_size(
     })
 }
 
-/// A map in memory that the library owns: made when first asked for, freed with the maps.
+/// A map in memory of the library: made when first asked for, freed with the maps.
 ///
 /// # Safety
 /// `view` is NULL or was initialised by svbrdf_map_view_init().
@@ -306,8 +306,8 @@ pub unsafe extern "C" fn svbrdf_maps_view(
     })
 }
 
-/// Copies a map into the caller's memory, rows of `row_stride` bytes (0: no gap). The last row may
-/// end with its last texel. No alignment is asked for.
+/// Copies a map into the caller's memory, in rows of `row_stride` bytes (0: no gap). The last row may
+/// end with its last texel. Any alignment.
 ///
 /// # Safety
 /// `data` is NULL or has `bytes` writable bytes.

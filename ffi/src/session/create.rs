@@ -15,8 +15,7 @@ use crate::options::svbrdf_session_options;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned;
 
-/// Starts a session. On success `*session` is a handle to free with svbrdf_session_destroy();
-/// otherwise it is left as it was.
+/// Starts a session. Free it with svbrdf_session_destroy().
 ///
 /// # Safety
 /// `options` is NULL or initialised by svbrdf_session_options_init(); what it points to is what
