@@ -42,7 +42,7 @@ std::string next_view(const svbrdf::Session& session) {
         return {};
     }
     char text[100];
-    std::snprintf(text, sizeof text, "next: %.0f degrees off the top, towards %.0f degrees",
+    std::snprintf(text, sizeof text, "next: %.0f degrees off the vertical, towards %.0f degrees",
                   static_cast<double>(view->tilt_deg), static_cast<double>(view->azimuth_deg));
     return text;
 }

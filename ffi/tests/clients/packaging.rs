@@ -72,7 +72,7 @@ fn the_cmake_example_builds_and_streams_a_capture() {
     println!("{}", text.replace('\r', "\n"));
     assert!(text.contains("photo 2 cannot be used: too dark"));
     assert!(text.contains("2 photos, maps in"));
-    assert!(text.contains("degrees off the top"), "where to go next");
+    assert!(text.contains("degrees off the vertical"), "where to go next");
     assert!(out.join("normal.png").is_file() && !out.join("session.state").exists());
     let wrong = Command::new(build.join("svbrdf-stream")).arg("/nowhere").arg(&out).output();
     assert_eq!(wrong.unwrap().status.code(), Some(1));
