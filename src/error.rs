@@ -148,6 +148,35 @@ pub enum Rejection {
         /// Corners needed.
         needed: u32,
     },
+    /// Several places on the board fit what is seen equally well.
+    #[error(
+        "{found} board corners fit the board in more than one place: show more of its outline and hole"
+    )]
+    PlacementAmbiguous {
+        /// Corners found.
+        found: u32,
+    },
+    /// What is printed is not the board described.
+    #[error("this is not the board described: {0}")]
+    BoardDiffers(BoardDifference),
+    /// The corners do not fit the board seen by the given camera, but by one of another focal length.
+    #[error(
+        "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom?"
+    )]
+    OtherCamera {
+        /// The focal length that fits over that of the camera.
+        focal_ratio: f32,
+    },
+    /// The board's squares are too small in the photograph.
+    #[error(
+        "the board's squares are only {square_px:.0} px wide, {needed_px:.0} are needed: come nearer, or take larger photos"
+    )]
+    SquaresTooSmall {
+        /// Median side of a square, px.
+        square_px: f32,
+        /// Side needed, px.
+        needed_px: f32,
+    },
     /// The corners do not fit one flat board of the given layout seen by the given camera.
     #[error(
         "the corners do not match the board (RMS error {rms_px:.2} px): check its layout, lay it flat"
@@ -201,6 +230,69 @@ pub enum Rejection {
     NotFinite,
 }
 
+/// What tells a printed board from its description.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BoardDifference {
+    /// Squares are missing along its outline: the description has a row or column too many.
+    #[error(
+        "its {side} {} of squares is not printed where {rows} rows and {cols} columns are described: count them anew, with the hole",
+        if matches!(side, Side::Top | Side::Bottom) { "row" } else { "column" }
+    )]
+    SquaresMissing {
+        /// Where they should be.
+        side: Side,
+        /// Rows described.
+        rows: u32,
+        /// Columns described.
+        cols: u32,
+    },
+    /// Its markers name other squares: `top_left` or the order of the markers is another.
+    #[error(
+        "{count} markers name other squares, or stand upside down: check `top_left`, and the dictionary (older OpenCV begins boards of an even number of rows with a white square)"
+    )]
+    MarkersElsewhere {
+        /// Markers that contradict the description.
+        count: u32,
+    },
+    /// Its markers are of another dictionary.
+    #[error("its {count} markers are none of the dictionary described")]
+    MarkersUnknown {
+        /// Markers that were read.
+        count: u32,
+    },
+    /// Its markers are mirrored.
+    #[error("its markers are mirrored: the photo, or the print, was flipped")]
+    MarkersMirrored {
+        /// Markers that are right once they are mirrored.
+        count: u32,
+    },
+}
+
+/// Side of the printed board, upright.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Row 0.
+    Top,
+    /// The last row.
+    Bottom,
+    /// Column 0.
+    Left,
+    /// The last column.
+    Right,
+}
+
+impl std::fmt::Display for Side {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Top => "top",
+            Self::Bottom => "bottom",
+            Self::Left => "left",
+            Self::Right => "right",
+        })
+    }
+}
+
 fn blur_advice(direction_deg: Option<f32>) -> String {
     match direction_deg {
         Some(degrees) => format!(" along {degrees:.0} degrees: hold still"),
@@ -215,6 +307,10 @@ impl Rejection {
             Self::WrongSize { .. } => "wrong_size",
             Self::BoardNotFound => "board_not_found",
             Self::TooFewCorners { .. } => "too_few_corners",
+            Self::PlacementAmbiguous { .. } => "placement_ambiguous",
+            Self::BoardDiffers(_) => "board_differs",
+            Self::OtherCamera { .. } => "other_camera",
+            Self::SquaresTooSmall { .. } => "squares_too_small",
             Self::PoseUncertain { .. } => "pose_uncertain",
             Self::Blurred { .. } => "blurred",
             Self::TooDark { .. } => "too_dark",

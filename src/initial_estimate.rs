@@ -7,6 +7,7 @@
 mod absent;
 mod graph;
 mod highlights;
+mod manifest;
 #[cfg(feature = "networks")]
 mod operators;
 mod photo_input;
@@ -54,11 +55,13 @@ impl Networks {
     }
 
     /// The networks of a folder with `decoder.bin`, `encoder.onnx`, `photo.onnx` and
-    /// `completion.onnx`.
+    /// `completion.onnx`; `manifest.json`, where there is one, describes them.
     ///
     /// # Errors
-    /// When a file cannot be read or is damaged.
+    /// When a file cannot be read or is damaged; [`Error::Field`] where the description names a network
+    /// or an option that this version does not know.
     pub fn from_folder(folder: &Path) -> Result<Self> {
+        manifest::check(folder)?;
         let read = |name: &str| {
             let path = folder.join(name);
             std::fs::read(&path).map_err(|e| Error::io(&path, e))

@@ -60,6 +60,8 @@
 //! * `embedded-models` (default): compiles the networks into the library (10 MB, crate `svbrdf-models`).
 //! * `networks` (part of the former): runs networks, which [`session::Networks`] can also read from files. Without
 //!   it, everything but the fit works: boards, calibration, rendering, comparison, export.
+//! * `files` (default), `heic` (default): read encoded photographs with their metadata and colours (module
+//!   `files`), and HEIC among them.
 //!
 //! # Stability
 //! Versions follow semantic versioning for everything on these pages. Public modules that they do not show are
@@ -77,8 +79,11 @@ pub mod confidence;
 #[doc(hidden)]
 pub mod estimate;
 pub mod export;
+#[cfg(feature = "files")]
+pub mod files;
 pub mod frame;
 pub mod geometry;
+pub mod guide;
 #[doc(hidden)]
 pub mod initial_estimate;
 mod interpolation;
@@ -105,6 +110,6 @@ pub mod threads;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub use error::{Error, Rejection, Result, StateFault};
+pub use error::{BoardDifference, Error, Rejection, Result, Side, StateFault};
 pub use glam;
 pub use svbrdf::Svbrdf;

@@ -69,6 +69,10 @@ pub struct Observation {
     height: usize,
     /// Camera and light.
     pub view: View,
+    /// Standard deviation of the logarithm of radiances that their calibration shows, see
+    /// [`Radiometry::log_sigma`](crate::calibration::photometry::Radiometry::log_sigma); 0 where
+    /// nothing tells.
+    pub log_sigma: f32,
     /// Three planes.
     packed: Arc<Vec<Packed>>,
 }
@@ -127,7 +131,7 @@ impl Observation {
         for c in 0..3 {
             pack(&radiance[c * n..(c + 1) * n], weight, c, &mut packed[c * n..(c + 1) * n]);
         }
-        Self { width, height, view, packed: Arc::new(packed) }
+        Self { width, height, view, log_sigma: 0.0, packed: Arc::new(packed) }
     }
 
     /// From planes as they are kept.
@@ -138,7 +142,7 @@ impl Observation {
         packed: Vec<Packed>,
     ) -> Self {
         debug_assert_eq!(packed.len(), 3 * width * height);
-        Self { width, height, view, packed: Arc::new(packed) }
+        Self { width, height, view, log_sigma: 0.0, packed: Arc::new(packed) }
     }
 
     /// Texels in a row.
@@ -206,7 +210,7 @@ impl Observation {
     pub(crate) fn thinned(&self, times: u32) -> Self {
         let packed = thinned(&self.packed, self.width, times);
         let (width, height) = (self.width >> times, self.height >> times);
-        Self { width, height, view: self.view, packed: Arc::new(packed) }
+        Self { width, height, packed: Arc::new(packed), ..*self }
     }
 
     /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
@@ -253,7 +257,7 @@ impl Observation {
                 }
             },
         );
-        Self { width: w2, height: h2, view: self.view, packed: Arc::new(packed) }
+        Self { width: w2, height: h2, packed: Arc::new(packed), ..*self }
     }
 }
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 use spdx::{Expression, LicenseReq, Licensee, ParseMode};
 
 /// Crates of which binaries or packages are made.
-const SHIPPED: [&str; 4] = ["svbrdf", "svbrdf-cli", "svbrdf-ffi", "svbrdf-models"];
+const SHIPPED: [&str; 5] = ["svbrdf", "svbrdf-cli", "svbrdf-ffi", "svbrdf-models", "svbrdf-python"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -142,6 +142,11 @@ fn versions_agree() {
     assert_eq!(latest.split(' ').next(), Some(version), "CHANGELOG.md begins with {latest}");
     let port: Value = serde_json::from_str(&read("ffi/packaging/vcpkg/svbrdf/vcpkg.json")).unwrap();
     assert_eq!(port["version"], version, "the port of vcpkg");
+    let extension = "ffi/blender/extension/blender_manifest.toml";
+    let manifest: toml::Table = read(extension).parse().unwrap();
+    assert_eq!(manifest["version"].as_str(), Some(version), "{extension}");
+    let app = read("android-example/app/build.gradle.kts");
+    assert!(app.contains(&format!("versionName = \"{version}\"")), "the Android app");
     let debian: toml::Table = read("ffi/Cargo.toml").parse().unwrap();
     let debian = &debian["package"]["metadata"]["deb"];
     let [major, _, _] = numbers(version);

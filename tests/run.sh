@@ -95,4 +95,5 @@ tests/licences.sh
 tests/exports.sh
 tests/inlined.sh
 tests/report.sh
+tests/python.sh
 RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace "${oracle[@]}" --quiet

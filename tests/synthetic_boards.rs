@@ -5,9 +5,9 @@ mod common;
 
 use common::{Random, Sample, Scene, charuco, looking_at, ring};
 use glam::{DVec2, DVec3};
-use svbrdf::Rejection;
-use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
+use svbrdf::calibration::{Hole, LumaImage, Target, TopLeft, detect, estimate_pose};
 use svbrdf::geometry::Camera;
+use svbrdf::{BoardDifference, Rejection};
 
 fn camera(distortion: [f64; 5]) -> Camera {
     Camera { width: 1440, height: 1080, fx: 1050.0, fy: 1052.0, cx: 722.0, cy: 541.0, distortion }
@@ -177,6 +177,50 @@ fn blur_is_measured_and_hopeless_blur_is_refused() {
         matches!(refused, Err(Rejection::Blurred { blur_px, .. }) if blur_px > 6.0),
         "{refused:?}"
     );
+}
+
+/// What a board is that differs from its description, as the detector says it.
+fn difference(shown: &Scene, stated: &Target, mirrored: bool) -> Option<BoardDifference> {
+    let mut luma = shown.luma();
+    if mirrored {
+        luma.data.chunks_mut(luma.width).for_each(<[f32]>::reverse);
+    }
+    match detect(&luma, stated) {
+        Err(Rejection::BoardDiffers(difference)) => Some(difference),
+        Err(other) => panic!("{other}"),
+        Ok(_) => None,
+    }
+}
+
+#[test]
+fn what_tells_a_board_from_its_description_is_said() {
+    let hole =
+        |row, col| Hole { row_start: row, col_start: col, row_end: row + 13, col_end: col + 10 };
+    let printed =
+        Target { rows: 19, cols: 14, hole: hole(3, 2), patches: false, ..ring(19, 14, 3) };
+    for tilt in [5.0, 35.0] {
+        let shown = scene(printed.clone(), tilt, 70);
+        assert_eq!(difference(&shown, &printed, false), None);
+        let larger = Target { rows: 20, cols: 15, hole: hole(4, 3), ..printed.clone() };
+        let missing = difference(&shown, &larger, false);
+        assert!(
+            matches!(missing, Some(BoardDifference::SquaresMissing { rows: 20, cols: 15, .. })),
+            "{missing:?}"
+        );
+        let marked = scene(charuco(13, 12, 2), tilt, 71);
+        assert_eq!(difference(&marked, &marked.target, false), None);
+        let turned = Target { top_left: TopLeft::White, ..marked.target.clone() };
+        let elsewhere = difference(&marked, &turned, false);
+        assert!(
+            matches!(elsewhere, Some(BoardDifference::MarkersElsewhere { count }) if count > 20),
+            "{elsewhere:?}"
+        );
+        let flipped = difference(&marked, &marked.target, true);
+        assert!(
+            matches!(flipped, Some(BoardDifference::MarkersMirrored { count }) if count > 20),
+            "{flipped:?}"
+        );
+    }
 }
 
 #[test]

@@ -49,7 +49,7 @@ class Ranges:
     lobed_chance: float = 0.2
     lobed: tuple = (0.02, 0.15)
     # what the capture knows: flash (half widths, log) and camera (share of its distance)
-    flash_chance: float = 0.5
+    flash_chance: float = 1.0
     flash_offset: tuple = (0.01, 0.25)
     camera_sigma: float = 0.004
     # optics: Gaussian blur and registration, texels
@@ -72,8 +72,10 @@ class Ranges:
     clip_low: tuple = (0.5, 1.3)
     clip_share_chance: float = 0.3
     clip_share: tuple = (0.001, 0.3)
+    # saturation that nothing marks: files that a tone curve ends below their largest value
+    unmarked_chance: float = 0.2
     # file: residual exponent and shoulder of the tone curve, JPEG quality
-    tone_chance: float = 0.3
+    tone_chance: float = 0.5
     tone_sigma: float = 0.08
     shoulder: tuple = (0.0, 0.8)
     jpeg_chance: float = 0.4
@@ -307,6 +309,7 @@ def sensor(radiance, draws, ranges):
     # resampling spreads the mark to neighbours
     spread = draws.chance(0.5 * (ranges.clip_chance > 0))
     saturated = torch.where(spread, F.max_pool2d(saturated, 3, 1, 1), saturated)
+    saturated = torch.where(draws.chance(ranges.unmarked_chance), 0.0, saturated)
     return developed(torch.minimum(radiance, level), level, draws, ranges), saturated
 
 

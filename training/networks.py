@@ -262,10 +262,12 @@ class PhotoNetwork(nn.Module):
     # Logarithm of the standard deviation of an encoded map: middle and half the range
     LOG_SIGMA = (-2.5, 2.5)
 
-    def __init__(self, widths=(24, 48, 72, 128, 160), spread=False, rounds=1):
+    def __init__(self, widths=(24, 48, 72, 128, 160), spread=False, rounds=1, deep=False):
         super().__init__()
         self.options = {"widths": list(widths), "spread": spread, "rounds": rounds}
-        self.has_spread, self.rounds = spread, rounds
+        if deep:
+            self.options["deep"] = True
+        self.has_spread, self.rounds, self.deep = spread, rounds, deep
         a, b, c, d, e = self.widths = widths
         self.down1 = nn.Conv2d(PHOTO_CHANNELS, a, 4, 2, 1)  # 1/2
         self.down2 = nn.Conv2d(a, b, 4, 2, 1)  # 1/4
@@ -289,6 +291,9 @@ class PhotoNetwork(nn.Module):
         self.up1 = nn.ConvTranspose2d(b, a, 4, 2, 1)
         self.mix1 = nn.Conv2d(2 * a, a, 3, 1, 1)
         self.out = nn.ConvTranspose2d(a, 9, 4, 2, 1)
+        if deep:  # at 1/4 and 1/8, down and up; the identity to begin with
+            self.deep2, self.deep3 = Residual(b, damp=0.0), Residual(c, damp=0.0)
+            self.deep_up3, self.deep_up2 = Residual(c, damp=0.0), Residual(b, damp=0.0)
         if spread:
             self.spread1 = nn.Conv2d(a, a, 3, 1, 1)
             self.spread = nn.ConvTranspose2d(a, 9, 4, 2, 1)
@@ -303,7 +308,11 @@ class PhotoNetwork(nn.Module):
         act = lambda x: F.leaky_relu(x, SLOPE)
         x1 = act(self.down1(photo))
         x2 = self.down2(x1)
+        if self.deep:
+            x2 = self.deep2(x2)
         x3 = self.res3(self.down3(act(x2)))
+        if self.deep:
+            x3 = self.deep3(x3)
         x4 = self.down4(act(x3))
         for _ in range(self.rounds):
             x4 = self.res4(x4)
@@ -320,7 +329,11 @@ class PhotoNetwork(nn.Module):
         y = act(self.mix5(y) + x5)
         y = self.mix4(self.up4(y) + x4 + self.global4(g))
         y = self.mix3(self.up3(act(y)) + x3 + self.global3(g))
+        if self.deep:
+            y = self.deep_up3(y)
         y = self.mix2(self.up2(act(y)) + x2)
+        if self.deep:
+            y = self.deep_up2(y)
         y = act(self.up1(act(y)))
         return act(self.mix1(torch.cat([y, x1], 1)))
 

@@ -1,7 +1,7 @@
 """Procedural materials for what free material sets lack: leather, woven and
 knitted fabric, plastics, painted, brushed, polished and rough metals, ceramics
-with grout, varnished wood, paper, polished stone, patchworks; and, from relief.py,
-strong relief.
+with grout, varnished wood, paper, polished stone, patchworks; from relief.py strong
+relief; from prints.py what is patterned and flat, or dyed through.
 
 Every generator takes (size, rng) and returns (height or slope, kd, ks,
 roughness) as float32 arrays; everything tiles. The whole module is numpy only.
@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 import torch
 
+import prints
 import relief
 from data import OWN_LICENCE, PackWriter
 from renderer import encode_maps
@@ -386,6 +387,7 @@ FAMILIES = {
     "patchwork": (patchwork, 3),
     "plain": (plain, 3),
     **relief.FAMILIES,
+    **prints.FAMILIES,
 }
 
 

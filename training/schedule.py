@@ -113,7 +113,10 @@ class Run:
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
-        if torch.isfinite(norm):
+        if norm.is_cuda:  # decided on the device: asking would wait for it
+            self.optimizer.found_inf = (~torch.isfinite(norm)).float()
+            self.optimizer.step()
+        elif torch.isfinite(norm):
             self.optimizer.step()
         self.step += 1
         self.samples += batch

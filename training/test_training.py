@@ -44,6 +44,43 @@ def only(**faults_on):
     return Ranges(**{**vars(Ranges.none()), **faults_on})
 
 
+class DeepBlocks(unittest.TestCase):
+    def test_begin_as_the_identity(self):
+        """A checkpoint without the blocks goes on as it was."""
+        torch.manual_seed(3)
+        plain = PhotoNetwork(rounds=2).eval()
+        deep = PhotoNetwork(rounds=2, deep=True).eval()
+        self.assertEqual(deep.options["deep"], True)
+        missing, unexpected = deep.load_state_dict(plain.state_dict(), strict=False)
+        self.assertTrue(missing and all(name.startswith("deep") for name in missing))
+        self.assertFalse(unexpected)
+        photo = torch.rand(1, PHOTO_CHANNELS, 64, 32)
+        with torch.no_grad():
+            self.assertTrue(torch.equal(OnePhoto(plain)(photo), OnePhoto(deep)(photo)))
+
+
+class Saturation(unittest.TestCase):
+    def test_may_be_unmarked(self):
+        e = uniform_maps(8, kd=0.8)
+        camera, light = photo_configurations(8)
+        ranges = only(clip_chance=1.0, clip=(0.1, 0.1), clip_low_chance=0.0, clip_share_chance=0.0)
+        radiance, _, marked, _, _ = faults.photograph(e, camera, light, ranges, generator=seeded())
+        self.assertTrue(bool((radiance.amax((1, 2, 3)) <= 0.1001).all()) and float(marked.amin()) == 1)
+        hidden = Ranges(**{**vars(ranges), "unmarked_chance": 1.0})
+        radiance, _, marked, _, _ = faults.photograph(e, camera, light, hidden, generator=seeded())
+        self.assertTrue(bool((radiance.amax((1, 2, 3)) <= 0.1001).all()) and float(marked.amax()) == 0)
+
+
+class Prints(unittest.TestCase):
+    def test_are_flat_whatever_their_pattern(self):
+        for name in ("printed", "foil"):
+            for seed in range(4):
+                e = torch.from_numpy(procedural.generate(name, 128, seed))
+                slope, kd, ks, _ = decode_maps(e[None])
+                self.assertLess(float((slope**2).sum(1).mean().sqrt()), 0.2, (name, seed))
+                self.assertGreater(float((kd + ks).std((2, 3)).max()), 0.005, (name, seed))
+
+
 class Lobe(unittest.TestCase):
     def test_distribution_of_normals_is_normalised(self):
         # integral of D cos over the hemisphere; midpoints in t = cos² make it 1/2 mean(pi D) dt

@@ -82,6 +82,7 @@ def options():
     parser.add_argument("--amplitude-weight", type=float, default=0.005, help="of the amount of relief in the loss")
     parser.add_argument("--single", type=float, default=1.0, help="share of examples with one photo")
     parser.add_argument("--rounds", type=int, default=1, help="passes of the blocks at low resolution")
+    parser.add_argument("--deep", action="store_true", help="residual blocks at 1/4 and 1/8 as well")
     parser.add_argument("--spread", action="store_true", help="predict standard deviations too")
     parser.add_argument("--init", help="checkpoint whose averaged weights to start from")
     parser.set_defaults(size=96)
@@ -93,7 +94,7 @@ def main():
     torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
     pool = MaterialPool(args.packs, args.device, real_share=args.real_share)
-    model, licences = PhotoNetwork(spread=args.spread, rounds=args.rounds), [pool.licences()]
+    model, licences = PhotoNetwork(spread=args.spread, rounds=args.rounds, deep=args.deep), [pool.licences()]
     if args.init and not os.path.exists(os.path.join(args.work, "photo.pt")):
         _, state = load_ema(model, args.init, widen_photo_input)
         licences.append(state.get("licences", {}))

@@ -102,6 +102,17 @@ fun captureToMaps() {
             verify(probe.timestampNs == 1000L + i && probe.whiteLevel!! > 0.05f) { "light" }
             verify((probe.view!!.offNextDeg == null) == (i == 0)) { "next" }
             verify(probe.view.samplePx.size == 4 && probe.view.sampleSeen == 1f) { "sample" }
+            if (i == 0) {
+                scanner.beginGuide(GuideOptions(steadySeconds = 0.1f))
+                verify(scanner.guide(photo(i), info).action == Action.HOLD) { "not steady yet" }
+                val guided = scanner.guide(photo(i), PhotoInfo(1f, Flash.TORCH, 150_000_000L))
+                verify(guided.action == Action.SHOOT && guided.photos == 0) { guided.message }
+                verify(guided.target!!.tiltDeg == 0f && guided.gain == null) { guided.message }
+                verify(guided.probe.corners.size == probe.corners.size) { "probe" }
+                scanner.beginGuide(GuideOptions(most = 0))
+                verify(scanner.guide(photo(i), info).action == Action.ENOUGH) { "options" }
+                scanner.beginGuide()
+            }
             val pushed = scanner.push(photo(i, direct = i == 0), info)
             verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
             verify(pushed.timestampNs == 1000L + i) { "$pushed" }

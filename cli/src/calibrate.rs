@@ -10,10 +10,9 @@ use svbrdf::calibration::{
     estimate_camera, estimate_camera_and_paper,
 };
 use svbrdf::export::write_atomic;
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::files;
 
 use crate::board_text::targets;
-use crate::dng;
 use crate::failure::{Failure, Result};
 
 /// Calibrate a camera from photographs of a printed board
@@ -118,14 +117,9 @@ fn look<'a>(path: &'a Path, targets: &[Target]) -> Result<Image<'a>> {
         prior: None,
         corners: Vec::new(),
     };
-    let encoding = match path.extension().and_then(|e| e.to_str()) {
-        Some(e) if e.eq_ignore_ascii_case("exr") => Encoding::Linear,
-        _ => Encoding::Srgb,
-    };
-    let read =
-        if dng::is_named(path) { dng::read(path, 1.0) } else { Photo::read(path, encoding, 1.0) };
+    let read = files::read(path, &files::Options { exposure: Some(1.0), ..Default::default() });
     let photo = match read {
-        Ok(photo) => photo,
+        Ok(decoded) => decoded.photo,
         Err(fault @ Error::Image { .. }) => {
             image.status = Some("unreadable");
             image.message = fault.to_string();

@@ -5,7 +5,6 @@ mod board;
 mod board_text;
 mod calibrate;
 mod compare;
-mod dng;
 mod export;
 mod failure;
 mod fit;

@@ -1,10 +1,7 @@
 //! Raw photographs.
 
 mod common;
-#[allow(dead_code)] // some of it is for folders
-#[path = "../src/dng/mod.rs"]
-mod dng;
-#[path = "common/negatives.rs"]
+#[path = "../../tests/common/negatives.rs"]
 mod negatives;
 
 use std::fs;
@@ -15,6 +12,7 @@ use glam::{DMat3, DVec3};
 use negatives::{Negative, Storage, Values};
 use serde_json::Value;
 use svbrdf::capture::Capture;
+use svbrdf::files::{self, Options};
 use svbrdf::frame::{Photo, Primaries, Rotation};
 
 const SIZE: [u32; 2] = [38, 26];
@@ -52,6 +50,7 @@ fn negative(mix: DMat3, picture: impl Fn(u32, u32) -> DVec3) -> Negative {
     Negative {
         size: SIZE,
         bits: 16,
+        channels: 1,
         samples: samples.collect(),
         storage: Storage::Strips(h),
         big_endian: false,
@@ -77,7 +76,8 @@ fn read_bytes(bytes: &[u8]) -> Result<Photo, String> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("shot.dng");
     fs::write(&path, bytes).unwrap();
-    dng::read(&path, 1.0).map_err(|fault| fault.to_string())
+    let options = Options { exposure: Some(1.0), ..Options::default() };
+    files::read(&path, &options).map(|d| d.photo).map_err(|fault| fault.to_string())
 }
 
 /// Largest difference from a picture, two pixels of the margin aside: what lies behind the margin
@@ -184,6 +184,87 @@ fn colours_and_grays_come_out_as_they_were() {
     assert!(off < 1e-3, "{off}");
 }
 
+/// The same camera's file when it has demosaicked the values itself.
+fn demosaicked(mix: DMat3, picture: impl Fn(u32, u32) -> DVec3) -> Negative {
+    let plain = negative(mix, &picture);
+    let [w, h] = SIZE;
+    let stored = |v: f64| (BLACK + v * (WHITE - BLACK)).round().min(WHITE) as u16;
+    let pixel = |i| (mix * picture(i % w, i / w)).to_array().map(stored);
+    let samples = (0..w * h).flat_map(pixel).collect();
+    Negative { channels: 3, samples, ..plain }.without(33421).without(33422)
+}
+
+#[test]
+fn demosaicked_files_are_read() {
+    let mix = mixed();
+    let scaled = |x, y| ramp(x, y) * green(mix);
+    let plain = demosaicked(mix, ramp);
+    let known = read(&plain).unwrap();
+    assert!(error(&known, scaled) < 6.0 * STEP);
+    for storage in [Storage::Strips(5), Storage::Tiles(16, 16), Storage::Jpeg(16, 16, 1, 3)] {
+        for (big_endian, below) in [(false, true), (true, false)] {
+            let other = Negative { storage, big_endian, below, ..plain.clone() };
+            assert!(read(&other).unwrap().to_linear() == known.to_linear(), "{storage:?}");
+        }
+    }
+    // Fewer bits, and a level of darkness for each channel.
+    let samples = plain.samples.iter().map(|v| v >> 4).collect();
+    let narrow = Negative { bits: 10, samples, ..plain.clone() };
+    let narrow = narrow.set(50714, Values::Longs(vec![BLACK as u32 >> 4; 3]));
+    let narrow = narrow.set(50717, Values::Longs(vec![WHITE as u32 >> 4; 3]));
+    assert!(error(&read(&narrow).unwrap(), scaled) < 6.0 * 16.0 * STEP);
+    // Cropped and turned as others are.
+    let turned = plain.clone().set(274, Values::Shorts(vec![6]));
+    let turned =
+        turned.set(50719, Values::Longs(vec![4, 2])).set(50720, Values::Longs(vec![20, 10]));
+    let photo = read(&turned).unwrap();
+    let expected = known.cropped(4, 2, 20, 10).turned(Rotation::Quarter);
+    assert!(photo.to_linear() == expected.to_linear() && photo.width() == 10);
+    let bright = demosaicked(DMat3::IDENTITY, |x, _| DVec3::splat(if x < 20 { 0.5 } else { 1.2 }));
+    let photo = read(&bright).unwrap();
+    assert!(!photo.is_clipped(10, 10) && photo.is_clipped(30, 10));
+}
+
+#[test]
+fn white_may_be_a_chromaticity_and_matrices_are_interpolated() {
+    let mix = mixed();
+    let scaled = |x, y| ramp(x, y) * green(mix);
+    // D65.
+    let by_place = negative(mix, ramp).without(50728);
+    let by_place = by_place.set(50729, Values::Millionths(vec![0.312_727, 0.329_023]));
+    assert!(error(&read(&by_place).unwrap(), scaled) < 1e-3);
+
+    // CIE's illuminant B, 4874 K, between A (2856 K) and D65 (6504 K): shares in reciprocals.
+    let to_camera = |turn: f64| {
+        let turned = DMat3::from_diagonal(DVec3::new(1.0 + turn, 1.0, 1.0 - turn));
+        turned * mix * Primaries::Rec709.to_xyz().inverse()
+    };
+    let (a, d65) = (to_camera(0.2), to_camera(0.0));
+    let share = (1.0 / 4874.0 - 1.0 / 6504.0) / (1.0 / 2856.0 - 1.0 / 6504.0);
+    let between = a * share + d65 * (1.0 - share);
+    let white = Values::Millionths(vec![0.348_42, 0.351_61]);
+    let base = negative(mix, ramp).without(50728).set(50729, white);
+    let single = base.clone().set(50721, rows(between)).without(50778);
+    let both = base.set(50721, rows(a)).set(50722, rows(d65));
+    let swapped = both.clone().set(50721, rows(d65)).set(50722, rows(a));
+    let lights = |n: Negative, first: u16, second: u16| {
+        n.set(50778, Values::Shorts(vec![first])).set(50779, Values::Shorts(vec![second]))
+    };
+    let expected = read(&single).unwrap().to_linear();
+    for interpolated in [lights(both.clone(), 17, 21), lights(swapped, 21, 17)] {
+        let found = read(&interpolated).unwrap().to_linear();
+        let off = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // The temperature comes from a formula good to some kelvin.
+        assert!(off < 1e-3, "{off}");
+    }
+    // Under D65, only the matrix for it counts.
+    let day = lights(both, 17, 21).without(50729);
+    let day = day.set(50728, Values::Millionths((mix * DVec3::ONE).to_array().to_vec()));
+    assert!(error(&read(&day).unwrap(), scaled) < 6.0 * STEP);
+    let neither = negative(mix, ramp).without(50728);
+    assert!(read(&neither).unwrap_err().contains("neither AsShotNeutral nor AsShotWhiteXY"));
+}
+
 #[test]
 fn black_white_and_clipped_values_are_told() {
     let levels = [100u32, 300, 500, 700];
@@ -255,12 +336,13 @@ fn faults_are_named() {
     let plain = negative(DMat3::IDENTITY, ramp);
     let longs = |v: &[u32]| Values::Longs(v.to_vec());
     for (bad, expected) in [
-        (plain.clone().without(50706), "not a DNG"),
+        (plain.clone().without(50706), "a raw file of a camera maker"),
         (plain.clone().without(50721), "no colour matrix"),
         (plain.clone().without(50728), "AsShotNeutral"),
         (plain.clone().set(259, Values::Shorts(vec![8])), "compression 8"),
         (plain.clone().set(259, Values::Shorts(vec![34892])), "compression 34892"),
-        (plain.clone().set(262, Values::Shorts(vec![34892])), "LinearRaw"),
+        (plain.clone().set(262, Values::Shorts(vec![34892])), "1 values of 16 bits a pixel; 3"),
+        (plain.clone().set(259, Values::Shorts(vec![52546])), "JPEG XL"),
         (plain.clone().set(33421, Values::Shorts(vec![6, 6])), "colour filters 6 x 6"),
         (plain.clone().set(256, longs(&[4_000_000])).set(257, longs(&[4_000_000])), "4000000 x"),
         (plain.clone().set(256, longs(&[0])), "0 x 26"),
@@ -273,8 +355,8 @@ fn faults_are_named() {
         let said = read(&bad).err().unwrap_or_default();
         assert!(said.contains(expected) && said.contains("shot.dng"), "{expected}: {said}");
     }
-    let said = read_bytes(b"\x89PNG\r\n").err().unwrap();
-    assert!(said.contains("not a DNG") && said.contains("shot.dng"), "{said}");
+    let said = read_bytes(b"hello").err().unwrap();
+    assert!(said.contains("not a picture") && said.contains("shot.dng"), "{said}");
 }
 
 #[test]

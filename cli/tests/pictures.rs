@@ -116,6 +116,59 @@ fn exposure_order_and_camera_come_from_metadata() {
     assert_eq!(fit_again(&moved.join("capture.json"), &dir.path().join("moved")), first);
 }
 
+#[test]
+fn zoomed_photographs_are_left_out_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("photos");
+    fs::create_dir(&folder).unwrap();
+    for (i, shot) in SHOTS.iter().enumerate() {
+        let zoom = if i == 1 { ([13, 10], 35) } else { ([1, 1], 27) };
+        let written = Written {
+            model: Some("Phone"),
+            exposure: Some(([1, 50], 100, 18)),
+            zoom: Some(zoom),
+            ..Written::default()
+        };
+        written.save(&folder.join(format!("{i}.jpg")), shot);
+    }
+    let out = dir.path().join("maps");
+    let said = fit(&[&folder], &out);
+    assert!(said.contains("1.jpg: digital zoom: 1.30 times, most none"), "{said}");
+    assert!(!said.contains("lay it flat") && !said.contains("not linear"), "{said}");
+    let report = json(&out.join("report.json"));
+    assert_eq!(report["frames"].as_array().unwrap().len(), 2);
+    let rows = report["frames"].as_array().unwrap();
+    assert!(rows.iter().all(|row| row["residual"].is_number() && row["contradicts"] == false));
+}
+
+/// Linear values in a PNG file that says so are those of the same picture in sRGB.
+#[test]
+fn a_linear_png_is_read_as_linear() {
+    let dir = tempfile::tempdir().unwrap();
+    let (plain, linear) = (dir.path().join("plain.png"), dir.path().join("linear.png"));
+    Written::default().save(&plain, &SHOTS[0]);
+    let deep = image::ImageBuffer::from_fn(SHOTS[0].width(), SHOTS[0].height(), |x, y| {
+        let stored = |v: u8| {
+            let value = svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0);
+            (65_535.0 * value).round() as u16
+        };
+        image::Rgb(SHOTS[0].get_pixel(x, y).0.map(stored))
+    });
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image::DynamicImage::ImageRgb16(deep).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    let bytes = bytes.into_inner();
+    // gAMA 100000 with its checksum, behind the header.
+    let gama = [0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xA0, 0x31, 0xE8, 0x96, 0x5F];
+    fs::write(&linear, [&bytes[..33], &gama, &bytes[33..]].concat()).unwrap();
+    for path in [&plain, &linear] {
+        let said = fit(&[path], &path.with_extension("maps"));
+        assert!(!said.contains("not linear"), "{said}");
+    }
+    let (mean, worst) = difference(&plain.with_extension("maps"), &linear.with_extension("maps"));
+    // Clipped pixels are told apart at another level of 16 bits.
+    assert!(mean < 0.1 && worst < 1.0, "{mean} {worst}");
+}
+
 /// The published pairs that tell the parts of the formula apart.
 #[test]
 fn colour_differences_are_those_of_the_standard() {
@@ -247,8 +300,9 @@ fn a_turned_picture_gives_the_same_maps() {
 fn photographs_lie_as_the_sensor_saw_them() {
     let dir = tempfile::tempdir().unwrap();
     let shots = &*SHOTS;
-    let maps = [[1, 1, 1], [1, 3, 6]].map(|orientations| {
-        let folder = dir.path().join(format!("photos{}", orientations[1]));
+    // The last two, mirrored: the maps are the mirror image's then, however the phone was held.
+    let maps = [[1, 1, 1], [1, 3, 6], [2, 2, 2], [2, 5, 7]].map(|orientations| {
+        let folder = dir.path().join(format!("photos{orientations:?}"));
         fs::create_dir(&folder).unwrap();
         for (i, (shot, orientation)) in shots.iter().zip(orientations).enumerate() {
             let written = Written { orientation: Some(orientation), ..Written::default() };
@@ -260,10 +314,12 @@ fn photographs_lie_as_the_sensor_saw_them() {
         assert_eq!(fit_again(&out, &folder.with_extension("again")), maps);
         let capture = json(&out.join("capture.json"));
         let turn = |i: usize| capture["frames"][i]["turn"].as_u64().unwrap_or(0);
-        assert!([0, 1, 2].map(turn) == [0; 3] || [0, 1, 2].map(turn) == [0, 180, 270]);
+        let turns = [0, 1, 2].map(turn);
+        assert!([[0; 3], [0, 180, 270], [0, 90, 270]].contains(&turns), "{turns:?}");
         maps
     });
     assert_eq!(maps[0], maps[1]);
+    assert_eq!(maps[2], maps[3]);
 }
 
 #[test]
@@ -280,8 +336,9 @@ fn pictures_that_cannot_be_used_are_named() {
         assert!(!out.join("capture.json").exists());
     };
     refused(&[], &["photos: neither capture.json nor photographs", "JPEG"]);
-    fs::write(folder.join("IMG_1.HEIC"), b"heic").unwrap();
-    refused(&[], &["IMG_1.HEIC", "must be converted", "Most Compatible"]);
+    fs::write(folder.join("IMG_1.JPG"), b"\0\0\0\x18ftypavif\0\0\0\0mif1avif").unwrap();
+    fs::write(folder.join("IMG_2.CR3"), b"\0\0\0\x14ftypcrx \0\0\0\0crx ").unwrap();
+    refused(&[], &["IMG_1.JPG: an AVIF picture", "convert it", "IMG_2.CR3", "convert it to DNG"]);
     fs::write(folder.join("text.jpg"), b"no picture").unwrap();
     refused(&[], &["text.jpg", "unreadable", "every photo was rejected"]);
     refused(&["--sample-mm", "300"], &["--sample-mm 300x300", "115x126.5"]);
@@ -356,6 +413,12 @@ fn photographs_are_taken_as_they_arrive() {
     assert_eq!(until("photo")["status"], "accepted");
     assert_eq!(until("maps")["photographs"], 1);
     let first = fs::read(out.join("maps.exr")).unwrap();
+    // Somebody tidies up; a picture of another format, under another name.
+    let aside = dir.path().join("aside.jpg");
+    fs::rename(incoming.join("one.jpg"), &aside).unwrap();
+    fs::write(incoming.join("x.jpg"), b"\0\0\0\x18ftypavif\0\0\0\0mif1avif").unwrap();
+    let left_out = until("left_out");
+    assert!(left_out["reason"].as_str().unwrap().contains("an AVIF picture"), "{left_out}");
     // A file that stands still halfway is refused, and taken when the rest has come.
     let bytes = photo("two.jpg", &shots[1]);
     fs::write(incoming.join("two.jpg"), &bytes[..bytes.len() / 2]).unwrap();
@@ -371,6 +434,7 @@ fn photographs_are_taken_as_they_arrive() {
     assert_ne!(first, second);
     assert_eq!(json(&out.join("capture.json"))["frames"].as_array().unwrap().len(), 2);
     assert_eq!(json(&out.join("report.json"))["interrupted"], false);
+    fs::rename(aside, incoming.join("one.jpg")).unwrap();
     let again = dir.path().join("again");
     let settings = &FAST[2..7];
     succeed(&[&["fit", text(&out), "--out", text(&again)][..], settings].concat());

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use engine::capture::Capture;
 
 use crate::handles::Handles;
+use crate::log::{self, SVBRDF_LOG_WARNING};
 use crate::maps::folder;
 use crate::status::{Fault, entry, svbrdf_status};
 
@@ -32,6 +33,9 @@ pub unsafe extern "C" fn svbrdf_capture_open(
         }
         // SAFETY: the caller vouches for the string.
         let capture = Capture::load(unsafe { folder(path) }?)?;
+        for warning in &capture.warnings {
+            log::write(SVBRDF_LOG_WARNING, || warning.clone());
+        }
         let handle = Handles::<Capture>::reserve();
         CAPTURES.insert(handle, Arc::new(capture));
         // SAFETY: not NULL, and the caller vouches for the rest.

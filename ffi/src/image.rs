@@ -200,6 +200,18 @@ fn unknown<T>(field: &str, value: u32) -> Result<T, Fault> {
 /// Bytes of a pixel in floats.
 pub(crate) const FLOATS: u64 = 12;
 
+/// The curve that a field of a struct names.
+pub(crate) fn encoding(field: &'static str, transfer: svbrdf_transfer) -> Result<Encoding, Fault> {
+    Ok(match transfer {
+        SVBRDF_TRANSFER_LINEAR => Encoding::Linear,
+        SVBRDF_TRANSFER_SRGB => Encoding::Srgb,
+        SVBRDF_TRANSFER_GAMMA22 => Encoding::Gamma22,
+        SVBRDF_TRANSFER_HLG => Encoding::Hlg,
+        SVBRDF_TRANSFER_PQ => Encoding::Pq,
+        other => return Err(crate::values::unknown(field, other)),
+    })
+}
+
 impl svbrdf_image {
     /// Bytes of a pixel of the photo that [`svbrdf_image::photo`] makes.
     pub(crate) fn photo_bytes(&self) -> u64 {
@@ -276,14 +288,7 @@ impl svbrdf_image {
     }
 
     fn encoding(&self) -> Result<Encoding, Fault> {
-        Ok(match self.transfer {
-            SVBRDF_TRANSFER_LINEAR => Encoding::Linear,
-            SVBRDF_TRANSFER_SRGB => Encoding::Srgb,
-            SVBRDF_TRANSFER_GAMMA22 => Encoding::Gamma22,
-            SVBRDF_TRANSFER_HLG => Encoding::Hlg,
-            SVBRDF_TRANSFER_PQ => Encoding::Pq,
-            other => return unknown("transfer", other),
-        })
+        encoding("svbrdf_image.transfer", self.transfer)
     }
 
     fn rotation(&self) -> Result<Rotation, Fault> {

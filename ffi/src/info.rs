@@ -15,6 +15,8 @@ pub const SVBRDF_FEATURE_EMBEDDED_MODELS: u64 = 1;
 pub const SVBRDF_FEATURE_YUV: u64 = 2;
 /// svbrdf_features(): raw sensor buffers are taken.
 pub const SVBRDF_FEATURE_RAW: u64 = 4;
+/// svbrdf_features(): encoded files are read: svbrdf_session_push_encoded().
+pub const SVBRDF_FEATURE_FILES: u64 = 8;
 
 /// Version of the library, e.g. "0.1.0". Static, never NULL.
 #[unsafe(no_mangle)]
@@ -37,7 +39,8 @@ pub extern "C" fn svbrdf_version_number() -> u32 {
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_features() -> u64 {
     let models = if cfg!(feature = "embedded-models") { SVBRDF_FEATURE_EMBEDDED_MODELS } else { 0 };
-    models | SVBRDF_FEATURE_YUV | SVBRDF_FEATURE_RAW
+    let files = if cfg!(feature = "files") { SVBRDF_FEATURE_FILES } else { 0 };
+    models | files | SVBRDF_FEATURE_YUV | SVBRDF_FEATURE_RAW
 }
 
 #[cfg(test)]

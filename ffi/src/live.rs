@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock};
 use std::thread::JoinHandle;
 
+use engine::guide::Guide;
 use engine::session::Session;
 
 use crate::callbacks::Callbacks;
@@ -33,6 +34,8 @@ pub(crate) struct Live {
     pub(crate) notifier: Mutex<Option<JoinHandle<()>>>,
     /// Photos that are taken in on a thread of their own.
     pub(crate) pushes: Queue,
+    /// What leads the hand that holds the camera.
+    pub(crate) guide: Mutex<Guide>,
 }
 
 pub(crate) static SESSIONS: Handles<Live> = Handles::new("session");
@@ -52,6 +55,7 @@ impl Live {
             failed: OnceLock::new(),
             notifier: Mutex::new(None),
             pushes: Queue::default(),
+            guide: Mutex::default(),
         }
     }
 

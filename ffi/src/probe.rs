@@ -180,6 +180,47 @@ impl svbrdf_probe {
     }
 }
 
+/// Where a caller wants a probe, and its corners.
+pub(crate) struct Room {
+    probe: *mut svbrdf_probe,
+    size: usize,
+    given: svbrdf_probe,
+}
+
+impl Room {
+    /// `None` for NULL.
+    ///
+    /// # Safety
+    /// `probe` is NULL or initialised.
+    pub(crate) unsafe fn of(probe: *mut svbrdf_probe) -> Result<Option<Self>, Fault> {
+        // SAFETY: as the caller vouches.
+        let size = unsafe { versioned::result_size(probe) }?;
+        let Some(size) = size else { return Ok(None) };
+        // SAFETY: as the caller vouches.
+        let given = unsafe { versioned::read(probe) }?;
+        Ok(Some(Self { probe, size, given }))
+    }
+
+    /// Writes what was found.
+    ///
+    /// # Safety
+    /// The probe is still there, and there is room for as many corners as it says.
+    pub(crate) unsafe fn write(&self, found: &Probe, timestamp_ns: i64) {
+        let svbrdf_probe { corners_px, corners_capacity, .. } = self.given;
+        let mut value = svbrdf_probe::new(found, timestamp_ns);
+        (value.corners_px, value.corners_capacity) = (corners_px, corners_capacity);
+        if !corners_px.is_null() {
+            for (i, corner) in found.corners.iter().take(corners_capacity as usize).enumerate() {
+                let px = corner.px.as_vec2().to_array();
+                // SAFETY: the caller vouches for room for that many corners.
+                unsafe { corners_px.cast::<[f32; 2]>().add(i).write_unaligned(px) };
+            }
+        }
+        // SAFETY: `size` bytes are there.
+        unsafe { versioned::write(self.probe, self.size, value) };
+    }
+}
+
 /// Fills a probe with defaults: pass sizeof(svbrdf_probe).
 ///
 /// # Safety
@@ -211,34 +252,18 @@ pub unsafe extern "C" fn svbrdf_session_probe(
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the structs.
-        let (image, info, size, given) = unsafe {
-            (
-                versioned::read(image)?,
-                svbrdf_frame_info::from_caller(info)?,
-                versioned::result_size(probe)?,
-                versioned::read(probe)?,
-            )
+        let (image, info, room) = unsafe {
+            (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?, Room::of(probe)?)
         };
-        let size = size.ok_or_else(|| Fault::argument("svbrdf_probe: NULL given"))?;
+        let room = room.ok_or_else(|| Fault::argument("svbrdf_probe: NULL given"))?;
         // SAFETY: the caller vouches for the planes.
         let photo = unsafe { info.photo(&image) }?;
         let found = match info.flash {
             SVBRDF_FLASH_OFF => live.session.probe_without_flash(&photo)?,
             _ => live.session.probe(&photo)?,
         };
-        let mut value = svbrdf_probe::new(&found, info.timestamp_ns);
-        (value.corners_px, value.corners_capacity) = (given.corners_px, given.corners_capacity);
-        if !given.corners_px.is_null() {
-            for (i, corner) in
-                found.corners.iter().take(given.corners_capacity as usize).enumerate()
-            {
-                let px = corner.px.as_vec2().to_array();
-                // SAFETY: the caller vouches for room for that many corners.
-                unsafe { given.corners_px.cast::<[f32; 2]>().add(i).write_unaligned(px) };
-            }
-        }
-        // SAFETY: `size` bytes are there.
-        unsafe { versioned::write(probe, size, value) };
+        // SAFETY: the caller vouches for what `room` was made of.
+        unsafe { room.write(&found, info.timestamp_ns) };
         Ok(())
     })
 }

@@ -38,6 +38,14 @@ pub const SVBRDF_REJECTION_SAMPLE_OUTSIDE: svbrdf_rejection = 10;
 pub const SVBRDF_REJECTION_LIGHT_NOT_VISIBLE: svbrdf_rejection = 11;
 /// The photo contains values that are not finite.
 pub const SVBRDF_REJECTION_NOT_FINITE: svbrdf_rejection = 12;
+/// Several places on the board fit what is seen.
+pub const SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS: svbrdf_rejection = 13;
+/// What is printed is not the board described; the advice says in what it differs.
+pub const SVBRDF_REJECTION_BOARD_DIFFERS: svbrdf_rejection = 14;
+/// It was taken with another lens or zoom.
+pub const SVBRDF_REJECTION_OTHER_CAMERA: svbrdf_rejection = 15;
+/// The board's squares are too small.
+pub const SVBRDF_REJECTION_SQUARES_TOO_SMALL: svbrdf_rejection = 16;
 
 /// The number of a reason.
 pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
@@ -53,6 +61,10 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
         Rejection::SampleOutside { .. } => SVBRDF_REJECTION_SAMPLE_OUTSIDE,
         Rejection::LightNotVisible => SVBRDF_REJECTION_LIGHT_NOT_VISIBLE,
         Rejection::NotFinite => SVBRDF_REJECTION_NOT_FINITE,
+        Rejection::PlacementAmbiguous { .. } => SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS,
+        Rejection::BoardDiffers(_) => SVBRDF_REJECTION_BOARD_DIFFERS,
+        Rejection::OtherCamera { .. } => SVBRDF_REJECTION_OTHER_CAMERA,
+        Rejection::SquaresTooSmall { .. } => SVBRDF_REJECTION_SQUARES_TOO_SMALL,
         _ => SVBRDF_REJECTION_OTHER,
     }
 }
@@ -81,14 +93,17 @@ pub(crate) fn measured(rejection: &Rejection) -> (f32, f32) {
         Rejection::TooDark { level } => (level, 0.0),
         Rejection::Clipped { share } | Rejection::SampleOutside { share } => (share, 0.0),
         Rejection::TooGrazing { degrees, limit } => (degrees, limit),
+        Rejection::PlacementAmbiguous { found } => (found as f32, 0.0),
+        Rejection::OtherCamera { focal_ratio } => (focal_ratio, 0.0),
+        Rejection::SquaresTooSmall { square_px, needed_px } => (square_px, needed_px),
         _ => (0.0, 0.0),
     }
 }
 
 /// Text with a NUL at its end, as much of it as there is room for.
-pub(crate) fn text(text: &str) -> [c_char; SVBRDF_ADVICE_BYTES] {
-    let end = text.floor_char_boundary(SVBRDF_ADVICE_BYTES - 1);
-    let mut out = [0; SVBRDF_ADVICE_BYTES];
+pub(crate) fn text<const N: usize>(text: &str) -> [c_char; N] {
+    let end = text.floor_char_boundary(N - 1);
+    let mut out = [0; N];
     for (to, from) in out.iter_mut().zip(text[..end].bytes()) {
         *to = c_char::from_ne_bytes([from]);
     }

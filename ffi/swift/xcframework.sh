@@ -10,8 +10,9 @@ shift
 root=$(cd "$(dirname "$0")/../.." && pwd)
 cd "$root"
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-export IPHONEOS_DEPLOYMENT_TARGET=${IPHONEOS_DEPLOYMENT_TARGET:-14.0}
-export MACOSX_DEPLOYMENT_TARGET=${MACOSX_DEPLOYMENT_TARGET:-11.0}
+# As Package.swift names them.
+export IPHONEOS_DEPLOYMENT_TARGET=${IPHONEOS_DEPLOYMENT_TARGET:-17.0}
+export MACOSX_DEPLOYMENT_TARGET=${MACOSX_DEPLOYMENT_TARGET:-14.0}
 
 targets=(aarch64-apple-ios aarch64-apple-ios-sim x86_64-apple-ios aarch64-apple-darwin
   x86_64-apple-darwin)
@@ -23,8 +24,9 @@ library() { echo "$target_dir/$1/dist/libsvbrdf.a"; }
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-mkdir -p "$work/headers" "$work/simulator" "$work/macos"
-cp include/svbrdf.h ffi/swift/module.modulemap "$work/headers"
+# Xcode copies the headers of all frameworks into one folder: in one of their own two module maps do not meet.
+mkdir -p "$work/headers/SVBRDF" "$work/simulator" "$work/macos"
+cp include/svbrdf.h ffi/swift/module.modulemap "$work/headers/SVBRDF"
 lipo -create "$(library aarch64-apple-ios-sim)" "$(library x86_64-apple-ios)" \
   -output "$work/simulator/libsvbrdf.a"
 lipo -create "$(library aarch64-apple-darwin)" "$(library x86_64-apple-darwin)" \

@@ -188,6 +188,23 @@ fn what_is_not_in_the_header_is_found() {
     assert!(header.faults(fine).is_empty());
 }
 
+/// The oldest systems that the package names are those that its library is built for, and its headers lie
+/// where two libraries' do not meet.
+#[test]
+fn the_script_and_the_package_agree() {
+    let script = fs::read_to_string(package().join("xcframework.sh")).unwrap();
+    let manifest = fs::read_to_string(package().join("Package.swift")).unwrap();
+    for (variable, platform) in
+        [("IPHONEOS_DEPLOYMENT_TARGET", ".iOS(.v"), ("MACOSX_DEPLOYMENT_TARGET", ".macOS(.v")]
+    {
+        let built = script.split(&format!("{variable}:-")).nth(1).unwrap();
+        let built = built.split('}').next().unwrap().trim_end_matches(".0");
+        let named = manifest.split(platform).nth(1).unwrap().split(')').next().unwrap();
+        assert_eq!(built, named, "{variable}");
+    }
+    assert!(script.contains("headers/SVBRDF"), "headers in a folder of the module's name");
+}
+
 /// A compiler, with the C library that it was built for.
 struct Swift {
     root: PathBuf,
@@ -254,10 +271,10 @@ fn compiles_as_for_apple(swift: &Swift, mode: &str) {
     let apple = swift.work.join(format!("apple-{mode}"));
     fs::create_dir(&apple).unwrap();
     let beside = ["-I", apple.to_str().unwrap()];
-    for module in ["CoreVideo", "Metal"] {
+    for module in ["CoreVideo", "Metal", "AVFoundation"] {
         let source = package().join(format!("check/stand-ins/{module}.swift"));
         let out = apple.join(format!("{module}.swiftmodule"));
-        swift.compile(mode, module, &[source], &["-emit-module"], &out);
+        swift.compile(mode, module, &[source], &["-emit-module", beside[0], beside[1]], &out);
     }
     let out = apple.join("SVBRDFScanner.swiftmodule");
     let emit = ["-emit-module", beside[0], beside[1]];
@@ -269,6 +286,9 @@ fn compiles_as_for_apple(swift: &Swift, mode: &str) {
         &["-c", beside[0], beside[1]],
         &apple.join("a.o"),
     );
+    let example = package().join("Example/CaptureController.swift");
+    let out = apple.join("example.o");
+    swift.compile(mode, "example", &[example], &["-c", beside[0], beside[1]], &out);
     for (i, block) in documented().into_iter().enumerate() {
         let source = apple.join(format!("block{i}.swift"));
         fs::write(&source, block).unwrap();

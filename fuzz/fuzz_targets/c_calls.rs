@@ -12,6 +12,8 @@ mod callbacks;
 mod capture;
 #[path = "../../ffi/src/confidence.rs"]
 mod confidence;
+#[path = "../../ffi/src/encoded.rs"]
+mod encoded;
 #[path = "../../ffi/src/export.rs"]
 mod export;
 #[path = "../../ffi/src/frame_fit.rs"]

@@ -131,6 +131,10 @@ enum class Rejection : svbrdf_rejection {
     sample_outside = SVBRDF_REJECTION_SAMPLE_OUTSIDE,
     light_not_visible = SVBRDF_REJECTION_LIGHT_NOT_VISIBLE,
     not_finite = SVBRDF_REJECTION_NOT_FINITE,
+    placement_ambiguous = SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS,
+    board_differs = SVBRDF_REJECTION_BOARD_DIFFERS,
+    other_camera = SVBRDF_REJECTION_OTHER_CAMERA,
+    squares_too_small = SVBRDF_REJECTION_SQUARES_TOO_SMALL,
 };
 
 /// Hints about an accepted photo: bits. Some may be added.
@@ -138,6 +142,24 @@ enum class Hint : svbrdf_hints {
     other = SVBRDF_HINT_OTHER,
     nothing_new = SVBRDF_HINT_NOTHING_NEW,
     not_linear = SVBRDF_HINT_NOT_LINEAR,
+};
+
+/// Remarks about a photo's file: bits. Some may be added.
+enum class Remark : svbrdf_remarks {
+    profile_unusable = SVBRDF_REMARK_PROFILE_UNUSABLE,
+    gain_map = SVBRDF_REMARK_GAIN_MAP,
+    mirrored = SVBRDF_REMARK_MIRRORED,
+    no_exposure = SVBRDF_REMARK_NO_EXPOSURE,
+    no_flash = SVBRDF_REMARK_NO_FLASH,
+};
+
+/// What the user is to do.
+enum class Action : svbrdf_action {
+    adjust = SVBRDF_ACTION_ADJUST,
+    hold = SVBRDF_ACTION_HOLD,
+    move = SVBRDF_ACTION_MOVE,
+    shoot = SVBRDF_ACTION_SHOOT,
+    enough = SVBRDF_ACTION_ENOUGH,
 };
 
 /// What a session is doing.

@@ -55,6 +55,17 @@ struct Probe {
     explicit operator bool() const noexcept { return acceptable; }
 };
 
+/// What to do now, see SessionView::guide().
+struct Guidance {
+    Action action;
+    /// For the user.
+    std::string message;
+    /// The target, and what photos from here and from there would add.
+    svbrdf_guidance report;
+    /// The picture that was judged.
+    Probe probe;
+};
+
 /// State of a fit.
 struct Progress {
     State state;

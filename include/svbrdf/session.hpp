@@ -105,18 +105,34 @@ public:
         svbrdf_frame_report report = make(svbrdf_frame_report_init);
         return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
     }
+    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_push_encoded(). `info`
+    /// gets what the file says of how it was taken.
+    Pushed push_encoded(Span<const std::uint8_t> file,
+                        const svbrdf_encoded_options* options = nullptr,
+                        svbrdf_file_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_encoded(get(), file.data(), file.size(), options, info,
+                                                  &report),
+                      report);
+    }
     /// Judges a photo of a board, or a picture of the preview, without taking it in.
     Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
-        svbrdf_probe report = make(svbrdf_probe_init);
-        std::vector<std::array<float, 2>> corners(1024);
-        report.corners_px = corners.front().data();
-        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
-        check(svbrdf_session_probe(get(), &image, info, &report));
-        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
-        report.corners_px = nullptr;
-        report.corners_capacity = 0;
-        return {report.acceptable == 1, Rejection{report.rejection}, report.advice, report,
-                std::move(corners)};
+        return probed([&](svbrdf_probe* report) {
+            return svbrdf_session_probe(get(), &image, info, report);
+        });
+    }
+    /// Judges a picture of the preview and says what to do: adjust, hold, move, shoot, or enough. Call it
+    /// with every picture; `info.timestamp_ns` says when it was taken.
+    Guidance guide(const svbrdf_image& image, const svbrdf_frame_info& info) {
+        svbrdf_guidance report = make(svbrdf_guidance_init);
+        Probe probe = probed([&](svbrdf_probe* found) {
+            return svbrdf_session_guide(get(), &image, &info, found, &report);
+        });
+        return {Action{report.action}, report.message, report, std::move(probe)};
+    }
+    /// Starts guidance again, with other options. Also says that a requested photo was not taken.
+    void begin_guide(const svbrdf_guide_options& options = make(svbrdf_guide_options_init)) {
+        check(svbrdf_session_guide_begin(get(), &options));
     }
     /// Takes an accepted photo back, as if it had never come; later ones move up by one.
     void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
@@ -222,6 +238,20 @@ private:
         }
         check(status);
         return {true, Rejection::none, report.advice, report};
+    }
+    /// A probe that a call fills in, with its corners.
+    template <typename Call>
+    static Probe probed(const Call& call) {
+        svbrdf_probe report = make(svbrdf_probe_init);
+        std::vector<std::array<float, 2>> corners(1024);
+        report.corners_px = corners.front().data();
+        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
+        check(call(&report));
+        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
+        report.corners_px = nullptr;
+        report.corners_capacity = 0;
+        return {report.acceptable == 1, Rejection{report.rejection}, report.advice, report,
+                std::move(corners)};
     }
     std::optional<Maps> taken(svbrdf_status (*take)(const svbrdf_session*, svbrdf_maps**)) const {
         svbrdf_maps* maps = nullptr;

@@ -10,10 +10,11 @@ use super::lattice;
 use super::layout::{Labelling, Layout};
 use super::luma::LumaImage;
 use super::marker_reading;
+use super::outline;
 use super::placement::CORNERS_MIN;
 use super::subpixel::Refiner;
 use super::target::Target;
-use crate::Rejection;
+use crate::{BoardDifference, Rejection};
 use glam::DVec2;
 
 /// Long side of the smallest version searched, px.
@@ -63,7 +64,8 @@ pub struct Detection {
 /// out.
 ///
 /// # Errors
-/// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`] or [`Rejection::Blurred`];
+/// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`], [`Rejection::PlacementAmbiguous`],
+/// [`Rejection::BoardDiffers`] or [`Rejection::Blurred`];
 /// [`Rejection::NotFinite`] when the picture holds such values or its sizes do not fit.
 pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection> {
     let Sighting { corners, blur, rejection, .. } = sight(luma, target)?;
@@ -109,6 +111,8 @@ pub(crate) fn sight(luma: &LumaImage, target: &Target) -> Result<Sighting, Rejec
             expected: all as u32,
             needed: of_share.clamp(needed, all) as u32,
         })
+    } else if let Some(difference) = difference(&layout, luma, &best.labelling) {
+        Some(Rejection::BoardDiffers(difference))
     } else {
         blur.and_then(|spread| too_soft(spread, luma, &layout, &best.labelling))
     };
@@ -120,6 +124,15 @@ pub(crate) fn sight(luma: &LumaImage, target: &Target) -> Result<Sighting, Rejec
         .filter_map(|(&(row, col), px)| Some(Corner { row, col, px: (*px)? }))
         .collect();
     Ok(Sighting { corners, in_view: in_view.round() as usize, blur, rejection })
+}
+
+/// What tells the board in the picture from the one described.
+fn difference(layout: &Layout, luma: &LumaImage, labelling: &Labelling) -> Option<BoardDifference> {
+    let Target { rows, cols, .. } = *layout.target;
+    let missing = |side| BoardDifference::SquaresMissing { side, rows, cols };
+    outline::missing(layout, luma, &labelling.model)
+        .map(missing)
+        .or_else(|| marker_reading::contradiction(layout, luma, labelling))
 }
 
 fn too_soft(
@@ -237,7 +250,7 @@ fn follow(labelling: &mut Labelling, finer: &LumaImage) {
 /// The reason that says more.
 fn more_telling(a: Rejection, b: Rejection) -> Rejection {
     let corners = |r: &Rejection| match r {
-        Rejection::TooFewCorners { found, .. } => *found,
+        Rejection::TooFewCorners { found, .. } | Rejection::PlacementAmbiguous { found } => *found,
         _ => 0,
     };
     if corners(&b) > corners(&a) { b } else { a }

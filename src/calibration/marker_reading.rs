@@ -8,6 +8,7 @@ use super::luma::LumaImage;
 use super::markers::{Dictionary, Placed};
 use super::target::{Target, TargetKind};
 use super::turns::board_of_lattice;
+use crate::BoardDifference;
 use glam::{DVec2, IVec2};
 use std::collections::HashMap;
 
@@ -24,6 +25,9 @@ const SQUARE_PX: f64 = 48.0;
 const PIECES_TRIED: usize = 60;
 /// Markers that must agree on a placement.
 pub(super) const VOTES_MIN: usize = 2;
+/// Markers that make a contradiction: of the board's own ids, and of none.
+const CONTRADICTING_MIN: u32 = 4;
+const UNKNOWN_MIN: u32 = 8;
 /// Depths of a square relative to its width that are tried where a row of corners tells the
 /// direction only.
 const DEPTHS: [f64; 19] = [
@@ -60,6 +64,43 @@ pub(super) fn agreement(
         differ += usize::from(read(image, at, &print).is_some_and(known));
     }
     (agree, differ)
+}
+
+/// What speaks against the description: markers that are those of other squares, stand turned, are
+/// mirrored or of another dictionary, where clearly fewer are as described.
+pub(super) fn contradiction(
+    layout: &Layout,
+    image: &LumaImage,
+    labelling: &Labelling,
+) -> Option<BoardDifference> {
+    let print = Print::of(layout.target)?;
+    let (mut agree, mut elsewhere, mut mirrored, mut unknown) = (0, 0, 0, 0);
+    for placed in &layout.markers {
+        let corner = placed.square.as_dvec2();
+        let at = |p: DVec2| labelling.model.project(corner + p);
+        let Some(bits) = read(image, at, &print) else { continue };
+        let is_named = |bits| (0..4).any(|turn| named(layout, bits, turn).is_some());
+        let count = if placed.marker.is(bits) {
+            &mut agree
+        } else if is_named(bits) {
+            &mut elsewhere
+        } else if is_named(print.mirrored(bits)) {
+            &mut mirrored
+        } else {
+            &mut unknown
+        };
+        *count += 1;
+    }
+    let clear = |count: u32, needed: u32| count >= needed && count > 2 * agree;
+    if clear(mirrored, CONTRADICTING_MIN) && mirrored > elsewhere {
+        Some(BoardDifference::MarkersMirrored { count: mirrored })
+    } else if clear(elsewhere, CONTRADICTING_MIN) {
+        Some(BoardDifference::MarkersElsewhere { count: elsewhere })
+    } else if clear(unknown, UNKNOWN_MIN) {
+        Some(BoardDifference::MarkersUnknown { count: unknown })
+    } else {
+        None
+    }
 }
 
 /// Places pieces of lattice found at `level` of the pyramid by the markers between their corners.
@@ -230,6 +271,13 @@ impl Print {
         let dictionary = Dictionary::named(dictionary);
         let share = marker_mm / target.square_mm;
         (dictionary.inner > 0).then_some(Self { dictionary, share })
+    }
+
+    /// Modules as a mirror shows them.
+    fn mirrored(&self, bits: u64) -> u64 {
+        let n = self.dictionary.inner;
+        let at = |row: u32, col: u32| bits >> (n * n - 1 - (row * n + col)) & 1;
+        (0..n * n).fold(0, |mirrored, i| mirrored << 1 | at(i / n, n - 1 - i % n))
     }
 }
 

@@ -30,6 +30,7 @@ mod layout;
 mod luma;
 mod marker_reading;
 mod markers;
+mod outline;
 mod paper;
 pub mod photometry;
 mod placement;

@@ -23,7 +23,7 @@ impl Layout<'_> {
     ///
     /// # Errors
     /// [`Rejection::BoardNotFound`] when no placement fits, [`Rejection::TooFewCorners`] when one
-    /// fits but too little is seen, or several fit equally.
+    /// fits but too little is seen, [`Rejection::PlacementAmbiguous`] when several fit equally.
     pub fn place(&self, image: &LumaImage, pieces: &[Vec<Node>]) -> Result<Labelling, Rejection> {
         let mut placements: Vec<(f64, Labelling)> = Vec::new();
         for piece in pieces.iter().filter(|p| p.len() >= PIECE_MIN).take(PIECES_TRIED) {
@@ -70,7 +70,7 @@ impl Layout<'_> {
         if let Some((second, _)) = grown.get(1)
             && score - second < (0.08 * found as f64).max(3.0)
         {
-            return too_few(found + 4);
+            return Err(Rejection::PlacementAmbiguous { found: found as u32 });
         }
         Ok(best.clone())
     }

@@ -1,6 +1,7 @@
 //! A capture folder: `capture.json` and its photographs.
 
 mod document;
+mod unknown;
 
 use std::path::{Path, PathBuf};
 
@@ -8,6 +9,8 @@ use glam::DVec3;
 use serde_json::Value;
 
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
+#[cfg(feature = "files")]
+use crate::files::{self, Remark};
 use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
@@ -35,6 +38,8 @@ pub struct Capture {
     pub scene: Scene,
     /// The photographs in the order of the file; at least one.
     pub frames: Vec<Frame>,
+    /// Fields of the file that are not known, hence ignored: a sentence each.
+    pub warnings: Vec<String>,
 }
 
 /// One photograph of a capture.
@@ -65,16 +70,43 @@ pub struct RectifiedView {
 }
 
 impl Frame {
-    /// Reads the photograph.
+    /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] stands for what the file says
+    /// of its colours, and DNG is read.
     ///
     /// # Errors
-    /// Those of [`Photo::read`], and when a photograph without flash has another size.
+    /// Those of `files::read`, or of [`Photo::read`] without that feature, and when a photograph
+    /// without flash has another size.
     pub fn read(&self) -> Result<Photo> {
-        let photo = Photo::read(&self.path, self.encoding, self.exposure)?;
+        #[cfg(feature = "files")]
+        return Ok(self.read_with_remarks()?.0);
+        #[cfg(not(feature = "files"))]
+        self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
+    }
+
+    /// As [`Frame::read`], and what is to be said about the file.
+    ///
+    /// # Errors
+    /// As [`Frame::read`].
+    #[cfg(feature = "files")]
+    pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
+        let mut remarks = None;
+        let photo = self.less_ambient(|path, exposure| {
+            let (encoding, exposure) = (Some(self.encoding), Some(exposure));
+            let decoded =
+                files::read(path, &files::Options { encoding, exposure, ..Default::default() })?;
+            // Those of the photograph, which comes before the one without flash.
+            remarks.get_or_insert(decoded.remarks);
+            Ok(decoded.photo)
+        })?;
+        Ok((photo, remarks.unwrap_or_default()))
+    }
+
+    /// The photograph without the light of the one without flash, and turned.
+    fn less_ambient(&self, mut read: impl FnMut(&Path, f32) -> Result<Photo>) -> Result<Photo> {
+        let photo = read(&self.path, self.exposure)?;
         let Some((path, exposure)) = &self.ambient else { return Ok(photo.turned(self.turn)) };
-        let ambient = Photo::read(path, self.encoding, *exposure)?;
         let less = photo
-            .without_ambient(&ambient)
+            .without_ambient(&read(path, *exposure)?)
             .map_err(|fault| Error::Image { path: path.clone(), message: fault.to_string() })?;
         Ok(less.turned(self.turn))
     }
@@ -133,7 +165,11 @@ impl Capture {
         if frames.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
-        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames })
+        if let Scene::Board { target, .. } = &scene {
+            fits_hole(&sample, target)?;
+        }
+        let warnings = unknown::warnings(file, value);
+        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames, warnings })
     }
 }
 
@@ -146,6 +182,21 @@ pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
     let path = path.as_ref();
     let value = read_json(path)?;
     camera(&Node::root(path, &value))
+}
+
+/// Checks that the sample is not larger than the board's hole, if the board has one.
+fn fits_hole(sample: &Node, target: &Target) -> Result<()> {
+    let Hole { row_start, col_start, row_end, col_end } = target.hole;
+    let sides = [("width_mm", col_end - col_start), ("height_mm", row_end - row_start)];
+    for (name, squares) in sides.into_iter().filter(|(_, squares)| *squares > 0) {
+        let (side, hole) = (sample.get(name), f64::from(squares) * target.square_mm);
+        let expected = format!("at most {hole} mm: the board's hole is no larger");
+        // Rounding of lengths in inches.
+        if side.number(&expected)? > hole + 0.1 {
+            return Err(side.fault(expected));
+        }
+    }
+    Ok(())
 }
 
 fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {

@@ -246,3 +246,25 @@ fn camera_files_are_read() {
     let fault = read_camera(&path).unwrap_err().to_string();
     assert!(fault.contains("camera.json") && fault.contains("`fx`"), "{fault}");
 }
+
+#[test]
+fn a_sample_larger_than_the_hole_is_refused() {
+    let base = board_capture();
+    // 13 rows and 12 columns of 10 mm.
+    for (pointer, most) in [("/sample/width_mm", 120.0), ("/sample/height_mm", 130.0)] {
+        assert!(load(&with(base.clone(), pointer, json!(most))).is_ok());
+        let fault = load(&with(base.clone(), pointer, json!(most + 1.0))).unwrap_err().to_string();
+        let field = pointer[1..].replace('/', ".");
+        assert!(fault.contains(&field) && fault.contains(&format!("at most {most} mm")), "{fault}");
+    }
+}
+
+#[test]
+fn unknown_fields_are_warned_about() {
+    assert!(load(&board_capture()).unwrap().warnings.is_empty());
+    assert!(load(&rectified_capture()).unwrap().warnings.is_empty());
+    let misspelt = with(board_capture(), "/frames/1/exposre", json!(2.0));
+    let warnings = load(&misspelt).unwrap().warnings;
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].contains("`frames[1].exposre`") && warnings[0].contains("`exposure`"));
+}

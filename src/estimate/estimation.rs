@@ -10,7 +10,7 @@ use super::correction::{Correction, Exposure};
 use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::lights::LightFit;
-use super::options::EstimateOptions;
+use super::options::{EstimateOptions, NoiseOptions};
 use super::photographs::Photographs;
 use super::schedule::{
     LightsKnown, Part, Phase, Position, Row, Situation, cost, latent_cost, rounds_left, rows,
@@ -97,6 +97,8 @@ pub(crate) enum Work {
 pub(crate) struct Estimation {
     pub(super) networks: Arc<Networks>,
     pub(super) options: EstimateOptions,
+    /// Noise expected of photographs whose calibration shows none.
+    pub(super) least_noise: NoiseOptions,
     pub(super) task: Task,
     pub(super) photographs: Photographs,
     pub(super) latent: Option<LatentFit>,
@@ -133,6 +135,7 @@ impl Estimation {
         Self {
             networks,
             photographs: Self::no_photographs(&options),
+            least_noise: options.noise,
             options,
             task,
             latent: None,
@@ -222,6 +225,7 @@ impl Estimation {
             self.restart()?;
         }
         self.photographs.add(observation)?;
+        self.expect_noise();
         if self.task.method == Method::Deep {
             if self.latent.is_none() {
                 let start = start.ok_or(Error::NoMaps)?;
@@ -236,6 +240,11 @@ impl Estimation {
         self.go_to(Position::default());
         self.measure();
         Ok(())
+    }
+
+    /// Expects as much noise as the photographs' calibration shows.
+    pub(super) fn expect_noise(&mut self) {
+        self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
     }
 
     /// How finished maps predict a photograph that they have not seen.

@@ -38,6 +38,14 @@ impl Noise {
 }
 
 impl NoiseOptions {
+    /// What is expected where the board's squares are off their model by `log_sigma`: the model of light
+    /// and lens is seen to fail there, and the model of the material fails with it.
+    pub(super) fn calibrated(&self, log_sigma: f32) -> Self {
+        let [least, power] = self.squares;
+        let grown = self.expected * (log_sigma / least).max(1.0).powf(power);
+        Self { expected: grown.min(self.most_expected.max(self.expected)), ..*self }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         let positive = |x: f32| x.is_finite() && x > 0.0;
         if positive(self.expected) && positive(self.huber) {

@@ -82,6 +82,15 @@ impl Photographs {
         self.full.len()
     }
 
+    /// Median (of two the smaller) of what the photographs' calibration shows of the standard deviation of log radiances; 0
+    /// where it shows nothing.
+    pub fn log_sigma(&self) -> f32 {
+        let mut told: Vec<f32> =
+            self.full.iter().map(|o| o.log_sigma).filter(|sigma| *sigma > 0.0).collect();
+        let middle = told.len().saturating_sub(1) / 2;
+        if told.is_empty() { 0.0 } else { *told.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    }
+
     /// Adds a photograph whose view is as given.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! How the maps of the moment explain each photograph, and estimates begun anew.
 
 use super::estimation::Estimation;
+use super::options::EstimateOptions;
 use crate::Result;
 use crate::loss::log_l1;
 use crate::observation::Observation;
@@ -18,7 +19,8 @@ pub(crate) struct Residual {
 impl Estimation {
     /// An estimate of the same kind without photographs.
     pub fn afresh(&self) -> Self {
-        let mut fresh = Self::new(self.networks.clone(), self.task, self.options.clone());
+        let options = EstimateOptions { noise: self.least_noise, ..self.options.clone() };
+        let mut fresh = Self::new(self.networks.clone(), self.task, options);
         fresh.keep_record = self.keep_record;
         fresh
     }

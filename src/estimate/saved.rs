@@ -107,6 +107,7 @@ impl Estimation {
     ) -> Result<Self> {
         let mut estimation = Self::new(networks.clone(), task, options);
         estimation.photographs = saved.photographs.into_owned();
+        estimation.expect_noise();
         if let Some(latent) = saved.latent {
             let EstimateOptions { latent: options, gains, .. } = &estimation.options;
             let photographs = &estimation.photographs;

@@ -3,6 +3,7 @@
 use super::convert::{Albedos, Interface, MetallicModel, Split};
 use super::floats::encode_channels;
 use super::height::Height;
+use super::metalness::Layer;
 use super::textures::{Density, Texture, TextureFormat};
 use crate::svbrdf::channel;
 use crate::{Result, Svbrdf, parallel};
@@ -38,7 +39,7 @@ pub(super) struct Layered {
     /// Occlusion, roughness, metalness.
     pub orm: Texture,
     pub ior: f32,
-    /// What metalness lost.
+    /// What metalness lost; with a tint, what renderers that ignore it lose.
     pub rms: Option<[f32; 2]>,
 }
 
@@ -139,6 +140,38 @@ impl Bundle {
             orm: self.data(|i| [occlusion[i], roughness[i], 0.0]),
             ior: interface.ior,
             rms: None,
+        }
+    }
+
+    /// The same for a GLB: with a tint, also near the material where it is ignored.
+    pub fn layered_with_metalness(&self) -> Layered {
+        if self.metallic {
+            return self.layered();
+        }
+        let width = self.maps.width();
+        let rows = parallel::map(self.maps.height(), |y| {
+            let texels = y * width..(y + 1) * width;
+            texels.map(|i| Layer::of(&self.albedos(i))).collect::<Vec<_>>()
+        });
+        let layers: Vec<Layer> = rows.into_iter().flatten().collect();
+        let largest = layers.iter().flat_map(|l| l.dielectric).fold(0.0, f32::max);
+        let interface = Interface::of(largest);
+        let mut squares = [0.0f64; 2];
+        for (i, layer) in layers.iter().enumerate() {
+            let (wanted, shown) = (self.albedos(i), layer.plain());
+            for c in 0..3 {
+                squares[0] += f64::from(shown.diffuse[c] - wanted.diffuse[c]).powi(2);
+                squares[1] += f64::from(shown.specular[c] - wanted.specular[c]).powi(2);
+            }
+        }
+        let count = 3.0 * layers.len() as f64;
+        let (occlusion, roughness) = (&self.occlusion, self.roughness());
+        Layered {
+            base: self.colour(|i| layers[i].base),
+            tint: Some(self.colour(|i| interface.tint(layers[i].dielectric))),
+            orm: self.data(|i| [occlusion[i], roughness[i], layers[i].metallic]),
+            ior: interface.ior,
+            rms: Some(squares.map(|square| (square / count).sqrt() as f32)),
         }
     }
 

@@ -7,15 +7,23 @@ use crate::Result;
 
 /// What a GLB holds, in words and numbers.
 pub(super) fn describe(layered: &Layered) -> Value {
-    match layered.rms {
-        Some([diffuse, specular]) => json!({
+    let error = |[diffuse, specular]: [f32; 2]| json!({ "diffuse": number(diffuse), "specular": number(specular) });
+    match (&layered.tint, layered.rms) {
+        (None, rms) => json!({
             "workflow": "metallic: kd = 0.96 (1 - m) base, F0 = 0.04 (1 - m) + m base; least squares",
-            "rms_error": { "diffuse": number(diffuse), "specular": number(specular) },
+            "rms_error": error(rms.unwrap_or_default()),
         }),
-        None => json!({
+        (Some(_), None) => json!({
             "workflow": "KHR_materials_specular and KHR_materials_ior: base = kd / (1 - max F0), \
                          specular colour = F0 / F0 of the index of refraction",
             "ior": number(layered.ior),
+        }),
+        (Some(_), Some(rms)) => json!({
+            "workflow": "KHR_materials_specular and KHR_materials_ior, S = specular colour * F0 of the \
+                         index of refraction: kd = (1 - m) base (1 - max S), F0 = m base + (1 - m) S",
+            "ior": number(layered.ior),
+            "rms_error": error([0.0; 2]),
+            "rms_error_without_extensions": error(rms),
         }),
     }
 }
@@ -70,7 +78,7 @@ fn material(bundle: &Bundle, layered: &Layered) -> Value {
         "pbrMetallicRoughness": {
             "baseColorTexture": { "index": 0 },
             "metallicRoughnessTexture": { "index": 2 },
-            "metallicFactor": if layered.tint.is_some() { 0 } else { 1 },
+            "metallicFactor": 1,
         },
         "normalTexture": { "index": 1 },
         "occlusionTexture": { "index": 2 },

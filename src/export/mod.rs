@@ -16,6 +16,7 @@ mod glb;
 mod height;
 mod maps;
 mod materialx;
+mod metalness;
 mod occlusion;
 mod package;
 mod poisson;

@@ -191,7 +191,7 @@ fn encode(bundle: &Bundle, format: Format) -> Result<(Files, Value)> {
     let folder = &format!("{}/", format.name());
     match format {
         Format::Glb => {
-            let layered = bundle.layered();
+            let layered = bundle.layered_with_metalness();
             let file = ("material.glb".into(), glb::encode(bundle, &layered)?);
             Ok((vec![file], glb::describe(&layered)))
         }

@@ -94,23 +94,28 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
         let (base, tint) = (image("/pbrMetallicRoughness/baseColorTexture"), image(extensions));
         let orm = image("/pbrMetallicRoughness/metallicRoughnessTexture");
         let normal = image("/normalTexture");
-        assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 0);
+        assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 1);
         let ior = material["extensions"]["KHR_materials_ior"]["ior"].as_f64().unwrap();
         let interface = ((ior - 1.0) / (ior + 1.0)).powi(2) as f32;
+        // One stored step moves the square roots of albedos by less than two; base and specular colour
+        // add up.
+        let near = |shown: f32, wanted: f32, what: &str| {
+            let off = (shown.max(0.0).sqrt() - wanted.sqrt()).abs();
+            assert!(off < 4.0 * half_step(texture) + 1e-3, "{what}: {shown} for {wanted}");
+        };
         for i in 0..maps.texels() {
-            let f0 = [0, 1, 2].map(|c| maps.plane(channel::SPECULAR + c)[i]);
-            let largest = f0.into_iter().fold(0.0, f32::max);
+            let m = orm[i][2];
+            let s = [0, 1, 2].map(|c| interface * linear(tint[i][c]));
+            let below = 1.0 - s.into_iter().fold(0.0, f32::max);
             for c in 0..3 {
-                let kd = maps.plane(channel::DIFFUSE + c)[i];
-                check_colour(base[i][c], kd / (1.0 - largest), texture, "base");
-                check_colour(tint[i][c], f0[c] / interface, texture, "tint");
-                // And forwards, as a viewer computes it: one stored step moves the square roots
-                // of albedos by less than one step.
-                let shown = linear(tint[i][c]) * interface;
-                assert!(
-                    (shown.sqrt() - f0[c].sqrt()).abs()
-                        < 2.0 * half_step(texture) + 1e-3 * interface
-                );
+                let (kd, f0) =
+                    (maps.plane(channel::DIFFUSE + c)[i], maps.plane(channel::SPECULAR + c)[i]);
+                let b = linear(base[i][c]);
+                near((1.0 - m) * b * below, kd, "kd");
+                near(m * b + (1.0 - m) * s[c], f0, "F0");
+                // What importers without the extensions show: metals are no black.
+                let (plain_kd, plain_f0) = (0.96 * (1.0 - m) * b, m * b + 0.04 * (1.0 - m));
+                assert!((plain_kd - kd).abs() < 0.04 && (plain_f0 - f0).abs() < 0.04, "{i}");
                 let n = maps.normal(i % 9, i / 9)[c];
                 assert!((2.0 * normal[i][c] - 1.0 - n).abs() <= 2.0 * half_step(texture));
             }

@@ -3,22 +3,99 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::codecs::jpeg::JpegDecoder;
+use image::codecs::openexr::OpenExrDecoder;
+use image::codecs::png::PngDecoder;
+use image::codecs::tiff::TiffDecoder;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat};
 
 use super::encoding::Encoding;
 use super::exif;
 use super::photo::{MAX_PIXELS, Photo};
 use crate::{Error, Result};
 
-/// Largest file read, bytes.
-const MAX_FILE_BYTES: u64 = 2 << 30;
-/// Largest sum of a decoder's buffers, bytes: four floats for each of [`MAX_PIXELS`] and slack.
-const MAX_DECODER_BYTES: u64 = 2 << 30;
+/// What a file without a name is called.
+pub(crate) const MEMORY: &str = "(memory)";
+/// Largest chunk of a PNG file beside its pixels, bytes.
+const MAX_CHUNK_BYTES: u64 = 64 << 20;
+
+/// Most that may be read and allocated for a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Size of the file, bytes.
+    pub file_bytes: u64,
+    /// Pixels, at most [`MAX_PIXELS`].
+    pub pixels: u64,
+    /// Memory that decoding takes at its peak, beside the file itself, bytes.
+    pub memory_bytes: u64,
+}
+
+impl Default for Limits {
+    /// Files of 2 GiB, [`MAX_PIXELS`], and what the largest of them need.
+    fn default() -> Self {
+        Self { file_bytes: 2 << 30, pixels: MAX_PIXELS, memory_bytes: 6 << 30 }
+    }
+}
+
+impl Limits {
+    /// Checks the size of a file.
+    ///
+    /// # Errors
+    /// [`Error::Image`] when it is empty or too large.
+    pub(crate) fn check_file(&self, path: &Path, bytes: u64) -> Result<()> {
+        let fault = |message: String| Error::Image { path: path.to_owned(), message };
+        if bytes == 0 {
+            return Err(fault("the file is empty".into()));
+        }
+        if bytes > self.file_bytes {
+            let most = self.file_bytes;
+            return Err(fault(format!("{bytes} bytes; at most {most} are supported")));
+        }
+        Ok(())
+    }
+
+    /// Checks a picture of which each pixel takes so many bytes of memory.
+    ///
+    /// # Errors
+    /// [`Error::Image`] when it is empty or too large, [`Error::MemoryLimit`].
+    pub(crate) fn check_picture(&self, path: &Path, size: [u32; 2], bytes: u64) -> Result<()> {
+        let [width, height] = size;
+        let (pixels, most) = (u64::from(width) * u64::from(height), self.pixels.min(MAX_PIXELS));
+        if pixels == 0 || pixels > most {
+            let message = format!("{width} x {height} px; 1 to {most} pixels are supported");
+            return Err(Error::Image { path: path.to_owned(), message });
+        }
+        let needed = pixels.saturating_mul(bytes);
+        if needed > self.memory_bytes {
+            return Err(Error::MemoryLimit { needed, limit: self.memory_bytes });
+        }
+        Ok(())
+    }
+
+    /// Reads a file that is not too large.
+    ///
+    /// # Errors
+    /// As [`Limits::check_file`], and [`Error::Io`].
+    pub(crate) fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+        self.check_file(path, size)?;
+        std::fs::read(path).map_err(|e| Error::io(path, e))
+    }
+}
+
+/// A decoded picture, upright.
+pub(crate) struct Picture {
+    pub image: DynamicImage,
+    pub focal_35mm: Option<f32>,
+    /// The ICC profile inside, as it is.
+    pub profile: Option<Vec<u8>>,
+}
 
 impl Photo {
     /// Reads a PNG, JPEG, TIFF (8 or 16 bits, or float) or OpenEXR file, upright as its
     /// orientation tag says. Gray pictures become RGB, alpha is dropped. Float files are linear by
-    /// nature and never count as saturated.
+    /// nature and never count as saturated. What the file says of its colours is not looked at:
+    /// `files` does that.
     ///
     /// # Errors
     /// [`Error::Io`] when the file cannot be opened, [`Error::Image`] when it is empty, damaged,
@@ -26,9 +103,9 @@ impl Photo {
     /// `encoding` when a curve is stated for float data.
     pub fn read(path: impl AsRef<Path>, encoding: Encoding, exposure: f32) -> Result<Self> {
         let path = path.as_ref();
-        let (picture, focal_35mm) = read_with_focal(path)?;
-        let photo = Self::from_picture(path, picture, encoding, exposure)?;
-        Ok(photo.with_focal_35mm(focal_35mm))
+        let limits = Limits::default();
+        let picture = decode(path, &limits.read(path)?, &limits)?;
+        Self::from_picture(path, picture, encoding, exposure)
     }
 
     /// As [`Photo::read`] with the contents of the file.
@@ -36,26 +113,25 @@ impl Photo {
     /// # Errors
     /// As [`Photo::read`]; the file is called `(memory)`.
     pub fn decode(bytes: &[u8], encoding: Encoding, exposure: f32) -> Result<Self> {
-        let path = Path::new("(memory)");
-        let (picture, focal_35mm) = decode(path, bytes)?;
-        let photo = Self::from_picture(path, picture, encoding, exposure)?;
-        Ok(photo.with_focal_35mm(focal_35mm))
+        let path = Path::new(MEMORY);
+        let picture = decode(path, bytes, &Limits::default())?;
+        Self::from_picture(path, picture, encoding, exposure)
     }
 
-    fn from_picture(
+    pub(crate) fn from_picture(
         path: &Path,
-        picture: DynamicImage,
+        Picture { image, focal_35mm, .. }: Picture,
         encoding: Encoding,
         exposure: f32,
     ) -> Result<Self> {
-        let (width, height) = (picture.width(), picture.height());
-        match picture.color() {
+        let (width, height) = (image.width(), image.height());
+        let photo = match image.color() {
             ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
-                let data = picture.into_rgb8().into_raw();
+                let data = image.into_rgb8().into_raw();
                 Self::from_u8(width, height, data, encoding, exposure)
             }
             ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
-                let data = picture.into_rgb16().into_raw();
+                let data = image.into_rgb16().into_raw();
                 Self::from_u16(width, height, data, encoding, exposure)
             }
             _ if encoding != Encoding::Linear => Err(Error::Field {
@@ -65,60 +141,77 @@ impl Photo {
                 expected: "`linear`: float files hold linear values".into(),
             }),
             _ => {
-                let data = picture.into_rgb32f().into_raw();
+                let data = image.into_rgb32f().into_raw();
                 Self::from_linear(width, height, data, exposure, f32::INFINITY)
             }
-        }
+        };
+        Ok(photo?.with_focal_35mm(focal_35mm))
     }
 }
 
 /// Decodes a picture of at most [`MAX_PIXELS`], turned upright.
 pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
-    Ok(read_with_focal(path)?.0)
-}
-
-/// The same with the metadata's focal length.
-fn read_with_focal(path: &Path) -> Result<(DynamicImage, Option<f32>)> {
-    let fault = |message: String| Error::Image { path: path.to_owned(), message };
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
-    if size > MAX_FILE_BYTES {
-        return Err(fault(format!("{size} bytes; at most {MAX_FILE_BYTES} are supported")));
-    }
-    decode(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?)
+    let limits = Limits::default();
+    Ok(decode(path, &limits.read(path)?, &limits)?.image)
 }
 
 /// Decodes a file's contents.
-fn decode(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, Option<f32>)> {
+pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Picture> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
-    if bytes.is_empty() {
-        return Err(fault("the file is empty".into()));
-    }
-    let mut reader = ImageReader::new(Cursor::new(bytes));
-    reader = reader.with_guessed_format().map_err(|e| Error::io(path, e))?;
-    let format =
-        reader.format().ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))?;
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(MAX_DECODER_BYTES);
-    reader.limits(limits);
-    let decode = |e: image::ImageError| fault(e.to_string());
-    let mut decoder = reader.into_decoder().map_err(decode)?;
-    let (width, height) = decoder.dimensions();
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(fault(format!(
-            "{width} x {height} px; at most {MAX_PIXELS} pixels are supported"
-        )));
-    }
+    limits.check_file(path, bytes.len() as u64)?;
+    let fault_of = |e: image::ImageError| fault(e.to_string());
+    let mut decoder = decoder(bytes, limits)
+        .map_err(fault_of)?
+        .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))?;
+    let size = decoder.dimensions();
+    let pixel = u64::from(decoder.color_type().bytes_per_pixel());
+    // As stored, turned upright, and as RGB.
+    limits.check_picture(path, size.into(), 2 * pixel + 3 * pixel.div_ceil(4).max(1))?;
     // The decoder fills what is missing with gray instead of complaining.
-    if format == ImageFormat::Jpeg && !jpeg_is_complete(bytes) {
+    if bytes.starts_with(&[0xFF, 0xD8]) && !jpeg_is_complete(bytes) {
         return Err(fault("the file is truncated: its end marker is missing".into()));
     }
-    let orientation = decoder.orientation().map_err(decode)?;
+    let orientation = decoder.orientation().map_err(fault_of)?;
     // Metadata that cannot be read is no reason to refuse the picture.
     let metadata = decoder.exif_metadata().ok().flatten();
-    let focal_35mm = metadata.and_then(|block| exif::focal_35mm(&block));
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(decode)?;
-    picture.apply_orientation(orientation);
-    Ok((picture, focal_35mm))
+    let focal_35mm = metadata.and_then(exif::focal_35mm);
+    let profile = decoder.icc_profile().ok().flatten();
+    let mut image = DynamicImage::from_decoder(decoder).map_err(fault_of)?;
+    image.apply_orientation(orientation);
+    Ok(Picture { image, focal_35mm, profile })
+}
+
+/// A decoder of the formats that are read by content; `None` of any other.
+fn decoder<'a>(
+    bytes: &'a [u8],
+    limits: &Limits,
+) -> image::ImageResult<Option<Box<dyn ImageDecoder + 'a>>> {
+    let allowed = |bytes: u64| {
+        let mut limits = image::Limits::no_limits();
+        limits.max_alloc = Some(bytes);
+        limits
+    };
+    let reader = Cursor::new(bytes);
+    let mut decoder: Box<dyn ImageDecoder + 'a> = match image::guess_format(bytes).ok() {
+        // Chunks beside the pixels are unpacked before anyone asks for them.
+        Some(ImageFormat::Png) => {
+            Box::new(PngDecoder::with_limits(reader, allowed(MAX_CHUNK_BYTES))?)
+        }
+        Some(ImageFormat::Jpeg) => Box::new(JpegDecoder::new(reader)?),
+        Some(ImageFormat::Tiff) => Box::new(TiffDecoder::new(reader)?),
+        Some(ImageFormat::OpenExr) => Box::new(OpenExrDecoder::new(reader)?),
+        _ => return Ok(None),
+    };
+    decoder.set_limits(allowed(limits.memory_bytes))?;
+    Ok(Some(decoder))
+}
+
+/// Width and height as stored, and whether the values are floats; `None` of what cannot be read.
+#[cfg(feature = "files")]
+pub(crate) fn look_at(bytes: &[u8]) -> Option<([u32; 2], bool)> {
+    let decoder = decoder(bytes, &Limits::default()).ok()??;
+    let is_float = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
+    Some((decoder.dimensions().into(), is_float))
 }
 
 /// Whether the markers of a JPEG file lead to its end-of-image marker. Segments are skipped by

@@ -16,11 +16,14 @@ mod tone;
 mod turn;
 
 pub(crate) use file::read_picture;
+#[cfg(feature = "files")]
+pub(crate) use file::{MEMORY, Picture, decode, look_at};
 pub(crate) use stored::Stored;
 pub(crate) use tone::{Lift, LogCurve, ToneTable};
 
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, YuvMatrix};
 pub use encoding::Encoding;
+pub use file::Limits;
 pub use photo::{MAX_PIXELS, Photo};
 pub use plane::{Plane, Rotation};
 pub use primaries::Primaries;

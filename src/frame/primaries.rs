@@ -21,7 +21,7 @@ const WHITE: [f64; 2] = [0.3127, 0.3290];
 
 impl Primaries {
     /// Chromaticities (x, y) of red, green and blue.
-    fn chromaticities(self) -> [[f64; 2]; 3] {
+    pub(crate) fn chromaticities(self) -> [[f64; 2]; 3] {
         match self {
             Self::Rec709 => [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]],
             Self::DisplayP3 => [[0.680, 0.320], [0.265, 0.690], [0.150, 0.060]],

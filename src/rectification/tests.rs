@@ -14,6 +14,7 @@ fn unit_radiometry() -> Radiometry {
         flash_offset_mm: DVec3::ZERO,
         power_mm2: [1.0; 3],
         ambient: [0.0; 3],
+        log_sigma: 0.0,
     }
 }
 
@@ -22,7 +23,7 @@ fn photo(rgb: Vec<f32>, saturation: f32) -> Photo {
 }
 
 fn top(size: usize) -> TopView {
-    TopView { sample_mm: [100.0, 90.0], height_mm: 0.0, width: size, height: size }
+    TopView { sample_mm: [100.0, 90.0], height_mm: 0.0, width: size, height: size, edge_px: 0.0 }
 }
 
 #[test]
@@ -319,10 +320,13 @@ fn a_raised_surface_is_seen_where_it_is() {
         &camera(),
         &pose,
         &unit_radiometry(),
-        [100.0, 90.0],
-        height as f32,
-        200,
-        180,
+        TopView {
+            sample_mm: [100.0, 90.0],
+            height_mm: height as f32,
+            width: 200,
+            height: 180,
+            edge_px: 0.0,
+        },
     )
     .unwrap();
     let best =
@@ -350,6 +354,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
         flash_offset_mm: DVec3::new(5.0, 9.0, 0.0),
         power_mm2: [2.0; 3],
         ambient: [0.1, 0.0, 0.0],
+        log_sigma: 0.01,
     };
     let size = 130;
     let make = |r| rectify(&photo, &camera(), &pose, r, [100.0, 90.0], size, size).unwrap();

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::calibration::Target;
-use crate::calibration::photometry::{Photometry, patch_value};
+use crate::calibration::photometry::{Photometry, patch_values};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
@@ -123,7 +123,8 @@ pub(super) fn linearity(
     if photometry.tone.is_identity() { None } else { hint("black", black, true) }
 }
 
-/// Linear value of the gray patch over that of the white one; `None` where they are not seen.
+/// Linear value of the gray patch over that of the white one; `None` where they are not seen: they are
+/// out of view or covered, or the board was printed without them.
 fn gray_over_white(
     photo: &Photo,
     target: &Target,
@@ -131,13 +132,12 @@ fn gray_over_white(
     pose: &Pose,
     photometry: &Photometry,
 ) -> Option<f64> {
-    let [_, gray, white] = target.patches.then(|| target.patches())?;
-    let [gray, white] = [gray, white].map(|patch| {
-        let value = patch_value(photo, camera, pose, &patch)?;
+    let [_, gray, white] = patch_values(photo, target, camera, pose)?;
+    let linear = |value: [f64; 3]| {
         let linear = photometry.tone.undone(value.map(|v| v as f32));
         Some(linear.into_iter().map(f64::from).sum::<f64>()).filter(|v| *v > 0.0)
-    });
-    Some(gray? / white?)
+    };
+    Some(linear(gray)? / linear(white)?)
 }
 
 /// The direction from which highlights reach most of the slopes that they have not swept yet.

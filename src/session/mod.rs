@@ -30,6 +30,8 @@ pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
 use self::memory::Beside;
 pub use self::memory::Held;
+use self::outlook::Surveys;
+pub use self::outlook::{Survey, SurveyedView};
 pub use self::reports::{
     Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
     Pushed, Revision,
@@ -60,6 +62,7 @@ pub struct Session {
     intake: Mutex<Intake>,
     /// What probes look with: replaced with every photograph, never waited for.
     known: Mutex<Option<Arc<Known>>>,
+    surveys: Mutex<Surveys>,
     /// What is counted against the memory limit beside the session's own.
     beside: Arc<Beside>,
     shared: Arc<Shared>,
@@ -136,7 +139,7 @@ impl Session {
         let known = Mutex::new(intake.known(settings.sample_mm));
         let beside = Arc::new(Beside::default());
         beside.keep(intake.kept_bytes());
-        let (intake, worker) = (Mutex::new(intake), Some(worker));
+        let (intake, worker, surveys) = (Mutex::new(intake), Some(worker), Mutex::default());
         Ok(Self {
             scene,
             settings,
@@ -144,6 +147,7 @@ impl Session {
             networks,
             intake,
             known,
+            surveys,
             beside,
             shared,
             commands,

@@ -237,11 +237,80 @@ static void phases(void)
     OK(svbrdf_session_destroy(session));
 }
 
+/* The guidance for a picture so many milliseconds after the first one. */
+static svbrdf_guidance guided_at(svbrdf_session *session, const svbrdf_image *image, int ms)
+{
+    svbrdf_frame_info info;
+    svbrdf_guidance guidance;
+    OK(svbrdf_frame_info_init(&info, sizeof info));
+    info.timestamp_ns = (int64_t)ms * 1000000;
+    OK(svbrdf_guidance_init(&guidance, sizeof guidance));
+    OK(svbrdf_session_guide(session, image, &info, NULL, &guidance));
+    CHECK(guidance.message[0] != '\0');
+    return guidance;
+}
+
+/* Hold, shoot, hold until it is pushed, move on, enough. */
+static void guided(const picture *first, const picture *second)
+{
+    svbrdf_session *session = board_session();
+    svbrdf_guide_options options;
+    svbrdf_guidance guidance;
+    svbrdf_probe probe;
+    svbrdf_image image;
+    int ms;
+
+    preview(&image, first);
+    CHECK(guided_at(session, &image, 0).action == SVBRDF_ACTION_HOLD);
+    guidance = guided_at(session, &image, 200);
+    CHECK(guidance.action == SVBRDF_ACTION_SHOOT && guidance.photos == 0);
+    CHECK(guidance.has_target == 1 && guidance.target_tilt_deg == 0.0f && guidance.gain < 0.0f);
+    CHECK(guided_at(session, &image, 300).action == SVBRDF_ACTION_HOLD);
+    rgb8(&image, first);
+    OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
+    preview(&image, first);
+    /* The fit tells between two steps what views are worth: here it is paused, and still does. */
+    ms = 400;
+    do {
+        guidance = guided_at(session, &image, ms);
+        ms += 33;
+    } while (guidance.best_gain < 0.0f && ms < 1000000);
+    CHECK(guidance.action == SVBRDF_ACTION_MOVE && guidance.photos == 1 && guidance.has_target == 1);
+    CHECK(guidance.target_tilt_deg >= 10.0f && guidance.target_tilt_deg <= 50.0f);
+    CHECK(guidance.gain >= 0.0f && guidance.gain < guidance.best_gain && guidance.best_gain < 1.0f);
+    CHECK(guidance.degrees > 2.0f && fabs((double)guidance.offset_mm[0]) + fabs((double)guidance.offset_mm[1]) > 5.0);
+    /* Nothing of the board: what the probe says, and no way to go. */
+    image.planes[0].data = calloc((size_t)3 * first->width * first->height, 1);
+    CHECK(image.planes[0].data != NULL);
+    OK(svbrdf_probe_init(&probe, sizeof probe));
+    OK(svbrdf_session_guide(session, &image, NULL, &probe, &guidance));
+    CHECK(guidance.action == SVBRDF_ACTION_ADJUST && guidance.has_target == 0);
+    CHECK(probe.rejection == SVBRDF_REJECTION_TOO_DARK && probe.acceptable == 0);
+    free((void *)(uintptr_t)image.planes[0].data);
+
+    OK(svbrdf_guide_options_init(&options, sizeof options));
+    CHECK(options.worth > 0.0f && options.worth <= 1.0f && options.most >= options.least);
+    options.most = 1;
+    OK(svbrdf_session_guide_begin(session, &options));
+    preview(&image, second);
+    CHECK(guided_at(session, &image, 2000000).action == SVBRDF_ACTION_ENOUGH);
+    OK(svbrdf_session_guide_begin(session, NULL));
+    EXPECT(svbrdf_session_guide(session, &image, NULL, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    guidance.size = 3;
+    EXPECT(svbrdf_session_guide(session, &image, NULL, NULL, &guidance), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_session_cancel(session));
+    OK(svbrdf_guidance_init(&guidance, sizeof guidance));
+    EXPECT(svbrdf_session_guide(session, &image, NULL, NULL, &guidance), SVBRDF_CANCELLED);
+    OK(svbrdf_session_destroy(session));
+    EXPECT(svbrdf_session_guide_begin(session, NULL), SVBRDF_INVALID_HANDLE);
+}
+
 void test_looked_at(const char *folder)
 {
     picture first = read_ppm(folder, "00.ppm"), second = read_ppm(folder, "01.ppm");
     probes(&first, &second);
     taken_back(&first, &second);
+    guided(&first, &second);
     phases();
     free(first.rgb);
     free(second.rgb);

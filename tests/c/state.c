@@ -166,6 +166,92 @@ void test_state(const char *folder)
 }
 
 /* The folder FOLDER/capture. */
+/* A file's content, to be freed. */
+static unsigned char *read_file(const char *path, size_t *length)
+{
+    FILE *file = fopen(path, "rb");
+    unsigned char *bytes = malloc(1 << 22);
+    CHECK(file != NULL && bytes != NULL);
+    *length = fread(bytes, 1, 1 << 22, file);
+    CHECK(*length > 0 && *length < 1 << 22 && fclose(file) == 0);
+    return bytes;
+}
+
+/* The photo of a capture, pushed as a file: the same pose, and every kind of bad argument. */
+static void push_files(const char *folder, const svbrdf_capture *capture,
+                       const svbrdf_frame_report *known)
+{
+    svbrdf_session_options options;
+    svbrdf_encoded_options how;
+    svbrdf_file_info info;
+    svbrdf_frame_report report;
+    svbrdf_session *session = NULL;
+    char path[4096];
+    size_t length = 0;
+    unsigned char *bytes;
+
+    CHECK(svbrdf_features() & SVBRDF_FEATURE_FILES);
+    CHECK(snprintf(path, sizeof path, "%s/capture/frames/03.jpg", folder) < (int)sizeof path);
+    bytes = read_file(path, &length);
+    OK(svbrdf_session_options_init(&options, sizeof options));
+    options.threads = 1;
+    options.capture = capture;
+    OK(svbrdf_session_create(&options, &session));
+    OK(svbrdf_session_pause(session));
+    OK(svbrdf_encoded_options_init(&how, sizeof how));
+    OK(svbrdf_file_info_init(&info, sizeof info));
+    OK(svbrdf_frame_report_init(&report, sizeof report));
+
+    OK(svbrdf_file_look_at(bytes, length, &info));
+    CHECK(info.width == 2016 && info.height == 1512 && info.is_linear == 0);
+    CHECK(info.exposure == 0.0f && info.digital_zoom == 1.0f && info.model[0] == '\0');
+    CHECK(info.remarks == SVBRDF_REMARK_NO_EXPOSURE);
+    EXPECT(svbrdf_file_look_at(bytes, length, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_file_look_at(NULL, 1, &info), SVBRDF_INVALID_ARGUMENT);
+
+    EXPECT(svbrdf_session_push_encoded(NULL, bytes, length, NULL, NULL, NULL),
+           SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_push_encoded(session, NULL, length, NULL, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_push_encoded(session, bytes, 0, NULL, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length / 2, NULL, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_push_encoded(session, "hello", 5, NULL, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    CHECK(strstr(svbrdf_last_error_message(), "not a picture") != NULL);
+    how.max_pixels = 1000;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    how.max_pixels = 0;
+    how.max_bytes = 1000;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+           SVBRDF_MEMORY_LIMIT);
+    how.max_bytes = 0;
+    how.rotation = 45;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    how.rotation = 0;
+    how.transfer = 99;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    how.transfer = 0;
+    how.exposure = -1.0f;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+           SVBRDF_INVALID_ARGUMENT);
+    how.exposure = 0.0f;
+    how.flash = SVBRDF_FLASH_OFF;
+    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, &report),
+           SVBRDF_REJECTED);
+    how.flash = SVBRDF_FLASH_FIRED;
+    how.timestamp_ns = 3;
+    OK(svbrdf_session_push_encoded(session, bytes, length, &how, &info, &report));
+    CHECK(report.accepted == 1 && report.timestamp_ns == 3 && info.width == 2016);
+    CHECK(memcmp(report.translation_mm, known->translation_mm, sizeof report.translation_mm) == 0);
+    free(bytes);
+    OK(svbrdf_session_destroy(session));
+}
+
 void test_capture(const char *folder)
 {
     svbrdf_session_options options;
@@ -199,6 +285,7 @@ void test_capture(const char *folder)
     OK(svbrdf_frame_report_init(&report, sizeof report));
     OK(svbrdf_session_push_capture(session, capture, 3, &report));
     CHECK(report.accepted == 1 && report.index == 0 && report.timestamp_ns == 3);
+    push_files(folder, capture, &report);
     OK(svbrdf_capture_destroy(capture));
     EXPECT(svbrdf_session_push_capture(session, capture, 4, NULL), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_capture_destroy(capture), SVBRDF_INVALID_HANDLE);

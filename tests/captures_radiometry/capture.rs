@@ -170,6 +170,7 @@ impl Capture {
             flash_offset_mm: self.offset,
             power_mm2: [power as f32; 3],
             ambient: self.true_ambient().map(|v| (v / lobe) as f32),
+            log_sigma: 0.0,
         }
     }
 

@@ -124,6 +124,15 @@ void board(const std::string& folder) {
         const auto probe = session.probe(photo.view());
         CHECK(probe && probe.advice.empty() && probe.report.has_pose == 1);
         CHECK(probe.corners.size() == probe.report.corners_found && probe.corners.size() > 60);
+        if (!first) {
+            session.begin_guide();
+            auto when = svbrdf::make(svbrdf_frame_info_init);
+            CHECK(session.guide(photo.view(), when).action == svbrdf::Action::hold);
+            when.timestamp_ns = 200000000;
+            const auto guided = session.guide(photo.view(), when);
+            CHECK(guided.action == svbrdf::Action::shoot && !guided.message.empty());
+            CHECK(guided.probe && guided.probe.corners.size() == probe.corners.size());
+        }
         const auto pushed = session.push(photo.view());
         CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
         CHECK(!pushed.has(Hint::nothing_new));
@@ -293,6 +302,11 @@ void capture(const std::string& folder) {
     CHECK(again.advice.find("photo 1 has") == 0);
     CHECK(session.snapshot() && session.next_view());
     CHECK(thrown([&] { session.push(capture, 99); }) == StatusCode::invalid_argument);
+    const auto file = read_bytes(folder + "/capture/frames/01.jpg");
+    auto info = svbrdf::make(svbrdf_file_info_init);
+    CHECK(session.push_encoded({file.data(), file.size()}, nullptr, &info));
+    CHECK(info.width == 2016 && info.height == 1512);
+    CHECK(thrown([&] { session.push_encoded({file.data(), 5}); }) == StatusCode::invalid_argument);
     CHECK(thrown([] { svbrdf::Capture none("/nowhere"); }) == StatusCode::io);
 }
 

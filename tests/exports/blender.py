@@ -98,7 +98,7 @@ def main():
                             item.rotation_mode = "XYZ"
                             item.rotation_euler = (-math.pi / 2, 0, 0)
                 else:
-                    runpy.run_path(os.path.join(folder, "blender", "material.py"))
+                    runpy.run_path(os.path.join(folder, "blender", "material.py"), run_name="__main__")
                 mesh = next(item for item in scene.objects if item.type == "MESH")
                 bpy.context.view_layer.update()
                 corners = [mesh.matrix_world @ v.co for v in mesh.data.vertices]
@@ -118,4 +118,5 @@ def main():
     sys.exit(failed)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -7,13 +7,14 @@ use serde_json::{Value, json};
 use svbrdf::calibration::Target;
 use svbrdf::capture::{Capture, FILE_NAME, Frame, read_camera};
 use svbrdf::export::{check_writable, write_atomic};
+use svbrdf::files::{Choice, Chosen, LeftOut, Metadata};
 use svbrdf::frame::{Encoding, Rotation};
 
 use super::arguments::Arguments;
 use crate::board;
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
-use crate::pictures::{self, Choice, Chosen, LeftOut, Setup, Watch};
+use crate::pictures::{self, Setup, Watch};
 use crate::progress::Progress;
 
 /// More photographs than this take long and tell little more.
@@ -57,6 +58,10 @@ impl Input {
 
     /// Says what is to be said before the fit begins.
     pub fn tell(&self, progress: &mut Progress) {
+        for warning in &self.capture.warnings {
+            progress.say(&format!("warning: {warning}"));
+            progress.event("warning", json!({ "text": warning }));
+        }
         let Some(Photographs { choice, setup, .. }) = &self.photographs else { return };
         let [width, height] = setup.sample_mm;
         let count = choice.chosen.len();
@@ -110,15 +115,15 @@ impl Input {
         }
         let (choice, watch) = if arguments.watch {
             progress.say("waiting for photographs; Ctrl-C ends");
-            let (choice, watch) = await_first(inputs, interrupt)?;
+            let (choice, watch) = await_first(inputs, interrupt, progress)?;
             (choice, Some(watch))
         } else {
             let found = pictures::find(inputs)?;
             if found.pictures.len() > MOST && arguments.frames.is_none() {
                 return Err(too_many(found.pictures.len()));
             }
-            let mut choice = pictures::choose(found.pictures);
-            choice.remark_foreign(&found.foreign);
+            let mut choice = choose(found.pictures);
+            choice.left_out.extend(found.foreign);
             // The description is to repeat the run.
             choice.chosen.truncate(arguments.frames.map_or(MOST, |n| n as usize));
             (choice, None)
@@ -183,21 +188,33 @@ pub fn tell(left_out: &[LeftOut], remarks: &[String], progress: &mut Progress) {
 }
 
 /// Waits for the first photographs of a folder.
-fn await_first(inputs: &[PathBuf], interrupt: &Interrupt) -> Result<(Choice, Watch)> {
+fn await_first(
+    inputs: &[PathBuf],
+    interrupt: &Interrupt,
+    progress: &mut Progress,
+) -> Result<(Choice, Watch)> {
     let [folder] = inputs else {
         return Err(Failure::Input("--watch: several names; expected one folder".into()));
     };
     let mut watch = Watch::new(folder);
     loop {
         let arrived = watch.arrived()?;
-        if !arrived.is_empty() {
-            return Ok((pictures::choose(arrived), watch));
+        tell(&arrived.foreign, &[], progress);
+        if !arrived.pictures.is_empty() {
+            return Ok((choose(arrived.pictures), watch));
         }
         if interrupt.is_set() {
             return Err(Failure::Interrupted("no photo had arrived; nothing is written".into()));
         }
         std::thread::sleep(LOOK);
     }
+}
+
+/// Photographs of one camera, in order.
+fn choose(paths: Vec<PathBuf>) -> Choice {
+    let mut choice = Choice::default();
+    choice.add(paths.into_iter().map(|path| (Metadata::read(&path), path)).collect());
+    choice
 }
 
 /// The photograph as a session takes it.

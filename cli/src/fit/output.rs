@@ -65,6 +65,7 @@ impl Output<'_> {
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
+        document.value["warnings"] = json!(input.capture.warnings);
         document.write(out)?;
         if !arguments.no_report {
             let subject = Subject {

@@ -8,15 +8,18 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::Rejection;
 use svbrdf::capture::Frame;
+use svbrdf::files::Remark;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
 
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
-use crate::pictures::{self, Remark};
 use crate::progress::Progress;
 use crate::report::Recorder;
+
+/// Code of the hint about a photograph that contradicts the others.
+const CONTRADICTS: &str = "contradicts_others";
 
 /// How photographs are gone through.
 pub struct Options {
@@ -127,7 +130,7 @@ impl<'a> Fit<'a> {
     /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
-        match pictures::read(&self.frames[index]) {
+        match self.frames[index].read_with_remarks() {
             Ok((photo, remarks)) => {
                 self.remarks.insert(index, remarks);
                 self.recorder.photograph(index, &photo)?;
@@ -295,12 +298,42 @@ impl<'a> Fit<'a> {
             let line = self.line(&row);
             self.progress.say(&line);
         }
-        let fitted =
-            self.rows.iter_mut().filter(|r| r["status"] == "accepted" && r["held_out"] != true);
-        for (row, known) in fitted.zip(self.session.poses()) {
+        for (row, known) in fitted(&mut self.rows).zip(self.session.poses()) {
             set_pose(row, Some(&known));
         }
+        self.add_residuals();
         self.rows.sort_by_key(|row| row["index"].as_u64());
+    }
+
+    /// Adds how the maps explain each photograph, and names those that contradict the others.
+    fn add_residuals(&mut self) {
+        let fits = self.session.frame_fits().unwrap_or_default();
+        let mut usual: Vec<f32> = fits.iter().map(|fit| fit.residual).collect();
+        usual.sort_by(f32::total_cmp);
+        let usual = usual.get(usual.len() / 2).copied().unwrap_or(0.0);
+        let mut contradicting = Vec::new();
+        for (row, fit) in fitted(&mut self.rows).zip(&fits) {
+            row["residual"] = json!(fit.residual);
+            row["contradicts"] = json!(fit.outlier);
+            let Some(hints) = row["hints"].as_array_mut().filter(|_| fit.outlier) else { continue };
+            // Said already, where photographs still arrive.
+            if hints.iter().all(|hint| hint["code"] != CONTRADICTS) {
+                let hint = format!(
+                    "it contradicts the other photos (residual {:.3}, usually {usual:.3}): is it mirrored, of \
+                     another sample, or with a hand, a shadow or other light in it? Fit again without it",
+                    fit.residual
+                );
+                hints.push(json!({ "code": CONTRADICTS, "hint": hint }));
+                contradicting.push(row.clone());
+            }
+        }
+        for row in contradicting {
+            let hint = row["hints"].as_array().and_then(|hints| hints.last()).cloned();
+            let text = hint.unwrap_or_default()["hint"].as_str().unwrap_or_default().to_owned();
+            let path = self.path(&row).display().to_string();
+            self.progress.say(&format!("note: {path}: {text}"));
+            self.progress.event("note", json!({ "text": text, "image": path }));
+        }
     }
 
     /// The file of a row.
@@ -345,6 +378,11 @@ impl<'a> Fit<'a> {
         };
         format!("{place}: accepted, {losses}{:.1} s{hints}", number("seconds"))
     }
+}
+
+/// Rows of the photographs in the fit, in their order.
+fn fitted(rows: &mut [Value]) -> impl Iterator<Item = &mut Value> {
+    rows.iter_mut().filter(|row| row["status"] == "accepted" && row["held_out"] != true)
 }
 
 fn rejected(index: usize, reason: &str, hint: String, begun: Instant) -> Value {

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
+use svbrdf::files::{LeftOut, Metadata};
+
 use super::input::{self, Input, LOOK};
 use super::output::Output;
 use super::photographs::Fit;
 use crate::failure::Result;
 use crate::interrupt::Interrupt;
-use crate::pictures::Metadata;
+use crate::pictures::Folder;
 
 /// Takes photographs until interrupted, and writes everything after each.
 pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interrupt) -> Result<()> {
@@ -28,8 +30,10 @@ pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interr
             }
             std::thread::sleep(LOOK);
             let arrived = arrived(input)?;
-            if !arrived.is_empty() {
-                break arrived;
+            input::tell(&arrived.foreign, &[], &mut fit.progress);
+            leave_out(input, arrived.foreign);
+            if !arrived.pictures.is_empty() {
+                break arrived.pictures;
             }
         };
         add(input, fit, arrived);
@@ -37,9 +41,15 @@ pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interr
     }
 }
 
-fn arrived(input: &mut Input) -> Result<Vec<PathBuf>> {
+fn arrived(input: &mut Input) -> Result<Folder> {
     let watch = input.photographs.as_mut().and_then(|p| p.watch.as_mut());
-    watch.map_or(Ok(Vec::new()), |watch| watch.arrived())
+    watch.map_or_else(|| Ok(Folder::default()), |watch| watch.arrived())
+}
+
+fn leave_out(input: &mut Input, foreign: Vec<LeftOut>) {
+    if let Some(photographs) = input.photographs.as_mut() {
+        photographs.choice.left_out.extend(foreign);
+    }
 }
 
 /// What cannot be read may still be on its way.

@@ -4,9 +4,9 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::{Value, json};
 use svbrdf::capture::FORMAT;
+use svbrdf::files::Chosen;
 use svbrdf::geometry::Camera;
 
-use super::choice::Chosen;
 use crate::failure::{Failure, Result};
 
 /// What photographs do not tell.
@@ -54,8 +54,10 @@ pub fn describe(setup: &Setup, photographs: &[Chosen], dir: &Path) -> Result<Val
     Ok(capture)
 }
 
+/// The path from the root on; a file may have been moved away meanwhile.
 fn absolute(path: &Path) -> Result<PathBuf> {
-    path.canonicalize().map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
+    let fault = |e| Failure::Input(format!("{}: {e}", path.display()));
+    path.canonicalize().or_else(|_| std::path::absolute(path)).map_err(fault)
 }
 
 /// A file's path seen from a folder, if the folder's parent leads to it.

@@ -1,61 +1,82 @@
 //! Picture files of folders.
 
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use svbrdf::files::{HEAD_BYTES, Kind, LeftOut};
 
 use crate::failure::{Failure, Result};
 
-/// Endings of the names of pictures that can be read.
-const READ: [&str; 7] = ["jpg", "jpeg", "png", "tif", "tiff", "exr", "dng"];
-/// Endings of pictures that cameras write and that cannot be read.
-const NOT_READ: [&str; 7] = ["heic", "heif", "cr2", "cr3", "nef", "arw", "webp"];
+/// Endings of the names of pictures.
+const PICTURES: [&str; 32] = [
+    "jpg", "jpeg", "jpe", "png", "tif", "tiff", "exr", "dng", "heic", "heif", "hif", "avif", "jxl",
+    "webp", "gif", "bmp", "psd", "jp2", "cr2", "cr3", "crw", "nef", "nrw", "arw", "sr2", "srw",
+    "orf", "rw2", "raf", "pef", "3fr", "iiq",
+];
+/// Endings that files have while they are on their way, and of small pictures that cameras put
+/// beside the large ones.
+const PASSED_OVER: [&str; 8] =
+    ["part", "partial", "tmp", "temp", "crdownload", "download", "thm", "bak"];
 
 /// What lies in a folder, by name.
+#[derive(Default)]
 pub struct Folder {
-    /// Pictures that can be read.
+    /// Pictures that can be read, or are called such.
     pub pictures: Vec<PathBuf>,
-    /// Pictures of formats that cannot.
-    pub foreign: Vec<PathBuf>,
+    /// Pictures that cannot, and why.
+    pub foreign: Vec<LeftOut>,
 }
 
 /// Looks for pictures in a folder, not in those inside it; hidden files are passed over.
 pub fn look_into(folder: &Path) -> Result<Folder> {
     let fault = |e: std::io::Error| Failure::Input(format!("{}: {e}", folder.display()));
-    let mut found = Folder { pictures: Vec::new(), foreign: Vec::new() };
+    let mut found = Folder::default();
     for entry in std::fs::read_dir(folder).map_err(fault)? {
         let path = entry.map_err(fault)?.path();
         let hidden = path.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b"."));
-        if hidden || !path.is_file() {
+        if hidden || !path.is_file() || has_ending(&path, &PASSED_OVER) {
             continue;
         }
-        if has_ending(&path, &READ) {
-            found.pictures.push(path);
-        } else if has_ending(&path, &NOT_READ) {
-            found.foreign.push(path);
+        let is_called_picture = path.extension().is_none() || has_ending(&path, &PICTURES);
+        match kind(&path) {
+            Some(kind) if !kind.is_read() => found.foreign.push(foreign(path, kind)),
+            Some(_) if is_called_picture => found.pictures.push(path),
+            Some(kind) => {
+                let kind = kind.name();
+                let reason = format!("{kind} by its content, but not by its name: rename it");
+                found.foreign.push(LeftOut { path, reason });
+            }
+            // What is wrong with it is said when it is read.
+            None if has_ending(&path, &PICTURES) => found.pictures.push(path),
+            None => (),
         }
     }
     found.pictures.sort();
-    found.foreign.sort();
+    found.foreign.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(found)
 }
 
 /// All pictures that files and folders name, each once.
 pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
-    let mut all = Folder { pictures: Vec::new(), foreign: Vec::new() };
+    let mut all = Folder::default();
     for input in inputs {
         if input.is_dir() {
             let inside = look_into(input)?;
             all.pictures.extend(inside.pictures);
             all.foreign.extend(inside.foreign);
-        } else if !input.exists() {
+            continue;
+        }
+        if !input.exists() {
             return Err(Failure::Input(format!(
                 "{}: no such file or folder; expected photographs, or a folder with photographs or capture.json",
                 input.display()
             )));
-        } else if has_ending(input, &NOT_READ) {
-            all.foreign.push(input.clone());
-        } else {
-            all.pictures.push(input.clone());
+        }
+        match kind(input) {
+            Some(kind) if !kind.is_read() => all.foreign.push(foreign(input.clone(), kind)),
+            _ => all.pictures.push(input.clone()),
         }
     }
     let mut seen = BTreeSet::new();
@@ -66,21 +87,78 @@ pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
     Ok(all)
 }
 
-fn none(inputs: &[PathBuf], foreign: &[PathBuf]) -> Failure {
+fn none(inputs: &[PathBuf], foreign: &[LeftOut]) -> Failure {
     let place = inputs.first().map_or(Path::new("."), |p| p.as_path()).display();
-    let formats = "expected JPEG, PNG, TIFF, OpenEXR or DNG files";
-    Failure::Input(match foreign.first() {
-        Some(file) => format!(
-            "{place}: no photographs that can be read: {} such as {} must be converted first \
-             (iPhones write JPEG with Settings, Camera, Formats, Most Compatible); {formats}",
-            foreign.len(),
-            file.display()
-        ),
-        None => format!("{place}: neither capture.json nor photographs; {formats}"),
-    })
+    let mut text = format!("{place}: neither capture.json nor photographs that can be read");
+    for LeftOut { path, reason } in foreign.iter().take(MOST_NAMED) {
+        text += &format!("\n{}: {reason}", path.display());
+    }
+    if foreign.len() > MOST_NAMED {
+        text += &format!("\nand {} more", foreign.len() - MOST_NAMED);
+    }
+    Failure::Input(text + "\nexpected JPEG, PNG, TIFF, OpenEXR or DNG files")
+}
+
+/// Most files that a message names.
+const MOST_NAMED: usize = 5;
+
+fn foreign(path: PathBuf, kind: Kind) -> LeftOut {
+    let reason = format!("{}, which is not read: {}", kind.name(), kind.advice());
+    LeftOut { path, reason }
+}
+
+/// What a file is by its content.
+fn kind(path: &Path) -> Option<Kind> {
+    let mut head = Vec::new();
+    File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
+    match Kind::of(&head)? {
+        // Only the whole file tells whether it is a maker's raw file.
+        Kind::Tiff => Kind::of(&std::fs::read(path).ok()?),
+        kind => Some(kind),
+    }
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {
     let ending = path.extension().unwrap_or_default();
     endings.iter().any(|known| ending.eq_ignore_ascii_case(known))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn content_decides_and_nothing_is_passed_over_in_silence() {
+        let dir = tempfile::tempdir().unwrap();
+        let avif = b"\0\0\0\x1Cftypavif\0\0\0\0avifmif1miaf....";
+        let jpeg = b"\xFF\xD8\xFF\xE0";
+        for (name, bytes) in [
+            ("a.jpg", &jpeg[..]),
+            ("b.heic", jpeg),
+            ("c.JPG", avif),
+            ("d.avif", avif),
+            ("e", jpeg),
+            ("f.jxl", b"\xFF\x0A\0\0"),
+            ("g.pic", jpeg),
+            ("h.jpg.part", jpeg),
+            ("i.txt", b"notes"),
+            ("j.png", b"notes"),
+            ("k.cr2", b"II*\0\x10\0\0\0CR\x02\0"),
+            (".l.jpg", jpeg),
+        ] {
+            std::fs::write(dir.path().join(name), bytes).unwrap();
+        }
+        let found = look_into(dir.path()).unwrap();
+        let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
+        let pictures: Vec<String> = found.pictures.iter().map(name).collect();
+        assert_eq!(pictures, ["a.jpg", "b.heic", "e", "j.png"]);
+        let foreign: Vec<String> = found.foreign.iter().map(|l| name(&l.path)).collect();
+        assert_eq!(foreign, ["c.JPG", "d.avif", "f.jxl", "g.pic", "k.cr2"]);
+        for (i, said) in ["an AVIF", "an AVIF", "a JPEG XL", "rename it", "DNG Converter"]
+            .into_iter()
+            .enumerate()
+        {
+            assert!(found.foreign[i].reason.contains(said), "{}", found.foreign[i].reason);
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::files::look_into;
+use super::files::{Folder, look_into};
 use crate::failure::Result;
 
 /// Size and time of a file.
@@ -34,23 +34,25 @@ impl Watch {
     }
 
     /// Pictures that look as they did at the last look, and were not handed out before.
-    pub fn arrived(&mut self) -> Result<Vec<PathBuf>> {
-        let mut arrived = Vec::new();
-        for path in look_into(&self.folder)?.pictures {
-            // A file may be gone again.
-            let Some(stamp) = stamp(&path).filter(|(size, _)| *size > 0) else { continue };
-            let state = match self.files.get(&path) {
-                Some(State::Taken(_)) => continue,
-                Some(State::Refused(before)) if *before == stamp => continue,
-                Some(State::Seen(before)) if *before == stamp => {
-                    arrived.push(path.clone());
-                    State::Taken(stamp)
-                }
-                _ => State::Seen(stamp),
-            };
-            self.files.insert(path, state);
-        }
-        Ok(arrived)
+    pub fn arrived(&mut self) -> Result<Folder> {
+        let mut found = look_into(&self.folder)?;
+        found.pictures.retain(|path| self.stays(path));
+        found.foreign.retain(|left_out| self.stays(&left_out.path));
+        Ok(found)
+    }
+
+    /// Whether a file is to be handed out now.
+    fn stays(&mut self, path: &Path) -> bool {
+        // A file may be gone again.
+        let Some(stamp) = stamp(path).filter(|(size, _)| *size > 0) else { return false };
+        let state = match self.files.get(path) {
+            Some(State::Taken(_)) => return false,
+            Some(State::Refused(before)) if *before == stamp => return false,
+            Some(State::Seen(before)) if *before == stamp => State::Taken(stamp),
+            _ => State::Seen(stamp),
+        };
+        self.files.insert(path.to_owned(), state);
+        state == State::Taken(stamp)
     }
 
     /// Hands a picture out again when it has changed: it was cut short.
@@ -78,19 +80,29 @@ mod tests {
         let write = |bytes: &[u8]| std::fs::write(&path, bytes).unwrap();
         write(b"");
         std::fs::write(dir.path().join("notes.txt"), b"no picture").unwrap();
-        assert!(watch.arrived().unwrap().is_empty() && watch.arrived().unwrap().is_empty());
+        let mut arrived = || arrived().pictures;
+        assert!(arrived().is_empty() && arrived().is_empty());
         write(b"half");
-        assert!(watch.arrived().unwrap().is_empty());
+        assert!(arrived().is_empty());
         write(b"half and more");
-        assert!(watch.arrived().unwrap().is_empty());
-        assert_eq!(watch.arrived().unwrap(), std::slice::from_ref(&path));
-        assert!(watch.arrived().unwrap().is_empty());
+        assert!(arrived().is_empty());
+        assert_eq!(arrived(), std::slice::from_ref(&path));
+        assert!(arrived().is_empty());
         // It was cut short after all, and is offered once more when it has grown.
         watch.refuse(&path);
-        assert!(watch.arrived().unwrap().is_empty());
+        let mut arrived = || watch.arrived().unwrap().pictures;
+        assert!(arrived().is_empty());
         write(b"half and more, and the rest");
-        assert!(watch.arrived().unwrap().is_empty());
-        assert_eq!(watch.arrived().unwrap(), [path]);
-        assert!(watch.arrived().unwrap().is_empty());
+        assert!(arrived().is_empty());
+        assert_eq!(arrived(), [path]);
+        assert!(arrived().is_empty());
+    }
+    #[test]
+    fn a_picture_that_cannot_be_read_is_named_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut watch = Watch::new(dir.path());
+        std::fs::write(dir.path().join("a.jpg"), b"\0\0\0\x1Cftypavif\0\0\0\0avifmif1").unwrap();
+        let mut foreign = || watch.arrived().unwrap().foreign.len();
+        assert_eq!([foreign(), foreign(), foreign()], [0, 1, 0]);
     }
 }

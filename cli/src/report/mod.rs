@@ -221,6 +221,7 @@ mod tests {
                 sample_mm: [80.0, 80.0],
                 scene: Scene::Rectified { falloff },
                 frames: vec![frame; photographs],
+                warnings: Vec::new(),
             };
             let rows: Vec<Value> =
                 (0..photographs).map(|i| json!({ "index": i, "status": "accepted" })).collect();

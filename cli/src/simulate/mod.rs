@@ -2,6 +2,7 @@
 
 mod faults;
 mod lobe;
+mod path;
 mod scene;
 mod sensor;
 mod surface;
@@ -19,6 +20,7 @@ use svbrdf::random::Random;
 use svbrdf::rectification::elevation::RANGE_MM;
 
 use self::faults::{Faults, FrameFaults, JPEG_QUALITY};
+use self::path::{Path as HandPath, Walk};
 use self::scene::{GRAY_PRINTED, Scene, camera, pose, power_mm2};
 use self::sensor::{Picture, file};
 use self::surface::Surface;
@@ -68,6 +70,9 @@ pub struct Arguments {
     /// sample; if rectified, registration errors of half a texel. truth.json lists them
     #[arg(long)]
     real: bool,
+    /// Take the photographs along the path of a hand [default: at random from all sides]
+    #[arg(long, value_enum, conflicts_with = "rectified")]
+    path: Option<HandPath>,
     /// Write rectified photographs: the sample alone from above, one pixel per texel
     #[arg(long, conflicts_with = "elevation")]
     rectified: bool,
@@ -84,6 +89,13 @@ impl Arguments {
     fn jpeg_quality(&self) -> Option<u8> {
         let usual = if self.real { Some(JPEG_QUALITY) } else { self.tone.map(|_| TONED_QUALITY) };
         self.jpeg.or(usual)
+    }
+
+    fn walk(&self, sample_mm: [f32; 2]) -> Result<Option<Walk>> {
+        let flash_mm = (!self.real).then_some(FLASH_MM);
+        let walk =
+            |path| Walk::new(path, self.frames, self.seed, sample_mm, self.target(), flash_mm);
+        self.path.map(walk).transpose()
     }
 
     fn check(&self) -> Result<()> {
@@ -147,11 +159,13 @@ fn photographs(
 ) -> Result<(Vec<Value>, Vec<Value>)> {
     let flash = faults.map_or(FLASH_MM, |f| DVec3::from(f.flash_offset_mm));
     let mut random = Random::new(arguments.seed);
+    let mut walk = arguments.walk(surface.sample_mm)?;
     let (mut frames, mut truths) = (Vec::new(), Vec::new());
     let mut first_distance = None;
     for index in 0..arguments.frames {
+        let stop = walk.as_mut().map(|walk| walk.next(index)).transpose()?;
         let scene = {
-            let pose = pose(index, &mut random);
+            let pose = stop.as_ref().map_or_else(|| pose(index, &mut random), |stop| stop.pose);
             Scene::new(surface, arguments.target(), pose, arguments.elevation, flash)
         };
         let eye = scene.pose.camera_centre();
@@ -163,6 +177,9 @@ fn photographs(
         let (ending, bytes) = file(&picture, arguments.jpeg_quality())?;
         let name = format!("frames/{index:02}.{ending}");
         write_atomic(arguments.out.join(&name), &bytes)?;
+        if let Some(walk) = &mut walk {
+            walk.taken(&bytes)?;
+        }
         let mut frame = json!({ "image": name, "encoding": "srgb" });
         if arguments.rectified {
             frame["camera_mm"] = json!(eye.to_array());
@@ -174,6 +191,11 @@ fn photographs(
             "rotation": scene.pose.rotation.transpose().to_cols_array_2d(),
             "translation_mm": scene.pose.translation.to_array(),
         });
+        if let Some(stop) = stop {
+            truth["seconds"] = json!(stop.seconds);
+            truth["gain"] = json!(stop.gains.map(|[here, _]| here));
+            truth["best_gain"] = json!(stop.gains.map(|[_, best]| best));
+        }
         if let Some(own) = own {
             truth["light_mm"] = json!(scene.light.to_array());
             truth["faults"] = json!(own);

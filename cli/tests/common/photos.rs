@@ -21,11 +21,14 @@ pub struct Written<'a> {
     pub subsec: Option<&'a str>,
     pub orientation: Option<u16>,
     pub flash: Option<u16>,
+    /// Digital zoom as a fraction, and the focal length on film that follows, mm.
+    pub zoom: Option<([u32; 2], u16)>,
     pub profile: Option<Vec<u8>>,
 }
 
 impl Written<'_> {
-    fn exif(&self) -> Option<Vec<u8>> {
+    /// The Exif block, if it says anything.
+    pub fn exif(&self) -> Option<Vec<u8>> {
         let text = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
         let ratio = |num, denom| Value::Rational(vec![Rational { num, denom }]);
         let mut values = Vec::new();
@@ -39,6 +42,10 @@ impl Written<'_> {
             values.push((Tag::ExposureTime, ratio(num, denom)));
             values.push((Tag::PhotographicSensitivity, Value::Short(vec![iso])));
             values.push((Tag::FNumber, ratio(tenths, 10)));
+        }
+        if let Some(([num, denom], focal)) = self.zoom {
+            values.push((Tag::DigitalZoomRatio, ratio(num, denom)));
+            values.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![focal])));
         }
         if values.is_empty() {
             return None;

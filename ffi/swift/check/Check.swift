@@ -93,6 +93,13 @@ func capture(_ folder: String, _ out: URL) async throws {
         let probe = try await scanner.probe(shot, info)
         try verify(probe.acceptable && probe.rejection == nil && probe.hints.isEmpty, "\(probe)")
         try verify((probe.offNextDegrees == nil) == (index == 0), "\(probe)")
+        if index == 0 {
+            try verify(await scanner.guide(shot, PhotoInfo()).action == .hold, "not steady yet")
+            let guided = try await scanner.guide(shot, PhotoInfo(timestamp: 200_000_000))
+            try verify(guided.action == .shoot && guided.photos == 0, "\(guided)")
+            try verify(guided.target?.tiltDegrees == 0 && guided.probe == probe, "\(guided)")
+            try await scanner.beginGuide()
+        }
         guard case .accepted(index, let hints, let pose?, _) = try await scanner.push(shot, info) else {
             throw Failure(description: "photo \(index) is not in the maps")
         }

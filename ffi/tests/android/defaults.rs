@@ -57,6 +57,24 @@ fn the_default_options_of_the_binding_are_the_librarys() {
     }
 }
 
+#[test]
+fn the_guides_default_options_are_the_librarys() {
+    let o = engine::guide::GuideOptions::default();
+    let binding = source("Guide.kt");
+    for expected in [
+        format!("val worth: Float = {}f,", o.worth),
+        format!("val steady: Float = {}f,", o.steady),
+        format!("val steadySeconds: Float = {}f,", o.steady_seconds),
+        format!("val enough: Float = {}f,", o.enough),
+        format!("val least: Int = {},", o.least),
+        format!("val most: Int = {},", o.most),
+        format!("val firstTiltDeg: Float = {}f,", o.first_tilt_deg),
+        format!("val shotSeconds: Float = {}f,", o.shot_seconds),
+    ] {
+        assert!(binding.contains(&expected), "{expected}");
+    }
+}
+
 /// Those that only the C library has, by what it fills its structs with.
 #[test]
 fn the_defaults_of_the_binding_are_those_of_the_header() {

@@ -262,7 +262,8 @@ fn the_app_compiles_against_androids_classes_and_is_packed() {
         .arg(&android)
         .arg("-d")
         .arg(&classes)
-        .args(sources(&generated, "java")));
+        .args(sources(&generated, "java"))
+        .args(sources(&main.join("java"), "java")));
 
     let lib = tools.join("kotlinc/lib");
     let libraries = [lib.join("kotlin-stdlib.jar"), lib.join("kotlinx-coroutines-core-jvm.jar")];

@@ -81,7 +81,7 @@ fn the_cmake_example_builds_and_streams_a_capture() {
 /// Code blocks of a language in the pages about embedding.
 fn examples(language: &str) -> Vec<String> {
     let read = |page: &str| std::fs::read_to_string(root().join("docs").join(page)).unwrap();
-    let text = read("embedding.md") + &read("live-loop.md");
+    let text = read("embedding.md") + &read("live-loop.md") + &read("guided-capture.md");
     let opening = format!("```{language}\n");
     let blocks = text.split(&opening).skip(1);
     blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
@@ -121,7 +121,7 @@ fn the_examples_of_the_documentation_compile() {
                      std::uint32_t width, height; };\n";
         check("g++", &["-std=c++17"], &format!("{i}.cpp"), format!("{photo}{block}"));
     }
-    assert!(whole >= 5);
+    assert!(whole >= 6);
 }
 
 #[test]

@@ -100,6 +100,11 @@ impl CameraPrior {
         self
     }
 
+    /// Whether somebody has said what the focal length is: a file's metadata, or a calibration.
+    pub fn is_stated(&self) -> bool {
+        self.focal_sigma <= METADATA_SIGMA
+    }
+
     /// No opinion but the picture's size: least squares, as OpenCV's `calibrateCamera`. Needs
     /// several photographs from different sides.
     pub fn none(width: u32, height: u32) -> Self {

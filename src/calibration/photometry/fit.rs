@@ -70,7 +70,7 @@ pub(super) struct Solution {
     /// Robust standard deviation of the residuals of log values.
     pub sigma: f64,
     /// The same for each photo; NaN for a photo without samples.
-    pub frame_sigma: Vec<f64>,
+    pub photo_sigma: Vec<f64>,
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -313,7 +313,7 @@ impl<'a> Fit<'a> {
             |i: usize| if self.prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
         let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
         let frames = 0..self.poses.len();
-        let frame_sigma = |frame: usize| {
+        let photo_sigma = |frame: usize| {
             let used = self.samples.iter().filter(|s| s.frame == frame);
             let mut list: Vec<f64> =
                 used.filter_map(|s| Some(model.residual(s)?.value.abs())).collect();
@@ -335,7 +335,7 @@ impl<'a> Fit<'a> {
             offset_sigma_mm: DVec3::from_array(std::array::from_fn(|c| spread(OFFSET + c))),
             theta: theta.clone(),
             sigma,
-            frame_sigma: frames.map(frame_sigma).collect(),
+            photo_sigma: frames.map(photo_sigma).collect(),
         }
     }
 }

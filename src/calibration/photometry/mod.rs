@@ -44,7 +44,7 @@ use light::Light;
 use model::{Ink, Problem, Sample};
 
 pub use lobe::Lobe;
-pub(crate) use squares::patch_value;
+pub(crate) use squares::patch_values;
 pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
@@ -111,6 +111,9 @@ pub struct Radiometry {
     /// Radiance of the uniform surround, units as above, raised by the lobe at the sample's centre:
     /// a [`View`](crate::observation::View) knows no lobe, so that values are divided by it.
     pub ambient: [f32; 3],
+    /// Robust standard deviation of the logarithms of the photo's squares from this model, all inks: what
+    /// light, lens, paper and file have that the model has not. 0 where there are no squares.
+    pub log_sigma: f32,
 }
 
 /// What is known of light and camera from the photos so far.
@@ -142,6 +145,8 @@ pub struct Photometry {
     pub black_ratio: [f64; 3],
     /// Robust standard deviation of the squares' log values from the model.
     pub sigma: f64,
+    /// The same for each photo; NaN for a photo without squares.
+    pub photo_sigma: Vec<f64>,
 }
 
 /// Collects white squares and estimates the light anew with every photo.
@@ -180,7 +185,7 @@ impl PhotometricCalibrator {
     /// Takes the photos of an earlier calibrator over, see [`Self::squares`].
     pub(crate) fn resume(&mut self, frames: impl IntoIterator<Item = (Pose, Squares)>) {
         self.frames = frames.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();
-        self.photometry = (!self.frames.is_empty()).then(|| self.estimate().0);
+        self.photometry = (!self.frames.is_empty()).then(|| self.estimate());
     }
 
     /// Squares of the photos so far.
@@ -214,8 +219,9 @@ impl PhotometricCalibrator {
             return Err(Rejection::LightNotVisible);
         }
         self.frames.push(frame);
-        let (photometry, frame_sigma) = self.estimate();
-        if frame_sigma.is_nan() || frame_sigma > MAX_SIGMA {
+        let photometry = self.estimate();
+        let sigma = photometry.photo_sigma.last().copied().unwrap_or(f64::NAN);
+        if sigma.is_nan() || sigma > MAX_SIGMA {
             self.frames.pop();
             return Err(Rejection::LightNotVisible);
         }
@@ -233,7 +239,7 @@ impl PhotometricCalibrator {
             frame.pose = *pose;
         }
         if !self.frames.is_empty() {
-            self.photometry = Some(self.estimate().0);
+            self.photometry = Some(self.estimate());
         }
     }
 
@@ -256,6 +262,7 @@ impl PhotometricCalibrator {
             flash_offset_mm: p.flash_offset_mm,
             power_mm2: [power as f32; 3],
             ambient: p.ambient.map(|v| (v / lobe) as f32),
+            log_sigma: p.photo_sigma.get(index).map_or(0.0, |sigma| *sigma as f32),
         })
     }
 
@@ -335,8 +342,8 @@ impl PhotometricCalibrator {
         leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
     }
 
-    /// Fits all photos; also the residual of the last one.
-    fn estimate(&self) -> (Photometry, f64) {
+    /// Fits all photos.
+    fn estimate(&self) -> Photometry {
         let reference_mm = self.frames[0].pose.to_board(self.expected_offset()).length();
         let samples: Vec<_> =
             self.frames.iter().enumerate().flat_map(|(i, f)| self.samples(i, f)).collect();
@@ -344,8 +351,7 @@ impl PhotometricCalibrator {
         let problem = self.problem(reference_mm);
         let Light { solution, ambient_raw } = Light::of_capture(&samples, &poses, &problem);
         let share = solution.ambient_share;
-        let frame_sigma = solution.frame_sigma.last().copied().unwrap_or(f64::NAN);
-        let photometry = Photometry {
+        Photometry {
             tone: solution.tone_curve(&samples),
             tone_sigma: std::array::from_fn(|k| solution.tone_covariance[k][k].sqrt()),
             vignetting: Vignetting { exponent: solution.exponent, curvature: solution.curvature },
@@ -362,8 +368,8 @@ impl PhotometricCalibrator {
                 .collect(),
             black_ratio: solution.black_ratio,
             sigma: solution.sigma,
-        };
-        (photometry, frame_sigma)
+            photo_sigma: solution.photo_sigma,
+        }
     }
 }
 

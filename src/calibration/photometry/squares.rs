@@ -21,6 +21,8 @@ const MIN_RIM_PX: f64 = 3.5;
 const MAX_SPREAD: f32 = 0.12;
 /// Share of saturated pixels above which a channel of a square is not used.
 const MAX_CLIPPED: f32 = 0.01;
+/// A patch over the next brighter one: at most this, whatever tone curve is on.
+const PATCH_STEP: f64 = 0.8;
 /// Squares needed for a scale that one odd square cannot upset.
 const MIN_SQUARES: usize = 4;
 /// White level (share of full scale) below which 8-bit codes are too coarse.
@@ -114,19 +116,29 @@ impl Squares {
 /// The gray patch as a square; `None` where it is not printed, or not seen.
 fn gray_patch(photo: &Photo, target: &Target, camera: &Camera, pose: &Pose) -> Option<Square> {
     let [_, gray, _] = target.patches.then(|| target.patches())?;
-    let value = patch_value(photo, camera, pose, &gray)?;
+    let [_, value, _] = patch_values(photo, target, camera, pose)?;
     let value = value.map(|v| (v > 0.0).then(|| (v / f64::from(photo.exposure())) as f32));
     Some(Square { white: false, board_mm: gray.centre_mm, value })
 }
 
-/// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
-/// or clipped.
-pub(crate) fn patch_value(
+/// Mean stored values of the black, the gray and the white patch in linear light; `None` where they
+/// are not seen: out of view, covered, clipped, or the board was printed without them.
+pub(crate) fn patch_values(
     photo: &Photo,
+    target: &Target,
     camera: &Camera,
     pose: &Pose,
-    patch: &Patch,
-) -> Option<[f64; 3]> {
+) -> Option<[[f64; 3]; 3]> {
+    let patches = target.patches.then(|| target.patches())?;
+    let values = patches.map(|patch| patch_value(photo, camera, pose, &patch));
+    let values = [values[0]?, values[1]?, values[2]?];
+    let sums = values.map(|value| value.iter().sum::<f64>());
+    (sums[0] < PATCH_STEP * sums[1] && sums[1] < PATCH_STEP * sums[2]).then_some(values)
+}
+
+/// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
+/// or clipped.
+fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<[f64; 3]> {
     const ACROSS: i32 = 9;
     let mut sum = [0.0; 3];
     for i in 0..ACROSS * ACROSS {

@@ -167,6 +167,11 @@ pub struct NoiseOptions {
     /// Expected scale, mean of absolute log residuals, that noise and model leave: where the
     /// estimate of the scale begins. Positive. Tuned.
     pub expected: f32,
+    /// Standard deviation of the logarithm of a board's squares up to which this is so, and with which
+    /// power of it the expected scale grows beyond. Tuned.
+    pub squares: [f32; 2],
+    /// Largest expected scale. Tuned.
+    pub most_expected: f32,
     /// Log residual below which the loss is quadratic, at most. Positive. Tuned.
     pub huber: f32,
     /// The same relative to the noise that was found. Tuned.
@@ -184,6 +189,8 @@ impl Default for NoiseOptions {
     fn default() -> Self {
         Self {
             expected: 0.05,
+            squares: [0.0015, 3.0],
+            most_expected: 1.5,
             huber: 0.02,
             huber_by_noise: 3.0,
             parameters: 6.0,

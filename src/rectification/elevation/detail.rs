@@ -63,6 +63,7 @@ impl Detail {
             flash_offset_mm: DVec3::ZERO,
             power_mm2: [1.0; 3],
             ambient: [0.0; 3],
+            log_sigma: 0.0,
         };
         let top = rectify(photo, camera, pose, &plain, sample_mm, width, height).ok()?;
         let channels = Field::of(&top)?.map(|mut field| array::from_fn(|_| field.next_band()));

@@ -2,6 +2,7 @@
 //! earlier ones.
 
 mod frame;
+mod reasons;
 pub(super) mod replay;
 mod update;
 
@@ -13,12 +14,10 @@ use super::feedback;
 use super::reports::BoardPose;
 use super::sight::{Known, why_no_board};
 use super::taken::Taken;
-use crate::calibration::photometry::{
-    FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
-};
+use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator, Photometry, Squares};
 use crate::calibration::{
-    self, CameraEstimate, CameraPrior, Corner, LumaImage, Paper, PaperEstimate, PoseEstimate,
-    Target,
+    self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
+    PoseEstimate, Target,
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
@@ -27,6 +26,7 @@ use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::{Error, Rejection, Result};
 pub(super) use frame::Frame;
 use frame::Seen;
+use reasons::{Softness, other_camera, same_lens};
 pub(super) use update::{Kept, Update, Used};
 use update::{moves, steepest, texel_mm};
 
@@ -36,6 +36,8 @@ const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
 const MOVED_TEXELS: f64 = 0.1;
 /// Maps of a sample that is moved by more than this are no start any more, texels.
 const RESTART_TEXELS: f64 = 1.0;
+/// How well a sample's edge is known to lie where it is said to, px.
+const PLACED_PX: f64 = 0.5;
 /// A given camera's photographs after which paper and sample are taken as known, at the earliest
 /// and at the latest.
 const SETTLING_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
@@ -76,8 +78,8 @@ struct Plan {
     prior: CameraPrior,
     solved: Solved,
     photometry: PhotometricCalibrator,
-    /// The new photograph's.
-    radiometry: Radiometry,
+    /// What the new photograph is rectified with.
+    used: Used,
     kept: Option<Arc<Kept>>,
     /// Details of all photographs, where the sample's height was measured.
     seen: Vec<Arc<Seen>>,
@@ -220,25 +222,30 @@ impl BoardIntake {
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Taken, Rejection> {
-        let corners = self.detect(photo)?;
+        let Detection { corners, blur_px } = self.detect(photo)?;
+        let blur = Softness::new(&corners, blur_px)?;
         let prior = CameraPrior::of_photo(photo);
-        let solved = self.solve(&prior, &corners)?;
+        let first = self.frames.iter().find_map(|f| f.prior.as_ref());
+        same_lens(first, &prior)?;
+        let solved = self.solve(&prior, &corners).map_err(|rejection| {
+            let known = self.camera();
+            known
+                .and_then(|known| other_camera(&self.target, &known, &corners, rejection))
+                .unwrap_or(rejection)
+        })?;
         let (camera, pose) = (solved.camera, solved.new.pose);
-        let squares = Squares::measure(photo, &self.target, &camera, &pose)?;
+        let squares = Squares::measure(photo, &self.target, &camera, &pose)
+            .map_err(|rejection| blur.explained(rejection))?;
         let heights_mm = if self.stated { [self.elevation.mm; 2] } else { elevation::RANGE_MM };
         let keep = || Arc::new(Kept::new(photo, &camera, &pose, sample_mm, heights_mm));
         let kept = self.may_move().then(keep);
-        let plan = self.plan(corners, prior, solved, squares, kept, sample_mm, resolution)?;
-        let observation = rectification::rectify_raised(
-            photo,
-            &camera,
-            &pose,
-            &plan.radiometry,
-            sample_mm,
-            plan.elevation.mm as f32,
-            resolution,
-            resolution,
-        )?;
+        let edge_px = blur_px.hypot(solved.new.rms_px).hypot(PLACED_PX) as f32;
+        let plan = self
+            .plan(corners, prior, solved, squares, kept, edge_px, sample_mm, resolution)
+            .map_err(|rejection| blur.explained(rejection))?;
+        let Used { radiometry, .. } = &plan.used;
+        let top = plan.used.top(sample_mm, [resolution; 2]);
+        let observation = rectification::rectify_raised(photo, &camera, &pose, radiometry, top)?;
         let poses: Vec<Pose> = self.frames.iter().map(|f| f.pose).collect();
         let mut hints = Vec::from_iter(feedback::nothing_new(&poses, &pose));
         if let Some(known) = plan.photometry.photometry() {
@@ -257,6 +264,7 @@ impl BoardIntake {
         solved: Solved,
         squares: Squares,
         kept: Option<Arc<Kept>>,
+        edge_px: f32,
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> std::result::Result<Plan, Rejection> {
@@ -273,7 +281,9 @@ impl BoardIntake {
             }
             _ => (Vec::new(), self.elevation),
         };
-        Ok(Plan { corners, prior, solved, photometry, radiometry, kept, seen, elevation })
+        let (camera, pose) = (solved.camera, solved.new.pose);
+        let used = Used { camera, pose, radiometry, elevation_mm: elevation.mm, edge_px };
+        Ok(Plan { corners, prior, solved, photometry, used, kept, seen, elevation })
     }
 
     /// Takes over what a photograph changes: what the fit must do, and whether its maps are no start
@@ -284,8 +294,8 @@ impl BoardIntake {
         sample_mm: [f32; 2],
         resolution: usize,
     ) -> (Vec<Update>, bool) {
-        let Plan { corners, prior, solved, photometry, radiometry, kept, elevation, .. } = plan;
-        let (camera, pose, elevation_mm) = (solved.camera, solved.new.pose, elevation.mm);
+        let Plan { corners, prior, solved, photometry, used, kept, elevation, .. } = plan;
+        let Used { camera, pose, elevation_mm, .. } = used;
         if let Some(earlier) = &solved.earlier {
             for (frame, (pose, rms_px)) in self.frames.iter_mut().zip(earlier) {
                 (frame.pose, frame.rms_px) = (*pose, *rms_px);
@@ -293,12 +303,12 @@ impl BoardIntake {
         }
         let update = |(index, frame): (usize, &mut Frame)| {
             let radiometry = photometry.radiometry(index)?;
-            let latest = Used { camera, pose: frame.pose, radiometry, elevation_mm };
+            let pose = frame.pose;
+            let latest = Used { camera, pose, radiometry, elevation_mm, ..frame.used };
             frame.update(index, latest, sample_mm)
         };
         let updates = self.frames.iter_mut().enumerate().filter_map(update).collect();
         let rms_px = solved.new.rms_px;
-        let used = Used { camera, pose, radiometry, elevation_mm };
         self.frames.push(Frame {
             corners,
             prior: Some(prior),
@@ -323,8 +333,8 @@ impl BoardIntake {
         (updates, restart)
     }
 
-    /// Corners of a photograph of the size that is known.
-    fn detect(&self, photo: &Photo) -> std::result::Result<Vec<Corner>, Rejection> {
+    /// The board in a photograph of the size that is known.
+    fn detect(&self, photo: &Photo) -> std::result::Result<Detection, Rejection> {
         if let Some(camera) = self.camera()
             && (photo.width(), photo.height()) != (camera.width, camera.height)
         {
@@ -337,9 +347,8 @@ impl BoardIntake {
         }
         let luma = LumaImage::from_photo(photo);
         match calibration::detect(&luma, &self.target) {
-            Ok(detection) => Ok(detection.corners),
             Err(Rejection::BoardNotFound) => Err(why_no_board(photo)),
-            Err(rejection) => Err(rejection),
+            found => found,
         }
     }
 

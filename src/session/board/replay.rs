@@ -90,7 +90,9 @@ impl BoardIntake {
         let solved = self.solve(&prior, &old.corners)?;
         let kept = old.kept.clone().filter(|_| !settled && self.may_move());
         let (corners, squares) = (old.corners.clone(), squares.clone());
-        let plan = self.plan(corners, prior, solved, squares, kept, sample_mm, resolution)?;
+        let edge_px = old.used.edge_px;
+        let plan =
+            self.plan(corners, prior, solved, squares, kept, edge_px, sample_mm, resolution)?;
         self.commit(plan, sample_mm, resolution);
         Ok(())
     }

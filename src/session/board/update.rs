@@ -9,7 +9,7 @@ use crate::estimate::Change;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
-use crate::rectification;
+use crate::rectification::{self, TopView};
 
 /// A camera estimated better moves the sample by less than this: the rectified photograph stays.
 const MOVED_PX: f64 = 0.03;
@@ -27,6 +27,16 @@ pub(in crate::session) struct Used {
     pub(in crate::session) pose: Pose,
     pub(in crate::session) radiometry: Radiometry,
     pub(in crate::session) elevation_mm: f64,
+    /// Reach of the sample's surroundings, see [`TopView::edge_px`].
+    pub(in crate::session) edge_px: f32,
+}
+
+impl Used {
+    /// The rectangle to be seen from the top, of so many texels a side.
+    pub(super) fn top(&self, sample_mm: [f32; 2], [width, height]: [usize; 2]) -> TopView {
+        let height_mm = self.elevation_mm as f32;
+        TopView { sample_mm, height_mm, width, height, edge_px: self.edge_px }
+    }
 }
 
 /// What is known better of an earlier photograph.
@@ -48,7 +58,7 @@ impl Change for Update {
     fn apply(&self, observation: &mut Observation) {
         match self {
             Self::Radiometry { used, new, .. } => {
-                let Used { camera, pose, radiometry, elevation_mm } = used;
+                let Used { camera, pose, radiometry, elevation_mm, .. } = used;
                 let height_mm = *elevation_mm as f32;
                 rectification::update_radiometry(
                     observation,
@@ -60,17 +70,13 @@ impl Change for Update {
                 );
             }
             Self::Geometry { kept, used, .. } => {
-                let (width, height) = (observation.width(), observation.height());
-                let sample_mm = observation.view.sample_mm;
+                let size = [observation.width(), observation.height()];
                 let again = rectification::rectify_raised(
                     &kept.photo,
                     &kept.camera(&used.camera),
                     &used.pose,
                     &used.radiometry,
-                    sample_mm,
-                    used.elevation_mm as f32,
-                    width,
-                    height,
+                    used.top(observation.view.sample_mm, size),
                 );
                 // An accepted photograph that a better camera no longer accepts stays as it was.
                 if let Ok(again) = again {
@@ -180,6 +186,7 @@ mod tests {
             flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),
             power_mm2: [2e5; 3],
             ambient: [0.0; 3],
+            log_sigma: 0.0,
         }
     }
 
@@ -202,7 +209,9 @@ mod tests {
             rectification::rectify(&photo, camera, &pose, radiometry, sample_mm, 64, 64).unwrap()
         };
         let mut observation = at(&guess, &radiometry(1.0));
-        let used = Used { camera, pose, radiometry: radiometry(1.3), elevation_mm: 0.0 };
+        let radiometry_after = radiometry(1.3);
+        let used =
+            Used { camera, pose, radiometry: radiometry_after, elevation_mm: 0.0, edge_px: 0.0 };
         let update = Update::Geometry { index: 3, kept: Arc::new(kept), used };
         assert_eq!(update.index(), 3);
         update.apply(&mut observation);
@@ -220,7 +229,8 @@ mod tests {
     #[test]
     fn small_changes_leave_the_rectified_photograph() {
         let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
-        let used = Used { camera, pose, radiometry: radiometry(1.0), elevation_mm: 1.0 };
+        let radiometry = radiometry(1.0);
+        let used = Used { camera, pose, radiometry, elevation_mm: 1.0, edge_px: 0.0 };
         let seen = |c: &Camera, p: &Pose| {
             moves(&used, &Used { camera: *c, pose: *p, ..used }, [100.0, 100.0])
         };

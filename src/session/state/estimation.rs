@@ -436,15 +436,22 @@ fn write_observation(w: &mut Writer, observation: &Observation, given: &View) {
     w.u32(observation.width() as u32);
     w.u32(observation.height() as u32);
     write_view(w, given);
+    w.f32(observation.log_sigma);
     w.packed(observation.packed());
 }
 
 fn read_observation(mut r: Reader) -> Result<Observation> {
     let (width, height) = read_size(&mut r)?;
     let view = read_view(&mut r)?;
+    let log_sigma = r.f32()?;
+    if log_sigma < 0.0 {
+        return Err(damaged("a standard deviation is negative"));
+    }
     let packed = r.packed(3 * width * height)?;
     r.end()?;
-    Ok(Observation::from_packed(width, height, view, packed))
+    let mut observation = Observation::from_packed(width, height, view, packed);
+    observation.log_sigma = log_sigma;
+    Ok(observation)
 }
 
 fn write_view(w: &mut Writer, view: &View) {

@@ -130,7 +130,7 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
     }
     write_pose(w, &frame.pose);
     w.f64(frame.rms_px);
-    let Used { camera, pose, radiometry, elevation_mm } = &frame.used;
+    let Used { camera, pose, radiometry, elevation_mm, edge_px } = &frame.used;
     write_camera(w, camera);
     write_pose(w, pose);
     write_radiometry(w, radiometry);
@@ -147,6 +147,7 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
         write_photo(w, &kept.photo);
     });
     w.f64(*elevation_mm);
+    w.f32(*edge_px);
 }
 
 fn write_square(w: &mut Writer, square: &Square) {
@@ -192,12 +193,15 @@ fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
             Err(damaged("a region lies outside its photograph"))
         }
     })?;
-    let elevation_mm = r.f64()?;
+    let (elevation_mm, edge_px) = (r.f64()?, r.f32()?);
     r.end()?;
     if !is_height(elevation_mm) {
         return Err(damaged("the height of the sample is out of range"));
     }
-    let used = Used { camera, pose, radiometry, elevation_mm };
+    if edge_px < 0.0 || radiometry.log_sigma < 0.0 {
+        return Err(damaged("a standard deviation is negative"));
+    }
+    let used = Used { camera, pose, radiometry, elevation_mm, edge_px };
     Ok((Frame { corners, prior: None, kept, seen: None, pose: latest, rms_px, used }, squares))
 }
 
@@ -239,6 +243,7 @@ fn write_radiometry(w: &mut Writer, radiometry: &Radiometry) {
     w.f64s(&radiometry.flash_offset_mm.to_array());
     w.f32s(&radiometry.power_mm2);
     w.f32s(&radiometry.ambient);
+    w.f32(radiometry.log_sigma);
 }
 
 fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
@@ -253,6 +258,7 @@ fn read_radiometry(r: &mut Reader) -> Result<Radiometry> {
         flash_offset_mm: DVec3::from_array(r.f64s()?),
         power_mm2: r.three_f32s()?,
         ambient: r.three_f32s()?,
+        log_sigma: r.f32()?,
     };
     if gain.iter().any(|g| *g <= 0.0) || radiometry.power_mm2.iter().any(|p| *p <= 0.0) {
         return Err(damaged("the gain or power of a light is not positive"));

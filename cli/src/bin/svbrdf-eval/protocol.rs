@@ -42,7 +42,7 @@ impl From<PathBuf> for Arguments {
 }
 
 /// Texels a side of a crop.
-const SIDE: usize = 256;
+pub const SIDE: usize = 256;
 /// Half the width of the sample, mm.
 pub const HALF_WIDTH: f32 = 50.0;
 /// The paper's camera, see [`Conditions`].
@@ -182,7 +182,8 @@ pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
     Ok(crops)
 }
 
-fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
+/// A square of maps.
+pub fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
     let mut planes = Vec::with_capacity(CHANNELS * side * side);
     for c in 0..CHANNELS {
         for row in maps.plane(c).chunks_exact(maps.width()).skip(top).take(side) {

@@ -51,6 +51,23 @@ public actor MaterialScanner {
         }
     }
 
+    /// Judges a picture of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
+    /// with every picture; the info's time says when it was taken. After `.shoot` it asks to hold until
+    /// the photo has been pushed.
+    public func guide(_ preview: Photo, _ info: PhotoInfo) throws -> Guidance {
+        try preview.with(info) { image, info in
+            var probe = try filled(svbrdf_probe(), svbrdf_probe_init)
+            var guidance = try filled(svbrdf_guidance(), svbrdf_guidance_init)
+            try check(svbrdf_session_guide(session.handle, image, info, &probe, &guidance))
+            return Guidance(guidance, Probe(probe))
+        }
+    }
+
+    /// Begins guidance anew. Also tells that the photo asked for was not taken, or was rejected.
+    public func beginGuide() throws {
+        try check(svbrdf_session_guide_begin(session.handle, nil))
+    }
+
     /// Takes a photo in; its planes are copied before the task is suspended. When it returns, maps that
     /// know of the photo can be taken. With three photos on their way it throws `.busy`.
     public func push(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) async throws -> Pushed {
@@ -74,6 +91,12 @@ public actor MaterialScanner {
                 answer.takeRetainedValue().fail(error)
             }
         }
+    }
+
+    /// Takes in a photo that is a file, with what it says of how it was taken. One that is damaged, or of
+    /// a format that is not read, throws `.invalidArgument` with its name.
+    public func push(_ file: PhotoFile) throws -> (pushed: Pushed, info: FileInfo) {
+        try file.push(session)
     }
 
     /// Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one.

@@ -20,6 +20,11 @@ public struct Rejection: RawRepresentable, Hashable, Sendable {
     public static let sampleOutside = Self(rawValue: UInt32(SVBRDF_REJECTION_SAMPLE_OUTSIDE))
     public static let lightNotVisible = Self(rawValue: UInt32(SVBRDF_REJECTION_LIGHT_NOT_VISIBLE))
     public static let notFinite = Self(rawValue: UInt32(SVBRDF_REJECTION_NOT_FINITE))
+    public static let placementAmbiguous = Self(
+        rawValue: UInt32(SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS))
+    public static let boardDiffers = Self(rawValue: UInt32(SVBRDF_REJECTION_BOARD_DIFFERS))
+    public static let otherCamera = Self(rawValue: UInt32(SVBRDF_REJECTION_OTHER_CAMERA))
+    public static let squaresTooSmall = Self(rawValue: UInt32(SVBRDF_REJECTION_SQUARES_TOO_SMALL))
 }
 
 /// What an accepted photo could do better.
@@ -114,6 +119,69 @@ public struct Probe: Hashable, Sendable {
         sampleSeen = probe.sample_seen
         samplePixels = numbers(probe.sample_px, as: Float.self)
         blurPixels = probe.blur_px
+    }
+}
+
+/// What to do now, see `MaterialScanner.guide`.
+public struct Guidance: Hashable, Sendable {
+    public enum Action: Hashable, Sendable {
+        /// Put right what the probe's `rejection` names: a photo would be rejected.
+        case adjust
+        /// Keep the camera where it is: until it is steady, or a photo has been taken in.
+        case hold
+        /// Go to the target.
+        case move
+        /// Nothing: take the photo now, and push it.
+        case shoot
+        /// Nothing more: a further photo would tell little.
+        case enough
+    }
+
+    /// A place to take a photo from, as seen from where the camera is.
+    public struct Target: Hashable, Sendable {
+        /// Degrees off the top.
+        public let tiltDegrees: Float
+        /// Side, degrees counter-clockwise from the board's right.
+        public let azimuthDegrees: Float
+        /// From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
+        /// the picture shows the way.
+        public let offsetMM: SIMD3<Float>
+        /// Degrees between the view and the target, seen from the sample.
+        public let degrees: Float
+    }
+
+    public let action: Action
+    /// For the user, in English.
+    public let message: String
+    /// The picture that was judged.
+    public let probe: Probe
+    /// Accepted photos so far.
+    public let photos: Int
+    /// nil where the camera's place or the target is not known.
+    public let target: Target?
+    /// Share of the expected squared error of renderings that a photo from here would take away, 0 to 1; nil:
+    /// not known.
+    public let gain: Float?
+    /// The same of the view that tells most.
+    public let bestGain: Float?
+
+    init(_ guidance: svbrdf_guidance, _ probe: Probe) {
+        switch guidance.action {
+        case svbrdf_action(SVBRDF_ACTION_ADJUST): action = .adjust
+        case svbrdf_action(SVBRDF_ACTION_MOVE): action = .move
+        case svbrdf_action(SVBRDF_ACTION_SHOOT): action = .shoot
+        case svbrdf_action(SVBRDF_ACTION_ENOUGH): action = .enough
+        default: action = .hold
+        }
+        message = text(guidance.message)
+        (self.probe, photos) = (probe, Int(guidance.photos))
+        let offset = guidance.offset_mm
+        target = guidance.has_target != 1 ? nil : Target(
+            tiltDegrees: guidance.target_tilt_deg, azimuthDegrees: guidance.target_azimuth_deg,
+            offsetMM: SIMD3(offset.0, offset.1, offset.2), degrees: guidance.degrees
+        )
+        gain = guidance.gain < 0 ? nil : guidance.gain
+        bestGain = guidance.best_gain < 0 ? nil : guidance.best_gain
     }
 }
 

@@ -15,6 +15,7 @@ public struct CVPixelBufferLockFlags: OptionSet, Sendable {
 }
 
 public let kCVReturnSuccess: CVReturn = 0
+public let kCVPixelBufferPixelFormatTypeKey: CFString = ""
 public let kCVPixelFormatType_32BGRA: OSType = 0x4247_5241
 public let kCVPixelFormatType_64RGBAHalf: OSType = 0x5247_6841
 public let kCVPixelFormatType_420YpCbCr8BiPlanarFullRange: OSType = 0x3432_3066

@@ -4,7 +4,16 @@
 #include "boundary.h"
 
 /* Lengths of the arrays that Native.kt hands over. */
-enum { IMAGE_INTS = 8, PLANE_LONGS = 4, LEVELS = 18, PROBE = 43, CORNERS = 1024 };
+enum {
+    IMAGE_INTS = 8,
+    PLANE_LONGS = 4,
+    LEVELS = 18,
+    PROBE = 43,
+    CORNERS = 1024,
+    FILE_INFO = 9,
+    GUIDANCE = 11,
+    GUIDE_OPTIONS = 8
+};
 
 static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                       jfloatArray levels, svbrdf_image *image)
@@ -149,6 +158,92 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, report.advice);
 }
 
+/* What a file says, as PhotoFile.kt takes it apart: 1 and an exception where that fails. */
+static int give_info(JNIEnv *env, const svbrdf_file_info *info, jdoubleArray out,
+                     jobjectArray names)
+{
+    const char *texts[] = {info->make, info->model, info->lens, info->taken};
+    jdouble values[FILE_INFO];
+    jsize i;
+
+    values[0] = info->width;
+    values[1] = info->height;
+    values[2] = info->upright_deg;
+    values[3] = info->is_linear;
+    values[4] = (jdouble)info->exposure;
+    values[5] = (jdouble)info->focal_mm;
+    values[6] = (jdouble)info->focal_35mm;
+    values[7] = (jdouble)info->digital_zoom;
+    values[8] = info->remarks;
+    (*env)->SetDoubleArrayRegion(env, out, 0, FILE_INFO, values);
+    for (i = 0; i < COUNT(texts) && !(*env)->ExceptionCheck(env); ++i) {
+        const jbyteArray text = to_bytes(env, texts[i]);
+        if (text != NULL) {
+            (*env)->SetObjectArrayElement(env, names, i, text);
+            (*env)->DeleteLocalRef(env, text);
+        }
+    }
+    return (*env)->ExceptionCheck(env) != 0;
+}
+
+/* As session_push() with a file. */
+static jbyteArray session_push_encoded(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                       jobject file, jlong position, jlong bytes, jfloat exposure,
+                                       jint transfer, jint rotation, jint flash, jlong timestamp,
+                                       jlong max_pixels, jlong max_bytes, jdoubleArray info_out,
+                                       jobjectArray names, jdoubleArray out)
+{
+    svbrdf_encoded_options options;
+    svbrdf_file_info info;
+    svbrdf_frame_report report;
+    svbrdf_status status;
+    jdouble values[REPORT];
+    const void *content = direct_memory(env, file, position, bytes);
+
+    (void)class, (void)owner;
+    if (content == NULL) {
+        return NULL;
+    }
+    svbrdf_encoded_options_init(&options, sizeof options);
+    svbrdf_file_info_init(&info, sizeof info);
+    svbrdf_frame_report_init(&report, sizeof report);
+    options.exposure = exposure;
+    options.transfer = (svbrdf_transfer)transfer;
+    options.rotation = (uint32_t)rotation;
+    options.flash = (svbrdf_flash)flash;
+    options.timestamp_ns = timestamp;
+    options.max_pixels = (uint64_t)max_pixels;
+    options.max_bytes = (uint64_t)max_bytes;
+    status = svbrdf_session_push_encoded(HANDLE(svbrdf_session, handle), content, (size_t)bytes,
+                                         &options, &info, &report);
+    if (status != SVBRDF_OK && status != SVBRDF_REJECTED) {
+        throw_status(env, status);
+        return NULL;
+    }
+    fill_report(&report, values);
+    (*env)->SetDoubleArrayRegion(env, out, 0, REPORT, values);
+    if ((*env)->ExceptionCheck(env) || give_info(env, &info, info_out, names)) {
+        return NULL;
+    }
+    return to_bytes(env, report.advice);
+}
+
+static void file_look_at(JNIEnv *env, jclass class, jobject file, jlong position, jlong bytes,
+                         jdoubleArray info_out, jobjectArray names)
+{
+    svbrdf_file_info info;
+    const void *content = direct_memory(env, file, position, bytes);
+
+    (void)class;
+    if (content == NULL) {
+        return;
+    }
+    svbrdf_file_info_init(&info, sizeof info);
+    if (!throw_status(env, svbrdf_file_look_at(content, (size_t)bytes, &info))) {
+        give_info(env, &info, info_out, names);
+    }
+}
+
 /* Native.onPushed() is told of `id`, unless an exception is thrown. */
 static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
@@ -243,10 +338,108 @@ static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong 
     return (*env)->ExceptionCheck(env) ? NULL : to_bytes(env, probe.advice);
 }
 
+static void fill_guidance(const svbrdf_guidance *guidance, jdouble out[GUIDANCE])
+{
+    out[0] = guidance->action;
+    out[1] = guidance->photos;
+    out[2] = guidance->has_target;
+    out[3] = (jdouble)guidance->target_tilt_deg;
+    out[4] = (jdouble)guidance->target_azimuth_deg;
+    widen(guidance->offset_mm, 3, out + 5);
+    out[8] = (jdouble)guidance->degrees;
+    out[9] = (jdouble)guidance->gain;
+    out[10] = (jdouble)guidance->best_gain;
+}
+
+/* Two texts; NULL and an exception where there is no memory. */
+static jobjectArray texts(JNIEnv *env, const char *first, const char *second)
+{
+    const char *both[2];
+    const jclass bytes = (*env)->FindClass(env, "[B");
+    const jobjectArray array = bytes == NULL ? NULL : (*env)->NewObjectArray(env, 2, bytes, NULL);
+    int i;
+    both[0] = first;
+    both[1] = second;
+    for (i = 0; array != NULL && i < 2; ++i) {
+        const jbyteArray text = to_bytes(env, both[i]);
+        if (text == NULL) {
+            return NULL;
+        }
+        (*env)->SetObjectArrayElement(env, array, i, text);
+        (*env)->DeleteLocalRef(env, text);
+    }
+    return array;
+}
+
+/* What the probe has to tell, and the guidance. */
+static jobjectArray session_guide(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                  jintArray ints, jobjectArray planes, jlongArray layout,
+                                  jfloatArray levels, jfloat exposure, jint flash,
+                                  jfloat focal_35mm, jlong timestamp, jfloatArray corners,
+                                  jdoubleArray out)
+{
+    svbrdf_image image;
+    svbrdf_frame_info info;
+    svbrdf_probe probe;
+    svbrdf_guidance guidance;
+    jdouble values[PROBE + GUIDANCE];
+    float px[2 * CORNERS];
+    uint32_t found;
+
+    (void)class, (void)owner;
+    if (read_lit(env, ints, planes, layout, levels, exposure, flash, focal_35mm, &image, &info)) {
+        return NULL;
+    }
+    info.timestamp_ns = timestamp;
+    svbrdf_probe_init(&probe, sizeof probe);
+    probe.corners_px = px;
+    probe.corners_capacity = CORNERS;
+    svbrdf_guidance_init(&guidance, sizeof guidance);
+    if (throw_status(env, svbrdf_session_guide(HANDLE(svbrdf_session, handle), &image, &info,
+                                               &probe, &guidance))) {
+        return NULL;
+    }
+    fill_probe(&probe, values);
+    fill_guidance(&guidance, values + PROBE);
+    found = probe.corners_found < CORNERS ? probe.corners_found : CORNERS;
+    (*env)->SetFloatArrayRegion(env, corners, 0, (jsize)(2 * found), px);
+    if ((*env)->ExceptionCheck(env)) {
+        return NULL;
+    }
+    (*env)->SetDoubleArrayRegion(env, out, 0, PROBE + GUIDANCE, values);
+    return (*env)->ExceptionCheck(env) ? NULL : texts(env, probe.advice, guidance.message);
+}
+
+static void session_guide_begin(JNIEnv *env, jclass class, jobject owner, jlong handle,
+                                jfloatArray given)
+{
+    svbrdf_guide_options options;
+    jfloat f[GUIDE_OPTIONS];
+
+    (void)class, (void)owner;
+    if (read_floats(env, given, GUIDE_OPTIONS, f)) {
+        return;
+    }
+    svbrdf_guide_options_init(&options, sizeof options);
+    options.worth = f[0];
+    options.steady = f[1];
+    options.steady_seconds = f[2];
+    options.enough = f[3];
+    options.least = (uint32_t)f[4];
+    options.most = (uint32_t)f[5];
+    options.first_tilt_deg = f[6];
+    options.shot_seconds = f[7];
+    throw_status(env, svbrdf_session_guide_begin(HANDLE(svbrdf_session, handle), &options));
+}
+
 const JNINativeMethod frame_methods[] = {
+    METHOD("fileLookAt", "(" BUFFER "JJ[D[[B)V", file_look_at),
+    METHOD("sessionGuide", "(" OWNER "J[I[" BUFFER "[J[FFIFJ[F[D)[[B", session_guide),
+    METHOD("sessionGuideBegin", "(" OWNER "J[F)V", session_guide_begin),
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
            session_push),
+    METHOD("sessionPushEncoded", "(" OWNER "J" BUFFER "JJFIIIJJJ[D[[B[D)[B", session_push_encoded),
     METHOD("sessionPushAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
            session_push_async),
 };

@@ -1,12 +1,13 @@
 //! What the gate measures.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use svbrdf::comparison::compare;
 use svbrdf::estimate::Method;
 use svbrdf::{Error, Result};
 
 use super::figures::Figures;
+use super::fresh;
 use crate::clock::{Seconds, timed};
 use crate::experiments::seed;
 use crate::protocol::{self, Conditions, photographs};
@@ -22,15 +23,29 @@ const FITTED: [usize; 5] = [1, 2, 3, 5, 7];
 /// Orders of real photographs.
 const ORDERS: usize = 4;
 
+/// Captures that are made for a run.
+pub struct Fresh<'a> {
+    pub seeds: &'a [u64],
+    /// Where they stay; `None`: nowhere.
+    pub keep: Option<&'a Path>,
+}
+
 /// Figures of the selected groups.
-pub fn figures(data: &Path, groups: &[String], setup: &Setup) -> Result<Figures> {
+pub fn figures(data: &Path, groups: &[String], fresh: &Fresh, setup: &Setup) -> Result<Figures> {
     let setup = Setup { resolution: heldout::SIDE, ..setup.clone() };
     let mut figures = Figures::new(setup.threads);
     for group in groups {
         let (result, taken) = timed(|| match group.as_str() {
             "captures" => known_captures(&data.join("captures/dev"), &setup, &mut figures),
             "photos" => materials(&data.join("materials/validation"), &setup, &mut figures),
-            _ => predictions(&data.join("captures").join(group), group, &setup, &mut figures),
+            "fresh" => {
+                let mut of = |&seed| made(data, seed, fresh.keep, &setup, &mut figures);
+                fresh.seeds.iter().try_for_each(&mut of)
+            }
+            _ => {
+                let folders = folders(&data.join("captures").join(group))?;
+                predictions(&folders, group, ORDERS, &setup, &mut figures)
+            }
         });
         result?;
         eprintln!("{group}: {:.0} s", taken.wall);
@@ -83,12 +98,37 @@ fn materials(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result<()> 
     Ok(())
 }
 
-fn predictions(folder: &Path, group: &str, setup: &Setup, figures: &mut Figures) -> Result<()> {
-    let protocol = heldout::Protocol { fit: FITTED.to_vec(), orders: ORDERS, gain: true };
-    for folder in folders(folder)? {
-        let records = heldout::evaluate(&folder, &protocol, Variant::Deep, setup, None)?;
+/// Captures made for this run.
+fn made(
+    data: &Path,
+    seed: u64,
+    keep: Option<&Path>,
+    setup: &Setup,
+    figures: &mut Figures,
+) -> Result<()> {
+    eprintln!("fresh: seed {seed}");
+    let own = || std::env::temp_dir().join(format!("svbrdf-fresh-{}", std::process::id()));
+    let folder = keep.map_or_else(own, Path::to_owned).join(seed.to_string());
+    let result = fresh::captures(data, seed, &folder)
+        .and_then(|captures| predictions(&captures, "fresh", 1, setup, figures));
+    if keep.is_none() {
+        std::fs::remove_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+    }
+    result
+}
+
+fn predictions(
+    captures: &[PathBuf],
+    group: &str,
+    orders: usize,
+    setup: &Setup,
+    figures: &mut Figures,
+) -> Result<()> {
+    let protocol = heldout::Protocol { fit: FITTED.to_vec(), orders, gain: true };
+    for folder in captures {
+        let records = heldout::evaluate(folder, &protocol, Variant::Deep, setup, None)?;
         for (row, error) in heldout::means(&records) {
-            figures.add(group, format!("{} {row}", name(&folder)), error);
+            figures.add(group, format!("{} {row}", name(folder)), error);
         }
     }
     Ok(())
@@ -98,7 +138,7 @@ fn missing(folder: &Path) -> Error {
     Error::argument("data", format!("{}: no such folder", folder.display()))
 }
 
-fn folders(folder: &Path) -> Result<Vec<std::path::PathBuf>> {
+fn folders(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Err(missing(folder));
     }

@@ -2,6 +2,7 @@
 //! an earlier build.
 
 mod figures;
+mod fresh;
 mod measure;
 
 use std::path::PathBuf;
@@ -32,8 +33,14 @@ pub struct Arguments {
     write: Option<PathBuf>,
     /// Groups to measure
     #[arg(long, value_delimiter = ',', default_value = "captures,photos,real,faults",
-        value_parser = ["captures", "photos", "real", "faults"])]
+        value_parser = ["captures", "photos", "real", "faults", "fresh"])]
     groups: Vec<String>,
+    /// Seeds of the captures of the group fresh [default: the day]
+    #[arg(long, value_name = "SEED", value_delimiter = ',')]
+    seeds: Vec<u64>,
+    /// Folder that keeps the captures of the group fresh
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
     /// Do not fail where only time is worse, e.g. beside other work
     #[arg(long)]
     ignore_time: bool,
@@ -42,7 +49,9 @@ pub struct Arguments {
 const HELP: &str = "captures: rendering errors of captures/dev after 1, 2, 4 and 8 photographs. \
 photos: rendering errors of the middle crop of every material of materials/validation after 1, 2 \
 and 5 synthetic photographs. real: held-out errors of captures/real, four orders, 1, 2, 3, 5 and 7 \
-photographs; faults: of captures/faults, the same numbers. Time is the processor's, seconds per \
+photographs; faults: of captures/faults, the same numbers. fresh: of twelve captures for each seed, \
+made for the run from materials that no network has seen, with faults: six of a board, six \
+rectified. A change of the estimator counts by fresh with three seeds, and by real and faults. Time is the processor's, seconds per \
 photograph from reading it to the end of its fit.\n\nExit status 1 where the geometric mean of a \
 group is worse than the baseline's by more than 1 %, or its time by more than 5 %, or a case of \
 the baseline is missing.";
@@ -56,7 +65,14 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<bool> {
         })?,
     };
     let baseline = arguments.baseline.as_deref().map(Figures::read).transpose()?;
-    let (figures, taken) = timed(|| measure::figures(&data, &arguments.groups, setup));
+    let seeds = match &arguments.seeds[..] {
+        [] => vec![fresh::seed_of_today()],
+        seeds => seeds.to_vec(),
+    };
+    let (figures, taken) = timed(|| {
+        let fresh = measure::Fresh { seeds: &seeds, keep: arguments.keep.as_deref() };
+        measure::figures(&data, &arguments.groups, &fresh, setup)
+    });
     let figures = figures?;
     if let Some(path) = &arguments.write {
         write_atomic(path, figures.to_json().as_bytes())?;

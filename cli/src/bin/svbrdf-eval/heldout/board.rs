@@ -2,7 +2,7 @@
 
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::capture::Capture;
-use svbrdf::rectification::rectify_raised;
+use svbrdf::rectification::{TopView, rectify_raised};
 use svbrdf::session::{Scene, Session};
 use svbrdf::{Error, Rejection, Result};
 
@@ -45,9 +45,9 @@ pub fn photographs(
         let Some(radiometry) = calibrator.radiometry(i) else { continue };
         let pose = &poses[i].pose;
         let sample_mm = capture.sample_mm;
-        let observation =
-            rectify_raised(&photo, &camera, pose, &radiometry, sample_mm, height_mm, SIDE, SIDE)
-                .map_err(|reason| unusable(capture, index, reason))?;
+        let top = TopView { sample_mm, height_mm, width: SIDE, height: SIDE, edge_px: 0.0 };
+        let observation = rectify_raised(&photo, &camera, pose, &radiometry, top)
+            .map_err(|reason| unusable(capture, index, reason))?;
         // values as in the file, but for what lens and flash take from the borders
         let exposure = (3.0 / radiometry.gain.iter().sum::<f64>()) as f32;
         let n = observation.texels();

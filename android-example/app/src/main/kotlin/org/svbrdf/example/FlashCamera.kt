@@ -1,8 +1,6 @@
 package org.svbrdf.example
 
 import android.annotation.SuppressLint
-import android.app.Activity
-import android.content.Context
 import android.graphics.ImageFormat
 import android.hardware.camera2.CameraAccessException
 import android.hardware.camera2.CameraCaptureSession
@@ -10,7 +8,6 @@ import android.hardware.camera2.CameraCharacteristics
 import android.hardware.camera2.CameraDevice
 import android.hardware.camera2.CameraManager
 import android.hardware.camera2.CameraMetadata
-import android.hardware.camera2.CaptureFailure
 import android.hardware.camera2.CaptureRequest
 import android.hardware.camera2.CaptureResult
 import android.hardware.camera2.TotalCaptureResult
@@ -21,69 +18,81 @@ import android.media.Image
 import android.media.ImageReader
 import android.os.Handler
 import android.os.HandlerThread
-import android.util.Size
+import android.os.SystemClock
 import android.view.Surface
-import android.view.SurfaceHolder
+import java.util.concurrent.CountDownLatch
+import java.util.concurrent.TimeUnit
 import java.util.concurrent.atomic.AtomicInteger
-import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.min
 import kotlin.math.pow
-import kotlin.math.roundToInt
 import kotlin.math.roundToLong
-import org.svbrdf.scanner.Camera
 
 /**
- * A camera for measuring: lamp always on, linear tone curve, exposure, sensitivity, focus and white
- * balance fixed once [lock]ed. Its listener is called on the camera's own thread.
+ * A camera for measuring: lamp always on; exposure, sensitivity, focus and white balance fixed once [lock]ed, with a
+ * linear tone curve where the phone allows it. Its listener is called on the camera's own thread.
  */
-class FlashCamera(context: Context, raw: Boolean, private val listener: Listener) {
+class FlashCamera(
+    private val manager: CameraManager,
+    val choice: CameraChoice,
+    private val listener: Listener,
+) {
     interface Listener {
         /** A photo and what the camera says about it; the receiver closes it. */
         fun onShot(shot: Shot)
 
+        /** The photo that was asked for will not come. */
+        fun onShotFailed()
+
+        /** A picture of the preview; the receiver closes it, soon. */
+        fun onLook(look: Look)
+
+        /** Exposure, focus and white balance are fixed. */
+        fun onLocked()
+
         fun onLost()
     }
 
-    /** A photo with its settings. The camera's memory is kept until it is closed. */
-    class Shot(val image: Image, val result: TotalCaptureResult, val camera: FlashCamera) :
-        AutoCloseable {
+    /** A picture whose memory the camera owns, until it is closed. */
+    open class Look(val image: Image, val camera: FlashCamera) : AutoCloseable {
+        /** Whether its values are proportional to light. */
+        val isLinear = camera.locked?.isLinear == true
+
         override fun close() {
             image.close()
             camera.giveBack()
         }
     }
 
-    /** What every photo is taken with. */
+    /** A photo with its settings. */
+    class Shot(image: Image, val result: TotalCaptureResult, camera: FlashCamera) : Look(image, camera)
+
+    /** What every photo is taken with; without numbers: what the camera had found, held. */
     private class Settings(
         val exposureNs: Long,
         val sensitivity: Int,
+        val boost: Int,
         val focus: Float,
-        val gains: RggbChannelVector,
-        val transform: ColorSpaceTransform,
-    )
+        val gains: RggbChannelVector?,
+        val transform: ColorSpaceTransform?,
+    ) {
+        val isLinear get() = gains != null
+    }
 
-    private val manager = context.getSystemService(Context.CAMERA_SERVICE) as CameraManager
-    private val id: String
-    val characteristics: CameraCharacteristics
-
-    /** Size of the photos. */
-    val size: Size
-
-    /** Size of the preview: the same shape. */
-    val previewSize: Size
-    private val format: Int
-
+    private val characteristics get() = choice.characteristics
     private val thread = HandlerThread("camera").apply { start() }
     private val handler = Handler(thread.looper)
-    private val reader: ImageReader
+
+    /** Photos; the same as [looks] where one stream is for both. */
+    private val photos: ImageReader
+    private val looks: ImageReader
     private var device: CameraDevice? = null
     private var session: CameraCaptureSession? = null
     private var preview: Surface? = null
     private var closed = false
+    @Volatile private var opening = false
+    private val ended = CountDownLatch(1)
 
-    // Written by one thread each, read by others.
-    @Volatile private var latest: TotalCaptureResult? = null
     @Volatile private var locked: Settings? = null
     @Volatile private var stops = 0f
     @Volatile private var focusShift = 0f
@@ -92,79 +101,33 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
     private val images = HashMap<Long, Image>()
     private val results = HashMap<Long, TotalCaptureResult>()
 
-    /** Photos not closed yet, and one for the open camera. */
+    /** Since when a lock is wanted, ms. */
+    private var lockSince: Long? = null
+
+    /** Number of the photo that is awaited; null: none. */
+    private var awaited: Int? = null
+    private var shots = 0
+
+    /** Pictures not closed yet, and one for the open camera. */
     private val lent = AtomicInteger(1)
 
-    /** Photos lie in the reader's memory: it goes last. */
+    /** Pictures lie in the readers' memory: they go last. */
     private fun giveBack() {
         if (lent.decrementAndGet() == 0) {
-            reader.close()
+            photos.close()
+            looks.close()
         }
     }
 
     init {
-        val candidates = manager.cameraIdList.map { it to manager.getCameraCharacteristics(it) }
-        val (chosen, found) = candidates.firstOrNull { measures(it.second) }
-            ?: throw NoSuchElementException("no camera with a lamp and manual exposure")
-        id = chosen
-        characteristics = found
-        format = if (raw && has(found, RAW)) ImageFormat.RAW_SENSOR else ImageFormat.YUV_420_888
-        val sizes = found[CameraCharacteristics.SCALER_STREAM_CONFIGURATION_MAP]!!
-        size = when (format) {
-            ImageFormat.RAW_SENSOR -> sizes.getOutputSizes(format).maxBy { it.width }
-            // Three megapixels of four by three: enough for 1024 texels, quick to calibrate.
-            else -> sizes.getOutputSizes(format).minBy {
-                abs(it.width - 2016) + 4 * abs(it.height - 0.75 * it.width)
+        val (size, small) = choice.size to choice.lookSize
+        looks = ImageReader.newInstance(small.width, small.height, ImageFormat.YUV_420_888, 4)
+        looks.setOnImageAvailableListener({ source -> look(source) }, handler)
+        photos = if (!choice.isManual) looks else {
+            ImageReader.newInstance(size.width, size.height, choice.format, 3).apply {
+                setOnImageAvailableListener({ source -> quietly { source.acquireNextImage()?.let(::took) } }, handler)
             }
         }
-        previewSize = sizes.getOutputSizes(SurfaceHolder::class.java)
-            .filter { it.width <= 1440 }
-            .minBy { abs(it.width - 1280) + 4 * abs(it.height - shape() * it.width) }
-        reader = ImageReader.newInstance(size.width, size.height, format, 3)
-        reader.setOnImageAvailableListener({ source ->
-            source.acquireNextImage()?.let { image ->
-                images[image.timestamp] = image
-                pair(image.timestamp)
-            }
-        }, handler)
-    }
-
-    private fun shape() = size.height.toDouble() / size.width
-
-    /** Clockwise turn from the sensor's picture to how the screen shows it. */
-    fun turn(activity: Activity): Int {
-        val upright = characteristics[CameraCharacteristics.SENSOR_ORIENTATION] ?: 90
-        // The screen turns against the phone. Rotations count its quarters.
-        return (upright - 90 * activity.windowManager.defaultDisplay.rotation).mod(360)
-    }
-
-    /** Height over width of the preview as the screen shows it. */
-    fun uprightShape(activity: Activity): Float {
-        val (width, height) = previewSize.width.toFloat() to previewSize.height.toFloat()
-        return if (turn(activity) % 180 != 0) width / height else height / width
-    }
-
-    /**
-     * Intrinsics of the photos where the maker states them, else null: the library estimates them
-     * from the photos.
-     */
-    fun intrinsics(): Camera? {
-        val stated = characteristics[CameraCharacteristics.LENS_INTRINSIC_CALIBRATION]
-        val array = characteristics[CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE]
-        if (stated == null || array == null || stated.size < 4 || stated[0] <= 0f) {
-            return null
-        }
-        // Photos show the largest centred part of the array that has their shape.
-        val scale = max(
-            size.width.toDouble() / array.width(), size.height.toDouble() / array.height(),
-        )
-        val left = 0.5 * (array.width() - size.width / scale)
-        val top = 0.5 * (array.height() - size.height / scale)
-        // Android counts from the corner of the first pixel, the library from its centre.
-        return Camera(
-            size.width, size.height, stated[0] * scale, stated[1] * scale,
-            (stated[2] - left) * scale - 0.5, (stated[3] - top) * scale - 0.5,
-        )
     }
 
     /** Opens the camera; the permission has been granted. */
@@ -174,26 +137,32 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
             return
         }
         preview = surface
-        manager.openCamera(id, object : CameraDevice.StateCallback() {
+        opening = true
+        manager.openCamera(choice.id, object : CameraDevice.StateCallback() {
             override fun onOpened(camera: CameraDevice) {
+                opening = false
                 if (closed) {
                     camera.close()
                     return
                 }
                 device = camera
-                configure(camera, surface)
+                quietly({ lost(camera) }) { configure(camera, surface) }
             }
 
             override fun onDisconnected(camera: CameraDevice) = lost(camera)
 
             override fun onError(camera: CameraDevice, error: Int) = lost(camera)
+
+            override fun onClosed(camera: CameraDevice) = ended.countDown()
         }, handler)
     }
 
     private fun lost(camera: CameraDevice) {
+        opening = false
         session = null
         device = null
         camera.close()
+        missed()
         if (!closed) {
             listener.onLost()
         }
@@ -201,7 +170,7 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
 
     @Suppress("DEPRECATION") // What replaces it came with API 28.
     private fun configure(camera: CameraDevice, surface: Surface) {
-        val targets = listOf(surface, reader.surface)
+        val targets = listOf(surface, looks.surface, photos.surface).distinct()
         camera.createCaptureSession(targets, object : CameraCaptureSession.StateCallback() {
             override fun onConfigured(configured: CameraCaptureSession) {
                 if (!closed) {
@@ -219,26 +188,41 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
         val session = session ?: return@quietly
         val request = session.device.createCaptureRequest(CameraDevice.TEMPLATE_PREVIEW)
         request.addTarget(preview!!)
+        request.addTarget(looks.surface)
         fill(request)
         session.setRepeatingRequest(request.build(), object : CameraCaptureSession.CaptureCallback() {
             override fun onCaptureCompleted(
                 from: CameraCaptureSession,
                 request: CaptureRequest,
                 result: TotalCaptureResult,
-            ) {
-                latest = result
-            }
+            ) = seen(result)
         }, handler)
+    }
+
+    private fun seen(result: TotalCaptureResult) {
+        tryToLock(result)
+        if (!choice.isManual && awaited != null) {
+            result[CaptureResult.SENSOR_TIMESTAMP]?.let { results[it] = result; pair(it) }
+        }
     }
 
     private fun fill(request: CaptureRequest.Builder) {
         request[CaptureRequest.FLASH_MODE] = CameraMetadata.FLASH_MODE_TORCH
+        // They move the picture against the board, or the lens.
+        request[CaptureRequest.CONTROL_VIDEO_STABILIZATION_MODE] =
+            CameraMetadata.CONTROL_VIDEO_STABILIZATION_MODE_OFF
+        request[CaptureRequest.LENS_OPTICAL_STABILIZATION_MODE] =
+            CameraMetadata.LENS_OPTICAL_STABILIZATION_MODE_OFF
+        // The library undoes distortion itself; what the camera undoes, it does not tell.
+        choice.requestKey<Int>("android.distortionCorrection.mode")?.let { request[it] = 0 }
         val settings = locked
-        if (settings == null) {
+        if (settings == null || !settings.isLinear) {
             request[CaptureRequest.CONTROL_AE_MODE] = CameraMetadata.CONTROL_AE_MODE_ON
-            request[CaptureRequest.CONTROL_AF_MODE] =
-                CameraMetadata.CONTROL_AF_MODE_CONTINUOUS_PICTURE
+            request[CaptureRequest.CONTROL_AF_MODE] = CameraMetadata.CONTROL_AF_MODE_CONTINUOUS_PICTURE
             request[CaptureRequest.CONTROL_AWB_MODE] = CameraMetadata.CONTROL_AWB_MODE_AUTO
+            request[CaptureRequest.CONTROL_AE_LOCK] = settings != null
+            request[CaptureRequest.CONTROL_AWB_LOCK] = settings != null
+            request[CaptureRequest.CONTROL_AE_EXPOSURE_COMPENSATION] = compensation()
             return
         }
         request[CaptureRequest.CONTROL_AE_MODE] = CameraMetadata.CONTROL_AE_MODE_OFF
@@ -251,6 +235,7 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
         request[CaptureRequest.SENSOR_EXPOSURE_TIME] =
             exposure.coerceIn(times.lower, max(times.lower, longest))
         request[CaptureRequest.SENSOR_SENSITIVITY] = settings.sensitivity
+        choice.requestKey<Int>(BOOST)?.let { request[it] = settings.boost }
         val nearest = characteristics[CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE] ?: 0f
         request[CaptureRequest.LENS_FOCUS_DISTANCE] =
             (settings.focus + focusShift).coerceIn(0f, nearest)
@@ -269,65 +254,156 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
         request[CaptureRequest.BLACK_LEVEL_LOCK] = true
     }
 
-    /** Fixes exposure, focus and white balance as they are now; false while still measuring. */
-    fun lock(): Boolean {
-        val result = latest ?: return false
-        val exposed = result[CaptureResult.CONTROL_AE_STATE]
-        if (exposed == CameraMetadata.CONTROL_AE_STATE_SEARCHING) {
-            return false
+    /** Steps of automatic exposure: highlights need room above what it aims at. */
+    private fun compensation(): Int {
+        val step = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_STEP]?.toDouble() ?: 0.0
+        val range = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_RANGE]
+        if (choice.isManual || step <= 0.0 || range == null) {
+            return 0
         }
-        locked = Settings(
-            result[CaptureResult.SENSOR_EXPOSURE_TIME] ?: return false,
-            result[CaptureResult.SENSOR_SENSITIVITY] ?: return false,
-            result[CaptureResult.LENS_FOCUS_DISTANCE] ?: 0f,
-            result[CaptureResult.COLOR_CORRECTION_GAINS] ?: return false,
-            result[CaptureResult.COLOR_CORRECTION_TRANSFORM] ?: return false,
-        )
-        // Highlights need room above what automatic exposure aims at.
-        stops = -1f
+        return ((stops - 1) / step).roundToLong().toInt().coerceIn(range.lower, range.upper)
+    }
+
+    /** Fixes exposure, focus and white balance as soon as all have settled; [Listener.onLocked] follows. */
+    fun lock() = handler.post { lockSince = lockSince ?: SystemClock.elapsedRealtime() }
+
+    private fun tryToLock(result: TotalCaptureResult) {
+        val since = lockSince ?: return
+        // On a surface without structure focus may never settle: the user has a slider.
+        val patient = SystemClock.elapsedRealtime() - since < PATIENCE_MS
+        if (patient && !isSettled(result)) {
+            return
+        }
+        val found = settings(result) ?: return
+        lockSince = null
+        locked = found
+        stops = if (found.isLinear) -1f else 0f
         focusShift = 0f
-        handler.post { repeat() }
-        return true
+        if (!found.isLinear) {
+            holdFocus()
+        }
+        repeat()
+        listener.onLocked()
+    }
+
+    private fun isSettled(result: TotalCaptureResult): Boolean {
+        val exposed = result[CaptureResult.CONTROL_AE_STATE]
+        val balanced = result[CaptureResult.CONTROL_AWB_STATE]
+        val fixed = (characteristics[CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE] ?: 0f) == 0f
+        val focused = fixed || when (result[CaptureResult.CONTROL_AF_STATE]) {
+            CameraMetadata.CONTROL_AF_STATE_PASSIVE_FOCUSED,
+            CameraMetadata.CONTROL_AF_STATE_FOCUSED_LOCKED -> true
+            else -> false
+        }
+        return focused &&
+            (exposed == null || exposed == CameraMetadata.CONTROL_AE_STATE_CONVERGED ||
+                exposed == CameraMetadata.CONTROL_AE_STATE_LOCKED ||
+                exposed == CameraMetadata.CONTROL_AE_STATE_FLASH_REQUIRED) &&
+            (balanced == null || balanced == CameraMetadata.CONTROL_AWB_STATE_CONVERGED ||
+                balanced == CameraMetadata.CONTROL_AWB_STATE_LOCKED)
+    }
+
+    private fun settings(result: TotalCaptureResult): Settings? {
+        if (!choice.isManual) {
+            return Settings(0, 0, 100, 0f, null, null)
+        }
+        return Settings(
+            result[CaptureResult.SENSOR_EXPOSURE_TIME] ?: return null,
+            result[CaptureResult.SENSOR_SENSITIVITY] ?: return null,
+            result.boost(),
+            result[CaptureResult.LENS_FOCUS_DISTANCE] ?: 0f,
+            result[CaptureResult.COLOR_CORRECTION_GAINS] ?: return null,
+            result[CaptureResult.COLOR_CORRECTION_TRANSFORM] ?: return null,
+        )
+    }
+
+    /** Continuous focus stays where it is from a trigger on, until another ends that. */
+    private fun holdFocus(trigger: Int = CameraMetadata.CONTROL_AF_TRIGGER_START) = quietly {
+        val session = session ?: return@quietly
+        val request = session.device.createCaptureRequest(CameraDevice.TEMPLATE_PREVIEW)
+        request.addTarget(preview!!)
+        fill(request)
+        request[CaptureRequest.CONTROL_AF_TRIGGER] = trigger
+        session.capture(request.build(), null, handler)
     }
 
     /** Back to automatic exposure. */
-    fun unlock() {
+    fun unlock() = handler.post {
+        lockSince = null
         locked = null
-        handler.post { repeat() }
+        stops = 0f
+        if (!choice.isManual) {
+            holdFocus(CameraMetadata.CONTROL_AF_TRIGGER_CANCEL)
+        }
+        repeat()
     }
 
     /** Exposure in stops and focus in dioptres relative to what was locked. */
     fun adjust(stops: Float, focusShift: Float) {
-        this.stops = stops - 1f
+        this.stops = if (choice.isManual) stops - 1f else stops
         this.focusShift = focusShift
         handler.post { repeat() }
     }
 
-    /** Takes a photo; it comes to [Listener.onShot]. */
-    fun shoot(failed: () -> Unit) = handler.post {
-        quietly(failed) {
-            val session = session ?: throw CameraAccessException(CameraAccessException.CAMERA_DISCONNECTED)
-            val request = session.device.createCaptureRequest(CameraDevice.TEMPLATE_STILL_CAPTURE)
-            request.addTarget(reader.surface)
-            fill(request)
-            session.capture(request.build(), object : CameraCaptureSession.CaptureCallback() {
-                override fun onCaptureCompleted(
-                    from: CameraCaptureSession,
-                    request: CaptureRequest,
-                    result: TotalCaptureResult,
-                ) {
-                    val time = result[CaptureResult.SENSOR_TIMESTAMP]!!
-                    results[time] = result
-                    pair(time)
-                }
-
-                override fun onCaptureFailed(
-                    from: CameraCaptureSession,
-                    request: CaptureRequest,
-                    failure: CaptureFailure,
-                ) = failed()
-            }, handler)
+    /** Takes a photo: [Listener.onShot] or [Listener.onShotFailed] follows, in a few seconds at most. */
+    fun shoot() = handler.post {
+        if (awaited != null) {
+            return@post
         }
+        val number = ++shots
+        awaited = number
+        handler.postDelayed({ if (awaited == number) missed() }, SHOT_MS)
+        if (choice.isManual) {
+            quietly(::missed) { capture(session ?: throw CameraAccessException(CameraAccessException.CAMERA_DISCONNECTED)) }
+        }
+        // Otherwise the next picture of the preview is the photo.
+    }
+
+    private fun capture(session: CameraCaptureSession) {
+        val request = session.device.createCaptureRequest(CameraDevice.TEMPLATE_STILL_CAPTURE)
+        request.addTarget(photos.surface)
+        fill(request)
+        session.capture(request.build(), object : CaptureListener() {
+            override fun completed(result: TotalCaptureResult) {
+                val time = result[CaptureResult.SENSOR_TIMESTAMP] ?: return missed()
+                results[time] = result
+                pair(time)
+            }
+
+            override fun failed() = missed()
+        }, handler)
+    }
+
+    /** Pictures that come after all find nobody waiting. */
+    private fun missed() {
+        images.values.forEach { it.close() }
+        images.clear()
+        results.clear()
+        if (awaited != null) {
+            awaited = null
+            listener.onShotFailed()
+        }
+    }
+
+    private fun look(source: ImageReader) = quietly {
+        val image = source.acquireLatestImage() ?: return@quietly
+        if (!choice.isManual && awaited != null) {
+            took(image)
+        } else if (closed) {
+            image.close()
+        } else {
+            lent.incrementAndGet()
+            listener.onLook(Look(image, this))
+        }
+    }
+
+    private fun took(image: Image) {
+        if (awaited == null || images.size >= HELD) {
+            image.close()
+            return
+        }
+        images[image.timestamp] = image
+        pair(image.timestamp)
     }
 
     /** An image and its result come in any order. */
@@ -335,15 +411,14 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
         val image = images[time] ?: return
         val result = results.remove(time) ?: return
         images.remove(time)
-        if (closed) {
-            image.close()
-        } else {
-            lent.incrementAndGet()
-            listener.onShot(Shot(image, result, this))
-        }
+        awaited = null
+        lent.incrementAndGet()
+        val shot = Shot(image, result, this)
+        missed()
+        if (closed) shot.close() else listener.onShot(shot)
     }
 
-    /** The camera may vanish between any two lines; [Listener.onLost] or `otherwise` says so. */
+    /** The camera may vanish, or its surfaces, between any two lines; [Listener.onLost] or `otherwise` says so. */
     private fun quietly(otherwise: () -> Unit = {}, body: () -> Unit) {
         try {
             body()
@@ -351,49 +426,38 @@ class FlashCamera(context: Context, raw: Boolean, private val listener: Listener
             otherwise()
         } catch (gone: IllegalStateException) {
             otherwise()
+        } catch (abandoned: IllegalArgumentException) {
+            otherwise()
         }
     }
 
-    /** Ends the camera; photos handed out stay valid until closed. */
+    /**
+     * Ends the camera, and returns when it has let go of its surfaces; pictures handed out stay valid until closed.
+     */
     fun close() {
         handler.post {
             closed = true
-            session?.close()
-            device?.close()
-            images.values.forEach { it.close() }
-            images.clear()
+            missed()
+            quietly { session?.close() }
+            // One that is being opened is closed as soon as it is.
+            val open = device
+            if (open != null) open.close() else if (!opening) ended.countDown()
             giveBack()
         }
+        // The thread has to hear of the end.
+        ended.await(CLOSE_MS, TimeUnit.MILLISECONDS)
         thread.quitSafely()
     }
 
     private companion object {
-        const val RAW = CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_RAW
-        const val SENSOR = CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_MANUAL_SENSOR
-        const val PROCESSING = CameraMetadata.REQUEST_AVAILABLE_CAPABILITIES_MANUAL_POST_PROCESSING
         val LINEAR = floatArrayOf(0f, 0f, 1f, 1f)
 
-        fun has(camera: CameraCharacteristics, capability: Int): Boolean =
-            camera[CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES]
-                ?.contains(capability) == true
+        /** Longest wait for a lock, a photo, the end of the camera. */
+        const val PATIENCE_MS = 3000L
+        const val SHOT_MS = 3000L
+        const val CLOSE_MS = 2000L
 
-        /** Whether a camera can measure. */
-        fun measures(camera: CameraCharacteristics): Boolean {
-            val curves = camera[CameraCharacteristics.TONEMAP_AVAILABLE_TONE_MAP_MODES]
-            return camera[CameraCharacteristics.LENS_FACING] ==
-                CameraMetadata.LENS_FACING_BACK &&
-                camera[CameraCharacteristics.FLASH_INFO_AVAILABLE] == true &&
-                has(camera, SENSOR) && has(camera, PROCESSING) &&
-                curves?.contains(CameraMetadata.TONEMAP_MODE_CONTRAST_CURVE) == true
-        }
+        /** Pictures of the preview held while their results are awaited. */
+        const val HELD = 2
     }
 }
-
-/** A photo's exposure: time times sensitivity. */
-fun TotalCaptureResult.exposure(): Double {
-    val time = get(CaptureResult.SENSOR_EXPOSURE_TIME) ?: 1L
-    return time.toDouble() * (get(CaptureResult.SENSOR_SENSITIVITY) ?: 100)
-}
-
-/** A share in percent, for people. */
-fun percent(share: Float): Int = (100 * share).roundToInt()

@@ -12,19 +12,31 @@ import org.svbrdf.scanner.PixelFormat
 import org.svbrdf.scanner.Plane
 import org.svbrdf.scanner.Transfer
 
-/** The photo where it lies, in the camera's memory: valid until the image is closed. */
+private fun FlashCamera.Look.planes() =
+    image.planes.map { Plane(it.buffer, it.rowStride, it.pixelStride) }
+
+/** Whether the camera has made colours of the sensor's values. */
+val FlashCamera.Look.isYuv get() = image.format != ImageFormat.RAW_SENSOR
+
+/** The picture where it lies, in the camera's memory: valid until the image is closed. */
+fun FlashCamera.Look.photo(): Photo {
+    // A tone curve that cannot be turned off is close to sRGB's; the library finds out what is left of it.
+    val transfer = if (isLinear) Transfer.LINEAR else Transfer.SRGB
+    return Photo(PixelFormat.YUV420, image.width, image.height, planes(), transfer)
+}
+
+/** The photo where it lies, the same. */
 fun FlashCamera.Shot.photo(): Photo {
-    val planes = image.planes.map { Plane(it.buffer, it.rowStride, it.pixelStride) }
-    if (image.format == ImageFormat.RAW_SENSOR) {
-        return Photo(
-            PixelFormat.BAYER16, image.width, image.height, planes, Transfer.LINEAR, bayer = bayer(),
-        )
+    if (isYuv) {
+        return (this as FlashCamera.Look).photo()
     }
-    return Photo(PixelFormat.YUV420, image.width, image.height, planes, Transfer.LINEAR)
+    return Photo(
+        PixelFormat.BAYER16, image.width, image.height, planes(), Transfer.LINEAR, bayer = bayer(),
+    )
 }
 
 private fun FlashCamera.Shot.bayer(): Bayer {
-    val characteristics = camera.characteristics
+    val characteristics = camera.choice.characteristics
     val pattern = when (characteristics[CameraCharacteristics.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT]) {
         CameraMetadata.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT_GRBG -> BayerPattern.GRBG
         CameraMetadata.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT_GBRG -> BayerPattern.GBRG

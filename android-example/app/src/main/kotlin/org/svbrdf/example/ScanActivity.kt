@@ -3,40 +3,37 @@ package org.svbrdf.example
 import android.Manifest
 import android.app.Activity
 import android.content.ClipData
+import android.content.Context
 import android.content.Intent
 import android.content.pm.PackageManager
 import android.content.res.Configuration
 import android.hardware.camera2.CameraAccessException
-import android.hardware.camera2.CaptureResult
+import android.hardware.camera2.CameraManager
 import android.net.Uri
 import android.os.Bundle
-import android.util.Log
+import android.os.SystemClock
 import android.view.SurfaceHolder
 import android.view.SurfaceView
 import android.widget.Button
+import android.widget.CheckBox
 import android.widget.SeekBar
 import android.widget.TextView
 import java.io.File
-import java.util.concurrent.Executors
-import java.util.concurrent.RejectedExecutionException
 import java.util.zip.ZipEntry
 import java.util.zip.ZipOutputStream
 import kotlin.math.roundToInt
-import org.svbrdf.scanner.Board
-import org.svbrdf.scanner.Flash
+import org.svbrdf.scanner.Action
+import org.svbrdf.scanner.Camera
+import org.svbrdf.scanner.Guidance
 import org.svbrdf.scanner.Hint
-import org.svbrdf.scanner.LogLevel
 import org.svbrdf.scanner.MaterialMaps
-import org.svbrdf.scanner.MaterialScanner
-import org.svbrdf.scanner.PhotoInfo
 import org.svbrdf.scanner.Progress
 import org.svbrdf.scanner.Pushed
 import org.svbrdf.scanner.Rejection
-import org.svbrdf.scanner.ScanOptions
 
-/** Scans one material: meter, lock, photos from several sides, share. */
-class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
-    MaterialScanner.Listener, SeekBar.OnSeekBarChangeListener {
+/** Scans one material: meter, lock, photos from several sides as the library's guide says, share. */
+class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, ScanModel.Screen,
+    SeekBar.OnSeekBarChangeListener {
 
     private lateinit var finder: FinderLayout
     private lateinit var overlay: BoardOverlay
@@ -46,22 +43,25 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     private lateinit var lock: Button
     private lateinit var photo: Button
     private lateinit var share: Button
-    private lateinit var fresh: Button
     private lateinit var exposure: SeekBar
     private lateinit var focus: SeekBar
+    private lateinit var automatic: CheckBox
+
+    /** The scan, which outlives this activity when the phone makes it anew. */
+    private lateinit var model: ScanModel
 
     private var camera: FlashCamera? = null
     private var surface: SurfaceHolder? = null
     private var started = false
-    private var locked = false
 
-    /** Photos and files, one after the other, off the main thread. */
-    private val work = Executors.newSingleThreadExecutor()
+    /** Read on the camera's thread. */
+    @Volatile private var locked = false
+    @Volatile private var shoots = true
 
-    // Of `work`.
-    private var scanner: MaterialScanner? = null
-    private var firstExposure = 0.0
+    /** Until when the words on a photo stay, by the uptime clock, ms. */
+    private var wordsUntil = 0L
 
+    @Suppress("DEPRECATION") // See onRetainNonConfigurationInstance().
     override fun onCreate(state: Bundle?) {
         super.onCreate(state)
         setContentView(R.layout.scan)
@@ -73,23 +73,27 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         lock = findViewById(R.id.lock) as Button
         photo = findViewById(R.id.photo) as Button
         share = findViewById(R.id.share) as Button
-        fresh = findViewById(R.id.fresh) as Button
         exposure = findViewById(R.id.exposure) as SeekBar
         focus = findViewById(R.id.focus) as SeekBar
-        overlay.board = BOARD
+        automatic = findViewById(R.id.automatic) as CheckBox
+        overlay.board = ScanModel.BOARD
         lock.setOnClickListener { toggleLock() }
         photo.setOnClickListener { takePhoto() }
         share.setOnClickListener { export() }
-        fresh.setOnClickListener { startAnew() }
+        (findViewById(R.id.fresh) as Button).setOnClickListener { startAnew() }
+        automatic.setOnCheckedChangeListener { _, on -> shoots = on }
         exposure.setOnSeekBarChangeListener(this)
         focus.setOnSeekBarChangeListener(this)
-        focus.progress = 50
         (findViewById(R.id.preview) as SurfaceView).holder.addCallback(this)
-        later { restore() }
+        model = lastNonConfigurationInstance as ScanModel? ?: ScanModel(this)
         if (checkSelfPermission(Manifest.permission.CAMERA) != PackageManager.PERMISSION_GRANTED) {
             requestPermissions(arrayOf(Manifest.permission.CAMERA), 0)
         }
     }
+
+    // What androidx's ViewModels are kept by; deprecated in old SDKs alone.
+    @Suppress("OVERRIDE_DEPRECATION")
+    override fun onRetainNonConfigurationInstance(): Any = model
 
     override fun onRequestPermissionsResult(code: Int, names: Array<String>, granted: IntArray) {
         if (granted.firstOrNull() == PackageManager.PERMISSION_GRANTED) {
@@ -102,79 +106,35 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     override fun onResume() {
         super.onResume()
         started = true
-        later { scanner?.resume() }
+        model.show(this)
+        model.resume()
         openCamera()
     }
 
     override fun onPause() {
         started = false
         closeCamera()
-        // The fit goes on when the user is back.
-        later { scanner?.pause() }
+        model.show(null)
+        model.suspendAndSave()
         super.onPause()
     }
 
-    override fun onStop() {
-        // The phone may end the app from here on.
-        later { save() }
-        super.onStop()
-    }
-
     override fun onDestroy() {
-        later { scanner?.close() }
-        work.shutdown()
+        if (!isChangingConfigurations) {
+            model.close()
+        }
+        relit.material = null
         super.onDestroy()
     }
 
-    // The scan, on `work`.
-
-    private val saved get() = File(filesDir, "scan")
-
-    /** Faults here have nobody to tell: the next photo meets them again. */
-    private fun later(body: () -> Unit) = work.execute {
-        try {
-            body()
-        } catch (fault: Exception) {
-            Log.e(TAG, "scan", fault)
-        }
-    }
-
-    private fun save() {
-        val scan = scanner ?: return
-        scan.save(saved)
-        // Exposures of later photos are relative to the first one's.
-        val values = getPreferences(MODE_PRIVATE).edit()
-        values.putLong(EXPOSURE, firstExposure.toRawBits()).apply()
-    }
-
-    private fun restore() {
-        if (!saved.isFile) {
-            return
-        }
-        try {
-            scanner = MaterialScanner.restore(saved, this)
-            firstExposure = Double.fromBits(getPreferences(MODE_PRIVATE).getLong(EXPOSURE, 0))
-        } catch (fault: Exception) {
-            // Of another version, or damaged: a new scan then.
-            Log.w(TAG, "restore", fault)
-            saved.delete()
-        }
-    }
-
-    private fun startAnew() {
-        later {
-            scanner?.close()
-            scanner = null
-            firstExposure = 0.0
-            saved.delete()
-            runOnUiThread {
-                relit.material = null
-                share.isEnabled = false
-                fit.text = ""
-                overlay.show(null, null, 0)
-                overlay.good = null
-                feedback.setText(if (locked) R.string.locked else R.string.meter)
-            }
+    private fun startAnew() = model.startAnew {
+        relit.material = null
+        share.isEnabled = false
+        fit.text = ""
+        overlay.clear()
+        feedback.setText(if (locked) R.string.locked else R.string.meter)
+        if (locked) {
+            camera?.let { model.begin(it.choice) }
         }
     }
 
@@ -187,20 +147,22 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
             return
         }
         val opened = try {
-            FlashCamera(this, RAW, this)
-        } catch (none: NoSuchElementException) {
-            feedback.setText(R.string.no_camera)
-            return
+            val manager = getSystemService(Context.CAMERA_SERVICE) as CameraManager
+            CameraChoice.of(manager, RAW)?.let { FlashCamera(manager, it, this) }
         } catch (gone: CameraAccessException) {
             feedback.setText(R.string.camera_lost)
             return
         }
+        if (opened == null) {
+            feedback.setText(R.string.no_camera)
+            return
+        }
         camera = opened
         setLocked(false)
-        feedback.setText(R.string.meter)
+        feedback.setText(if (opened.choice.isManual) R.string.meter else R.string.meter_automatic)
         // The preview has the sensor's shape, upright.
-        val size = opened.previewSize
-        finder.shape = opened.uprightShape(this)
+        val size = opened.choice.previewSize
+        finder.shape = opened.choice.uprightShape(this)
         val holder = (findViewById(R.id.preview) as SurfaceView).holder
         holder.setFixedSize(size.width, size.height)
         start()
@@ -209,21 +171,24 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     /** Large screens turn the app whatever the manifest says. */
     override fun onConfigurationChanged(now: Configuration) {
         super.onConfigurationChanged(now)
-        camera?.let { finder.shape = it.uprightShape(this) }
-        overlay.show(null, null, 0)
+        camera?.let { finder.shape = it.choice.uprightShape(this) }
+        overlay.clear()
     }
 
     /** Once there are a camera and a surface of its size. */
     private fun start() {
         val camera = camera ?: return
         val holder = surface ?: return
-        val frame = holder.surfaceFrame
-        if (frame.width() != camera.previewSize.width || frame.height() != camera.previewSize.height) {
+        val (frame, size) = holder.surfaceFrame to camera.choice.previewSize
+        if (frame.width() != size.width || frame.height() != size.height) {
             return // surfaceChanged() follows.
         }
         try {
             camera.open(holder.surface)
         } catch (gone: CameraAccessException) {
+            onLost()
+        } catch (gone: IllegalArgumentException) {
+            // The list of cameras has changed since.
             onLost()
         }
     }
@@ -253,12 +218,14 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
 
     private fun setLocked(now: Boolean) {
         locked = now
+        lock.isEnabled = true
         lock.setText(if (now) R.string.unlock else R.string.lock)
         photo.isEnabled = now
         exposure.isEnabled = now
-        focus.isEnabled = now
+        focus.isEnabled = now && camera?.choice?.isManual == true
         exposure.progress = exposure.max / 2
         focus.progress = focus.max / 2
+        overlay.clear()
     }
 
     private fun toggleLock() {
@@ -267,12 +234,18 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
             camera.unlock()
             setLocked(false)
             feedback.setText(R.string.meter)
-        } else if (camera.lock()) {
-            setLocked(true)
-            feedback.setText(R.string.locked)
         } else {
+            lock.isEnabled = false
             feedback.setText(R.string.metering)
+            camera.lock()
         }
+    }
+
+    /** On the camera's thread. */
+    override fun onLocked() = runOnUiThread {
+        setLocked(true)
+        feedback.setText(R.string.locked)
+        camera?.let { model.begin(it.choice) }
     }
 
     override fun onProgressChanged(bar: SeekBar, value: Int, byUser: Boolean) {
@@ -293,67 +266,72 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     private fun takePhoto() {
         photo.isEnabled = false
         feedback.setText(R.string.taking)
-        camera?.shoot { runOnUiThread { told(getString(R.string.failed, "camera"), false) } }
+        camera?.shoot()
     }
 
     /** On the camera's thread. */
     override fun onShot(shot: FlashCamera.Shot) {
-        try {
-            work.execute {
-                val (words, good) = try {
-                    shot.use { push(it) }
-                } catch (fault: Exception) {
-                    Log.e(TAG, "push", fault)
-                    getString(R.string.failed, fault.message) to false
-                }
-                runOnUiThread { told(words, good) }
-            }
-        } catch (ended: RejectedExecutionException) {
-            shot.close()
+        model.push(shot)
+    }
+
+    /** On the camera's thread. */
+    override fun onShotFailed() {
+        model.missed()
+        runOnUiThread { told(getString(R.string.failed, "camera"), false) }
+    }
+
+    /** On the camera's thread. */
+    override fun onLook(look: FlashCamera.Look) {
+        if (!locked) {
+            look.close()
+            return
+        }
+        model.look(look) {
+            // Otherwise the guide waits for the button.
+            if (shoots) look.camera.shoot()
         }
     }
 
-    private fun push(shot: FlashCamera.Shot): Pair<String, Boolean> {
-        val intrinsics = shot.camera.intrinsics()
-        val session = scanner ?: MaterialScanner(
-            ScanOptions(SAMPLE_WIDTH_MM, SAMPLE_HEIGHT_MM, BOARD, intrinsics), this,
-        ).also { scanner = it }
-        val exposure = shot.result.exposure()
-        if (firstExposure == 0.0) {
-            firstExposure = exposure
+    override fun onGuidance(guidance: Guidance, width: Int, height: Int) {
+        val turn = camera?.choice?.turn(this) ?: return
+        if (!locked) {
+            return
         }
-        val lamp = when (shot.result[CaptureResult.FLASH_STATE]) {
-            CaptureResult.FLASH_STATE_FIRED -> Flash.TORCH
-            else -> Flash.UNKNOWN
+        overlay.guide(guidance, width, height, turn)
+        if (SystemClock.uptimeMillis() >= wordsUntil) {
+            feedback.text = words(guidance)
         }
-        val info = PhotoInfo((exposure / firstExposure).toFloat(), lamp, shot.image.timestamp)
-        return when (val pushed = session.push(shot.photo(), info)) {
+    }
+
+    private fun words(guidance: Guidance): String = when (guidance.action) {
+        Action.ADJUST -> guidance.probe.reason?.let { words(it, false) } ?: guidance.message
+        Action.HOLD -> getString(R.string.hold)
+        Action.SHOOT -> getString(if (shoots) R.string.taking else R.string.now)
+        Action.ENOUGH -> getString(R.string.enough)
+        Action.MOVE -> guidance.target?.let { there(it) } ?: guidance.message
+        Action.OTHER -> guidance.message
+    }
+
+    private fun there(target: Guidance.Target): String {
+        val side = resources.getStringArray(R.array.sides)[(target.azimuthDeg / 45).roundToInt() % 8]
+        return when (target.tiltDeg) {
+            0f -> getString(R.string.next_top)
+            else -> getString(R.string.next_side, target.tiltDeg.roundToInt(), side)
+        }
+    }
+
+    override fun onPushed(pushed: Pushed, camera: Camera?) {
+        when (pushed) {
             is Pushed.Accepted -> {
-                runOnUiThread { overlay.show(pushed.pose, intrinsics, shot.camera.turn(this)) }
                 val degrees = Math.toDegrees(pushed.pose?.angle ?: 0.0).toInt()
-                val more = (words(pushed) + next(session)).joinToString(" ")
-                getString(R.string.accepted, pushed.index + 1, degrees, more) to true
+                val more = words(pushed).joinToString(" ")
+                told(getString(R.string.accepted, pushed.index + 1, degrees, more), true)
             }
             is Pushed.Rejected -> {
-                runOnUiThread { overlay.show(null, null, 0) }
-                if (session.progress.photos == 0) {
-                    firstExposure = 0.0
-                }
-                getString(R.string.rejected, words(pushed)) to false
+                val moved = pushed.blurDirectionDeg != null
+                told(getString(R.string.rejected, words(pushed.reason, moved) ?: pushed.advice), false)
             }
         }
-    }
-
-    /** From where the next photo tells most. */
-    private fun next(session: MaterialScanner): List<String> {
-        val view = session.nextView ?: return emptyList()
-        val side = resources.getStringArray(R.array.sides)[(view.azimuthDeg / 45).roundToInt() % 8]
-        val there = when (view.tiltDeg) {
-            0f -> getString(R.string.next_top)
-            else -> getString(R.string.next_side, view.tiltDeg.roundToInt(), side)
-        }
-        val enough = if (session.progress.photos < ENOUGH) "" else getString(R.string.enough)
-        return listOf(enough, there).filter { it.isNotEmpty() }
     }
 
     /** What an accepted photo could do better. */
@@ -366,74 +344,55 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
         }
     }
 
-    /** Words for the reasons that a user can do something about; the library's own for the rest. */
-    private fun words(rejected: Pushed.Rejected): String = when (rejected.reason) {
+    /** Words for the reasons that a user can do something about; null for the rest. */
+    private fun words(reason: Rejection, moved: Boolean): String? = when (reason) {
         Rejection.BOARD_NOT_FOUND, Rejection.TOO_FEW_CORNERS -> getString(R.string.advice_board)
         Rejection.POSE_UNCERTAIN -> getString(R.string.advice_pose)
-        Rejection.BLURRED -> getString(
-            if (rejected.blurDirectionDeg == null) R.string.advice_blurred else R.string.advice_moved,
-        )
+        Rejection.BLURRED -> getString(if (moved) R.string.advice_moved else R.string.advice_blurred)
         Rejection.TOO_DARK -> getString(R.string.advice_dark)
         Rejection.CLIPPED -> getString(R.string.advice_clipped)
         Rejection.TOO_GRAZING -> getString(R.string.advice_grazing)
         Rejection.SAMPLE_OUTSIDE -> getString(R.string.advice_outside)
         Rejection.LIGHT_NOT_VISIBLE -> getString(R.string.advice_light)
-        else -> rejected.advice
+        else -> null
     }
 
     private fun told(words: String, good: Boolean) {
         feedback.text = words
+        wordsUntil = SystemClock.uptimeMillis() + WORDS_MS
         overlay.good = good
         photo.isEnabled = locked
     }
 
-    // The scanner, on its own thread.
+    // The scan.
 
-    override fun onProgress(scanner: MaterialScanner, progress: Progress) {
-        runOnUiThread {
-            fit.text = when {
-                progress.settled -> getString(R.string.fit_done)
-                else -> getString(R.string.fit, percent(progress.fraction))
-            }
+    override fun onProgress(progress: Progress) {
+        fit.text = when {
+            progress.settled -> getString(R.string.fit_done)
+            else -> getString(R.string.fit, (100 * progress.fraction).roundToInt())
         }
     }
 
-    override fun onMaps(scanner: MaterialScanner) {
-        val shown = scanner.snapshotReduced(PREVIEW_LEVEL) ?: return
-        runOnUiThread {
-            relit.material = shown
-            share.isEnabled = true
-        }
+    override fun onMaps(maps: MaterialMaps) {
+        relit.material = maps
+        share.isEnabled = true
     }
 
-    override fun onLog(level: LogLevel, line: String) {
-        Log.println(
-            when (level) {
-                LogLevel.ERROR -> Log.ERROR
-                LogLevel.WARNING -> Log.WARN
-                LogLevel.INFO -> Log.INFO
-            },
-            TAG, line,
-        )
-    }
+    override fun onFault(fault: Exception) = told(getString(R.string.failed, fault.message), false)
 
     // Sharing.
 
     private fun export() {
         feedback.setText(R.string.sharing)
         share.isEnabled = false
-        work.execute {
-            try {
-                val files = scanner?.snapshot()?.use { write(it) }
-                val photos = scanner?.progress?.photos ?: 0
-                runOnUiThread {
-                    if (files == null) feedback.setText(R.string.no_maps) else send(files, photos)
-                }
-            } catch (fault: Exception) {
-                Log.e(TAG, "export", fault)
-                runOnUiThread { feedback.text = getString(R.string.failed, fault.message) }
+        model.withMaps { maps, photos ->
+            val files = try {
+                maps?.let { write(it) }
             } finally {
                 runOnUiThread { share.isEnabled = true }
+            }
+            runOnUiThread {
+                if (files == null) feedback.setText(R.string.no_maps) else send(files, photos)
             }
         }
     }
@@ -471,19 +430,11 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener,
     }
 
     private companion object {
-        const val TAG = "svbrdf"
-        const val EXPOSURE = "exposure"
-
-        /** The sample inside the board that `svbrdf board` prints. */
-        val BOARD = Board.DEFAULT
-        const val SAMPLE_WIDTH_MM = 100f
-        const val SAMPLE_HEIGHT_MM = 100f
-
         /** Raw values are the most faithful, and slow: a dozen megapixels. */
         const val RAW = false
 
-        /** How often the maps are halved to be shown: 256 texels follow a finger. */
-        const val PREVIEW_LEVEL = 0
+        /** How long the words on a photo stay, ms. */
+        const val WORDS_MS = 2500L
 
         /** Photos that make good maps. */
         const val ENOUGH = 5

@@ -12,12 +12,14 @@ import android.view.MotionEvent
 import android.view.View
 import android.widget.FrameLayout
 import java.nio.ByteBuffer
+import kotlin.math.hypot
+import kotlin.math.max
 import kotlin.math.min
+import org.svbrdf.scanner.Action
 import org.svbrdf.scanner.Board
-import org.svbrdf.scanner.Camera
+import org.svbrdf.scanner.Guidance
 import org.svbrdf.scanner.Lighting
 import org.svbrdf.scanner.MaterialMaps
-import org.svbrdf.scanner.Pose
 
 /** As wide as it may be, with the shape of the upright preview. */
 class FinderLayout(context: Context, attributes: AttributeSet?) :
@@ -36,14 +38,22 @@ class FinderLayout(context: Context, attributes: AttributeSet?) :
     }
 }
 
-/** Where to hold the board, and where the latest photo had it. */
+/** Where to hold the board at first, where the sample is, and which way to go. */
 class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, attributes) {
+    private val density = resources.displayMetrics.density
     private val paint = Paint(Paint.ANTI_ALIAS_FLAG).apply {
         style = Paint.Style.STROKE
-        strokeWidth = 3f * resources.displayMetrics.density
+        strokeWidth = 3f * density
+        strokeCap = Paint.Cap.ROUND
     }
     private val path = Path()
-    private var seen: List<List<FloatArray>> = emptyList()
+
+    /** The sample's corners, shares of the upright picture; empty: not seen. */
+    private var sample: List<FloatArray> = emptyList()
+
+    /** Direction to go, upright, of length 1 at most; null: none. */
+    private var way: FloatArray? = null
+    private var action: Action? = null
 
     /** The board in use. */
     var board = Board.DEFAULT
@@ -55,20 +65,27 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
             invalidate()
         }
 
-    /** Shows where a photo of `camera` had the board, whose picture the screen shows turned by `orientation`. */
-    fun show(pose: Pose?, camera: Camera?, orientation: Int) {
-        seen = if (pose == null || camera == null) {
-            emptyList()
-        } else {
-            outlines().mapNotNull { outline ->
-                val points = outline.map { (x, y) -> pose.project(camera, x, y) }
-                if (points.any { it == null }) {
-                    null
-                } else {
-                    points.map { upright(it!![0] / camera.width, it[1] / camera.height, orientation) }
-                }
-            }
+    /** Nothing is known of what the camera sees. */
+    fun clear() {
+        sample = emptyList()
+        way = null
+        action = null
+        good = null
+    }
+
+    /** Shows what guidance says by a picture of that size, which the screen shows turned by `orientation`. */
+    fun guide(guidance: Guidance, width: Int, height: Int, orientation: Int) {
+        val corners = guidance.probe.view?.samplePx.orEmpty()
+        sample = corners.map { (x, y) -> upright(x / width, y / height, orientation) }
+        way = guidance.target?.takeIf { guidance.action == Action.MOVE }?.let { target ->
+            // Turned as the picture is; a hand's breadth is a long arrow.
+            val (x, y) = target.offsetMm
+            val here = upright(0f, 0f, orientation)
+            val there = upright(x, y, orientation)
+            val long = max(ARROW_MM, hypot(x, y))
+            floatArrayOf((there[0] - here[0]) / long, (there[1] - here[1]) / long)
         }
+        action = guidance.action
         invalidate()
     }
 
@@ -87,20 +104,20 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
     }
 
     /** From shares of the sensor's picture to shares of the upright one. */
-    private fun upright(x: Double, y: Double, orientation: Int): FloatArray = when (orientation) {
-        90 -> floatArrayOf((1 - y).toFloat(), x.toFloat())
-        180 -> floatArrayOf((1 - x).toFloat(), (1 - y).toFloat())
-        270 -> floatArrayOf(y.toFloat(), (1 - x).toFloat())
-        else -> floatArrayOf(x.toFloat(), y.toFloat())
+    private fun upright(x: Float, y: Float, orientation: Int): FloatArray = when (orientation) {
+        90 -> floatArrayOf(1 - y, x)
+        180 -> floatArrayOf(1 - x, 1 - y)
+        270 -> floatArrayOf(y, 1 - x)
+        else -> floatArrayOf(x, y)
     }
 
     override fun onDraw(canvas: Canvas) {
-        val shown = seen.ifEmpty { guide() }
-        paint.color = when (good) {
-            null -> Color.WHITE
-            true -> Color.rgb(80, 220, 100)
-            false -> Color.rgb(255, 120, 80)
+        paint.color = when {
+            action == Action.SHOOT || action == Action.ENOUGH -> Color.rgb(80, 220, 100)
+            action == Action.ADJUST || good == false -> Color.rgb(255, 120, 80)
+            else -> Color.WHITE
         }
+        val shown = if (sample.isEmpty()) start() else listOf(sample)
         for (outline in shown) {
             path.rewind()
             outline.forEachIndexed { i, point ->
@@ -111,10 +128,26 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
             path.close()
             canvas.drawPath(path, paint)
         }
+        way?.let { arrow(canvas, it) }
+    }
+
+    /** From the middle of the picture. */
+    private fun arrow(canvas: Canvas, way: FloatArray) {
+        val length = 0.35f * min(width, height)
+        val (x, y) = width / 2f to height / 2f
+        val (dx, dy) = length * way[0] to length * way[1]
+        path.rewind()
+        path.moveTo(x, y)
+        path.lineTo(x + dx, y + dy)
+        for (side in listOf(1f, -1f)) {
+            path.moveTo(x + dx, y + dy)
+            path.lineTo(x + 0.75f * dx - side * 0.15f * dy, y + 0.75f * dy + side * 0.15f * dx)
+        }
+        canvas.drawPath(path, paint)
     }
 
     /** The board from above, filling most of the picture. */
-    private fun guide(): List<List<FloatArray>> {
+    private fun start(): List<List<FloatArray>> {
         val s = board.squareMm
         val scale = 0.88 * min(width / (board.cols * s), height / (board.rows * s))
         return outlines().map { outline ->
@@ -124,6 +157,11 @@ class BoardOverlay(context: Context, attributes: AttributeSet?) : View(context, 
                 )
             }
         }
+    }
+
+    private companion object {
+        /** Distance that makes the longest arrow, mm. */
+        const val ARROW_MM = 120f
     }
 }
 

@@ -211,7 +211,11 @@ enum class Rejection(internal val code: Int) {
     TOO_GRAZING(9),
     SAMPLE_OUTSIDE(10),
     LIGHT_NOT_VISIBLE(11),
-    NOT_FINITE(12);
+    NOT_FINITE(12),
+    PLACEMENT_AMBIGUOUS(13),
+    BOARD_DIFFERS(14),
+    OTHER_CAMERA(15),
+    SQUARES_TOO_SMALL(16);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER

@@ -74,6 +74,12 @@ class MaterialScanner private constructor(
     fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
         photo.push(this, handle.now, info, null, null)
 
+    /**
+     * As [push] with a photo that is a file. One that is damaged, or of a format that is not read, is an
+     * [IllegalArgumentException] that names it.
+     */
+    fun push(file: PhotoFile): PushedFile = file.push(this, handle.now)
+
     /** Called with what became of a photo; exactly one of the two is null. */
     fun interface PushCallback {
         fun onPushed(pushed: Pushed?, fault: Throwable?)
@@ -110,6 +116,30 @@ class MaterialScanner private constructor(
     @JvmOverloads
     fun probe(photo: Photo, info: PhotoInfo = PhotoInfo()): Probe =
         photo.probe(this, handle.now, info)
+
+    /**
+     * Judges a picture of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
+     * now, or enough. Call it with every picture; [PhotoInfo.timestampNs] says when it was taken. After
+     * [Action.SHOOT] it asks to hold until the photo has been pushed. Waits neither for the fit nor for a push.
+     */
+    @JvmOverloads
+    fun guide(preview: Photo, info: PhotoInfo = PhotoInfo()): Guidance =
+        preview.guide(this, handle.now, info)
+
+    /**
+     * Begins guidance anew, with other options. Also tells that the photo asked for was not taken, or was
+     * rejected.
+     */
+    @JvmOverloads
+    fun beginGuide(options: GuideOptions = GuideOptions()) = Native.sessionGuideBegin(
+        this, handle.now,
+        options.run {
+            floatArrayOf(
+                worth, steady, steadySeconds, enough, least.toFloat(), most.toFloat(), firstTiltDeg,
+                shotSeconds,
+            )
+        },
+    )
 
     /**
      * Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one,

@@ -36,6 +36,14 @@ internal object Native {
         darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
         report: DoubleArray,
     ): ByteArray
+    @JvmStatic external fun sessionPushEncoded(
+        owner: Any, handle: Long, file: ByteBuffer, position: Long, bytes: Long, exposure: Float,
+        transfer: Int, rotation: Int, flash: Int, timestamp: Long, maxPixels: Long, maxBytes: Long,
+        info: DoubleArray, names: Array<ByteArray?>, report: DoubleArray,
+    ): ByteArray
+    @JvmStatic external fun fileLookAt(
+        file: ByteBuffer, position: Long, bytes: Long, info: DoubleArray, names: Array<ByteArray?>,
+    )
     @JvmStatic external fun sessionPushAsync(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, darkInts: IntArray?,
@@ -47,6 +55,13 @@ internal object Native {
         levels: FloatArray, exposure: Float, flash: Int, focal35mm: Float, corners: FloatArray,
         out: DoubleArray,
     ): ByteArray
+    /** The probe's advice and the guidance's message. */
+    @JvmStatic external fun sessionGuide(
+        owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
+        levels: FloatArray, exposure: Float, flash: Int, focal35mm: Float, timestamp: Long,
+        corners: FloatArray, out: DoubleArray,
+    ): Array<ByteArray>
+    @JvmStatic external fun sessionGuideBegin(owner: Any, handle: Long, options: FloatArray?)
     @JvmStatic external fun sessionRemove(owner: Any, handle: Long, index: Int)
     @JvmStatic external fun sessionFrameFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean

@@ -93,6 +93,18 @@ class Photo @JvmOverloads constructor(
         return Probe.of(values, corners, String(advice, Charsets.UTF_8), info.timestampNs)
     }
 
+    internal fun guide(scanner: MaterialScanner, handle: Long, info: PhotoInfo): Guidance {
+        val photo = numbers()
+        val corners = FloatArray(2 * Probe.CORNERS)
+        val values = DoubleArray(Probe.SIZE + Guidance.SIZE)
+        val (advice, message) = Native.sessionGuide(
+            scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels, info.exposure,
+            info.flash.code, info.focal35mm, info.timestampNs, corners, values,
+        ).map { String(it, Charsets.UTF_8) }
+        val probe = Probe.of(values, corners, advice, info.timestampNs)
+        return Guidance.of(values, Probe.SIZE, message, probe)
+    }
+
     /** What crosses to the library. */
     private class Numbers(
         val ints: IntArray,
@@ -158,7 +170,7 @@ class Photo @JvmOverloads constructor(
             return Photo(format, width, height, listOf(Plane(pixels, stride)), transfer)
         }
 
-        private fun direct(buffer: ByteBuffer): ByteBuffer {
+        internal fun direct(buffer: ByteBuffer): ByteBuffer {
             if (buffer.isDirect) {
                 return buffer
             }

@@ -1,0 +1,113 @@
+//! Captures that nobody has tuned anything on: made for one run, from its seed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use sha2::{Digest, Sha256};
+use svbrdf::export::{read_maps, write_maps};
+use svbrdf::random::Random;
+use svbrdf::{Error, Result};
+
+use crate::protocol::{SIDE, crop};
+use crate::streaming::name;
+
+/// Captures of a seed: as many of a board as rectified ones.
+const CAPTURES: usize = 12;
+/// Photographs of each: seven are fitted, two predicted.
+const FRAMES: usize = 9;
+/// Share of the materials of `training/` that no network has seen, by a hash of their names
+/// (`training/data.py`).
+const HELD_OUT_PERCENT: u32 = 6;
+
+/// The seed of a run that names none: the day.
+pub fn seed_of_today() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() / 86_400)
+}
+
+/// Whether no network has seen a material of `training/`.
+fn is_held_out(name: &str) -> bool {
+    let hash = Sha256::digest(name.as_bytes());
+    hash.iter().fold(0, |rest, byte| (rest * 256 + u32::from(*byte)) % 100) < HELD_OUT_PERCENT
+}
+
+/// Materials that no network has seen: those of `materials/validation`, and of `materials/train` the held
+/// out.
+fn materials(data: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for (folder, seen) in [("validation", false), ("train", true)] {
+        let folder = data.join("materials").join(folder);
+        let entries = std::fs::read_dir(&folder).map_err(|e| Error::io(&folder, e))?;
+        let folders = entries.filter_map(|e| Some(e.ok()?.path())).filter(|path| path.is_dir());
+        let kept = folders.filter(|path| !seen || is_held_out(&file_name(path)));
+        all.extend(kept);
+    }
+    all.sort();
+    if all.is_empty() {
+        return Err(Error::argument("data", format!("{}: no materials", data.display())));
+    }
+    Ok(all)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Makes the captures of a seed in a folder: each of a random piece of another material, with faults as
+/// real photographs have them (`svbrdf simulate --real`).
+pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut random = Random::new(seed);
+    let mut materials = materials(data)?;
+    for i in 0..materials.len() {
+        let other = i + (random.uniform() * (materials.len() - i) as f64) as usize;
+        materials.swap(i, other);
+    }
+    let mut captures = Vec::with_capacity(CAPTURES);
+    for i in 0..CAPTURES {
+        let material = &materials[i % materials.len()];
+        let maps = read_maps(material)?;
+        let (w, h) = (maps.width(), maps.height());
+        let side = SIDE.min(w).min(h);
+        let mut place = |size: usize| (random.uniform() * (size - side + 1) as f64) as usize;
+        let piece = crop(&maps, [place(w), place(h)], side)?;
+        let kind = if i % 2 == 0 { "board" } else { "rectified" };
+        let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", name(material)));
+        let piece_folder = folder.join(format!("{i:02}"));
+        write_maps(&piece_folder, &piece)?;
+        simulate(&piece_folder, &capture, seed.wrapping_mul(100) + i as u64, i % 2 == 1)?;
+        captures.push(capture);
+    }
+    Ok(captures)
+}
+
+/// Runs `svbrdf simulate`, which lies beside this program.
+fn simulate(maps: &Path, capture: &Path, seed: u64, rectified: bool) -> Result<()> {
+    let own = std::env::current_exe().map_err(|e| Error::io("svbrdf-eval", e))?;
+    let program = own.with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
+    let mut command = Command::new(&program);
+    command.arg("simulate").arg(maps).arg("--out").arg(capture).arg("--real");
+    command.arg("--frames").arg(FRAMES.to_string()).arg("--seed").arg(seed.to_string());
+    if rectified {
+        command.arg("--rectified");
+    }
+    let done = command.output().map_err(|e| Error::io(&program, e))?;
+    if done.status.success() {
+        return Ok(());
+    }
+    let message = String::from_utf8_lossy(&done.stderr).trim().to_owned();
+    Err(Error::argument("simulate", message))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The names that `training/data.py` holds out of a few.
+    #[test]
+    fn held_out_names_are_those_of_the_training() {
+        let held_out = ["acg__metal021", "ez__ground03", "tjm__styrofoam004", "re-trak__tile2"];
+        assert!(held_out.into_iter().all(is_held_out));
+        let seen = ["acg__metal011", "ez__ground08", "tjm__fabric060", "re-trak__tile1"];
+        assert!(!seen.into_iter().any(is_held_out));
+    }
+}

@@ -1,0 +1,11 @@
+"""Materials from flash photographs, with the library `svbrdf` that comes as a wheel."""
+
+from . import panel
+
+
+def register():
+    panel.register()
+
+
+def unregister():
+    panel.unregister()

@@ -1,0 +1,161 @@
+//! Folders with `capture.json`.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use svbrdf::capture;
+use svbrdf::files::{Choice, Chosen, HEAD_BYTES, Kind, Metadata};
+use svbrdf::frame::{Encoding, Rotation};
+
+use crate::camera::Camera;
+use crate::errors::detached;
+use crate::photo::Photo;
+use crate::records::Hint;
+
+/// A position in the board frame, mm.
+type Position = (f32, f32, f32);
+
+/// One photograph of a capture.
+#[pyclass(frozen, module = "svbrdf")]
+pub struct Frame(capture::Frame);
+
+#[pymethods]
+impl Frame {
+    /// The picture file.
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.0.path.clone()
+    }
+
+    /// Transfer curve of its values.
+    #[getter]
+    fn encoding(&self) -> &'static str {
+        self.0.encoding.name()
+    }
+
+    /// Relative exposure.
+    #[getter]
+    fn exposure(&self) -> f32 {
+        self.0.exposure
+    }
+
+    /// Positions of camera and light of an already rectified photograph, mm; ``None`` for one of a board.
+    #[getter]
+    fn rectified(&self) -> Option<(Position, Position)> {
+        self.0.rectified.map(|view| (view.camera_mm.into(), view.light_mm.into()))
+    }
+
+    /// Reads the photograph, less what its view without flash shows.
+    fn read(&self, py: Python<'_>) -> PyResult<Photo> {
+        Ok(Photo(Arc::new(detached(py, || self.0.read())?)))
+    }
+
+    /// Reads the photograph, and what there is to tell about the file.
+    fn _read_with_hints(&self, py: Python<'_>) -> PyResult<(Photo, Vec<Hint>)> {
+        let (photo, remarks) = detached(py, || self.0.read_with_remarks())?;
+        let hints = remarks.iter().map(|remark| Hint::new(remark.code(), remark.to_string()));
+        Ok((Photo(Arc::new(photo)), hints.collect()))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Frame {}>", self.0.path.display())
+    }
+}
+
+/// A folder with ``capture.json``: what its photographs show. They are read one at a time.
+#[pyclass(frozen, module = "svbrdf")]
+pub struct Capture(pub capture::Capture);
+
+#[pymethods]
+impl Capture {
+    /// Reads and checks ``capture.json`` of a folder. ``camera`` takes the place of the file's.
+    #[staticmethod]
+    #[pyo3(signature = (folder, *, camera = None))]
+    fn load(py: Python<'_>, folder: PathBuf, camera: Option<Camera>) -> PyResult<Self> {
+        let camera = camera.map(|camera| camera.native());
+        detached(py, || capture::Capture::load_with_camera(folder, camera)).map(Self)
+    }
+
+    /// Width and height of the sample, mm.
+    #[getter]
+    fn sample_mm(&self) -> (f32, f32) {
+        self.0.sample_mm.into()
+    }
+
+    /// What was ignored of the description, a sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.0.warnings.clone()
+    }
+
+    /// The photographs.
+    #[getter]
+    fn frames(&self) -> Vec<Frame> {
+        self.0.frames.iter().cloned().map(Frame).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Capture of {} photographs>", self.0.frames.len())
+    }
+}
+
+/// Photographs to be used, others with why they are not, and remarks.
+type Chose = (Vec<Frame>, Vec<(PathBuf, String)>, Vec<String>);
+
+/// Photographs of one camera among picture files, in the order in which they were taken, with their exposures:
+/// frames; files left out, and why; remarks.
+#[pyfunction]
+pub fn _choose(py: Python<'_>, paths: Vec<PathBuf>) -> Chose {
+    py.detach(|| {
+        let mut choice = Choice::default();
+        let mut left_out = Vec::new();
+        let mut read = Vec::new();
+        for path in paths {
+            match kind(&path) {
+                Some(kind) if !kind.is_read() => {
+                    left_out.push((
+                        path,
+                        format!("{}, which is not read: {}", kind.name(), kind.advice()),
+                    ));
+                }
+                _ => read.push((Metadata::read(&path), path)),
+            }
+        }
+        choice.add(read);
+        left_out.extend(choice.left_out.into_iter().map(|l| (l.path, l.reason)));
+        (choice.chosen.into_iter().map(frame).collect(), left_out, choice.remarks)
+    })
+}
+
+/// Files of a folder that are pictures by their content, by name.
+#[pyfunction]
+pub fn _pictures(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
+    detached(py, || {
+        let entries = std::fs::read_dir(&folder).map_err(|e| svbrdf::Error::io(&folder, e))?;
+        let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+        let mut found: Vec<PathBuf> =
+            paths.filter(|path| path.is_file() && kind(path).is_some()).collect();
+        found.sort();
+        Ok(found)
+    })
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    let mut head = Vec::new();
+    File::open(path).ok()?.take(HEAD_BYTES as u64).read_to_end(&mut head).ok()?;
+    Kind::of(&head)
+}
+
+fn frame(chosen: Chosen) -> Frame {
+    Frame(capture::Frame {
+        path: chosen.path,
+        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
+        exposure: chosen.exposure,
+        rectified: None,
+        turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),
+        ambient: None,
+    })
+}

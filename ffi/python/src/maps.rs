@@ -1,0 +1,345 @@
+//! The four maps.
+
+use std::f32::consts::PI;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::ndarray::{Ix2, Ix3};
+use numpy::{PyArray2, PyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use svbrdf::confidence::Confidence;
+use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
+use svbrdf::observation::{Falloff, View};
+use svbrdf::svbrdf::{MAX_SLOPE, channel};
+use svbrdf::{Svbrdf, render};
+
+use crate::arrays::{array, floats, size};
+use crate::errors::{argument, choice, detached};
+
+/// Normal, diffuse albedo, specular albedo and roughness of every texel.
+///
+/// Row 0 is the sample's +Y edge, column 0 its -X edge. Every access to ``normal``, ``diffuse``, ``specular``,
+/// ``roughness`` makes a new array of ``float32``.
+#[pyclass(frozen, module = "svbrdf")]
+pub struct Maps {
+    maps: Arc<Svbrdf>,
+    confidence: Option<Arc<Confidence>>,
+    sample_mm: [f32; 2],
+    photographs: Py<PyTuple>,
+}
+
+impl Maps {
+    /// Maps of a sample of that size, with how far they may be off.
+    pub fn of(
+        py: Python<'_>,
+        maps: Arc<Svbrdf>,
+        confidence: Option<Arc<Confidence>>,
+        sample_mm: [f32; 2],
+    ) -> Self {
+        Self { maps, confidence, sample_mm, photographs: PyTuple::empty(py).unbind() }
+    }
+
+    fn shape(&self) -> [usize; 2] {
+        [self.maps.height(), self.maps.width()]
+    }
+
+    /// Texel by texel from three planes.
+    fn colours<'py>(&self, py: Python<'py>, first: usize) -> Bound<'py, PyArray3<f32>> {
+        let [height, width] = self.shape();
+        let planes = [0, 1, 2].map(|c| self.maps.plane(first + c));
+        let values = (0..width * height).flat_map(|i| planes.map(|plane| plane[i])).collect();
+        array(py, Ix3(height, width, 3), values)
+    }
+
+    fn plane<'py>(&self, py: Python<'py>, values: &[f32]) -> Bound<'py, PyArray2<f32>> {
+        let [height, width] = self.shape();
+        array(py, Ix2(height, width), values.to_vec())
+    }
+
+    /// Accepted photographs that they come from, where that is known.
+    fn count(&self, py: Python<'_>) -> PyResult<Option<u32>> {
+        let mut count = 0;
+        for photograph in self.photographs.bind(py) {
+            count += u32::from(photograph.getattr("accepted")?.is_truthy()?);
+        }
+        Ok((count > 0).then_some(count))
+    }
+
+    fn packed(
+        &self,
+        py: Python<'_>,
+        formats: Vec<String>,
+        tile: bool,
+        metallic: bool,
+        texture: &str,
+        max_size: usize,
+    ) -> PyResult<Package> {
+        let names = Format::ALL.map(Format::name);
+        let formats = formats
+            .iter()
+            .map(|name| choice("formats", name, Format::from_name(name), &names))
+            .collect::<PyResult<Vec<_>>>()?;
+        let textures = TextureFormat::ALL.map(TextureFormat::name);
+        let texture = choice("texture", texture, TextureFormat::from_name(texture), &textures)?;
+        let photographs = self.count(py)?;
+        let sample_mm = self.sample_mm;
+        let options =
+            ExportOptions { formats, sample_mm, metallic, tile, texture, max_size, photographs };
+        detached(py, || export::export(&self.maps, &options))
+    }
+}
+
+#[pymethods]
+impl Maps {
+    /// Maps of arrays: ``normal`` (height, width, 3), unit vectors, Y up; ``diffuse`` and ``specular`` (height, width, 3),
+    /// linear, 0 to 1; ``roughness`` (height, width), 0 to 1. Slopes are limited to 3 (71.6 degrees).
+    ///
+    /// >>> import numpy as np
+    /// >>> flat = np.zeros((2, 2, 3)); flat[..., 2] = 1
+    /// >>> gray = np.full((2, 2, 3), 0.5)
+    /// >>> maps = Maps.from_arrays(flat, gray, gray * 0.08, np.full((2, 2), 0.4), sample_mm=(100, 100))
+    /// >>> maps.roughness
+    /// array([[0.4, 0.4],
+    ///        [0.4, 0.4]], dtype=float32)
+    #[staticmethod]
+    #[pyo3(signature = (normal, diffuse, specular, roughness, *, sample_mm))]
+    fn from_arrays(
+        py: Python<'_>,
+        normal: &Bound<'_, PyAny>,
+        diffuse: &Bound<'_, PyAny>,
+        specular: &Bound<'_, PyAny>,
+        roughness: &Bound<'_, PyAny>,
+        sample_mm: (f32, f32),
+    ) -> PyResult<Self> {
+        let given = [
+            ("normal", normal, 3),
+            ("diffuse", diffuse, 3),
+            ("specular", specular, 3),
+            ("roughness", roughness, 1),
+        ];
+        let mut first = None;
+        let mut read = Vec::new();
+        for (name, values, channels) in given {
+            let (shape, values) = floats(name, values)?;
+            let found = size(name, &shape, channels)?;
+            let [height, width] = *first.get_or_insert(found);
+            if found != [height, width] {
+                let message = format!("{found:?} texels given; {height} x {width} expected");
+                return Err(argument(name, message));
+            }
+            let allowed = if name == "normal" { -1.001..=1.001 } else { 0.0..=1.0 };
+            if let Some(value) = values.iter().find(|v| !allowed.contains(*v)) {
+                let (low, high) = (allowed.start().round(), allowed.end().round());
+                return Err(argument(name, format!("{value} given; {low} to {high} expected")));
+            }
+            read.push(values);
+        }
+        let [height, width] = first.expect("four arrays");
+        let normals = read[0].as_chunks::<3>().0;
+        if normals.iter().any(|n| n[2] <= 0.0) {
+            return Err(argument("normal", "normals that point up are expected: z > 0"));
+        }
+        let slope = |n: &[f32; 3], axis: usize| (n[axis] / n[2]).clamp(-MAX_SLOPE, MAX_SLOPE);
+        let mut planes = Vec::with_capacity(9 * width * height);
+        planes.extend(normals.iter().map(|n| slope(n, 0)));
+        planes.extend(normals.iter().map(|n| slope(n, 1)));
+        for colours in &read[1..3] {
+            for c in 0..3 {
+                planes.extend(colours.iter().skip(c).step_by(3));
+            }
+        }
+        planes.extend(&read[3]);
+        let sample_mm = lengths(sample_mm)?;
+        let maps = detached(py, || Svbrdf::from_planes(width, height, planes))?;
+        Ok(Self::of(py, Arc::new(maps), None, sample_mm))
+    }
+
+    /// Reads a folder with ``maps.exr`` or pictures ``normal``, ``diffuse``, ``specular``, ``roughness``.
+    ///
+    /// ``sample_mm`` is the size of the sample; by default what the files state.
+    #[staticmethod]
+    #[pyo3(signature = (folder, *, sample_mm = None))]
+    fn load(py: Python<'_>, folder: PathBuf, sample_mm: Option<(f32, f32)>) -> PyResult<Self> {
+        let maps = detached(py, || export::read_maps(&folder))?;
+        let sample_mm = match sample_mm {
+            Some(given) => lengths(given)?,
+            None => detached(py, || export::read_sample_mm(&folder))?.ok_or_else(|| {
+                argument("sample_mm", format!("{} does not state it", folder.display()))
+            })?,
+        };
+        Ok(Self::of(py, Arc::new(maps), None, sample_mm))
+    }
+
+    /// Width and height of the sample, mm.
+    #[getter]
+    fn sample_mm(&self) -> (f32, f32) {
+        self.sample_mm.into()
+    }
+
+    /// Rows and columns.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        (self.maps.height(), self.maps.width())
+    }
+
+    /// What became of each photograph of a fit; empty for other maps.
+    #[getter]
+    fn photographs<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
+        self.photographs.bind(py).clone()
+    }
+
+    /// Unit normals, (height, width, 3): X right, Y up, Z out of the sample.
+    #[getter]
+    fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
+        let [height, width] = self.shape();
+        let texels = (0..width * height).flat_map(|i| self.maps.normal(i % width, i / width));
+        array(py, Ix3(height, width, 3), texels.collect())
+    }
+
+    /// Diffuse albedo, (height, width, 3), linear RGB.
+    #[getter]
+    fn diffuse<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
+        self.colours(py, channel::DIFFUSE)
+    }
+
+    /// Specular albedo at normal incidence (F0), (height, width, 3), linear RGB.
+    #[getter]
+    fn specular<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
+        self.colours(py, channel::SPECULAR)
+    }
+
+    /// Roughness, (height, width): GGX with alpha = roughness squared.
+    #[getter]
+    fn roughness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
+        self.plane(py, self.maps.plane(channel::ROUGHNESS))
+    }
+
+    /// Standard deviations, each (height, width), under ``normal`` (of each slope), ``diffuse``, ``specular`` (of each
+    /// colour) and ``roughness``; ``None`` where they are not known.
+    #[getter]
+    fn deviations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(confidence) = &self.confidence else { return Ok(None) };
+        let deviations = PyDict::new(py);
+        for (name, plane) in [
+            ("normal", confidence.normal()),
+            ("diffuse", confidence.diffuse()),
+            ("specular", confidence.specular()),
+            ("roughness", confidence.roughness()),
+        ] {
+            deviations.set_item(name, self.plane(py, plane))?;
+        }
+        Ok(Some(deviations))
+    }
+
+    /// Writes ``normal.png``, ``diffuse.png``, ``specular.png``, ``roughness.png`` (16 bits) and ``maps.exr`` into a folder,
+    /// which is made if missing: all files or none.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        detached(py, || match &self.confidence {
+            Some(known) => export::write_assessed_maps(folder, &self.maps, known, self.sample_mm),
+            None => export::write_sized_maps(folder, &self.maps, self.sample_mm),
+        })
+    }
+
+    /// Writes a picture of the material under four lights.
+    fn save_preview(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        detached(py, || export::write_preview(path, &self.maps, self.sample_mm))
+    }
+
+    /// Writes files for other programs into a folder, which is made if missing: all or none. Returns their names.
+    ///
+    /// ``formats``: ``glb``, ``usdz``, ``materialx``, ``unreal``, ``unity-hdrp``, ``unity-urp``, ``blender``. ``tile`` makes the maps
+    /// seamless, ``metallic`` stores base colour and metalness, ``texture`` is ``png8``, ``png16`` or ``jpeg``, ``max_size`` the
+    /// longer side of textures at most (0: any).
+    #[pyo3(signature = (folder, formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    fn export(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        formats: Vec<String>,
+        tile: bool,
+        metallic: bool,
+        texture: &str,
+        max_size: usize,
+    ) -> PyResult<Vec<String>> {
+        let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
+        detached(py, || package.write(folder))?;
+        Ok(package.files.into_iter().map(|(name, _)| name).collect())
+    }
+
+    /// As ``export``, in memory: names and bytes of the files.
+    #[pyo3(signature = (formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    fn package<'py>(
+        &self,
+        py: Python<'py>,
+        formats: Vec<String>,
+        tile: bool,
+        metallic: bool,
+        texture: &str,
+        max_size: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
+        let files = PyDict::new(py);
+        for (name, bytes) in package.files {
+            files.set_item(name, pyo3::types::PyBytes::new(py, &bytes))?;
+        }
+        Ok(files)
+    }
+
+    /// Linear radiance of every texel, (height, width, 3), seen from ``camera_mm`` under one light at ``light_mm`` that lights
+    /// all texels alike: a white surface facing it comes out at its albedo.
+    ///
+    /// >>> import numpy as np
+    /// >>> flat = np.zeros((4, 4, 3)); flat[..., 2] = 1
+    /// >>> maps = Maps.from_arrays(flat, flat * 0 + 0.5, flat * 0, np.ones((4, 4)), sample_mm=(1, 1))
+    /// >>> round(float(maps.render(camera_mm=(0, 0, 500), light_mm=(0, 0, 500)).mean()), 3)
+    /// 0.5
+    #[pyo3(signature = (*, camera_mm, light_mm))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        camera_mm: (f32, f32, f32),
+        light_mm: (f32, f32, f32),
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let above = |name: &str, (x, y, z): (f32, f32, f32)| {
+            let fine = [x, y, z].iter().all(|v| v.is_finite()) && z > 0.0;
+            let expected = "three finite numbers with z > 0 are expected";
+            if fine { Ok([x, y, z]) } else { Err(argument(name, expected)) }
+        };
+        let view = View {
+            sample_mm: self.sample_mm,
+            camera_mm: above("camera_mm", camera_mm)?,
+            light_mm: above("light_mm", light_mm)?,
+            falloff: Falloff::None { power: [PI; 3] },
+            ambient: [0.0; 3],
+            mirrored: 1.0,
+        };
+        let [height, width] = self.shape();
+        let texels = width * height;
+        let mut planes = vec![0.0; 3 * texels];
+        py.detach(|| render::render(&self.maps, &view, &mut planes));
+        let values = (0..texels).flat_map(|i| [0, 1, 2].map(|c| planes[c * texels + i])).collect();
+        Ok(array(py, Ix3(height, width, 3), values))
+    }
+
+    /// The same maps with what became of each photograph.
+    fn _with_photographs(&self, photographs: Py<PyTuple>) -> Self {
+        let (maps, confidence) = (self.maps.clone(), self.confidence.clone());
+        Self { maps, confidence, sample_mm: self.sample_mm, photographs }
+    }
+
+    fn __repr__(&self) -> String {
+        let ([height, width], [x, y]) = (self.shape(), self.sample_mm);
+        format!("<Maps of {width} x {height} texels, {x} x {y} mm>")
+    }
+}
+
+/// Width and height of a sample.
+pub fn lengths((width, height): (f32, f32)) -> PyResult<[f32; 2]> {
+    let given = [width, height];
+    if given.iter().all(|v| v.is_finite() && *v > 0.0) {
+        Ok(given)
+    } else {
+        Err(argument("sample_mm", format!("{given:?} given; two positive lengths in mm expected")))
+    }
+}

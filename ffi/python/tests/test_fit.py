@@ -1,0 +1,171 @@
+"""Fits: the same as the command line's, told as they go, ended in order."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+import svbrdf
+from conftest import FRAMES, STEPS
+
+FILES = ["maps.exr", "normal.png", "diffuse.png", "specular.png", "roughness.png"]
+
+
+def test_maps_are_the_command_lines_to_the_byte(
+    capture: pathlib.Path, told_by_the_command_line: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    # More threads than there: results do not depend on their number.
+    maps = svbrdf.fit(capture, frames=FRAMES, steps=STEPS, threads=2)
+    maps.save(tmp_path)
+    for name in FILES:
+        ours, theirs = (d.joinpath(name).read_bytes() for d in (tmp_path, told_by_the_command_line))
+        assert ours == theirs, name
+    assert [p.accepted for p in maps.photographs] == [True] * FRAMES
+    assert all(p.reprojection_rms_px < 1 for p in maps.photographs)
+    read = svbrdf.Maps.load(told_by_the_command_line)
+    assert read.sample_mm == maps.sample_mm and read.size == maps.size == (256, 256)
+    for name in ["diffuse", "specular", "roughness"]:
+        assert np.array_equal(getattr(read, name), getattr(maps, name)), name
+    # Normals are stored, slopes are fitted: rounding of floats lies between.
+    assert np.abs(read.normal - maps.normal).max() < 1e-6
+    assert maps.deviations is not None and read.deviations is None
+    assert maps.deviations["roughness"].shape == (256, 256)
+
+
+def test_arrays_and_files_give_what_the_capture_gives(capture: pathlib.Path) -> None:
+    described = svbrdf.Capture.load(capture)
+    frames = described.frames[:FRAMES]
+    expected = svbrdf.fit(described, frames=FRAMES, steps=STEPS)
+    photos = [frame.read() for frame in frames]
+    with svbrdf.Session.of_capture(described) as session:
+        session.set_budget(steps=STEPS)
+        for frame, photo in zip(frames, photos):
+            # The values as they are, and as linear floats that say which of them are clipped.
+            assert frame.exposure == photo.exposure
+            assert session.push(photo)
+            assert session.wait(60)
+        found = session.snapshot()
+    assert np.array_equal(found.roughness, expected.roughness)
+    assert np.array_equal(found.normal, expected.normal)
+
+
+def test_progress_is_told_in_order(capture: pathlib.Path) -> None:
+    told: list[svbrdf.FitProgress] = []
+    svbrdf.fit(capture, frames=FRAMES, steps=STEPS, on_progress=told.append)
+    shares = [t.fraction for t in told]
+    assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
+    assert {t.photograph for t in told} == {1, 2} and {t.photographs for t in told} == {2}
+    assert len(told[-1].so_far) == FRAMES
+
+
+def test_what_on_progress_raises_ends_the_fit(capture: pathlib.Path) -> None:
+    def stop(progress: svbrdf.FitProgress) -> None:
+        if progress.fraction > 0:
+            raise svbrdf.CancelledError("enough")
+
+    with pytest.raises(svbrdf.CancelledError, match="enough"):
+        svbrdf.fit(capture, on_progress=stop)
+
+
+def test_ctrl_c_ends_the_fit_and_python_runs_meanwhile(capture: pathlib.Path) -> None:
+    beats = 0
+    beginning, ending = threading.Event(), threading.Event()
+
+    def beat() -> None:
+        nonlocal beats
+        beginning.wait()
+        while not ending.wait(0.01):
+            beats += 1
+
+    def interrupt() -> None:
+        beginning.wait()
+        time.sleep(1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threads = [threading.Thread(target=f, daemon=True) for f in (beat, interrupt)]
+    for thread in threads:
+        thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        svbrdf.fit(capture, resolution=1024, on_progress=lambda _: beginning.set())
+    ending.set()
+    for thread in threads:
+        thread.join()
+    # A second of hundredths; half of them for a busy machine.
+    assert beats > 50, beats
+
+
+def test_photographs_without_a_description_are_the_command_lines(
+    command: str, capture: pathlib.Path, tmp_path: pathlib.Path
+) -> None:
+    # Their own board, which only the command's name of it tells.
+    board = svbrdf.Board(
+        rows=19, cols=14, square_mm=10, hole_squares=(3, 2, 16, 12), patches=True
+    )
+    photos = sorted((capture / "frames").glob("0[0-2].jpg"))
+    (tmp_path / "photos").mkdir()
+    for photo in photos:
+        (tmp_path / "photos" / photo.name).write_bytes(photo.read_bytes())
+    (tmp_path / "photos" / "notes.txt").write_text("no picture")
+    subprocess.run(
+        [command, "fit", str(tmp_path / "photos"), "--out", str(tmp_path / "cli"), "--quiet"]
+        + ["--no-report", "--steps", str(STEPS), "--sample-mm", "88"]
+        + ["--board", "ring:19x14:10:3,2,16,12"],
+        check=True,
+    )
+    for source in (tmp_path / "photos", photos):
+        maps = svbrdf.fit(source, board=board, sample_mm=(88, 88), steps=STEPS)
+        assert [p.accepted for p in maps.photographs] == [True] * 3
+        maps.save(tmp_path / "ours")
+        for name in FILES:
+            ours, theirs = (tmp_path.joinpath(d, name).read_bytes() for d in ("ours", "cli"))
+            assert ours == theirs, name
+
+
+def test_photographs_that_all_fail_raise_with_their_reasons(tmp_path: pathlib.Path) -> None:
+    gray = svbrdf.Photo(np.full((480, 640, 3), 128, np.uint8))
+    with pytest.raises(svbrdf.RejectedError) as raised:
+        svbrdf.fit([gray])
+    assert [p.code for p in raised.value.photographs] == ["board_not_found"]
+    broken = tmp_path / "broken.jpg"
+    broken.write_bytes(b"\xff\xd8\xff\xe0 no picture")
+    with pytest.raises(svbrdf.RejectedError, match="broken.jpg") as raised:
+        svbrdf.fit([broken])
+    assert [p.code for p in raised.value.photographs] == ["unreadable"]
+    for wrong in ([], [gray, broken]):
+        with pytest.raises(svbrdf.ArgumentError, match="source"):
+            svbrdf.fit(wrong)
+    for missing in (tmp_path / "nowhere", [tmp_path / "nowhere.jpg"]):
+        with pytest.raises(svbrdf.FileError, match="nowhere"):
+            svbrdf.fit(missing)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"resolution": 300}, "resolution"),
+        ({"method": "magic"}, "method"),
+        ({"frames": 0}, "frames"),
+        ({"sample_mm": (100, 100)}, "sample_mm: the capture states"),
+    ],
+)
+def test_options_are_checked(
+    capture: pathlib.Path, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(svbrdf.ArgumentError, match=message):
+        svbrdf.fit(capture, **options)  # type: ignore[arg-type]
+
+
+def test_faults_of_a_description_name_the_field(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "capture.json").write_text('{"format": "svbrdf-capture/2"}')
+    with pytest.raises(svbrdf.FieldError, match="format"):
+        svbrdf.fit(tmp_path)
+    (tmp_path / "capture.json").unlink()
+    with pytest.raises(svbrdf.FileError) as raised:
+        svbrdf.fit(tmp_path)
+    assert isinstance(raised.value, OSError) and isinstance(raised.value, svbrdf.Error)

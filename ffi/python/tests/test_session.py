@@ -1,0 +1,120 @@
+"""Sessions: what is pushed, told, saved, cancelled."""
+
+from __future__ import annotations
+
+import pathlib
+
+import numpy as np
+import pytest
+import svbrdf
+from conftest import STEPS
+
+Rows = list[svbrdf.Photo]
+
+
+@pytest.fixture(scope="module")
+def described(capture: pathlib.Path) -> svbrdf.Capture:
+    return svbrdf.Capture.load(capture)
+
+
+@pytest.fixture(scope="module")
+def photos(described: svbrdf.Capture) -> Rows:
+    return [frame.read() for frame in described.frames[:2]]
+
+
+def test_a_saved_session_goes_on_to_the_same_maps(described: svbrdf.Capture, photos: Rows) -> None:
+    with svbrdf.Session.of_capture(described) as session:
+        session.set_budget(steps=STEPS)
+        session.push(photos[0])
+        session.wait()
+        saved = session.save()
+        session.push(photos[1])
+        session.wait()
+        expected = session.snapshot()
+    with svbrdf.Session.restore(saved, threads=1) as restored:
+        assert restored.progress.photographs == 1
+        restored.push(photos[1])
+        restored.wait()
+        assert np.array_equal(restored.snapshot().normal, expected.normal)
+        restored.remove(1)
+        assert restored.progress.photographs == 1
+    for damaged in [b"", b"something else", saved[: len(saved) // 2]]:
+        with pytest.raises(svbrdf.StateError):
+            svbrdf.Session.restore(damaged)
+
+
+def test_what_is_known_is_told(described: svbrdf.Capture, photos: Rows) -> None:
+    with svbrdf.Session.of_capture(described) as session:
+        assert session.next_view() is None
+        with pytest.raises(svbrdf.NoMapsError):
+            session.snapshot()
+        probe = session.probe(photos[0])
+        assert probe.rejection is None and probe.corners > 0.5 * probe.corners_expected
+        assert probe.sample_px is not None and len(probe.sample_px) == 4
+        session.set_budget(steps=STEPS)
+        pushed = session.push(photos[0])
+        assert isinstance(pushed, svbrdf.Accepted) and pushed and pushed.index == 0
+        # The probe looked at a smaller picture.
+        assert pushed.camera_mm is not None and probe.distance_mm is not None
+        assert np.linalg.norm(pushed.camera_mm) == pytest.approx(probe.distance_mm, rel=0.02)
+        again = session.push(photos[0])
+        assert isinstance(again, svbrdf.Accepted)
+        assert [hint.code for hint in again.hints] == ["nothing_new"]
+        rejected = session.push(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
+        assert isinstance(rejected, svbrdf.Rejected) and not rejected
+        assert rejected.code == "wrong_size" and "60x40" in rejected.message
+        view = session.next_view()
+        assert view is not None and 10 <= view.tilt_deg <= 50
+        camera = session.camera
+        assert camera is not None and camera.width == photos[0].width
+
+
+def test_a_cancelled_session_keeps_its_maps(described: svbrdf.Capture, photos: Rows) -> None:
+    session = svbrdf.Session.of_capture(described)
+    session.push(photos[0])
+    assert not session.wait(0)
+    session.cancel()
+    assert session.snapshot().size == (256, 256)
+    for call in (lambda: session.push(photos[1]), session.wait, session.save):
+        with pytest.raises(svbrdf.CancelledError):
+            call()
+
+
+def test_rectified_photographs_are_explained() -> None:
+    rng = np.random.default_rng(1)
+    flat = np.zeros((64, 64, 3))
+    flat[..., 2] = 1
+    diffuse = rng.uniform(0.1, 0.6, (64, 64, 3))
+    truth = svbrdf.Maps.from_arrays(
+        flat, diffuse, flat * 0 + 0.04, np.full((64, 64), 0.5), sample_mm=(100, 100)
+    )
+    places = [(0.0, 0.0, 200.0), (60.0, 0.0, 200.0), (-60.0, 30.0, 200.0)]
+    # 64 texels a side become 256.
+    pictures = [
+        truth.render(camera_mm=p, light_mm=p).repeat(4, axis=0).repeat(4, axis=1) for p in places
+    ]
+    with svbrdf.Session.rectified(sample_mm=(100, 100), falloff="none", threads=1) as session:
+        for place, picture in zip(places, pictures):
+            assert session.push_rectified(svbrdf.Photo(picture), camera_mm=place, light_mm=place)
+        session.wait()
+        maps = session.snapshot()
+    for place, picture in zip(places, pictures):
+        shown = maps.render(camera_mm=place, light_mm=place)
+        # Diffuse and specular parts trade against each other; what they show together is known, but for
+        # the gain that each rectified photograph may have.
+        gain = picture.sum() / shown.sum()
+        error = np.abs(gain * shown - picture).mean() / picture.mean()
+        assert 0.5 < gain < 2 and error < 0.1, (gain, error)
+
+
+def test_limits_are_kept(described: svbrdf.Capture) -> None:
+    with pytest.raises(svbrdf.MemoryLimitError) as raised:
+        svbrdf.Session.of_capture(described, resolution=2048, memory_limit_mib=10)
+    assert isinstance(raised.value, MemoryError)
+    for wrong in [(0, 100), (float("nan"), 100)]:
+        with pytest.raises(svbrdf.ArgumentError, match="sample_mm"):
+            svbrdf.Session(sample_mm=wrong)
+    session = svbrdf.Session(sample_mm=(100, 100))
+    for seconds in (-1, float("nan")):
+        with pytest.raises(svbrdf.ArgumentError, match="timeout"):
+            session.wait(seconds)

@@ -1,0 +1,260 @@
+//! Pictures of a preview judged, and what to tell the hand that holds the camera.
+
+use std::ffi::c_char;
+use std::sync::PoisonError;
+
+use engine::guide::{Action, Guidance, GuideOptions};
+
+use crate::handles::svbrdf_session;
+use crate::image::svbrdf_image;
+use crate::live::act;
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::probe::{self, svbrdf_probe};
+use crate::reports::{SVBRDF_ADVICE_BYTES, text};
+use crate::status::{entry, svbrdf_status};
+use crate::versioned::{self, versioned};
+
+/// What the user is to do: one of SVBRDF_ACTION_.
+pub type svbrdf_action = u32;
+/// Put right what svbrdf_probe.rejection names: a photo would not be used.
+pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
+/// Keep the camera where it is: until it is steady, or a photo has been taken in.
+pub const SVBRDF_ACTION_HOLD: svbrdf_action = 2;
+/// Go to the target.
+pub const SVBRDF_ACTION_MOVE: svbrdf_action = 3;
+/// Nothing: take the photo now, and push it.
+pub const SVBRDF_ACTION_SHOOT: svbrdf_action = 4;
+/// Nothing more: a further photo would tell little.
+pub const SVBRDF_ACTION_ENOUGH: svbrdf_action = 5;
+
+/// When guidance asks for what. Set the fields that are to differ after svbrdf_guide_options_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_guide_options {
+    /// Size of this struct.
+    pub size: usize,
+    /// Gain from which on a photo is worth taking, as a share of the best view's, 0 to 1. High: fewer
+    /// photos; low: less walking.
+    pub worth: f32,
+    /// The camera is steady where the sample moves less than this across the picture, in widths of the
+    /// sample a second.
+    pub steady: f32,
+    /// For so long, seconds.
+    pub steady_seconds: f32,
+    /// It is enough where the best view would take away less of the expected squared error, 0 to 1.
+    pub enough: f32,
+    /// But not before so many photos.
+    pub least: u32,
+    /// And in any case with so many.
+    pub most: u32,
+    /// Steepest view of the first photo, degrees off the top.
+    pub first_tilt_deg: f32,
+    /// A photo that has not been pushed so long after SVBRDF_ACTION_SHOOT is not going to be, seconds.
+    pub shot_seconds: f32,
+}
+
+impl Default for svbrdf_guide_options {
+    fn default() -> Self {
+        let o = GuideOptions::default();
+        Self {
+            size: size_of::<Self>(),
+            worth: o.worth,
+            steady: o.steady,
+            steady_seconds: o.steady_seconds,
+            enough: o.enough,
+            least: o.least as u32,
+            most: o.most as u32,
+            first_tilt_deg: o.first_tilt_deg,
+            shot_seconds: o.shot_seconds as f32,
+        }
+    }
+}
+versioned!(svbrdf_guide_options, size_of::<svbrdf_guide_options>());
+
+impl From<svbrdf_guide_options> for GuideOptions {
+    fn from(o: svbrdf_guide_options) -> Self {
+        Self {
+            worth: o.worth,
+            steady: o.steady,
+            steady_seconds: o.steady_seconds,
+            enough: o.enough,
+            least: o.least as usize,
+            most: o.most as usize,
+            first_tilt_deg: o.first_tilt_deg,
+            shot_seconds: o.shot_seconds.into(),
+        }
+    }
+}
+
+/// What to do now, see svbrdf_session_guide().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct svbrdf_guidance {
+    /// Size of this struct.
+    pub size: usize,
+    /// One of SVBRDF_ACTION_.
+    pub action: svbrdf_action,
+    /// Accepted photos so far.
+    pub photos: u32,
+    /// 1 when what follows up to degrees is known.
+    pub has_target: u32,
+    /// The target's angle off the top, degrees.
+    pub target_tilt_deg: f32,
+    /// The target's side: degrees counter-clockwise from the board's +X, 0 to 360.
+    pub target_azimuth_deg: f32,
+    /// From the camera to the target, camera frame, mm: x right, y down, z forward. An arrow along x and
+    /// y in the picture shows the way.
+    pub offset_mm: [f32; 3],
+    /// Angle between the view and the target, seen from the sample, degrees.
+    pub degrees: f32,
+    /// Share of the expected squared error of renderings that a photo from here would take away, 0 to 1;
+    /// negative when not known.
+    pub gain: f32,
+    /// The same of the view that tells most.
+    pub best_gain: f32,
+    /// For the user, in English, UTF-8.
+    pub message: [c_char; SVBRDF_ADVICE_BYTES],
+}
+
+impl Default for svbrdf_guidance {
+    fn default() -> Self {
+        Self {
+            size: size_of::<Self>(),
+            action: 0,
+            photos: 0,
+            has_target: 0,
+            target_tilt_deg: 0.0,
+            target_azimuth_deg: 0.0,
+            offset_mm: [0.0; 3],
+            degrees: 0.0,
+            gain: -1.0,
+            best_gain: -1.0,
+            message: [0; SVBRDF_ADVICE_BYTES],
+        }
+    }
+}
+versioned!(svbrdf_guidance, size_of::<svbrdf_guidance>());
+
+impl svbrdf_guidance {
+    fn new(guidance: &Guidance) -> Self {
+        let action = match guidance.action {
+            Action::Adjust => SVBRDF_ACTION_ADJUST,
+            Action::Hold => SVBRDF_ACTION_HOLD,
+            Action::Move => SVBRDF_ACTION_MOVE,
+            Action::Shoot => SVBRDF_ACTION_SHOOT,
+            Action::Enough => SVBRDF_ACTION_ENOUGH,
+        };
+        let mut out = Self {
+            action,
+            photos: guidance.photographs as u32,
+            gain: guidance.gain.unwrap_or(-1.0),
+            best_gain: guidance.best_gain.unwrap_or(-1.0),
+            message: text(&guidance.message),
+            ..Self::default()
+        };
+        if let Some(target) = &guidance.target {
+            out.has_target = 1;
+            out.target_tilt_deg = target.view.tilt_deg;
+            out.target_azimuth_deg = target.view.azimuth_deg;
+            (out.offset_mm, out.degrees) = (target.offset_mm, target.degrees);
+        }
+        out
+    }
+}
+
+/// Fills options with defaults: pass sizeof(svbrdf_guide_options).
+///
+/// # Safety
+/// `options` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_guide_options_init(
+    options: *mut svbrdf_guide_options,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(options, size) })
+}
+
+/// Fills guidance with defaults: pass sizeof(svbrdf_guidance).
+///
+/// # Safety
+/// `guidance` is NULL or has `size` writable bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_guidance_init(
+    guidance: *mut svbrdf_guidance,
+    size: usize,
+) -> svbrdf_status {
+    // SAFETY: as the caller vouches.
+    entry(|| unsafe { versioned::init(guidance, size) })
+}
+
+/// Begins guidance anew, with other options: NULL for the defaults. Guidance with defaults needs no
+/// beginning. Also tells that the photo asked for was not taken, or was rejected.
+///
+/// # Safety
+/// `options` is NULL or initialised by svbrdf_guide_options_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_guide_begin(
+    session: *mut svbrdf_session,
+    options: *const svbrdf_guide_options,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the struct.
+        let options = unsafe { versioned::read_or_default(options) }?;
+        let guide = engine::guide::Guide::new(options.into());
+        *live.guide.lock().unwrap_or_else(PoisonError::into_inner) = guide;
+        Ok(())
+    })
+}
+
+/// Judges a picture of the camera's preview as svbrdf_session_probe() does and tells what to do: hold, move
+/// there, shoot now, or enough, by the board's place, blur, exposure, the camera's motion since the pictures
+/// before, and what the fit expects of a photo from here. Call it with every picture, a few a second or
+/// thirty; `info.timestamp_ns` says when it was taken, by a clock that does not jump.
+///
+/// After SVBRDF_ACTION_SHOOT it answers SVBRDF_ACTION_HOLD until the photo has been pushed or
+/// svbrdf_guide_options.shot_seconds have passed. Runs on the calling thread alone; waits neither for the fit
+/// nor for a push. `probe` may be NULL.
+///
+/// # Safety
+/// As svbrdf_session_probe(); `guidance` is NULL or initialised by svbrdf_guidance_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_guide(
+    session: *mut svbrdf_session,
+    image: *const svbrdf_image,
+    info: *const svbrdf_frame_info,
+    probe: *mut svbrdf_probe,
+    guidance: *mut svbrdf_guidance,
+) -> svbrdf_status {
+    act(session, |live| {
+        // SAFETY: the caller vouches for the structs.
+        let (image, info, size) = unsafe {
+            (
+                versioned::read(image)?,
+                svbrdf_frame_info::from_caller(info)?,
+                versioned::needed_size("guidance", guidance)?,
+            )
+        };
+        // SAFETY: the caller vouches for the struct.
+        let room = unsafe { probe::Room::of(probe) }?;
+        // SAFETY: the caller vouches for the planes.
+        let photo = unsafe { info.photo(&image) }?;
+        let found = match info.flash {
+            SVBRDF_FLASH_OFF => live.session.probe_without_flash(&photo)?,
+            _ => live.session.probe(&photo)?,
+        };
+        let seconds = info.timestamp_ns as f64 * 1e-9;
+        let told = {
+            let mut guide = live.guide.lock().unwrap_or_else(PoisonError::into_inner);
+            guide.next(&live.session, &found, seconds)
+        };
+        // SAFETY: the room was found above; `size` bytes are there.
+        unsafe {
+            if let Some(room) = room {
+                room.write(&found, info.timestamp_ns);
+            }
+            versioned::write(guidance, size, svbrdf_guidance::new(&told));
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,344 @@
+//! Which photographs belong together, in which order, and how they were exposed.
+
+use std::cmp::{Ordering, Reverse};
+use std::ffi::OsStr;
+use std::path::PathBuf;
+
+use super::metadata::Metadata;
+
+/// Focal lengths that are the same lens', relative.
+const SAME_FOCAL: f64 = 0.02;
+
+/// What tells one camera from another: maker and model, lens, focal length, digital zoom and size
+/// of the picture. Photographs with the same key share intrinsics.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CameraKey {
+    make: Option<String>,
+    model: Option<String>,
+    lens: Option<String>,
+    focal_mm: Option<f64>,
+    focal_35mm: Option<f64>,
+    digital_zoom: Option<f64>,
+    size: Option<[u32; 2]>,
+}
+
+/// A photograph to be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chosen {
+    /// The file as it was named.
+    pub path: PathBuf,
+    /// Exposure relative to that of the first photograph that states it.
+    pub exposure: f32,
+    /// How far the upright picture is turned clockwise to lie as the others do, degrees.
+    pub turn_deg: u32,
+    /// Whether its values are linear: floats and raw ones are.
+    pub is_linear: bool,
+}
+
+/// A photograph that does not belong to the others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    /// The file as it was named.
+    pub path: PathBuf,
+    /// Why, a sentence's end.
+    pub reason: String,
+}
+
+/// Photographs of one camera, in the order in which they were taken.
+#[derive(Debug, Default)]
+pub struct Choice {
+    /// The camera; unknown as long as there is no photograph.
+    pub camera: Option<CameraKey>,
+    /// Exposure of the first photograph that states it.
+    reference: Option<f64>,
+    /// How far most photographs are turned to stand upright.
+    upright_deg: Option<u32>,
+    /// Photographs of the camera.
+    pub chosen: Vec<Chosen>,
+    /// The others.
+    pub left_out: Vec<LeftOut>,
+    /// What metadata did not say, or what speaks against a photograph.
+    pub remarks: Vec<String>,
+}
+
+impl CameraKey {
+    /// The key of a photograph.
+    pub fn of(known: &Metadata) -> Self {
+        Self {
+            make: known.make.clone(),
+            model: known.model.clone(),
+            lens: known.lens.clone(),
+            focal_mm: known.focal_mm,
+            focal_35mm: known.focal_35mm,
+            digital_zoom: known.digital_zoom,
+            size: known.size,
+        }
+    }
+
+    /// What tells a photograph's camera from this one, which most photographs have: the end of a
+    /// sentence. What either does not know tells nothing.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        let differs = |a: &Option<String>, b: &Option<String>| {
+            a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| a != b)
+        };
+        if differs(&self.make, &other.make) || differs(&self.model, &other.model) {
+            return Some(format!("taken with {}, most with {}", other.name(), self.name()));
+        }
+        let focal = self.focal_mm.zip(other.focal_mm);
+        if differs(&self.lens, &other.lens)
+            || focal.is_some_and(|(a, b)| (a - b).abs() > SAME_FOCAL * a.max(b))
+        {
+            return Some(format!("another lens: {}, most {}", other.lens(), self.lens()));
+        }
+        if let Some(difference) = self.other_crop(other) {
+            return Some(difference);
+        }
+        let (mine, its) = self.size.zip(other.size)?;
+        let size = |[w, h]: [u32; 2]| format!("{w} x {h} px");
+        let turned = mine == [its[1], its[0]];
+        let held = if turned { " (the camera was held the other way)" } else { "" };
+        (mine != its).then(|| format!("{}, most {}{held}", size(its), size(mine)))
+    }
+
+    /// Whether a digital zoom tells the photographs apart, though the lens is the same: sizes stay
+    /// as they are.
+    fn other_crop(&self, other: &Self) -> Option<String> {
+        let differ = |a: f64, b: f64| (a - b).abs() > SAME_FOCAL * a.max(b);
+        let [mine, its] = [self, other].map(|c| c.digital_zoom.unwrap_or(1.0));
+        let zoomed = |zoom: f64| match zoom {
+            1.0 => "none".to_owned(),
+            zoom => format!("{zoom:.2} times"),
+        };
+        if differ(mine, its) {
+            return Some(format!("digital zoom: {}, most {}", zoomed(its), zoomed(mine)));
+        }
+        let (mine, its) = self.focal_35mm.zip(other.focal_35mm)?;
+        differ(mine, its).then(|| {
+            format!("another field of view: {its:.0} mm on film of 36 x 24 mm, most {mine:.0} mm")
+        })
+    }
+
+    /// Whether everything that another one states is stated here too.
+    fn states_what(&self, other: &Self) -> bool {
+        let stated = |c: &Self| {
+            [
+                c.make.is_some(),
+                c.model.is_some(),
+                c.lens.is_some(),
+                c.focal_mm.is_some(),
+                c.focal_35mm.is_some(),
+                c.digital_zoom.is_some(),
+                c.size.is_some(),
+            ]
+        };
+        stated(self).iter().zip(stated(other)).all(|(here, there)| *here || !there)
+    }
+
+    fn name(&self) -> String {
+        match (&self.make, &self.model) {
+            (Some(make), Some(model)) if !model.starts_with(make.as_str()) => {
+                format!("{make} {model}")
+            }
+            (_, Some(name)) | (Some(name), None) => name.clone(),
+            (None, None) => "another camera".into(),
+        }
+    }
+
+    fn lens(&self) -> String {
+        let focal = self.focal_mm.map(|mm| format!("{mm:.2} mm"));
+        match (self.lens.clone(), focal) {
+            (Some(lens), Some(focal)) => format!("{lens}, {focal}"),
+            (Some(known), None) | (None, Some(known)) => known,
+            (None, None) => "unknown".into(),
+        }
+    }
+}
+
+impl Choice {
+    /// Adds photographs behind those that are there. Those come first that were taken first, then
+    /// by name; those without a time last. The first call decides about the camera: the one that
+    /// took most photographs, the first of several that took equally many.
+    pub fn add(&mut self, mut photographs: Vec<(Metadata, PathBuf)>) {
+        photographs.sort_by(order);
+        if self.camera.is_none() {
+            self.camera = most_frequent(&photographs);
+        }
+        let Some(camera) = self.camera.clone() else { return };
+        let (mut fitting, mut silent, mut dark) = (Vec::new(), Vec::new(), Vec::new());
+        for (known, path) in photographs {
+            match camera.difference(&CameraKey::of(&known)) {
+                Some(reason) => self.left_out.push(LeftOut { path, reason }),
+                None => fitting.push((known, path)),
+            }
+        }
+        let states = |(known, _): &(Metadata, PathBuf)| known.exposure;
+        self.reference = self.reference.or_else(|| fitting.iter().find_map(states));
+        self.upright_deg = self.upright_deg.or_else(|| most_upright(&fitting));
+        for (known, path) in fitting {
+            let relative = known.exposure.zip(self.reference).map(|(own, first)| own / first);
+            if relative.is_none() {
+                silent.push(path.clone());
+            }
+            if known.flash_fired == Some(false) {
+                dark.push(path.clone());
+            }
+            // Flash and lens are fixed to the camera, however it is held; a phone that looks down
+            // on a table hardly knows which way is up.
+            let turn = known.upright_deg.zip(self.upright_deg);
+            self.chosen.push(Chosen {
+                path,
+                exposure: relative.unwrap_or(1.0) as f32,
+                turn_deg: turn.map_or(0, |(own, most)| (360 + most - own) % 360),
+                is_linear: known.is_linear,
+            });
+        }
+        self.remark(&silent, &dark);
+    }
+
+    /// Takes back photographs that are to be added once more.
+    pub fn take_back(&mut self, paths: &[PathBuf]) {
+        self.chosen.retain(|chosen| !paths.contains(&chosen.path));
+    }
+
+    fn remark(&mut self, silent: &[PathBuf], dark: &[PathBuf]) {
+        if !silent.is_empty() {
+            let taken = match self.reference {
+                None => "all are taken as exposed alike",
+                Some(_) => "taken as exposed like the first",
+            };
+            let text = format!("{}: no exposure in the metadata; {taken}", names(silent));
+            self.remarks.push(text);
+        }
+        if !dark.is_empty() {
+            self.remarks.push(format!("{}: the flash did not fire, say the metadata", names(dark)));
+        }
+    }
+}
+
+fn order((a, path): &(Metadata, PathBuf), (b, other): &(Metadata, PathBuf)) -> Ordering {
+    let time = |known: &Metadata| (known.taken.is_none(), known.taken.clone());
+    let place = |path: &PathBuf| (path.file_name().map(OsStr::to_owned), path.clone());
+    time(a).cmp(&time(b)).then_with(|| place(path).cmp(&place(other)))
+}
+
+/// The camera that agrees with most photographs, of which none states what it leaves open: a silent
+/// photograph would agree with every camera.
+fn most_frequent(photographs: &[(Metadata, PathBuf)]) -> Option<CameraKey> {
+    let cameras: Vec<CameraKey> =
+        photographs.iter().map(|(known, _)| CameraKey::of(known)).collect();
+    let like = |camera: &CameraKey| {
+        let alike = |c: &&CameraKey| camera.difference(c).is_none() && camera.states_what(c);
+        cameras.iter().filter(alike).count()
+    };
+    cameras.iter().min_by_key(|camera| Reverse(like(camera))).cloned()
+}
+
+/// The first of those that are equally frequent.
+fn most_upright(photographs: &[(Metadata, PathBuf)]) -> Option<u32> {
+    let stated = || photographs.iter().filter_map(|(known, _)| known.upright_deg);
+    stated().min_by_key(|degrees| Reverse(stated().filter(|other| other == degrees).count()))
+}
+
+/// "a.jpg", "a.jpg and 3 others".
+fn names(paths: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match paths {
+        [] => String::new(),
+        [one] => name(one),
+        [first, other] => format!("{} and {}", name(first), name(other)),
+        [first, rest @ ..] => format!("{} and {} others", name(first), rest.len()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shot(name: &str, model: Option<&str>, taken: &str, exposure: f64) -> (Metadata, PathBuf) {
+        let known = Metadata {
+            model: model.map(str::to_owned),
+            size: Some([40, 30]),
+            exposure: Some(exposure),
+            taken: (!taken.is_empty()).then(|| taken.to_owned()),
+            ..Metadata::default()
+        };
+        (known, name.into())
+    }
+
+    fn chosen(shots: Vec<(Metadata, PathBuf)>) -> Choice {
+        let mut choice = Choice::default();
+        choice.add(shots);
+        choice
+    }
+
+    #[test]
+    fn time_then_name_order_photographs() {
+        let choice = chosen(vec![
+            shot("x", None, "", 1.0),
+            shot("d", None, "2024:01:01 10:00:00.5", 1.0),
+            shot("b", None, "2024:01:01 10:00:01.", 1.0),
+            shot("c", None, "2024:01:01 10:00:00.25", 1.0),
+            shot("a", None, "2024:01:01 10:00:00.5", 1.0),
+        ]);
+        let order: Vec<&str> = choice.chosen.iter().map(|c| c.path.to_str().unwrap()).collect();
+        assert_eq!(order, ["c", "a", "d", "b", "x"]);
+    }
+
+    #[test]
+    fn most_photographs_decide_about_the_camera() {
+        let choice = chosen(vec![
+            shot("0", Some("A"), "", 1.0),
+            shot("1", Some("B"), "", 2.0),
+            shot("2", None, "", 4.0),
+            shot("3", Some("B"), "", 1.0),
+        ]);
+        let kept: Vec<(&str, f32)> =
+            choice.chosen.iter().map(|c| (c.path.to_str().unwrap(), c.exposure)).collect();
+        // Relative to the first that is used.
+        assert_eq!(kept, [("1", 1.0), ("2", 2.0), ("3", 0.5)]);
+        assert_eq!(choice.left_out[0].reason, "taken with A, most with B");
+        assert_eq!(choice.left_out.len(), 1);
+    }
+
+    #[test]
+    fn digital_zoom_is_told_apart() {
+        let with = |zoom, focal_35mm| Metadata {
+            focal_mm: Some(6.76),
+            focal_35mm,
+            digital_zoom: zoom,
+            size: Some([40, 30]),
+            ..Metadata::default()
+        };
+        let difference =
+            |a: Metadata, b: Metadata| CameraKey::of(&a).difference(&CameraKey::of(&b));
+        let plain = || with(Some(1.0), Some(27.0));
+        assert_eq!(difference(plain(), with(None, None)), None);
+        assert_eq!(difference(plain(), with(None, Some(27.0))), None);
+        let said = difference(plain(), with(Some(1.3), Some(35.0))).unwrap();
+        assert_eq!(said, "digital zoom: 1.30 times, most none");
+        // Some phones state the field of view only.
+        let said = difference(with(None, Some(26.0)), with(None, Some(52.0))).unwrap();
+        assert_eq!(said, "another field of view: 52 mm on film of 36 x 24 mm, most 26 mm");
+        assert!(difference(with(Some(2.0), None), with(None, None)).is_some());
+        let mut shots = vec![(with(Some(1.3), Some(35.0)), "zoomed".into())];
+        shots.extend(["a", "b"].map(|name| (plain(), name.into())));
+        let choice = chosen(shots);
+        assert_eq!(choice.chosen.len(), 2);
+        assert!(choice.left_out[0].reason.starts_with("digital zoom"));
+    }
+
+    #[test]
+    fn lenses_and_sizes_are_told_apart() {
+        let with = |focal, size| Metadata {
+            focal_mm: Some(focal),
+            size: Some(size),
+            ..Metadata::default()
+        };
+        let camera = CameraKey::of(&with(6.86, [40, 30]));
+        let difference = |focal, size| camera.difference(&CameraKey::of(&with(focal, size)));
+        assert_eq!(difference(6.9, [40, 30]), None);
+        assert!(difference(2.22, [40, 30]).unwrap().contains("another lens: 2.22 mm"));
+        assert!(difference(6.86, [80, 60]).unwrap().contains("80 x 60 px, most 40 x 30 px"));
+        assert!(difference(6.86, [30, 40]).unwrap().contains("held the other way"));
+    }
+}

@@ -1,0 +1,212 @@
+//! Digital negatives (Adobe DNG): raw photographs of Bayer sensors, and such as are demosaicked already
+//! (`LinearRaw`), developed to linear Rec. 709.
+//!
+//! The container is read here: the crate `tiff` (0.11) opens a file only if its first directory is a
+//! picture that it knows, which those of Android's cameras, behind colour filters, are not.
+
+mod colour;
+mod linear;
+mod lossless_jpeg;
+mod raw;
+mod shading;
+mod tiff;
+
+use crate::frame::{Bayer, Photo, Plane, Rotation};
+
+use self::raw::Raw;
+use self::tiff::{Directory, Tiff};
+
+/// Memory for a pixel while it is developed: sensor values, their bytes, floats with a mark, gains,
+/// and the result twice.
+pub const BYTES_PER_PIXEL: u64 = 6 + 2 + 5 + 4 + 2 * 12;
+const PHOTOMETRIC: u16 = 262;
+const ORIENTATION: u16 = 274;
+const SUB_DIRECTORIES: u16 = 330;
+const EXIF_DIRECTORY: u16 = 34665;
+const FOCAL_35MM: u16 = 0xA405;
+const DNG_VERSION: u16 = 50706;
+const CROP_ORIGIN: u16 = 50719;
+const CROP_SIZE: u16 = 50720;
+const ACTIVE_AREA: u16 = 50829;
+/// Values of `PhotometricInterpretation`.
+const COLOUR_FILTERS: u32 = 32803;
+const LINEAR_RAW: u32 = 34892;
+/// Lenses there are, mm on film of 36 x 24 mm.
+const FOCAL_LENGTHS: std::ops::RangeInclusive<f64> = 5.0..=2000.0;
+
+/// Part of a picture, px.
+#[derive(Clone, Copy)]
+struct Area {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+/// What a file that is TIFF inside holds.
+pub enum Content {
+    /// A digital negative.
+    Negative,
+    /// Raw values without what DNG says about them: the format of a camera maker.
+    OtherRaw,
+    /// Pictures.
+    Picture,
+}
+
+/// Looks into a file that is TIFF inside.
+pub fn content(bytes: &[u8]) -> Content {
+    let look = || -> Result<Content, String> {
+        let tiff = Tiff::parse(bytes)?;
+        let first = tiff.first()?;
+        if first.bytes(DNG_VERSION)?.is_some() {
+            return Ok(Content::Negative);
+        }
+        let below = tiff.below(&first, SUB_DIRECTORIES)?;
+        let is_raw = |d: &Directory| d.whole(PHOTOMETRIC) == Ok(Some(COLOUR_FILTERS));
+        Ok(if std::iter::once(&first).chain(&below).any(is_raw) {
+            Content::OtherRaw
+        } else {
+            Content::Picture
+        })
+    };
+    look().unwrap_or(Content::Picture)
+}
+
+/// Width and height of the photograph before it is turned upright; `None` where it cannot be read.
+pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let file = File::parse(bytes).ok()?;
+    let area = file.active().and_then(|active| file.crop(active)).ok()?;
+    Some([area.width, area.height])
+}
+
+/// A photograph from the bytes of a file, upright; the error says what is wrong with them.
+pub fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
+    let file = File::parse(bytes)?;
+    let (active, rotation) = (file.active()?, file.rotation()?);
+    let crop = file.crop(active)?;
+    let size = [active.width as usize, active.height as usize];
+    let photo = if file.is_linear {
+        let raw = raw::read(&file.tiff, &file.raw, 3)?;
+        let gains = shading::gains(&file.raw, size, 3)?;
+        linear::developed(&file.camera, &file.raw, &raw, active, gains.as_deref(), exposure)?
+    } else {
+        let raw = raw::read(&file.tiff, &file.raw, 1)?;
+        let bayer = colour::read(&file.camera, &file.raw, raw.bits)?;
+        let gains = shading::gains(&file.raw, size, 1)?;
+        demosaicked(&raw, active, &bayer, gains.as_deref(), exposure)?
+    };
+    let photo = photo.cropped(crop.x, crop.y, crop.width, crop.height).turned(rotation);
+    Ok(photo.with_focal_35mm(file.focal_35mm()))
+}
+
+fn demosaicked(
+    raw: &Raw,
+    active: Area,
+    bayer: &Bayer,
+    gains: Option<&[f32]>,
+    exposure: f32,
+) -> Result<Photo, String> {
+    let width = raw.size[0] as usize;
+    // Patterns begin where the active area does.
+    let first = active.y as usize * width + active.x as usize;
+    let data: Vec<u8> = raw.samples[first..].iter().flat_map(|v| v.to_ne_bytes()).collect();
+    let plane = Plane { data: &data, row_stride: 2 * width, pixel_stride: 2 };
+    let size = [active.width, active.height];
+    let none = Rotation::None;
+    match gains {
+        None => Photo::from_bayer16(size, plane, bayer, none, exposure),
+        Some(gains) => Photo::from_bayer16_shaded(size, plane, bayer, gains, none, exposure),
+    }
+    .map_err(|fault| fault.to_string())
+}
+
+/// Pixels of a picture; 0 where they are not known.
+fn area(directory: &Directory) -> u64 {
+    raw::size(directory).map_or(0, |[w, h]| u64::from(w) * u64::from(h))
+}
+
+/// The directories of a file that count.
+struct File<'a> {
+    tiff: Tiff<'a>,
+    /// What holds for the camera.
+    camera: Directory<'a>,
+    /// What holds for the raw picture.
+    raw: Directory<'a>,
+    /// Whether that is demosaicked already.
+    is_linear: bool,
+}
+
+impl<'a> File<'a> {
+    fn parse(bytes: &'a [u8]) -> Result<Self, String> {
+        let tiff = Tiff::parse(bytes)?;
+        let camera = tiff.first()?;
+        if camera.bytes(DNG_VERSION)?.is_none() {
+            return Err("not a DNG file: a TIFF file without DNGVersion".into());
+        }
+        let mut linear = None;
+        // Beside the raw picture, there may be smaller ones to look at.
+        for raw in std::iter::once(tiff.first()?).chain(tiff.below(&camera, SUB_DIRECTORIES)?) {
+            match raw.whole(PHOTOMETRIC)? {
+                Some(COLOUR_FILTERS) => return Ok(Self { tiff, camera, raw, is_linear: false }),
+                Some(LINEAR_RAW) => {
+                    let is_larger = |known: &Directory| area(&raw) > area(known);
+                    if linear.as_ref().is_none_or(is_larger) {
+                        linear = Some(raw);
+                    }
+                }
+                _ => (),
+            }
+        }
+        let raw = linear.ok_or("no raw picture inside")?;
+        Ok(Self { tiff, camera, raw, is_linear: true })
+    }
+
+    /// The part of the sensor that sees light.
+    fn active(&self) -> Result<Area, String> {
+        let [width, height] = raw::size(&self.raw)?;
+        let Some(stated) = self.raw.exactly::<4>(ACTIVE_AREA)? else {
+            return Ok(Area { x: 0, y: 0, width, height });
+        };
+        let [top, left, bottom, right] = stated.map(|v| v as u32);
+        if top >= bottom || left >= right || bottom > height || right > width {
+            return Err(format!("active area {stated:?} of {width} x {height} px"));
+        }
+        Ok(Area { x: left, y: top, width: right - left, height: bottom - top })
+    }
+
+    /// The part of the active area that is the photograph.
+    fn crop(&self, active: Area) -> Result<Area, String> {
+        let Area { width, height, .. } = active;
+        let origin = self.raw.exactly::<2>(CROP_ORIGIN)?.unwrap_or([0.0; 2]);
+        let Some(size) = self.raw.exactly::<2>(CROP_SIZE)? else {
+            return Ok(Area { x: 0, y: 0, width, height });
+        };
+        let ([x, y], [w, h]) = (origin.map(|v| v.round() as u32), size.map(|v| v.round() as u32));
+        let fits = |start: u32, count: u32, whole| {
+            count > 0 && start.checked_add(count).is_some_and(|end| end <= whole)
+        };
+        if !fits(x, w, width) || !fits(y, h, height) {
+            return Err(format!("crop of {w} x {h} px at {x}, {y} of {width} x {height}"));
+        }
+        Ok(Area { x, y, width: w, height: h })
+    }
+
+    fn rotation(&self) -> Result<Rotation, String> {
+        match self.camera.whole(ORIENTATION)?.unwrap_or(1) {
+            1 => Ok(Rotation::None),
+            3 => Ok(Rotation::Half),
+            6 => Ok(Rotation::Quarter),
+            8 => Ok(Rotation::ThreeQuarters),
+            // Nobody mirrors raw values.
+            other => Err(format!("orientation {other} is not read; 1, 3, 6 and 8 are")),
+        }
+    }
+
+    /// Focal length on film of 36 x 24 mm; what is damaged is left out.
+    fn focal_35mm(&self) -> Option<f32> {
+        let exif = self.tiff.below(&self.camera, EXIF_DIRECTORY).ok()?;
+        let stated = exif.iter().chain([&self.camera]).find_map(|d| d.whole(FOCAL_35MM).ok()?);
+        let focal = f64::from(stated?);
+        FOCAL_LENGTHS.contains(&focal).then_some(focal as f32)
+    }
+}

@@ -1,0 +1,180 @@
+//! What a file is, by its content: names lie.
+
+use super::dng;
+
+/// Format of a picture file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// JPEG, Ultra HDR included.
+    Jpeg,
+    /// PNG.
+    Png,
+    /// TIFF that is no raw picture.
+    Tiff,
+    /// OpenEXR.
+    OpenExr,
+    /// Digital negative.
+    Dng,
+    /// HEIF with HEVC inside: `.heic`, `.heif`.
+    Heic,
+    /// AVIF: HEIF with AV1 inside.
+    Avif,
+    /// JPEG XL.
+    JpegXl,
+    /// WebP.
+    WebP,
+    /// A camera maker's own raw format: CR2, CR3, NEF, ARW, ORF, RW2, RAF, PEF and the like.
+    MakerRaw,
+    /// A picture of another kind: GIF, BMP, Photoshop, JPEG 2000.
+    Other,
+}
+
+/// Beginnings of files, at byte 0, that tell a format at once.
+const BEGINNINGS: [(&[u8], Kind); 15] = [
+    (&[0xFF, 0xD8, 0xFF], Kind::Jpeg),
+    (b"\x89PNG\r\n\x1a\n", Kind::Png),
+    (&[0x76, 0x2F, 0x31, 0x01], Kind::OpenExr),
+    (&[0xFF, 0x0A], Kind::JpegXl),
+    (b"\0\0\0\x0CJXL \r\n\x87\n", Kind::JpegXl),
+    (b"II*\0\x10\0\0\0CR", Kind::MakerRaw),
+    (b"IIRO", Kind::MakerRaw),
+    (b"IIRS", Kind::MakerRaw),
+    (b"MMOR", Kind::MakerRaw),
+    (b"IIU\0", Kind::MakerRaw),
+    (b"FUJIFILMCCD-RAW", Kind::MakerRaw),
+    (b"FOVb", Kind::MakerRaw),
+    (b"GIF8", Kind::Other),
+    (b"8BPS", Kind::Other),
+    (b"\0\0\0\x0CjP  \r\n\x87\n", Kind::Other),
+];
+
+/// Bytes from a file's beginning that suffice for [`Kind::of`], except that DNG and raw files of
+/// makers may pass for TIFF.
+pub const HEAD_BYTES: usize = 4096;
+
+impl Kind {
+    /// The format of a file, from its content; `None`: no picture that is known. From the first
+    /// [`HEAD_BYTES`] alone, files that are TIFF inside may all be called [`Kind::Tiff`].
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        let known = BEGINNINGS.iter().find(|(start, _)| bytes.starts_with(start));
+        if let Some((_, kind)) = known {
+            return Some(*kind);
+        }
+        if bytes.get(4..8) == Some(b"ftyp") {
+            return boxed(bytes);
+        }
+        if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
+            return Some(Self::Other);
+        }
+        if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+            return Some(Self::WebP);
+        }
+        if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
+            return Some(match dng::content(bytes) {
+                dng::Content::Negative => Self::Dng,
+                dng::Content::OtherRaw => Self::MakerRaw,
+                dng::Content::Picture => Self::Tiff,
+            });
+        }
+        None
+    }
+
+    /// Its name, with an article.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Jpeg => "a JPEG picture",
+            Self::Png => "a PNG picture",
+            Self::Tiff => "a TIFF picture",
+            Self::OpenExr => "an OpenEXR picture",
+            Self::Dng => "a DNG file",
+            Self::Heic => "a HEIC picture",
+            Self::Avif => "an AVIF picture",
+            Self::JpegXl => "a JPEG XL picture",
+            Self::WebP => "a WebP picture",
+            Self::MakerRaw => "a raw file of a camera maker",
+            Self::Other => "a picture of another format",
+        }
+    }
+
+    /// Whether this build reads it.
+    pub fn is_read(self) -> bool {
+        match self {
+            Self::Jpeg | Self::Png | Self::Tiff | Self::OpenExr | Self::Dng => true,
+            Self::Heic => cfg!(feature = "heic"),
+            _ => false,
+        }
+    }
+
+    /// What to do with a file that is not read.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::Heic => {
+                "convert it to JPEG or TIFF (iPhones write JPEG with Settings, Camera, Formats, Most Compatible)"
+            }
+            Self::MakerRaw => "convert it to DNG, with Adobe's DNG Converter for example",
+            _ => "convert it to JPEG, PNG, TIFF, OpenEXR or DNG",
+        }
+    }
+}
+
+/// Formats that are made of boxes begin with a list of brands.
+fn boxed(bytes: &[u8]) -> Option<Kind> {
+    let length = u32::from_be_bytes(*bytes.first_chunk()?) as usize;
+    let list = bytes.get(8..length.min(bytes.len()))?;
+    // The second word of the list is a version.
+    let brands: Vec<&[u8]> =
+        list.chunks_exact(4).enumerate().filter(|(i, _)| *i != 1).map(|(_, b)| b).collect();
+    let has = |wanted: &[&[u8; 4]]| brands.iter().any(|b| wanted.iter().any(|w| *b == *w));
+    if has(&[b"avif", b"avis"]) {
+        Some(Kind::Avif)
+    } else if has(&[b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx"]) {
+        Some(Kind::Heic)
+    } else if has(&[b"crx "]) {
+        Some(Kind::MakerRaw)
+    } else if has(&[b"jxl "]) {
+        Some(Kind::JpegXl)
+    } else if has(&[b"mif1", b"msf1"]) {
+        Some(Kind::Other)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ftyp(brands: &[&[u8; 4]]) -> Vec<u8> {
+        let mut bytes = (12 + 4 * brands.len() as u32).to_be_bytes().to_vec();
+        bytes.extend(b"ftyp");
+        bytes.extend(brands[0]);
+        bytes.extend([0; 4]);
+        brands[1..].iter().for_each(|brand| bytes.extend(*brand));
+        bytes.extend([0; 9]);
+        bytes
+    }
+
+    #[test]
+    fn content_tells_what_a_file_is() {
+        for (bytes, kind) in [
+            (b"\xFF\xD8\xFF\xE0....".to_vec(), Kind::Jpeg),
+            (b"\x89PNG\r\n\x1a\n".to_vec(), Kind::Png),
+            (ftyp(&[b"heic", b"mif1"]), Kind::Heic),
+            (ftyp(&[b"mif1", b"mif1", b"heic"]), Kind::Heic),
+            (ftyp(&[b"avif", b"mif1", b"miaf"]), Kind::Avif),
+            (ftyp(&[b"mif1", b"avif"]), Kind::Avif),
+            (ftyp(&[b"crx ", b"isom"]), Kind::MakerRaw),
+            (b"\xFF\x0A\0\0".to_vec(), Kind::JpegXl),
+            (b"\0\0\0\x0CJXL \r\n\x87\n".to_vec(), Kind::JpegXl),
+            (b"RIFF\0\0\0\0WEBPVP8 ".to_vec(), Kind::WebP),
+            (b"II*\0\x10\0\0\0CR\x02\0".to_vec(), Kind::MakerRaw),
+            (b"FUJIFILMCCD-RAW 0201".to_vec(), Kind::MakerRaw),
+            (b"II*\0\x08\0\0\0\0\0".to_vec(), Kind::Tiff),
+        ] {
+            assert_eq!(Kind::of(&bytes), Some(kind), "{bytes:?}");
+        }
+        for other in [&b"hello"[..], b"", b"RIFF\0\0\0\0WAVE", &ftyp(&[b"qt  "]), b"\0\0\0\0ftyp"] {
+            assert_eq!(Kind::of(other), None, "{other:?}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What a photograph's file says of how it was taken.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exif::{Context, Exif, Field, In, Reader, Tag, Value};
+
+use super::dng;
+use super::kind::Kind;
+use crate::frame::{Limits, look_at};
+
+/// Exposure times there are, seconds.
+const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
+/// Sensitivities there are.
+const ISO: std::ops::RangeInclusive<f64> = 1.0..=1e7;
+/// Apertures there are.
+const F_NUMBER: std::ops::RangeInclusive<f64> = 0.5..=128.0;
+/// Digital zooms there are.
+const ZOOM: std::ops::RangeInclusive<f64> = 1.0..=100.0;
+/// What stands for sensitivities that do not fit into 16 bits.
+const ISO_ELSEWHERE: f64 = 65_535.0;
+
+/// What is known of a photograph; all of it may be missing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Metadata {
+    /// Who made the camera.
+    pub make: Option<String>,
+    /// Which camera it is.
+    pub model: Option<String>,
+    /// Which lens it is.
+    pub lens: Option<String>,
+    /// Focal length of the lens, mm.
+    pub focal_mm: Option<f64>,
+    /// Focal length on film of 36 x 24 mm that shows as much, mm.
+    pub focal_35mm: Option<f64>,
+    /// How many times the picture was enlarged by cropping; 1: not at all.
+    pub digital_zoom: Option<f64>,
+    /// Width and height as the sensor has them, px.
+    pub size: Option<[u32; 2]>,
+    /// Whether the pixels are floats or raw values, which are linear.
+    pub is_linear: bool,
+    /// How far the picture is turned clockwise to stand upright, degrees; of one that is also
+    /// mirrored, after mirroring it left to right.
+    pub upright_deg: Option<u32>,
+    /// Whether standing upright includes being mirrored.
+    pub mirrored: bool,
+    /// Light that the sensor counts, relative: seconds * ISO / F-number².
+    pub exposure: Option<f64>,
+    /// Whether the flash fired.
+    pub flash_fired: Option<bool>,
+    /// When the shutter opened, in digits whose order is that of time.
+    pub taken: Option<String>,
+    /// Whether the colours are said to be those of Adobe RGB (1998).
+    pub adobe_rgb: bool,
+}
+
+impl Metadata {
+    /// Reads a file's metadata; nothing is known of files that cannot be read.
+    pub fn read(path: impl AsRef<Path>) -> Self {
+        Limits::default().read(path.as_ref()).map_or_else(|_| Self::default(), |b| Self::of(&b))
+    }
+
+    /// What a file's content says of it; what is absent or damaged is left out.
+    pub fn of(bytes: &[u8]) -> Self {
+        let known = Self::of_exif(bytes);
+        let (size, is_linear) = pixels(bytes).unzip();
+        Self { size, is_linear: is_linear.unwrap_or(false), ..known }
+    }
+
+    /// What the Exif block of a file says.
+    pub(super) fn of_exif(bytes: &[u8]) -> Self {
+        let mut reader = Reader::new();
+        let read = reader.continue_on_error(true).read_from_container(&mut Cursor::new(bytes));
+        let exif = read.or_else(|fault| fault.distill_partial_result(|_| ())).ok();
+        exif.map_or_else(Self::default, |exif| Self::within(&exif))
+    }
+
+    fn within(exif: &Exif) -> Self {
+        let positive = |tag| number(exif, tag).filter(|v| *v > 0.0);
+        let orientation = number(exif, Tag::Orientation).map_or(0, |v| v as u32);
+        Self {
+            make: text(exif, Tag::Make),
+            model: text(exif, Tag::Model),
+            lens: text(exif, Tag::LensModel),
+            focal_mm: positive(Tag::FocalLength),
+            focal_35mm: positive(Tag::FocalLengthIn35mmFilm),
+            // 0 says that it was not used.
+            digital_zoom: number(exif, Tag::DigitalZoomRatio)
+                .map(|zoom| if zoom == 0.0 { 1.0 } else { zoom })
+                .filter(|zoom| ZOOM.contains(zoom)),
+            size: None,
+            is_linear: false,
+            upright_deg: match orientation {
+                1 | 2 => Some(0),
+                6 | 7 => Some(90),
+                3 | 4 => Some(180),
+                8 | 5 => Some(270),
+                _ => None,
+            },
+            mirrored: [2, 4, 5, 7].contains(&orientation),
+            exposure: exposure(exif),
+            flash_fired: number(exif, Tag::Flash).map(|bits| bits as u32 & 1 == 1),
+            taken: taken(exif),
+            adobe_rgb: text(exif, Tag::InteroperabilityIndex).is_some_and(|index| index == "R03"),
+        }
+    }
+}
+
+/// Width and height, and whether the values are linear: floats, or raw.
+fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
+    match Kind::of(bytes)? {
+        Kind::Dng => Some((dng::size(bytes)?, true)),
+        #[cfg(feature = "heic")]
+        Kind::Heic => Some((super::heic::size(bytes)?, false)),
+        _ => look_at(bytes),
+    }
+}
+
+/// A field of the Exif directory, or of the first one: Android's raw files have all fields there.
+fn field(exif: &Exif, tag: Tag) -> Option<&Field> {
+    let field = |tag| exif.get_field(tag, In::PRIMARY);
+    field(tag).or_else(|| field(Tag(Context::Tiff, tag.number())))
+}
+
+fn text(exif: &Exif, tag: Tag) -> Option<String> {
+    let Value::Ascii(parts) = &field(exif, tag)?.value else { return None };
+    let text = String::from_utf8_lossy(parts.first()?).trim_matches(['\0', ' ']).to_owned();
+    (!text.is_empty()).then_some(text)
+}
+
+fn number(exif: &Exif, tag: Tag) -> Option<f64> {
+    let value = &field(exif, tag)?.value;
+    let number = match value {
+        Value::Rational(v) => v.first()?.to_f64(),
+        Value::SRational(v) => v.first()?.to_f64(),
+        other => f64::from(other.get_uint(0)?),
+    };
+    number.is_finite().then_some(number)
+}
+
+/// Needs time and sensitivity; phones whose aperture is fixed may leave that out.
+fn exposure(exif: &Exif) -> Option<f64> {
+    let within = |tag, range: &std::ops::RangeInclusive<f64>| {
+        number(exif, tag).filter(|v| range.contains(v))
+    };
+    let seconds = within(Tag::ExposureTime, &SECONDS).or_else(|| {
+        let seconds = (-number(exif, Tag::ShutterSpeedValue)?).exp2();
+        SECONDS.contains(&seconds).then_some(seconds)
+    })?;
+    let iso = within(Tag::PhotographicSensitivity, &ISO)
+        .filter(|v| *v < ISO_ELSEWHERE)
+        .or_else(|| within(Tag::ISOSpeed, &ISO))
+        .or_else(|| within(Tag::RecommendedExposureIndex, &ISO))?;
+    let f_number = within(Tag::FNumber, &F_NUMBER).or_else(|| {
+        let f_number = (0.5 * number(exif, Tag::ApertureValue)?).exp2();
+        F_NUMBER.contains(&f_number).then_some(f_number)
+    });
+    Some(seconds * iso / f_number.unwrap_or(1.0).powi(2))
+}
+
+/// `2024:05:06 07:08:09` and a fraction of a second.
+fn taken(exif: &Exif) -> Option<String> {
+    let time = text(exif, Tag::DateTimeOriginal)
+        .filter(|t| t.starts_with(|c: char| c.is_ascii_digit()))?;
+    let fraction = text(exif, Tag::SubSecTimeOriginal).unwrap_or_default();
+    Some(format!("{time}.{fraction}"))
+}

@@ -1,0 +1,27 @@
+//! Photographs as cameras write them: encoded files with what their metadata say, and colours as
+//! their profiles mean them.
+//!
+//! [`read`] and [`decode`] make a [`Photo`](crate::frame::Photo) of JPEG, PNG, TIFF, OpenEXR and DNG
+//! files, with feature `heic` of HEIC ones too, told apart by their content. What is read, and how it is checked, is listed in
+//! `docs/formats.md`.
+
+mod choice;
+mod colours;
+mod dng;
+#[cfg(feature = "heic")]
+mod heic;
+mod jpeg;
+mod kind;
+mod metadata;
+mod png_colours;
+mod profile;
+mod read;
+mod remark;
+
+pub use choice::{CameraKey, Choice, Chosen, LeftOut};
+pub use kind::{HEAD_BYTES, Kind};
+pub use metadata::Metadata;
+pub use read::{Decoded, Options, decode, read};
+pub use remark::Remark;
+
+pub use crate::frame::Limits;

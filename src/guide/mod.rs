@@ -1,0 +1,280 @@
+//! Leads the hand that holds the camera: for each picture of the preview, hold, move there, shoot now, or
+//! enough.
+
+mod motion;
+
+use std::sync::Arc;
+
+use self::motion::Motion;
+use crate::Rejection;
+use crate::session::{Hint, NextView, Probe, ProbedView, Session, Survey};
+
+/// What the user is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// Put right what [`Guidance::rejection`] names: a photograph would not be used.
+    Adjust,
+    /// Keep the camera where it is: until it is steady, or a photograph has been taken in.
+    Hold,
+    /// Go to [`Guidance::target`].
+    Move,
+    /// Nothing: take the photograph now.
+    Shoot,
+    /// Nothing more: a further photograph would tell little.
+    Enough,
+}
+
+/// What a [`Guide`] answers to a picture of the preview.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Guidance {
+    /// What to do.
+    pub action: Action,
+    /// Why a photograph like the picture would not be used.
+    pub rejection: Option<Rejection>,
+    /// Where to go; `None` where the camera's place or the target is not known.
+    pub target: Option<Target>,
+    /// Share of the expected squared error of renderings that a photograph from here would take away, 0 to
+    /// 1; `None` before the first photograph, and while that is being computed.
+    pub gain: Option<f32>,
+    /// The same of the view that tells most.
+    pub best_gain: Option<f32>,
+    /// Accepted photographs so far.
+    pub photographs: usize,
+    /// For the user, in English.
+    pub message: String,
+}
+
+/// A place to take a photograph from, as seen from where the camera is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// The view.
+    pub view: NextView,
+    /// From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
+    /// the picture shows the way.
+    pub offset_mm: [f32; 3],
+    /// Angle between both views, seen from the sample, degrees.
+    pub degrees: f32,
+}
+
+/// Numbers of a [`Guide`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GuideOptions {
+    /// Gain from which on a photograph is worth taking, as a share of the best view's, 0 to 1. High:
+    /// fewer photographs; low: less walking.
+    pub worth: f32,
+    /// The camera is steady where the sample moves less than this across the picture, in widths of the
+    /// sample a second. At 1/100 s and 1000 px, 0.1 is a blur of one pixel.
+    pub steady: f32,
+    /// For so long, seconds.
+    pub steady_seconds: f32,
+    /// It is enough where the best view would take away less of the expected squared error, 0 to 1.
+    pub enough: f32,
+    /// But not before so many photographs.
+    pub least: usize,
+    /// And in any case with so many.
+    pub most: usize,
+    /// Steepest view of the first photograph, degrees off the top.
+    pub first_tilt_deg: f32,
+    /// A photograph that has not been pushed so long after [`Action::Shoot`] is not going to be, seconds.
+    pub shot_seconds: f64,
+}
+
+impl Default for GuideOptions {
+    /// As found by simulated captures, see `docs/research/52-guided-capture.md`.
+    fn default() -> Self {
+        Self {
+            worth: 0.8,
+            steady: 0.1,
+            steady_seconds: 0.15,
+            enough: 0.05,
+            least: 4,
+            most: 20,
+            first_tilt_deg: 20.0,
+            shot_seconds: 3.0,
+        }
+    }
+}
+
+/// Views this close to the best in gain are as good, and the nearest of them is the target.
+const AS_GOOD: f32 = 0.95;
+
+/// Leads through one capture. One thread at a time.
+#[derive(Debug, Clone, Default)]
+pub struct Guide {
+    options: GuideOptions,
+    motion: Motion,
+    /// Time of the latest [`Action::Shoot`], and photographs then.
+    shot: Option<(f64, usize)>,
+    /// The target, and the survey it was chosen from.
+    target: Option<(NextView, Arc<Survey>)>,
+}
+
+/// What the next photograph is to be like.
+struct Wanted {
+    view: NextView,
+    distance_mm: f32,
+    here: Option<f32>,
+    best: Option<f32>,
+    /// Whether a photograph from here is worth taking.
+    worth: bool,
+}
+
+impl Guide {
+    /// A guide with other numbers than the default ones.
+    pub fn new(options: GuideOptions) -> Self {
+        Self { options, ..Self::default() }
+    }
+
+    /// What to do, by a probe of the latest picture of the preview and the state of the fit. `seconds`: when
+    /// the picture was taken, by any clock that does not jump. Waits for nothing.
+    ///
+    /// After [`Action::Shoot`] it answers [`Action::Hold`] until the photograph has been pushed, or
+    /// [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that at once.
+    pub fn next(&mut self, session: &Session, probe: &Probe, seconds: f64) -> Guidance {
+        let photographs = session.progress().frames;
+        self.decide(session.survey(), photographs, probe, seconds)
+    }
+
+    /// Tells that the photograph asked for was not taken, or was rejected.
+    pub fn missed(&mut self) {
+        self.shot = None;
+    }
+
+    fn decide(
+        &mut self,
+        survey: Option<Arc<Survey>>,
+        photographs: usize,
+        probe: &Probe,
+        seconds: f64,
+    ) -> Guidance {
+        self.motion.see(probe, seconds, &self.options);
+        let steady = self.motion.is_steady(seconds, &self.options);
+        let mut guidance = Guidance {
+            action: Action::Hold,
+            rejection: probe.rejection,
+            target: None,
+            gain: None,
+            best_gain: survey.as_ref().and_then(|s| s.best()).map(|best| best.gain),
+            photographs,
+            message: String::new(),
+        };
+        if self.is_enough(survey.as_deref(), photographs) {
+            return guidance.say(Action::Enough, "Enough: further photographs would tell little");
+        }
+        let waiting = self.shot.is_some_and(|(at, before)| {
+            photographs == before && (0.0..self.options.shot_seconds).contains(&(seconds - at))
+        });
+        if waiting {
+            return guidance.say(Action::Hold, "Hold still: the photograph is being taken");
+        }
+        self.shot = None;
+        let wanted = probe.view.as_ref().and_then(|view| self.wanted(survey, photographs, view));
+        if let Some(wanted) = &wanted {
+            (guidance.gain, guidance.best_gain) = (wanted.here, wanted.best);
+            guidance.target = target(probe, wanted);
+        }
+        if let Some(rejection) = probe.rejection {
+            let action = match rejection {
+                Rejection::Blurred { .. } => Action::Hold,
+                _ => Action::Adjust,
+            };
+            return guidance.say(action, &sentence(&rejection));
+        }
+        let seen_before = probe.hints.iter().any(|h| matches!(h, Hint::NothingNew { .. }));
+        match wanted {
+            None => guidance.say(Action::Hold, "Hold still"),
+            Some(wanted) if !wanted.worth || seen_before => {
+                let way = words(&wanted, photographs);
+                guidance.say(Action::Move, &way)
+            }
+            Some(_) if !steady => guidance.say(Action::Hold, "Good: hold still"),
+            Some(_) => {
+                self.shot = Some((seconds, photographs));
+                guidance.say(Action::Shoot, "Taking the photograph")
+            }
+        }
+    }
+
+    fn is_enough(&self, survey: Option<&Survey>, photographs: usize) -> bool {
+        let told = survey.filter(|s| s.settled).and_then(Survey::best);
+        photographs >= self.options.most
+            || photographs >= self.options.least
+                && told.is_some_and(|best| best.gain < self.options.enough)
+    }
+
+    /// `None` while the fit has not told what views are worth.
+    fn wanted(
+        &mut self,
+        survey: Option<Arc<Survey>>,
+        photographs: usize,
+        view: &ProbedView,
+    ) -> Option<Wanted> {
+        if photographs == 0 {
+            let top = NextView { direction: [0.0, 0.0, 1.0], tilt_deg: 0.0, azimuth_deg: 0.0 };
+            let worth = view.tilt_deg <= self.options.first_tilt_deg;
+            let distance_mm = view.distance_mm;
+            return Some(Wanted { view: top, distance_mm, here: None, best: None, worth });
+        }
+        let survey = survey?;
+        let best = survey.best()?.gain;
+        let here = survey.gain(view.direction);
+        let known = self.target.as_ref().filter(|(_, of)| Arc::ptr_eq(of, &survey));
+        let chosen = match known {
+            Some((chosen, _)) => *chosen,
+            None => {
+                let good = survey.views.iter().filter(|v| v.gain >= AS_GOOD * best);
+                let off = |v: &NextView| degrees(v.direction, view.direction);
+                good.map(|v| v.view).min_by(|a, b| off(a).total_cmp(&off(b)))?
+            }
+        };
+        let distance_mm = survey.distance_mm;
+        self.target = Some((chosen, survey));
+        let worth = here >= self.options.worth * best;
+        Some(Wanted { view: chosen, distance_mm, here: Some(here), best: Some(best), worth })
+    }
+}
+
+impl Guidance {
+    fn say(mut self, action: Action, message: &str) -> Self {
+        (self.action, self.message) = (action, message.into());
+        self
+    }
+}
+
+/// The target as seen from the camera.
+fn target(probe: &Probe, wanted: &Wanted) -> Option<Target> {
+    let (pose, view) = (probe.pose?.pose, probe.view?);
+    let at = wanted.view.direction.map(|v| f64::from(v * wanted.distance_mm));
+    Some(Target {
+        view: wanted.view,
+        offset_mm: pose.transform(at.into()).as_vec3().to_array(),
+        degrees: degrees(wanted.view.direction, view.direction),
+    })
+}
+
+/// Angle between two unit vectors, degrees.
+fn degrees(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let dot = a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+    dot.clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+fn words(wanted: &Wanted, photographs: usize) -> String {
+    if photographs == 0 {
+        return "Go above the sample".into();
+    }
+    let NextView { tilt_deg, azimuth_deg, .. } = wanted.view;
+    let sides =
+        ["right", "far right", "far", "far left", "left", "near left", "near", "near right"];
+    let side = sides[(azimuth_deg / 45.0).round() as usize % sides.len()];
+    format!("Go to the {side} side, {tilt_deg:.0} degrees off the top")
+}
+
+/// With a capital letter.
+fn sentence(rejection: &Rejection) -> String {
+    let text = rejection.to_string();
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |c| c.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests;

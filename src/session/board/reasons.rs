@@ -1,0 +1,142 @@
+//! Why a photograph of a board cannot be used, where what was met first is not the cause.
+
+use crate::Rejection;
+use crate::calibration::{self, CameraPrior, Corner, Target};
+use crate::geometry::Camera;
+
+/// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.
+const SQUARE_MIN_PX: f64 = 9.0;
+/// Edges softer than this part of a square mix black and white inside it.
+const BLUR_MAX_SQUARES: f64 = 0.1;
+/// Edges softer than this, px and part of a square, explain squares that are not plain.
+const BLUR_TELLING_PX: f64 = 2.5;
+const BLUR_TELLING_SQUARES: f64 = 0.06;
+/// Relative difference of focal lengths that is no matter of focus or of rounded metadata.
+const OTHER_FOCAL: f64 = 0.05;
+/// The camera that fits must leave this much less of the corners' error.
+const BETTER: f64 = 0.5;
+
+/// How soft a photograph's edges are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Softness {
+    blur_px: f64,
+    square_px: f64,
+}
+
+impl Softness {
+    /// From the corners found and the spread of edges.
+    ///
+    /// # Errors
+    /// [`Rejection::SquaresTooSmall`], [`Rejection::Blurred`].
+    pub(super) fn new(corners: &[Corner], blur_px: f64) -> Result<Self, Rejection> {
+        let square_px = usual_square(corners);
+        if square_px < SQUARE_MIN_PX {
+            let (square_px, needed_px) = (square_px as f32, SQUARE_MIN_PX as f32);
+            return Err(Rejection::SquaresTooSmall { square_px, needed_px });
+        }
+        let softness = Self { blur_px, square_px };
+        if blur_px > BLUR_MAX_SQUARES * square_px { Err(softness.blurred()) } else { Ok(softness) }
+    }
+
+    /// Another reason, if it is that edges are soft: squares do not look plain then.
+    pub(super) fn explained(&self, rejection: Rejection) -> Rejection {
+        let soft = self.blur_px > BLUR_TELLING_PX.max(BLUR_TELLING_SQUARES * self.square_px);
+        match rejection {
+            Rejection::LightNotVisible if soft => self.blurred(),
+            other => other,
+        }
+    }
+
+    fn blurred(&self) -> Rejection {
+        Rejection::Blurred { blur_px: self.blur_px as f32, direction_deg: None }
+    }
+}
+
+/// Median distance of neighbouring corners, px; infinite where there are none.
+fn usual_square(corners: &[Corner]) -> f64 {
+    let mut sides: Vec<f64> = corners
+        .iter()
+        .flat_map(|a| {
+            let right = (a.row, a.col + 1);
+            let below = (a.row + 1, a.col);
+            let next = move |b: &&Corner| (b.row, b.col) == right || (b.row, b.col) == below;
+            corners.iter().filter(next).map(|b| a.px.distance(b.px))
+        })
+        .collect();
+    sides.sort_unstable_by(f64::total_cmp);
+    sides.get(sides.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// Refuses a photograph whose metadata state another focal length than those of the first one.
+///
+/// # Errors
+/// [`Rejection::OtherCamera`].
+pub(super) fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), Rejection> {
+    let focal = |prior: &CameraPrior| prior.is_stated().then_some(prior.camera.fx);
+    let ratio = first.and_then(focal).zip(focal(new)).map(|(first, new)| new / first);
+    match ratio {
+        Some(ratio) if ratio.ln().abs() > OTHER_FOCAL => {
+            Err(Rejection::OtherCamera { focal_ratio: ratio as f32 })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a photograph that does not fit the known camera fits one of another focal length.
+pub(super) fn other_camera(
+    target: &Target,
+    known: &Camera,
+    corners: &[Corner],
+    rejection: Rejection,
+) -> Option<Rejection> {
+    let Rejection::PoseUncertain { rms_px } = rejection else { return None };
+    let prior = CameraPrior { focal_sigma: 0.5, ..CameraPrior::around(*known) };
+    let own = calibration::estimate_camera(target, &[corners], &prior, None).ok()?;
+    let ratio = own.camera.fx / known.fx;
+    let sigma = own.sigma()[0] / own.camera.fx;
+    let differs = ratio.ln().abs() > OTHER_FOCAL.max(3.0 * sigma);
+    let better = own.rms_px < BETTER * f64::from(rms_px);
+    (differs && better).then_some(Rejection::OtherCamera { focal_ratio: ratio as f32 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec2;
+
+    fn corners(side: f64) -> Vec<Corner> {
+        let at = |i: u32| Corner {
+            row: i / 6,
+            col: i % 6,
+            px: side * DVec2::new(f64::from(i % 6), f64::from(i / 6)),
+        };
+        (0..36).map(at).collect()
+    }
+
+    #[test]
+    fn small_squares_and_soft_edges_are_named() {
+        assert!((usual_square(&corners(20.0)) - 20.0).abs() < 1e-9);
+        let small = Softness::new(&corners(7.0), 0.7).unwrap_err();
+        assert_eq!(small.code(), "squares_too_small");
+        assert_eq!(Softness::new(&corners(40.0), 6.0).unwrap_err().code(), "blurred");
+        let lit = Rejection::LightNotVisible;
+        let soft = Softness::new(&corners(40.0), 3.5).unwrap();
+        assert_eq!(soft.explained(lit).code(), "blurred");
+        assert_eq!(soft.explained(Rejection::NotFinite), Rejection::NotFinite);
+        assert_eq!(Softness::new(&corners(40.0), 0.8).unwrap().explained(lit), lit);
+    }
+
+    #[test]
+    fn metadata_tell_another_lens() {
+        let ordinary = CameraPrior::ordinary(400, 300);
+        let stated = |focal| CameraPrior::ordinary(400, 300).with_focal(focal, 0.04);
+        assert!(same_lens(None, &stated(300.0)).is_ok());
+        assert!(same_lens(Some(&ordinary), &stated(300.0)).is_ok());
+        assert!(same_lens(Some(&stated(300.0)), &ordinary).is_ok());
+        assert!(same_lens(Some(&stated(300.0)), &stated(305.0)).is_ok());
+        let other = same_lens(Some(&stated(300.0)), &stated(390.0));
+        assert!(
+            matches!(other, Err(Rejection::OtherCamera { focal_ratio }) if (focal_ratio - 1.3).abs() < 1e-3)
+        );
+    }
+}
