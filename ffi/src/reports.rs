@@ -38,11 +38,11 @@ pub const SVBRDF_REJECTION_SAMPLE_OUTSIDE: svbrdf_rejection = 10;
 pub const SVBRDF_REJECTION_LIGHT_NOT_VISIBLE: svbrdf_rejection = 11;
 /// The photo contains values that are not finite.
 pub const SVBRDF_REJECTION_NOT_FINITE: svbrdf_rejection = 12;
-/// Several places on the board fit what is seen.
+/// The visible part of the board fits in several places.
 pub const SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS: svbrdf_rejection = 13;
-/// What is printed is not the board described; the advice says in what it differs.
+/// The printed board is not the one described; the advice says how it differs.
 pub const SVBRDF_REJECTION_BOARD_DIFFERS: svbrdf_rejection = 14;
-/// It was taken with another lens or zoom.
+/// The photo was taken with another lens or zoom.
 pub const SVBRDF_REJECTION_OTHER_CAMERA: svbrdf_rejection = 15;
 /// The board's squares are too small.
 pub const SVBRDF_REJECTION_SQUARES_TOO_SMALL: svbrdf_rejection = 16;
