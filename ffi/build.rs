@@ -1,18 +1,26 @@
-//! Names the shared library's major version inside it.
+//! Names the shared library's major version inside it, and leaves symbols out that nobody asked for.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     let target = |key: &str| std::env::var(key).unwrap_or_default();
     let major = std::env::var("CARGO_PKG_VERSION_MAJOR").expect("set by cargo");
-    match target("CARGO_CFG_TARGET_OS").as_str() {
+    let link = |argument: &str| println!("cargo::rustc-cdylib-link-arg=-Wl,{argument}");
+    let elf = match target("CARGO_CFG_TARGET_OS").as_str() {
         "linux" | "freebsd" => {
-            println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,libsvbrdf.so.{major}");
+            link(&format!("-soname,libsvbrdf.so.{major}"));
+            true
         }
         "android" => {
             // Android packages have no versioned names; devices may have pages of 16 KB.
-            println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,libsvbrdf.so");
-            println!("cargo::rustc-cdylib-link-arg=-Wl,-z,max-page-size=16384");
+            link("-soname,libsvbrdf.so");
+            link("-z,max-page-size=16384");
+            true
         }
-        _ => {}
+        _ => false,
+    };
+    // The profile's own `strip` would take the names out of the tests' backtraces as well. With debug
+    // information (`dist-debug`, CARGO_PROFILE_RELEASE_DEBUG) everything stays.
+    if elf && target("PROFILE") == "release" && target("DEBUG") == "false" {
+        link("--strip-all");
     }
 }

@@ -3,12 +3,15 @@
 #
 #   ffi/install.sh PREFIX [cargo's options]
 #
-# PREFIX gets include/, lib/, lib/pkgconfig and lib/cmake/svbrdf. Built with the profile `dist`
-# unless the options name another; `--no-default-features` leaves the models out. DESTDIR is
-# honoured. SVBRDF_BUILT names a folder with a library that was built before.
+# PREFIX gets include/, lib/, lib/pkgconfig and lib/cmake/svbrdf. The profile is `dist` unless the options
+# name another: `--release` builds faster what is larger. `--no-default-features` leaves the networks out.
+# DESTDIR is honoured. SVBRDF_BUILT names a folder with a library that was built before.
+#
+# Use this instead of cargo's output: the loader looks for the library by the name inside it, libsvbrdf.so.0,
+# which cargo does not make.
 set -euo pipefail
 if [ $# -lt 1 ]; then
-  sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "$0" >&2
   exit 2
 fi
 prefix=$1
@@ -57,3 +60,12 @@ install -m 644 "$root/ffi/cmake/svbrdf-config.cmake" "$place/lib/cmake/svbrdf"
 fill "$root/ffi/cmake/svbrdf-config-version.cmake.in" \
   > "$place/lib/cmake/svbrdf/svbrdf-config-version.cmake"
 echo "svbrdf $version is in $place"
+case $prefix in
+  /usr | /usr/local) ;;
+  *)
+    echo "  CMake:      -DCMAKE_PREFIX_PATH=$prefix"
+    echo "  pkg-config: PKG_CONFIG_PATH=$prefix/lib/pkgconfig"
+    echo "  at run time, unless linked with an rpath: LD_LIBRARY_PATH=$prefix/lib"
+    ;;
+esac
+[ "$prefix" != /usr/local ] || [ -n "${DESTDIR:-}" ] || ! command -v ldconfig >/dev/null || ldconfig 2>/dev/null || true

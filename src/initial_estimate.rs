@@ -3,11 +3,16 @@
 //! Both are ONNX graphs executed by tract; the decoder, which runs in every step of the fit, has its
 //! own code in [`crate::network`]. A plan is built once per size and kept.
 
+#[cfg(not(feature = "networks"))]
+mod absent;
 mod graph;
 mod highlights;
 mod manifest;
+#[cfg(feature = "networks")]
 mod operators;
 mod photo_input;
+#[cfg(feature = "networks")]
+mod runner;
 
 use std::path::Path;
 
@@ -98,9 +103,9 @@ impl Networks {
     /// When the sizes do not suit the networks.
     pub fn prepare(&self, height: usize, width: usize) -> Result<()> {
         let halvings = photo_halvings(height, width)?;
-        self.photo.plan(height >> halvings, width >> halvings)?;
+        self.photo.prepare(height >> halvings, width >> halvings)?;
         self.check_code_size(height, width)?;
-        self.encoder.plan(height, width).map(|_| ())
+        self.encoder.prepare(height, width)
     }
 
     /// First maps from one photograph.

@@ -1,23 +1,72 @@
-//! Normal, diffuse albedo, specular albedo and roughness maps of a flat material from a few flash
-//! photographs, after *Deep Inverse Rendering for High-resolution SVBRDF Estimation from an
-//! Arbitrary Number of Images* (Gao et al., ACM TOG 38(4) 134, 2019).
+//! Normal, diffuse albedo, specular albedo and roughness maps of a flat material from a few flash photographs.
+//!
+//! The library implements *Deep Inverse Rendering for High-resolution SVBRDF Estimation from an Arbitrary
+//! Number of Images* (Gao et al., ACM TOG 38(4) 134, 2019), with calibration from a printed board, maps from
+//! the first photograph on, and a refinement of every texel.
+//!
+//! # Example
+//! A [`session::Session`] takes photographs one at a time. [`push`](session::Session::push) calibrates a
+//! photograph and returns as soon as the maps include it; the fit continues on a thread of the session.
+//!
+//! ```no_run
+//! use svbrdf::calibration::Target;
+//! use svbrdf::export::write_maps;
+//! use svbrdf::frame::{Encoding, Photo};
+//! use svbrdf::session::{Pushed, Scene, Session, Settings};
+//!
+//! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { unimplemented!() }
+//! # fn main() -> svbrdf::Result<()> {
+//! // The board that `svbrdf board` prints; camera, flash and height are estimated from the photographs.
+//! let scene = Scene::Board {
+//!     target: Target::default(),
+//!     camera: None,
+//!     flash_offset_mm: None,
+//!     elevation_mm: None,
+//! };
+//! let settings = Settings { sample_mm: [100.0, 80.0], ..Settings::default() };
+//! let session = Session::new(scene, settings)?;
+//! for name in ["0.jpg", "1.jpg", "2.jpg"] {
+//!     let (width, height, rgb) = pixels(name); // 8-bit sRGB
+//!     let photo = Photo::from_rgb8(width, height, &rgb, 3 * width as usize, Encoding::Srgb, 1.0)?;
+//!     match session.push(&photo)? {
+//!         Pushed::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
+//!         Pushed::Rejected(reason) => println!("{name}: {reason}"),
+//!     }
+//! }
+//! session.wait()?; // until the fit has settled
+//! write_maps("maps", &*session.snapshot()?)?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! `examples/fit.rs` in the repository is a complete program.
 //!
 //! # Conventions
-//! * Lengths are millimetres, image positions pixels, angles radians unless a name says otherwise;
-//!   colours are linear RGB with Rec. 709 primaries. Pixel (0, 0) is the *centre* of the top-left
-//!   pixel.
-//! * Board frame: origin at the sample's centre, X right, Y up, Z out of the surface towards the
-//!   camera, right-handed. Camera frame: x right, y down, z forward (OpenCV). A pose maps
-//!   `x_cam = R x_board + t`.
-//! * Maps are the top view: row 0 is the sample's +Y edge, column 0 its -X edge; texels share the
-//!   rectangle equally. Normals point to +Z, their green channel up (OpenGL, glTF, Blender).
-//! * BRDF: `kd/pi + D F G / (4 NoL NoV)`, GGX with `alpha = roughness²`, see [`reflectance`].
-//! * Radiance is in units in which a white Lambertian surface seen at the reference distance comes
-//!   out at its albedo, see [`observation::View`].
+//! * Lengths are in millimetres, image positions in pixels, and angles in radians, unless a name says otherwise.
+//!   Colours are linear RGB with Rec. 709 primaries. Pixel (0, 0) is the *centre* of the top-left pixel.
+//! * Board frame: origin at the sample's centre, X right, Y up, Z out of the surface towards the camera,
+//!   right-handed. Camera frame: x right, y down, z forward (OpenCV). A pose maps `x_cam = R x_board + t`.
+//! * Maps are the top view. Row 0 is the sample's +Y edge, column 0 its -X edge; texels divide the rectangle
+//!   equally. Normals point to +Z; their green channel points up (OpenGL, glTF, Blender).
+//! * BRDF: `kd/pi + D F G / (4 NoL NoV)`, GGX with `alpha = roughness²`; see [`reflectance`].
+//! * Radiance is in units in which a white Lambertian surface at the reference distance comes out at its
+//!   albedo; see [`observation::View`].
 //!
-//! # Faults and bad photographs
-//! Misuse, unreadable files and broken models are [`Error`]s. A photograph that cannot be used is
-//! not an error but a [`Rejection`] with its reason; it leaves the session untouched.
+//! # Errors and bad photographs
+//! Misuse, unreadable files and broken models are [`Error`]s. A photograph that cannot be used is not an error
+//! but a [`Rejection`] with its reason, and it leaves the session untouched.
+//!
+//! # Features
+//! * `embedded-models` (default): compiles the networks into the library (10 MB, crate `svbrdf-models`).
+//! * `networks` (part of the former): runs networks, which [`session::Networks`] can also read from files. Without
+//!   it, everything but the fit works: boards, calibration, rendering, comparison, export.
+//! * `files` (default), `heic` (default): read encoded photographs with their metadata and colours (module
+//!   `files`), and HEIC among them.
+//!
+//! # Stability
+//! Versions follow semantic versioning for everything on these pages. Public modules that they do not show are
+//! internals for the command line, benchmarks and evaluation, and may change in any version. Types of [`glam`]
+//! appear in the interface; the crate is re-exported in the version that fits.
 #![deny(missing_docs)]
 
 mod error;
@@ -27,6 +76,7 @@ pub mod calibration;
 pub mod capture;
 pub mod comparison;
 pub mod confidence;
+#[doc(hidden)]
 pub mod estimate;
 pub mod export;
 #[cfg(feature = "files")]
@@ -34,13 +84,17 @@ pub mod files;
 pub mod frame;
 pub mod geometry;
 pub mod guide;
+#[doc(hidden)]
 pub mod initial_estimate;
 mod interpolation;
 mod least_squares;
+#[doc(hidden)]
 pub mod loss;
+#[doc(hidden)]
 pub mod network;
 pub mod observation;
 mod parallel;
+#[doc(hidden)]
 pub mod random;
 pub mod rectification;
 pub mod reflectance;
@@ -52,9 +106,10 @@ pub mod svbrdf;
 mod test_support;
 pub mod threads;
 
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "embedded-models"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
 pub use error::{BoardDifference, Error, Rejection, Result, Side, StateFault};
+pub use glam;
 pub use svbrdf::Svbrdf;

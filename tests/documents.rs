@@ -1,5 +1,6 @@
-//! Links of all Markdown files lead to files and headings that exist, and the book in `docs/` has
-//! every page. Nothing is asked of a network.
+//! Links of all Markdown files lead to files and headings that exist, the book in `docs/` has every page and no
+//! more than a reader takes in, and the index of `docs/research/` has every experiment. Nothing is asked of
+//! a network.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -12,6 +13,10 @@ const REPOSITORY: [&str; 2] =
     ["https://github.com/svbrdf/svbrdf/blob/main/", "https://github.com/svbrdf/svbrdf/tree/main/"];
 /// Made by `docs/build.sh` beside the pages, which checks them.
 const GENERATED: [&str; 2] = ["docs/rust/", "docs/c/"];
+/// Records of experiments, beside the book.
+const RESEARCH: &str = "docs/research";
+/// Most pages of the book.
+const PAGES: usize = 20;
 /// Folders without documents of this project.
 const ELSEWHERE: [&str; 4] = ["target", "data", ".git", "node_modules"];
 
@@ -104,6 +109,11 @@ fn normalised(path: &Path) -> Option<PathBuf> {
     Some(out)
 }
 
+/// Whether a file of `docs/` belongs to the book: pages and their pictures.
+fn in_the_book(path: &Path) -> bool {
+    path.starts_with("docs") && !path.starts_with(RESEARCH)
+}
+
 /// What is wrong with a link, or nothing.
 fn fault(
     from: &Path,
@@ -126,7 +136,7 @@ fn fault(
     if GENERATED.iter().any(|folder| target.starts_with(folder)) {
         return None;
     }
-    if from.starts_with("docs") && !target.starts_with("docs") && inside.is_none() {
+    if in_the_book(from) && !in_the_book(&target) && inside.is_none() {
         return Some("is not in the book: name it by its address in the repository");
     }
     if !exists(&target) {
@@ -181,6 +191,7 @@ fn bad_links_are_seen() {
         ("https://github.com/svbrdf/svbrdf/blob/main/no.md", Some("names no file")),
         ("../../b.md", Some("leaves the repository")),
         ("../README.md", Some("is not in the book: name it by its address in the repository")),
+        ("research/01.md", Some("is not in the book: name it by its address in the repository")),
     ] {
         assert_eq!(fault(from, link, &documents, &exists), expected, "{link}");
     }
@@ -192,8 +203,26 @@ fn the_book_has_every_page_once() {
     let summary = &documents[Path::new("docs/SUMMARY.md")];
     let listed: BTreeSet<_> = summary.links.iter().map(|link| format!("docs/{link}")).collect();
     assert_eq!(listed.len(), summary.links.len(), "a page is listed twice");
-    let pages = documents.keys().map(|path| path.to_str().unwrap().to_owned());
-    let pages: BTreeSet<_> =
-        pages.filter(|path| path.starts_with("docs/") && path != "docs/SUMMARY.md").collect();
+    let pages = documents.keys().filter(|path| in_the_book(path));
+    let pages = pages.map(|path| path.to_str().unwrap().to_owned());
+    let pages: BTreeSet<_> = pages.filter(|path| path != "docs/SUMMARY.md").collect();
     assert_eq!(pages, listed);
+    assert!(pages.len() <= PAGES, "{} pages", pages.len());
+}
+
+#[test]
+fn the_index_has_every_experiment_once() {
+    let documents = documents();
+    let index = &documents[&Path::new(RESEARCH).join("README.md")];
+    let experiments: Vec<_> = documents
+        .keys()
+        .filter_map(|path| path.strip_prefix(RESEARCH).ok()?.to_str())
+        .filter(|name| name.starts_with(|c: char| c.is_ascii_digit()))
+        .collect();
+    assert!(experiments.len() > 50, "{} experiments", experiments.len());
+    for (i, name) in experiments.iter().enumerate() {
+        assert!(name.starts_with(&format!("{:02}-", i + 1)), "{name} is number {}", i + 1);
+        let times = index.links.iter().filter(|link| link == name).count();
+        assert_eq!(times, 1, "{name} in the index");
+    }
 }

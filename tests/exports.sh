@@ -9,21 +9,10 @@ trap 'rm -rf "$work"' EXIT
 
 [ -x target/release/svbrdf ] || cargo build --release -p svbrdf-cli --bin svbrdf
 svbrdf=$PWD/target/release/svbrdf
-skip() {
-  echo "SKIPPED: $*"
-  echo "$*" >> "${SVBRDF_SKIPPED:-/dev/null}"
-}
-
-packages=()
-command -v npm >/dev/null || packages+=(nodejs npm)
-command -v chromium >/dev/null || packages+=(chromium)
-python3 -c 'import venv, ensurepip' 2>/dev/null || packages+=(python3-venv)
-if [ ${#packages[@]} -gt 0 ]; then
-  sudo=$([ "$(id -u)" = 0 ] || echo sudo)
-  { $sudo apt-get update -q &&
-    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"; } ||
-    skip "${packages[*]} cannot be installed"
-fi
+. tests/tools.sh
+has "exports: Node.js" npm nodejs npm || true
+has "exports: a browser" chromium chromium || true
+need "exports: Python" "python3 -c 'import venv, ensurepip'" python3-venv || true
 mkdir -p "$tools"
 cp tests/exports/*.mjs tests/exports/views.json "$tools"
 if [ ! -d "$tools/node_modules/playwright-core" ]; then

@@ -5,21 +5,13 @@
 # are left there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-skip() {
-  echo "SKIPPED: report.html is not looked at in a browser: $1"
-  echo "report.html in a browser" >> "${SVBRDF_SKIPPED:-/dev/null}"
+. tests/tools.sh
+leave() {
+  skip "report.html in a browser: $1"
   exit 0
 }
-
-packages=()
-command -v npm >/dev/null || packages+=(nodejs npm)
-command -v chromium >/dev/null || packages+=(chromium fonts-dejavu-core)
-if [ ${#packages[@]} -gt 0 ]; then
-  sudo=$([ "$(id -u)" = 0 ] || echo sudo)
-  { $sudo apt-get update -q &&
-    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"; } ||
-    skip "${packages[*]} cannot be installed"
-fi
+has "report.html in a browser" npm nodejs npm || exit 0
+has "report.html in a browser" chromium chromium fonts-dejavu-core || exit 0
 folder=${CARGO_TARGET_DIR:-target}
 tools=$folder/report-tools
 mkdir -p "$tools"
@@ -27,7 +19,7 @@ mkdir -p "$tools"
   [ -d "$tools/node_modules/axe-core" ] ||
   # Later ones of the first refuse Debian 12's Node.
   npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core@1.61 pngjs axe-core ||
-  skip "playwright-core, pngjs and axe-core cannot be installed"
+  leave "playwright-core, pngjs and axe-core cannot be installed"
 
 [ -x "$folder/release/svbrdf" ] || cargo build --quiet --release -p svbrdf-cli --bin svbrdf
 work=$(mktemp -d)

@@ -11,7 +11,7 @@ use svbrdf::export::write_atomic;
 use crate::board_text::targets;
 use crate::failure::{Failure, Result};
 
-/// Print the board, to be printed at 100 %
+/// Write the board to print at 100 %
 #[derive(clap::Args)]
 #[command(after_help = "Boards:
   ring[:ROWSxCOLS:SQUARE_MM[:R0,C0,R1,C1]]    ring of squares round a hole, squares; the
@@ -30,7 +30,7 @@ pub struct Arguments {
     /// Paper
     #[arg(long, default_value = "a4", value_parser = ["a4", "letter"])]
     paper: String,
-    /// What is printed, see below
+    /// Layout of the board, see below
     #[arg(long, default_value = "ring")]
     board: String,
 }

@@ -15,7 +15,7 @@ use svbrdf::files;
 use crate::board_text::targets;
 use crate::failure::{Failure, Result};
 
-/// Calibrate a camera from photos of a printed board
+/// Calibrate a camera from photographs of a printed board
 #[derive(clap::Args)]
 #[command(after_help = "Boards:
   checkerboard:ROWSxCOLS:SQUARE_MM            full board, inner corners
@@ -27,19 +27,19 @@ Examples:
   svbrdf calibrate photos/*.jpg --board checkerboard:6x9:25 --json
   svbrdf calibrate photos/*.jpg --board ring --out camera.json")]
 pub struct Arguments {
-    /// Photos of the board, all of one size
+    /// Photographs of the board, all of the same size
     #[arg(required = true, value_name = "IMAGES")]
     images: Vec<PathBuf>,
-    /// What is printed, see below
+    /// Layout of the board, see below
     #[arg(long)]
     board: String,
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// File to write the same JSON to; `svbrdf fit --camera` reads it
+    /// Also write the JSON to a file, for `svbrdf fit --camera`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Focal length in px, if roughly known (3 %)
+    /// Focal length in pixels, if roughly known (to 3 %)
     #[arg(long, value_name = "PX")]
     focal: Option<f64>,
 }

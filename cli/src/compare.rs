@@ -8,13 +8,13 @@ use svbrdf::export::{read_maps, resized};
 
 use crate::failure::{Failure, Result};
 
-/// Root-mean-square differences of two sets of maps and of 100 renderings of them
+/// Compare two sets of maps: root-mean-square differences of the maps and of 100 renderings
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  svbrdf compare maps truth --json")]
 pub struct Arguments {
     /// Folder of maps
     a: PathBuf,
-    /// Folder of maps; those of A are resampled when sizes differ
+    /// Folder of maps; if the sizes differ, those of A are resampled
     b: PathBuf,
     /// Print JSON
     #[arg(long)]

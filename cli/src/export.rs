@@ -9,7 +9,7 @@ use svbrdf::{Error, Svbrdf};
 use crate::failure::{Failure, Result};
 use crate::render::{length, sample_size};
 
-/// Make files of maps for glTF, USD, MaterialX, Unreal, Unity and Blender
+/// Export maps to glTF, USD, MaterialX, Unreal, Unity and Blender
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  svbrdf export maps --format glb --out material\n  svbrdf export maps --format unreal,blender --tile --texture png16 --out material"
@@ -20,22 +20,22 @@ pub struct Arguments {
     /// Formats, separated by commas
     #[arg(long, required = true, value_delimiter = ',', value_parser = format)]
     format: Vec<Format>,
-    /// Folder to write into; made if missing
+    /// Folder for the files; created if missing
     #[arg(long)]
     out: PathBuf,
-    /// GLB, MaterialX, Blender: base colour and metalness instead of a specular colour
+    /// For GLB, MaterialX and Blender: use base colour and metalness instead of a specular colour
     #[arg(long)]
     metallic: bool,
     /// Make the maps seamless
     #[arg(long)]
     tile: bool,
-    /// How textures are stored
+    /// File format of the textures
     #[arg(long, default_value = "png8", value_parser = ["png8", "png16", "jpeg"])]
     texture: String,
-    /// Longer side of the textures at most, texels
+    /// Largest side of the textures, texels
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     max_size: Option<u32>,
-    /// Longer side of the sample in mm; default: as the maps state, else 100
+    /// Longer side of the sample in mm [default: as the maps state, otherwise 100]
     #[arg(long, value_parser = length)]
     sample_mm: Option<f32>,
 }

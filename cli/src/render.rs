@@ -8,7 +8,7 @@ use svbrdf::observation::{Falloff, View};
 
 use crate::failure::{Failure, Result};
 
-/// Render maps from the top under one light, as the fit does
+/// Render maps from above under one light, as the fit does
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  svbrdf render maps --camera-mm 0,0,300 --light-mm 80,0,200 --out lit.png"
@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Longer side of the sample in mm
     #[arg(long, default_value_t = 100.0, value_parser = length)]
     sample_mm: f32,
-    /// Picture to write: .png (16-bit linear, clipped to [0, 1]) or .exr (float)
+    /// Picture to write: .png (16-bit linear, clipped to [0, 1]) or .exr (floats)
     #[arg(long)]
     out: PathBuf,
 }

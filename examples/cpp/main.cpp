@@ -17,12 +17,12 @@ namespace {
 // Progress comes on the session's thread, messages from ours.
 class Terminal {
 public:
-    void progress(const svbrdf_progress& p) {
+    void progress(const svbrdf::Progress& p) {
         const std::lock_guard<std::mutex> lock(mutex_);
         std::printf("\r  %3.0f %%, error %.4f ", 100.0 * static_cast<double>(p.fraction),
                     static_cast<double>(p.loss));
-        if (p.seconds_left >= 0.0f) {
-            std::printf("%.0f s left   ", static_cast<double>(p.seconds_left));
+        if (p.seconds_left) {
+            std::printf("%.0f s left   ", static_cast<double>(*p.seconds_left));
         }
         std::fflush(stdout);
     }
@@ -42,7 +42,7 @@ std::string next_view(const svbrdf::Session& session) {
         return {};
     }
     char text[100];
-    std::snprintf(text, sizeof text, "next: %.0f degrees off the top, towards %.0f degrees",
+    std::snprintf(text, sizeof text, "next: %.0f degrees off the vertical, towards %.0f degrees",
                   static_cast<double>(view->tilt_deg), static_cast<double>(view->azimuth_deg));
     return text;
 }
@@ -50,7 +50,9 @@ std::string next_view(const svbrdf::Session& session) {
 svbrdf::Session begin(const svbrdf::Capture& capture, const std::filesystem::path& state,
                       Terminal& terminal) {
     svbrdf::Callbacks callbacks;
-    callbacks.progress = [&](svbrdf_session*, const svbrdf_progress& p) { terminal.progress(p); };
+    callbacks.progress = [&](svbrdf::SessionView, const svbrdf::Progress& p) {
+        terminal.progress(p);
+    };
     const auto options = svbrdf::make(svbrdf_session_options_init);
     if (std::filesystem::exists(state)) {
         try {
@@ -88,7 +90,7 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
             }
             hints = pushed.advice;
         } catch (const svbrdf::Error& fault) {
-            if (fault.status() != SVBRDF_INVALID_ARGUMENT) {
+            if (fault.status() != svbrdf::StatusCode::invalid_argument) {
                 throw;
             }
             terminal.line(name + " cannot be read: " + fault.what());
@@ -102,11 +104,12 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
         }
         session.save(state.string());
     }
-    if (!session.snapshot()) {
+    const auto maps = session.snapshot();
+    if (!maps) {
         std::cerr << "no photo could be used\n";
         return 2;
     }
-    session.export_to(out.string());
+    maps->export_to(out.string());
     std::filesystem::remove(state);
     std::cout << used << " photos, maps in " << out.string() << "\n";
     return 0;

@@ -7,18 +7,18 @@ use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// How long the fit works on each photo. A fit at its limit settles on the maps that it has; every
-/// photo begins with the full budget again, and pauses do not count. Default: no limits.
+/// How long the fit may work on each photo. At a limit the fit settles on the current maps. Each photo
+/// has the full budget; pauses do not count. Default: no limits.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_budget {
     /// Size of this struct.
     pub size: usize,
-    /// Seconds of work on each photo, the step in progress apart; negative: any number.
+    /// Seconds of work on each photo, not counting the step in progress; negative: no limit.
     pub seconds: f32,
-    /// Steps of the optimisers on each photo; 0: any number.
+    /// Optimiser steps on each photo; 0: no limit.
     pub max_steps: u32,
-    /// 1: also end where what is left to change is less than half a step of 8-bit maps.
+    /// 1: also end where the remaining change is less than half a step of 8-bit maps.
     pub stop_when_invisible: u32,
     /// 0.
     pub reserved: u32,
@@ -50,8 +50,8 @@ pub unsafe extern "C" fn svbrdf_budget_init(
     entry(|| unsafe { versioned::init(budget, size) })
 }
 
-/// Limits the work on each photo from now on; NULL: no limits. A fit that an earlier budget has
-/// ended goes on if this one allows it.
+/// Limits the work on each photo from now on; NULL: no limits. A fit that an earlier budget has ended
+/// continues if this one allows it.
 ///
 /// # Safety
 /// `budget` is NULL or initialised by svbrdf_budget_init().

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::handles::Handles;
 use crate::status::{Fault, entry, svbrdf_status};
 
-/// Bytes made by the library.
+/// Bytes that the library made.
 pub struct svbrdf_buffer {
     _opaque: (),
 }

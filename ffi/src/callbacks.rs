@@ -2,6 +2,7 @@
 
 use std::ffi::c_void;
 
+use crate::gate::Gate;
 use crate::handles::svbrdf_session;
 use crate::log::{self, Sink, svbrdf_log_level};
 use crate::options::{svbrdf_maps_callback, svbrdf_progress_callback, svbrdf_session_options};
@@ -12,6 +13,8 @@ pub(crate) struct Callbacks {
     on_progress: svbrdf_progress_callback,
     on_maps: svbrdf_maps_callback,
     log: Sink,
+    /// What a session's log lines pass; closed when the session is destroyed.
+    pub(crate) logging: Gate,
     user_data: *mut c_void,
 }
 
@@ -27,6 +30,7 @@ impl Callbacks {
             on_progress: options.on_progress,
             on_maps: options.on_maps,
             log: Sink::new(options.on_log, options.user_data),
+            logging: Gate::default(),
             user_data: options.user_data,
         }
     }
@@ -38,7 +42,9 @@ impl Callbacks {
 
     /// Writes a line to the session's log and the library's.
     pub(crate) fn log(&self, level: svbrdf_log_level, text: impl FnOnce() -> String) {
-        log::write_to(self.log, level, text);
+        // Calls on other threads may outlast the session, `user_data` need not.
+        let inside = self.logging.enter();
+        log::write_to(if inside.is_some() { self.log } else { Sink::NONE }, level, text);
     }
 
     /// Says that there are newer maps.

@@ -13,8 +13,7 @@ use crate::maps::{
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// Standard deviations of the maps as a whole: root mean squares over the texels of what their errors
-/// are expected to be.
+/// Standard deviation of each map as a whole: root mean square of the expected errors of its texels.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_confidence {
@@ -51,9 +50,9 @@ pub unsafe extern "C" fn svbrdf_confidence_init(
     entry(|| unsafe { versioned::init(confidence, size) })
 }
 
-/// The maps of the moment with the standard deviation of each at every texel, to be freed with
-/// svbrdf_maps_destroy(); svbrdf_maps_export() writes both. Computed when asked for; meaningful once
-/// the fit has settled. Waits for a step of the fit. SVBRDF_NO_MAPS before the first photo.
+/// The current maps with the standard deviation of each at every texel; svbrdf_maps_export() writes
+/// both. Computed when asked for; meaningful once the fit has settled. Waits for a step of the fit.
+/// SVBRDF_NO_MAPS before the first photo. Free with svbrdf_maps_destroy().
 ///
 /// # Safety
 /// `out` is NULL or writable.
@@ -78,7 +77,7 @@ pub unsafe extern "C" fn svbrdf_session_snapshot_confidence(
     })
 }
 
-/// One number for each map; for maps of svbrdf_session_snapshot_confidence() only.
+/// One number for each map; only for maps of svbrdf_session_snapshot_confidence().
 ///
 /// # Safety
 /// `confidence` is NULL or initialised by svbrdf_confidence_init().
@@ -101,8 +100,8 @@ pub unsafe extern "C" fn svbrdf_maps_confidence(
 }
 
 /// Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
-/// colour of an albedo (linear), of roughness. Errors of two texels of three are within it. For maps
-/// of svbrdf_session_snapshot_confidence() only; memory of the library, freed with the maps.
+/// colour of an albedo (linear), of roughness. Two errors of three are within it. Only for maps of
+/// svbrdf_session_snapshot_confidence(). The memory belongs to the library and ends with the maps.
 ///
 /// # Safety
 /// `view` is NULL or was initialised by svbrdf_map_view_init().

@@ -15,23 +15,23 @@ use crate::session::tell;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What is to be said about a file: an OR of SVBRDF_REMARK_ values.
+/// Remarks about a file: an OR of SVBRDF_REMARK_ values. Some may be added.
 pub type svbrdf_remarks = u32;
-/// What it says of its colours cannot be used; it was taken as sRGB.
+/// Its colour profile cannot be used; sRGB was assumed.
 pub const SVBRDF_REMARK_PROFILE_UNUSABLE: svbrdf_remarks = 1;
-/// It has a gain map (Ultra HDR), which is left out.
+/// It has a gain map (Ultra HDR), which is ignored.
 pub const SVBRDF_REMARK_GAIN_MAP: svbrdf_remarks = 2;
 /// Its orientation tag mirrors it.
 pub const SVBRDF_REMARK_MIRRORED: svbrdf_remarks = 4;
 /// It does not say how it was exposed.
 pub const SVBRDF_REMARK_NO_EXPOSURE: svbrdf_remarks = 8;
-/// It says that the flash did not fire (a torch counts as none).
+/// It says that the flash did not fire (a torch does not count as a flash).
 pub const SVBRDF_REMARK_NO_FLASH: svbrdf_remarks = 16;
 
-/// Most bytes of a text, with the NUL at its end.
+/// Bytes of the texts in svbrdf_file_info, with the NUL at the end.
 pub const SVBRDF_TEXT: usize = 64;
 
-/// How a file is read.
+/// Options of reading a file.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_encoded_options {
@@ -43,16 +43,16 @@ pub struct svbrdf_encoded_options {
     /// Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
     /// PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
     pub transfer: svbrdf_transfer,
-    /// How far the upright picture is turned clockwise: 0, 90, 180 or 270 degrees. The session's
-    /// camera describes the turned picture.
+    /// Clockwise rotation of the upright picture: 0, 90, 180 or 270 degrees. The session's camera
+    /// describes the rotated picture.
     pub rotation: u32,
     /// One of SVBRDF_FLASH_. Default: unknown.
     pub flash: svbrdf_flash,
-    /// Handed back in the report and named in the log, e.g. to tell which photo it was.
+    /// Returned in the report and named in the log, to identify the photo.
     pub timestamp_ns: i64,
     /// Largest picture, pixels; 0, the default: 100 million.
     pub max_pixels: u64,
-    /// Most memory that decoding may take beside the file itself, bytes; more is
+    /// Largest memory of decoding, without the file itself, bytes. If more were needed, the call returns
     /// SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
     pub max_bytes: u64,
 }
@@ -86,7 +86,7 @@ pub unsafe extern "C" fn svbrdf_encoded_options_init(
     entry(|| unsafe { versioned::init(options, size) })
 }
 
-/// What a photo's file says of how it was taken.
+/// What the file of a photo says of how it was taken.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_file_info {
@@ -96,9 +96,9 @@ pub struct svbrdf_file_info {
     pub width: u32,
     /// Height as the sensor has it, px; 0: not known.
     pub height: u32,
-    /// How far the stored picture is turned clockwise to stand upright, degrees. Reading a file does
-    /// that; lens and flash keep their place in the camera, however it is held: options.rotation
-    /// turns photos back to how most of them were held.
+    /// Clockwise rotation that makes the stored picture upright, degrees; reading a file applies it. Lens
+    /// and flash keep their places in the camera, however it is held: options.rotation turns photos
+    /// back to how most of them were held.
     pub upright_deg: u32,
     /// 1: the values are linear (floats, raw values).
     pub is_linear: u32,
@@ -108,19 +108,19 @@ pub struct svbrdf_file_info {
     pub focal_mm: f32,
     /// Focal length on film of 36 x 24 mm that shows as much, mm; 0: not known.
     pub focal_35mm: f32,
-    /// How many times a digital zoom enlarged the picture; 1: not, or not known.
+    /// Factor of the digital zoom; 1: none, or not known.
     pub digital_zoom: f32,
-    /// What is to be said: an OR of SVBRDF_REMARK_ values. Those about colours are known when the
-    /// photo is pushed only.
+    /// Remarks: an OR of SVBRDF_REMARK_ values. Those about colours are known only when the photo is
+    /// pushed.
     pub remarks: svbrdf_remarks,
-    /// Who made the camera; empty: not known. Photos that differ in maker, model, lens, focal
-    /// lengths, zoom or size need sessions, or cameras, of their own.
+    /// Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
+    /// zoom or size need sessions, or cameras, of their own.
     pub make: [c_char; SVBRDF_TEXT],
-    /// Which camera it is.
+    /// Model of the camera.
     pub model: [c_char; SVBRDF_TEXT],
-    /// Which lens it is.
+    /// Lens.
     pub lens: [c_char; SVBRDF_TEXT],
-    /// When the shutter opened: digits whose order, as text, is that of time.
+    /// Time of the photo: text that sorts by time.
     pub taken: [c_char; SVBRDF_TEXT],
 }
 
@@ -159,10 +159,10 @@ pub unsafe extern "C" fn svbrdf_file_info_init(
     entry(|| unsafe { versioned::init(info, size) })
 }
 
-/// Takes in a photo of a board that is a file in memory: JPEG, PNG, TIFF, OpenEXR or DNG, by its
-/// content, as svbrdf_session_push_frame() otherwise. A file that is damaged or of another format
-/// is SVBRDF_INVALID_ARGUMENT, and the message names it; nothing has changed. `options`, `info` and
-/// `report` may be NULL. SVBRDF_UNSUPPORTED where svbrdf_features() lacks SVBRDF_FEATURE_FILES.
+/// As svbrdf_session_push_frame(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
+/// DNG, recognised by its content. SVBRDF_INVALID_ARGUMENT if the file is damaged or of another format,
+/// which the message names. `options`, `info` and
+/// `report` may be NULL. SVBRDF_UNSUPPORTED if svbrdf_features() lacks SVBRDF_FEATURE_FILES.
 ///
 /// # Safety
 /// `bytes` is NULL or has `length` readable bytes; each other pointer is NULL or initialised by its
@@ -202,8 +202,8 @@ pub unsafe extern "C" fn svbrdf_session_push_encoded(
     })
 }
 
-/// What a photo's file says of how it was taken, without reading its pixels: to sort photos by
-/// camera and time before they are pushed. What it does not say keeps its default.
+/// What the file of a photo says of how it was taken, without reading its pixels: to sort photos by
+/// camera and time before they are pushed. Unknown fields keep their defaults.
 ///
 /// # Safety
 /// `bytes` is NULL or has `length` readable bytes; `info` is NULL or initialised by its _init()

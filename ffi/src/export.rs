@@ -15,7 +15,7 @@ pub struct svbrdf_package {
     _opaque: (),
 }
 
-/// How textures are stored.
+/// File format of textures.
 pub type svbrdf_texture_format = u32;
 /// PNG, 8 bits a channel.
 pub const SVBRDF_TEXTURE_PNG8: svbrdf_texture_format = 1;
@@ -24,7 +24,7 @@ pub const SVBRDF_TEXTURE_PNG16: svbrdf_texture_format = 2;
 /// JPEG; textures of four channels are PNG of 8 bits.
 pub const SVBRDF_TEXTURE_JPEG: svbrdf_texture_format = 3;
 
-/// How maps are exported.
+/// Options of an export.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_export_options {
@@ -33,16 +33,16 @@ pub struct svbrdf_export_options {
     /// Formats, separated by commas: glb, usdz, materialx, unreal, unity-hdrp, unity-urp, blender.
     /// Needed during the call only. NULL, the default: glb.
     pub formats: *const c_char,
-    /// Whether GLB, MaterialX and Blender get base colour and metalness instead of a specular
-    /// colour, 0 or 1. Default: 0.
+    /// 1: GLB, MaterialX and Blender get base colour and metalness instead of a specular colour.
+    /// Default: 0.
     pub metallic: u32,
-    /// Whether the maps are made seamless first, 0 or 1. Default: 0.
+    /// 1: the maps are made seamless first. Default: 0.
     pub tile: u32,
     /// One of SVBRDF_TEXTURE_. Default: SVBRDF_TEXTURE_PNG8.
     pub texture: svbrdf_texture_format,
-    /// Longer side of the textures at most, texels; 0, the default: no limit.
+    /// Largest side of the textures, texels. Default: 0, no limit.
     pub max_size: u32,
-    /// Photos that the maps were estimated from, for material.json; 0, the default: not said.
+    /// Number of photos behind the maps, for material.json. Default: 0, not stated.
     pub photos: u32,
     /// 0.
     pub reserved: u32,
@@ -145,26 +145,35 @@ unsafe fn package(
     Ok(export(&maps, &options)?)
 }
 
-/// Exports maps into a folder (UTF-8), which is made if missing: material.glb, material.usdz, a
-/// folder for every other format, and material.json, height.png and height.exr. All files are
-/// written or none.
+/// Writes maps into a folder (UTF-8), which is made if missing.
+///
+/// Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
+/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+/// preview.png. No file is ever half-written under its name.
+///
+/// With options: material.glb, material.usdz, a folder for every other format, and material.json,
+/// height.png and height.exr. All files are written or none.
 ///
 /// # Safety
-/// `options` was initialised by svbrdf_export_options_init(); `path` is NULL or a C string.
+/// `options` is NULL or initialised by svbrdf_export_options_init(); `path` is NULL or a C string.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_maps_export_formats(
+pub unsafe extern "C" fn svbrdf_maps_export(
     maps: *const svbrdf_maps,
     options: *const svbrdf_export_options,
     path: *const c_char,
 ) -> svbrdf_status {
     entry(|| {
-        // SAFETY: the caller vouches for string and struct.
-        let (path, package) = unsafe { (folder(path)?, package(maps, options)?) };
-        Ok(package.write(path)?)
+        // SAFETY: the caller vouches for the string.
+        let path = unsafe { folder(path) }?;
+        if options.is_null() {
+            return maps::export(&*maps::get(maps)?, path);
+        }
+        // SAFETY: the caller vouches for the struct.
+        Ok(unsafe { package(maps, options) }?.write(path)?)
     })
 }
 
-/// As svbrdf_maps_export_formats(), into memory. Free with svbrdf_package_destroy().
+/// As svbrdf_maps_export() with options, into memory. Free with svbrdf_package_destroy().
 ///
 /// # Safety
 /// `options` was initialised by svbrdf_export_options_init(); `out` is NULL or writable.
@@ -211,8 +220,8 @@ pub unsafe extern "C" fn svbrdf_package_count(
     })
 }
 
-/// Name (UTF-8, relative, "/" between folders) and bytes of a file of a package, from index 0 on;
-/// valid until svbrdf_package_destroy(). Results may be NULL.
+/// Name (UTF-8, relative, "/" between folders) and bytes of a file of a package; `index` counts from 0.
+/// Valid until svbrdf_package_destroy(). Results may be NULL.
 ///
 /// # Safety
 /// Each result is NULL or writable.

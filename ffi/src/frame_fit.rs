@@ -7,7 +7,7 @@ use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// How the maps of the moment explain an accepted photo.
+/// How well the current maps explain an accepted photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_frame_fit {
@@ -18,7 +18,7 @@ pub struct svbrdf_frame_fit {
     pub residual: f32,
     /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen.
     pub weight: f32,
-    /// 1 when it contradicts the others: its residual stands out. 0 for fewer than four photos.
+    /// 1 when the photo contradicts the others: its residual stands out. 0 with fewer than four photos.
     pub outlier: u32,
     /// 0.
     pub reserved: u32,
@@ -51,7 +51,7 @@ pub unsafe extern "C" fn svbrdf_frame_fit_init(
     entry(|| unsafe { versioned::init(fit, size) })
 }
 
-/// How the maps of the moment explain an accepted photo; meaningful once the fit has settled.
+/// How well the current maps explain an accepted photo; meaningful once the fit has settled.
 /// `index` counts the accepted photos from 0. Waits for a step of the fit.
 ///
 /// # Safety

@@ -16,40 +16,41 @@ use crate::versioned::{self, versioned};
 
 /// What the user is to do: one of SVBRDF_ACTION_.
 pub type svbrdf_action = u32;
-/// Put right what svbrdf_probe.rejection names: a photo would not be used.
+/// Correct what svbrdf_probe.rejection names: a photo would not be used.
 pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
-/// Keep the camera where it is: until it is steady, or a photo has been taken in.
+/// Keep the camera where it is, until it is steady or a photo has been taken in.
 pub const SVBRDF_ACTION_HOLD: svbrdf_action = 2;
 /// Go to the target.
 pub const SVBRDF_ACTION_MOVE: svbrdf_action = 3;
-/// Nothing: take the photo now, and push it.
+/// Nothing: the app takes the photo now and pushes it.
 pub const SVBRDF_ACTION_SHOOT: svbrdf_action = 4;
-/// Nothing more: a further photo would tell little.
+/// Nothing more: a further photo would add little.
 pub const SVBRDF_ACTION_ENOUGH: svbrdf_action = 5;
 
-/// When guidance asks for what. Set the fields that are to differ after svbrdf_guide_options_init().
+/// Options of guidance.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_guide_options {
     /// Size of this struct.
     pub size: usize,
-    /// Gain from which on a photo is worth taking, as a share of the best view's, 0 to 1. High: fewer
-    /// photos; low: less walking.
+    /// Smallest gain of a photo worth taking, as a share of that of the best view, 0 to 1. High values: fewer
+    /// photos; low values: less walking.
     pub worth: f32,
-    /// The camera is steady where the sample moves less than this across the picture, in widths of the
-    /// sample a second.
+    /// Largest movement of the sample across the picture with a steady camera, in widths of the sample a
+    /// second.
     pub steady: f32,
-    /// For so long, seconds.
+    /// Time for which the camera must be steady, seconds.
     pub steady_seconds: f32,
-    /// It is enough where the best view would take away less of the expected squared error, 0 to 1.
+    /// Guidance ends where the best view would remove less than this share of the expected squared error, 0
+    /// to 1.
     pub enough: f32,
-    /// But not before so many photos.
+    /// Smallest number of photos.
     pub least: u32,
-    /// And in any case with so many.
+    /// Largest number of photos.
     pub most: u32,
-    /// Steepest view of the first photo, degrees off the top.
+    /// Largest angle of the first photo off the vertical, degrees.
     pub first_tilt_deg: f32,
-    /// A photo that has not been pushed so long after SVBRDF_ACTION_SHOOT is not going to be, seconds.
+    /// Time after SVBRDF_ACTION_SHOOT from which on the photo is no longer expected, seconds.
     pub shot_seconds: f32,
 }
 
@@ -96,9 +97,9 @@ pub struct svbrdf_guidance {
     pub action: svbrdf_action,
     /// Accepted photos so far.
     pub photos: u32,
-    /// 1 when what follows up to degrees is known.
+    /// 1 when the fields up to degrees are known.
     pub has_target: u32,
-    /// The target's angle off the top, degrees.
+    /// Angle of the target off the vertical, degrees.
     pub target_tilt_deg: f32,
     /// The target's side: degrees counter-clockwise from the board's +X, 0 to 360.
     pub target_azimuth_deg: f32,
@@ -107,10 +108,10 @@ pub struct svbrdf_guidance {
     pub offset_mm: [f32; 3],
     /// Angle between the view and the target, seen from the sample, degrees.
     pub degrees: f32,
-    /// Share of the expected squared error of renderings that a photo from here would take away, 0 to 1;
+    /// Share of the expected squared error of renderings that a photo from here would remove, 0 to 1;
     /// negative when not known.
     pub gain: f32,
-    /// The same of the view that tells most.
+    /// The same for the most informative view.
     pub best_gain: f32,
     /// For the user, in English, UTF-8.
     pub message: [c_char; SVBRDF_ADVICE_BYTES],
@@ -188,8 +189,8 @@ pub unsafe extern "C" fn svbrdf_guidance_init(
     entry(|| unsafe { versioned::init(guidance, size) })
 }
 
-/// Begins guidance anew, with other options: NULL for the defaults. Guidance with defaults needs no
-/// beginning. Also tells that the photo asked for was not taken, or was rejected.
+/// Starts guidance again with options; NULL: the defaults. Guidance with defaults needs no start. Also says
+/// that a requested photo was not taken, or was rejected.
 ///
 /// # Safety
 /// `options` is NULL or initialised by svbrdf_guide_options_init().
@@ -207,13 +208,13 @@ pub unsafe extern "C" fn svbrdf_session_guide_begin(
     })
 }
 
-/// Judges a picture of the camera's preview as svbrdf_session_probe() does and tells what to do: hold, move
-/// there, shoot now, or enough, by the board's place, blur, exposure, the camera's motion since the pictures
-/// before, and what the fit expects of a photo from here. Call it with every picture, a few a second or
-/// thirty; `info.timestamp_ns` says when it was taken, by a clock that does not jump.
+/// Judges a picture of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+/// hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
+/// camera, and what the fit expects of a photo from here. Call it with every picture, from a few to thirty a
+/// second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
 ///
-/// After SVBRDF_ACTION_SHOOT it answers SVBRDF_ACTION_HOLD until the photo has been pushed or
-/// svbrdf_guide_options.shot_seconds have passed. Runs on the calling thread alone; waits neither for the fit
+/// After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been pushed, or
+/// svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
 /// nor for a push. `probe` may be NULL.
 ///
 /// # Safety

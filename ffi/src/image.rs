@@ -39,10 +39,10 @@ pub const SVBRDF_PIXEL_P010: svbrdf_pixel_format = 11;
 
 /// Transfer curve of stored values.
 pub type svbrdf_transfer = u32;
-/// Proportional to light: the best there is. Floats and raw values are this always.
+/// Proportional to light: the best choice. Floats and raw values are always linear.
 pub const SVBRDF_TRANSFER_LINEAR: svbrdf_transfer = 1;
-/// IEC 61966-2-1. A camera's own tone curve is *not* this: switch it off, or have it estimated
-/// from the board.
+/// IEC 61966-2-1. The tone curve of a camera is *not* sRGB: turn it off, or let it be estimated from
+/// the board.
 pub const SVBRDF_TRANSFER_SRGB: svbrdf_transfer = 2;
 /// Pure power law of 2.2.
 pub const SVBRDF_TRANSFER_GAMMA22: svbrdf_transfer = 3;
@@ -51,12 +51,12 @@ pub const SVBRDF_TRANSFER_HLG: svbrdf_transfer = 4;
 /// Perceptual quantiser of ITU-R BT.2100: 1 at 203 cd/m2, 49.26 at the largest signal.
 pub const SVBRDF_TRANSFER_PQ: svbrdf_transfer = 5;
 
-/// Primaries of RGB, all with D65 as white. What is not Rec. 709 is converted in linear light to
-/// floats (four times the memory of 8 bits); what would be negative gets 0.
+/// Primaries of RGB, all with white D65. Others than Rec. 709 are converted in linear light to floats
+/// (four times the memory of 8 bits); negative values become 0.
 pub type svbrdf_primaries = u32;
 /// ITU-R BT.709: sRGB.
 pub const SVBRDF_PRIMARIES_REC709: svbrdf_primaries = 1;
-/// Display P3, as phones take photos.
+/// Display P3, common for photos of phones.
 pub const SVBRDF_PRIMARIES_DISPLAY_P3: svbrdf_primaries = 2;
 /// ITU-R BT.2020 and BT.2100.
 pub const SVBRDF_PRIMARIES_REC2020: svbrdf_primaries = 3;
@@ -91,7 +91,7 @@ pub const SVBRDF_BAYER_BGGR: svbrdf_bayer_pattern = 4;
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_plane {
-    /// First pixel. No alignment is asked for.
+    /// First pixel. Any alignment.
     pub data: *const c_void,
     /// Readable bytes from there on. The last row may end with its last pixel.
     pub bytes: usize,
@@ -101,8 +101,7 @@ pub struct svbrdf_plane {
     pub pixel_stride: usize,
 }
 
-/// A picture in memory; nothing of it is kept after the call it is given to. Unused fields are
-/// ignored.
+/// A picture in memory. Nothing of it is kept after the call. Unused fields are ignored.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_image {
@@ -116,8 +115,8 @@ pub struct svbrdf_image {
     pub height: u32,
     /// Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
     pub transfer: svbrdf_transfer,
-    /// How far the picture is turned clockwise before use: 0, 90, 180 or 270 degrees. The
-    /// session's camera describes the turned picture. Boards need no turning.
+    /// Clockwise rotation of the picture before use: 0, 90, 180 or 270 degrees. The session's camera
+    /// describes the rotated picture. Boards need no rotation.
     pub rotation: u32,
     /// For YUV and P010: one of SVBRDF_YUV_. Default: BT.601, all values.
     pub yuv_matrix: svbrdf_yuv_matrix,

@@ -15,7 +15,7 @@ pub const SVBRDF_FEATURE_EMBEDDED_MODELS: u64 = 1;
 pub const SVBRDF_FEATURE_YUV: u64 = 2;
 /// svbrdf_features(): raw sensor buffers are taken.
 pub const SVBRDF_FEATURE_RAW: u64 = 4;
-/// svbrdf_features(): encoded files are read: svbrdf_session_push_encoded().
+/// svbrdf_features(): files are read, see svbrdf_session_push_encoded().
 pub const SVBRDF_FEATURE_FILES: u64 = 8;
 
 /// Version of the library, e.g. "0.1.0". Static, never NULL.
@@ -35,7 +35,7 @@ pub extern "C" fn svbrdf_version_number() -> u32 {
     SVBRDF_VERSION_MAJOR << 16 | SVBRDF_VERSION_MINOR << 8 | SVBRDF_VERSION_PATCH
 }
 
-/// What this build has: an OR of SVBRDF_FEATURE_ values.
+/// Features of this build: an OR of SVBRDF_FEATURE_ values.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_features() -> u64 {
     let models = if cfg!(feature = "embedded-models") { SVBRDF_FEATURE_EMBEDDED_MODELS } else { 0 };

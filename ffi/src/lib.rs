@@ -16,6 +16,7 @@ pub mod confidence;
 pub mod encoded;
 pub mod export;
 pub mod frame_fit;
+mod gate;
 pub mod guide;
 mod handles;
 pub mod image;

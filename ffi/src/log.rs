@@ -3,17 +3,17 @@
 use std::ffi::{CString, c_char, c_void};
 use std::sync::{PoisonError, RwLock};
 
-/// How much a log line matters.
+/// Importance of a log line.
 pub type svbrdf_log_level = u32;
-/// A fault.
+/// An error.
 pub const SVBRDF_LOG_ERROR: svbrdf_log_level = 1;
-/// A photo was rejected, or there is a hint about it.
+/// A photo was rejected or carries a hint.
 pub const SVBRDF_LOG_WARNING: svbrdf_log_level = 2;
-/// What happens.
+/// Information.
 pub const SVBRDF_LOG_INFO: svbrdf_log_level = 3;
 
-/// Called with a line of text (UTF-8, without a line end, valid during the call) on the thread it
-/// happens on: one inside a call, or one of the session's callback threads.
+/// Called with a line of text (UTF-8, without a line end, valid during the call), on a thread inside a
+/// call or on one of the session's callback threads.
 pub type svbrdf_log_callback = Option<
     unsafe extern "C" fn(user_data: *mut c_void, level: svbrdf_log_level, message: *const c_char),
 >;
@@ -33,7 +33,7 @@ unsafe impl Sync for Sink {}
 
 impl Sink {
     /// Takes nothing.
-    const NONE: Self = Self { call: None, user_data: std::ptr::null_mut() };
+    pub(crate) const NONE: Self = Self { call: None, user_data: std::ptr::null_mut() };
 
     pub(crate) fn new(call: svbrdf_log_callback, user_data: *mut c_void) -> Self {
         Self { call, user_data }

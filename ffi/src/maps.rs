@@ -15,7 +15,7 @@ use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_for
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
-/// Maps as they were when svbrdf_session_snapshot_maps() was called; independent of the session.
+/// Maps as they were when svbrdf_session_snapshot_maps() was called. They do not need the session.
 pub struct svbrdf_maps {
     _opaque: (),
 }
@@ -157,10 +157,13 @@ pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> 
     }
 }
 
-/// Writes the files of svbrdf_maps_export().
-pub(crate) fn export(maps: &Svbrdf, sample_mm: [f32; 2], dir: &Path) -> Result<(), Fault> {
-    write_sized_maps(dir, maps, sample_mm)?;
-    Ok(write_preview(dir.join("preview.png"), maps, sample_mm)?)
+/// Writes the maps themselves and a preview, as svbrdf_maps_export() without options.
+pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
+    match &maps.confidence {
+        None => write_sized_maps(dir, &maps.maps, maps.sample_mm)?,
+        Some(known) => write_assessed_maps(dir, &maps.maps, known, maps.sample_mm)?,
+    }
+    Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
 }
 
 /// One of the maps as a picture.
@@ -240,7 +243,7 @@ impl Maps {
     }
 }
 
-/// Width, height (texels) and size of the sample (mm) of maps. Results may be NULL.
+/// Width and height (texels), and width and height of the sample (two floats, mm). Results may be NULL.
 ///
 /// # Safety
 /// Each pointer is NULL or writable, `sample_mm` with two floats.
@@ -269,7 +272,7 @@ pub unsafe extern "C" fn svbrdf_maps_size(
     })
 }
 
-/// A map in memory that the library owns: made when first asked for, freed with the maps.
+/// A map in memory of the library: made when first asked for, freed with the maps.
 ///
 /// # Safety
 /// `view` is NULL or was initialised by svbrdf_map_view_init().
@@ -303,8 +306,8 @@ pub unsafe extern "C" fn svbrdf_maps_view(
     })
 }
 
-/// Copies a map into the caller's memory, rows of `row_stride` bytes (0: no gap). The last row may
-/// end with its last texel. No alignment is asked for.
+/// Copies a map into the caller's memory, in rows of `row_stride` bytes (0: no gap). The last row may
+/// end with its last texel. Any alignment.
 ///
 /// # Safety
 /// `data` is NULL or has `bytes` writable bytes.
@@ -322,29 +325,6 @@ pub unsafe extern "C" fn svbrdf_maps_copy(
         let picture = MapPicture::new(&maps.maps, map)?;
         // SAFETY: the caller vouches for the bytes.
         unsafe { Layout::new(format, &picture)?.copy(&picture, data, bytes, row_stride) }
-    })
-}
-
-/// Writes normal.png, diffuse.png, specular.png, roughness.png (16 bits), maps.exr and preview.png
-/// into a folder (UTF-8), which is made if missing; with maps of svbrdf_session_snapshot_confidence()
-/// maps.exr has the standard deviations, too. No file is ever half-written under its name.
-///
-/// # Safety
-/// `path` is NULL or a C string.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_maps_export(
-    maps: *const svbrdf_maps,
-    path: *const c_char,
-) -> svbrdf_status {
-    entry(|| {
-        let maps = MAPS.get(maps.addr())?;
-        // SAFETY: the caller vouches for the string.
-        let dir = unsafe { folder(path) }?;
-        let Some(confidence) = &maps.confidence else {
-            return export(&maps.maps, maps.sample_mm, dir);
-        };
-        write_assessed_maps(dir, &maps.maps, confidence, maps.sample_mm)?;
-        Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
     })
 }
 

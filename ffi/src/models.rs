@@ -11,8 +11,7 @@ use crate::handles::Handles;
 use crate::maps::folder;
 use crate::status::{Fault, entry, svbrdf_status};
 
-/// Networks that any number of sessions may share. Destroying them while sessions use them is
-/// fine.
+/// Networks that any number of sessions may share. They may be destroyed while sessions use them.
 pub struct svbrdf_models {
     _opaque: (),
 }

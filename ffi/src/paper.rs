@@ -5,14 +5,14 @@ use engine::session::Session;
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// The printed sheet and the sample on it, as used: as planned and in the board's plane unless two
-/// photos and more contradict that clearly.
+/// The printed sheet and the sample on it, as used. The print is as planned and the sample lies in the
+/// board's plane, unless two or more photos clearly contradict that.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_paper {
     /// Size of this struct.
     pub size: usize,
-    /// 1 when the rest means something: a session of a board.
+    /// 1 when the other fields are known: in a session of a board.
     pub known: u32,
     /// 0.
     pub reserved: u32,
@@ -20,8 +20,8 @@ pub struct svbrdf_paper {
     pub aspect: f64,
     /// Its standard deviation.
     pub aspect_sigma: f64,
-    /// How far the board's left and right edges rise above its middle, and its upper and lower
-    /// edges, mm.
+    /// Rise of the board's left and right edges above its middle, then of its upper and lower edges,
+    /// mm.
     pub bow_mm: [f64; 2],
     /// Their standard deviations, mm.
     pub bow_sigma_mm: [f64; 2],

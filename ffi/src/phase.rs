@@ -4,21 +4,21 @@ use std::ffi::c_char;
 
 use engine::session::Phase;
 
-/// What a fit is doing. Values may be added; their order is not that in which they run.
+/// What a fit is doing. Values may be added; phases do not run in this order.
 pub type svbrdf_phase = u32;
-/// Nothing, or it has not begun.
+/// Nothing, or not begun.
 pub const SVBRDF_PHASE_NONE: svbrdf_phase = 0;
 /// Something that this version of the header does not know.
 pub const SVBRDF_PHASE_OTHER: svbrdf_phase = 1;
 /// Fits the latent code.
 pub const SVBRDF_PHASE_LATENT: svbrdf_phase = 2;
-/// Chooses how far texels may differ from each other; finds few materials where there are few.
+/// Decides how far texels may differ from each other, and whether there are only few materials.
 pub const SVBRDF_PHASE_WIDTHS: svbrdf_phase = 3;
 /// Pools the gloss of texels that look alike.
 pub const SVBRDF_PHASE_POOL_GLOSS: svbrdf_phase = 4;
-/// Corrects ambient light, or what a room mirrors.
+/// Corrects ambient light, or reflections of the room.
 pub const SVBRDF_PHASE_HELD_LIGHTS: svbrdf_phase = 5;
-/// Corrects lights as well.
+/// Corrects the lights as well.
 pub const SVBRDF_PHASE_TURNING_LIGHTS: svbrdf_phase = 6;
 /// Refines the maps texel by texel.
 pub const SVBRDF_PHASE_MAPS: svbrdf_phase = 7;
@@ -26,9 +26,9 @@ pub const SVBRDF_PHASE_MAPS: svbrdf_phase = 7;
 pub const SVBRDF_PHASE_SLOPES: svbrdf_phase = 8;
 /// Infers material classes.
 pub const SVBRDF_PHASE_CLASSES: svbrdf_phase = 9;
-/// Pools what is left of gloss.
+/// Pools remaining differences of gloss.
 pub const SVBRDF_PHASE_POOL_RESIDUALS: svbrdf_phase = 10;
-/// Asks the learned prior.
+/// Applies the learned prior.
 pub const SVBRDF_PHASE_NETWORK: svbrdf_phase = 11;
 /// SVBRDF_METHOD_CLASSIC: inverse rendering on the maps themselves.
 pub const SVBRDF_PHASE_BASELINE: svbrdf_phase = 12;

@@ -15,8 +15,8 @@ use crate::reports::{
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What a photo that is only looked at would be good for, see svbrdf_session_probe(). Lengths in
-/// px are those of the picture as it came, turned as svbrdf_image.rotation says.
+/// What a photo would be good for that is judged and not taken in; see svbrdf_session_probe(). Lengths
+/// in px belong to the picture as given, after svbrdf_image.rotation.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_probe {
@@ -26,7 +26,7 @@ pub struct svbrdf_probe {
     pub acceptable: u32,
     /// Why not: one of SVBRDF_REJECTION_.
     pub rejection: svbrdf_rejection,
-    /// Things to tell about it, whether it would be accepted or not: bits of SVBRDF_HINT_.
+    /// Hints, whether it would be accepted or not: bits of SVBRDF_HINT_.
     pub hints: svbrdf_hints,
     /// As in svbrdf_frame_report.
     pub same_view_as: u32,
@@ -36,7 +36,7 @@ pub struct svbrdf_probe {
     pub corners_in_view: u32,
     /// Corners that the board has.
     pub corners_expected: u32,
-    /// 1 when what follows up to azimuth_deg is known, also of a photo that would be rejected.
+    /// 1 when the fields up to azimuth_deg are known, also for a photo that would be rejected.
     pub has_pose: u32,
     /// Rotation from the board to the camera, row by row.
     pub rotation: [f64; 9],
@@ -46,28 +46,27 @@ pub struct svbrdf_probe {
     pub reprojection_rms_px: f64,
     /// From the sample's centre to the camera, mm.
     pub distance_mm: f32,
-    /// Angle off the top, degrees.
+    /// Angle off the vertical, degrees.
     pub tilt_deg: f32,
     /// Side of the camera: degrees counter-clockwise from the board's +X, 0 to 360.
     pub azimuth_deg: f32,
-    /// Angle to the view of svbrdf_session_next_view(), degrees; negative when there is none.
+    /// Angle to the view that svbrdf_session_next_view() suggests, degrees; negative without one.
     pub off_next_deg: f32,
     /// Share of the sample inside the picture, 0 to 1; negative when not known.
     pub sample_seen: f32,
-    /// Share of what is seen of the sample that is saturated in all channels, 0 to 1; negative when
-    /// not known.
+    /// Share of the visible sample that is saturated in all channels, 0 to 1; negative when not known.
     pub sample_clipped: f32,
-    /// The sample's corners, x and y, px, clockwise from the maps' upper left; also outside of the
-    /// picture. Not numbers where they are not known.
+    /// The sample's corners, x and y, px, clockwise from the upper left of the maps; they may lie outside
+    /// the picture. NaN when not known.
     pub sample_px: [f32; 8],
-    /// Mean scale of the sample in the picture, px/mm; 0 when not known. A texel of the maps wants
-    /// one pixel.
+    /// Mean scale of the sample in the picture, px/mm; 0 when not known. Each texel of the maps should
+    /// have a pixel.
     pub px_per_mm: f32,
-    /// Width of the board's edges (one sigma), px; negative when not known. Large pictures are
-    /// reduced first: widths below one pixel of the reduced one cannot be told apart.
+    /// Width of the board's edges (one sigma), px; negative when not known. Large pictures are reduced
+    /// first, so widths below one pixel of the reduced picture cannot be distinguished.
     pub blur_px: f32,
-    /// Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: soft
-    /// all round, or not known.
+    /// Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: the same
+    /// in all directions, or not known.
     pub blur_direction_deg: f32,
     /// Median level of the white squares, 1 is full scale, linear; negative when not known.
     pub white_level: f32,
@@ -81,12 +80,11 @@ pub struct svbrdf_probe {
     pub limit: f32,
     /// The timestamp that was given with the photo.
     pub timestamp_ns: i64,
-    /// What to tell the user, in English, UTF-8: why it would be rejected, or the hints; empty where
-    /// there is nothing to tell.
+    /// What to tell the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
-    /// Set by the caller: where the corners found go, x and y of each, px; NULL: nowhere.
+    /// Set by the caller: memory for the corners found, x and y of each, px; or NULL.
     pub corners_px: *mut f32,
-    /// Set by the caller: corners that there is room for.
+    /// Set by the caller: number of corners that fit there.
     pub corners_capacity: u32,
     /// 0.
     pub reserved: u32,
@@ -233,15 +231,14 @@ pub unsafe extern "C" fn svbrdf_probe_init(probe: *mut svbrdf_probe, size: usize
     entry(|| unsafe { versioned::init(probe, size) })
 }
 
-/// Judges a photo of a board, or a picture of the camera's preview, without taking it in: nothing
-/// of the session changes. Answers SVBRDF_OK also for a photo that would be rejected: the probe says
-/// so. `info` may be NULL; with SVBRDF_FLASH_OFF the light says nothing about the photo to come and
-/// is not judged.
+/// Judges a photo of a board, or a picture of the camera's preview, without changing the session.
+/// Returns SVBRDF_OK also for a photo that would be rejected: the probe says so. `info` may be NULL.
+/// With SVBRDF_FLASH_OFF, the light is not judged.
 ///
-/// A picture of another size than the camera's is taken for a preview: scaled to its width or height and
-/// cut at the other sides; where that does not fit, and before a camera is known, the camera is
-/// estimated from the picture. Runs on the calling thread alone; waits neither for the fit nor for
-/// a push.
+/// A picture whose size is not the camera's counts as a preview, scaled to the width or height and
+/// cropped at the other sides. If that does not fit, and before a camera is known, the camera is
+/// estimated from the picture. Runs only on the calling thread; waits neither for the fit nor for a
+/// push.
 ///
 /// # Safety
 /// As svbrdf_session_push_frame(); `probe.corners_px` is NULL or has room for as many corners as

@@ -6,11 +6,11 @@ use crate::log::{self, Sink, svbrdf_log_callback};
 use crate::status::{entry, svbrdf_status};
 use crate::threads::{self, svbrdf_thread_hook};
 
-/// Has every thread that the library starts from now on call `hook` first, e.g. to set its priority
-/// or quality of service; NULL ends that. Set it before the first session: sessions start most of
-/// their threads in svbrdf_session_create(), and threads that run already are not called on. What
-/// runs outside of sessions (exports, renderings, reduced maps) is shared among threads that the
-/// first hook starts, or else the first such call. The hook should not call the library.
+/// From now on, every thread that the library starts calls `hook` first, for example to set its
+/// priority or quality of service; NULL ends that. Set it before the first session: sessions start
+/// most of their threads in svbrdf_session_create(), and running threads do not call it. Exports,
+/// renderings and reduced maps share threads that the first hook starts, or otherwise the first such
+/// call. The hook should not call the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_set_thread_hook(
     hook: svbrdf_thread_hook,
@@ -22,9 +22,10 @@ pub extern "C" fn svbrdf_set_thread_hook(
     })
 }
 
-/// Has `callback` called with the log lines of all sessions, in addition to their on_log, and with
-/// faults inside the library that belong to none; NULL ends that. Lines come on many threads,
-/// several at a time; those on their way when it is changed still go to the callback before.
+/// From now on, `callback` is called with the log lines of all sessions, in addition to their on_log,
+/// and with internal errors that belong to no session; NULL ends that. Lines come on many threads,
+/// several at a time. Lines that are being written during a change may still go to the former
+/// callback.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_set_log_callback(
     callback: svbrdf_log_callback,

@@ -26,7 +26,7 @@ pub struct svbrdf_render_options {
     pub light_mm: [f32; 3],
     /// Strength of the light per channel, see SVBRDF_FALLOFF_. Default: pi.
     pub light_power: [f32; 3],
-    /// Radiance of a uniform surround per channel, in the same units. Default: 0.
+    /// Radiance of uniform surroundings per channel, in the same units. Default: 0.
     pub ambient: [f32; 3],
     /// SVBRDF_FALLOFF_NONE, the default, or SVBRDF_FALLOFF_INVERSE_SQUARE.
     pub falloff: svbrdf_falloff,
@@ -118,11 +118,11 @@ impl Picture for Rendering {
     }
 }
 
-/// Renders maps as the fit does: radiance of each texel towards the camera, at the texel's place, by
-/// Cook-Torrance with GGX. Bytes are sRGB, clipped; floats linear, 1 a white matt texel that faces a
-/// light of power pi; all formats but SVBRDF_MAP_FORMAT_R8. Rows of `row_stride` bytes as in
-/// svbrdf_maps_copy(). `options` NULL: the defaults. A millisecond or two at 256 x 256: reduce large
-/// maps to show them under a light that moves.
+/// Renders maps as the fit does: the radiance of each texel towards the camera, at the texel's place,
+/// by Cook-Torrance with GGX. Bytes are sRGB and clipped; floats are linear, and 1 is a white matt
+/// texel that faces a light of power pi. All formats except SVBRDF_MAP_FORMAT_R8; rows as in
+/// svbrdf_maps_copy(). `options` NULL: the defaults. Takes a millisecond or two at 256 x 256: reduce
+/// large maps to show them under a moving light.
 ///
 /// # Safety
 /// `options` is NULL or initialised by svbrdf_render_options_init(); `data` is NULL or has `bytes`

@@ -12,37 +12,37 @@ use crate::versioned::{self, versioned};
 
 /// Why a photo was not used. Values may be added.
 pub type svbrdf_rejection = u32;
-/// It was used.
+/// The photo was used.
 pub const SVBRDF_REJECTION_NONE: svbrdf_rejection = 0;
-/// For a reason that this version of the header does not know.
+/// A reason that this version of the header does not know.
 pub const SVBRDF_REJECTION_OTHER: svbrdf_rejection = 1;
-/// Its size is not the camera's.
+/// The size is not that of the camera.
 pub const SVBRDF_REJECTION_WRONG_SIZE: svbrdf_rejection = 2;
-/// Nothing like the board was found.
+/// No board was found.
 pub const SVBRDF_REJECTION_BOARD_NOT_FOUND: svbrdf_rejection = 3;
-/// Too little of the board is seen.
+/// Too little of the board is visible.
 pub const SVBRDF_REJECTION_TOO_FEW_CORNERS: svbrdf_rejection = 4;
-/// The corners do not fit the board seen by the camera.
+/// The corners do not fit the board as seen by the camera.
 pub const SVBRDF_REJECTION_POSE_UNCERTAIN: svbrdf_rejection = 5;
-/// It is blurred.
+/// The photo is blurred.
 pub const SVBRDF_REJECTION_BLURRED: svbrdf_rejection = 6;
-/// It is too dark.
+/// The photo is too dark.
 pub const SVBRDF_REJECTION_TOO_DARK: svbrdf_rejection = 7;
-/// Too much of it is over-exposed.
+/// Too much of the photo is over-exposed.
 pub const SVBRDF_REJECTION_CLIPPED: svbrdf_rejection = 8;
-/// The camera looks too flat across the sample.
+/// The camera is too far off the vertical.
 pub const SVBRDF_REJECTION_TOO_GRAZING: svbrdf_rejection = 9;
-/// Too little of the sample is inside.
+/// Too little of the sample is in the picture.
 pub const SVBRDF_REJECTION_SAMPLE_OUTSIDE: svbrdf_rejection = 10;
-/// The flash does not light the board, or is said to be off.
+/// The flash does not light the board, or is stated to be off.
 pub const SVBRDF_REJECTION_LIGHT_NOT_VISIBLE: svbrdf_rejection = 11;
-/// It holds values that are not numbers.
+/// The photo contains values that are not finite.
 pub const SVBRDF_REJECTION_NOT_FINITE: svbrdf_rejection = 12;
-/// Several places on the board fit what is seen.
+/// The visible part of the board fits in several places.
 pub const SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS: svbrdf_rejection = 13;
-/// What is printed is not the board described; the advice says in what it differs.
+/// The printed board is not the one described; the advice says how it differs.
 pub const SVBRDF_REJECTION_BOARD_DIFFERS: svbrdf_rejection = 14;
-/// It was taken with another lens or zoom.
+/// The photo was taken with another lens or zoom.
 pub const SVBRDF_REJECTION_OTHER_CAMERA: svbrdf_rejection = 15;
 /// The board's squares are too small.
 pub const SVBRDF_REJECTION_SQUARES_TOO_SMALL: svbrdf_rejection = 16;
@@ -69,16 +69,16 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
     }
 }
 
-/// Things to tell about an accepted photo: bits. Some may be added: svbrdf_frame_report.advice has
-/// words for all.
+/// Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
+/// all.
 pub type svbrdf_hints = u32;
-/// Something that this version of the header does not know.
+/// A hint that this version of the header does not know.
 pub const SVBRDF_HINT_OTHER: svbrdf_hints = 1;
 /// An earlier photo has nearly the same view.
 pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
-/// The board's black or gray does not come out as linear values do: a tone curve is on, or
+/// The board's black or gray is not as bright as linear values would be: a tone curve is on, or
 /// svbrdf_image.transfer is wrong. The advice says whether the curve was estimated and undone, so that
-/// the photo is as good as another, or could not be.
+/// the photo is as good as a linear one.
 pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 
 /// Bytes of svbrdf_frame_report.advice.
@@ -134,24 +134,24 @@ pub struct svbrdf_frame_report {
     pub maps_seconds: f64,
     /// The timestamp that was given with the photo.
     pub timestamp_ns: i64,
-    /// Things to tell about an accepted photo: bits of SVBRDF_HINT_.
+    /// Hints about an accepted photo: bits of SVBRDF_HINT_.
     pub hints: svbrdf_hints,
     /// For SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0.
     pub same_view_as: u32,
     /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
     pub over_white: f32,
-    /// What was measured of a rejected photo. Too few corners: how many were found; pose uncertain:
-    /// reprojection error, px; blurred: width of edges (one sigma), px; too dark: level of white,
-    /// 1 is full scale; clipped: share of pixels; too grazing: degrees off the top; sample outside:
-    /// share of the sample seen; 0 for other reasons.
+    /// Measured value of a rejected photo. Too few corners: corners found; pose uncertain: reprojection
+    /// error, px; blurred: width of edges (one sigma), px; too dark: level of white, 1 is full scale;
+    /// clipped: share of pixels; too grazing: degrees off the vertical; sample outside: share of the
+    /// sample seen; 0 for other reasons.
     pub measured: f32,
-    /// What it would have had to reach (corners) or to stay below (degrees); otherwise 0.
+    /// What it should have reached (corners) or stayed below (degrees); otherwise 0.
     pub limit: f32,
     /// For a blurred photo: direction of the blur, degrees clockwise from the photo's x axis, 0 to
-    /// 180; negative: soft all round, as out of focus.
+    /// 180; negative: the same in all directions, as out of focus.
     pub blur_direction_deg: f32,
-    /// What to tell the user, in English, UTF-8: why a photo was rejected, or the hints of an
-    /// accepted one; empty where there is nothing to tell.
+    /// What to tell the user, in English, UTF-8: why a photo was rejected, or the hints about an
+    /// accepted one; may be empty.
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
 }
 
@@ -253,18 +253,17 @@ pub(crate) fn words(hints: &[Hint]) -> String {
     hints.iter().map(Hint::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Where the next photo tells most: from where highlights reach slopes of the sample that they have
-/// not swept.
+/// The most informative view for the next photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_next_view {
     /// Size of this struct.
     pub size: usize,
-    /// 1 when the rest is known: a session of a board with a photo.
+    /// 1 when the other fields are known: in a session of a board, after the first photo.
     pub known: u32,
-    /// Angle off the top, degrees.
+    /// Angle off the vertical, degrees.
     pub tilt_deg: f32,
-    /// Side to go to: degrees counter-clockwise from the board's +X, seen from the top.
+    /// Side to go to: degrees counter-clockwise from the board's +X, seen from above.
     pub azimuth_deg: f32,
     /// Unit vector from the sample towards the camera, board frame.
     pub direction: [f32; 3],
@@ -306,15 +305,15 @@ pub unsafe extern "C" fn svbrdf_next_view_init(
 
 /// What a session is doing.
 pub type svbrdf_state = u32;
-/// Nothing: no photo yet, or the fit has settled on all photos so far.
+/// Idle: no photo yet, or the fit has settled on all photos so far.
 pub const SVBRDF_STATE_READY: svbrdf_state = 1;
 /// Fitting.
 pub const SVBRDF_STATE_FITTING: svbrdf_state = 2;
-/// Held by svbrdf_session_pause() with work left.
+/// Paused by svbrdf_session_pause(), with work left.
 pub const SVBRDF_STATE_PAUSED: svbrdf_state = 3;
 /// Ended by svbrdf_session_cancel().
 pub const SVBRDF_STATE_CANCELLED: svbrdf_state = 4;
-/// Ended by a fault inside the library.
+/// Ended by an error inside the library.
 pub const SVBRDF_STATE_FAILED: svbrdf_state = 5;
 
 /// State of a fit.
@@ -339,7 +338,7 @@ pub struct svbrdf_progress {
     pub seconds_left: f32,
     /// 0.
     pub reserved: u32,
-    /// Sets of maps published so far: when it has grown there are newer maps.
+    /// Sets of maps published so far: when it has grown, there are newer maps.
     pub maps_revision: u64,
     /// What the fit is doing: one of SVBRDF_PHASE_, see svbrdf_phase_name().
     pub phase: svbrdf_phase,

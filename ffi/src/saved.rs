@@ -16,11 +16,11 @@ use crate::options::svbrdf_session_options;
 use crate::session::open;
 use crate::status::{Fault, svbrdf_status};
 
-/// The session as bytes, from which svbrdf_session_load_state() goes on as if nothing had happened,
-/// in another process or on another machine, also with a library of a newer minor version: board,
-/// camera, settings, budget, all photos as far as they are needed, maps, and the fit. The session
-/// is not changed and goes on. Waits for a photo being pushed and for one step of the fit. A
-/// cancelled session cannot be saved: pause it instead. Free with svbrdf_buffer_destroy().
+/// The session as bytes: board, camera, settings, budget, photos as far as they are needed, maps, and
+/// the state of the fit. svbrdf_session_load_state() continues from them, also in another process, on
+/// another machine, or with a library of a newer minor version. The session itself continues
+/// unchanged. Waits for a push in progress and for one step of the fit. A cancelled session cannot be
+/// saved: pause it instead. Free with svbrdf_buffer_destroy().
 ///
 /// # Safety
 /// `out` is NULL or writable.
@@ -40,8 +40,8 @@ pub unsafe extern "C" fn svbrdf_session_save_state(
     })
 }
 
-/// As svbrdf_session_save_state(), into a file (UTF-8) whose folder exists. What stood there is
-/// replaced once everything is written, and stays when that fails.
+/// As svbrdf_session_save_state(), into a file (UTF-8) in an existing folder. An older file is replaced
+/// once everything is written, and stays if that fails.
 ///
 /// # Safety
 /// `path` is NULL or a C string.
@@ -57,10 +57,10 @@ pub unsafe extern "C" fn svbrdf_session_save_state_to(
     })
 }
 
-/// Goes on with a saved session. Of the options count threads (0: as saved), models, callbacks,
-/// user_data and memory_limit_bytes; everything else is in the state. The bytes are not needed
-/// after the call. SVBRDF_BAD_STATE when they are not what was written, SVBRDF_UNSUPPORTED when a
-/// newer major version wrote them; `*session` is then left as it was.
+/// Continues a saved session. Only these options count: threads (0: as saved), models, callbacks,
+/// user_data and memory_limit_bytes; the rest is in the state. The bytes are not needed after the
+/// call. SVBRDF_BAD_STATE if they are not what was written, SVBRDF_UNSUPPORTED if a newer major
+/// version wrote them.
 ///
 /// # Safety
 /// As svbrdf_session_create(); `data` is NULL or has as many readable bytes as said.
@@ -79,7 +79,7 @@ pub unsafe extern "C" fn svbrdf_session_load_state(
     }
 }
 
-/// As svbrdf_session_load_state() from a file (UTF-8).
+/// As svbrdf_session_load_state(), from a file (UTF-8).
 ///
 /// # Safety
 /// As svbrdf_session_create(); `path` is NULL or a C string.

@@ -25,9 +25,9 @@ pub const SVBRDF_SHEET_SVG: svbrdf_sheet_format = 2;
 /// PNG, 8-bit gray, 600 pixels per inch.
 pub const SVBRDF_SHEET_PNG: svbrdf_sheet_format = 3;
 
-/// The board as a page to be printed at 100 %, with a ruler and its name: the file that `svbrdf board`
-/// writes, in memory. `board` NULL: the default one. A board that has faults or is too large for the
-/// page: SVBRDF_INVALID_ARGUMENT. Free with svbrdf_buffer_destroy().
+/// The board as a page to print at 100 %, with a ruler and its name, in memory: the file that
+/// `svbrdf board` writes. `board` NULL: the default one. SVBRDF_INVALID_ARGUMENT if the board is not
+/// valid or too large for the page. Free with svbrdf_buffer_destroy().
 ///
 /// # Safety
 /// `board` is NULL or initialised by svbrdf_board_init(), its dictionary NULL or a C string; `out` is

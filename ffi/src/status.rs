@@ -9,19 +9,20 @@ use engine::{Error, StateFault};
 
 use crate::log::{self, SVBRDF_LOG_ERROR};
 
-/// What a call answers: 0 done, negative a fault, positive neither. Values may be added.
+/// What a call returns: 0 for success, negative for an error, positive for neither. Values may be
+/// added.
 pub type svbrdf_status = i32;
 
-/// Done.
+/// Success.
 pub const SVBRDF_OK: svbrdf_status = 0;
 /// The photo cannot be used; nothing changed. The report has the reason, and
 /// svbrdf_last_error_message() a sentence for the user.
 pub const SVBRDF_REJECTED: svbrdf_status = 1;
-/// The time given has passed first.
+/// The given time has passed.
 pub const SVBRDF_TIMEOUT: svbrdf_status = 2;
 /// No photo has been accepted yet, so there are no maps.
 pub const SVBRDF_NO_MAPS: svbrdf_status = 3;
-/// As many photos as are taken already wait to be taken in: try again when one is through.
+/// Three photos are waiting already: try again when one has been answered.
 pub const SVBRDF_BUSY: svbrdf_status = 4;
 /// An argument is NULL, not a number, out of range, or too small a buffer.
 pub const SVBRDF_INVALID_ARGUMENT: svbrdf_status = -1;
@@ -33,14 +34,14 @@ pub const SVBRDF_CANCELLED: svbrdf_status = -3;
 pub const SVBRDF_IO: svbrdf_status = -4;
 /// The models are damaged or do not fit this version.
 pub const SVBRDF_BAD_MODEL: svbrdf_status = -5;
-/// The struct asks for something this version does not know, or this build lacks.
+/// A struct asks for something that this version or this build does not have.
 pub const SVBRDF_UNSUPPORTED: svbrdf_status = -6;
 /// The bytes are not a saved session, or a damaged or truncated one.
 pub const SVBRDF_BAD_STATE: svbrdf_status = -8;
-/// It would need more memory than svbrdf_session_options.memory_limit_bytes; nothing changed.
+/// More memory would be needed than svbrdf_session_options.memory_limit_bytes; nothing changed.
 pub const SVBRDF_MEMORY_LIMIT: svbrdf_status = -9;
-/// A fault inside the library. A session in which it happened answers this from then on; its
-/// maps, its progress and svbrdf_session_destroy() stay available.
+/// An error inside the library. The session in which it happened returns this from then on, except for
+/// maps, progress and svbrdf_session_destroy().
 pub const SVBRDF_FAILED: svbrdf_status = -7;
 
 /// Why a call was not done.
@@ -122,8 +123,8 @@ pub(crate) fn entry(body: impl FnOnce() -> Result<(), Fault>) -> svbrdf_status {
     fault.status
 }
 
-/// What was wrong with this thread's latest call, in English; empty when it was done. UTF-8, valid
-/// until the thread's next call of the library or its end. Never NULL.
+/// Why this thread's latest call failed, in English; empty after success. UTF-8, valid until the
+/// thread's next call of the library. Never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_last_error_message() -> *const c_char {
     MESSAGE.try_with(|slot| slot.borrow().as_ptr()).unwrap_or(c"".as_ptr())

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "../svbrdf.h"
+#include "enums.hpp"
 
 namespace svbrdf {
 
@@ -16,15 +17,15 @@ namespace svbrdf {
 class Error : public std::runtime_error {
 public:
     explicit Error(svbrdf_status status)
-        : std::runtime_error(text(status)), status_(status) {}
-    svbrdf_status status() const noexcept { return status_; }
+        : std::runtime_error(text(status)), status_(StatusCode{status}) {}
+    StatusCode status() const noexcept { return status_; }
 
 private:
     static std::string text(svbrdf_status status) {
         const char* message = svbrdf_last_error_message();
         return *message != '\0' ? message : svbrdf_status_name(status);
     }
-    svbrdf_status status_;
+    StatusCode status_;
 };
 
 /// Throws unless the call was done.
@@ -58,20 +59,6 @@ private:
     T* data_ = nullptr;
     std::size_t size_ = 0;
 };
-
-/// Tightly packed 8-bit pixels as a picture, without copying.
-inline svbrdf_image rgb8(const std::uint8_t* data, std::uint32_t width, std::uint32_t height,
-                         svbrdf_transfer transfer = SVBRDF_TRANSFER_SRGB) {
-    svbrdf_image image = make(svbrdf_image_init);
-    image.format = SVBRDF_PIXEL_RGB8;
-    image.width = width;
-    image.height = height;
-    image.transfer = transfer;
-    image.planes[0].data = data;
-    image.planes[0].row_stride = std::size_t{3} * width;
-    image.planes[0].bytes = image.planes[0].row_stride * height;
-    return image;
-}
 
 namespace detail {
 

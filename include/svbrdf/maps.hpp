@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core.hpp"
+#include "enums.hpp"
 
 namespace svbrdf {
 
@@ -67,33 +68,33 @@ public:
     explicit Maps(svbrdf_maps* maps) noexcept : owner_(maps) {}
 
     /// Linear values: three channels, one for roughness. Valid as long as these maps.
-    MapView<float> floats(svbrdf_map map) const {
-        return view<float>(map, SVBRDF_MAP_FORMAT_F32);
+    MapView<float> floats(Map map) const {
+        return view<float>(map, MapFormat::f32);
     }
     /// Four bytes a texel, as glTF wants them. Valid as long as these maps.
-    MapView<std::uint8_t> rgba8(svbrdf_map map) const {
-        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGBA8);
+    MapView<std::uint8_t> rgba8(Map map) const {
+        return view<std::uint8_t>(map, MapFormat::rgba8);
     }
     /// Three bytes a texel. Valid as long as these maps.
-    MapView<std::uint8_t> rgb8(svbrdf_map map) const {
-        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_RGB8);
+    MapView<std::uint8_t> rgb8(Map map) const {
+        return view<std::uint8_t>(map, MapFormat::rgb8);
     }
     /// One byte a texel, of roughness. Valid as long as these maps.
-    MapView<std::uint8_t> r8(svbrdf_map map) const {
-        return view<std::uint8_t>(map, SVBRDF_MAP_FORMAT_R8);
+    MapView<std::uint8_t> r8(Map map) const {
+        return view<std::uint8_t>(map, MapFormat::r8);
     }
     /// Four half floats a texel, as bits. Valid as long as these maps.
-    MapView<std::uint16_t> rgba16f(svbrdf_map map) const {
-        return view<std::uint16_t>(map, SVBRDF_MAP_FORMAT_RGBA16F);
+    MapView<std::uint16_t> rgba16f(Map map) const {
+        return view<std::uint16_t>(map, MapFormat::rgba16f);
     }
     /// Four floats a texel. Valid as long as these maps.
-    MapView<float> rgba32f(svbrdf_map map) const {
-        return view<float>(map, SVBRDF_MAP_FORMAT_RGBA32F);
+    MapView<float> rgba32f(Map map) const {
+        return view<float>(map, MapFormat::rgba32f);
     }
     /// Copies a map; rows of `row_stride` bytes, 0: no gap.
-    void copy(svbrdf_map map, svbrdf_map_format format, void* data, std::size_t bytes,
+    void copy(Map map, MapFormat format, void* data, std::size_t bytes,
               std::size_t row_stride = 0) const {
-        check(svbrdf_maps_copy(get(), map, format, data, bytes, row_stride));
+        check(svbrdf_maps_copy(get(), to_c(map), to_c(format), data, bytes, row_stride));
     }
     /// The maps at 1 / 2^level of their size.
     Maps reduced(std::uint32_t level) const {
@@ -102,15 +103,15 @@ public:
         return Maps(small);
     }
     /// Renders the maps into memory of the caller's; rows as in copy().
-    void render(const svbrdf_render_options& options, svbrdf_map_format format, void* data,
+    void render(const svbrdf_render_options& options, MapFormat format, void* data,
                 std::size_t bytes, std::size_t row_stride = 0) const {
-        check(svbrdf_maps_render(get(), &options, format, data, bytes, row_stride));
+        check(svbrdf_maps_render(get(), &options, to_c(format), data, bytes, row_stride));
     }
     /// The same as sRGB, four bytes a texel.
     std::vector<std::uint8_t> render(const svbrdf_render_options& options) const {
         const auto [width, height] = size();
         std::vector<std::uint8_t> rgba(std::size_t{4} * width * height);
-        render(options, SVBRDF_MAP_FORMAT_RGBA8, rgba.data(), rgba.size());
+        render(options, MapFormat::rgba8, rgba.data(), rgba.size());
         return rgba;
     }
     std::pair<std::uint32_t, std::uint32_t> size() const {
@@ -130,19 +131,19 @@ public:
         return found;
     }
     /// The same at every texel, one value each. Valid as long as these maps.
-    MapView<float> deviations(svbrdf_map map) const {
+    MapView<float> deviations(Map map) const {
         svbrdf_map_view v = make(svbrdf_map_view_init);
-        check(svbrdf_maps_deviations(get(), map, &v));
+        check(svbrdf_maps_deviations(get(), to_c(map), &v));
         return {Span<const float>(static_cast<const float*>(v.data), v.bytes / sizeof(float)),
                 v.width, v.height, v.channels};
     }
     /// Writes PNG, EXR and a preview into a folder.
-    void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), path.c_str())); }
+    void export_to(const std::string& path) const { check(svbrdf_maps_export(get(), nullptr, path.c_str())); }
     /// Files for other programs, e.g. "glb,usdz", into a folder: all of them or none.
     void export_formats(const std::string& path, const std::string& formats,
                         svbrdf_export_options options = make(svbrdf_export_options_init)) const {
         options.formats = formats.c_str();
-        check(svbrdf_maps_export_formats(get(), &options, path.c_str()));
+        check(svbrdf_maps_export(get(), &options, path.c_str()));
     }
     /// The same in memory.
     Package package(const std::string& formats,
@@ -156,9 +157,9 @@ public:
 
 private:
     template <typename T>
-    MapView<T> view(svbrdf_map map, svbrdf_map_format format) const {
+    MapView<T> view(Map map, MapFormat format) const {
         svbrdf_map_view v = make(svbrdf_map_view_init);
-        check(svbrdf_maps_view(get(), map, format, &v));
+        check(svbrdf_maps_view(get(), to_c(map), to_c(format), &v));
         return {Span<const T>(static_cast<const T*>(v.data), v.bytes / sizeof(T)), v.width,
                 v.height, v.channels};
     }
@@ -166,10 +167,10 @@ private:
 };
 
 /// A board as a file to be printed at 100 %; nullptr: the default one.
-inline Buffer print_board(const svbrdf_board* board = nullptr, svbrdf_page page = SVBRDF_PAGE_A4,
-                          svbrdf_sheet_format format = SVBRDF_SHEET_PDF) {
+inline Buffer print_board(const svbrdf_board* board = nullptr, Page page = Page::a4,
+                          SheetFormat format = SheetFormat::pdf) {
     svbrdf_buffer* buffer = nullptr;
-    check(svbrdf_board_print(board, page, format, &buffer));
+    check(svbrdf_board_print(board, to_c(page), to_c(format), &buffer));
     return Buffer(buffer);
 }
 

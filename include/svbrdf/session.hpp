@@ -15,7 +15,9 @@
 #include <vector>
 
 #include "core.hpp"
+#include "enums.hpp"
 #include "maps.hpp"
+#include "results.hpp"
 
 namespace svbrdf {
 
@@ -63,86 +65,240 @@ private:
     detail::Owner<svbrdf_capture, svbrdf_capture_destroy> owner_;
 };
 
-/// What became of a photo.
-struct Pushed {
-    /// Whether it takes part in the fit.
-    bool accepted;
-    /// Why not: one of SVBRDF_REJECTION_.
-    svbrdf_rejection rejection;
-    /// What to tell the user: why not, or hints about an accepted photo; empty without any.
-    std::string advice;
-    /// Pose, hints and figures.
-    svbrdf_frame_report report;
-    /// Whether a hint was given: one of SVBRDF_HINT_.
-    bool has(svbrdf_hints hint) const noexcept { return (report.hints & hint) != 0; }
-    explicit operator bool() const noexcept { return accepted; }
-};
+class SessionView;
 
 /// Called with what became of a photo that was pushed without waiting.
-using PushedCallback = std::function<void(svbrdf_status, const Pushed&)>;
+using PushedCallback = std::function<void(SessionView, StatusCode, const Pushed&)>;
 
-/// Where the board lies in a photo.
-struct Pose {
-    /// From the board to the camera, row by row.
-    std::array<double, 9> rotation{};
-    /// Board origin in the camera frame, mm.
-    std::array<double, 3> translation_mm{};
-    /// Error of the board's corners, px.
-    double reprojection_rms_px = 0.0;
+/// A session that somebody else owns: what callbacks get. Copies are cheap. Once the session has
+/// been destroyed, calls throw an Error with StatusCode::invalid_handle.
+class SessionView {
+public:
+    explicit SessionView(svbrdf_session* session) noexcept : handle_(session) {}
+
+    /// Takes a photo of a board in.
+    Pushed push(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_frame(get(), &image, info, &report), report);
+    }
+    /// As push(), without waiting: `done` is called exactly once on a thread of the session, with
+    /// StatusCode::ok, StatusCode::rejected, or a fault, whose message is the advice. It may destroy
+    /// the session. Exceptions that it throws are dropped. When this throws, `done` is not called.
+    void push_async(const svbrdf_image& image, PushedCallback done,
+                    const svbrdf_frame_info* info = nullptr) {
+        auto held = std::make_unique<PushedCallback>(std::move(done));
+        check(svbrdf_session_push_frame_async(get(), &image, info, on_pushed, held.get()));
+        // on_pushed() owns it.
+        static_cast<void>(held.release());
+    }
+    /// Takes a photo from the top in; positions of camera and light in the board frame, mm.
+    Pushed push_rectified(const svbrdf_image& image, const std::array<float, 3>& camera_mm,
+                          const std::array<float, 3>& light_mm,
+                          const svbrdf_frame_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_rectified(get(), &image, info, camera_mm.data(),
+                                                    light_mm.data(), &report),
+                      report);
+    }
+    /// Reads a photo of a capture and takes it in.
+    Pushed push(const Capture& capture, std::uint32_t index) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
+    }
+    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_push_encoded(). `info`
+    /// gets what the file says of how it was taken.
+    Pushed push_encoded(Span<const std::uint8_t> file,
+                        const svbrdf_encoded_options* options = nullptr,
+                        svbrdf_file_info* info = nullptr) {
+        svbrdf_frame_report report = make(svbrdf_frame_report_init);
+        return pushed(svbrdf_session_push_encoded(get(), file.data(), file.size(), options, info,
+                                                  &report),
+                      report);
+    }
+    /// Judges a photo of a board, or a picture of the preview, without taking it in.
+    Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
+        return probed([&](svbrdf_probe* report) {
+            return svbrdf_session_probe(get(), &image, info, report);
+        });
+    }
+    /// Judges a picture of the preview and says what to do: adjust, hold, move, shoot, or enough. Call it
+    /// with every picture; `info.timestamp_ns` says when it was taken.
+    Guidance guide(const svbrdf_image& image, const svbrdf_frame_info& info) {
+        svbrdf_guidance report = make(svbrdf_guidance_init);
+        Probe probe = probed([&](svbrdf_probe* found) {
+            return svbrdf_session_guide(get(), &image, &info, found, &report);
+        });
+        return {Action{report.action}, report.message, report, std::move(probe)};
+    }
+    /// Starts guidance again, with other options. Also says that a requested photo was not taken.
+    void begin_guide(const svbrdf_guide_options& options = make(svbrdf_guide_options_init)) {
+        check(svbrdf_session_guide_begin(get(), &options));
+    }
+    /// Takes an accepted photo back, as if it had never come; later ones move up by one.
+    void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
+    /// How well the current maps explain an accepted photo.
+    svbrdf_frame_fit frame_fit(std::uint32_t index) const {
+        svbrdf_frame_fit fit = make(svbrdf_frame_fit_init);
+        check(svbrdf_session_frame_fit(get(), index, &fit));
+        return fit;
+    }
+    /// Limits the work on each photo.
+    void set_budget(const svbrdf_budget& budget) {
+        check(svbrdf_session_set_budget(get(), &budget));
+    }
+    /// Lifts the limits.
+    void clear_budget() { check(svbrdf_session_set_budget(get(), nullptr)); }
+    /// The session as bytes for Session::load().
+    Buffer save() const {
+        svbrdf_buffer* buffer = nullptr;
+        check(svbrdf_session_save_state(get(), &buffer));
+        return Buffer(buffer);
+    }
+    /// The same into a file; an older file stays when this fails.
+    void save(const std::string& path) const {
+        check(svbrdf_session_save_state_to(get(), path.c_str()));
+    }
+    /// Blocks until the fit has settled on all photos so far.
+    void wait() { check(svbrdf_session_wait(get(), -1)); }
+    /// The same for a limited time: whether the fit has settled.
+    bool wait_for(std::chrono::milliseconds limit) {
+        const svbrdf_status status = svbrdf_session_wait(get(), limit.count() < 0 ? 0 : limit.count());
+        if (status == SVBRDF_TIMEOUT) {
+            return false;
+        }
+        check(status);
+        return true;
+    }
+    Progress progress() const {
+        svbrdf_progress progress = make(svbrdf_progress_init);
+        check(svbrdf_session_progress(get(), &progress));
+        return Progress(progress);
+    }
+    /// The current maps; none before the first accepted photo.
+    std::optional<Maps> snapshot() const { return taken(svbrdf_session_snapshot_maps); }
+    /// As snapshot(), with the standard deviations of the maps: waits for a step of the fit.
+    std::optional<Maps> snapshot_confidence() const {
+        return taken(svbrdf_session_snapshot_confidence);
+    }
+    /// Position of the flash (mm, camera frame), and ambient light as a share of the flash's.
+    std::pair<std::array<double, 3>, float> light() const {
+        std::pair<std::array<double, 3>, float> light{};
+        check(svbrdf_session_light(get(), light.first.data(), &light.second));
+        return light;
+    }
+    /// The view that would teach the most; none before the first photo and for rectified photos.
+    std::optional<svbrdf_next_view> next_view() const {
+        svbrdf_next_view view = make(svbrdf_next_view_init);
+        check(svbrdf_session_next_view(get(), &view));
+        return view.known == 1 ? std::make_optional(view) : std::nullopt;
+    }
+    /// The camera, given or estimated; none while it is unknown and for rectified photos.
+    std::optional<svbrdf_camera> camera() const {
+        svbrdf_camera camera = make(svbrdf_camera_init);
+        check(svbrdf_session_camera(get(), &camera, nullptr));
+        return camera.width > 0 ? std::make_optional(camera) : std::nullopt;
+    }
+    /// The printed sheet and the sample's height above it; none for rectified photos.
+    std::optional<svbrdf_paper> paper() const {
+        svbrdf_paper paper = make(svbrdf_paper_init);
+        check(svbrdf_session_paper(get(), &paper));
+        return paper.known == 1 ? std::make_optional(paper) : std::nullopt;
+    }
+    /// Current estimate of the pose of an accepted photo of a board.
+    Pose pose(std::uint32_t index) const {
+        Pose pose;
+        check(svbrdf_session_pose(get(), index, pose.rotation.data(), pose.translation_mm.data(),
+                                  &pose.reprojection_rms_px));
+        return pose;
+    }
+    /// Holds the fit; photos are still taken in.
+    void pause() { check(svbrdf_session_pause(get())); }
+    void resume() { check(svbrdf_session_resume(get())); }
+    /// Ends the fit for good; the maps stay available.
+    void cancel() { check(svbrdf_session_cancel(get())); }
+    svbrdf_session* get() const noexcept { return handle_; }
+
+protected:
+    template <typename Call>
+    static void guarded(Call call) noexcept {
+        try {
+            call();
+        } catch (...) {
+            // Exceptions must not pass through C.
+        }
+    }
+
+    svbrdf_session* handle_;
+
+private:
+    // A session may end inside a callback of one of these calls: none touches *this afterwards.
+    static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {
+        if (status == SVBRDF_REJECTED) {
+            return {false, Rejection{report.rejection}, report.advice, report};
+        }
+        check(status);
+        return {true, Rejection::none, report.advice, report};
+    }
+    /// A probe that a call fills in, with its corners.
+    template <typename Call>
+    static Probe probed(const Call& call) {
+        svbrdf_probe report = make(svbrdf_probe_init);
+        std::vector<std::array<float, 2>> corners(1024);
+        report.corners_px = corners.front().data();
+        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
+        check(call(&report));
+        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
+        report.corners_px = nullptr;
+        report.corners_capacity = 0;
+        return {report.acceptable == 1, Rejection{report.rejection}, report.advice, report,
+                std::move(corners)};
+    }
+    std::optional<Maps> taken(svbrdf_status (*take)(const svbrdf_session*, svbrdf_maps**)) const {
+        svbrdf_maps* maps = nullptr;
+        const svbrdf_status status = take(get(), &maps);
+        if (status == SVBRDF_NO_MAPS) {
+            return std::nullopt;
+        }
+        check(status);
+        return Maps(maps);
+    }
+    static void on_pushed(void* user, svbrdf_session* session, svbrdf_status status,
+                          const svbrdf_frame_report* report) {
+        const std::unique_ptr<PushedCallback> done(static_cast<PushedCallback*>(user));
+        guarded([&] {
+            const SessionView view(session);
+            if (status == SVBRDF_OK || status == SVBRDF_REJECTED) {
+                (*done)(view, StatusCode{status}, pushed(status, *report));
+            } else {
+                (*done)(view, StatusCode{status},
+                        {false, Rejection::none, svbrdf_last_error_message(), *report});
+            }
+        });
+    }
 };
 
-/// What a photo that was only looked at would be good for.
-struct Probe {
-    /// Whether a photo like it would be accepted.
-    bool acceptable;
-    /// Why not: one of SVBRDF_REJECTION_.
-    svbrdf_rejection rejection;
-    /// What to tell the user: why not, or hints; empty without any.
-    std::string advice;
-    /// Pose, view, blur, light and figures.
-    svbrdf_probe report;
-    /// Corners of the board that were found: x and y, px.
-    std::vector<std::array<float, 2>> corners;
-    /// Whether a hint was given: one of SVBRDF_HINT_.
-    bool has(svbrdf_hints hint) const noexcept { return (report.hints & hint) != 0; }
-    explicit operator bool() const noexcept { return acceptable; }
-};
-
-/// What to do now, see Session::guide().
-struct Guidance {
-    /// One of SVBRDF_ACTION_.
-    svbrdf_action action;
-    /// For the user.
-    std::string message;
-    /// The target and what photos from here and from there would tell.
-    svbrdf_guidance report;
-    /// The picture that was judged.
-    Probe probe;
-};
-
-/// Functions a session calls on its own thread (log also on yours). They may use the session's
-/// C handle; what they throw is dropped.
+/// Functions a session calls on threads of its own (log also on those inside a call). They may call
+/// everything, and destroy the session. Exceptions that they throw are dropped.
 struct Callbacks {
-    std::function<void(svbrdf_session*, const svbrdf_progress&)> progress;
-    std::function<void(svbrdf_session*)> maps;
-    std::function<void(svbrdf_log_level, const char*)> log;
+    std::function<void(SessionView, const Progress&)> progress;
+    std::function<void(SessionView)> maps;
+    std::function<void(LogLevel, const char*)> log;
 };
 
-/// A capture in progress. Its destructor may run at any time; see svbrdf_session_destroy().
-class Session {
+/// A capture in progress. It may be destroyed at any time, also inside its own callbacks; see
+/// svbrdf_session_destroy().
+class Session : public SessionView {
 public:
     /// `callbacks` take the place of those of `options`.
-    explicit Session(svbrdf_session_options options, Callbacks callbacks = {}) {
+    explicit Session(svbrdf_session_options options, Callbacks callbacks = {})
+        : SessionView(nullptr) {
         open(options, std::move(callbacks), [&](svbrdf_session** session) {
             return svbrdf_session_create(&options, session);
         });
     }
-    /// With scene, sample, board, camera and flash of a capture.
-    Session(const Capture& capture, svbrdf_session_options options, Callbacks callbacks = {}) {
-        open(options, std::move(callbacks), [&](svbrdf_session** session) {
-            return svbrdf_session_create_for_capture(&options, capture.get(), session);
-        });
-    }
+    /// With scene, sample, board, camera, flash and falloff of a capture.
+    Session(const Capture& capture, svbrdf_session_options options, Callbacks callbacks = {})
+        : Session((options.capture = capture.get(), options), std::move(callbacks)) {}
     /// Goes on with a saved session; see svbrdf_session_load_state() for what counts of `options`.
     static Session load(Span<const std::uint8_t> state,
                         svbrdf_session_options options = make(svbrdf_session_options_init),
@@ -163,247 +319,57 @@ public:
         });
         return session;
     }
-    Session(Session&&) noexcept = default;
+    Session(Session&& other) noexcept
+        : SessionView(std::exchange(other.handle_, nullptr)), state_(std::move(other.state_)) {}
     Session& operator=(Session&& other) noexcept {
-        // The session goes before the functions it calls.
-        owner_ = std::move(other.owner_);
-        callbacks_ = std::move(other.callbacks_);
+        if (this != &other) {
+            // The session ends before the functions that it calls.
+            svbrdf_session_destroy(handle_);
+            handle_ = std::exchange(other.handle_, nullptr);
+            state_ = std::move(other.state_);
+        }
         return *this;
     }
-
-    /// Takes a photo of a board in.
-    Pushed push(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_frame(get(), &image, info, &report), report);
-    }
-    /// As push(), without waiting: `done` is called exactly once on a thread of the session, with
-    /// SVBRDF_OK, SVBRDF_REJECTED, or a fault, whose message is the advice. It may use this session,
-    /// which must not be moved until then. What it throws is dropped. When this throws, it is not called.
-    void push_async(const svbrdf_image& image, PushedCallback done,
-                    const svbrdf_frame_info* info = nullptr) {
-        auto held = std::make_unique<PushedCallback>(std::move(done));
-        check(svbrdf_session_push_frame_async(get(), &image, info, on_pushed, held.get()));
-        held.release();
-    }
-    /// Takes a photo from the top in, with camera and light in mm.
-    Pushed push_rectified(const svbrdf_image& image, const std::array<float, 3>& camera_mm,
-                          const std::array<float, 3>& light_mm,
-                          const svbrdf_frame_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_rectified(get(), &image, info, camera_mm.data(),
-                                                    light_mm.data(), &report),
-                      report);
-    }
-    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_push_encoded(); what it
-    /// says of how it was taken goes to `info`.
-    Pushed push_encoded(const void* bytes, std::size_t length,
-                        const svbrdf_encoded_options* options = nullptr,
-                        svbrdf_file_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(
-            svbrdf_session_push_encoded(get(), bytes, length, options, info, &report), report);
-    }
-    /// Reads a capture's photo and takes it in.
-    Pushed push(const Capture& capture, std::uint32_t index) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
-    }
-    /// Judges a photo of a board, or a picture of the preview, without taking it in.
-    Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
-        return probed([&](svbrdf_probe* report) {
-            return svbrdf_session_probe(get(), &image, info, report);
-        });
-    }
-    /// Judges a picture of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
-    /// with every picture; `info->timestamp_ns` says when it was taken.
-    Guidance guide(const svbrdf_image& image, const svbrdf_frame_info& info) {
-        svbrdf_guidance report = make(svbrdf_guidance_init);
-        Probe probe = probed([&](svbrdf_probe* found) {
-            return svbrdf_session_guide(get(), &image, &info, found, &report);
-        });
-        return {report.action, report.message, report, std::move(probe)};
-    }
-    /// Begins guidance anew with other options. Also tells that the photo asked for was not taken.
-    void begin_guide(const svbrdf_guide_options& options = make(svbrdf_guide_options_init)) {
-        check(svbrdf_session_guide_begin(get(), &options));
-    }
-    /// Takes an accepted photo back, as if it had never come; later ones move up by one.
-    void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
-    /// How the maps of the moment explain an accepted photo.
-    svbrdf_frame_fit frame_fit(std::uint32_t index) const {
-        svbrdf_frame_fit fit = make(svbrdf_frame_fit_init);
-        check(svbrdf_session_frame_fit(get(), index, &fit));
-        return fit;
-    }
-    /// Limits the work on each photo.
-    void set_budget(const svbrdf_budget& budget) {
-        check(svbrdf_session_set_budget(get(), &budget));
-    }
-    /// No limits any more.
-    void clear_budget() { check(svbrdf_session_set_budget(get(), nullptr)); }
-    /// The session as bytes for load().
-    Buffer save() const {
-        svbrdf_buffer* buffer = nullptr;
-        check(svbrdf_session_save_state(get(), &buffer));
-        return Buffer(buffer);
-    }
-    /// The same into a file; what stood there stays when that fails.
-    void save(const std::string& path) const {
-        check(svbrdf_session_save_state_to(get(), path.c_str()));
-    }
-    /// Blocks until the fit has settled on all photos so far.
-    void wait() { check(svbrdf_session_wait(get(), -1)); }
-    /// The same for a limited time: whether it has settled.
-    bool wait_for(std::chrono::milliseconds limit) {
-        const svbrdf_status status = svbrdf_session_wait(get(), limit.count() < 0 ? 0 : limit.count());
-        if (status == SVBRDF_TIMEOUT) {
-            return false;
-        }
-        check(status);
-        return true;
-    }
-    svbrdf_progress progress() const {
-        svbrdf_progress progress = make(svbrdf_progress_init);
-        check(svbrdf_session_progress(get(), &progress));
-        return progress;
-    }
-    /// The maps as they are now; none before the first accepted photo.
-    std::optional<Maps> snapshot() const {
-        svbrdf_maps* maps = nullptr;
-        const svbrdf_status status = svbrdf_session_snapshot_maps(get(), &maps);
-        if (status == SVBRDF_NO_MAPS) {
-            return std::nullopt;
-        }
-        check(status);
-        return Maps(maps);
-    }
-    /// As snapshot(), at 1 / 2^level of the size: for showing maps meanwhile.
-    std::optional<Maps> snapshot_reduced(std::uint32_t level) const {
-        svbrdf_maps* maps = nullptr;
-        const svbrdf_status status = svbrdf_session_snapshot_reduced(get(), level, &maps);
-        if (status == SVBRDF_NO_MAPS) {
-            return std::nullopt;
-        }
-        check(status);
-        return Maps(maps);
-    }
-    /// As snapshot(), with the standard deviations of the maps: waits for a step of the fit.
-    std::optional<Maps> snapshot_confidence() const {
-        svbrdf_maps* maps = nullptr;
-        const svbrdf_status status = svbrdf_session_snapshot_confidence(get(), &maps);
-        if (status == SVBRDF_NO_MAPS) {
-            return std::nullopt;
-        }
-        check(status);
-        return Maps(maps);
-    }
-    /// Flash position (mm, camera frame) and ambient share as found so far.
-    std::pair<std::array<double, 3>, float> light() const {
-        std::pair<std::array<double, 3>, float> light{};
-        check(svbrdf_session_light(get(), light.first.data(), &light.second));
-        return light;
-    }
-    /// Where the next photo tells most; nothing before the first one and for rectified photos.
-    std::optional<svbrdf_next_view> next_view() const {
-        svbrdf_next_view view = make(svbrdf_next_view_init);
-        check(svbrdf_session_next_view(get(), &view));
-        return view.known == 1 ? std::make_optional(view) : std::nullopt;
-    }
-    /// The camera as used, given or estimated; nothing before a photo tells and for rectified ones.
-    std::optional<svbrdf_camera> camera() const {
-        svbrdf_camera camera = make(svbrdf_camera_init);
-        check(svbrdf_session_camera(get(), &camera, nullptr));
-        return camera.width > 0 ? std::make_optional(camera) : std::nullopt;
-    }
-    /// The printed sheet and the sample's height above it; nothing for rectified photos.
-    std::optional<svbrdf_paper> paper() const {
-        svbrdf_paper paper = make(svbrdf_paper_init);
-        check(svbrdf_session_paper(get(), &paper));
-        return paper.known == 1 ? std::make_optional(paper) : std::nullopt;
-    }
-    /// Pose of an accepted photo of a board as known now.
-    Pose pose(std::uint32_t index) const {
-        Pose pose;
-        check(svbrdf_session_pose(get(), index, pose.rotation.data(), pose.translation_mm.data(),
-                                  &pose.reprojection_rms_px));
-        return pose;
-    }
-    void export_to(const std::string& path) const {
-        check(svbrdf_session_export(get(), path.c_str()));
-    }
-    void pause() { check(svbrdf_session_pause(get())); }
-    void resume() { check(svbrdf_session_resume(get())); }
-    void cancel() { check(svbrdf_session_cancel(get())); }
-    svbrdf_session* get() const noexcept { return owner_.get(); }
+    // The handle is not cleared: calls on other threads may read it until those that use it have ended.
+    ~Session() { svbrdf_session_destroy(handle_); }
 
 private:
-    /// A probe that a call fills in, with its corners.
-    template <typename Call>
-    static Probe probed(const Call& call) {
-        svbrdf_probe report = make(svbrdf_probe_init);
-        std::vector<std::array<float, 2>> corners(1024);
-        report.corners_px = corners.front().data();
-        report.corners_capacity = static_cast<std::uint32_t>(corners.size());
-        check(call(&report));
-        corners.resize(std::min<std::size_t>(report.corners_found, corners.size()));
-        report.corners_px = nullptr;
-        report.corners_capacity = 0;
-        return {report.acceptable == 1, report.rejection, report.advice, report, std::move(corners)};
-    }
-    Session() = default;
+    /// The functions, kept alive by each of their calls: one of them may destroy the session.
+    struct State : std::enable_shared_from_this<State> {
+        explicit State(Callbacks&& given) : callbacks(std::move(given)) {}
+        Callbacks callbacks;
+    };
+
+    Session() noexcept : SessionView(nullptr) {}
     /// Makes the session; `options` are those that `create` uses.
     template <typename Create>
     void open(svbrdf_session_options& options, Callbacks&& callbacks, Create create) {
         if (callbacks.progress || callbacks.maps || callbacks.log) {
-            callbacks_ = std::make_unique<Callbacks>(std::move(callbacks));
-            options.user_data = callbacks_.get();
-            options.on_progress = callbacks_->progress ? on_progress : nullptr;
-            options.on_maps = callbacks_->maps ? on_maps : nullptr;
-            options.on_log = callbacks_->log ? on_log : nullptr;
+            state_ = std::make_shared<State>(std::move(callbacks));
+            options.user_data = state_.get();
+            options.on_progress = state_->callbacks.progress ? on_progress : nullptr;
+            options.on_maps = state_->callbacks.maps ? on_maps : nullptr;
+            options.on_log = state_->callbacks.log ? on_log : nullptr;
         }
-        svbrdf_session* session = nullptr;
-        check(create(&session));
-        owner_ = detail::Owner<svbrdf_session, svbrdf_session_destroy>(session);
+        check(create(&handle_));
     }
-    static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {
-        if (status == SVBRDF_REJECTED) {
-            return {false, report.rejection, report.advice, report};
-        }
-        check(status);
-        return {true, SVBRDF_REJECTION_NONE, report.advice, report};
-    }
-    template <typename Call>
-    static void guarded(Call call) noexcept {
-        try {
-            call();
-        } catch (...) {
-            // Exceptions must not run through C.
-        }
+    static std::shared_ptr<State> state_of(void* user) {
+        return static_cast<State*>(user)->shared_from_this();
     }
     static void on_progress(void* user, svbrdf_session* session, const svbrdf_progress* progress) {
-        guarded([&] { static_cast<Callbacks*>(user)->progress(session, *progress); });
+        const auto state = state_of(user);
+        guarded([&] { state->callbacks.progress(SessionView(session), Progress(*progress)); });
     }
     static void on_maps(void* user, svbrdf_session* session) {
-        guarded([&] { static_cast<Callbacks*>(user)->maps(session); });
-    }
-    static void on_pushed(void* user, svbrdf_session*, svbrdf_status status,
-                          const svbrdf_frame_report* report) {
-        const std::unique_ptr<PushedCallback> done(static_cast<PushedCallback*>(user));
-        guarded([&] {
-            if (status == SVBRDF_OK || status == SVBRDF_REJECTED) {
-                (*done)(status, pushed(status, *report));
-            } else {
-                (*done)(status, {false, SVBRDF_REJECTION_NONE, svbrdf_last_error_message(), *report});
-            }
-        });
+        const auto state = state_of(user);
+        guarded([&] { state->callbacks.maps(SessionView(session)); });
     }
     static void on_log(void* user, svbrdf_log_level level, const char* message) {
-        guarded([&] { static_cast<Callbacks*>(user)->log(level, message); });
+        const auto state = state_of(user);
+        guarded([&] { state->callbacks.log(LogLevel{level}, message); });
     }
 
-    // Destroyed in reverse: the session first.
-    std::unique_ptr<Callbacks> callbacks_;
-    detail::Owner<svbrdf_session, svbrdf_session_destroy> owner_;
+    std::shared_ptr<State> state_;
 };
 
 }  // namespace svbrdf

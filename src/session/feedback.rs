@@ -15,12 +15,12 @@ const NEW_DISTANCE: f64 = 0.1;
 const BLACK_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.006..=0.2;
 /// Gray patch over white one. As printed with the sRGB curve it is 0.21; printers differ widely.
 const GRAY_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.08..=0.4;
-/// Half vectors this far off the top are what samples' slopes ask for (tangent of 20 degrees).
+/// Half vectors this far off the vertical are what samples' slopes ask for (tangent of 20 degrees).
 const SLOPE_MAX: f64 = 0.36;
 /// Points of the sample along each side, and of the disc of slopes along its diameter.
 const POINTS: u32 = 5;
 const SLOPES: i32 = 9;
-/// Angles off the top that are proposed, degrees.
+/// Angles off the vertical that are proposed, degrees.
 const TILTS: [f64; 5] = [0.0, 12.0, 24.0, 36.0, 45.0];
 const AZIMUTHS: u32 = 16;
 /// The same of those that are told by what they would show.
@@ -72,7 +72,7 @@ impl Hint {
 pub struct NextView {
     /// Unit vector from the sample towards the camera, board frame.
     pub direction: [f32; 3],
-    /// Angle off the top, degrees.
+    /// Angle off the vertical, degrees.
     pub tilt_deg: f32,
     /// Side to go to: degrees counter-clockwise from the sample's +X.
     pub azimuth_deg: f32,

@@ -46,7 +46,7 @@ pub use crate::estimate::{Budget, Exposure, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
-use crate::initial_estimate::Networks;
+pub use crate::initial_estimate::Networks;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result, Svbrdf, threads};
 
@@ -97,6 +97,7 @@ impl Session {
     ///
     /// # Errors
     /// When a setting is out of range.
+    #[doc(hidden)]
     pub fn with_options(
         scene: Scene,
         settings: Settings,
@@ -154,11 +155,11 @@ impl Session {
         })
     }
 
-    /// The session as bytes, from which [`Session::restore`] goes on as if nothing had happened:
-    /// settings, scene, budget, what is known of camera and light, all photographs as far as they
-    /// are needed, the maps and the fit, which goes on in the same phase to the same bits.
+    /// The session as bytes: settings, scene, budget, what is known of camera and light, the
+    /// photographs as far as they are needed, the maps, and the state of the fit. [`Session::restore`]
+    /// continues in the same phase, to the same bits.
     ///
-    /// Waits for a photograph that is being pushed and for a step of the fit, not for the fit.
+    /// Waits for a push in progress and for a step of the fit, not for the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
@@ -178,8 +179,8 @@ impl Session {
         }
     }
 
-    /// Goes on with a session that [`Session::save`] wrote, with these networks. Others than those
-    /// it was saved with are fine: the maps stay, the fit goes on from them.
+    /// Continues a session that [`Session::save`] wrote, with these networks. They may be others than
+    /// before: the maps stay, and the fit continues from them.
     ///
     /// # Errors
     /// [`Error::State`] when the bytes are not what was written or of a newer major version,
@@ -228,7 +229,7 @@ impl Session {
         &self.scene
     }
 
-    /// Limits the work on each photograph from now on. A fit that an earlier budget ended goes on
+    /// Limits the work on each photograph from now on. A fit that an earlier budget ended continues
     /// if this one allows it.
     ///
     /// # Errors
@@ -246,11 +247,12 @@ impl Session {
         Ok(())
     }
 
-    /// Calibrates, rectifies and adds a photograph of a board. When this returns, maps that know
-    /// of it are available; the fit goes on on the session's thread.
+    /// Calibrates, rectifies and adds a photograph of a board. When this returns, the maps include the
+    /// photograph; the fit continues on a thread of the session.
     ///
     /// # Errors
-    /// On misuse, and when the memory limit is reached: a photograph that cannot be used is `Ok(Pushed::Rejected)`.
+    /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
+    /// [`Pushed::Rejected`].
     pub fn push(&self, photo: &Photo) -> Result<Pushed> {
         let Settings { sample_mm, resolution, .. } = self.settings;
         self.accept(photo, |intake| intake.take(photo, sample_mm, resolution))
@@ -339,7 +341,7 @@ impl Session {
         Ok(())
     }
 
-    /// The maps as they are now.
+    /// The current maps.
     ///
     /// # Errors
     /// Before the first photograph was accepted.
@@ -347,9 +349,8 @@ impl Session {
         self.shared.lock().maps.clone().ok_or(Error::NoMaps)
     }
 
-    /// What the maps of the moment go with, beside what was given: gain of each accepted photograph,
-    /// exposure over distance, offset of the flash. Nothing where a board tells these, and until
-    /// photographs do.
+    /// Corrections that belong to the current maps: gain of each accepted photograph, exposure over
+    /// distance, offset of the flash. None where a board determines them, and while they are unknown.
     pub fn exposure(&self) -> Exposure {
         self.shared.lock().exposure.clone()
     }
@@ -376,17 +377,18 @@ impl Session {
         self.shared.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
     }
 
-    /// What ended the fit, if a fault did: every call that needs the fit answers it from then on.
+    /// The internal error that ended the fit, if there was one. Every call that needs the fit returns it
+    /// from then on.
     pub fn failure(&self) -> Option<String> {
         self.shared.lock().failed.clone()
     }
 
-    /// How often state and maps have changed.
+    /// Counters of changes of state and maps.
     pub fn revision(&self) -> Revision {
         self.shared.lock().revision
     }
 
-    /// Blocks until something has changed since `seen`: what there is now.
+    /// Blocks until something has changed since `seen`; the present counters.
     ///
     /// # Errors
     /// When the fit failed or was cancelled and nothing has changed since.
@@ -396,7 +398,7 @@ impl Session {
     }
 
     /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
-    /// photographs, and before the first one tells.
+    /// photographs, and while it is unknown.
     pub fn camera(&self) -> Option<Camera> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera()
     }
@@ -406,22 +408,21 @@ impl Session {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera_sigma()
     }
 
-    /// How the board's print differs from its plan, as used, and how well that is known: stretched
-    /// by the printer, bent. As planned until two photographs and more say otherwise clearly.
-    /// `None` for rectified photographs.
+    /// How the printed board differs from its plan (stretch, bow), as used, with standard deviations. As
+    /// planned unless two photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).paper()
     }
 
-    /// Height of the sample's surface above the board, as used, and how well it is known. 0 until
-    /// two photographs and more say otherwise clearly; what the scene states, without a standard
-    /// deviation, where it does. `None` for rectified photographs.
+    /// Height of the sample's surface above the board, as used, with its standard deviation. 0 unless two
+    /// photographs or more clearly say otherwise. If the scene states the height, it has no standard
+    /// deviation. `None` for rectified photographs.
     pub fn elevation(&self) -> Option<ElevationEstimate> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).elevation()
     }
 
-    /// Poses of the accepted photographs as known now: later photographs better what is known of
-    /// paper and camera, and by that the poses of earlier ones. Empty for rectified photographs.
+    /// Current estimates of the poses of the accepted photographs: later photographs improve what is known
+    /// of paper and camera, and so the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
     }
@@ -437,24 +438,24 @@ impl Session {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).ambient_fraction()
     }
 
-    /// What undoes the camera's tone curve: the identity for rectified photographs, and as long as
-    /// nothing says that values are not linear.
+    /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
+    /// values seem linear.
     pub fn tone_curve(&self) -> ToneCurve {
         self.intake.lock().unwrap_or_else(PoisonError::into_inner).tone_curve()
     }
 
-    /// Holds the fit after the step in progress.
+    /// Pauses the fit after the step in progress.
     pub fn pause(&self) {
         self.shared.paused.store(true, Ordering::Relaxed);
     }
 
-    /// Goes on after [`Session::pause`].
+    /// Continues after [`Session::pause`].
     pub fn resume(&self) {
         self.shared.paused.store(false, Ordering::Relaxed);
         self.wake();
     }
 
-    /// Ends the fit after the step in progress; maps stay available, pushes are refused.
+    /// Ends the fit after the step in progress. The maps stay available; pushes are refused.
     pub fn cancel(&self) {
         self.shared.cancelled.store(true, Ordering::Relaxed);
         self.wake();

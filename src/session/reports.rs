@@ -106,7 +106,7 @@ pub struct ProbedView {
     pub direction: [f32; 3],
     /// From the sample's centre to the camera, mm.
     pub distance_mm: f32,
-    /// Angle off the top, degrees.
+    /// Angle off the vertical, degrees.
     pub tilt_deg: f32,
     /// Side of the camera: degrees counter-clockwise from the sample's +X, 0 to 360.
     pub azimuth_deg: f32,

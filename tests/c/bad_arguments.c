@@ -214,8 +214,8 @@ void test_bad_arguments(const char *folder)
     EXPECT(svbrdf_session_progress(session_, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_snapshot_maps(session_, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_snapshot_maps(session_, &maps), SVBRDF_NO_MAPS);
-    EXPECT(svbrdf_session_export(session_, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_export(session_, "anywhere"), SVBRDF_NO_MAPS);
+    EXPECT(svbrdf_maps_export(NULL, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export(NULL, NULL, "anywhere"), SVBRDF_INVALID_HANDLE);
     OK(svbrdf_session_light(session_, NULL, NULL));
     EXPECT(svbrdf_image_init(NULL, sizeof(svbrdf_image)), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_progress_init(&progress, 3), SVBRDF_INVALID_ARGUMENT);

@@ -39,6 +39,8 @@ void gray_image(svbrdf_image *image, unsigned char *rgb, int level);
 void rectified_options(svbrdf_session_options *options);
 /* Pushes a gray rectified photo. */
 svbrdf_status push_gray(svbrdf_session *session, int level);
+/* Writes the maps of the moment into a folder; what the library is to answer. */
+void export_maps(const svbrdf_session *session, const char *path, svbrdf_status expected);
 
 typedef struct {
     unsigned char *rgb;

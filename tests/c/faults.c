@@ -63,13 +63,13 @@ static void full_disk(const char *folder)
     OK(svbrdf_session_create(&options, &session));
     OK(svbrdf_session_pause(session));
     OK(push_gray(session, 100));
-    OK(svbrdf_session_export(session, maps));
+    export_maps(session, maps, SVBRDF_OK);
     OK(svbrdf_session_save_state_to(session, state));
     before = read_all(state, &bytes);
     files = files_in(maps);
 
     limit_files(1000);
-    EXPECT(svbrdf_session_export(session, maps), SVBRDF_IO);
+    export_maps(session, maps, SVBRDF_IO);
     EXPECT(svbrdf_session_save_state_to(session, state), SVBRDF_IO);
     limit_files(usual.rlim_cur);
 
@@ -83,7 +83,7 @@ static void full_disk(const char *folder)
     CHECK(bytes > 1000 && memcmp(before, "\x89PNG", 4) == 0);
     free(before);
     /* The session has lost nothing. */
-    OK(svbrdf_session_export(session, maps));
+    export_maps(session, maps, SVBRDF_OK);
     OK(svbrdf_session_save_state_to(session, state));
     OK(svbrdf_session_destroy(session));
 }

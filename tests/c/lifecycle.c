@@ -18,6 +18,61 @@ static void on_maps_count(void *user, svbrdf_session *session)
     ++*(volatile int *)user;
 }
 
+/* What a log callback shares with the thread that ends its session. */
+typedef struct {
+    pthread_mutex_t lock;
+    svbrdf_session *session;
+    int entered, ended;
+} slow_log;
+
+static void on_log_slowly(void *user, svbrdf_log_level level, const char *message)
+{
+    slow_log *log = user;
+    (void)level;
+    if (strstr(message, "accepted") == NULL) {
+        return;
+    }
+    CHECK(pthread_mutex_lock(&log->lock) == 0);
+    log->entered = 1;
+    CHECK(pthread_mutex_unlock(&log->lock) == 0);
+    usleep(200000);
+    CHECK(pthread_mutex_lock(&log->lock) == 0);
+    CHECK(!log->ended);
+    CHECK(pthread_mutex_unlock(&log->lock) == 0);
+}
+
+static void *push_one(void *user)
+{
+    (void)push_gray(((slow_log *)user)->session, 100);
+    return NULL;
+}
+
+/* svbrdf_session_destroy() waits for log callbacks inside the calls of other threads. */
+static void destroyed_while_logging(void)
+{
+    static slow_log log = {PTHREAD_MUTEX_INITIALIZER, NULL, 0, 0};
+    svbrdf_session_options options;
+    pthread_t pusher;
+    int entered = 0;
+    rectified_options(&options);
+    options.on_log = on_log_slowly;
+    options.user_data = &log;
+    OK(svbrdf_session_create(&options, &log.session));
+    OK(svbrdf_session_pause(log.session));
+    CHECK(pthread_create(&pusher, NULL, push_one, &log) == 0);
+    while (!entered) {
+        usleep(1000);
+        CHECK(pthread_mutex_lock(&log.lock) == 0);
+        entered = log.entered;
+        CHECK(pthread_mutex_unlock(&log.lock) == 0);
+    }
+    OK(svbrdf_session_destroy(log.session));
+    CHECK(pthread_mutex_lock(&log.lock) == 0);
+    log.ended = 1;
+    CHECK(pthread_mutex_unlock(&log.lock) == 0);
+    CHECK(pthread_join(pusher, NULL) == 0);
+}
+
 static long resident_kib(void)
 {
     long pages = 0, resident = 0;
@@ -101,6 +156,7 @@ void test_lifecycle(const char *folder)
     }
     CHECK(called);
     EXPECT(svbrdf_session_pause(session), SVBRDF_INVALID_HANDLE);
+    destroyed_while_logging();
 }
 
 static svbrdf_session *shared;

@@ -38,6 +38,14 @@ svbrdf_status push_gray(svbrdf_session *session, int level)
     return status;
 }
 
+void export_maps(const svbrdf_session *session, const char *path, svbrdf_status expected)
+{
+    svbrdf_maps *maps = NULL;
+    OK(svbrdf_session_snapshot_maps(session, &maps));
+    EXPECT(svbrdf_maps_export(maps, NULL, path), expected);
+    OK(svbrdf_maps_destroy(maps));
+}
+
 int main(int argc, char **argv)
 {
     static const struct {

@@ -98,10 +98,10 @@ static void check_packages(const svbrdf_maps *maps, const char *folder)
     OK(svbrdf_package_destroy(NULL));
 
     CHECK(snprintf(path, sizeof path, "%s/packages", folder) < (int)sizeof path);
-    OK(svbrdf_maps_export_formats(maps, &options, path));
-    EXPECT(svbrdf_maps_export_formats(maps, &options, "/proc/nowhere"), SVBRDF_IO);
-    EXPECT(svbrdf_maps_export_formats(maps, &options, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_export_formats(maps, NULL, path), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_maps_export(maps, &options, path));
+    EXPECT(svbrdf_maps_export(maps, &options, "/proc/nowhere"), SVBRDF_IO);
+    EXPECT(svbrdf_maps_export(maps, &options, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export(NULL, &options, path), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_maps_export_package(maps, &options, NULL), SVBRDF_INVALID_ARGUMENT);
     options.formats = "glb,obj";
     EXPECT(svbrdf_maps_export_package(maps, &options, &package), SVBRDF_INVALID_ARGUMENT);
@@ -211,11 +211,11 @@ void test_maps(const char *folder)
     EXPECT(svbrdf_maps_view(maps, 1, 4, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_view(maps, 1, 1, NULL), SVBRDF_INVALID_ARGUMENT);
     CHECK(snprintf(path, sizeof path, "%s/snapshot", folder) < (int)sizeof path);
-    OK(svbrdf_maps_export(maps, path));
-    EXPECT(svbrdf_maps_export(maps, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_export(maps, ""), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_export(maps, "\xff\xfe"), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_export(maps, "/proc/nowhere"), SVBRDF_IO);
+    OK(svbrdf_maps_export(maps, NULL, path));
+    EXPECT(svbrdf_maps_export(maps, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export(maps, NULL, ""), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export(maps, NULL, "\xff\xfe"), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_export(maps, NULL, "/proc/nowhere"), SVBRDF_IO);
     check_packages(maps, folder);
     OK(svbrdf_maps_destroy(maps));
     EXPECT(svbrdf_maps_destroy(maps), SVBRDF_INVALID_HANDLE);

@@ -195,7 +195,8 @@ static void push_files(const char *folder, const svbrdf_capture *capture,
     bytes = read_file(path, &length);
     OK(svbrdf_session_options_init(&options, sizeof options));
     options.threads = 1;
-    OK(svbrdf_session_create_for_capture(&options, capture, &session));
+    options.capture = capture;
+    OK(svbrdf_session_create(&options, &session));
     OK(svbrdf_session_pause(session));
     OK(svbrdf_encoded_options_init(&how, sizeof how));
     OK(svbrdf_file_info_init(&info, sizeof info));
@@ -271,9 +272,10 @@ void test_capture(const char *folder)
     CHECK(count == 8);
     OK(svbrdf_session_options_init(&options, sizeof options));
     options.threads = 1;
-    EXPECT(svbrdf_session_create_for_capture(&options, NULL, &session), SVBRDF_INVALID_HANDLE);
-    EXPECT(svbrdf_session_create_for_capture(NULL, capture, &session), SVBRDF_INVALID_ARGUMENT);
-    OK(svbrdf_session_create_for_capture(&options, capture, &session));
+    options.capture = (const svbrdf_capture *)rectified;
+    EXPECT(svbrdf_session_create(&options, &session), SVBRDF_INVALID_HANDLE);
+    options.capture = capture;
+    OK(svbrdf_session_create(&options, &session));
     EXPECT(svbrdf_session_push_capture(session, capture, 8, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_push_capture(session, NULL, 0, NULL), SVBRDF_INVALID_HANDLE);
     /* A session of another kind. */

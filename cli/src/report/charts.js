@@ -75,12 +75,12 @@ function viewsChart(photographs, next) {
     const [cx, cy] = place(p.view.off_top_deg, p.view.azimuth_deg);
     return make('g', {},
       make('circle', { class: p.held_out ? 'camera held' : 'camera', cx, cy, r: 9.5 },
-        make('title', { svg: true }, `photo ${p.index + 1}: ${p.view.off_top_deg.toFixed(0)}° off the top, ${p.view.distance_mm.toFixed(0)} mm away`)),
+        make('title', { svg: true }, `photo ${p.index + 1}: ${p.view.off_top_deg.toFixed(0)}° off the vertical, ${p.view.distance_mm.toFixed(0)} mm away`)),
       make('text', { class: 'mark', x: cx, y: cy + 0.5 }, String(p.index + 1)));
   };
   const there = next ? place(next.tilt_deg, next.azimuth_deg) : null;
   const advice = next
-    ? `next best: ${next.tilt_deg.toFixed(0)}° off the top${next.tilt_deg > 1 ? `, towards ${compass(next.azimuth_deg)}` : ''}`
+    ? `next best: ${next.tilt_deg.toFixed(0)}° off the vertical${next.tilt_deg > 1 ? `, towards ${compass(next.azimuth_deg)}` : ''}`
     : 'seen from above, rings 15° apart';
   return make('figure', { class: 'plot' },
     make('figcaption', {}, 'Where the photographs were taken', make('span', { class: 'quiet' }, ` ${advice}`)),

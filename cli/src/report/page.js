@@ -254,7 +254,7 @@ const KINDS = [
     return [127.5 * (p * z + 1), 127.5 * (q * z + 1), 127.5 * (z + 1)];
   }, (m, i) => {
     const [p, q] = [m.shape[4 * i], m.shape[4 * i + 1]];
-    return `${((Math.atan(Math.hypot(p, q)) * 180) / Math.PI).toFixed(1)}° off the top`;
+    return `${((Math.atan(Math.hypot(p, q)) * 180) / Math.PI).toFixed(1)}° off the vertical`;
   }],
   ['Diffuse albedo', (m, i) => [0, 1, 2].map((c) => encode(m.diffuse[4 * i + c])), (m, i) => triple(m.diffuse, i)],
   ['Specular albedo (F0)', (m, i) => [0, 1, 2].map((c) => encode(m.specular[4 * i + c])), (m, i) => triple(m.specular, i)],

@@ -50,8 +50,8 @@ type Warning = Option<(String, String)>;
 
 fn interrupted(subject: &Subject) -> Warning {
     (subject.report["interrupted"] == true).then(|| {
-        let text = "The fit was ended before it was done. The maps are those of that moment; run it \
-                    again for the rest.";
+        let text = "The fit was interrupted. These are the maps of that moment. Run the command again to \
+                    complete them.";
         ("Interrupted".into(), text.into())
     })
 }
@@ -104,7 +104,7 @@ fn left_out(subject: &Subject) -> Warning {
         })
         .collect();
     let rest = if out.len() > SHOWN { " More are in report.json." } else { "" };
-    let title = format!("Of another camera, left out: {}", out.len());
+    let title = format!("Left out, from another camera: {}", out.len());
     (!out.is_empty()).then(|| (title, format!("{}{rest}", each.join(" "))))
 }
 
@@ -123,8 +123,8 @@ fn few(rows: &[&Value]) -> Warning {
     (fitted < FEW_PHOTOGRAPHS).then(|| {
         let photographs = if fitted == 1 { "One photograph" } else { "Two photographs" };
         let text = format!(
-            "{photographs} cannot tell gloss from colour, or relief from shading, everywhere: much \
-             is what the network expects of such materials. Take three at least, better eight."
+            "{photographs} cannot distinguish gloss from colour, or relief from shading, everywhere. \
+             Much is what the network expects of such materials. Take at least three, better eight."
         );
         ("Few photographs".into(), text)
     })
@@ -136,10 +136,10 @@ fn views(subject: &Subject, rows: &[&Value]) -> Warning {
     let steepest = fitted.iter().filter_map(tilt).fold(0.0, f64::max);
     (fitted.len() >= FEW_PHOTOGRAPHS && steepest < NARROW_DEG).then(|| {
         let text = format!(
-            "All photographs were taken within {steepest:.0}° of the top, so the highlight swept \
-             little of the sample. Walk round it, 10° to 45° off the top."
+            "All photographs were taken within {steepest:.0}° of the vertical, so the highlight swept \
+             over little of the sample. Walk round it, 10° to 45° off the vertical."
         );
-        ("Views alike".into(), text)
+        ("Similar views".into(), text)
     })
 }
 
@@ -163,21 +163,21 @@ fn geometry(subject: &Subject, rows: &[&Value]) -> Warning {
         .collect();
     if !off.is_empty() {
         let text = format!(
-            "The board's corners lie more than {REPROJECTION_PX} px from where the camera should \
-             see them in {}: is the board flat, is the camera's calibration right?",
+            "In {}, the board's corners lie more than {REPROJECTION_PX} px from where the camera \
+             should see them. Is the board flat? Is the calibration of the camera right?",
             photos(&off)
         );
-        return Some(("Board does not fit".into(), text));
+        return Some(("The board does not fit".into(), text));
     }
     let sigma = subject.report["camera_uncertainty"]["fx"].as_f64()?;
     let focal = subject.report["camera"]["fx"].as_f64()?;
     (sigma > FOCAL_SIGMA * focal).then(|| {
         let text = format!(
-            "The focal length is known to {:.1} % only. More photographs from the side, or \
-             `svbrdf calibrate`, make it sure.",
+            "The focal length is known only to {:.1} %. Take more photographs from the side, or use \
+             `svbrdf calibrate`.",
             100.0 * sigma / focal
         );
-        ("Camera roughly known".into(), text)
+        ("Uncertain camera".into(), text)
     })
 }
 
@@ -185,8 +185,8 @@ fn ambient(subject: &Subject) -> Warning {
     let share = subject.report["ambient_fraction"].as_f64()?;
     (share > AMBIENT).then(|| {
         let text = format!(
-            "The room gave {:.0} % as much light as the flash. It is accounted for, but a darker \
-             room gives better maps of smooth materials.",
+            "The room light was {:.0} % of the flash. It is accounted for, but a darker room gives \
+             better maps of smooth materials.",
             100.0 * share
         );
         ("Bright room".into(), text)
@@ -201,8 +201,8 @@ fn held_out(subject: &Subject) -> Warning {
     let best = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
     (last > WORSE * best.0).then(|| {
         let text = format!(
-            "The photographs held out are predicted best after photograph {} (error {:.4}), worse \
-             in the end ({last:.4}). Did exposure, focus or the light change between photographs?",
+            "The photographs held out are predicted best after photograph {} (error {:.4}) and worse \
+             at the end ({last:.4}). Did exposure, focus or light change between photographs?",
             best.1, best.0
         );
         ("More photographs made it worse".into(), text)
@@ -215,8 +215,8 @@ fn limits(subject: &Subject) -> Warning {
     let share = low as f32 / roughness.len() as f32;
     (share > AT_LIMIT).then(|| {
         let text = format!(
-            "{:.0} % of the sample has the least roughness there is: a mirror, whose gloss a point \
-             light cannot measure.",
+            "{:.0} % of the sample has the smallest possible roughness, like a mirror. A point light \
+             cannot measure its gloss.",
             100.0 * share
         );
         ("Mirror-like".into(), text)

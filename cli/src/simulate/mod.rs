@@ -33,7 +33,7 @@ const SAMPLE_MM: f32 = 100.0;
 /// Flash in the camera frame, mm.
 const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 
-/// Make a capture of known maps: photographs of the default board round them
+/// Make a capture of known maps: render photographs of them inside the default board
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified\n  svbrdf simulate maps --out capture --tone filmic --patches"
@@ -41,10 +41,10 @@ const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 pub struct Arguments {
     /// Folder with maps
     maps: PathBuf,
-    /// Folder to write capture.json, frames and truth into
+    /// Folder for capture.json, frames and truth
     #[arg(long)]
     out: PathBuf,
-    /// Number of photos
+    /// Number of photographs
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames: u32,
     /// Seed of poses, noise and faults
@@ -53,27 +53,27 @@ pub struct Arguments {
     /// Height of the sample's surface above the board, mm
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation: f64,
-    /// Light of a room that is brighter to one side, as a share of the flash's on the sample
+    /// Room light, brighter on one side, as a share of the flash on the sample
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     ambient: f64,
-    /// Write JPEG files of this quality; --real has 80, --tone 92 without it, others PNG
+    /// Write JPEG files of this quality [default: 80 with --real, 92 with --tone, otherwise PNG]
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
     jpeg: Option<u8>,
-    /// Put a camera's tone curve over the photos, which the capture does not tell
+    /// Apply a camera's tone curve, without stating it in the capture
     #[arg(long, value_enum, conflicts_with = "rectified")]
     tone: Option<Tone>,
-    /// Print the gray patches below the ring; the middle one comes out darker than planned
+    /// Add the gray patches below the ring; the middle one is printed darker than planned
     #[arg(long, conflicts_with = "rectified")]
     patches: bool,
-    /// Add what real photos have and the capture does not tell: brightness and exposure that change,
-    /// a flash beside the camera, highlights with other tails, blur, JPEG, a bowed sample,
-    /// registration errors of half a texel where rectified; truth.json has them
+    /// Add the faults of real photographs, without stating them in the capture: changing brightness
+    /// and exposure, a flash beside the camera, highlights with other tails, blur, JPEG, a bowed
+    /// sample; if rectified, registration errors of half a texel. truth.json lists them
     #[arg(long)]
     real: bool,
-    /// Take the photos along the path of a hand [default: spread at random over all sides]
+    /// Take the photographs along the path of a hand [default: at random from all sides]
     #[arg(long, value_enum, conflicts_with = "rectified")]
     path: Option<HandPath>,
-    /// Write photos of the sample alone, from the top, as many pixels as the maps have texels
+    /// Write rectified photographs: the sample alone from above, one pixel per texel
     #[arg(long, conflicts_with = "elevation")]
     rectified: bool,
 }

@@ -49,8 +49,8 @@ pub struct svbrdf_board {
     pub marker_mm: f64,
     /// For ChArUco: OpenCV's dictionary name, e.g. "DICT_4X4_250"; needed during the call only.
     pub dictionary: *const c_char,
-    /// Whether black, gray and white patches are printed below the ring as `svbrdf board` does, 0
-    /// or 1: they tell whether photos are linear. Default: 1; set 0 for boards from elsewhere.
+    /// 1: black, gray and white patches are printed below the ring, as `svbrdf board` does; they show
+    /// whether photos are linear. Default: 1. Set 0 for boards from elsewhere.
     pub patches: u32,
     /// 0.
     pub reserved: u32,
@@ -140,9 +140,9 @@ impl svbrdf_board {
 pub struct svbrdf_camera {
     /// Size of this struct.
     pub size: usize,
-    /// Width of the photos, px, after turning them by svbrdf_image.rotation.
+    /// Width of the photos, px, after svbrdf_image.rotation.
     pub width: u32,
-    /// Height of the photos, px, after turning them.
+    /// Height of the photos, px, after svbrdf_image.rotation.
     pub height: u32,
     /// Focal length along x, px.
     pub fx: f64,

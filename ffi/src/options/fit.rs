@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::board::{svbrdf_board, svbrdf_camera};
 use super::callbacks::{svbrdf_maps_callback, svbrdf_progress_callback};
+use crate::capture::svbrdf_capture;
 use crate::log::svbrdf_log_callback;
 use crate::models::svbrdf_models;
 use crate::status::{Fault, entry, svbrdf_status};
@@ -23,11 +24,11 @@ pub const SVBRDF_SCENE_BOARD: svbrdf_scene = 1;
 /// The sample's top view, camera and light given: svbrdf_session_push_rectified().
 pub const SVBRDF_SCENE_RECTIFIED: svbrdf_scene = 2;
 
-/// How maps are found.
+/// How the maps are found.
 pub type svbrdf_method = u32;
 /// Networks, then per-texel refinement.
 pub const SVBRDF_METHOD_DEEP: svbrdf_method = 1;
-/// Inverse rendering on the maps themselves: a baseline.
+/// Inverse rendering directly on the maps: a baseline.
 pub const SVBRDF_METHOD_CLASSIC: svbrdf_method = 2;
 
 /// Light of rectified photos.
@@ -39,7 +40,7 @@ pub const SVBRDF_FALLOFF_INVERSE_SQUARE: svbrdf_falloff = 2;
 /// The same irradiance light_power at every texel; pi: a white texel facing it comes out at 1.
 pub const SVBRDF_FALLOFF_NONE: svbrdf_falloff = 3;
 
-/// Options of a session. What they point to is needed during the call only, except user_data.
+/// Options of a session. What they point to is needed only during the call, except user_data.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_session_options {
@@ -53,7 +54,7 @@ pub struct svbrdf_session_options {
     pub sample_mm: [f32; 2],
     /// One of SVBRDF_METHOD_. Default: deep.
     pub method: svbrdf_method,
-    /// Whether the per-texel refinement runs, 0 or 1. Default: 1.
+    /// 1: the per-texel refinement runs. Default: 1.
     pub refine: u32,
     /// Threads of the fit, at most 64; 0: one per core, at most 4.
     pub threads: u32,
@@ -67,25 +68,28 @@ pub struct svbrdf_session_options {
     pub board: *const svbrdf_board,
     /// The camera of all photos; NULL: estimated from the photos so far.
     pub camera: *const svbrdf_camera,
-    /// Position of the flash in the camera frame (x right, y down, z forward), three numbers, mm;
-    /// NULL: at the camera's centre until the photos tell.
+    /// Position of the flash in the camera frame (x right, y down, z forward), three numbers, mm; NULL:
+    /// at the camera's centre until the photos determine it.
     pub flash_offset_mm: *const f64,
     /// Models; NULL: those inside the library.
     pub models: *const svbrdf_models,
+    /// A capture whose scene, sample, board, camera, flash and falloff take the place of those
+    /// above; NULL: none. The session does not need it after the call.
+    pub capture: *const svbrdf_capture,
     /// Called on the session's callback thread, or NULL.
     pub on_progress: svbrdf_progress_callback,
     /// Called on the session's callback thread, or NULL.
     pub on_maps: svbrdf_maps_callback,
     /// Called with log lines, or NULL.
     pub on_log: svbrdf_log_callback,
-    /// Handed to the callbacks.
+    /// Passed to the callbacks.
     pub user_data: *mut c_void,
-    /// Most memory the session may need by its own estimate, bytes, the models (about 30 MB, shared
-    /// by all sessions) not counted, copies of photos that svbrdf_session_push_frame_async() holds
-    /// counted; 0: any amount. What would need more is answered with SVBRDF_MEMORY_LIMIT.
+    /// Limit of the session's memory by its own estimate, bytes; 0: no limit. Includes copies of photos
+    /// that svbrdf_session_push_frame_async() holds, but not the models (about 30 MB, shared by all
+    /// sessions). Calls that would need more return SVBRDF_MEMORY_LIMIT.
     pub memory_limit_bytes: u64,
-    /// For a board: height of the sample's surface above the printed side, -5 to 20 mm; NaN:
-    /// estimated from the photos. Default: NaN.
+    /// For a board: height of the sample's surface above the printed side, -5 to 20 mm. Default: NaN,
+    /// estimated from the photos.
     pub elevation_mm: f64,
 }
 
@@ -107,6 +111,7 @@ impl Default for svbrdf_session_options {
             camera: std::ptr::null(),
             flash_offset_mm: std::ptr::null(),
             models: std::ptr::null(),
+            capture: std::ptr::null(),
             on_progress: None,
             on_maps: None,
             on_log: None,

@@ -11,13 +11,13 @@ use crate::versioned::{self, versioned};
 
 /// What lit a photo.
 pub type svbrdf_flash = u32;
-/// Not said: the photo is looked at.
+/// Not stated: judged from the photo.
 pub const SVBRDF_FLASH_UNKNOWN: svbrdf_flash = 0;
 /// No flash: the photo is rejected.
 pub const SVBRDF_FLASH_OFF: svbrdf_flash = 1;
 /// A flash fired.
 pub const SVBRDF_FLASH_FIRED: svbrdf_flash = 2;
-/// The lamp was on all the time.
+/// The lamp was on all the time, as a torch.
 pub const SVBRDF_FLASH_TORCH: svbrdf_flash = 3;
 
 /// What is known about a photo.
@@ -31,12 +31,12 @@ pub struct svbrdf_frame_info {
     pub exposure: f32,
     /// One of SVBRDF_FLASH_. Default: unknown.
     pub flash: svbrdf_flash,
-    /// Handed back in the report and named in the log, e.g. to tell which photo it was.
+    /// Returned in the report and named in the log, to identify the photo.
     pub timestamp_ns: i64,
-    /// The same view without flash, or NULL: it is subtracted in linear light. Same size as the
-    /// photo; the camera must not have moved. Nothing of it is kept.
+    /// The same view without flash, subtracted in linear light; or NULL. It has the size of the photo,
+    /// and the camera must not have moved. Nothing of it is kept.
     pub ambient: *const svbrdf_image,
-    /// Relative exposure of that; 0: as the photo's.
+    /// Relative exposure of that picture; 0: that of the photo.
     pub ambient_exposure: f32,
     /// Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
     /// camera that is estimated it is where the search begins.

@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, PoisonError};
 
-use engine::session::Session;
+use engine::session::{Session, Settings};
 
 use crate::callbacks::Callbacks;
+use crate::capture::CAPTURES;
 use crate::handles::svbrdf_session;
 use crate::live::{Live, SESSIONS};
 use crate::log::SVBRDF_LOG_INFO;
@@ -14,8 +15,7 @@ use crate::options::svbrdf_session_options;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned;
 
-/// Starts a session. On success `*session` is a handle to free with svbrdf_session_destroy();
-/// otherwise it is left as it was.
+/// Starts a session. Free it with svbrdf_session_destroy().
 ///
 /// # Safety
 /// `options` is NULL or initialised by svbrdf_session_options_init(); what it points to is what
@@ -28,7 +28,13 @@ pub unsafe extern "C" fn svbrdf_session_create(
     // SAFETY: the caller vouches for the options, what they point to, and the result.
     unsafe {
         open(options, session, |options| {
-            let (scene, settings) = (options.scene()?, options.settings()?);
+            let (scene, settings) = if options.capture.is_null() {
+                (options.scene()?, options.settings()?)
+            } else {
+                let capture = CAPTURES.get(options.capture.addr())?;
+                let settings = Settings { sample_mm: capture.sample_mm, ..options.settings()? };
+                (capture.scene.clone(), settings)
+            };
             let networks = models::networks(options.models)?;
             Ok(Session::with_networks(scene, settings, networks)?)
         })

@@ -4,6 +4,7 @@ use engine::frame::Photo;
 use engine::session::{Pushed, Session};
 use engine::{Error, Rejection};
 
+use crate::capture::{CAPTURES, svbrdf_capture};
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{Live, act};
@@ -13,10 +14,10 @@ use crate::reports::{svbrdf_frame_report, words};
 use crate::status::{Fault, SVBRDF_REJECTED, svbrdf_status};
 use crate::versioned;
 
-/// Takes a photo of a board in: copied, calibrated, rectified. When it returns SVBRDF_OK, maps that
-/// know of the photo are available; the fit goes on in the background. SVBRDF_REJECTED when the
-/// photo cannot be used: nothing changed. `info` and `report` may be NULL. Calls from several
-/// threads are served one after the other.
+/// Takes in a photo of a board: copies, calibrates and rectifies it. When this returns SVBRDF_OK, the
+/// maps include the photo, and the fit continues in the background. SVBRDF_REJECTED: the photo cannot
+/// be used, and nothing changed. `info` and `report` may be NULL. Calls from several threads are
+/// served one after the other.
 ///
 /// # Safety
 /// Each pointer is NULL or initialised by its _init() function; the image's planes are NULL or
@@ -32,7 +33,7 @@ pub unsafe extern "C" fn svbrdf_session_push_frame(
     unsafe { push(session, image, info, report, |session, photo| session.push(photo)) }
 }
 
-/// As svbrdf_session_push_frame() for a photo that shows the sample's rectangle from the top, at
+/// As svbrdf_session_push_frame(), for a photo that shows exactly the sample's rectangle from above, at
 /// any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
 /// sample's centre, X right, Y up, Z towards the camera).
 ///
@@ -140,11 +141,43 @@ pub(crate) fn outcome(
     }
 }
 
-/// Takes an accepted photo back: the session is as if it had never come, calibration included. `index`
-/// counts the accepted photos from 0; later ones move up by one. The fit begins anew, and when this
-/// returns, the maps do not know of the photo any more; without any photo left there are none.
-/// Another index, or a photo without which others would have been rejected:
-/// SVBRDF_INVALID_ARGUMENT, and nothing has changed. Waits for a push and for a step of the fit.
+/// Reads a photo of a capture and takes it in, as svbrdf_session_push_frame() or
+/// svbrdf_session_push_rectified(). The report's timestamp is the index. `report` may be NULL.
+///
+/// # Safety
+/// `report` is NULL or initialised by svbrdf_frame_report_init().
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_session_push_capture(
+    session: *mut svbrdf_session,
+    capture: *const svbrdf_capture,
+    index: u32,
+    report: *mut svbrdf_frame_report,
+) -> svbrdf_status {
+    act(session, |live| {
+        let capture = CAPTURES.get(capture.addr())?;
+        // SAFETY: the caller vouches for the report.
+        let size = unsafe { versioned::result_size(report) }?;
+        let frame = capture.frames.get(index as usize).ok_or_else(|| {
+            Fault::argument(format!(
+                "index: {index} given, but the capture has {} frames",
+                capture.frames.len()
+            ))
+        })?;
+        let photo = frame.read()?;
+        let pushed = match frame.rectified {
+            Some(view) => live.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
+            None => live.session.push(&photo)?,
+        };
+        // SAFETY: `size` bytes are there.
+        unsafe { tell(live, &pushed, index.into(), report, size) }
+    })
+}
+
+/// Takes back an accepted photo: the session, including its calibration, is as if the photo had never
+/// come. `index` counts the accepted photos from 0; later ones move up by one. The fit starts again.
+/// When this returns, the maps no longer include the photo; without any photo left there are none.
+/// SVBRDF_INVALID_ARGUMENT for other indices, and if other photos would have been rejected without
+/// this one. Waits for a push and for a step of the fit.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_remove_frame(
     session: *mut svbrdf_session,

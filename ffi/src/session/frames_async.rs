@@ -16,11 +16,10 @@ use crate::reports::svbrdf_frame_report;
 use crate::status::{Fault, svbrdf_status};
 use crate::versioned;
 
-/// Called with what became of a photo of svbrdf_session_push_frame_async(): the status and the report
-/// that svbrdf_session_push_frame() would have given; where it is neither SVBRDF_OK nor
-/// SVBRDF_REJECTED, the report has the timestamp only. The report is valid during the call, and so is
-/// what svbrdf_last_error_message() says there until the next call of the library. See "Threads" at
-/// the top.
+/// Called with what became of a photo of svbrdf_session_push_frame_async(): the status and report that
+/// svbrdf_session_push_frame() would have given. If the status is neither SVBRDF_OK nor
+/// SVBRDF_REJECTED, the report contains only the timestamp. The report is valid during the call, and
+/// svbrdf_last_error_message() until the next call of the library. See "Threads" at the top.
 pub type svbrdf_pushed_callback = Option<
     unsafe extern "C" fn(
         user_data: *mut c_void,
@@ -58,14 +57,12 @@ impl Callback {
     }
 }
 
-/// As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied as
-/// they are, so that their memory is the caller's again. Photos are taken in one after the other in
-/// the order of the calls. When this returns SVBRDF_OK, `callback` comes exactly once, whatever
-/// happens meanwhile: with SVBRDF_CANCELLED when the session is cancelled or destroyed first, with
-/// SVBRDF_INVALID_ARGUMENT when the planes are not what the image says of them. Otherwise it does
-/// not come. SVBRDF_BUSY when three photos are on their way already. Their copies count as memory of the
-/// session: SVBRDF_MEMORY_LIMIT when with one more, and with what the largest needs to be taken in,
-/// svbrdf_session_options.memory_limit_bytes would be exceeded; nothing is copied then.
+/// As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied, so
+/// that their memory is free again. Photos are taken in one after the other, in the order of the
+/// calls. When this returns SVBRDF_OK, `callback` is called exactly once: with SVBRDF_CANCELLED if the
+/// session is cancelled or destroyed first, with SVBRDF_INVALID_ARGUMENT if the planes do not match
+/// their description. Otherwise it is not called. SVBRDF_BUSY: three photos are waiting already.
+/// SVBRDF_MEMORY_LIMIT: with this copy, svbrdf_session_options.memory_limit_bytes would be exceeded.
 ///
 /// # Safety
 /// As svbrdf_session_push_frame().

@@ -1,6 +1,5 @@
 //! What a session knows: the fit's state, camera and light, maps.
 
-use std::ffi::c_char;
 use std::time::Duration;
 
 use crate::handles::svbrdf_session;
@@ -12,8 +11,8 @@ use crate::reports::{svbrdf_next_view, svbrdf_progress};
 use crate::status::{Fault, SVBRDF_TIMEOUT, svbrdf_status};
 use crate::versioned;
 
-/// Blocks until the fit has settled on all photos so far, for at most `timeout_ms` milliseconds
-/// (negative: no limit; 0: only looks). SVBRDF_TIMEOUT when it has not settled by then.
+/// Waits until the fit has settled on all photos so far, at most `timeout_ms` milliseconds (negative: no
+/// limit; 0: returns at once). SVBRDF_TIMEOUT if it has not settled by then.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_wait(
     session: *mut svbrdf_session,
@@ -32,7 +31,7 @@ pub extern "C" fn svbrdf_session_wait(
     })
 }
 
-/// State of the fit; answered at once, also by a failed or cancelled session.
+/// State of the fit. Returns at once, also for a failed or cancelled session.
 ///
 /// # Safety
 /// `progress` is NULL or initialised by svbrdf_progress_init().
@@ -77,8 +76,9 @@ pub unsafe extern "C" fn svbrdf_session_light(
     })
 }
 
-/// Where the next photo tells most: of views 10 to 50 degrees off the top that which lowers the expected
-/// error of renderings most. Waits for a push in progress and a step of the fit.
+/// The most informative view for the next photo: of views 10 to 50 degrees off the vertical, the one
+/// that lowers the expected error of renderings most. Waits for a push in progress and a step of the
+/// fit.
 ///
 /// # Safety
 /// `view` is NULL or initialised by svbrdf_next_view_init().
@@ -97,8 +97,8 @@ pub unsafe extern "C" fn svbrdf_session_next_view(
     })
 }
 
-/// The camera as used: given, or estimated from the photos so far; all zeros before the first photo
-/// tells and for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
+/// The camera as used: given, or estimated from the photos so far; all zeros while it is unknown and
+/// for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
 /// (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros. Waits for a push in progress.
 ///
 /// # Safety
@@ -144,8 +144,8 @@ pub unsafe extern "C" fn svbrdf_session_paper(
     })
 }
 
-/// Pose of an accepted photo of a board as known now: with a camera that is estimated, later photos
-/// better those of earlier ones. `index` counts the accepted photos from 0. Results as in
+/// Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
+/// improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
 /// svbrdf_frame_report; each may be NULL. Waits for a push in progress.
 ///
 /// # Safety
@@ -181,8 +181,8 @@ pub unsafe extern "C" fn svbrdf_session_pose(
     })
 }
 
-/// The maps as they are now; SVBRDF_NO_MAPS before the first accepted photo. Answered at once, also
-/// by a failed or cancelled session. Free with svbrdf_maps_destroy().
+/// The current maps; SVBRDF_NO_MAPS before the first accepted photo. Returns at once, also for a failed
+/// or cancelled session. Free with svbrdf_maps_destroy().
 ///
 /// # Safety
 /// `out` is NULL or writable.
@@ -199,21 +199,5 @@ pub unsafe extern "C" fn svbrdf_session_snapshot_maps(
         // SAFETY: not NULL, and the caller vouches for the rest.
         unsafe { out.write(maps::hand_out(snapshot, live.sample_mm)) };
         Ok(())
-    })
-}
-
-/// Writes the maps as they are now into a folder, as svbrdf_maps_export().
-///
-/// # Safety
-/// `path` is NULL or a C string.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_export(
-    session: *const svbrdf_session,
-    path: *const c_char,
-) -> svbrdf_status {
-    look(session, |live| {
-        // SAFETY: the caller vouches for the string.
-        let dir = unsafe { maps::folder(path) }?;
-        maps::export(&*live.session.snapshot()?, live.sample_mm, dir)
     })
 }

@@ -8,7 +8,7 @@ use crate::handles::svbrdf_session;
 use crate::live::{SESSIONS, act};
 use crate::status::{entry, svbrdf_status};
 
-/// Holds the fit after the step in progress; photos are still taken in.
+/// Pauses the fit after the step in progress; photos are still taken in.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_pause(session: *mut svbrdf_session) -> svbrdf_status {
     act(session, |live| {
@@ -18,7 +18,7 @@ pub extern "C" fn svbrdf_session_pause(session: *mut svbrdf_session) -> svbrdf_s
     })
 }
 
-/// Goes on after svbrdf_session_pause().
+/// Continues after svbrdf_session_pause().
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_resume(session: *mut svbrdf_session) -> svbrdf_status {
     act(session, |live| {
@@ -28,8 +28,8 @@ pub extern "C" fn svbrdf_session_resume(session: *mut svbrdf_session) -> svbrdf_
     })
 }
 
-/// Ends the fit after the step in progress. Photos are refused from then on; maps stay available.
-/// Calls that wait return SVBRDF_CANCELLED.
+/// Ends the fit after the step in progress. Photos are refused afterwards; the maps stay available.
+/// Waiting calls return SVBRDF_CANCELLED.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_cancel(session: *mut svbrdf_session) -> svbrdf_status {
     act(session, |live| {
@@ -39,12 +39,13 @@ pub extern "C" fn svbrdf_session_cancel(session: *mut svbrdf_session) -> svbrdf_
     })
 }
 
-/// Ends a session at any time, from any thread, also from its callbacks and while other threads
-/// are inside its calls: those return SVBRDF_CANCELLED or their result. Blocks for the step in
-/// progress at most, and for callbacks on other threads, those of photos on their way included. When
-/// it has returned, no callback of the session is running or will come, but the one it was called
-/// from, and those of photos on their way where that was one of them. The handle
-/// is never valid again; further calls with it answer SVBRDF_INVALID_HANDLE. NULL is fine.
+/// Ends a session at any time, from any thread, also from its callbacks and while other threads are
+/// inside its calls: those return SVBRDF_CANCELLED or their result. Waits at most for the step in
+/// progress, and for callbacks on other threads, including those of waiting photos and of log lines.
+/// When it has returned, no callback of the session is running or will come. There are two
+/// exceptions: the callbacks that it was called from, and, if one of those was that of a photo, those
+/// of the photos that are still waiting. Later calls with the handle return SVBRDF_INVALID_HANDLE. NULL
+/// is fine.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf_status {
     entry(|| {
@@ -62,6 +63,7 @@ pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf
                 let _ = thread.join();
             }
         }
+        live.callbacks.logging.close();
         Ok(())
     })
 }

@@ -137,7 +137,12 @@ fn sanitizers_find_nothing() {
                 "capture",
             ][..],
         ),
-        ("g++", "cpp", &["bad-arguments", "handles", "state", "capture"][..]),
+        (
+            "g++",
+            "cpp",
+            &["bad-arguments", "handles", "state", "capture", "destroyed-inside", "pixel-formats"]
+                [..],
+        ),
     ] {
         let program = compile(dir.path(), compiler, language, &flags);
         let symbols = run(Command::new("nm").arg("-D").arg(&program));
@@ -192,8 +197,10 @@ fn only_the_headers_functions_are_exported() {
     let mut symbols: Vec<&str> =
         listed.lines().filter_map(|line| line.split_whitespace().last()).collect();
     symbols.sort_unstable();
-    let committed = include_str!("../../symbols.txt");
-    assert_eq!(symbols, committed.lines().collect::<Vec<_>>());
+    let listed = include_str!("../../symbols.txt").lines();
+    let mut listed: Vec<_> = listed.filter(|line| line.starts_with("svbrdf_")).collect();
+    listed.sort_unstable();
+    assert_eq!(symbols, listed);
     let header = std::fs::read_to_string(root().join("include/svbrdf.h")).unwrap();
     for symbol in symbols {
         assert!(header.contains(&format!("{symbol}(")), "{symbol} is not in the header");

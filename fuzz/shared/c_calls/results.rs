@@ -106,7 +106,13 @@ unsafe fn take(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_statu
     let status = unsafe {
         match choice {
             0 => svbrdf_session_snapshot_maps(session, &raw mut maps),
-            1 => svbrdf_session_snapshot_reduced(session, bytes.u32(), &raw mut maps),
+            1 => {
+                let mut whole = ptr::null_mut();
+                svbrdf_session_snapshot_maps(session, &raw mut whole);
+                let status = svbrdf_maps_reduced(whole, bytes.u32(), &raw mut maps);
+                svbrdf_maps_destroy(whole);
+                status
+            }
             _ => svbrdf_session_snapshot_confidence(session, &raw mut maps),
         }
     };

@@ -26,12 +26,12 @@ use svbrdf::{Error, Result};
 
 use crate::streaming::Setup;
 
-/// Errors of estimated maps, measured on captures, real photographs and known materials
+/// Measure errors of estimated maps, on captures, real photographs and known materials
 ///
-/// Synthetic photographs of known materials follow the paper: the first from above, the others from
-/// random places, light at the camera, no fall-off. Their tables are Markdown: root-mean-square
-/// errors of the maps and of 100 novel renderings, averaged over the crops, and the mean square of
-/// the renderings (the paper's measure).
+/// Rendered photographs of known materials follow the paper: the first from above, the others from
+/// random positions, light at the camera, no fall-off. The tables are Markdown. They give
+/// root-mean-square errors of the maps and of 100 new renderings, averaged over the crops, and the
+/// mean square of the renderings (the paper's measure).
 #[derive(Parser)]
 #[command(name = "svbrdf-eval", version)]
 struct Arguments {
@@ -53,13 +53,13 @@ enum Command {
     Captures(captures::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
-    /// Whether stated deviations of the maps are those of the errors
+    /// Whether the stated deviations of the maps match their errors
     Confidence(confidence::Arguments),
-    /// Errors after photographs from suggested views, from a circle, and from random places
+    /// Errors with photographs from suggested views, from a circle, and from random positions
     NextView(next_view::Arguments),
-    /// Compares errors and time with an earlier build's
+    /// Compare errors and time with those of an earlier build
     Gate(gate::Arguments),
-    /// Hashes of the maps' bits, to show that a change leaves results as they were
+    /// Hashes of the maps, to show that a change leaves the results unchanged
     Hashes(hashes::Arguments),
     /// Table 1: errors after several numbers of photographs, deep, without refinement, classic
     Photos {
@@ -68,7 +68,7 @@ enum Command {
         /// Numbers of photographs
         #[arg(long, value_delimiter = ',', default_value = "1,2,5,20")]
         photos: Vec<usize>,
-        /// Leave out the baseline
+        /// Skip the baseline
         #[arg(long)]
         no_classic: bool,
     },
@@ -96,9 +96,9 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_value = "1,2,5")]
         photos: Vec<usize>,
     },
-    /// Records of fits, from which the completion network learns (`training/`)
+    /// Write records of fits, to train the completion network (`training/`)
     Fits(fits::Arguments),
-    /// Error and time by the size of the maps, of whole materials
+    /// Errors and times by resolution, of uncropped materials
     Resolution {
         #[command(flatten)]
         materials: protocol::Arguments,

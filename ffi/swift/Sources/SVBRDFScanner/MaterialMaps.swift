@@ -157,6 +157,6 @@ public final class MaterialMaps: @unchecked Sendable {
 
     /// Writes PNG, OpenEXR and a preview into a folder.
     public func export(to folder: URL) throws {
-        try check(svbrdf_maps_export(maps, folder.path))
+        try check(svbrdf_maps_export(maps, nil, folder.path))
     }
 }

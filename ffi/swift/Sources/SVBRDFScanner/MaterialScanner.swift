@@ -113,7 +113,8 @@ public actor MaterialScanner {
 
     /// The maps as they are now, at 1 / 2^level of the size; nil before the first photo.
     public func snapshot(reducedBy level: Int = 0) throws -> MaterialMaps? {
-        try taken { svbrdf_session_snapshot_reduced(session.handle, UInt32(clamping: level), $0) }
+        let maps = try taken { svbrdf_session_snapshot_maps(session.handle, $0) }
+        return level == 0 ? maps : try maps?.reduced(by: level)
     }
 
     /// The maps with how far they may be off; nil before the first photo. Ask once the fit has settled.
@@ -133,7 +134,10 @@ public actor MaterialScanner {
 
     /// Writes PNG, OpenEXR and a preview into a folder; throws `.noMaps` before the first photo.
     public func export(to folder: URL) throws {
-        try check(svbrdf_session_export(session.handle, folder.path))
+        guard let maps = try snapshot() else {
+            throw ScanError(SVBRDF_NO_MAPS, "no photo has been accepted yet, so there are no maps")
+        }
+        try maps.export(to: folder)
     }
 
     /// From where the next photo tells most; nil before the first one.

@@ -90,7 +90,7 @@ public struct Probe: Hashable, Sendable {
     public let cornersExpected: Int
     public let pose: Pose?
     public let distanceMM: Float
-    /// Degrees off the top.
+    /// Degrees off the vertical.
     public let tiltDegrees: Float
     /// Side that the camera looks from, degrees counter-clockwise from the board's right.
     public let azimuthDegrees: Float

@@ -91,7 +91,7 @@ static void maps_export(JNIEnv *env, jclass class, jobject owner, jlong handle, 
     const char *text = read_text(env, path, &held);
     (void)class, (void)owner;
     if (text != NULL) {
-        throw_status(env, svbrdf_maps_export(HANDLE(svbrdf_maps, handle), text));
+        throw_status(env, svbrdf_maps_export(HANDLE(svbrdf_maps, handle), NULL, text));
         release_text(env, path, held);
     }
 }
@@ -114,7 +114,7 @@ static void maps_export_formats(JNIEnv *env, jclass class, jobject owner, jlong 
         options.formats = names;
         options.tile = tile ? 1 : 0;
         options.metallic = metallic ? 1 : 0;
-        throw_status(env, svbrdf_maps_export_formats(HANDLE(svbrdf_maps, handle), &options, text));
+        throw_status(env, svbrdf_maps_export(HANDLE(svbrdf_maps, handle), &options, text));
         release_text(env, formats, names_held);
     }
     release_text(env, path, held);

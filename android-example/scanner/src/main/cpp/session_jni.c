@@ -278,11 +278,17 @@ static jlong session_snapshot(JNIEnv *env, jclass class, jobject owner, jlong ha
 static jlong session_snapshot_reduced(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                       jint level)
 {
-    svbrdf_maps *maps = NULL;
-    const svbrdf_status status = svbrdf_session_snapshot_reduced(HANDLE(svbrdf_session, handle),
-                                                                 (uint32_t)level, &maps);
+    svbrdf_maps *maps = NULL, *small = NULL;
+    svbrdf_status status = svbrdf_session_snapshot_maps(HANDLE(svbrdf_session, handle), &maps);
+    jlong reduced;
     (void)class, (void)owner;
-    return taken(env, status, maps);
+    if (status == SVBRDF_OK) {
+        status = svbrdf_maps_reduced(maps, (uint32_t)level, &small);
+    }
+    /* Before the next call of the library, which would take the message of a fault away. */
+    reduced = taken(env, status, small);
+    svbrdf_maps_destroy(maps);
+    return reduced;
 }
 
 static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)

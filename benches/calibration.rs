@@ -2,7 +2,7 @@
 //! board in it:
 //!
 //! ```sh
-//! cargo run --release --example calibration_speed
+//! cargo bench --bench calibration
 //! ```
 //! Milliseconds of processor time where the system tells, the least of several runs.
 

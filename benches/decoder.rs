@@ -1,13 +1,14 @@
 //! Times the decoder on a code of `SIDE x SIDE` (default 16: maps of 256x256).
 //!
-//! `cargo run --release --example decoder_speed -- [MODELS_DIR] [SIDE]`
+//! `cargo bench --bench decoder -- [MODELS_DIR] [SIDE]`
 
 use std::time::Instant;
 
 use svbrdf::network::{Decoder, Workspace};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut arguments = std::env::args().skip(1);
+    // Cargo adds `--bench`.
+    let mut arguments = std::env::args().skip(1).filter(|argument| argument != "--bench");
     let folder = arguments.next().unwrap_or_else(|| "models".to_owned());
     let side: usize = arguments.next().map_or(Ok(16), |s| s.parse())?;
     let decoder = Decoder::from_bytes(&std::fs::read(format!("{folder}/decoder.bin"))?)?;

@@ -1,0 +1,53 @@
+//! Fits the maps of a capture, photograph by photograph, as an app does with its camera:
+//!
+//! ```sh
+//! cargo run --release --example fit -- examples/captures/tile maps
+//! ```
+
+use std::error::Error;
+
+use svbrdf::capture::Capture;
+use svbrdf::export::{write_maps, write_preview};
+use svbrdf::session::{Pushed, Session, Settings};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let (Some(folder), Some(out)) = (arguments.next(), arguments.next()) else {
+        return Err("usage: fit CAPTURE OUT".into());
+    };
+    let capture = Capture::load(folder)?;
+    let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
+    let session = Session::new(capture.scene.clone(), settings)?;
+    for frame in &capture.frames {
+        let photo = frame.read()?;
+        let pushed = match frame.rectified {
+            Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
+            None => session.push(&photo)?,
+        };
+        let name = frame.path.display();
+        match pushed {
+            Pushed::Accepted(accepted) => {
+                println!("{name}: maps after {:.2} s", accepted.maps_seconds);
+                for hint in &accepted.hints {
+                    println!("  {hint}");
+                }
+            }
+            // The others count.
+            Pushed::Rejected(reason) => {
+                println!("{name}: {reason}");
+                continue;
+            }
+        }
+        // The fit goes on in the background; maps can be taken at any time.
+        session.wait()?;
+        println!("  settled, mean error {:.4}", session.progress().loss);
+        if let Some(view) = session.next_view() {
+            println!("  next: {:.0} degrees off the vertical", view.tilt_deg);
+        }
+    }
+    let maps = session.snapshot()?;
+    write_maps(&out, &*maps)?;
+    write_preview(format!("{out}/preview.png"), &*maps, capture.sample_mm)?;
+    println!("maps are in {out}");
+    Ok(())
+}

@@ -1,0 +1,247 @@
+// Part of svbrdf.hpp: the constants of svbrdf.h as enumerations; svbrdf.h says what each means.
+#ifndef SVBRDF_ENUMS_HPP
+#define SVBRDF_ENUMS_HPP
+
+#include <type_traits>
+
+#include "../svbrdf.h"
+
+namespace svbrdf {
+
+/// The number that a field of a C struct wants: `options.scene = to_c(Scene::rectified)`. The way
+/// back is `Scene{options.scene}`.
+template <typename Enum>
+constexpr std::underlying_type_t<Enum> to_c(Enum value) noexcept {
+    static_assert(std::is_enum_v<Enum>);
+    return static_cast<std::underlying_type_t<Enum>>(value);
+}
+
+/// What a call answers. Values may be added.
+enum class StatusCode : svbrdf_status {
+    ok = SVBRDF_OK,
+    rejected = SVBRDF_REJECTED,
+    timeout = SVBRDF_TIMEOUT,
+    no_maps = SVBRDF_NO_MAPS,
+    busy = SVBRDF_BUSY,
+    invalid_argument = SVBRDF_INVALID_ARGUMENT,
+    invalid_handle = SVBRDF_INVALID_HANDLE,
+    cancelled = SVBRDF_CANCELLED,
+    io = SVBRDF_IO,
+    bad_model = SVBRDF_BAD_MODEL,
+    unsupported = SVBRDF_UNSUPPORTED,
+    failed = SVBRDF_FAILED,
+    bad_state = SVBRDF_BAD_STATE,
+    memory_limit = SVBRDF_MEMORY_LIMIT,
+};
+
+/// What the photos show.
+enum class Scene : svbrdf_scene {
+    board = SVBRDF_SCENE_BOARD,
+    rectified = SVBRDF_SCENE_RECTIFIED,
+};
+
+/// How the maps are found.
+enum class Method : svbrdf_method {
+    deep = SVBRDF_METHOD_DEEP,
+    classic = SVBRDF_METHOD_CLASSIC,
+};
+
+/// How the light of rectified photos falls off.
+enum class Falloff : svbrdf_falloff {
+    automatic = SVBRDF_FALLOFF_AUTO,
+    inverse_square = SVBRDF_FALLOFF_INVERSE_SQUARE,
+    none = SVBRDF_FALLOFF_NONE,
+};
+
+/// Kinds of board.
+enum class BoardKind : svbrdf_board_kind {
+    checkerboard_ring = SVBRDF_BOARD_CHECKERBOARD_RING,
+    charuco_ring = SVBRDF_BOARD_CHARUCO_RING,
+};
+
+/// Layouts of a picture in memory.
+enum class PixelFormat : svbrdf_pixel_format {
+    rgb8 = SVBRDF_PIXEL_RGB8,
+    rgba8 = SVBRDF_PIXEL_RGBA8,
+    rgb16 = SVBRDF_PIXEL_RGB16,
+    rgba16 = SVBRDF_PIXEL_RGBA16,
+    rgba_f16 = SVBRDF_PIXEL_RGBA_F16,
+    rgb_f32 = SVBRDF_PIXEL_RGB_F32,
+    rgba_f32 = SVBRDF_PIXEL_RGBA_F32,
+    yuv420 = SVBRDF_PIXEL_YUV420,
+    bayer16 = SVBRDF_PIXEL_BAYER16,
+    bgra8 = SVBRDF_PIXEL_BGRA8,
+    p010 = SVBRDF_PIXEL_P010,
+};
+
+/// Transfer curves of stored values.
+enum class Transfer : svbrdf_transfer {
+    linear = SVBRDF_TRANSFER_LINEAR,
+    srgb = SVBRDF_TRANSFER_SRGB,
+    gamma22 = SVBRDF_TRANSFER_GAMMA22,
+    hlg = SVBRDF_TRANSFER_HLG,
+    pq = SVBRDF_TRANSFER_PQ,
+};
+
+/// Primaries of RGB.
+enum class Primaries : svbrdf_primaries {
+    rec709 = SVBRDF_PRIMARIES_REC709,
+    display_p3 = SVBRDF_PRIMARIES_DISPLAY_P3,
+    rec2020 = SVBRDF_PRIMARIES_REC2020,
+};
+
+/// How luma and chroma were made.
+enum class YuvMatrix : svbrdf_yuv_matrix {
+    bt601_full = SVBRDF_YUV_BT601_FULL,
+    bt601_limited = SVBRDF_YUV_BT601_LIMITED,
+    bt709_full = SVBRDF_YUV_BT709_FULL,
+    bt709_limited = SVBRDF_YUV_BT709_LIMITED,
+    bt2020_full = SVBRDF_YUV_BT2020_FULL,
+    bt2020_limited = SVBRDF_YUV_BT2020_LIMITED,
+};
+
+/// Colours of the top-left 2 x 2 sensor pixels, row by row.
+enum class BayerPattern : svbrdf_bayer_pattern {
+    rggb = SVBRDF_BAYER_RGGB,
+    grbg = SVBRDF_BAYER_GRBG,
+    gbrg = SVBRDF_BAYER_GBRG,
+    bggr = SVBRDF_BAYER_BGGR,
+};
+
+/// What lit a photo.
+enum class Flash : svbrdf_flash {
+    unknown = SVBRDF_FLASH_UNKNOWN,
+    off = SVBRDF_FLASH_OFF,
+    fired = SVBRDF_FLASH_FIRED,
+    torch = SVBRDF_FLASH_TORCH,
+};
+
+/// Why a photo was not used. Values may be added.
+enum class Rejection : svbrdf_rejection {
+    none = SVBRDF_REJECTION_NONE,
+    other = SVBRDF_REJECTION_OTHER,
+    wrong_size = SVBRDF_REJECTION_WRONG_SIZE,
+    board_not_found = SVBRDF_REJECTION_BOARD_NOT_FOUND,
+    too_few_corners = SVBRDF_REJECTION_TOO_FEW_CORNERS,
+    pose_uncertain = SVBRDF_REJECTION_POSE_UNCERTAIN,
+    blurred = SVBRDF_REJECTION_BLURRED,
+    too_dark = SVBRDF_REJECTION_TOO_DARK,
+    clipped = SVBRDF_REJECTION_CLIPPED,
+    too_grazing = SVBRDF_REJECTION_TOO_GRAZING,
+    sample_outside = SVBRDF_REJECTION_SAMPLE_OUTSIDE,
+    light_not_visible = SVBRDF_REJECTION_LIGHT_NOT_VISIBLE,
+    not_finite = SVBRDF_REJECTION_NOT_FINITE,
+    placement_ambiguous = SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS,
+    board_differs = SVBRDF_REJECTION_BOARD_DIFFERS,
+    other_camera = SVBRDF_REJECTION_OTHER_CAMERA,
+    squares_too_small = SVBRDF_REJECTION_SQUARES_TOO_SMALL,
+};
+
+/// Hints about an accepted photo: bits. Some may be added.
+enum class Hint : svbrdf_hints {
+    other = SVBRDF_HINT_OTHER,
+    nothing_new = SVBRDF_HINT_NOTHING_NEW,
+    not_linear = SVBRDF_HINT_NOT_LINEAR,
+};
+
+/// Remarks about a photo's file: bits. Some may be added.
+enum class Remark : svbrdf_remarks {
+    profile_unusable = SVBRDF_REMARK_PROFILE_UNUSABLE,
+    gain_map = SVBRDF_REMARK_GAIN_MAP,
+    mirrored = SVBRDF_REMARK_MIRRORED,
+    no_exposure = SVBRDF_REMARK_NO_EXPOSURE,
+    no_flash = SVBRDF_REMARK_NO_FLASH,
+};
+
+/// What the user is to do.
+enum class Action : svbrdf_action {
+    adjust = SVBRDF_ACTION_ADJUST,
+    hold = SVBRDF_ACTION_HOLD,
+    move = SVBRDF_ACTION_MOVE,
+    shoot = SVBRDF_ACTION_SHOOT,
+    enough = SVBRDF_ACTION_ENOUGH,
+};
+
+/// What a session is doing.
+enum class State : svbrdf_state {
+    ready = SVBRDF_STATE_READY,
+    fitting = SVBRDF_STATE_FITTING,
+    paused = SVBRDF_STATE_PAUSED,
+    cancelled = SVBRDF_STATE_CANCELLED,
+    failed = SVBRDF_STATE_FAILED,
+};
+
+/// What a fit is doing. Values may be added.
+enum class Phase : svbrdf_phase {
+    none = SVBRDF_PHASE_NONE,
+    other = SVBRDF_PHASE_OTHER,
+    latent = SVBRDF_PHASE_LATENT,
+    widths = SVBRDF_PHASE_WIDTHS,
+    pool_gloss = SVBRDF_PHASE_POOL_GLOSS,
+    held_lights = SVBRDF_PHASE_HELD_LIGHTS,
+    turning_lights = SVBRDF_PHASE_TURNING_LIGHTS,
+    maps = SVBRDF_PHASE_MAPS,
+    slopes = SVBRDF_PHASE_SLOPES,
+    classes = SVBRDF_PHASE_CLASSES,
+    pool_residuals = SVBRDF_PHASE_POOL_RESIDUALS,
+    network = SVBRDF_PHASE_NETWORK,
+    baseline = SVBRDF_PHASE_BASELINE,
+};
+
+/// How much a log line matters.
+enum class LogLevel : svbrdf_log_level {
+    error = SVBRDF_LOG_ERROR,
+    warning = SVBRDF_LOG_WARNING,
+    info = SVBRDF_LOG_INFO,
+};
+
+/// One of the maps.
+enum class Map : svbrdf_map {
+    normal = SVBRDF_MAP_NORMAL,
+    diffuse = SVBRDF_MAP_DIFFUSE,
+    specular = SVBRDF_MAP_SPECULAR,
+    roughness = SVBRDF_MAP_ROUGHNESS,
+    normal_directx = SVBRDF_MAP_NORMAL_DIRECTX,
+};
+
+/// How the texels of a map are laid out.
+enum class MapFormat : svbrdf_map_format {
+    f32 = SVBRDF_MAP_FORMAT_F32,
+    rgb8 = SVBRDF_MAP_FORMAT_RGB8,
+    rgba8 = SVBRDF_MAP_FORMAT_RGBA8,
+    r8 = SVBRDF_MAP_FORMAT_R8,
+    rgba16f = SVBRDF_MAP_FORMAT_RGBA16F,
+    rgba32f = SVBRDF_MAP_FORMAT_RGBA32F,
+};
+
+/// How exported textures are stored.
+enum class TextureFormat : svbrdf_texture_format {
+    png8 = SVBRDF_TEXTURE_PNG8,
+    png16 = SVBRDF_TEXTURE_PNG16,
+    jpeg = SVBRDF_TEXTURE_JPEG,
+};
+
+/// Paper that a board is printed on.
+enum class Page : svbrdf_page {
+    a4 = SVBRDF_PAGE_A4,
+    letter = SVBRDF_PAGE_LETTER,
+};
+
+/// File formats of a printed board.
+enum class SheetFormat : svbrdf_sheet_format {
+    pdf = SVBRDF_SHEET_PDF,
+    svg = SVBRDF_SHEET_SVG,
+    png = SVBRDF_SHEET_PNG,
+};
+
+/// What a thread of the library does. Values may be added.
+enum class Thread : svbrdf_thread {
+    work = SVBRDF_THREAD_WORK,
+    fit = SVBRDF_THREAD_FIT,
+    callback = SVBRDF_THREAD_CALLBACK,
+    push = SVBRDF_THREAD_PUSH,
+};
+
+}  // namespace svbrdf
+
+#endif

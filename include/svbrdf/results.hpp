@@ -1,0 +1,96 @@
+// Part of svbrdf.hpp: what a session says of photos and of its fit.
+#ifndef SVBRDF_RESULTS_HPP
+#define SVBRDF_RESULTS_HPP
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core.hpp"
+#include "enums.hpp"
+
+namespace svbrdf {
+
+/// What became of a photo.
+struct Pushed {
+    /// Whether it takes part in the fit.
+    bool accepted;
+    /// Why not; Rejection::none for an accepted photo.
+    Rejection rejection;
+    /// What to tell the user: why it was rejected, or hints about an accepted photo; may be empty.
+    std::string advice;
+    /// Pose, hints and figures.
+    svbrdf_frame_report report;
+    /// Whether a hint was given.
+    bool has(Hint hint) const noexcept { return (report.hints & to_c(hint)) != 0; }
+    explicit operator bool() const noexcept { return accepted; }
+};
+
+/// Where the board lies in a photo.
+struct Pose {
+    /// From the board to the camera, row by row.
+    std::array<double, 9> rotation{};
+    /// Board origin in the camera frame, mm.
+    std::array<double, 3> translation_mm{};
+    /// Reprojection error of the board's corners, px.
+    double reprojection_rms_px = 0.0;
+};
+
+/// What a photo would be good for that was judged and not taken in.
+struct Probe {
+    /// Whether a photo like it would be accepted.
+    bool acceptable;
+    /// Why not; Rejection::none for an acceptable photo.
+    Rejection rejection;
+    /// What to tell the user: why it would be rejected, or hints; may be empty.
+    std::string advice;
+    /// Pose, view, blur, light and figures.
+    svbrdf_probe report;
+    /// Corners of the board that were found: x and y, px.
+    std::vector<std::array<float, 2>> corners;
+    /// Whether a hint was given.
+    bool has(Hint hint) const noexcept { return (report.hints & to_c(hint)) != 0; }
+    explicit operator bool() const noexcept { return acceptable; }
+};
+
+/// What to do now, see SessionView::guide().
+struct Guidance {
+    Action action;
+    /// For the user.
+    std::string message;
+    /// The target, and what photos from here and from there would add.
+    svbrdf_guidance report;
+    /// The picture that was judged.
+    Probe probe;
+};
+
+/// State of a fit.
+struct Progress {
+    State state;
+    /// What the fit is doing.
+    Phase phase;
+    /// Photos accepted so far.
+    std::uint32_t frames;
+    /// Whether the fit has finished on all photos so far.
+    bool settled;
+    /// Share of the work on the photos so far that is done, 0 to 1.
+    float fraction;
+    /// Mean error (log-L1 of renderings) before the fit of the latest photo, and now.
+    float loss_before, loss;
+    /// Estimated seconds left, where known.
+    std::optional<float> seconds_left;
+    /// Sets of maps published so far: when it has grown, there are newer maps.
+    std::uint64_t maps_revision;
+
+    explicit Progress(const svbrdf_progress& c)
+        : state(State{c.state}), phase(Phase{c.phase}), frames(c.frames), settled(c.settled == 1),
+          fraction(c.fraction), loss_before(c.loss_before), loss(c.loss),
+          seconds_left(c.seconds_left < 0.0f ? std::nullopt : std::make_optional(c.seconds_left)),
+          maps_revision(c.maps_revision) {}
+};
+
+}  // namespace svbrdf
+
+#endif

@@ -1,0 +1,21 @@
+//! Stands in for graphs where the feature `networks` is off: none can be read.
+
+use crate::{Error, Result};
+
+/// No graph.
+pub(super) enum Graph {}
+
+impl Graph {
+    /// An error: this build runs no networks.
+    pub fn parse(name: &'static str, _bytes: &[u8], _channels: usize) -> Result<Self> {
+        Err(Error::model(name, "this build runs no networks (feature `networks`)"))
+    }
+
+    pub fn prepare(&self, _height: usize, _width: usize) -> Result<()> {
+        match *self {}
+    }
+
+    pub fn run(&self, _height: usize, _width: usize, _input: Vec<f32>) -> Result<Vec<f32>> {
+        match *self {}
+    }
+}
