@@ -21,6 +21,10 @@ use crate::report::Recorder;
 
 /// Code of the hint about a photograph that contradicts the others.
 const CONTRADICTS: &str = "contradicts_others";
+/// The least residual, and how many times the usual one, that is called so: a false word is worse than
+/// none, and photographs that agree leave some hundredths, glossy ones more.
+const CONTRADICTING_RESIDUAL: f32 = 0.08;
+const CONTRADICTING_TIMES: f32 = 2.5;
 /// The same of a part of it.
 const PART_CONTRADICTS: &str = "part_contradicts_others";
 
@@ -317,20 +321,22 @@ impl<'a> Fit<'a> {
         let mut contradicting = Vec::new();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
-            row["contradicts"] = json!(fit.outlier);
+            let outlier = fit.outlier
+                && fit.residual > CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
+            row["contradicts"] = json!(outlier);
             row["contradicting_part"] = json!(
                 fit.part.map(|p| json!({ "share": p.share, "centre": p.centre, "ratio": p.ratio }))
             );
-            let part = fit.part.filter(|_| !fit.outlier);
+            let part = fit.part.filter(|_| !outlier);
             // Later photographs may have decided otherwise.
             if let Some(hints) = row["hints"].as_array_mut() {
-                hints.retain(|hint| fit.outlier || hint["code"] != CONTRADICTS);
+                hints.retain(|hint| outlier || hint["code"] != CONTRADICTS);
                 hints.retain(|hint| part.is_some() || hint["code"] != PART_CONTRADICTS);
             }
             if let Some(part) = part {
                 add_part(row, &part, &mut contradicting);
             }
-            let Some(hints) = row["hints"].as_array_mut().filter(|_| fit.outlier) else { continue };
+            let Some(hints) = row["hints"].as_array_mut().filter(|_| outlier) else { continue };
             // Said already, where photographs still arrive.
             if hints.iter().all(|hint| hint["code"] != CONTRADICTS) {
                 let hint = format!(
