@@ -79,11 +79,15 @@ pub struct Observation {
 
 /// One channel of a texel: the radiance as a half float, rounded so that its lowest bit is one of
 /// the three (red has the lowest, blue the highest) of what the texel's weight lacks of 1, in
-/// sevenths. A radiance errs by 0.1 % at most, less than a camera's noise.
+/// sevenths (see [`LEAST_WEIGHT`]). A radiance errs by 0.1 % at most, less than a camera's noise.
 pub(crate) type Packed = u16;
 
 /// A weight of 1.
 pub(crate) const FULL_WEIGHT: u8 = 7;
+
+/// What the least weight but 0 stands for, in place of a seventh: a texel that counts where no
+/// photograph shows it better.
+pub(crate) const LEAST_WEIGHT: f32 = 0.02;
 
 impl Observation {
     /// From three planes (R, G, B) of `width * height` radiances in the units of [`View`], and the
@@ -167,7 +171,7 @@ impl Observation {
 
     /// Weight of a texel, 0 to 1.
     pub fn weight(&self, texel: usize) -> f32 {
-        f32::from(self.packed_weight(texel)) / f32::from(FULL_WEIGHT)
+        weight_of(self.packed_weight(texel))
     }
 
     fn packed_weight(&self, texel: usize) -> u8 {
@@ -176,8 +180,7 @@ impl Observation {
 
     /// Sum of all weights.
     pub fn total_weight(&self) -> f64 {
-        let sum: u64 = (0..self.texels()).map(|i| u64::from(self.packed_weight(i))).sum();
-        sum as f64 / f64::from(FULL_WEIGHT)
+        (0..self.texels()).map(|i| f64::from(self.weight(i))).sum()
     }
 
     /// Radiances and weights.
@@ -234,8 +237,8 @@ impl Observation {
                 }
                 let four = |x: usize| [2 * x, 2 * x + 1, 2 * x + w, 2 * x + w + 1];
                 for (x, weight) in weight.iter_mut().enumerate() {
-                    let sum: u16 = four(x).map(|i| u16::from(weights[i])).iter().sum();
-                    *weight = sum.div_ceil(4) as u8;
+                    let sum: f32 = four(x).map(|i| weight_of(weights[i])).iter().sum();
+                    *weight = pack_weight(0.25 * sum);
                 }
                 for (c, row) in rows.into_iter().enumerate() {
                     let from = c * w * h;
@@ -243,7 +246,7 @@ impl Observation {
                     for (x, mean) in mean.iter_mut().enumerate() {
                         let (mut sum, mut total, mut saturated) = (0.0, 0.0, false);
                         for i in four(x) {
-                            let (value, weight) = (two[i], f32::from(weights[i]));
+                            let (value, weight) = (two[i], weight_of(weights[i]));
                             sum += weight * value.abs();
                             total += weight;
                             saturated |= weight > 0.0 && value < 0.0;
@@ -261,10 +264,19 @@ impl Observation {
     }
 }
 
-/// A weight in sevenths: what is seen at all stays so.
+/// The nearest weight that can be kept, sevenths but for [`LEAST_WEIGHT`]: what is seen at all stays so.
 pub(crate) fn pack_weight(weight: f32) -> u8 {
     let full = f32::from(FULL_WEIGHT);
-    if weight > 0.0 { (full * weight).round().clamp(1.0, full) as u8 } else { 0 }
+    match weight {
+        _ if weight.is_nan() || weight <= 0.0 => 0,
+        _ if weight < 0.5 * (LEAST_WEIGHT + 2.0 / full) => 1,
+        _ => (full * weight).round().clamp(2.0, full) as u8,
+    }
+}
+
+/// What a weight that is kept stands for.
+fn weight_of(packed: u8) -> f32 {
+    if packed == 1 { LEAST_WEIGHT } else { f32::from(packed) / f32::from(FULL_WEIGHT) }
 }
 
 /// The weight in a texel's three channels.

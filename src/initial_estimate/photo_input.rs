@@ -15,6 +15,8 @@ pub(super) const PHOTO_CHANNELS: usize = 14;
 /// Planes of the photo network's input that change their sign when the sample is turned by 180
 /// degrees: x and y of the directions.
 pub(super) const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
+/// Least weight, where anything was seen, that the photo network knows.
+const FAINTEST: f32 = 1.0 / 7.0;
 /// Offset of the logarithm in which the photo network sees radiance.
 const LOG_OFFSET: f32 = 0.01;
 /// Largest radiance that the photo network tells from larger ones.
@@ -71,7 +73,8 @@ pub(super) fn photo_input(observation: &Observation) -> Vec<f32> {
                     row[first + c][x] = d;
                 }
             }
-            row[9][x] = weight;
+            // Photographs of the training had no less where anything was seen.
+            row[9][x] = if weight > 0.0 { weight.max(FAINTEST) } else { 0.0 };
             row[10][x] = saturated;
         }
     });

@@ -86,8 +86,8 @@ pub struct TopView {
     /// Rows.
     pub height: usize,
     /// How far inside the sample's edge its surroundings are seen as well, px of the photo: standard
-    /// deviation of blur and registration together. The weight rises from 0 at [`EDGE_SIGMAS`]`[0]`
-    /// of it to its full value at [`EDGE_SIGMAS`]`[1]`.
+    /// deviation of blur and registration together. The weight rises from the least at
+    /// [`EDGE_SIGMAS`]`[0]` of it to its full value at [`EDGE_SIGMAS`]`[1]`.
     pub edge_px: f32,
 }
 
@@ -95,6 +95,8 @@ pub struct TopView {
 /// [`TopView::edge_px`]. Of a step's blurred image 16 % lie beyond one sigma, 0.13 % beyond three: of
 /// white paper beside a dark sample 1 %.
 pub const EDGE_SIGMAS: [f32; 2] = [1.0, 3.0];
+/// What is left of a weight there: enough to count where no photograph shows the edge better.
+const EDGE_LEAST: f32 = 0.01;
 
 impl TopView {
     /// What the nearness of the sample's edge leaves of a texel's weight; `footprint` is the texel's
@@ -105,7 +107,7 @@ impl TopView {
         let along = nearest(y, self.height) * footprint.1 as f32;
         let [zero, full] = EDGE_SIGMAS.map(|sigmas| sigmas * self.edge_px);
         // Without blur a texel's own middle is inside.
-        ((across.min(along) - zero) / (full - zero).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0)
+        ((across.min(along) - zero) / (full - zero).max(f32::MIN_POSITIVE)).clamp(EDGE_LEAST, 1.0)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Observations and maps as the texel kernels read them: eight texels at a time, rows in bands.
 
-use crate::observation::{FULL_WEIGHT, Observation, Packed};
+use crate::observation::{FULL_WEIGHT, LEAST_WEIGHT, Observation, Packed};
 use crate::reflectance::{Directions, TexelView};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, Svbrdf};
@@ -54,7 +54,12 @@ impl<'a> Prepared<'a> {
     pub fn load_weight<V: Lanes>(&self, texels: &Range<usize>) -> V {
         let lacks = V::load_lowest(self.packed.map(|plane| &plane[texels.clone()]));
         let full = f32::from(FULL_WEIGHT);
-        (V::splat(full) - lacks) * V::splat(1.0 / full)
+        let packed = V::splat(full) - lacks;
+        packed.if_greater(
+            V::splat(1.5),
+            packed * V::splat(1.0 / full),
+            packed * V::splat(LEAST_WEIGHT),
+        )
     }
 
     /// Radiances of some texels, at most eight.
