@@ -43,6 +43,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/** Bytes of the texts in svbrdf_file_info, with the NUL at the end. */
+#define SVBRDF_TEXT 64
+
 /** Major version of this header. Libraries of another one do not fit. */
 #define SVBRDF_VERSION_MAJOR 0
 
@@ -60,6 +63,9 @@
 
 /** svbrdf_features(): raw sensor buffers are taken. */
 #define SVBRDF_FEATURE_RAW 4
+
+/** svbrdf_features(): files are read, see svbrdf_session_push_encoded(). */
+#define SVBRDF_FEATURE_FILES 8
 
 /** Bytes of svbrdf_frame_report.advice. */
 #define SVBRDF_ADVICE_BYTES 256
@@ -646,6 +652,14 @@ typedef uint32_t svbrdf_rejection;
 #define SVBRDF_REJECTION_LIGHT_NOT_VISIBLE 11
 /** The photo contains values that are not finite. */
 #define SVBRDF_REJECTION_NOT_FINITE 12
+/** The visible part of the board fits in several places. */
+#define SVBRDF_REJECTION_PLACEMENT_AMBIGUOUS 13
+/** The printed board is not the one described; the advice says how it differs. */
+#define SVBRDF_REJECTION_BOARD_DIFFERS 14
+/** The photo was taken with another lens or zoom. */
+#define SVBRDF_REJECTION_OTHER_CAMERA 15
+/** The board's squares are too small. */
+#define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
 
 /**
  * Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
@@ -765,6 +779,119 @@ svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
                                             const float *camera_mm,
                                             const float *light_mm,
                                             struct svbrdf_frame_report *report);
+
+/** Options of reading a file. */
+typedef struct svbrdf_encoded_options {
+    /** Size of this struct. */
+    size_t size;
+    /**
+     * Relative exposure: value = radiance * exposure. 0, the default: that of the metadata
+     * (exposure time * ISO / F-number²), or 1.
+     */
+    float exposure;
+    /**
+     * Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
+     * PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
+     */
+    svbrdf_transfer transfer;
+    /**
+     * Clockwise rotation of the upright picture: 0, 90, 180 or 270 degrees. The session's camera
+     * describes the rotated picture.
+     */
+    uint32_t rotation;
+    /** One of SVBRDF_FLASH_. Default: unknown. */
+    svbrdf_flash flash;
+    /** Returned in the report and named in the log, to identify the photo. */
+    int64_t timestamp_ns;
+    /** Largest picture, pixels; 0, the default: 100 million. */
+    uint64_t max_pixels;
+    /**
+     * Largest memory of decoding, without the file itself, bytes. If more were needed, the call returns
+     * SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
+     */
+    uint64_t max_bytes;
+} svbrdf_encoded_options;
+
+/** Fills options with defaults: pass sizeof(svbrdf_encoded_options). */
+svbrdf_status svbrdf_encoded_options_init(struct svbrdf_encoded_options *options, size_t size);
+
+/** Remarks about a file: an OR of SVBRDF_REMARK_ values. Some may be added. */
+typedef uint32_t svbrdf_remarks;
+
+/** Its colour profile cannot be used; sRGB was assumed. */
+#define SVBRDF_REMARK_PROFILE_UNUSABLE 1
+/** It has a gain map (Ultra HDR), which is ignored. */
+#define SVBRDF_REMARK_GAIN_MAP 2
+/** Its orientation tag mirrors it. */
+#define SVBRDF_REMARK_MIRRORED 4
+/** It does not say how it was exposed. */
+#define SVBRDF_REMARK_NO_EXPOSURE 8
+/** It says that the flash did not fire (a torch does not count as a flash). */
+#define SVBRDF_REMARK_NO_FLASH 16
+
+/** What the file of a photo says of how it was taken. */
+typedef struct svbrdf_file_info {
+    /** Size of this struct. */
+    size_t size;
+    /** Width as the sensor has it, px; 0: not known. */
+    uint32_t width;
+    /** Height as the sensor has it, px; 0: not known. */
+    uint32_t height;
+    /**
+     * Clockwise rotation that makes the stored picture upright, degrees; reading a file applies it. Lens
+     * and flash keep their places in the camera, however it is held: options.rotation turns photos
+     * back to how most of them were held.
+     */
+    uint32_t upright_deg;
+    /** 1: the values are linear (floats, raw values). */
+    uint32_t is_linear;
+    /** Exposure time * ISO / F-number², relative; 0: not known. */
+    float exposure;
+    /** Focal length of the lens, mm; 0: not known. */
+    float focal_mm;
+    /** Focal length on film of 36 x 24 mm that shows as much, mm; 0: not known. */
+    float focal_35mm;
+    /** Factor of the digital zoom; 1: none, or not known. */
+    float digital_zoom;
+    /**
+     * Remarks: an OR of SVBRDF_REMARK_ values. Those about colours are known only when the photo is
+     * pushed.
+     */
+    svbrdf_remarks remarks;
+    /**
+     * Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
+     * zoom or size need sessions, or cameras, of their own.
+     */
+    char make[SVBRDF_TEXT];
+    /** Model of the camera. */
+    char model[SVBRDF_TEXT];
+    /** Lens. */
+    char lens[SVBRDF_TEXT];
+    /** Time of the photo: text that sorts by time. */
+    char taken[SVBRDF_TEXT];
+} svbrdf_file_info;
+
+/** Fills a result with defaults: pass sizeof(svbrdf_file_info). */
+svbrdf_status svbrdf_file_info_init(struct svbrdf_file_info *info, size_t size);
+
+/**
+ * What the file of a photo says of how it was taken, without reading its pixels: to sort photos by
+ * camera and time before they are pushed. Unknown fields keep their defaults.
+ */
+svbrdf_status svbrdf_file_look_at(const void *bytes, size_t length, struct svbrdf_file_info *info);
+
+/**
+ * As svbrdf_session_push_frame(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
+ * DNG, recognised by its content. SVBRDF_INVALID_ARGUMENT if the file is damaged or of another format,
+ * which the message names. `options`, `info` and
+ * `report` may be NULL. SVBRDF_UNSUPPORTED if svbrdf_features() lacks SVBRDF_FEATURE_FILES.
+ */
+svbrdf_status svbrdf_session_push_encoded(struct svbrdf_session *session,
+                                          const void *bytes,
+                                          size_t length,
+                                          const struct svbrdf_encoded_options *options,
+                                          struct svbrdf_file_info *info,
+                                          struct svbrdf_frame_report *report);
 
 /**
  * Takes back an accepted photo: the session, including its calibration, is as if the photo had never
@@ -911,6 +1038,112 @@ svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
  */
 svbrdf_status svbrdf_session_next_view(const struct svbrdf_session *session,
                                        struct svbrdf_next_view *view);
+
+/** Options of guidance. */
+typedef struct svbrdf_guide_options {
+    /** Size of this struct. */
+    size_t size;
+    /**
+     * Smallest gain of a photo worth taking, as a share of that of the best view, 0 to 1. High values: fewer
+     * photos; low values: less walking.
+     */
+    float worth;
+    /**
+     * Largest movement of the sample across the picture with a steady camera, in widths of the sample a
+     * second.
+     */
+    float steady;
+    /** Time for which the camera must be steady, seconds. */
+    float steady_seconds;
+    /**
+     * Guidance ends where the best view would remove less than this share of the expected squared error, 0
+     * to 1.
+     */
+    float enough;
+    /** Smallest number of photos. */
+    uint32_t least;
+    /** Largest number of photos. */
+    uint32_t most;
+    /** Largest angle of the first photo off the vertical, degrees. */
+    float first_tilt_deg;
+    /** Time after SVBRDF_ACTION_SHOOT from which on the photo is no longer expected, seconds. */
+    float shot_seconds;
+} svbrdf_guide_options;
+
+/** Fills options with defaults: pass sizeof(svbrdf_guide_options). */
+svbrdf_status svbrdf_guide_options_init(struct svbrdf_guide_options *options, size_t size);
+
+/** What the user is to do: one of SVBRDF_ACTION_. */
+typedef uint32_t svbrdf_action;
+
+/** Correct what svbrdf_probe.rejection names: a photo would not be used. */
+#define SVBRDF_ACTION_ADJUST 1
+/** Keep the camera where it is, until it is steady or a photo has been taken in. */
+#define SVBRDF_ACTION_HOLD 2
+/** Go to the target. */
+#define SVBRDF_ACTION_MOVE 3
+/** Nothing: the app takes the photo now and pushes it. */
+#define SVBRDF_ACTION_SHOOT 4
+/** Nothing more: a further photo would add little. */
+#define SVBRDF_ACTION_ENOUGH 5
+
+/** What to do now, see svbrdf_session_guide(). */
+typedef struct svbrdf_guidance {
+    /** Size of this struct. */
+    size_t size;
+    /** One of SVBRDF_ACTION_. */
+    svbrdf_action action;
+    /** Accepted photos so far. */
+    uint32_t photos;
+    /** 1 when the fields up to degrees are known. */
+    uint32_t has_target;
+    /** Angle of the target off the vertical, degrees. */
+    float target_tilt_deg;
+    /** The target's side: degrees counter-clockwise from the board's +X, 0 to 360. */
+    float target_azimuth_deg;
+    /**
+     * From the camera to the target, camera frame, mm: x right, y down, z forward. An arrow along x and
+     * y in the picture shows the way.
+     */
+    float offset_mm[3];
+    /** Angle between the view and the target, seen from the sample, degrees. */
+    float degrees;
+    /**
+     * Share of the expected squared error of renderings that a photo from here would remove, 0 to 1;
+     * negative when not known.
+     */
+    float gain;
+    /** The same for the most informative view. */
+    float best_gain;
+    /** For the user, in English, UTF-8. */
+    char message[SVBRDF_ADVICE_BYTES];
+} svbrdf_guidance;
+
+/** Fills guidance with defaults: pass sizeof(svbrdf_guidance). */
+svbrdf_status svbrdf_guidance_init(struct svbrdf_guidance *guidance, size_t size);
+
+/**
+ * Judges a picture of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+ * hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
+ * camera, and what the fit expects of a photo from here. Call it with every picture, from a few to thirty a
+ * second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
+ *
+ * After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been pushed, or
+ * svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
+ * nor for a push. `probe` may be NULL.
+ */
+svbrdf_status svbrdf_session_guide(struct svbrdf_session *session,
+                                   const struct svbrdf_image *image,
+                                   const struct svbrdf_frame_info *info,
+                                   struct svbrdf_probe *probe,
+                                   struct svbrdf_guidance *guidance);
+
+/**
+ * Starts guidance again with options; NULL: the defaults. Guidance with defaults needs no start. Also says
+ * that a requested photo was not taken, or was rejected.
+ */
+svbrdf_status svbrdf_session_guide_begin(struct svbrdf_session *session,
+                                         const struct svbrdf_guide_options *options);
 
 /* The fit ------------------------------------------------------------------------------------- */
 
