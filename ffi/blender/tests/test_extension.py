@@ -188,7 +188,7 @@ def test_displacement_moves_the_surface_by_its_height(settings, fitted, tmp_path
     material.node_tree.links.remove(output.inputs["Displacement"].links[0])
     flat = differences(fitted, tmp_path, size, texels=8)
     print("displaced", moved, "flat", flat)
-    assert all(m < 0.6 * f for m, f in zip(moved, flat)), (moved, flat)
+    assert all(m < 0.75 * f for m, f in zip(moved, flat)), (moved, flat)
 
 
 @pytest.mark.parametrize("wrong", ["version", "missing"])
