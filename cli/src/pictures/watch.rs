@@ -80,7 +80,7 @@ mod tests {
         let write = |bytes: &[u8]| std::fs::write(&path, bytes).unwrap();
         write(b"");
         std::fs::write(dir.path().join("notes.txt"), b"no picture").unwrap();
-        let mut arrived = || arrived().pictures;
+        let mut arrived = || watch.arrived().unwrap().pictures;
         assert!(arrived().is_empty() && arrived().is_empty());
         write(b"half");
         assert!(arrived().is_empty());
