@@ -1,8 +1,7 @@
 //! Raw pictures that are demosaicked already (`LinearRaw`), such as Apple's ProRAW.
 
-use super::Area;
 use super::colour;
-use super::raw::Raw;
+use super::raw::{Area, Raw};
 use super::tiff::Directory;
 use crate::frame::Photo;
 

@@ -13,7 +13,7 @@ mod tiff;
 
 use crate::frame::{Bayer, Photo, Plane, Rotation};
 
-use self::raw::Raw;
+use self::raw::{Area, Raw};
 use self::tiff::{Directory, Tiff};
 
 /// Memory for a pixel while it is developed: sensor values, their bytes, floats with a mark, gains,
@@ -33,15 +33,6 @@ const COLOUR_FILTERS: u32 = 32803;
 const LINEAR_RAW: u32 = 34892;
 /// Lenses there are, mm on film of 36 x 24 mm.
 const FOCAL_LENGTHS: std::ops::RangeInclusive<f64> = 5.0..=2000.0;
-
-/// Part of a picture, px.
-#[derive(Clone, Copy)]
-struct Area {
-    x: u32,
-    y: u32,
-    width: u32,
-    height: u32,
-}
 
 /// What a file that is TIFF inside holds.
 pub enum Content {

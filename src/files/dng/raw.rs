@@ -21,6 +21,15 @@ const PLANAR: u16 = 284;
 const SAMPLE_FORMAT: u16 = 339;
 const LINEARIZATION: u16 = 50712;
 
+/// Part of a picture, px.
+#[derive(Clone, Copy)]
+pub struct Area {
+    pub x: u32,
+    pub y: u32,
+    pub width: u32,
+    pub height: u32,
+}
+
 /// Sensor values, row by row; those of a pixel side by side.
 pub struct Raw {
     pub size: [u32; 2],
