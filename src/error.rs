@@ -169,7 +169,7 @@ pub enum Rejection {
     },
     /// The board's squares are too small in the photograph.
     #[error(
-        "the board's squares are only {square_px:.0} px wide, {needed_px:.0} are needed: come nearer, or take larger photos"
+        "the board's squares are only {square_px:.1} px wide, {needed_px:.0} are needed: come nearer, or take larger photos"
     )]
     SquaresTooSmall {
         /// Median side of a square, px.
