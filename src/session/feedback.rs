@@ -302,6 +302,7 @@ mod tests {
             flash_offset_sigma_mm: DVec3::ZERO,
             reference_mm: 400.0,
             log_scale: vec![[0.0; 3]],
+            photo_sigma: vec![0.01],
             black_ratio: [ratio; 3],
             sigma: 0.01,
         };
