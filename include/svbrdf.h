@@ -1494,6 +1494,15 @@ typedef struct svbrdf_frame_fit {
     uint32_t outlier;
     /** 0. */
     uint32_t reserved;
+    /**
+     * Share of the sample, 0 to 1, where it contradicts the others: sun, a shadow, a hand or glare on
+     * a part of it. 0: nowhere.
+     */
+    float part_share;
+    /** Middle of that part: of the sample's width from the left, of its height from the top. */
+    float part_centre[2];
+    /** How many times as bright it is as the maps have it; below 1: darker. */
+    float part_ratio;
 } svbrdf_frame_fit;
 
 /** Fills a fit with zeros: pass sizeof(svbrdf_frame_fit). */

@@ -1,5 +1,7 @@
 //! What each photo is worth.
 
+use std::mem::offset_of;
+
 use engine::session::FrameFit;
 
 use crate::handles::svbrdf_session;
@@ -22,19 +24,43 @@ pub struct svbrdf_frame_fit {
     pub outlier: u32,
     /// 0.
     pub reserved: u32,
+    /// Share of the sample, 0 to 1, where it contradicts the others: sun, a shadow, a hand or glare on
+    /// a part of it. 0: nowhere.
+    pub part_share: f32,
+    /// Middle of that part: of the sample's width from the left, of its height from the top.
+    pub part_centre: [f32; 2],
+    /// How many times as bright it is as the maps have it; below 1: darker.
+    pub part_ratio: f32,
 }
 
 impl Default for svbrdf_frame_fit {
     fn default() -> Self {
-        Self { size: size_of::<Self>(), residual: 0.0, weight: 0.0, outlier: 0, reserved: 0 }
+        Self {
+            size: size_of::<Self>(),
+            residual: 0.0,
+            weight: 0.0,
+            outlier: 0,
+            reserved: 0,
+            part_share: 0.0,
+            part_centre: [0.0; 2],
+            part_ratio: 0.0,
+        }
     }
 }
-versioned!(svbrdf_frame_fit, size_of::<svbrdf_frame_fit>());
+versioned!(svbrdf_frame_fit, offset_of!(svbrdf_frame_fit, part_share));
 
 impl svbrdf_frame_fit {
     fn new(fit: &FrameFit) -> Self {
-        let FrameFit { residual, weight, outlier } = *fit;
-        Self { residual, weight, outlier: outlier.into(), ..Self::default() }
+        let FrameFit { residual, weight, outlier, part } = *fit;
+        Self {
+            residual,
+            weight,
+            outlier: outlier.into(),
+            part_share: part.map_or(0.0, |p| p.share),
+            part_centre: part.map_or([0.0; 2], |p| p.centre),
+            part_ratio: part.map_or(0.0, |p| p.ratio),
+            ..Self::default()
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! How the maps of the moment explain each photograph, and estimates begun anew.
 
+use super::contradiction::{self, Part};
 use super::estimation::Estimation;
 use super::options::EstimateOptions;
 use crate::Result;
@@ -14,6 +15,8 @@ pub(crate) struct Residual {
     pub median: f32,
     /// Mean weight of all texels.
     pub weight: f32,
+    /// The largest part that contradicts the other photographs.
+    pub part: Option<Part>,
 }
 
 impl Estimation {
@@ -54,8 +57,14 @@ impl Estimation {
                 false => *errors.select_nth_unstable_by(middle, f32::total_cmp).1,
             };
             let weight = (observation.total_weight() / texels as f64) as f32;
-            Residual { median, weight }
+            Residual { median, weight, part: None }
         };
-        Ok(self.photographs.full().iter().map(residual).collect())
+        let full = self.photographs.full();
+        let mut residuals: Vec<Residual> = full.iter().map(residual).collect();
+        let parts = contradiction::parts(&maps, &full.iter().collect::<Vec<_>>());
+        for (residual, part) in residuals.iter_mut().zip(parts) {
+            residual.part = part;
+        }
+        Ok(residuals)
     }
 }

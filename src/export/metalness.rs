@@ -144,14 +144,17 @@ mod tests {
 
     #[test]
     fn metals_keep_their_reflectance_without_extensions() {
-        for diffuse in [[0.0; 3], [0.02, 0.015, 0.01], [0.06, 0.05, 0.05]] {
+        // What stays diffuse decides about the base colour's hue where it is to be exact.
+        for (diffuse, allowed) in
+            [([0.0; 3], 1e-6), ([0.02, 0.015, 0.008], 0.1), ([0.06, 0.05, 0.05], 0.5)]
+        {
             let gold = Albedos { diffuse, specular: [0.9, 0.7, 0.35] };
             let layer = Layer::of(&gold);
             let plain = layer.plain();
             for c in 0..3 {
                 // Black would be an error of 0.9.
-                assert!((plain.specular[c] - gold.specular[c]).abs() < 0.12, "{layer:?} {plain:?}");
-                assert!((plain.diffuse[c] - diffuse[c]).abs() < 0.06, "{layer:?} {plain:?}");
+                let off = [plain.specular[c] - gold.specular[c], plain.diffuse[c] - diffuse[c]];
+                assert!(off.iter().all(|off| off.abs() <= allowed), "{layer:?} {plain:?}");
             }
         }
         let plastic = Albedos { diffuse: [0.3, 0.2, 0.1], specular: [0.04; 3] };

@@ -35,6 +35,11 @@ pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     Some([u32::try_from(info.coded_width).ok()?, u32::try_from(info.coded_height).ok()?])
 }
 
+/// The Exif block, which begins with its TIFF header.
+pub fn exif(bytes: &[u8]) -> Option<Vec<u8>> {
+    guarded(|| heic_decoder::read_metadata(bytes)).ok()?.exif
+}
+
 /// Whether the file has a gain map.
 pub fn has_gain_map(bytes: &[u8]) -> bool {
     let boxes = &bytes[..bytes.len().min(BOXES)];

@@ -70,7 +70,11 @@ impl Metadata {
     /// What the Exif block of a file says.
     pub(super) fn of_exif(bytes: &[u8]) -> Self {
         let mut reader = Reader::new();
-        let read = reader.continue_on_error(true).read_from_container(&mut Cursor::new(bytes));
+        reader.continue_on_error(true);
+        let read = match block(bytes) {
+            Some(block) => reader.read_raw(block),
+            None => reader.read_from_container(&mut Cursor::new(bytes)),
+        };
         let exif = read.or_else(|fault| fault.distill_partial_result(|_| ())).ok();
         exif.map_or_else(Self::default, |exif| Self::within(&exif))
     }
@@ -113,6 +117,16 @@ fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
         #[cfg(feature = "heic")]
         Kind::Heic => Some((super::heic::size(bytes)?, false)),
         _ => look_at(bytes),
+    }
+}
+
+/// The Exif block of files of which the reader of metadata knows too few kinds: boxes are laid out in
+/// many ways.
+fn block(bytes: &[u8]) -> Option<Vec<u8>> {
+    match Kind::of(bytes)? {
+        #[cfg(feature = "heic")]
+        Kind::Heic => super::heic::exif(bytes),
+        _ => None,
     }
 }
 

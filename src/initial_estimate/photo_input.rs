@@ -1,7 +1,7 @@
 //! What the photo network sees of a photograph.
 
 use super::graph::MAX_TEXELS;
-use crate::observation::{Falloff, Observation, View, unpack};
+use crate::observation::{Falloff, LEAST_WEIGHT, Observation, View, unpack};
 use crate::parallel;
 use crate::svbrdf::bands;
 use crate::{Error, Result};
@@ -15,8 +15,6 @@ pub(super) const PHOTO_CHANNELS: usize = 14;
 /// Planes of the photo network's input that change their sign when the sample is turned by 180
 /// degrees: x and y of the directions.
 pub(super) const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
-/// Least weight, where anything was seen, that the photo network knows.
-const FAINTEST: f32 = 1.0 / 7.0;
 /// Offset of the logarithm in which the photo network sees radiance.
 const LOG_OFFSET: f32 = 0.01;
 /// Largest radiance that the photo network tells from larger ones.
@@ -73,8 +71,8 @@ pub(super) fn photo_input(observation: &Observation) -> Vec<f32> {
                     row[first + c][x] = d;
                 }
             }
-            // Photographs of the training had no less where anything was seen.
-            row[9][x] = if weight > 0.0 { weight.max(FAINTEST) } else { 0.0 };
+            // There is no other photograph that shows such a texel better.
+            row[9][x] = if weight == LEAST_WEIGHT { 1.0 } else { weight };
             row[10][x] = saturated;
         }
     });

@@ -87,6 +87,7 @@ impl Session {
             residual: r.median,
             weight: r.weight,
             outlier: r.median > limit,
+            part: r.part,
         };
         Ok(residuals.iter().map(fit).collect())
     }

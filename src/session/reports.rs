@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::feedback::Hint;
 use crate::calibration::Corner;
 use crate::confidence::Confidence;
-use crate::estimate::Phase;
+use crate::estimate::{Part, Phase};
 use crate::geometry::Pose;
 use crate::observation::Observation;
 use crate::{Rejection, Svbrdf};
@@ -144,6 +144,9 @@ pub struct FrameFit {
     /// Whether it contradicts the others: its residual stands out. Of fewer than four photographs
     /// none does.
     pub outlier: bool,
+    /// A part of it that contradicts the others: sun, a shadow, a hand or glare on a part of the
+    /// sample. Of fewer than four photographs none does.
+    pub part: Option<Part>,
 }
 
 /// Maps and how far they may be off.

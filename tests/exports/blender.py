@@ -36,8 +36,8 @@ def empty_scene(width, height):
     scene.cycles.use_denoising = False
     scene.cycles.sample_clamp_direct = 0
     scene.cycles.blur_glossy = 0
-    # The pixel's middle alone: a texel.
-    scene.cycles.pixel_filter_type = "BOX"
+    # The pixel's middle alone: a texel. (A box has no width of its own.)
+    scene.cycles.pixel_filter_type = "BLACKMAN_HARRIS"
     scene.cycles.filter_width = 0.01
     scene.render.resolution_x, scene.render.resolution_y = width, height
     scene.render.threads_mode = "FIXED"

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::Rejection;
 use svbrdf::capture::Frame;
+use svbrdf::estimate::Part;
 use svbrdf::files::Remark;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
@@ -20,6 +21,12 @@ use crate::report::Recorder;
 
 /// Code of the hint about a photograph that contradicts the others.
 const CONTRADICTS: &str = "contradicts_others";
+/// The least residual, and how many times the usual one, that is called so: a false word is worse than
+/// none, and photographs that agree leave some hundredths, glossy ones more.
+const CONTRADICTING_RESIDUAL: f32 = 0.08;
+const CONTRADICTING_TIMES: f32 = 2.5;
+/// The same of a part of it.
+const PART_CONTRADICTS: &str = "part_contradicts_others";
 
 /// How photographs are gone through.
 pub struct Options {
@@ -314,8 +321,22 @@ impl<'a> Fit<'a> {
         let mut contradicting = Vec::new();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
-            row["contradicts"] = json!(fit.outlier);
-            let Some(hints) = row["hints"].as_array_mut().filter(|_| fit.outlier) else { continue };
+            let outlier = fit.outlier
+                && fit.residual > CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
+            row["contradicts"] = json!(outlier);
+            row["contradicting_part"] = json!(
+                fit.part.map(|p| json!({ "share": p.share, "centre": p.centre, "ratio": p.ratio }))
+            );
+            let part = fit.part.filter(|_| !outlier);
+            // Later photographs may have decided otherwise.
+            if let Some(hints) = row["hints"].as_array_mut() {
+                hints.retain(|hint| outlier || hint["code"] != CONTRADICTS);
+                hints.retain(|hint| part.is_some() || hint["code"] != PART_CONTRADICTS);
+            }
+            if let Some(part) = part {
+                add_part(row, &part, &mut contradicting);
+            }
+            let Some(hints) = row["hints"].as_array_mut().filter(|_| outlier) else { continue };
             // Said already, where photographs still arrive.
             if hints.iter().all(|hint| hint["code"] != CONTRADICTS) {
                 let hint = format!(
@@ -377,6 +398,28 @@ impl<'a> Fit<'a> {
             _ => String::new(),
         };
         format!("{place}: accepted, {losses}{:.1} s{hints}", number("seconds"))
+    }
+}
+
+/// Adds a hint about a part that contradicts the other photographs, once.
+fn add_part(row: &mut Value, part: &Part, told: &mut Vec<Value>) {
+    let place = |k: usize, low: &'static str, high: &'static str| match part.centre[k] {
+        v if v < 0.33 => low,
+        v if v > 0.67 => high,
+        _ => "",
+    };
+    let place = [place(1, "upper", "lower"), place(0, "left", "right")].join(" ");
+    let place = if place.trim().is_empty() { "middle" } else { place.trim() };
+    let hint = format!(
+        "a part of it ({:.0} % of the sample, {place}) is {:.2} times as bright as the other photos explain: \
+         sun, a shadow, a hand or glare? Fit again without it",
+        100.0 * part.share,
+        part.ratio
+    );
+    let Some(hints) = row["hints"].as_array_mut() else { return };
+    if hints.iter().all(|hint| hint["code"] != PART_CONTRADICTS) {
+        hints.push(json!({ "code": PART_CONTRADICTS, "hint": hint }));
+        told.push(row.clone());
     }
 }
 

@@ -10,7 +10,9 @@ use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Pose;
 use svbrdf::guide::{Action, Guidance, Guide, GuideOptions};
 use svbrdf::random::Random;
-use svbrdf::session::{self, BoardPose, Hint, Probe, ProbedView, Pushed, Scene, Session, Settings};
+use svbrdf::session::{
+    self, BoardPose, Budget, Hint, Probe, ProbedView, Pushed, Scene, Session, Settings,
+};
 
 use super::scene::{DISTANCE_MM, camera};
 use crate::failure::{Failure, Result};
@@ -134,7 +136,10 @@ impl Walk {
                 // All photographs are to be taken.
                 let options =
                     GuideOptions { enough: 0.0, most: usize::MAX, ..GuideOptions::default() };
-                Some(Led { session: Session::new(scene, settings)?, guide: Guide::new(options) })
+                let session = Session::new(scene, settings)?;
+                // As apps do: what cannot be seen is not waited for.
+                session.set_budget(Budget { stop_when_invisible: true, ..Budget::default() })?;
+                Some(Led { session, guide: Guide::new(options) })
             }
         };
         Ok(Self { hand: Hand::new(seed), led, frames, taken: Vec::new(), sample_mm })
