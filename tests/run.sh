@@ -4,18 +4,21 @@
 #   tests/run.sh            all of them; arguments are handed to cargo test
 #   tests/run.sh --quick    formatting, unit tests, documents, command line, C and C++ clients
 #
-# --quick needs Rust and a C and a C++ compiler, and installs nothing. On two cores it takes about five
-# minutes once it has been compiled, which takes about ten more the first time.
+# --quick needs Rust and a C and a C++ compiler, and installs nothing. It takes about five minutes on two
+# cores once it has been compiled; the first time, compiling takes about 15 minutes more.
 #
-# Without --quick: 20 minutes on two cores, and 25 the first time. Packages that are missing are installed by
-# apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the others in place:
+# Without --quick, compiling takes about 25 minutes on two cores the first time; the last line says how long
+# the run took. Packages that are missing are installed by apt (as root, or by sudo), one call a tool, so that
+# one that cannot be had leaves the others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
 #   nodejs, chromium, fonts-dejavu-core, python3-venv   validators of exports, report.html in a browser
-# and, below target/, npm and PyPI packages, a Kotlin compiler, and a Swift compiler from Debian 13: 2 GB
-# altogether. Debian 12 and 13 have all of it. Ubuntu's chromium is a snap, which these checks cannot
-# start as root, and the Swift and Android tools come from a Debian mirror: both are skipped there.
+# and, below target/, packages of npm and PyPI (validators; maturin, numpy, pytest and mypy for the Python
+# module), a Kotlin compiler, and a Swift compiler from Debian 13: 2 GB altogether.
+#
+# Debian 12 and 13 have all of these packages. Ubuntu's chromium is a snap, which these checks cannot start as
+# root, and the Swift and Android tools come from a Debian mirror: both are skipped there.
 #
 # What is left out is said, counted at the end, and fails the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
 # may name a folder with further captures: what is missing there fails; without it, tests that need it
@@ -46,6 +49,7 @@ finish() {
     fi
   fi
   rm -f "$SVBRDF_SKIPPED"
+  echo "tests/run.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s"
   exit "$status"
 }
 trap finish EXIT
