@@ -54,3 +54,22 @@ impl NoiseOptions {
         Err(Error::argument("noise", "expected and huber must be positive numbers"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_off_their_model_ask_for_caution() {
+        let options = NoiseOptions::default();
+        let expected = |log_sigma: f32| options.calibrated(log_sigma).expected;
+        // Without squares, and of exact ones, nothing changes.
+        assert_eq!(options.calibrated(0.0), options);
+        assert_eq!(expected(options.squares[0]), options.expected);
+        // The third power beyond, up to the most.
+        assert!((expected(0.003) / options.expected - 8.0).abs() < 1e-3);
+        assert_eq!(expected(0.1), options.most_expected);
+        let rising = (0..60).map(|i| expected(0.0001 * i as f32)).collect::<Vec<_>>();
+        assert!(rising.is_sorted());
+    }
+}

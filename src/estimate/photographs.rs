@@ -304,6 +304,19 @@ mod tests {
     }
 
     #[test]
+    fn the_median_photograph_tells_the_noise() {
+        let mut photographs = Photographs::new();
+        assert_eq!(photographs.log_sigma(), 0.0);
+        let after = [(0.0, 0.0), (0.006, 0.006), (0.002, 0.002), (0.004, 0.004), (0.009, 0.004)];
+        for (log_sigma, median) in after {
+            let mut one = photograph(64, 64, 0.5);
+            one.log_sigma = log_sigma;
+            photographs.add(one).unwrap();
+            assert_eq!(photographs.log_sigma(), median);
+        }
+    }
+
+    #[test]
     fn every_level_has_the_corrected_views() {
         let mut photographs = Photographs::new();
         photographs.add(photograph(64, 64, 0.5)).unwrap();

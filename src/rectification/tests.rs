@@ -406,3 +406,42 @@ fn timing() {
         }
     }
 }
+
+/// Beside the edge of a dark sample on white paper, blurred texels hardly count and inner ones fully; and
+/// what counts fully has not seen the paper.
+#[test]
+fn texels_that_have_seen_the_surroundings_hardly_count() {
+    let pose = pose(0.3, -0.2, 0.4, 230.0);
+    let inside = |p: DVec2| p.x.abs() < 50.0 && p.y.abs() < 45.0;
+    // A square of 4 mm, some pixels wide, stands for blur: its standard deviation is 1.15 mm.
+    let blurred = |p: DVec2| {
+        let taps = (0..25).map(|i| DVec2::new(f64::from(i % 5) - 2.0, f64::from(i / 5) - 2.0));
+        taps.map(|d| if inside(p + 0.9 * d) { 0.1 } else { 0.8 }).sum::<f64>() / 25.0
+    };
+    let rgb = photograph(&camera(), &pose, 2, |p, _| [blurred(p); 3]);
+    let size = 100;
+    let seen = |edge_px| {
+        let top = TopView { edge_px, ..top(size) };
+        rectify_raised(
+            &photo(rgb.clone(), f32::INFINITY),
+            &camera(),
+            &pose,
+            &unit_radiometry(),
+            top,
+        )
+    };
+    let plain = seen(0.0).unwrap();
+    let middle = size * size / 2 + size / 2;
+    assert!((plain.radiance(0, middle) - 0.1).abs() < 0.01 && plain.radiance(0, size / 2) > 0.2);
+    // About a millimetre in pixels: a texel's width and height there.
+    let px_per_mm = camera().fx / 230.0;
+    let faded = seen((1.15 * px_per_mm) as f32).unwrap();
+    assert!(faded.weight(middle) == plain.weight(middle) && faded.weight(0) < 0.05);
+    for t in 0..size * size {
+        assert!(faded.weight(t) > 0.0, "no texel is lost");
+        assert!(faded.weight(t) <= plain.weight(t));
+        if faded.weight(t) > 0.5 {
+            assert!(faded.radiance(0, t) < 0.15, "{t}: {}", faded.radiance(0, t));
+        }
+    }
+}

@@ -115,8 +115,17 @@ impl Squares {
 
 /// The gray patch as a square; `None` where it is not printed, or not seen.
 fn gray_patch(photo: &Photo, target: &Target, camera: &Camera, pose: &Pose) -> Option<Square> {
-    let [_, gray, _] = target.patches.then(|| target.patches())?;
-    let [_, value, _] = patch_values(photo, target, camera, pose)?;
+    let patches = target.patches.then(|| target.patches())?;
+    let [_, gray, _] = patches;
+    // A white patch that is clipped says nothing against the gray one.
+    let [black, value, white] = patches.map(|patch| patch_value(photo, camera, pose, &patch));
+    let value = value?;
+    let rises = |darker: &[f64; 3], brighter: &[f64; 3]| sum(darker) < PATCH_STEP * sum(brighter);
+    if !black.is_none_or(|black| rises(&black, &value))
+        || !white.is_none_or(|white| rises(&value, &white))
+    {
+        return None;
+    }
     let value = value.map(|v| (v > 0.0).then(|| (v / f64::from(photo.exposure())) as f32));
     Some(Square { white: false, board_mm: gray.centre_mm, value })
 }
@@ -132,8 +141,12 @@ pub(crate) fn patch_values(
     let patches = target.patches.then(|| target.patches())?;
     let values = patches.map(|patch| patch_value(photo, camera, pose, &patch));
     let values = [values[0]?, values[1]?, values[2]?];
-    let sums = values.map(|value| value.iter().sum::<f64>());
+    let sums = values.map(|value| sum(&value));
     (sums[0] < PATCH_STEP * sums[1] && sums[1] < PATCH_STEP * sums[2]).then_some(values)
+}
+
+fn sum(value: &[f64; 3]) -> f64 {
+    value.iter().sum()
 }
 
 /// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
