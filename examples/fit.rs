@@ -46,8 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let maps = session.snapshot()?;
-    write_maps(&out, &*maps)?;
-    write_preview(format!("{out}/preview.png"), &*maps, capture.sample_mm)?;
+    write_maps(&out, &maps)?;
+    write_preview(format!("{out}/preview.png"), &maps, capture.sample_mm)?;
     println!("maps are in {out}");
     Ok(())
 }

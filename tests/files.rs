@@ -33,7 +33,7 @@ fn colour(block: u32) -> [f64; 3] {
         2 => 0.7,
         _ => 0.9,
     };
-    [0, 1, 2].map(|c| level * if block % 5 == 0 { 1.0 } else { hue(c) })
+    [0, 1, 2].map(|c| level * if block.is_multiple_of(5) { 1.0 } else { hue(c) })
 }
 
 fn block_of(x: u32, y: u32) -> u32 {

@@ -98,11 +98,9 @@ impl Kind {
 
     /// Whether this build reads it.
     pub fn is_read(self) -> bool {
-        match self {
-            Self::Jpeg | Self::Png | Self::Tiff | Self::OpenExr | Self::Dng => true,
-            Self::Heic => cfg!(feature = "heic"),
-            _ => false,
-        }
+        let always =
+            matches!(self, Self::Jpeg | Self::Png | Self::Tiff | Self::OpenExr | Self::Dng);
+        always || (matches!(self, Self::Heic) && cfg!(feature = "heic"))
     }
 
     /// What to do with a file that is not read.
