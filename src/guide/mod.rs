@@ -80,7 +80,7 @@ pub struct GuideOptions {
 }
 
 impl Default for GuideOptions {
-    /// As found by simulated captures, see `docs/guided-capture.md`.
+    /// Those of `docs/research/54-guided-capture.md`.
     fn default() -> Self {
         Self {
             worth: 0.8,

@@ -272,7 +272,7 @@ pub fn all() -> Vec<Negative> {
 pub fn photographs() -> Option<Vec<PathBuf>> {
     let mut files = Vec::new();
     for (folder, stride) in
-        [("materials", 6), ("calibration/opencv_stereo", 1), ("calibration/udacity_gopro", 2)]
+        [("materials", 3), ("calibration/opencv_stereo", 1), ("calibration/udacity_gopro", 2)]
     {
         let mut found = Vec::new();
         collect(&test_data(folder)?, &mut found);
