@@ -184,8 +184,10 @@ fn one_scene_comes_through_every_format() {
             worst = worst.max(delta_e(lab(mean.map(|v| v / scale)), lab(colour(block))));
         }
         println!("{name}: ΔE00 {worst:.3} at worst");
-        // Rounding to 8 bits is some tenths in the darkest blocks, lossy compression as much.
-        assert!(worst < 1.0, "{name}: {worst}");
+        // 8 bits are some tenths in the darkest blocks. Files of luma and chroma round twice: a level of
+        // a dark vivid colour is 1.1.
+        let limit = if name.starts_with("jpeg") || kind == Kind::Heic { 1.25 } else { 1.0 };
+        assert!(worst < limit, "{name}: {worst}");
     }
 }
 

@@ -20,6 +20,12 @@ const SQUARE_MIN_PX: f64 = 5.0;
 /// The side of the board along which the picture has no squares, though the next row or column is
 /// there.
 pub(super) fn missing(layout: &Layout, image: &LumaImage, model: &BoardModel) -> Option<Side> {
+    // A full checkerboard, for the camera alone, is often printed up to the edge of its sheet, where its
+    // outer squares merge with what lies around.
+    let hole = &layout.target.hole;
+    if hole.row_start == hole.row_end {
+        return None;
+    }
     let (rows, cols) = (i64::from(layout.target.rows), i64::from(layout.target.cols));
     // A line of squares by its first one, the step along it, the step to the next line.
     [

@@ -247,17 +247,6 @@ impl Estimation {
         self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
     }
 
-    /// How finished maps predict a photograph that they have not seen.
-    fn predict(&self, observation: &Observation) -> Result<Option<Predicted>> {
-        let finished = self.task.method == Method::Deep && self.is_done() && !self.is_cut();
-        let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
-        let mut alone = Self::no_photographs(&self.options);
-        alone.add(observation.clone())?;
-        let maps = maps.thinned(alone.thinning());
-        let of = (&maps, &self.photographs);
-        Ok(Some(Predicted::new(of, alone.working(), self.structured, &self.options.structured)))
-    }
-
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
         let first = self.photographs.averaged().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];

@@ -1,6 +1,6 @@
 //! How much the camera moves.
 
-use super::GuideOptions;
+use super::options::GuideOptions;
 use crate::session::Probe;
 
 /// A picture longer ago than this says nothing about the camera's motion, seconds.

@@ -14,6 +14,7 @@ mod reports;
 mod settings;
 mod sight;
 mod state;
+mod survey;
 mod taken;
 mod worker;
 
@@ -30,8 +31,6 @@ pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
 use self::memory::Beside;
 pub use self::memory::Held;
-use self::outlook::Surveys;
-pub use self::outlook::{Survey, SurveyedView};
 pub use self::reports::{
     Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
     Pushed, Revision,
@@ -39,6 +38,8 @@ pub use self::reports::{
 pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use self::sight::Known;
 use self::state::StateWriter;
+use self::survey::Surveys;
+pub use self::survey::{Survey, SurveyedView};
 use self::taken::Taken;
 use self::worker::{Command, NewFrame, Shared};
 use crate::calibration::PaperEstimate;

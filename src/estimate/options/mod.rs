@@ -190,7 +190,7 @@ impl Default for NoiseOptions {
         Self {
             expected: 0.05,
             squares: [0.0015, 3.0],
-            most_expected: 1.5,
+            most_expected: 0.4,
             huber: 0.02,
             huber_by_noise: 3.0,
             parameters: 6.0,
