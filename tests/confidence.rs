@@ -65,9 +65,9 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
     }
     let [one, three] = [stated[0], stated[1]];
     assert!(three[0] < 0.7 * one[0], "photographs tell slopes: {three:?} {one:?}");
-    assert!(three[1] < one[1], "albedo is known better: {three:?} {one:?}");
-    // Where no highlight passes, three photographs tell no more of roughness than the network.
-    assert!(three[3] < 1.1 * one[3], "roughness is known as well: {three:?} {one:?}");
+    for m in [1, 3] {
+        assert!(three[m] < one[m], "albedo and roughness are known better: {three:?} {one:?}");
+    }
 
     let saved = session.save().unwrap();
     let networks = Arc::new(Networks::embedded().unwrap());
