@@ -14,7 +14,7 @@
 //! use svbrdf::frame::{Encoding, Photo};
 //! use svbrdf::session::{Pushed, Scene, Session, Settings};
 //!
-//! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { unimplemented!() }
+//! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { (0, 0, Vec::new()) }
 //! # fn main() -> svbrdf::Result<()> {
 //! // The board that `svbrdf board` prints; camera, flash and height are estimated from the photographs.
 //! let scene = Scene::Board {
