@@ -1,6 +1,6 @@
 //! Numbers of the guide.
 
-/// Numbers of a [`Guide`].
+/// Numbers of a [`Guide`](super::Guide).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GuideOptions {
     /// Gain from which on a photograph is worth taking, as a share of the best view's, 0 to 1. High:
@@ -19,7 +19,7 @@ pub struct GuideOptions {
     pub most: usize,
     /// Steepest view of the first photograph, degrees off the top.
     pub first_tilt_deg: f32,
-    /// A photograph that has not been pushed so long after [`Action::Shoot`] is not going to be, seconds.
+    /// A photograph that has not been pushed so long after [`Action::Shoot`](super::Action::Shoot) is not going to be, seconds.
     pub shot_seconds: f64,
 }
 

@@ -9,7 +9,7 @@ use super::feedback::{Candidate, NextView};
 use crate::Result;
 use crate::geometry::Pose;
 
-/// What photographs from all round would tell, see [`Session::survey`].
+/// What photographs from all round would tell, see [`Session::survey`](super::Session::survey).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
     /// Accepted photographs that it knows of.
