@@ -292,8 +292,6 @@ typedef uint32_t svbrdf_phase;
 #define SVBRDF_PHASE_SLOPES 8
 /** Infers material classes. */
 #define SVBRDF_PHASE_CLASSES 9
-/** Pools remaining differences of gloss. */
-#define SVBRDF_PHASE_POOL_RESIDUALS 10
 /** Applies the learned prior. */
 #define SVBRDF_PHASE_NETWORK 11
 /** SVBRDF_METHOD_CLASSIC: inverse rendering on the maps themselves. */

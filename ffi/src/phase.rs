@@ -26,8 +26,6 @@ pub const SVBRDF_PHASE_MAPS: svbrdf_phase = 7;
 pub const SVBRDF_PHASE_SLOPES: svbrdf_phase = 8;
 /// Infers material classes.
 pub const SVBRDF_PHASE_CLASSES: svbrdf_phase = 9;
-/// Pools remaining differences of gloss.
-pub const SVBRDF_PHASE_POOL_RESIDUALS: svbrdf_phase = 10;
 /// Applies the learned prior.
 pub const SVBRDF_PHASE_NETWORK: svbrdf_phase = 11;
 /// SVBRDF_METHOD_CLASSIC: inverse rendering on the maps themselves.
@@ -45,7 +43,6 @@ pub(crate) fn phase_code(phase: Option<Phase>) -> svbrdf_phase {
         Some(Phase::Maps) => SVBRDF_PHASE_MAPS,
         Some(Phase::Slopes) => SVBRDF_PHASE_SLOPES,
         Some(Phase::Classes) => SVBRDF_PHASE_CLASSES,
-        Some(Phase::PoolResiduals) => SVBRDF_PHASE_POOL_RESIDUALS,
         Some(Phase::Network) => SVBRDF_PHASE_NETWORK,
         Some(Phase::Baseline) => SVBRDF_PHASE_BASELINE,
     }
@@ -66,7 +63,6 @@ pub extern "C" fn svbrdf_phase_name(phase: svbrdf_phase) -> *const c_char {
         SVBRDF_PHASE_MAPS => c"maps",
         SVBRDF_PHASE_SLOPES => c"slopes",
         SVBRDF_PHASE_CLASSES => c"classes",
-        SVBRDF_PHASE_POOL_RESIDUALS => c"pool_residuals",
         SVBRDF_PHASE_NETWORK => c"network",
         SVBRDF_PHASE_BASELINE => c"baseline",
         _ => c"unknown",

@@ -183,7 +183,6 @@ enum class Phase : svbrdf_phase {
     maps = SVBRDF_PHASE_MAPS,
     slopes = SVBRDF_PHASE_SLOPES,
     classes = SVBRDF_PHASE_CLASSES,
-    pool_residuals = SVBRDF_PHASE_POOL_RESIDUALS,
     network = SVBRDF_PHASE_NETWORK,
     baseline = SVBRDF_PHASE_BASELINE,
 };

@@ -16,7 +16,7 @@ use super::schedule::{
     LightsKnown, Part, Phase, Position, Row, Situation, cost, latent_cost, rounds_left, rows,
 };
 use super::solver::Solver;
-use super::structured::{Predicted, WidthTrials};
+use super::structured::WidthTrials;
 use super::updates::{ClassTrials, FitRecord};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
@@ -119,8 +119,6 @@ pub(crate) struct Estimation {
     pub(super) repeated: bool,
     /// Whether the structured prior was chosen for these photographs.
     pub(super) structured: bool,
-    /// How finished maps predicted the next photograph, each time that there were such.
-    pub(super) predicted: Vec<Predicted>,
     /// The latent fit's maps before its latest step, and losses of the maps.
     pub(super) previous: Option<Shown>,
     pub(super) trend: Option<Trend>,
@@ -149,7 +147,6 @@ impl Estimation {
             lights_before: Correction::default(),
             repeated: false,
             structured: false,
-            predicted: Vec::new(),
             previous: None,
             trend: None,
             keep_record: false,
@@ -210,7 +207,6 @@ impl Estimation {
         changes: &[impl Change],
         restart: bool,
     ) -> Result<()> {
-        self.predicted.extend(self.predict(&observation)?);
         self.leave();
         for change in changes {
             self.photographs.change(change.index(), |observation| change.apply(observation));

@@ -1,9 +1,8 @@
 //! How the maps of the moment explain each photograph, and estimates begun anew.
 
 use super::contradiction::{self, Part};
-use super::estimation::{Estimation, Method};
+use super::estimation::Estimation;
 use super::options::EstimateOptions;
-use super::structured::Predicted;
 use crate::Result;
 use crate::loss::log_l1;
 use crate::observation::Observation;
@@ -21,17 +20,6 @@ pub(crate) struct Residual {
 }
 
 impl Estimation {
-    /// How finished maps predict a photograph that they have not seen.
-    pub(super) fn predict(&self, observation: &Observation) -> Result<Option<Predicted>> {
-        let finished = self.task.method == Method::Deep && self.is_done() && !self.is_cut();
-        let Some(maps) = self.maps.as_ref().filter(|_| finished) else { return Ok(None) };
-        let mut alone = Self::no_photographs(&self.options);
-        alone.add(observation.clone())?;
-        let maps = maps.thinned(alone.thinning());
-        let of = (&maps, &self.photographs);
-        Ok(Some(Predicted::new(of, alone.working(), self.structured, &self.options.structured)))
-    }
-
     /// An estimate of the same kind without photographs.
     pub fn afresh(&self) -> Self {
         let options = EstimateOptions { noise: self.least_noise, ..self.options.clone() };

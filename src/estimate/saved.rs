@@ -24,7 +24,6 @@ use super::schedule::Phase;
 pub(crate) use super::schedule::{Part, Position};
 use super::solver::Solver;
 pub(crate) use super::solver::SolverState;
-pub(crate) use super::structured::Predicted;
 use super::structured::WidthTrials;
 use super::updates::ClassTrials;
 use crate::initial_estimate::Networks;
@@ -44,7 +43,6 @@ pub(crate) struct SavedEstimation<'a> {
     pub lights_before: Cow<'a, Correction>,
     pub repeated: bool,
     pub structured: bool,
-    pub predicted: Cow<'a, [Predicted]>,
     /// What was to be seen before the latest step of the latent fit.
     pub previous: Option<Cow<'a, [f32]>>,
     pub trend: Option<Trend>,
@@ -87,7 +85,6 @@ impl Estimation {
             lights_before: Cow::Borrowed(&self.lights_before),
             repeated: self.repeated,
             structured: self.structured,
-            predicted: Cow::Borrowed(&self.predicted),
             previous: self.previous.as_ref().map(|shown| Cow::Borrowed(&shown.values[..])),
             trend: self.trend.clone(),
         }
@@ -122,7 +119,6 @@ impl Estimation {
         estimation.lights_before = saved.lights_before.into_owned();
         estimation.repeated = saved.repeated;
         estimation.structured = saved.structured;
-        estimation.predicted = saved.predicted.into_owned();
         estimation.check()?;
         estimation.previous = saved.previous.map(|values| Shown { values: values.into_owned() });
         estimation.trend = saved.trend;
@@ -195,14 +191,8 @@ impl Estimation {
                 Work::Lights(Box::new(fit.ok_or_else(|| fault("lights are of another size"))?))
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
-                let (free, options) = (self.task.free_lights, &self.options);
-                let mut trials = WidthTrials::new(
-                    self.photographs.working(),
-                    &belief.maps,
-                    free,
-                    &self.predicted,
-                    options,
-                );
+                let photographs = self.photographs.working();
+                let mut trials = WidthTrials::new(photographs, &belief.maps, &self.options);
                 if !trials.resume(&errors) {
                     return Err(fault("trials of widths are of another size"));
                 }

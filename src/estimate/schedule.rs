@@ -3,14 +3,13 @@
 //! | phase                | photographs | rounds | steps before | steps after | changes          |
 //! |----------------------|-------------|--------|--------------|-------------|------------------|
 //! | latent code          | 1           | 1      |              |             | base, mean, maps |
-//! | widths               | 2 or 3      | 1      |              |             | views, mean, widths |
+//! | widths               | 2           | 1      |              |             | views, mean, widths |
 //! | pool gloss           | 1           | 1      |              |             | base, mean, maps |
 //! | lights held          | 3           | 4 or 2 | 4            |             | views, mean      |
 //! | lights turn          | 8           | 4      | 4            |             | views, mean      |
 //! | maps alone           | 1 only      | 1      | 8            |             | maps             |
 //! | regress slopes       | 2           | 1      | 6            | 4 for 2     | mean, maps       |
 //! | material classes     | 3           | 1      |              | 2           | mean, maps       |
-//! | pool residuals       | 5           | 2      |              | 4           | mean             |
 //! | learned prior        | 2           | 1      |              | 4           | mean, widths     |
 //! | maps, full size      | 1           | 1      | 6            |             | maps             |
 //!
@@ -27,7 +26,8 @@ use super::options::EstimateOptions;
 pub enum Phase {
     /// Fits the latent code.
     Latent,
-    /// Chooses the widths of the prior by leaving photographs out; fits the structured prior.
+    /// Asks whether photographs contradict the light as given; if so, chooses the widths of the structured
+    /// prior by leaving photographs out, and fits it.
     Widths,
     /// Pools gloss of the base.
     PoolGloss,
@@ -41,8 +41,6 @@ pub enum Phase {
     Slopes,
     /// Infers material classes.
     Classes,
-    /// Pools residuals of gloss.
-    PoolResiduals,
     /// Asks the learned prior.
     Network,
     /// The baseline without a prior.
@@ -102,24 +100,17 @@ pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row>
         LightsKnown::Roughly => o.ambient_rounds,
     };
     let turn_rounds = if lights == LightsKnown::Roughly { o.turn_rounds } else { 0 };
-    let widths_from = match lights {
-        LightsKnown::Roughly => options.structured.from,
-        _ => options.structured.from.max(options.structured.leave_out_from),
-    };
+    let width_rounds = usize::from(lights == LightsKnown::Roughly);
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [
         (1, row(Phase::Latent, 1, 0, 0)),
-        (widths_from, row(Phase::Widths, 1, 0, 0)),
+        (options.structured.from, row(Phase::Widths, width_rounds, 0, 0)),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
         (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
         (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),
         (1, row(Phase::Maps, usize::from(photographs < o.slopes_from), o.single_steps, 0)),
         (o.slopes_from, row(Phase::Slopes, 1, o.steps_before_slopes, slopes_after)),
         (o.classes_from, row(Phase::Classes, 1, 0, o.steps_after_classes)),
-        (
-            o.residuals_from,
-            row(Phase::PoolResiduals, o.residual_rounds, 0, o.steps_after_residuals),
-        ),
         (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
         (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) }),
     ];
@@ -251,9 +242,7 @@ pub(crate) fn cost(
             let steps = options.baseline.steps as f32;
             scale(usize::MAX) * steps * Cost::BASELINE.of(photographs)
         }
-        Phase::PoolGloss | Phase::PoolResiduals => {
-            scale(usize::MAX) * Cost::POOLING.of(photographs)
-        }
+        Phase::PoolGloss => scale(usize::MAX) * Cost::POOLING.of(photographs),
         Phase::Slopes => scale(usize::MAX) * Cost::SLOPES.of(photographs),
         Phase::Widths => Cost::WIDTHS.of(photographs),
         Phase::Latent | Phase::Maps => 0.0,
@@ -335,7 +324,7 @@ mod tests {
             let walked = walk(&rows(&situation(photographs, lights), &options));
             walked.iter().filter(|p| **p == (phase, Part::Phase)).count()
         };
-        assert_eq!(count(Phase::PoolResiduals, LightsKnown::Well, 5), 2);
+        assert_eq!(count(Phase::Widths, LightsKnown::Well, 5), 0);
         assert_eq!(count(Phase::HeldLights, LightsKnown::Well, 9), 0);
         assert_eq!(count(Phase::HeldLights, LightsKnown::InRoom, 9), 2);
         assert_eq!(count(Phase::TurningLights, LightsKnown::InRoom, 9), 0);

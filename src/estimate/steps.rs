@@ -12,7 +12,7 @@ use super::schedule::Phase;
 use super::solver::Solver;
 use super::structured::{self, WidthTrials};
 use super::updates::{
-    ClassTrials, FitRecord, LearnedPrior, PoolGloss, PoolResiduals, Pooling, RegressSlopes,
+    ClassTrials, FitRecord, LearnedPrior, PoolGloss, Pooling, RegressSlopes,
 };
 use crate::observation::Observation;
 use crate::{Error, Result};
@@ -29,7 +29,6 @@ impl Estimation {
             Phase::Classes => return self.classes_step(),
             Phase::Network => self.network()?,
             Phase::PoolGloss => self.update(&PoolGloss(Pooling::new(&self.options)))?,
-            Phase::PoolResiduals => self.update(&PoolResiduals(Pooling::new(&self.options)))?,
             Phase::Slopes => {
                 let EstimateOptions { slopes, noise, .. } = self.options;
                 self.update(&RegressSlopes { slopes, noise })?;
@@ -140,11 +139,9 @@ impl Estimation {
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
         let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-        let (free, options) = (self.task.free_lights, &self.options);
         if !matches!(self.work, Work::Widths(_)) {
             let photographs = self.photographs.working();
-            let trials =
-                WidthTrials::new(photographs, &belief.maps, free, &self.predicted, options);
+            let trials = WidthTrials::new(photographs, &belief.maps, &self.options);
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };
@@ -159,8 +156,7 @@ impl Estimation {
                 // It knows every texel's colour.
                 self.refine_belief();
                 let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
-                let options = &self.options;
-                structured::fit(&mut self.photographs, belief, widths, free, options);
+                structured::fit(&mut self.photographs, belief, widths, &self.options);
             }
             None => {
                 let correction = self.photographs.correction().clone();

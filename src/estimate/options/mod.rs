@@ -100,12 +100,6 @@ pub struct ScheduleOptions {
     pub classes_from: usize,
     /// Steps after that. Tuned.
     pub steps_after_classes: usize,
-    /// Photographs from which on residuals are pooled: those of fewer are too uncertain. Tuned.
-    pub residuals_from: usize,
-    /// How often residuals are pooled. Tuned.
-    pub residual_rounds: usize,
-    /// Steps after each. Tuned.
-    pub steps_after_residuals: usize,
     /// Steps after the learned prior, the last ones. Tuned.
     pub steps_after_network: usize,
     /// Photographs that a step sees, at most, except the last ones, of the maps. Tuned.
@@ -144,9 +138,6 @@ impl Default for ScheduleOptions {
             steps_after_slopes: 4,
             classes_from: 3,
             steps_after_classes: 2,
-            residuals_from: 5,
-            residual_rounds: 2,
-            steps_after_residuals: 4,
             steps_after_network: 4,
             photographs: 12,
             texels: 256,
@@ -190,7 +181,7 @@ impl Default for NoiseOptions {
         Self {
             expected: 0.05,
             squares: [0.0015, 3.0],
-            most_expected: 0.4,
+            most_expected: 1.5,
             huber: 0.02,
             huber_by_noise: 3.0,
             parameters: 6.0,

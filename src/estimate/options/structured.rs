@@ -20,11 +20,6 @@ pub struct StructuredOptions {
     /// photographs contradict what was given: of few; and of more, ambient light and with many
     /// directions free in the former, as the other phases correct them. Tuned.
     pub contradiction: [f64; 2],
-    /// The same for more than few, from which on predictions need not confirm it. Tuned.
-    pub clear_contradiction: f64,
-    /// Squared error of predictions with the light as given, relative to that with exposure and flash free,
-    /// that confirms it. Tuned.
-    pub confirmation: f64,
     /// Mean residual of averaged texels with the light as given, at least: of less no fault of the
     /// light can be seen. Tuned.
     pub visible: f64,
@@ -42,26 +37,8 @@ pub struct StructuredOptions {
     pub trial_steps: usize,
     /// Photographs left out in turn, at most: the latest. Tuned.
     pub folds: usize,
-    /// Priors that are tried. The last is so wide that the other phases do better: where it wins, the
-    /// schedule goes on with them; unless photographs contradict what was given.
+    /// Priors that are tried, from one class of a flat sheet to wide ones.
     pub candidates: Vec<Widths>,
-    /// How many of these, from the first, are rivals of the other phases; those between them and the last
-    /// have relief and are tried where photographs contradict what was given.
-    pub narrow: usize,
-    /// Mean squared error of photographs left out, relative to that of the widest prior, that a narrow
-    /// prior must reach; of those that maps of the other phases have predicted, each when it came, it
-    /// must be below theirs. Tuned.
-    pub evidence: f64,
-    /// The same relative to the widest alone, where there were no finished maps before and a board tells
-    /// the light. Tuned.
-    pub evidence_alone: f64,
-    /// Mean squared error with which maps of the other phases must have predicted photographs, each when it
-    /// came, relative to that of the best prior, to go on against photographs that contradict what was
-    /// given. Tuned.
-    pub evidence_of_maps: f64,
-    /// Mean residual of all photographs that the widest prior leaves, at least, to begin with a narrow
-    /// one: less is noise and rounding. Tuned.
-    pub min_residual: f64,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
@@ -105,8 +82,6 @@ impl Default for StructuredOptions {
             few: Widths { diffuse: 0.1, ..classes },
             own_share: 0.5,
             contradiction: [1.2, 1.3],
-            clear_contradiction: 1.5,
-            confirmation: 1.25,
             visible: 0.015,
             averaged_slope: 0.03,
             texels: 64,
@@ -123,11 +98,6 @@ impl Default for StructuredOptions {
                 Widths { slope: 0.3, ..classes },
                 Widths { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes },
             ],
-            narrow: 3,
-            evidence: 0.9,
-            evidence_alone: 0.5,
-            evidence_of_maps: 0.5,
-            min_residual: 0.006,
             noise: 0.3,
             huber: 0.02,
             converged: 1e-4,

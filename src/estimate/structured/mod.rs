@@ -1,5 +1,6 @@
 //! The structured prior: few material classes with small deviations of texels, found together with
-//! exposure and place of the flash; its widths chosen by leaving photographs out.
+//! exposure and place of the flash, where photographs contradict the light that was given; its widths
+//! chosen by leaving photographs out.
 //!
 //! Texels get their gloss from the tails of highlights, and there the model of the lobe is 10 to 15 %
 //! off, alike all over the sample: a prior that lets each texel follow makes the prediction of further
@@ -29,7 +30,6 @@ use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
 use groups::Classes;
-pub(crate) use prediction::Predicted;
 use setup::{DIFFUSE, GLOSS, Light, Setup, descended, sigmas};
 pub(crate) use trials::WidthTrials;
 
@@ -40,7 +40,6 @@ pub(super) fn fit(
     photographs: &mut Photographs,
     belief: &mut Belief,
     widths: Widths,
-    free: bool,
     options: &EstimateOptions,
 ) {
     let o = &options.structured;
@@ -53,7 +52,7 @@ pub(super) fn fit(
         setup = setup.around(&sample.coordinates(&maps), own);
     }
     let classes = setup.classes.clone();
-    let problem = setup.problem(&sample, which, widths, Light::exposure(free), options);
+    let problem = setup.problem(&sample, which, widths, Light::Exposure, options);
     let (problem, state) = descended(problem, o.steps, options);
     let mut gloss = state.groups;
     for (class, mean) in gloss.iter_mut().zip(&problem.groups.mean) {

@@ -1,37 +1,8 @@
 //! Errors of predicted photographs.
 
-use crate::Svbrdf;
 use crate::estimate::bundle::{Lit, Sample, natural};
 use crate::estimate::correction::Correction;
-use crate::estimate::options::StructuredOptions;
-use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::Coordinates;
-
-/// How maps predicted a photograph that they had not seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Predicted {
-    /// Mean squared error, see [`error`].
-    pub error: f64,
-    /// Whether the maps had the structured prior.
-    pub structured: bool,
-    /// Photographs that they were of.
-    pub photographs: usize,
-}
-
-impl Predicted {
-    /// The prediction of the latest photograph, alone, at the texels of the trials, by maps of others.
-    pub fn new(
-        (maps, photographs): (&Svbrdf, &Photographs),
-        latest: &Photographs,
-        structured: bool,
-        options: &StructuredOptions,
-    ) -> Self {
-        let sample = Sample::new(latest, options.trial_averaged, options.trial_texels);
-        let coordinates = sample.coordinates(maps);
-        let error = error(&sample, 0, photographs.correction(), |t| coordinates[t]);
-        Self { error, structured, photographs: photographs.len() }
-    }
-}
 
 /// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
 /// apart.

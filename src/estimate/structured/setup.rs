@@ -54,13 +54,6 @@ pub(super) enum Light {
     },
 }
 
-impl Light {
-    /// Exposure and flash where they are free.
-    pub fn exposure(free: bool) -> Self {
-        if free { Self::Exposure } else { Self::AsGiven }
-    }
-}
-
 /// What the prior of a fit refers to.
 #[derive(Debug, Clone)]
 pub(super) struct Setup {

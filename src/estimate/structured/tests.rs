@@ -70,7 +70,7 @@ fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
         let structured = StructuredOptions { steps: 25, texels: SIDE, ..options().structured };
         let options = EstimateOptions { structured, ..options() };
         let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
-        fit(&mut photographs, &mut belief, options.structured.candidates[0], true, &options);
+        fit(&mut photographs, &mut belief, options.structured.candidates[0], &options);
         let found = &photographs.correction().exposure;
         for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
             // A tenth of a degree at this distance is 0.25 mm.
@@ -91,139 +91,43 @@ fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
     }
 }
 
-#[test]
-fn nothing_is_corrected_where_a_board_tells_exposure_and_flash() {
-    let mut photographs = photographs(&material(0.0), 4, &Exposure::default(), 0.02);
-    let options = options();
-    let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
-    fit(&mut photographs, &mut belief, options.structured.candidates[0], false, &options);
-    let found = &photographs.correction().exposure;
-    assert!(found.gains.iter().all(|g| *g == 0.0) && found.offset_mm == [0.0; 3]);
-    assert_eq!(photographs.full()[2].view, given(2));
-}
-
-fn chosen(photographs: &Photographs, free: bool) -> Option<Widths> {
-    chosen_after(photographs, free, &[])
-}
-
-/// What is chosen when earlier maps have predicted photographs like this.
-fn chosen_after(photographs: &Photographs, free: bool, predicted: &[Predicted]) -> Option<Widths> {
-    let mut trials = WidthTrials::new(photographs, &material(0.0), free, predicted, &options());
+fn chosen(photographs: &Photographs) -> Option<Widths> {
+    let mut trials = WidthTrials::new(photographs, &material(0.0), &options());
     while !trials.is_done() {
         trials.step();
     }
     trials.chosen()
 }
 
-/// Photographs of a flat sheet that the model cannot explain (lights elsewhere, noise alike over
-/// texels of a photograph) ask for one class; a bumpy one that it explains asks for none.
+/// Photographs whose light is as given take no structured prior, whatever else spoils them.
 #[test]
-fn flat_sheets_take_a_narrow_prior_and_explained_bumps_none() {
-    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    // Maps before that were worse than either.
-    let poor = [Predicted { error: 1.0, structured: false, photographs: 5 }];
-    for free in [false, true] {
-        let narrow = chosen_after(&flat, free, &poor);
-        assert!(narrow.is_some_and(|w| w.slope < 0.05), "{narrow:?}");
+fn the_light_as_given_asks_for_no_structured_prior() {
+    for (bumps, noise) in [(0.0, 0.15), (0.0, 0.002), (0.4, 0.0), (0.1, 0.002)] {
+        let photographs = photographs(&material(bumps), 6, &Exposure::default(), noise);
+        assert_eq!(chosen(&photographs), None, "bumps {bumps}, noise {noise}");
     }
-    let bumpy = photographs(&material(0.4), 6, &Exposure::default(), 0.0);
-    assert_eq!(chosen_after(&bumpy, true, &poor), None);
 }
 
-/// Maps of the other phases that predict better than a narrow prior would go on; those of a narrow
-/// prior are no such rivals.
+/// A flat sheet takes a candidate with little relief, a bumpy one a candidate with more.
 #[test]
-fn maps_that_predict_the_latest_photograph_better_go_on() {
-    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    let after = |error: f64, structured| {
-        chosen_after(&flat, true, &[Predicted { error, structured, photographs: 5 }]).is_some()
+fn relief_is_as_wide_as_the_sample_where_the_light_is_not_as_given() {
+    let widths = |bumps| chosen(&photographs(&material(bumps), 6, &planted(), 0.01));
+    let [flat, bumpy] = [0.0, 0.1].map(widths);
+    assert!(flat.is_some_and(|w| w.slope < 0.05), "{flat:?}");
+    assert!(bumpy.is_some_and(|w| w.slope >= 0.1), "{bumpy:?}");
+}
+
+/// What of the light is off by too little to be seen contradicts nothing.
+#[test]
+fn faults_of_the_light_that_cannot_be_seen_are_none() {
+    let Exposure { gains, exponent, offset_mm, .. } = planted();
+    let little = Exposure {
+        gains: gains.iter().map(|g| 0.1 * g).collect(),
+        exponent: 0.1 * exponent,
+        offset_mm: offset_mm.map(|v| 0.1 * v),
+        ..planted()
     };
-    assert!(after(1.0, false) && !after(1e-6, false));
-    assert!(after(1.0, true) && after(1e-6, true));
-}
-
-/// Noise makes every texel deviate, and small deviations are what a narrow prior is for; what is
-/// explained to within noise and rounding needs none, unless it was chosen before.
-#[test]
-fn photographs_that_free_texels_explain_begin_no_narrow_prior() {
-    let exact = photographs(&material(0.0), 6, &Exposure::default(), 0.002);
-    assert_eq!(chosen(&exact, true), None);
-}
-
-/// Without maps before, a narrow prior needs more evidence; once chosen, less.
-#[test]
-fn a_choice_once_made_needs_less_evidence() {
-    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    let mut options = options();
-    let mut choose = |evidence: f64, alone: f64, structured: Option<bool>| {
-        (options.structured.evidence, options.structured.evidence_alone) = (evidence, alone);
-        let predicted =
-            structured.map(|structured| Predicted { error: 1.0, structured, photographs: 5 });
-        let predicted = predicted.as_slice();
-        let choose = |free| {
-            let mut trials = WidthTrials::new(&flat, &material(0.0), free, predicted, &options);
-            while !trials.is_done() {
-                trials.step();
-            }
-            trials.chosen().is_some()
-        };
-        let chosen = choose(false);
-        let expected = chosen && structured.is_some();
-        assert_eq!(choose(true), expected, "without a board and without maps before, none");
-        chosen
-    };
-    assert!(choose(0.0, 0.0, Some(true)));
-    assert!(!choose(0.0, 1.0, Some(false)) && choose(1.0, 0.0, Some(false)));
-    assert!(!choose(1.0, 0.0, None) && choose(0.0, 1.0, None));
-}
-
-/// What predicts best in the sum may be no better than the maps before for the photographs that these
-/// have predicted; the best of those that are better is taken then.
-#[test]
-fn the_best_of_the_candidates_that_are_better_is_taken() {
-    let flat = photographs(&material(0.0), 6, &Exposure::default(), 0.15);
-    let options = options();
-    let candidates = &options.structured.candidates;
-    let choose = |errors: &[f64], light: f64, as_given: f64| {
-        let of = |(i, error): (usize, &f64)| Predicted {
-            error: *error,
-            structured: false,
-            photographs: 6 - errors.len() + i,
-        };
-        let predicted: Vec<Predicted> = errors.iter().enumerate().map(of).collect();
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &predicted, &options);
-        let folds = trials.folds.len();
-        let mut errors = vec![1.0; 2 + candidates.len() * folds];
-        errors[0] = light;
-        let left_out = &mut errors[2..];
-        left_out[..folds].copy_from_slice(&[0.4, 0.4, 0.2]);
-        left_out[folds..2 * folds].copy_from_slice(&[0.1, 0.1, 0.6]);
-        left_out[4 * folds..5 * folds].copy_from_slice(&[0.1, 0.1, 0.1]);
-        errors.extend(vec![as_given; folds]); // of the best, the light as given
-        errors.push(0.1); // residual of the widest
-        assert!(trials.resume(&errors) && trials.is_done());
-        trials.chosen()
-    };
-    assert_eq!(
-        choose(&[1.0], 1.0, 1.0),
-        Some(candidates[1]),
-        "best in the sum, and for the latest"
-    );
-    assert_eq!(
-        choose(&[0.5], 1.0, 1.0),
-        Some(candidates[0]),
-        "the other is no better for the latest"
-    );
-    assert_eq!(choose(&[0.5, 0.5], 1.0, 1.0), Some(candidates[1]), "but for the last two");
-    assert_eq!(choose(&[0.05, 0.5], 1.0, 1.0), None, "nor for the last two");
-    assert_eq!(choose(&[0.1], 1.0, 1.0), None);
-    assert_eq!(
-        choose(&[0.1], 2.0, 0.0),
-        Some(candidates[4]),
-        "the light is not as given: best of all"
-    );
-    assert_eq!(choose(&[0.1], 1.4, 0.2), Some(candidates[4]), "predictions confirm it");
-    assert_eq!(choose(&[0.1], 1.4, 0.1), None, "as given it predicts as well");
+    assert_eq!(chosen(&photographs(&material(0.02), 6, &little, 0.002)), None);
 }
 
 /// Trials end when no further one could change the choice: against tables of all errors, drawn at
@@ -232,23 +136,13 @@ fn the_best_of_the_candidates_that_are_better_is_taken() {
 fn trials_that_are_left_out_change_no_choice() {
     let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
     let mut random = Random::new(11);
-    let (mut done, mut all, mut narrow) = (0, 0, 0);
+    let (mut done, mut all, mut chosen) = (0, 0, 0);
     for case in 0..600 {
         let mut value = |low: f64, high: f64| low + (high - low) * random.uniform();
-        let error = value(0.5, 1.5);
-        let of = |photographs, structured| Predicted { error, structured, photographs };
-        let predicted = match case % 4 {
-            0 => vec![],
-            1 => vec![of(3, true)],
-            2 => vec![of(3, false)],
-            _ => vec![of(2, false), of(3, false)],
-        };
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &predicted, &options());
-        let (_, rest) = trials.errors.split_last().unwrap();
-        let mut table: Vec<f64> = rest.iter().map(|_| value(0.3, 1.6)).collect();
+        let mut trials = WidthTrials::new(&flat, &material(0.0), &options());
+        let mut table: Vec<f64> = trials.errors.iter().map(|_| value(0.3, 1.6)).collect();
         // nothing where as given it leaves nothing visible
         table[0] = if case % 7 == 0 { 0.0 } else { table[1] * value(0.9, 1.8) };
-        table.push(value(0.0, 0.05));
         let undone = trials.save();
         assert!(trials.resume(&table));
         let expected = trials.chosen();
@@ -260,9 +154,9 @@ fn trials_that_are_left_out_change_no_choice() {
         }
         assert_eq!(trials.chosen(), expected, "{case}: {table:?}");
         all += table.len();
-        narrow += usize::from(expected.is_some());
+        chosen += usize::from(expected.is_some());
     }
-    assert!(narrow > 60 && 10 * done < 8 * all, "{narrow} narrow, {done} of {all}");
+    assert!(chosen > 60 && 10 * done < 8 * all, "{chosen} chosen, {done} of {all}");
 }
 
 /// Trials whose errors are no numbers are done like others, and choose nothing.
@@ -270,7 +164,7 @@ fn trials_that_are_left_out_change_no_choice() {
 fn errors_that_are_no_numbers_end_the_trials() {
     let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
     for error in [f64::NAN, f64::INFINITY] {
-        let mut trials = WidthTrials::new(&flat, &material(0.0), true, &[], &options());
+        let mut trials = WidthTrials::new(&flat, &material(0.0), &options());
         for _ in 0..trials.errors.len() {
             if let Some(next) = trials.next() {
                 trials.record(next, error);
@@ -281,39 +175,13 @@ fn errors_that_are_no_numbers_end_the_trials() {
     }
 }
 
-/// Two photographs whose flash and exposure are not as given contradict them; others do not, nor where
-/// a board tells them.
+/// Two photographs whose flash and exposure are not as given contradict them; others do not.
 #[test]
 fn two_photographs_take_classes_where_the_light_is_not_as_given() {
     let wrong = photographs(&material(0.0), 2, &planted(), 0.01);
-    assert_eq!(chosen(&wrong, true), Some(options().structured.few));
-    assert_eq!(chosen(&wrong, false), None);
+    assert_eq!(chosen(&wrong), Some(options().structured.few));
     let right = photographs(&material(0.0), 2, &Exposure::default(), 0.01);
-    assert_eq!(chosen(&right, true), None);
-}
-
-/// More photographs of a bumpy sheet as well: one of the priors with relief is taken, unless the maps
-/// before predicted clearly better; where the light is as given, or a board tells it, or nothing of it can
-/// be seen, none.
-#[test]
-fn relief_is_kept_where_the_light_of_photographs_is_not_as_given() {
-    let before = |error: f64| [Predicted { error, structured: false, photographs: 5 }];
-    let wrong = photographs(&material(0.1), 6, &planted(), 0.01);
-    let relief = chosen_after(&wrong, true, &before(1.0));
-    assert!(relief.is_some_and(|w| w.slope >= 0.1), "{relief:?}");
-    assert_eq!(chosen_after(&wrong, true, &before(1e-6)), None);
-    assert!(chosen_after(&wrong, false, &before(1.0)).is_none_or(|w| w.slope < 0.1));
-    let Exposure { gains, exponent, offset_mm, .. } = planted();
-    let little = Exposure {
-        gains: gains.iter().map(|g| 0.1 * g).collect(),
-        exponent: 0.1 * exponent,
-        offset_mm: offset_mm.map(|v| 0.1 * v),
-        ..planted()
-    };
-    for (bumps, exposure) in [(0.02, little), (0.1, Exposure::default())] {
-        let right = photographs(&material(bumps), 6, &exposure, 0.002);
-        assert_eq!(chosen_after(&right, true, &before(1.0)), None, "{exposure:?}");
-    }
+    assert_eq!(chosen(&right), None);
 }
 
 /// With all of its own deviations an estimate is its own mean: nothing is lost between classes and

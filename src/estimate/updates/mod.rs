@@ -11,5 +11,5 @@ mod widths;
 pub(super) use classes::ClassTrials;
 pub use network::FitRecord;
 pub(super) use network::LearnedPrior;
-pub(super) use pooling::{PoolGloss, PoolResiduals, Pooling};
+pub(super) use pooling::{PoolGloss, Pooling};
 pub(super) use slopes::RegressSlopes;

@@ -56,37 +56,6 @@ impl Pooling {
         Ok(())
     }
 
-    /// Moves roughness and specular albedo of the prior's mean by the residuals from it of texels of
-    /// like diffuse albedo, as far as the photographs told them. Where a highlight has shown that the
-    /// mean is too smooth, it is too smooth beside the highlight as well.
-    ///
-    /// # Errors
-    /// When sizes differ.
-    pub fn pool_residuals(
-        &self,
-        mean: &mut Svbrdf,
-        maps: &Svbrdf,
-        observations: &[Observation],
-    ) -> Result<()> {
-        crate::render::check_observations(mean, observations)?;
-        crate::render::check_observations(maps, observations)?;
-        let information = self.information(maps, observations);
-        let members = Membership::new(maps, &self.groups);
-        for (gloss, seen) in self.glosses().into_iter().zip(information.precision()) {
-            let own = gloss.precision();
-            let values = gloss.read(mean);
-            let mut residuals = gloss.read(maps);
-            residuals.iter_mut().zip(&values).for_each(|(v, before)| *v -= before);
-            let groups = members.statistics(&residuals, |t| seen[t] / (seen[t] + own));
-            gloss.write(mean, |t| {
-                let [precision, sum] = members.pooled(t, &groups);
-                values[t] + sum / (precision + own)
-            });
-        }
-        mean.clamp();
-        Ok(())
-    }
-
     /// What the photographs tell of each [`Gloss`] of every texel.
     pub fn information(&self, maps: &Svbrdf, observations: &[Observation]) -> GlossInformation {
         let mut prior = self.prior;
@@ -159,17 +128,6 @@ impl Update for PoolGloss {
     }
 }
 
-/// Moves the prior's mean by pooled residuals of gloss. Residuals, not values: pooled values would
-/// take away what the mean knows of each texel.
-pub(crate) struct PoolResiduals(pub Pooling);
-
-impl Update for PoolResiduals {
-    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        let seen = photographs.some(&photographs.drawn(0));
-        self.0.pool_residuals(&mut belief.mean, &belief.maps, &seen)
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -218,29 +176,6 @@ pub(crate) mod tests {
         for (t, (v, r)) in
             maps.plane(channel::ROUGHNESS).iter().zip(truth.plane(channel::ROUGHNESS)).enumerate()
         {
-            assert!((v - r).abs() < 0.12, "{t}: {v} {r}");
-        }
-    }
-
-    #[test]
-    fn a_correction_under_the_highlight_reaches_its_colour() {
-        let refined = truth();
-        let mut estimate = truth();
-        let observation = observation(&refined);
-        let red = |t: usize| (t % SIDE / 8).is_multiple_of(2);
-        let wrong = |t: usize| if red(t) { 0.25 } else { 0.0 };
-        for (t, v) in estimate.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
-            *v += wrong(t);
-        }
-        // the refinement has mended what lies under the light, left of the middle
-        let mut found = refined.clone();
-        for (t, v) in found.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
-            *v += if t % SIDE > SIDE / 2 { wrong(t) } else { 0.0 };
-        }
-        pooling().pool_residuals(&mut estimate, &found, &[observation]).unwrap();
-        let pairs =
-            estimate.plane(channel::ROUGHNESS).iter().zip(refined.plane(channel::ROUGHNESS));
-        for (t, (v, r)) in pairs.enumerate() {
             assert!((v - r).abs() < 0.12, "{t}: {v} {r}");
         }
     }

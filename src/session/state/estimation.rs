@@ -7,7 +7,7 @@ use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
     Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
-    Position, Predicted, Prior, Progress, SavedBaseline, SavedCode, SavedDescent, SavedEstimation,
+    Position, Prior, Progress, SavedBaseline, SavedCode, SavedDescent, SavedEstimation,
     SavedFit, SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
@@ -69,12 +69,6 @@ pub(in crate::session) fn write(
         write_correction(w, &saved.lights_before);
         w.flag(saved.repeated);
         w.flag(saved.structured);
-        w.u32(saved.predicted.len() as u32);
-        for predicted in saved.predicted.iter() {
-            w.f64(predicted.error);
-            w.flag(predicted.structured);
-            w.u32(predicted.photographs as u32);
-        }
         w.option(saved.previous.as_deref(), |w, values| {
             w.u32(values.len() as u32);
             w.f32s(values);
@@ -133,12 +127,6 @@ pub(super) fn read(
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
     let (repeated, structured) = (r.flag()?, r.flag()?);
-    // An error, a flag and a number each.
-    let predicted = (0..r.count(13)?).map(|_| {
-        let (error, structured) = (r.f64()?, r.flag()?);
-        Ok(Predicted { error, structured, photographs: r.u32()? as usize })
-    });
-    let predicted = predicted.collect::<Result<Vec<_>>>()?;
     let previous = r.option(|r| {
         let count = r.count(4)?;
         r.f32s(count)
@@ -178,7 +166,6 @@ pub(super) fn read(
         lights_before: Cow::Owned(lights_before),
         repeated,
         structured,
-        predicted: Cow::Owned(predicted),
         previous: previous.map(Cow::Owned),
         trend,
     };

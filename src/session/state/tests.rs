@@ -159,7 +159,7 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
         assert!(plain == saved, "{task:?} {count}: {} {}", plain.1, saved.1);
         phases.extend(plain.2);
     }
-    use Phase::{Baseline, Classes, HeldLights, Latent, Maps, Network, PoolGloss, PoolResiduals};
+    use Phase::{Baseline, Classes, HeldLights, Latent, Maps, Network, PoolGloss};
     for phase in [
         Latent,
         PoolGloss,
@@ -167,7 +167,6 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
         Maps,
         Phase::Slopes,
         Classes,
-        PoolResiduals,
         Network,
         Baseline,
     ] {

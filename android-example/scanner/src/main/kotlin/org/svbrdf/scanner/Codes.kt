@@ -188,7 +188,6 @@ enum class Phase(internal val code: Int) {
     MAPS(7),
     SLOPES(8),
     CLASSES(9),
-    POOL_RESIDUALS(10),
     NETWORK(11),
     BASELINE(12);
 
