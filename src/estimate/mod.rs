@@ -19,7 +19,7 @@
 //! ```text
 //! m = D(z)           maps of the latent code                  latent/
 //!   + offset         what all texels are off                  lights/    (with bundle/)
-//!   + groups         pooled gloss and its residuals, classes  updates/pooling, classes
+//!   + groups         pooled gloss, classes                   updates/pooling, classes
 //!   + regression     slopes by slopes and colours             updates/slopes
 //!   + network        what fits are known to leave open        updates/network
 //! ```
@@ -34,9 +34,9 @@
 //! |---|---|---|
 //! | latent code | `z` | Adam on the mean log-L1 through decoder and renderer (Gao et al. 2019, Section 5) |
 //! | maps | `x`, and `σ`, width of slopes | Levenberg-Marquardt per texel, reweighted; `σ` from residuals; evidence (MacKay 1992) |
-//! | widths | `m`, `Λ`, `v` | leave-one-out cross-validation; classes, exposure and flash as for lights |
+//! | widths | `m`, `Λ`, `v` | likelihood ratio, leave-one-out cross-validation; classes, exposure and flash as for lights |
 //! | lights | `v`, offset | bundle adjustment (`bundle`): Levenberg-Marquardt, texels eliminated |
-//! | pool gloss, residuals | `m` | precision-weighted means of groups of like colour (empirical Bayes) |
+//! | pool gloss | `m` | precision-weighted means of groups of like colour (empirical Bayes) |
 //! | material classes | `m`, `x` | mixture model, expectation maximisation |
 //! | slopes | `m`, `x` | linear regression by marginal likelihood |
 //! | learned prior | `m`, `x`, `Λ` | network; widths by evidence |

@@ -11,9 +11,7 @@ use super::photographs::Photographs;
 use super::schedule::Phase;
 use super::solver::Solver;
 use super::structured::{self, WidthTrials};
-use super::updates::{
-    ClassTrials, FitRecord, LearnedPrior, PoolGloss, Pooling, RegressSlopes,
-};
+use super::updates::{ClassTrials, FitRecord, LearnedPrior, PoolGloss, Pooling, RegressSlopes};
 use crate::observation::Observation;
 use crate::{Error, Result};
 

@@ -96,8 +96,7 @@ impl WidthTrials {
     /// The next trial.
     pub fn step(&mut self) {
         let Some(trial) = self.next() else { return };
-        let error =
-            if trial < OF_LIGHT { self.cost_of_all(trial > 0) } else { self.error(trial) };
+        let error = if trial < OF_LIGHT { self.cost_of_all(trial > 0) } else { self.error(trial) };
         self.record(trial, error);
     }
 

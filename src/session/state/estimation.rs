@@ -7,8 +7,8 @@ use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::as_damage;
 use crate::estimate::saved::{
     Adam, Belief, Correction, Cut, Exposure, LatentPosition, MAX_MIRRORED, Noise, Offset, Part,
-    Position, Prior, Progress, SavedBaseline, SavedCode, SavedDescent, SavedEstimation,
-    SavedFit, SavedLights, SavedWork, SolverState, State, Trend,
+    Position, Prior, Progress, SavedBaseline, SavedCode, SavedDescent, SavedEstimation, SavedFit,
+    SavedLights, SavedWork, SolverState, State, Trend,
 };
 use crate::estimate::{EstimateOptions, Estimation, Task};
 use crate::initial_estimate::Networks;

@@ -160,16 +160,7 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
         phases.extend(plain.2);
     }
     use Phase::{Baseline, Classes, HeldLights, Latent, Maps, Network, PoolGloss};
-    for phase in [
-        Latent,
-        PoolGloss,
-        HeldLights,
-        Maps,
-        Phase::Slopes,
-        Classes,
-        Network,
-        Baseline,
-    ] {
+    for phase in [Latent, PoolGloss, HeldLights, Maps, Phase::Slopes, Classes, Network, Baseline] {
         assert!(phases.contains(&phase), "{phase:?} was not tested");
     }
 }
