@@ -6,7 +6,7 @@ mod test_data;
 
 use std::path::{Path, PathBuf};
 
-use common::{failure, maps, run, succeed, text};
+use common::{failure, maps, picture, run, succeed, text};
 use serde_json::Value;
 use svbrdf::capture::read_camera;
 use test_data::test_data;
@@ -29,7 +29,7 @@ fn a_camera_is_found_and_one_bad_photo_does_not_fail_the_run() {
     let dir = tempfile::tempdir().unwrap();
     let (capture, files) = photos(dir.path(), 5);
     let small = dir.path().join("small.png");
-    let photo = image::open(&files[0]).unwrap();
+    let photo = picture(&files[0]);
     photo.resize(1008, 756, image::imageops::FilterType::Triangle).save(&small).unwrap();
     let blank = dir.path().join("blank.png");
     image::RgbImage::new(photo.width(), photo.height()).save(&blank).unwrap();

@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{failure, maps, names, run, succeed, text};
+use common::{failure, maps, names, picture, run, succeed, text};
 use serde_json::Value;
 use svbrdf::svbrdf::channel;
 
@@ -54,7 +54,7 @@ fn bad_photos(capture: &Path) -> Vec<(&'static str, Vec<u8>, Vec<&'static str>)>
         image.write_to(&mut bytes, format).unwrap();
         bytes.into_inner()
     };
-    let photo = image::open(capture.join("frames/00.png")).unwrap().into_rgb8();
+    let photo = picture(capture.join("frames/00.png")).into_rgb8();
     let (w, h) = photo.dimensions();
     let png = |level| {
         encode(&image::RgbImage::from_pixel(w, h, image::Rgb([level; 3])), image::ImageFormat::Png)

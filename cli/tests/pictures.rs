@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
 
-use common::{failure, maps, run, succeed, text};
+use common::{failure, maps, picture, run, succeed, text};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use moxcms::ColorProfile;
@@ -36,7 +36,7 @@ static SHOTS: LazyLock<Vec<RgbImage>> = LazyLock::new(|| {
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "3"]);
     // Half the size is enough, and four times as fast.
     let open = |i| {
-        let shot = image::open(out.join(format!("frames/{i:02}.png"))).unwrap().into_rgb8();
+        let shot = picture(out.join(format!("frames/{i:02}.png"))).into_rgb8();
         imageops::resize(&shot, shot.width() / 2, shot.height() / 2, FilterType::Triangle)
     };
     (0..3).map(open).collect()
