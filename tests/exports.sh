@@ -7,7 +7,7 @@ tools=$PWD/target/exports-tools
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-[ -x target/release/svbrdf ] || cargo build --release -p svbrdf-cli --bin svbrdf
+[ -x target/release/svbrdf ] || cargo build --release --workspace --bin svbrdf
 svbrdf=$PWD/target/release/svbrdf
 . tests/tools.sh
 has "exports: Node.js" npm nodejs npm || true

@@ -27,7 +27,7 @@ python3 -m venv "$work/fresh"
 # No compiler: the wheel is all there is.
 CC=false CXX=false RUSTC=false CARGO=false \
   "$work/fresh/bin/pip" install -q --only-binary :all: "$wheel" pytest mypy || skip "numpy or pytest cannot be had"
-cargo build --release --quiet -p svbrdf-cli --bin svbrdf
+cargo build --release --quiet --workspace --bin svbrdf
 export SVBRDF_CLI=$target/release/svbrdf
 cd ffi/python
 "$work/fresh/bin/python" -m pytest -q -p no:cacheprovider "$@"
