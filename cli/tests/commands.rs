@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{failure, maps, names, picture, succeed, text};
+use common::{failure, maps, names, picture, save_png, succeed, text};
 use glam::{DMat3, DVec2, DVec3};
 use svbrdf::capture::Capture;
 use svbrdf::export::write_maps;
@@ -358,7 +358,7 @@ fn what_cannot_be_exported_is_told() {
     check("glb,", 2, &["--format"]);
     let exr = source.join("maps.exr");
     std::fs::remove_file(&exr).unwrap();
-    image::GrayImage::new(3, 3).save(source.join("roughness.png")).unwrap();
+    save_png(source.join("roughness.png"), image::GrayImage::new(3, 3));
     check("glb", 2, &["roughness.png", "8 x 8"]);
     std::fs::remove_file(source.join("roughness.png")).unwrap();
     check("glb", 2, &["roughness"]);

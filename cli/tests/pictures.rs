@@ -154,9 +154,8 @@ fn a_linear_png_is_read_as_linear() {
         };
         image::Rgb(SHOTS[0].get_pixel(x, y).0.map(stored))
     });
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image::DynamicImage::ImageRgb16(deep).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    let bytes = bytes.into_inner();
+    let mut bytes = Vec::new();
+    deep.write_with_encoder(image::codecs::png::PngEncoder::new(&mut bytes)).unwrap();
     // gAMA 100000 with its checksum, behind the header.
     let gama = [0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xA0, 0x31, 0xE8, 0x96, 0x5F];
     fs::write(&linear, [&bytes[..33], &gama, &bytes[33..]].concat()).unwrap();

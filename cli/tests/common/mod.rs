@@ -5,7 +5,7 @@
 mod picture;
 
 #[allow(unused_imports)] // as above
-pub use picture::picture;
+pub use picture::{picture, save_png};
 
 use std::path::Path;
 use std::process::{Command, Output};

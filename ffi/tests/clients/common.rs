@@ -12,6 +12,8 @@ use tempfile::TempDir;
 #[path = "../../../tests/common/picture.rs"]
 mod picture;
 use picture::picture;
+#[allow(unused_imports)] // by clients in C and C++
+pub use picture::save_png;
 
 /// The repository.
 pub fn root() -> &'static Path {
