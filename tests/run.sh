@@ -7,9 +7,10 @@
 # --quick needs Rust and a C and a C++ compiler, and installs nothing. It takes about five minutes on two
 # cores once it has been compiled; the first time, compiling takes about 15 minutes more.
 #
-# Without --quick, compiling takes about 25 minutes on two cores the first time; the last line says how long
-# the run took. Packages that are missing are installed by apt (as root, or by sudo), one call a tool, so that
-# one that cannot be had leaves the others in place:
+# Without --quick, everything is compiled once, and packages, exports, report and Python module are checked beside
+# the tests: half an hour on two cores the first time. The last line says how long the run took. Packages that are
+# missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
+# others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
