@@ -79,8 +79,8 @@ for given in "${libraries[@]}"; do
   done
 done
 
-# Metadata of an older version is read by the compilers of more apps.
-java -Xmx1g -cp "$kotlin/lib/kotlin-compiler.jar" org.jetbrains.kotlin.cli.jvm.K2JVMCompiler \
+# Metadata of an older version is read by the compilers of more apps. The compiler ends before it pays to optimise it.
+java -Xmx1g -XX:TieredStopAtLevel=1 -XX:+UseSerialGC -cp "$kotlin/lib/kotlin-compiler.jar" org.jetbrains.kotlin.cli.jvm.K2JVMCompiler \
   -kotlin-home "$kotlin" -no-reflect -jvm-target 1.8 -language-version 2.2 -api-version 2.2 \
   -module-name svbrdf-scanner -cp "$kotlin/lib/kotlin-stdlib.jar:$kotlin/lib/kotlinx-coroutines-core-jvm.jar" \
   -d "$work/classes" "$main/kotlin"

@@ -6,6 +6,10 @@ use crate::render::render;
 use crate::svbrdf::channel;
 use std::f32::consts::PI;
 
+#[path = "../tests/common/picture.rs"]
+mod picture;
+pub(crate) use picture::picture;
+
 #[path = "../tests/common/test_data.rs"]
 #[allow(dead_code)] // for tests of modules on reference photographs
 pub(crate) mod test_data;

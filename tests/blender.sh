@@ -9,7 +9,7 @@ tools=$target/exports-tools
 environment=$tools/blender${BPY:+-$BPY}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-[ -x "$target/release/svbrdf" ] || cargo build --release -p svbrdf-cli --bin svbrdf
+[ -x "$target/release/svbrdf" ] || cargo build --release --workspace --bin svbrdf
 mkdir -p "$tools"
 if ! "$environment/bin/python" -c 'import bpy, pytest' 2>/dev/null; then
   python3 -m venv "$environment"

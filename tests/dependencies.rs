@@ -155,3 +155,26 @@ fn versions_agree() {
     assert_eq!(dev, Some(&*format!("libsvbrdf{major} (= {version}-1)")));
     assert!(read("ffi/Cargo.toml").contains(&format!("\"usr/lib/libsvbrdf.so.{version}\"")));
 }
+
+/// Crates with their features, as a selection of packages has them.
+fn selected(arguments: &[&str]) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .current_dir(root())
+        .args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}|{f}"])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).unwrap();
+    // A crate that was shown before is marked.
+    lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Otherwise `tests/python.sh` compiles tract and the library once more: minutes.
+#[test]
+fn the_wheel_has_the_features_of_the_workspace() {
+    let workspace = selected(&["--workspace", "--edges", "normal,build,dev"]);
+    let wheel = selected(&["--package", "svbrdf-python", "--edges", "normal,build"]);
+    let other: Vec<_> = wheel.difference(&workspace).collect();
+    assert!(!wheel.is_empty() && other.is_empty(), "add the missing features: {other:?}");
+}

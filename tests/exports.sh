@@ -3,12 +3,13 @@
 # MaterialX (PyPI), Debian's Chromium. What cannot be had is skipped, and said.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-tools=$PWD/target/exports-tools
+target=${CARGO_TARGET_DIR:-$PWD/target}
+tools=$target/exports-tools
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-[ -x target/release/svbrdf ] || cargo build --release -p svbrdf-cli --bin svbrdf
-svbrdf=$PWD/target/release/svbrdf
+svbrdf=$target/release/svbrdf
+[ -x "$svbrdf" ] || cargo build --release --workspace --bin svbrdf
 . tests/tools.sh
 has "exports: Node.js" npm nodejs npm || true
 has "exports: a browser" chromium chromium || true

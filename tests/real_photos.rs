@@ -1,8 +1,11 @@
 //! Full checkerboards in real photographs (`calibration` of the test data).
 
+#[path = "common/picture.rs"]
+mod picture;
 #[path = "common/test_data.rs"]
 mod test_data;
 
+use picture::picture;
 use std::path::{Path, PathBuf};
 use svbrdf::calibration::{Detection, Hole, LumaImage, Target, TopLeft, detect, estimate_pose};
 use svbrdf::geometry::Camera;
@@ -25,7 +28,7 @@ fn photos(folder: &Path, part: &str) -> Vec<PathBuf> {
 
 /// Camera files are close to a square-root scale already.
 fn luma(path: &Path) -> LumaImage {
-    let gray = image::open(path).unwrap().into_luma8();
+    let gray = picture(path).into_luma8();
     let (width, height) = (gray.width() as usize, gray.height() as usize);
     let data = gray.into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect();
     LumaImage { width, height, data }

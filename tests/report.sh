@@ -21,7 +21,7 @@ mkdir -p "$tools"
   npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core@1.61 pngjs axe-core ||
   leave "playwright-core, pngjs and axe-core cannot be installed"
 
-[ -x "$folder/release/svbrdf" ] || cargo build --quiet --release -p svbrdf-cli --bin svbrdf
+[ -x "$folder/release/svbrdf" ] || cargo build --quiet --release --workspace --bin svbrdf
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$folder/release/svbrdf" fit examples/captures/tile --out "$work/maps" --steps 6 --hold-out 2 --quiet

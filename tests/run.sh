@@ -7,9 +7,10 @@
 # --quick needs Rust and a C and a C++ compiler, and installs nothing. It takes about five minutes on two
 # cores once it has been compiled; the first time, compiling takes about 15 minutes more.
 #
-# Without --quick, compiling takes about 25 minutes on two cores the first time; the last line says how long
-# the run took. Packages that are missing are installed by apt (as root, or by sudo), one call a tool, so that
-# one that cannot be had leaves the others in place:
+# Without --quick, everything is compiled once, and packages, exports, report and Python module are checked beside
+# the tests: half an hour on two cores the first time. The last line says how long the run took. Packages that are
+# missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
+# others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
@@ -39,6 +40,8 @@ SVBRDF_SKIPPED=$(mktemp)
 export SVBRDF_SKIPPED
 finish() {
   local status=$? count
+  # What still runs beside a check that has failed.
+  kill $(jobs -p) 2>/dev/null || true
   count=$(sort -u "$SVBRDF_SKIPPED" | wc -l)
   if [ "$count" -gt 0 ]; then
     sort -u "$SVBRDF_SKIPPED" | sed 's/^/  /'
@@ -90,14 +93,30 @@ need "the Android app" "test -f /usr/share/android-framework-res/framework-res.a
 } &
 tools=$!
 
+# Everything is compiled as one selection of packages: of one package alone, dependencies would have other
+# features and be compiled anew.
+packages=(--workspace "${oracle[@]}")
 cargo fmt --all --check
-cargo clippy --release --workspace "${oracle[@]}" --all-targets -- -D warnings
+cargo clippy --release "${packages[@]}" --all-targets -- -D warnings
+cargo build --release "${packages[@]}" --lib --bins --tests
+export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
-cargo test --release --workspace "${oracle[@]}" "$@"
-tests/package.sh
-tests/licences.sh
-tests/exports.sh
-tests/inlined.sh
-tests/report.sh
-tests/python.sh
-RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --workspace "${oracle[@]}" --quiet
+
+# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end.
+log=$(mktemp)
+(
+  tests/package.sh
+  tests/licences.sh
+  tests/inlined.sh
+  tests/report.sh
+  tests/exports.sh
+  tests/python.sh
+  RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps "${packages[@]}" --quiet
+) > "$log" 2>&1 &
+others=$!
+failed=0
+cargo test --release "${packages[@]}" "$@" || failed=1
+wait "$others" || failed=1
+cat "$log"
+rm -f "$log"
+exit "$failed"

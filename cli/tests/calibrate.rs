@@ -6,7 +6,7 @@ mod test_data;
 
 use std::path::{Path, PathBuf};
 
-use common::{failure, maps, run, succeed, text};
+use common::{failure, maps, picture, run, save_png, succeed, text};
 use serde_json::Value;
 use svbrdf::capture::read_camera;
 use test_data::test_data;
@@ -29,10 +29,10 @@ fn a_camera_is_found_and_one_bad_photo_does_not_fail_the_run() {
     let dir = tempfile::tempdir().unwrap();
     let (capture, files) = photos(dir.path(), 5);
     let small = dir.path().join("small.png");
-    let photo = image::open(&files[0]).unwrap();
-    photo.resize(1008, 756, image::imageops::FilterType::Triangle).save(&small).unwrap();
+    let photo = picture(&files[0]);
+    save_png(&small, photo.resize(1008, 756, image::imageops::FilterType::Triangle));
     let blank = dir.path().join("blank.png");
-    image::RgbImage::new(photo.width(), photo.height()).save(&blank).unwrap();
+    save_png(&blank, image::RgbImage::new(photo.width(), photo.height()));
     let broken = dir.path().join("broken.png");
     std::fs::write(&broken, &std::fs::read(&files[0]).unwrap()[..9999]).unwrap();
     let out = dir.path().join("camera.json");
@@ -79,7 +79,7 @@ fn a_camera_is_found_and_one_bad_photo_does_not_fail_the_run() {
 fn faults_exit_with_2() {
     let dir = tempfile::tempdir().unwrap();
     let blank = dir.path().join("blank.png");
-    image::RgbImage::new(640, 480).save(&blank).unwrap();
+    save_png(&blank, image::RgbImage::new(640, 480));
     let out = dir.path().join("camera.json");
     for (board, says) in [
         ("checkerboard:6x9:25", "board_not_found no board found"),

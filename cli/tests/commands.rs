@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{failure, maps, names, succeed, text};
+use common::{failure, maps, names, picture, save_png, succeed, text};
 use glam::{DMat3, DVec2, DVec3};
 use svbrdf::capture::Capture;
 use svbrdf::export::write_maps;
@@ -47,7 +47,7 @@ fn render_writes_what_the_library_renders() {
             "--out",
             text(&out),
         ]);
-        let image = image::open(&out).unwrap().into_rgb32f();
+        let image = picture(&out).into_rgb32f();
         for (i, pixel) in image.pixels().enumerate() {
             for c in 0..3 {
                 let expected = rgb[c * 256 + i];
@@ -139,7 +139,7 @@ fn boards_are_to_scale() {
     let bytes = std::fs::read(path("b.png")).unwrap();
     // 23622 px/m; the checksum as zlib gives it.
     assert_eq!(&bytes[33..54], b"\0\0\0\x09pHYs\0\0\x5c\x46\0\0\x5c\x46\x01\x14\x94\x43\x41");
-    let png = image::open(path("b.png")).unwrap().into_luma8();
+    let png = picture(path("b.png")).into_luma8();
     assert_eq!(png.dimensions(), (4961, 7016));
     // Along the second row of squares the colour changes at every square of the ring's corner.
     let at =
@@ -358,7 +358,7 @@ fn what_cannot_be_exported_is_told() {
     check("glb,", 2, &["--format"]);
     let exr = source.join("maps.exr");
     std::fs::remove_file(&exr).unwrap();
-    image::GrayImage::new(3, 3).save(source.join("roughness.png")).unwrap();
+    save_png(source.join("roughness.png"), image::GrayImage::new(3, 3));
     check("glb", 2, &["roughness.png", "8 x 8"]);
     std::fs::remove_file(source.join("roughness.png")).unwrap();
     check("glb", 2, &["roughness"]);

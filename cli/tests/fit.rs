@@ -2,9 +2,11 @@
 
 mod common;
 
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
 use std::path::{Path, PathBuf};
 
-use common::{failure, maps, names, run, succeed, text};
+use common::{failure, maps, names, picture, run, succeed, text};
 use serde_json::Value;
 use svbrdf::svbrdf::channel;
 
@@ -50,11 +52,15 @@ fn faults_of_the_description_exit_with_2_and_write_nothing() {
 /// Photos that no fit can use, with their reasons.
 fn bad_photos(capture: &Path) -> Vec<(&'static str, Vec<u8>, Vec<&'static str>)> {
     let encode = |image: &image::RgbImage, format| {
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        image.write_to(&mut bytes, format).unwrap();
-        bytes.into_inner()
+        let mut bytes = Vec::new();
+        match format {
+            image::ImageFormat::Png => image.write_with_encoder(PngEncoder::new(&mut bytes)),
+            _ => image.write_with_encoder(JpegEncoder::new(&mut bytes)),
+        }
+        .unwrap();
+        bytes
     };
-    let photo = image::open(capture.join("frames/00.png")).unwrap().into_rgb8();
+    let photo = picture(capture.join("frames/00.png")).into_rgb8();
     let (w, h) = photo.dimensions();
     let png = |level| {
         encode(&image::RgbImage::from_pixel(w, h, image::Rgb([level; 3])), image::ImageFormat::Png)

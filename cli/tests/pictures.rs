@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::LazyLock;
 
-use common::{failure, maps, run, succeed, text};
+use common::{failure, maps, picture, run, succeed, text};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use moxcms::ColorProfile;
@@ -36,7 +36,7 @@ static SHOTS: LazyLock<Vec<RgbImage>> = LazyLock::new(|| {
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "3"]);
     // Half the size is enough, and four times as fast.
     let open = |i| {
-        let shot = image::open(out.join(format!("frames/{i:02}.png"))).unwrap().into_rgb8();
+        let shot = picture(out.join(format!("frames/{i:02}.png"))).into_rgb8();
         imageops::resize(&shot, shot.width() / 2, shot.height() / 2, FilterType::Triangle)
     };
     (0..3).map(open).collect()
@@ -154,9 +154,8 @@ fn a_linear_png_is_read_as_linear() {
         };
         image::Rgb(SHOTS[0].get_pixel(x, y).0.map(stored))
     });
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image::DynamicImage::ImageRgb16(deep).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    let bytes = bytes.into_inner();
+    let mut bytes = Vec::new();
+    deep.write_with_encoder(image::codecs::png::PngEncoder::new(&mut bytes)).unwrap();
     // gAMA 100000 with its checksum, behind the header.
     let gama = [0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xA0, 0x31, 0xE8, 0x96, 0x5F];
     fs::write(&linear, [&bytes[..33], &gama, &bytes[33..]].concat()).unwrap();

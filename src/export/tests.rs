@@ -1,5 +1,6 @@
 use super::*;
 use crate::svbrdf::{CHANNELS, MIN_ROUGHNESS, channel};
+use crate::test_support::picture;
 use crate::{Error, Svbrdf};
 
 /// Maps whose every channel varies over its range.
@@ -48,9 +49,9 @@ fn maps_come_back_from_floats_and_from_pictures() {
         let difference = largest_difference(&maps, &back, c);
         assert!(difference <= 0.5 * steps / 65535.0 + 1e-6, "channel {c}: {difference}");
     }
-    let roughness = image::open(dir.path().join("roughness.png")).unwrap();
+    let roughness = picture(dir.path().join("roughness.png"));
     assert_eq!(roughness.color(), image::ColorType::L16);
-    let normal = image::open(dir.path().join("normal.png")).unwrap();
+    let normal = picture(dir.path().join("normal.png"));
     assert_eq!(normal.color(), image::ColorType::Rgb16);
 }
 
@@ -92,7 +93,7 @@ fn a_slope_to_the_right_is_red_and_one_upwards_green() {
     maps.plane_mut(channel::SLOPE_X)[0] = 1.0;
     maps.plane_mut(channel::SLOPE_Y)[1] = 1.0;
     write_maps(dir.path(), &maps).unwrap();
-    let normal = image::open(dir.path().join("normal.png")).unwrap().into_rgb32f();
+    let normal = picture(dir.path().join("normal.png")).into_rgb32f();
     let raised = 0.5 + 0.5 * 0.5f32.sqrt();
     let (right, up) = (normal.get_pixel(0, 0), normal.get_pixel(1, 0));
     for (found, expected) in [(right, [raised, 0.5, raised]), (up, [0.5, raised, raised])] {
@@ -146,10 +147,10 @@ fn pictures_of_renderings_hold_the_values() {
     let dir = tempfile::tempdir().unwrap();
     let rgb = [0.0, 0.25, 0.5, 1.5, 0.1, -1.0];
     write_exr_image(dir.path().join("a.exr"), 2, 1, &rgb).unwrap();
-    let back = image::open(dir.path().join("a.exr")).unwrap().into_rgb32f().into_raw();
+    let back = picture(dir.path().join("a.exr")).into_rgb32f().into_raw();
     assert_eq!(back, [0.0, 0.5, 0.1, 0.25, 1.5, -1.0]);
     write_png16_image(dir.path().join("a.png"), 2, 1, &rgb).unwrap();
-    let back = image::open(dir.path().join("a.png")).unwrap().into_rgb16().into_raw();
+    let back = picture(dir.path().join("a.png")).into_rgb16().into_raw();
     assert_eq!(back, [0, 32768, 6554, 16384, 65535, 0]);
     assert!(write_png16_image(dir.path().join("a.png"), 2, 2, &rgb).is_err());
 }
@@ -176,7 +177,7 @@ fn the_preview_shows_maps_and_renderings_with_captions() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("preview.png");
     write_preview(&path, &varied(40, 20), [100.0, 50.0]).unwrap();
-    let sheet = image::open(&path).unwrap().into_rgb8();
+    let sheet = picture(&path).into_rgb8();
     // Enlarged six times: pictures of 240 x 120 px under captions of 24 px, 12 px apart.
     assert_eq!(sheet.dimensions(), (4 * 240 + 5 * 12, 2 * (120 + 24) + 3 * 12));
     // Every one of the eight pictures has something to show, and a caption above it.

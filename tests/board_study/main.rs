@@ -8,11 +8,14 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod negatives;
+#[path = "../common/picture.rs"]
+mod picture;
 #[path = "../common/test_data.rs"]
 mod test_data;
 
 use common::{Random, Scene, charuco, looking_at, ring};
 use glam::{DVec2, DVec3};
+use picture::picture;
 use rayon::prelude::*;
 use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
 use svbrdf::geometry::Camera;
@@ -273,7 +276,7 @@ fn photographs_of_other_things_are_refused() {
     let wrong: usize = files
         .into_par_iter()
         .map(|file| {
-            let gray = image::open(&file).unwrap().into_luma8();
+            let gray = picture(&file).into_luma8();
             let (width, height) = (gray.width() as usize, gray.height() as usize);
             let data = gray.into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect();
             let picture = LumaImage { width, height, data };

@@ -11,6 +11,8 @@ use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
 use svbrdf::frame::{Photo, ToneCurve};
 use svbrdf::geometry::{Camera, Pose};
 
+use crate::picture::picture;
+
 use crate::test_data::test_data;
 
 pub(crate) const CAPTURES: [&str; 5] =
@@ -99,7 +101,7 @@ impl Capture {
 
     pub(crate) fn photo(&self, frame: usize) -> Photo {
         let f = &self.capture["frames"][frame];
-        let image = image::open(self.folder.join(f["image"].as_str().unwrap())).unwrap();
+        let image = picture(self.folder.join(f["image"].as_str().unwrap()));
         let (w, h) = (image.width(), image.height());
         let rgb: Vec<f32> = if f["encoding"] == "linear" {
             image.to_rgb16().into_raw().iter().map(|v| f32::from(*v) / 65535.0).collect()

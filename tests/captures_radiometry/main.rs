@@ -3,12 +3,15 @@
 //! texel with the contract's BRDF, must reproduce the rectified photos.
 
 mod capture;
+#[path = "../common/picture.rs"]
+mod picture;
 #[path = "../common/test_data.rs"]
 mod test_data;
 
 use std::path::Path;
 
 use glam::DVec3;
+use picture::picture;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator, Radiometry};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::observation::Observation;
@@ -122,7 +125,7 @@ enum Ambient {
 impl Maps {
     fn open(folder: &Path) -> Self {
         let read = |name: &str| -> Vec<DVec3> {
-            let image = image::open(folder.join("truth").join(name)).unwrap();
+            let image = picture(folder.join("truth").join(name));
             assert_eq!((image.width() as usize, image.height() as usize), (SIZE, SIZE));
             let raw = image.to_rgb16().into_raw();
             raw.chunks_exact(3)

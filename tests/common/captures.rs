@@ -1,10 +1,14 @@
 //! Reads the rendered captures of the test data with their true poses.
 #![allow(dead_code)] // each test file uses its part
 
+#[path = "picture.rs"]
+mod picture;
 #[path = "test_data.rs"]
 mod test_data;
 
 #[allow(unused_imports)] // as above
+pub use picture::picture;
+#[allow(unused_imports)]
 pub use test_data::test_data;
 
 use glam::{DMat3, DVec3};
@@ -96,7 +100,7 @@ fn target_of(board: &serde_json::Value) -> Target {
 }
 
 fn photo(path: &Path, encoding: &str) -> Photo {
-    let image = image::open(path).unwrap();
+    let image = picture(path);
     let (width, height) = (image.width(), image.height());
     let rgb: Vec<f32> = match encoding {
         "srgb" => {

@@ -1,6 +1,12 @@
 //! Running the binary and small inputs for it.
 #![allow(dead_code)] // each test file uses its part
 
+#[path = "../../../tests/common/picture.rs"]
+mod picture;
+
+#[allow(unused_imports)] // as above
+pub use picture::{picture, save_png};
+
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -56,11 +56,15 @@ fn class_path(parts: &[&Path]) -> String {
     parts.iter().map(|p| p.to_str().unwrap()).collect::<Vec<_>>().join(":")
 }
 
+/// For compilers in Java, which end before it pays to optimise them.
+const BRIEF: [&str; 3] = ["-Xmx1g", "-XX:TieredStopAtLevel=1", "-XX:+UseSerialGC"];
+
 /// Compiles Kotlin into a folder of classes, warnings as errors.
 fn kotlin(tools: &Path, class_path: &str, sources: &[PathBuf], extra: &[&str], out: &Path) {
     let mut command = Command::new("java");
     command
-        .args(["-Xmx1g", "-cp"])
+        .args(BRIEF)
+        .arg("-cp")
         .arg(tools.join("kotlinc/lib/kotlin-compiler.jar"))
         .arg("org.jetbrains.kotlin.cli.jvm.K2JVMCompiler")
         .arg("-kotlin-home")
@@ -281,7 +285,8 @@ fn the_app_compiles_against_androids_classes_and_is_packed() {
     }
     fs::remove_dir_all(classes.join("META-INF")).unwrap();
     run(Command::new("java")
-        .args(["-Xmx1g", "-cp"])
+        .args(BRIEF)
+        .arg("-cp")
         .arg(tools.join("root/usr/share/java/com.android.dx.jar"))
         .args(["com.android.dx.command.Main", "--dex", "--min-sdk-version=26"])
         .arg(format!("--output={}", dir.join("classes.dex").display()))

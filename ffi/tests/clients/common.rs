@@ -9,6 +9,12 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
+#[path = "../../../tests/common/picture.rs"]
+mod picture;
+use picture::picture;
+#[allow(unused_imports)] // by clients in C and C++
+pub use picture::save_png;
+
 /// The repository.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
@@ -47,10 +53,16 @@ pub fn skipped(what: &str) {
     }
 }
 
-/// The shared library, built with this test's profile: cargo does not build it for tests.
+/// The shared library: the file that `SVBRDF_LIBRARY` names, or else built with this test's profile. Cargo does
+/// not build it for tests.
 pub fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
+        if let Some(path) = env::var_os("SVBRDF_LIBRARY") {
+            let path = root().join(path);
+            assert!(path.is_file(), "SVBRDF_LIBRARY: {} is no file", path.display());
+            return path;
+        }
         // target/PROFILE/deps/this-test
         let this = env::current_exe().unwrap();
         let profile_dir = this.parent().unwrap().parent().unwrap();
@@ -85,7 +97,7 @@ pub fn workplace() -> TempDir {
 pub fn write_photos(dir: &Path, count: usize) {
     for i in 0..count {
         let name = format!("examples/captures/tile/frames/{i:02}.jpg");
-        let photo = image::open(root().join(name)).unwrap().into_rgb8();
+        let photo = picture(root().join(name)).into_rgb8();
         let mut ppm = format!("P6 {} {} 255\n", photo.width(), photo.height()).into_bytes();
         ppm.extend(photo.into_raw());
         fs::write(dir.join(format!("{i:02}.ppm")), ppm).unwrap();

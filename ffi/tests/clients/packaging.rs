@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{has, library, root, run};
+use crate::common::{has, library, root, run, save_png};
 
 fn install(prefix: &Path) {
     run(Command::new(root().join("ffi/install.sh"))
@@ -66,7 +66,7 @@ fn the_cmake_example_builds_and_streams_a_capture() {
     frames[1]["image"] = "black.png".into();
     std::fs::write(capture.join("capture.json"), value.to_string()).unwrap();
     std::os::unix::fs::symlink(tile.join("frames"), capture.join("frames")).unwrap();
-    image::RgbImage::new(2016, 1512).save(capture.join("black.png")).unwrap();
+    save_png(capture.join("black.png"), image::RgbImage::new(2016, 1512));
     let output = run(Command::new(build.join("svbrdf-stream")).arg(&capture).arg(&out).arg("0.2"));
     let text = String::from_utf8(output.stdout).unwrap();
     println!("{}", text.replace('\r', "\n"));

@@ -6,6 +6,7 @@ use super::*;
 use crate::estimate::baseline::Baseline;
 use crate::estimate::options::BaselineOptions;
 use crate::observation::{Falloff, View};
+use crate::test_support::picture;
 use std::path::{Path, PathBuf};
 
 fn folder() -> Option<PathBuf> {
@@ -19,7 +20,7 @@ fn folder() -> Option<PathBuf> {
 
 /// Planes R, G, B of an image, decoded.
 fn planes(path: &Path, decode: impl Fn(f32) -> f32) -> Vec<f32> {
-    let image = image::open(path).expect("a readable image").to_rgb32f();
+    let image = picture(path).to_rgb32f();
     (0..3).flat_map(|c| image.pixels().map(move |p| p.0[c])).map(decode).collect()
 }
 

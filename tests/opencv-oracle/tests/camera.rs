@@ -5,7 +5,7 @@ mod captures;
 
 use std::path::{Path, PathBuf};
 
-use captures::angle_deg;
+use captures::{angle_deg, picture};
 use glam::{DMat3, DVec2, DVec3};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vector};
 use opencv::prelude::*;
@@ -144,7 +144,7 @@ fn photos(folder: &Path, part: &str) -> Vec<PathBuf> {
 
 /// Corners by `findChessboardCorners` and `cornerSubPix` in the order of the target's.
 fn found_by_opencv(path: &Path, target: &Target, half: i32) -> Option<Vec<Corner>> {
-    let gray = image::open(path).unwrap().into_luma8();
+    let gray = picture(path).into_luma8();
     let (w, h) = gray.dimensions();
     let raw = gray.into_raw();
     let image = Mat::new_rows_cols_with_data(h as i32, w as i32, &raw).unwrap();
