@@ -41,6 +41,18 @@ pub(crate) struct Free {
     pub mirror: bool,
 }
 
+impl Free {
+    /// What is free in a fit to compare with, where one is needed: of what is still as given, turns, or else
+    /// ambient light, must explain much of the residuals to be taken.
+    fn held(self, as_given: Self) -> Option<Self> {
+        if self.turn {
+            as_given.turn.then_some(Self { turn: false, ..self })
+        } else {
+            (self.ambient && as_given.ambient).then_some(Self { ambient: false, ..self })
+        }
+    }
+}
+
 /// What the fit of lights starts from.
 #[derive(Clone, Copy)]
 pub(super) struct Start<'a> {
@@ -60,8 +72,9 @@ pub(crate) struct LightFit {
     before: Correction,
     free: Lights,
     from: State,
-    /// Lights held: what turned ones are compared with. Once they have turned, what is left of their
-    /// error need not be as large again: then there is none.
+    /// Lights held, or without ambient light: what turned ones, or ambient light, are compared with. Ambient
+    /// light and darker maps explain photographs nearly as well as none, and smaller deviations from the mean
+    /// cost less. Once taken, what is left of the error need not be as large again: then there is none.
     held: Option<Lights>,
 }
 
@@ -89,12 +102,15 @@ impl LightFit {
         let which = start.photographs.drawn(0);
         let before = start.photographs.correction().clone();
         let correction = before.of(&which);
-        let as_given = correction.turns.iter().all(|turn| *turn == [0.0; 2]);
+        let as_given = Free {
+            turn: correction.turns.iter().all(|turn| *turn == [0.0; 2]),
+            ambient: correction.ambient == 0.0,
+            mirror: false,
+        };
         let sample = Arc::new(Sample::new(start.photographs, usize::MAX, options.lights.texels));
         let of_free = problem(&start, &sample, &which, free, options);
         let from = from(&of_free, &start, correction);
-        let held = (free.turn && as_given).then(|| {
-            let free = Free { turn: false, ..free };
+        let held = free.held(as_given).map(|free| {
             let problem = problem(&start, &sample, &which, free, options);
             Lights::new(problem, from.clone(), false, options)
         });
@@ -117,8 +133,8 @@ impl LightFit {
         free.done && (!free.changed || self.held.as_ref().is_none_or(|held| held.progress().done))
     }
 
-    /// Correction and offset once done, if they changed: lights turn from where they were given only
-    /// where that explains much of the residuals.
+    /// Correction and offset once done, if they changed: lights turn from where they were given, and there is
+    /// ambient light that was not given, only where that explains much of the residuals.
     pub fn result(&self) -> Option<(Correction, Offset)> {
         let Progress { state, changed, .. } = self.free.progress();
         if !changed {
