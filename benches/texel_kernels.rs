@@ -44,7 +44,6 @@ fn solving(start: &Svbrdf, observations: &[Observation]) -> Estimator {
     let mut options = EstimateOptions::default();
     options.schedule.slopes_from = usize::MAX;
     options.schedule.classes_from = usize::MAX;
-    options.schedule.residuals_from = usize::MAX;
     options.schedule.single_steps = 10 * REPEATS;
     (options.latent.first_steps, options.latent.steps) = (1, 1);
     let networks = Arc::new(Networks::embedded().expect("embedded networks"));
