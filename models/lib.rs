@@ -15,15 +15,3 @@ pub const PHOTO: &[u8] = include_bytes!("photo.onnx");
 pub const COMPLETION: &[u8] = include_bytes!("completion.onnx");
 /// Checksums, sizes, training and materials by licence of each network, as JSON.
 pub const MANIFEST: &str = include_str!("manifest.json");
-
-/// Inputs and outputs that the training framework computed with the same networks.
-pub mod test_vectors {
-    /// Of the decoder, with its gradient.
-    pub const DECODER: &[u8] = include_bytes!("decoder_test.bin");
-    /// Of the encoder.
-    pub const ENCODER: &[u8] = include_bytes!("encoder_test.bin");
-    /// Of the photo network.
-    pub const PHOTO: &[u8] = include_bytes!("photo_test.bin");
-    /// Of the completion network.
-    pub const COMPLETION: &[u8] = include_bytes!("completion_test.bin");
-}

@@ -208,15 +208,15 @@ mod tests {
         let networks = networks();
         // f32 sums in another order through about 20 layers
         let tolerance = 2e-4;
-        let vectors = test_vectors(svbrdf_models::test_vectors::ENCODER);
+        let vectors = test_vectors(include_bytes!("../models/encoder_test.bin"));
         let (shape, maps) = &vectors["maps"];
         let code = networks.encoder.run(shape[2], shape[3], maps.clone()).unwrap();
         assert!(difference(&code, &vectors["code"].1) < tolerance);
-        let vectors = test_vectors(svbrdf_models::test_vectors::PHOTO);
+        let vectors = test_vectors(include_bytes!("../models/photo_test.bin"));
         let (shape, photo) = &vectors["photo"];
         let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
         assert!(difference(&maps, &vectors["maps"].1) < tolerance);
-        let vectors = test_vectors(svbrdf_models::test_vectors::COMPLETION);
+        let vectors = test_vectors(include_bytes!("../models/completion_test.bin"));
         let (shape, features) = &vectors["features"];
         let moves = networks.completion.run(shape[2], shape[3], features.clone()).unwrap();
         assert!(difference(&moves, &vectors["moves"].1) < tolerance);

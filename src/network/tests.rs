@@ -4,7 +4,7 @@ use crate::Error;
 use crate::svbrdf::CHANNELS;
 
 const FILE: &[u8] = svbrdf_models::DECODER;
-const VECTORS: &[u8] = svbrdf_models::test_vectors::DECODER;
+const VECTORS: &[u8] = include_bytes!("../../models/decoder_test.bin");
 
 /// Reproducible values in [-1, 1].
 fn noise(length: usize, seed: u32) -> Vec<f32> {
