@@ -74,6 +74,8 @@ def test_what_on_progress_raises_ends_the_fit(capture: pathlib.Path) -> None:
 
 
 def test_ctrl_c_ends_the_fit_and_python_runs_meanwhile(capture: pathlib.Path) -> None:
+    # Shells start what runs in the background with interrupts ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     beats = 0
     beginning, ending = threading.Event(), threading.Event()
 
