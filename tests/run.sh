@@ -4,11 +4,10 @@
 #   tests/run.sh            all of them; arguments are handed to cargo test
 #   tests/run.sh --quick    formatting, unit tests, documents, command line, C and C++ clients
 #
-# --quick needs Rust and a C and a C++ compiler, and installs nothing. It takes about five minutes on two
-# cores once it has been compiled; the first time, compiling takes about 15 minutes more.
+# --quick needs Rust and a C and a C++ compiler, and installs nothing.
 #
 # Without --quick, everything is compiled once, and packages, exports, report and Python module are checked beside
-# the tests: half an hour on two cores the first time. The last line says how long the run took. Packages that are
+# the tests: 20 minutes on two cores where dependencies have been compiled, longer the first time. The last line says how long the run took. Packages that are
 # missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
 # others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration

@@ -31,7 +31,7 @@ pub struct SurveyedView {
     pub gain: f32,
 }
 
-/// Surveys asked for and told.
+/// The survey in progress and the latest result.
 #[derive(Default)]
 pub(super) struct Surveys {
     /// Photographs and whether the fit had settled when the last one was asked for.
