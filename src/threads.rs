@@ -1,7 +1,9 @@
-//! A hook at the start of the library's threads, by which programs set priorities.
+//! The threads that share work, and a hook at their start, by which programs set priorities.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError, RwLock};
+
+use crate::{Error, Result};
 
 /// What a thread is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,5 +41,38 @@ pub(crate) fn started(role: Role) {
     if let Some(hook) = hook {
         // Threads of a pool would end the process.
         let _ = catch_unwind(AssertUnwindSafe(|| hook(role)));
+    }
+}
+
+/// What the work of a session is shared among.
+pub(crate) enum Pool {
+    /// Threads of its own.
+    Threads(rayon::ThreadPool),
+    /// The calling thread alone: WebAssembly in a browser has no other without headers that few
+    /// servers send.
+    Caller,
+}
+
+impl Pool {
+    /// As many threads as are asked for, where the platform has threads.
+    pub(crate) fn new(threads: usize) -> Result<Self> {
+        if cfg!(all(target_family = "wasm", not(target_feature = "atomics"))) {
+            return Ok(Self::Caller);
+        }
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("svbrdf-{i}"))
+            .start_handler(|_| started(Role::Work))
+            .build()
+            .map(Self::Threads)
+            .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))
+    }
+
+    /// Does `work` where [`parallel`](crate::parallel) shares it among these threads.
+    pub(crate) fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match self {
+            Self::Threads(pool) => pool.install(work),
+            Self::Caller => work(),
+        }
     }
 }

@@ -17,7 +17,8 @@ pub fn run(data: &[u8]) -> bool {
 fn restore(data: &[u8]) -> bool {
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
-    let options = RestoreOptions { threads: Some(1), memory_limit_bytes: Some(1 << 30) };
+    let (threads, memory_limit_bytes) = (Some(1), Some(1 << 30));
+    let options = RestoreOptions { threads, memory_limit_bytes, ..Default::default() };
     match Session::restore(data, networks.clone(), options) {
         Ok(session) => {
             session.pause();

@@ -147,15 +147,8 @@ impl Capture {
 
     fn read(dir: &Path, file: &Path, value: &Value, camera: Option<Camera>) -> Result<Self> {
         let root = Node::root(file, value);
-        root.object()?;
-        root.get("format").choice(&[(FORMAT, ())])?;
-        let sample = root.get("sample");
-        let sample_mm = [length(&sample.get("width_mm"))?, length(&sample.get("height_mm"))?];
-        let rectified = match root.get("rectified").optional() {
-            None => false,
-            Some(node) => node.boolean()?,
-        };
-        let scene = if rectified { rectified_scene(&root)? } else { board_scene(&root, camera)? };
+        let (scene, sample_mm) = scene(&root, camera)?;
+        let rectified = matches!(scene, Scene::Rectified { .. });
         let list = root.get("frames");
         let frames = list
             .list()?
@@ -165,12 +158,35 @@ impl Capture {
         if frames.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
-        if let Scene::Board { target, .. } = &scene {
-            fits_hole(&sample, target)?;
-        }
         let warnings = unknown::warnings(file, value);
-        Ok(Self { sample_mm: sample_mm.map(|v| v as f32), scene, frames, warnings })
+        Ok(Self { sample_mm, scene, frames, warnings })
     }
+}
+
+/// Scene and size of the sample, mm, of the contents of a `capture.json` whose photographs come by
+/// other ways than files: `frames` is not looked at.
+///
+/// # Errors
+/// [`Error::Field`] as [`Capture::load`].
+pub fn parse_scene(json: &[u8]) -> Result<(Scene, [f32; 2])> {
+    let file = Path::new(FILE_NAME);
+    scene(&Node::root(file, &parse_json(file, json)?), None)
+}
+
+fn scene(root: &Node, camera: Option<Camera>) -> Result<(Scene, [f32; 2])> {
+    root.object()?;
+    root.get("format").choice(&[(FORMAT, ())])?;
+    let sample = root.get("sample");
+    let sample_mm = [length(&sample.get("width_mm"))?, length(&sample.get("height_mm"))?];
+    let rectified = match root.get("rectified").optional() {
+        None => false,
+        Some(node) => node.boolean()?,
+    };
+    let scene = if rectified { rectified_scene(root)? } else { board_scene(root, camera)? };
+    if let Scene::Board { target, .. } = &scene {
+        fits_hole(&sample, target)?;
+    }
+    Ok((scene, sample_mm.map(|v| v as f32)))
 }
 
 /// Reads a camera file: the object that `capture.json` has under `camera`; unknown fields are

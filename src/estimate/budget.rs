@@ -1,6 +1,8 @@
 //! How long a fit may work.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use crate::svbrdf::{CHANNELS, channel, encoding};
 use crate::{Error, Result, Svbrdf};

@@ -61,13 +61,26 @@ pub fn write_assessed_maps(
     confidence: &Confidence,
     sample_mm: [f32; 2],
 ) -> Result<()> {
-    check_size(sample_mm)?;
-    let (size, found) = ([maps.width(), maps.height()], [confidence.width(), confidence.height()]);
-    if size != found {
+    write_files(dir, &encode_maps(maps, Some(confidence), Some(sample_mm))?)
+}
+
+/// The files of [`write_sized_maps`], or of [`write_assessed_maps`], in memory: names and bytes.
+///
+/// # Errors
+/// [`Error::Argument`] as those.
+pub fn encode_maps(
+    maps: &Svbrdf,
+    confidence: Option<&Confidence>,
+    sample_mm: Option<[f32; 2]>,
+) -> Result<Vec<(String, Vec<u8>)>> {
+    sample_mm.map_or(Ok(()), check_size)?;
+    let size = [maps.width(), maps.height()];
+    let other = confidence.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
+    if let Some(found) = other {
         let message = format!("{found:?} texels given, {size:?} expected");
         return Err(Error::argument("confidence", message));
     }
-    write_files(dir, &files(maps, Some(confidence), Some(sample_mm))?)
+    files(maps, confidence, sample_mm)
 }
 
 /// Checks that both lengths are positive.

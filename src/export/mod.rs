@@ -32,7 +32,9 @@ mod usdz;
 
 pub use files::{check_writable, write_atomic, write_exr_image, write_files, write_png16_image};
 pub use height::Height;
-pub use maps::{read_maps, read_sample_mm, write_assessed_maps, write_maps, write_sized_maps};
+pub use maps::{
+    encode_maps, read_maps, read_sample_mm, write_assessed_maps, write_maps, write_sized_maps,
+};
 pub use occlusion::occlusion;
 pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, relit, write_preview};

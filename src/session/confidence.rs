@@ -35,8 +35,7 @@ impl Session {
     pub fn evidence(&self) -> Result<Evidence> {
         self.usable()?;
         let (reply, answer) = bounded(1);
-        let sent = self.commands.send(Command::Evidence(reply)).is_ok();
-        match if sent { answer.recv().ok() } else { None } {
+        match self.ask(Command::Evidence(reply), &answer) {
             Some(evidence) => evidence,
             None => Err(self.usable().err().unwrap_or(Error::Cancelled)),
         }

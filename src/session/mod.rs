@@ -2,6 +2,7 @@
 
 mod board;
 mod confidence;
+mod driving;
 mod feedback;
 mod hold;
 mod intake;
@@ -20,13 +21,13 @@ mod worker;
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crossbeam_channel::Sender;
 use glam::DVec3;
-use rayon::ThreadPool;
+use web_time::Instant;
 
+use self::driving::Engine;
 pub use self::feedback::{Hint, NextView};
 use self::intake::Intake;
 use self::memory::Beside;
@@ -35,13 +36,13 @@ pub use self::reports::{
     Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
     Pushed, Revision,
 };
-pub use self::settings::{RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
+pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use self::sight::Known;
 use self::state::StateWriter;
 use self::survey::Surveys;
 pub use self::survey::{Survey, SurveyedView};
 use self::taken::Taken;
-use self::worker::{Command, NewFrame, Shared};
+use self::worker::{Command, Fit, NewFrame, Shared};
 use crate::calibration::PaperEstimate;
 pub use crate::estimate::{Budget, Exposure, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
@@ -49,16 +50,18 @@ use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 pub use crate::initial_estimate::Networks;
 use crate::rectification::elevation::ElevationEstimate;
-use crate::{Error, Rejection, Result, Svbrdf, threads};
+use crate::threads::Pool;
+use crate::{Error, Rejection, Result, Svbrdf};
 
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
 
-/// A capture in progress. All methods may be called from any thread.
+/// A capture in progress. All methods may be called from any thread. The fit goes on on a thread
+/// of the session's own, or in [`Session::step`].
 pub struct Session {
     scene: Scene,
     settings: Settings,
-    pool: Arc<ThreadPool>,
+    pool: Arc<Pool>,
     networks: Arc<Networks>,
     intake: Mutex<Intake>,
     /// What probes look with: replaced with every photograph, never waited for.
@@ -68,7 +71,7 @@ pub struct Session {
     beside: Arc<Beside>,
     shared: Arc<Shared>,
     commands: Sender<Command>,
-    worker: Option<JoinHandle<()>>,
+    engine: Engine,
 }
 
 impl Session {
@@ -120,27 +123,19 @@ impl Session {
         settings: Settings,
         networks: Arc<Networks>,
         intake: Intake,
-        pool: Arc<ThreadPool>,
+        pool: Arc<Pool>,
         shared: Shared,
         estimation: Estimation,
         meter: Meter,
     ) -> Result<Self> {
         let shared = Arc::new(shared);
         let (commands, received) = crossbeam_channel::unbounded();
-        let worker = {
-            let (shared, pool) = (shared.clone(), pool.clone());
-            std::thread::Builder::new()
-                .name("svbrdf-fit".into())
-                .spawn(move || {
-                    threads::started(threads::Role::Fit);
-                    worker::run(&shared, &received, &pool, estimation, meter);
-                })
-                .map_err(|e| Error::Internal(format!("cannot start the thread of the fit: {e}")))?
-        };
+        let fit = Fit::new(shared.clone(), received, pool.clone(), estimation, meter);
+        let engine = Engine::start(fit, settings.driver)?;
         let known = Mutex::new(intake.known(settings.sample_mm));
         let beside = Arc::new(Beside::default());
         beside.keep(intake.kept_bytes());
-        let (intake, worker, surveys) = (Mutex::new(intake), Some(worker), Mutex::default());
+        let (intake, surveys) = (Mutex::new(intake), Mutex::default());
         Ok(Self {
             scene,
             settings,
@@ -152,7 +147,7 @@ impl Session {
             beside,
             shared,
             commands,
-            worker,
+            engine,
         })
     }
 
@@ -172,9 +167,7 @@ impl Session {
         let mut state = StateWriter::new();
         let budget = self.shared.lock().budget;
         state::write_session(&mut state, &self.settings, &self.scene, &budget, &intake);
-        let sent = self.commands.send(Command::Save(state, reply)).is_ok();
-        let state = if sent { answer.recv().ok() } else { None };
-        match state {
+        match self.ask(Command::Save(state, reply), &answer) {
             Some(state) => Ok(state.finish()),
             None => Err(self.usable().err().unwrap_or(Error::Cancelled)),
         }
@@ -190,6 +183,7 @@ impl Session {
         let restored = state::read(saved, &networks, |settings, frames| {
             settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
             settings.memory_limit_bytes = options.memory_limit_bytes;
+            settings.driver = options.driver;
             memory::check(settings, frames.max(1), 0)?;
             settings.pool()
         })?;
@@ -362,12 +356,12 @@ impl Session {
     }
 
     /// Blocks until the fit has settled on all photographs so far. Never returns while paused
-    /// with work left.
+    /// with work left. Goes on with the fit itself where the caller drives it.
     ///
     /// # Errors
     /// When the fit failed or was cancelled.
     pub fn wait(&self) -> Result<()> {
-        self.shared.wait_until(None, |state| state.progress.settled).map(|_| ())
+        self.go_on_until(None, |state| state.progress.settled).map(|_| ())
     }
 
     /// As [`Session::wait`], for at most `timeout`: whether the fit has settled.
@@ -375,7 +369,7 @@ impl Session {
     /// # Errors
     /// As [`Session::wait`].
     pub fn wait_timeout(&self, timeout: Duration) -> Result<bool> {
-        self.shared.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
+        self.go_on_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
     }
 
     /// The internal error that ended the fit, if there was one. Every call that needs the fit returns it
@@ -394,7 +388,7 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled and nothing has changed since.
     pub fn wait_for_change(&self, seen: Revision) -> Result<Revision> {
-        self.shared.wait_until(None, |state| state.revision != seen)?;
+        self.go_on_until(None, |state| state.revision != seen)?;
         Ok(self.revision())
     }
 
@@ -472,10 +466,7 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         self.cancel();
-        if let Some(worker) = self.worker.take() {
-            // Faults of the worker were recorded in the state.
-            let _ = worker.join();
-        }
+        self.engine.join();
     }
 }
 
@@ -493,7 +484,7 @@ mod tests {
         let photo = Photo::from_linear(64, 64, vec![0.1; 3 * 64 * 64], 1.0, f32::INFINITY).unwrap();
         let pushed = session.accept(&photo, |intake| {
             session.cancel();
-            while !session.worker.as_ref().unwrap().is_finished() {
+            while !session.engine.has_ended() {
                 std::thread::yield_now();
             }
             intake.take_rectified(&photo, [0.0, 0.0, 150.0], [0.0, 0.0, 150.0], [100.0; 2], 256)

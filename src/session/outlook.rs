@@ -72,13 +72,13 @@ impl Session {
         if surveys.pending.is_none() && fitted == frames && surveys.asked != Some((frames, settled))
         {
             surveys.asked = Some((frames, settled));
-            surveys.pending = self.ask(settled).filter(|pending| pending.poses.len() == frames);
+            surveys.pending = self.request(settled).filter(|pending| pending.poses.len() == frames);
         }
         surveys.latest.clone().filter(|survey| survey.photographs == frames)
     }
 
     /// Asks the fit for what it will tell between two steps.
-    fn ask(&self, settled: bool) -> Option<Pending> {
+    fn request(&self, settled: bool) -> Option<Pending> {
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
         let flash_mm = known.photometry.as_ref().map_or(DVec3::ZERO, |p| p.flash_offset_mm);
         let candidates = feedback::candidates(&known.poses, flash_mm)?;
@@ -100,7 +100,6 @@ impl Session {
     fn outlook(&self, places: Vec<Place>) -> Option<Vec<f64>> {
         self.usable().ok()?;
         let (reply, answer) = bounded(1);
-        self.commands.send(Command::Outlook(places, reply)).ok()?;
-        answer.recv().ok()?.ok()
+        self.ask(Command::Outlook(places, reply), &answer)?.ok()
     }
 }

@@ -54,8 +54,7 @@ impl Session {
             })?;
         let (reply, answer) = bounded(1);
         let removal = Removal { index, updates, power, reply };
-        let sent = self.commands.send(Command::Remove(Box::new(removal))).is_ok();
-        let found = if sent { answer.recv().ok() } else { None };
+        let found = self.ask(Command::Remove(Box::new(removal)), &answer);
         let Some(power_mm2) = found else {
             return Err(self.usable().err().unwrap_or(Error::Cancelled));
         };
@@ -77,9 +76,7 @@ impl Session {
     pub fn frame_fits(&self) -> Result<Vec<FrameFit>> {
         self.usable()?;
         let (reply, answer) = bounded(1);
-        let sent = self.commands.send(Command::Residuals(reply)).is_ok();
-        let residuals = if sent { answer.recv().ok() } else { None };
-        let Some(residuals) = residuals else {
+        let Some(residuals) = self.ask(Command::Residuals(reply), &answer) else {
             return Err(self.usable().err().unwrap_or(Error::Cancelled));
         };
         let limit = limit(residuals.iter().map(|r| r.median).collect());

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use rayon::ThreadPool;
 
 use crate::calibration::Target;
 use crate::estimate::{Method, Task};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
-use crate::{Error, Result, threads};
+use crate::threads::Pool;
+use crate::{Error, Result};
 
 /// What the photographs show, fixed for a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +50,17 @@ pub enum RectifiedFalloff {
     InverseSquareAuto,
 }
 
+/// Who goes on with the fit of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Driver {
+    /// A thread of the session's own.
+    #[default]
+    Thread,
+    /// Whoever calls [`Session::step`](super::Session::step), for programs with a loop of their own
+    /// and for platforms without threads. The maps are the same, bit for bit.
+    Caller,
+}
+
 /// Options of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -67,6 +78,8 @@ pub struct Settings {
     /// networks, which sessions share, are not counted. Sessions and photographs that would need
     /// more are refused with [`Error::MemoryLimit`].
     pub memory_limit_bytes: Option<u64>,
+    /// Who goes on with the fit.
+    pub driver: Driver,
 }
 
 impl Default for Settings {
@@ -78,6 +91,7 @@ impl Default for Settings {
             refine: true,
             threads: 0,
             memory_limit_bytes: None,
+            driver: Driver::Thread,
         }
     }
 }
@@ -102,16 +116,10 @@ impl Settings {
     }
 
     /// The threads of the fit.
-    pub(super) fn pool(&self) -> Result<Arc<ThreadPool>> {
+    pub(super) fn pool(&self) -> Result<Arc<Pool>> {
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
         let threads = if self.threads == 0 { cores.min(4) } else { self.threads };
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("svbrdf-{i}"))
-            .start_handler(|_| threads::started(threads::Role::Work))
-            .build()
-            .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))?;
-        Ok(Arc::new(pool))
+        Ok(Arc::new(Pool::new(threads)?))
     }
 }
 
@@ -122,6 +130,8 @@ pub struct RestoreOptions {
     pub threads: Option<usize>,
     /// As [`Settings::memory_limit_bytes`], which is not saved.
     pub memory_limit_bytes: Option<u64>,
+    /// As [`Settings::driver`], which is not saved.
+    pub driver: Driver,
 }
 
 /// Resolutions a session may have.

@@ -1,12 +1,12 @@
-//! The thread that fits.
+//! The fit of a session, driven by the session's thread or by its caller.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, TryRecvError};
-use rayon::ThreadPool;
+use web_time::Instant;
 
 use super::board::Update;
 use super::intake::own_power;
@@ -16,6 +16,7 @@ use crate::estimate::{
     Budget, Change, Estimation, Evidence, Exposure, Meter, Place, Residual, first_maps,
 };
 use crate::observation::{Falloff, Observation};
+use crate::threads::Pool;
 use crate::{Error, Result, Svbrdf};
 
 /// What callers and the worker share.
@@ -170,93 +171,131 @@ const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
 /// The same in units of the time that it took to make the latest.
 const PUBLISH_SHARE: u32 = 20;
 
-/// Runs until the session is dropped; faults end up in [`State::failed`].
-pub(super) fn run(
-    shared: &Shared,
-    commands: &Receiver<Command>,
-    pool: &ThreadPool,
+/// What a turn may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Work {
+    /// The next message, waited for where there is nothing else to do; else a step.
+    Wait,
+    /// The next message; where there is none, a step.
+    Step,
+    /// The next message.
+    Messages,
+}
+
+/// What a turn has done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// A message was taken or a step done.
+    Worked,
+    /// There was nothing to do.
+    Idle,
+    /// The session was cancelled or dropped, or has failed: there is no further turn.
+    Ended,
+}
+
+/// The estimate with all that it takes to go on with it, turn by turn.
+pub(super) struct Fit {
+    worker: Worker,
+    pool: Arc<Pool>,
     estimation: Estimation,
     meter: Meter,
-) {
-    let mut worker = Worker {
-        shared,
-        commands,
-        published: Instant::now(),
-        interval: PUBLISH_INTERVAL,
-        busy: !estimation.is_done(),
-    };
-    match catch_unwind(AssertUnwindSafe(|| worker.work(pool, estimation, meter))) {
-        Ok(Ok(())) => {}
-        Ok(Err(error)) => shared.fail(error.to_string()),
-        Err(panic) => {
-            let message = panic
+}
+
+impl Fit {
+    pub(super) fn new(
+        shared: Arc<Shared>,
+        commands: Receiver<Command>,
+        pool: Arc<Pool>,
+        estimation: Estimation,
+        meter: Meter,
+    ) -> Self {
+        let worker = Worker {
+            shared,
+            commands,
+            published: Instant::now(),
+            interval: PUBLISH_INTERVAL,
+            busy: !estimation.is_done(),
+        };
+        Self { worker, pool, estimation, meter }
+    }
+
+    /// Takes turns until the last one.
+    pub(super) fn run(mut self) {
+        while self.turn(Work::Wait) != Turn::Ended {}
+    }
+
+    /// One turn; faults end up in [`State::failed`].
+    pub(super) fn turn(&mut self, work: Work) -> Turn {
+        let Self { worker, pool, estimation, meter } = self;
+        let turn = catch_unwind(AssertUnwindSafe(|| worker.turn(work, pool, estimation, meter)));
+        let message = match turn {
+            Ok(Ok(turn)) => return turn,
+            Ok(Err(error)) => error.to_string(),
+            Err(panic) => panic
                 .downcast_ref::<String>()
                 .map(String::as_str)
                 .or_else(|| panic.downcast_ref::<&str>().copied())
-                .unwrap_or("unknown panic");
-            shared.fail(message.to_owned());
-        }
+                .unwrap_or("unknown panic")
+                .to_owned(),
+        };
+        worker.shared.fail(message);
+        Turn::Ended
     }
 }
 
-struct Worker<'a> {
-    shared: &'a Shared,
-    commands: &'a Receiver<Command>,
+struct Worker {
+    shared: Arc<Shared>,
+    commands: Receiver<Command>,
     published: Instant,
     /// Time between two published sets of maps.
     interval: Duration,
     busy: bool,
 }
 
-impl Worker<'_> {
-    fn work(
+impl Worker {
+    fn turn(
         &mut self,
-        pool: &ThreadPool,
-        mut estimation: Estimation,
-        mut meter: Meter,
-    ) -> Result<()> {
-        loop {
-            if self.shared.cancelled.load(Ordering::Relaxed) {
-                return Ok(());
-            }
-            let idle = !self.busy || self.shared.paused.load(Ordering::Relaxed);
-            let command = if idle {
-                self.commands.recv().map_err(|_| TryRecvError::Disconnected)
-            } else {
-                self.commands.try_recv()
-            };
-            match command {
-                Ok(Command::Frame(frame)) => {
-                    self.add(pool, &mut estimation, &mut meter, *frame)?;
-                }
-                Ok(Command::Save(state, reply)) => {
-                    self.save(pool, &estimation, &meter, state, &reply);
-                }
-                Ok(Command::Remove(removal)) => {
-                    self.remove(pool, &mut estimation, &mut meter, *removal)?;
-                }
-                Ok(Command::Residuals(reply)) => {
-                    let residuals = pool.install(|| estimation.residuals());
-                    // Without photographs there is nothing to tell; whoever asked may have gone.
-                    let _ = reply.send(residuals.unwrap_or_default());
-                }
-                Ok(Command::Evidence(reply)) => {
-                    // Whoever asked may have gone.
-                    let _ = reply.send(pool.install(|| estimation.evidence()));
-                }
-                Ok(Command::Outlook(places, reply)) => {
-                    let _ = reply.send(pool.install(|| estimation.outlook(&places)));
-                }
-                Ok(Command::Wake) => self.follow_budget(&mut estimation, &mut meter),
-                Err(TryRecvError::Empty) => self.step(pool, &mut estimation, &mut meter)?,
-                Err(TryRecvError::Disconnected) => return Ok(()),
-            }
+        work: Work,
+        pool: &Pool,
+        estimation: &mut Estimation,
+        meter: &mut Meter,
+    ) -> Result<Turn> {
+        if self.shared.cancelled.load(Ordering::Relaxed) {
+            return Ok(Turn::Ended);
         }
+        let idle = !self.busy || self.shared.paused.load(Ordering::Relaxed);
+        let command = if idle && work == Work::Wait {
+            self.commands.recv().map_err(|_| TryRecvError::Disconnected)
+        } else {
+            self.commands.try_recv()
+        };
+        match command {
+            Ok(Command::Frame(frame)) => self.add(pool, estimation, meter, *frame)?,
+            Ok(Command::Save(state, reply)) => self.save(pool, estimation, meter, state, &reply),
+            Ok(Command::Remove(removal)) => self.remove(pool, estimation, meter, *removal)?,
+            Ok(Command::Residuals(reply)) => {
+                let residuals = pool.install(|| estimation.residuals());
+                // Without photographs there is nothing to tell; whoever asked may have gone.
+                let _ = reply.send(residuals.unwrap_or_default());
+            }
+            Ok(Command::Evidence(reply)) => {
+                // Whoever asked may have gone.
+                let _ = reply.send(pool.install(|| estimation.evidence()));
+            }
+            Ok(Command::Outlook(places, reply)) => {
+                let _ = reply.send(pool.install(|| estimation.outlook(&places)));
+            }
+            Ok(Command::Wake) => self.follow_budget(estimation, meter),
+            Err(TryRecvError::Empty) if idle || work == Work::Messages => return Ok(Turn::Idle),
+            Err(TryRecvError::Empty) => self.step(pool, estimation, meter)?,
+            Err(TryRecvError::Disconnected) => return Ok(Turn::Ended),
+        }
+        Ok(Turn::Worked)
     }
 
     fn add(
         &mut self,
-        pool: &ThreadPool,
+        pool: &Pool,
         estimation: &mut Estimation,
         meter: &mut Meter,
         frame: NewFrame,
@@ -279,7 +318,7 @@ impl Worker<'_> {
     /// Begins anew without a photograph.
     fn remove(
         &mut self,
-        pool: &ThreadPool,
+        pool: &Pool,
         estimation: &mut Estimation,
         meter: &mut Meter,
         removal: Removal,
@@ -334,7 +373,7 @@ impl Worker<'_> {
     /// Writes the estimate as it is between two steps.
     fn save(
         &self,
-        pool: &ThreadPool,
+        pool: &Pool,
         estimation: &Estimation,
         meter: &Meter,
         mut state: StateWriter,
@@ -369,12 +408,7 @@ impl Worker<'_> {
         self.shared.notify();
     }
 
-    fn step(
-        &mut self,
-        pool: &ThreadPool,
-        estimation: &mut Estimation,
-        meter: &mut Meter,
-    ) -> Result<()> {
+    fn step(&mut self, pool: &Pool, estimation: &mut Estimation, meter: &mut Meter) -> Result<()> {
         meter.budget = self.shared.lock().budget;
         meter.start();
         let step = pool.install(|| estimation.step(meter));

@@ -1,24 +1,30 @@
 //! Eight `f32` at a time: the vector type of the texel kernels, and the choice of instruction set.
 //!
 //! A kernel is written once, generic over [`Lanes`], and [`dispatch`]ed: on x86-64 to AVX2 with
-//! fused multiply-add and half floats where the processor has them, else to plain arrays, which compilers turn
-//! into SSE2 or NEON. Sixteen lanes spilled registers and were several times slower.
+//! fused multiply-add and half floats where the processor has them, on WebAssembly to simd128 where
+//! that is compiled for, else to plain arrays, which compilers turn into SSE2 or NEON. Sixteen lanes
+//! spilled registers and were several times slower.
 //!
 //! This is the one module with `unsafe`: AVX2 intrinsics and the call that enters code compiled
-//! for AVX2, both sound because [`Avx2`] is reachable through [`dispatch`] only, after the check.
+//! for AVX2, both sound because [`Avx2`] is reachable through [`dispatch`] only, after the check;
+//! and loads and stores of whole arrays.
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod lanes;
+#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
 mod portable;
 #[cfg(test)]
 mod tests;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod wasm;
 
 pub(crate) use lanes::{LANES, Lanes};
 
 #[cfg(target_arch = "x86_64")]
 use avx2::Avx2;
+#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
 use portable::Portable;
 
 /// Work written once for every instruction set. `run` and all it calls must be
@@ -44,5 +50,8 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
         // SAFETY: the processor has these features.
         return unsafe { with_avx2(kernel) };
     }
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    return kernel.run::<wasm::Simd128>();
+    #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
     kernel.run::<Portable>()
 }

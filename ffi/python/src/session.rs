@@ -66,6 +66,7 @@ impl Options<'_> {
             refine: self.refine,
             threads: self.threads,
             memory_limit_bytes: self.memory_limit_mib.map(|mib| mib << 20),
+            ..Settings::default()
         };
         let started =
             detached(py, || session::Session::with_networks(scene, settings, networks()?))?;
@@ -186,7 +187,7 @@ impl Session {
         memory_limit_mib: Option<u64>,
     ) -> PyResult<Self> {
         let limit = memory_limit_mib.map(|mib| mib << 20);
-        let options = RestoreOptions { threads, memory_limit_bytes: limit };
+        let options = RestoreOptions { threads, memory_limit_bytes: limit, ..Default::default() };
         let restored = detached(py, || session::Session::restore(saved, networks()?, options))?;
         Ok(Self(Some(Arc::new(restored))))
     }

@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use engine::calibration::Target;
 use engine::geometry::Camera;
 use engine::observation::Falloff;
-use engine::session::{Method, RectifiedFalloff, RestoreOptions, Scene, Settings};
+use engine::session::{Driver, Method, RectifiedFalloff, RestoreOptions, Scene, Settings};
 use glam::DVec3;
 
 use super::board::{svbrdf_board, svbrdf_camera};
@@ -156,7 +156,11 @@ impl svbrdf_session_options {
     pub(crate) fn for_restoring(&self) -> Result<RestoreOptions, Fault> {
         let threads = self.threads()?;
         let threads = (threads > 0).then_some(threads);
-        Ok(RestoreOptions { threads, memory_limit_bytes: self.memory_limit() })
+        Ok(RestoreOptions {
+            threads,
+            memory_limit_bytes: self.memory_limit(),
+            ..Default::default()
+        })
     }
 
     pub(crate) fn settings(&self) -> Result<Settings, Fault> {
@@ -171,6 +175,7 @@ impl svbrdf_session_options {
             refine: truth("refine", self.refine)?,
             threads: self.threads()?,
             memory_limit_bytes: self.memory_limit(),
+            driver: Driver::Thread,
         })
     }
 

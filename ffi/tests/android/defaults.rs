@@ -33,7 +33,7 @@ fn the_default_board_of_the_binding_is_the_librarys() {
 
 #[test]
 fn the_default_options_of_the_binding_are_the_librarys() {
-    let Settings { sample_mm, resolution, method, refine, threads, memory_limit_bytes } =
+    let Settings { sample_mm, resolution, method, refine, threads, memory_limit_bytes, .. } =
         Settings::default();
     let budget = Budget::default();
     assert_eq!((budget.seconds, budget.steps, budget.stop_when_invisible), (None, None, false));

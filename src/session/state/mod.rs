@@ -12,8 +12,6 @@ mod scene;
 
 use std::sync::Arc;
 
-use rayon::ThreadPool;
-
 pub(super) use bytes::StateWriter;
 use bytes::{Sections, damaged};
 pub(super) use estimation::{SavedProgress, write as write_estimation};
@@ -23,6 +21,7 @@ use super::settings::{Scene, Settings};
 use crate::Result;
 use crate::estimate::{Budget, EstimateOptions, Estimation};
 use crate::initial_estimate::Networks;
+use crate::threads::Pool;
 
 /// Adds what the caller's side of a session holds.
 pub(super) fn write_session(
@@ -45,7 +44,7 @@ pub(super) struct Restored {
     pub(super) intake: Intake,
     pub(super) estimation: Estimation,
     pub(super) progress: SavedProgress,
-    pub(super) pool: Arc<ThreadPool>,
+    pub(super) pool: Arc<Pool>,
 }
 
 /// Reads a saved session. `prepare` looks at the settings and the number of photographs and makes
@@ -53,7 +52,7 @@ pub(super) struct Restored {
 pub(super) fn read(
     bytes: &[u8],
     networks: &Arc<Networks>,
-    prepare: impl FnOnce(&mut Settings, usize) -> Result<Arc<ThreadPool>>,
+    prepare: impl FnOnce(&mut Settings, usize) -> Result<Arc<Pool>>,
 ) -> Result<Restored> {
     let sections = Sections::read(bytes)?;
     let (mut settings, budget) = scene::read_settings(sections.one(b"SETT")?)?;

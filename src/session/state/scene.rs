@@ -7,7 +7,7 @@ use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 use crate::estimate::{Budget, Method};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
-use crate::session::settings::{RectifiedFalloff, Scene, Settings};
+use crate::session::settings::{Driver, RectifiedFalloff, Scene, Settings};
 use crate::{Error, Result};
 
 pub(super) fn write_settings(w: &mut Writer, settings: &Settings, budget: &Budget) {
@@ -36,6 +36,7 @@ pub(super) fn read_settings(mut r: Reader) -> Result<(Settings, Budget)> {
         refine: r.flag()?,
         threads: r.u32()? as usize,
         memory_limit_bytes: None,
+        driver: Driver::Thread,
     };
     let budget = Budget {
         seconds: r.option(Reader::f32)?,

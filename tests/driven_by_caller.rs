@@ -1,0 +1,106 @@
+//! A session without a thread of its own: the same maps, and every question answered between steps.
+
+use std::time::Duration;
+
+use svbrdf::capture::Capture;
+use svbrdf::frame::Photo;
+use svbrdf::session::{Budget, Driver, Pushed, RestoreOptions, Session, Settings};
+use svbrdf::{Error, initial_estimate::Networks};
+
+const CAPTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
+
+fn photos(count: usize) -> (Capture, Vec<Photo>) {
+    let capture = Capture::load(CAPTURE).unwrap();
+    let photos = capture.frames[..count].iter().map(|f| f.read().unwrap()).collect();
+    (capture, photos)
+}
+
+fn session(capture: &Capture, driver: Driver, steps: Option<u32>) -> Session {
+    let settings =
+        Settings { sample_mm: capture.sample_mm, threads: 2, driver, ..Settings::default() };
+    let session = Session::new(capture.scene.clone(), settings).unwrap();
+    session.set_budget(Budget { steps, ..Budget::default() }).unwrap();
+    session
+}
+
+fn accepted(session: &Session, photo: &Photo) {
+    let pushed = session.push(photo).unwrap();
+    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+}
+
+#[test]
+fn steps_of_the_caller_lead_to_the_maps_of_the_thread_to_the_bit() {
+    let (capture, photos) = photos(2);
+    let run = |driver, settle: &dyn Fn(&Session)| {
+        let session = session(&capture, driver, Some(12));
+        for photo in &photos {
+            accepted(&session, photo);
+            settle(&session);
+        }
+        assert!(session.progress().settled);
+        let maps = session.snapshot().unwrap();
+        (maps.planes().iter().map(|v| v.to_bits()).collect::<Vec<_>>(), session.evidence().is_ok())
+    };
+    let threaded = run(Driver::Thread, &|s| s.wait().unwrap());
+    let stepped = run(Driver::Caller, &|s| {
+        let mut steps = 0;
+        while s.step().unwrap() {
+            steps += 1;
+        }
+        assert!(steps > 3, "{steps}");
+    });
+    let waited = run(Driver::Caller, &|s| s.wait().unwrap());
+    assert!(threaded == stepped && threaded == waited);
+}
+
+/// Without a thread nobody else would answer: each of these would wait for ever.
+#[test]
+fn questions_are_answered_between_two_steps() {
+    let (capture, photos) = photos(2);
+    let session = session(&capture, Driver::Caller, Some(8));
+    accepted(&session, &photos[0]);
+    // The maps of the photograph are there before the first step.
+    session.snapshot().unwrap();
+    assert!(!session.progress().settled);
+    assert_eq!(session.frame_fits().unwrap().len(), 1);
+    assert!(session.step().unwrap());
+    assert!(session.next_view().is_some());
+    session.assess().unwrap();
+    assert!(!session.wait_timeout(Duration::ZERO).unwrap());
+    accepted(&session, &photos[1]);
+    let saved = session.save().unwrap();
+    session.remove_frame(0).unwrap();
+    assert_eq!(session.progress().frames, 1);
+    while session.step().unwrap() {}
+    assert!(session.progress().settled);
+
+    // A saved session is driven as whoever restores it says.
+    let networks = std::sync::Arc::new(Networks::embedded().unwrap());
+    let options = RestoreOptions { driver: Driver::Caller, ..RestoreOptions::default() };
+    let restored = Session::restore(&saved, networks, options).unwrap();
+    assert_eq!(restored.progress().frames, 2);
+    assert!(restored.step().unwrap());
+}
+
+#[test]
+fn pauses_and_ends_are_told() {
+    let (capture, photos) = photos(1);
+    let stepped = session(&capture, Driver::Caller, Some(8));
+    // The budget is a message.
+    while stepped.step().unwrap() {}
+    assert!(!stepped.step().unwrap(), "nothing to do");
+    accepted(&stepped, &photos[0]);
+    stepped.pause();
+    // Messages are taken while paused, steps are not done.
+    while stepped.step().unwrap() {}
+    assert!(!stepped.progress().settled);
+    stepped.resume();
+    assert!(stepped.step().unwrap());
+    stepped.cancel();
+    assert!(matches!(stepped.step(), Err(Error::Cancelled)));
+    assert!(matches!(stepped.save(), Err(Error::Cancelled)));
+    stepped.snapshot().unwrap();
+
+    let threaded = session(&capture, Driver::Thread, Some(8));
+    assert!(matches!(threaded.step(), Err(Error::Argument { argument: "driver", .. })));
+}
