@@ -91,7 +91,8 @@ impl Crate {
     ) {
         let mut module = Module { file, ..Module::default() };
         for item in items {
-            if is_test(attributes(&item)) {
+            // What lies elsewhere is looked at with the crate that it belongs to.
+            if is_test(attributes(&item)) || is_elsewhere(&item) {
                 continue;
             }
             match item {
@@ -170,6 +171,11 @@ fn is_test(attributes: &[Attribute]) -> bool {
         let words: Vec<String> = list.tokens.clone().into_iter().map(|t| t.to_string()).collect();
         a.path().is_ident("cfg") && words.first().is_some_and(|w| w == "test")
     })
+}
+
+/// Whether a module has its file where `#[path]` says.
+fn is_elsewhere(item: &Item) -> bool {
+    matches!(item, Item::Mod(_)) && attributes(item).iter().any(|a| a.path().is_ident("path"))
 }
 
 fn attributes(item: &Item) -> &[Attribute] {

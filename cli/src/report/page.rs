@@ -8,8 +8,12 @@ use crate::failure::{Failure, Result};
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("style.css");
-const SCRIPTS: [&str; 3] =
-    [include_str!("viewer.js"), include_str!("charts.js"), include_str!("page.js")];
+const SCRIPTS: [&str; 4] = [
+    include_str!("viewer.js"),
+    include_str!("charts.js"),
+    include_str!("stage.js"),
+    include_str!("page.js"),
+];
 
 /// The page for data and maps of earlier moments.
 pub fn fill(data: &Value, snapshots: &[&Snapshot]) -> Result<String> {

@@ -1,0 +1,75 @@
+#!/usr/bin/env bash
+# Builds the page into ffi/web/dist, for any static web server. Takes the standard library of
+# `rustup target add wasm32-unknown-unknown` where it is installed, else Debian's rustc-web, which
+# has its sources. Installs wasm-bindgen's tool below the target folder when it is missing.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+target=wasm32-unknown-unknown
+folder=${CARGO_TARGET_DIR:-target}
+out=ffi/web/dist
+# Safari 16.4, Chromium 91 and Firefox 89 have these vectors. Nothing draws random numbers.
+export RUSTFLAGS='--cfg getrandom_backend="unsupported" -C target-feature=+simd128'
+build=(cargo build --profile "${PROFILE:-release}" -p svbrdf-web --target "$target")
+
+if [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
+  "${build[@]}" --target-dir "$folder/web"
+else
+  packages=()
+  [ -d /usr/lib/rustlib/src ] && [ -x /usr/bin/rustc ] || packages+=(rustc-web rust-web-src)
+  command -v rust-lld >/dev/null || command -v wasm-ld >/dev/null ||
+    ls "$(rustc --print sysroot)"/lib/rustlib/*/bin/rust-lld >/dev/null 2>&1 || packages+=(lld)
+  if [ ${#packages[@]} -gt 0 ]; then
+    sudo=$([ "$(id -u)" = 0 ] || echo sudo)
+    $sudo apt-get update -q
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -qy --no-install-recommends "${packages[@]}"
+  fi
+  linker=$(command -v wasm-ld || command -v rust-lld ||
+    ls "$(rustc --print sysroot)"/lib/rustlib/*/bin/rust-lld | head -1)
+  export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=$linker
+  RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 "${build[@]}" --target-dir "$folder/web" \
+    -Zbuild-std=std,panic_abort
+fi
+unset RUSTFLAGS
+
+version=$(sed -n 's/^wasm-bindgen = "=\(.*\)"/\1/p' ffi/web/Cargo.toml)
+tools=$folder/web-tools
+if [ "$("$tools/bin/wasm-bindgen" --version 2>/dev/null)" != "wasm-bindgen $version" ]; then
+  cargo install --quiet --no-default-features wasm-bindgen-cli --version "$version" --root "$tools"
+fi
+
+rm -rf "$out"
+mkdir -p "$out/example/frames"
+"$tools/bin/wasm-bindgen" --target web --no-typescript --out-dir "$out" --out-name svbrdf \
+  "$folder/web/$target/${PROFILE:-release}/svbrdf_web.wasm"
+if command -v wasm-opt >/dev/null && [ "${WASM_OPT:-0}" = 1 ]; then
+  wasm-opt -O3 --enable-simd --enable-bulk-memory --enable-nontrapping-float-to-int \
+    --enable-sign-ext --enable-mutable-globals "$out/svbrdf_bg.wasm" -o "$out/svbrdf_bg.wasm"
+fi
+cp models/{decoder.bin,encoder.onnx,photo.onnx,completion.onnx} "$out"
+cp examples/captures/tile/capture.json "$out/example"
+cp examples/captures/tile/frames/*.jpg "$out/example/frames"
+cp cli/src/report/{viewer.js,charts.js,stage.js,style.css} ffi/web/page/* "$out"
+
+# The stage is the report's.
+stage=$(sed -n '/<div class="stage">/,/<div id="timeline"/p' cli/src/report/page.html | sed '$d')
+awk -v stage="$stage" '$0 == "{{stage}}" { print stage; next } { print }' ffi/web/page/index.html > "$out/index.html"
+
+parts=(svbrdf_bg.wasm decoder.bin encoder.onnx photo.onnx completion.onnx)
+bytes=$(cd "$out" && cat "${parts[@]}" | wc -c)
+{
+  echo '{ "sizes": {'
+  for part in "${parts[@]}"; do
+    echo "  \"$part\": $(wc -c < "$out/$part")$([ "$part" = "${parts[-1]}" ] || echo ,)"
+  done
+  echo "}, \"megabytes\": $(awk -v b="$bytes" 'BEGIN { printf "%.1f", b / 1e6 }') }"
+} > "$out/manifest.json"
+# Every change of a file makes another version.
+files=$(cd "$out" && find . -type f ! -name service-worker.js | sort)
+hash=$(cd "$out" && xargs sha256sum <<< "$files" | sha256sum | cut -c1-16)
+list=$(sed 's/.*/"&"/' <<< "$files" | paste -sd, | sed 's/^/["."\,/; s/$/]/')
+sed "s/{{version}}/$hash/; s|{{files}}|$list|" ffi/web/page/service-worker.js > "$out/service-worker.js"
+
+size=$(cat $(find "$out" -type f) | wc -c)
+echo "$out: $((size / 1000)) kB, of which svbrdf_bg.wasm $(($(wc -c < "$out/svbrdf_bg.wasm") / 1000)) kB"
+[ "$size" -le 16000000 ] || { echo "$out is larger than 16 MB" >&2; exit 1; }

@@ -1,0 +1,20 @@
+/** Keeps the page for use without a network: all files of one version, or none. */
+
+const NAME = 'svbrdf-{{version}}';
+const FILES = {{files}};
+
+addEventListener('install', (event) => event.waitUntil((async () => {
+  await (await caches.open(NAME)).addAll(FILES);
+  await skipWaiting();
+})()));
+
+addEventListener('activate', (event) => event.waitUntil((async () => {
+  const names = await caches.keys();
+  await Promise.all(names.filter((name) => name.startsWith('svbrdf-') && name !== NAME).map((name) => caches.delete(name)));
+  await clients.claim();
+})()));
+
+addEventListener('fetch', (event) => {
+  if (event.request.method !== 'GET') return;
+  event.respondWith((async () => (await caches.match(event.request, { ignoreSearch: true })) ?? fetch(event.request))());
+});

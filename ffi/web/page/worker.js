@@ -1,0 +1,132 @@
+/** The library in a worker: one message after the other, and the fit between them. */
+
+import init, { Models, Scan, board, fragment_shader, version } from './svbrdf.js';
+
+/** Files of the library with their shares of all that is loaded. */
+const PARTS = ['svbrdf_bg.wasm', 'decoder.bin', 'encoder.onnx', 'photo.onnx', 'completion.onnx'];
+/** Milliseconds of the fit between two looks at the messages. */
+const TURN_MS = 60;
+/** Maps are shown this often at most while the fit goes on, milliseconds. */
+const SHOW_MS = 400;
+
+let models = null;
+let memory = null;
+let scan = null;
+let shown = { revision: -1, at: 0 };
+let turning = false;
+/** Number of the scan: answers of an earlier one are out of date. */
+let generation;
+let panic = null;
+
+// The library reports a panic there before it ends.
+const report = console.error.bind(console);
+self.console.error = (...words) => ((panic = words.join(' ')), report(...words));
+
+/** Posts what belongs to the scan. */
+const tell = (message, buffers = []) => postMessage({ ...message, generation }, buffers);
+
+/** Loads all parts, and tells how far it is. */
+async function load(sizes) {
+  const total = PARTS.reduce((sum, name) => sum + sizes[name], 0);
+  let loaded = 0;
+  const part = async (name) => {
+    const answer = await fetch(name);
+    if (!answer.ok) throw new Error(`${name}: ${answer.status} ${answer.statusText}`);
+    const bytes = new Uint8Array(sizes[name]);
+    let at = 0;
+    for (const reader = answer.body.getReader(); ; ) {
+      const { done, value } = await reader.read();
+      if (done) break;
+      if (at + value.length > bytes.length) throw new Error(`${name} is not of this version: reload the page`);
+      bytes.set(value, at);
+      at += value.length;
+      loaded += value.length;
+      postMessage({ type: 'loading', share: loaded / total });
+    }
+    if (at !== bytes.length) throw new Error(`${name} was cut short: reload the page`);
+    return bytes;
+  };
+  const [library, ...networks] = await Promise.all(PARTS.map(part));
+  memory = (await init({ module_or_path: library })).memory;
+  models = new Models(...networks);
+  postMessage({ type: 'ready', shader: fragment_shader(), version: version() });
+}
+
+/** The maps of the moment, if they are others than those shown. */
+function show(settled) {
+  const progress = JSON.parse(scan.progress());
+  if (progress.photographs === 0) return progress;
+  const due = settled || performance.now() - shown.at >= SHOW_MS;
+  if (progress.maps !== shown.revision && due) {
+    const [width, height] = scan.map_size();
+    const maps = { width, height, sampleMm: [...scan.sample_mm()] };
+    for (const name of ['shape', 'diffuse', 'specular']) maps[name] = scan.texture(name);
+    for (const name of ['normal', 'diffuse', 'specular', 'roughness']) maps[`${name}Picture`] = scan.picture(name);
+    const buffers = Object.values(maps).filter((v) => ArrayBuffer.isView(v)).map((v) => v.buffer);
+    tell({ type: 'maps', maps, photographs: progress.photographs }, buffers);
+    shown = { revision: progress.maps, at: performance.now() };
+  }
+  return progress;
+}
+
+/** Goes on with the fit until it has settled. */
+function turn() {
+  turning = false;
+  if (!scan) return;
+  guarded(() => {
+    const more = scan.go_on(TURN_MS);
+    const progress = show(!more);
+    const settled = !more && progress.settled;
+    tell({ type: 'progress', progress, bytes: memory.buffer.byteLength });
+    if (settled) tell({ type: 'settled', deviations: JSON.parse(scan.deviations()), places: JSON.parse(scan.places()) });
+    else if (more) start();
+  });
+}
+
+function start() {
+  if (turning) return;
+  turning = true;
+  setTimeout(turn, 0);
+}
+
+const actions = {
+  load: ({ sizes }) => load(sizes),
+  begin({ number, resolution, description }) {
+    generation = number;
+    scan?.free();
+    scan = null;
+    shown = { revision: -1, at: 0 };
+    scan = new Scan(models, resolution, description);
+    models.prepare(resolution);
+  },
+  push({ id, name, bytes }) {
+    const row = JSON.parse(scan.push(name, new Uint8Array(bytes)));
+    const small = scan.small();
+    const accepted = row.status === 'accepted';
+    const places = accepted ? JSON.parse(scan.places()) : null;
+    tell({ type: 'pushed', id, row, small, places, bytes: memory.buffer.byteLength }, [small.buffer]);
+    if (accepted) show(true), start();
+  },
+  file({ id, name }) {
+    const bytes = name === 'report.json' ? new TextEncoder().encode(scan.report()) : scan.file(name);
+    postMessage({ type: 'file', id, bytes }, [bytes.buffer]);
+  },
+  board({ id, paper }) {
+    const bytes = board(paper);
+    postMessage({ type: 'file', id, bytes }, [bytes.buffer]);
+  },
+};
+
+/** A fault of one call leaves the scan as it is; after a trap the library is lost. */
+async function guarded(action, id) {
+  try {
+    await action();
+  } catch (fault) {
+    const lost = fault instanceof WebAssembly.RuntimeError || fault instanceof RangeError;
+    // Without a word of the library's own, an allocation has failed.
+    const text = lost ? (panic ?? 'memory') : String(fault.message ?? fault);
+    postMessage({ type: 'fault', id, lost, text });
+  }
+}
+
+addEventListener('message', ({ data }) => guarded(() => actions[data.type](data), data.id));

@@ -1,0 +1,64 @@
+//! Maps and photographs as pages show them.
+
+use svbrdf::Svbrdf;
+use svbrdf::frame::{Encoding, Photo};
+use svbrdf::svbrdf::channel;
+
+/// Longer side of a small picture at most, px.
+const SMALL: u32 = 480;
+
+/// A map in 8-bit RGBA; `None` for an unknown name.
+pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
+    let colour = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
+    let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
+    let roughness = maps.plane(channel::ROUGHNESS);
+    let width = maps.width();
+    let value: Box<dyn Fn(usize) -> [f32; 3]> = match name {
+        "normal" => Box::new(|i| maps.normal(i % width, i / width).map(|v| 0.5 * v + 0.5)),
+        "diffuse" => Box::new(|i| diffuse.map(|plane| srgb(plane[i]))),
+        "specular" => Box::new(|i| specular.map(|plane| srgb(plane[i]))),
+        "roughness" => Box::new(|i| [roughness[i]; 3]),
+        _ => return None,
+    };
+    let texel = |i| {
+        let [r, g, b] = value(i).map(eight_bits);
+        [r, g, b, 255]
+    };
+    Some((0..maps.texels()).flat_map(texel).collect())
+}
+
+/// A texture of the viewer; `None` for an unknown name.
+pub fn texture(maps: &Svbrdf, name: &str) -> Option<Vec<f32>> {
+    let planes = match name {
+        "shape" => [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS],
+        "diffuse" => [0, 1, 2].map(|c| channel::DIFFUSE + c),
+        "specular" => [0, 1, 2].map(|c| channel::SPECULAR + c),
+        _ => return None,
+    };
+    let [x, y, z] = planes.map(|c| maps.plane(c));
+    Some((0..maps.texels()).flat_map(|i| [x[i], y[i], z[i], 1.0]).collect())
+}
+
+/// A small version of a photograph, 8-bit RGBA with its width and height: browsers cannot decode
+/// every format that is read here. `None` of one that is too narrow.
+pub fn small(photo: &Photo) -> Option<([u32; 2], Vec<u8>)> {
+    let step = photo.width().max(photo.height()).div_ceil(SMALL);
+    if photo.width().min(photo.height()) < step {
+        return None;
+    }
+    let small = photo.reduced(step);
+    let linear = small.to_linear();
+    let rgba = linear.chunks_exact(3).flat_map(|rgb| {
+        let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(|v| eight_bits(srgb(v)));
+        [r, g, b, 255]
+    });
+    Some(([small.width(), small.height()], rgba.collect()))
+}
+
+fn srgb(linear: f32) -> f32 {
+    Encoding::Srgb.encode(f64::from(linear)) as f32
+}
+
+fn eight_bits(value: f32) -> u8 {
+    (255.0 * value + 0.5) as u8
+}

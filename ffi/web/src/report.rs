@@ -1,0 +1,47 @@
+//! What is known of a scan, in the fields of the command line's `report.json`.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use svbrdf::confidence::{Confidence, MapDeviations};
+use svbrdf::session::Session;
+
+/// The report: `rows` of the photographs with what is known of them now.
+pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
+    let mut rows = rows.to_vec();
+    let fits = session.frame_fits().unwrap_or_default();
+    let accepted = rows.iter_mut().filter(|row| row["status"] == "accepted");
+    for ((row, known), fit) in accepted.zip(session.poses()).zip(&fits) {
+        let pose = known.pose;
+        row["rotation"] = json!(pose.rotation.transpose().to_cols_array_2d());
+        row["translation_mm"] = json!(pose.translation.to_array());
+        row["reprojection_rms_px"] = json!(known.reprojection_rms_px);
+        row["residual"] = json!(fit.residual);
+        row["contradicts"] = json!(fit.outlier);
+    }
+    for row in rows.iter_mut().filter_map(Value::as_object_mut) {
+        row.remove("small");
+    }
+    let camera = session.camera();
+    let next_view = session.next_view().map(|v| {
+        json!({ "direction": v.direction, "tilt_deg": v.tilt_deg, "azimuth_deg": v.azimuth_deg })
+    });
+    json!({
+        "frames": rows,
+        "camera": camera,
+        "elevation": session.elevation().map(|e| json!({ "mm": e.mm, "sigma_mm": e.sigma_mm })),
+        "flash": camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() })),
+        "next_view": next_view,
+        "ambient_fraction": session.ambient_fraction(),
+        "deviations": session.assess().ok().map(|a| deviations(&a.confidence)),
+        "resolution": session.settings().resolution,
+        "method": "deep",
+        "seconds_total": time.as_secs_f64(),
+    })
+}
+
+/// Standard deviation of each map.
+pub fn deviations(confidence: &Confidence) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+    json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
+}

@@ -1,0 +1,218 @@
+// Uses the web page in a browser, as tests/web.sh says.
+// usage: node use.cjs SVBRDF WORK_DIR CHROMIUM [PICTURES_DIR]
+'use strict';
+const assert = require('node:assert/strict');
+const { execFileSync } = require('node:child_process');
+const fs = require('node:fs');
+const http = require('node:http');
+const path = require('node:path');
+const { chromium } = require('playwright-core');
+const validator = require('gltf-validator');
+
+const [svbrdf, work, browserPath, pictures] = process.argv.slice(2);
+const root = path.resolve('ffi/web/dist');
+const example = path.resolve('examples/captures/tile');
+/** Photographs of the example that are fitted. */
+const FRAMES = 3;
+/** Root mean square that maps of other vector instructions may differ by. */
+const SAME = 1e-3;
+/** A fit on a busy machine takes its time, milliseconds. */
+const LONG = 900000;
+const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.json': 'application/json', '.wasm': 'application/wasm', '.jpg': 'image/jpeg' };
+
+/** A static server without special headers. */
+async function serve() {
+  const server = http.createServer((request, response) => {
+    const name = decodeURIComponent(new URL(request.url, 'http://x').pathname);
+    const file = path.join(root, name.endsWith('/') ? `${name}index.html` : name);
+    if (!file.startsWith(root) || !fs.existsSync(file)) return response.writeHead(404).end();
+    response.writeHead(200, { 'content-type': TYPES[path.extname(file)] ?? 'application/octet-stream' });
+    fs.createReadStream(file).pipe(response);
+  });
+  await new Promise((done) => server.listen(0, '127.0.0.1', done));
+  return { address: `http://127.0.0.1:${server.address().port}/`, close: () => server.close() };
+}
+
+/** A page that must not complain, and asks nothing of other servers. */
+async function open(browser, address, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: 'reduce', acceptDownloads: true, ...options });
+  context.setDefaultTimeout(LONG);
+  const page = await context.newPage();
+  const faults = [];
+  page.on('console', (m) => m.type() === 'error' && faults.push(`console: ${m.text()}`));
+  page.on('pageerror', (e) => faults.push(`uncaught: ${e.message}`));
+  context.on('request', (r) => r.url().startsWith(address) || /^(data|blob):/.test(r.url()) || faults.push(`request: ${r.url()}`));
+  // The first photographs of the example are enough.
+  await context.route('**/example/capture.json', async (route) => {
+    const description = JSON.parse(fs.readFileSync(path.join(example, 'capture.json')));
+    description.frames.length = FRAMES;
+    await route.fulfill({ json: description });
+  });
+  await page.goto(address);
+  await page.waitForFunction(() => window.svbrdfPage);
+  return { page, context, close: async () => (await context.close(), assert.deepEqual(faults, [])) };
+}
+
+const photographs = (page) => page.evaluate(() => window.svbrdfPage.scan.photographs.map(({ name, state, row, place }) => ({ name, state, row, place })));
+/** Waits until nothing is left to do. */
+const settled = (page, count) => page.waitForFunction((n) => {
+  const { scan } = window.svbrdfPage;
+  return scan.photographs.length === n && scan.settled && !scan.pushing && scan.photographs.every((p) => p.state !== 'waiting');
+}, count);
+
+async function download(page, name) {
+  const [file] = await Promise.all([page.waitForEvent('download'), page.click(`button[data-file="${name}"]`)]);
+  assert.equal(file.suggestedFilename(), name);
+  const to = path.join(work, 'page', name);
+  fs.mkdirSync(path.dirname(to), { recursive: true });
+  await file.saveAs(to);
+  return fs.readFileSync(to);
+}
+
+/** The example: as the command line fits it. */
+async function exampleAsNative(page) {
+  const begun = Date.now();
+  await page.click('#example');
+  await page.waitForSelector('#result:not([hidden])');
+  const first = (Date.now() - begun) / 1000;
+  await settled(page, FRAMES);
+  const all = (Date.now() - begun) / 1000;
+  assert.deepEqual((await photographs(page)).map((p) => p.state), Array(FRAMES).fill('accepted'));
+  const bytes = await page.evaluate(() => window.svbrdfPage.scan.bytes);
+  const native = path.join(work, 'native');
+  const report = () => JSON.parse(fs.readFileSync(path.join(native, 'report.json')));
+  execFileSync(svbrdf, ['fit', example, '--out', native, '--frames', String(FRAMES), '--threads', '1', '--quiet']);
+  for (const name of ['maps.exr', 'normal.png', 'diffuse.png', 'specular.png', 'roughness.png']) await download(page, name);
+  const difference = JSON.parse(execFileSync(svbrdf, ['compare', path.join(work, 'page'), native, '--json']));
+  const rms = Object.entries(difference.maps ?? difference).filter(([, v]) => typeof v === 'number');
+  assert.ok(rms.length >= 4, JSON.stringify(difference));
+  for (const [name, value] of rms) assert.ok(value < SAME, `${name} differs by ${value}`);
+
+  const mine = JSON.parse(await download(page, 'report.json'));
+  const times = (frames, key) => frames.map((f) => f[key].toFixed(2)).join(', ');
+  console.log(`example: first maps after ${first.toFixed(1)} s with the library loaded, all ${FRAMES} photographs after ${all.toFixed(1)} s; ${(bytes / 2 ** 20).toFixed(0)} MiB of WebAssembly memory`);
+  console.log(`  taking in: page ${times(mine.frames, 'first_maps_seconds')} s, native with one thread ${times(report().frames, 'first_maps_seconds')} s`);
+  console.log(`  in all: page ${mine.seconds_total.toFixed(1)} s, native ${report().seconds_total.toFixed(1)} s; largest difference ${Math.max(...rms.map(([, v]) => v)).toExponential(1)}`);
+}
+
+/** Files that programs open. */
+async function filesAreValid(page) {
+  const glb = await download(page, 'material.glb');
+  const { issues } = await validator.validateBytes(new Uint8Array(glb));
+  assert.equal(issues.numErrors + issues.numWarnings, 0, JSON.stringify(issues.messages));
+  const usdz = await download(page, 'material.usdz');
+  assert.equal(usdz.subarray(0, 4).toString('latin1'), 'PK\u0003\u0004');
+  assert.equal(usdz.subarray(usdz.length - 22, usdz.length - 18).toString('latin1'), 'PK\u0005\u0006');
+  for (const paper of ['a4', 'letter']) {
+    const pdf = (await download(page, `board-${paper}.pdf`)).toString('latin1');
+    assert.ok(pdf.startsWith('%PDF-') && pdf.trimEnd().endsWith('%%EOF'));
+  }
+  assert.match(await page.textContent('#maps'), /±/);
+}
+
+/** Maps after each number of photographs. */
+async function earlierMaps(page) {
+  const pixels = () => page.evaluate(() => [...document.getElementById('map-diffuse').getContext('2d').getImageData(0, 0, 64, 64).data].join());
+  const last = await pixels();
+  await page.focus('#moment');
+  await page.keyboard.press('Home');
+  assert.equal(await page.textContent('#moment-text'), '1 photograph');
+  assert.notEqual(await pixels(), last);
+  await page.keyboard.press('End');
+  assert.equal(await pixels(), last);
+}
+
+/** Photographs without a description, a picture without a board, a file that is none. */
+async function photographsOfOnesOwn(page) {
+  const capture = path.join(work, 'capture');
+  execFileSync(svbrdf, ['simulate', path.join(example, 'truth'), '--out', capture, '--frames', '2', '--seed', '1']);
+  const description = JSON.parse(fs.readFileSync(path.join(capture, 'capture.json')));
+  const broken = path.join(work, 'broken.jpg');
+  fs.writeFileSync(broken, 'not a picture');
+  const files = [...description.frames.map((frame) => path.join(capture, frame.image)), path.resolve('docs/tile.jpg'), broken];
+  await page.setInputFiles('#choose', files);
+  await settled(page, files.length);
+  const found = await photographs(page);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', 'accepted', 'rejected', 'rejected']);
+  assert.equal(found[2].row.reason, 'board_not_found');
+  assert.equal(found[3].row.reason, 'unreadable');
+  for (const { place } of found.slice(0, 2)) {
+    assert.equal(place.sample.length, 24);
+    assert.ok(place.sample.flat().every((v) => v > 0 && v < 1));
+  }
+  const told = await page.textContent('.photograph.is-rejected .text');
+  assert.match(told, /not used/);
+  assert.ok(found[2].row.hint.length > 10 && told.includes(found[2].row.hint.slice(1, 30)));
+}
+
+/** A worker that is lost takes no photograph with it. */
+async function lostWorker(page) {
+  await page.evaluate(() => {
+    const { scan } = window.svbrdfPage;
+    scan.pushing = scan.photographs[1];
+    scan.on_fault({ id: scan.photographs[1].id, lost: true, text: 'memory' });
+  });
+  await page.waitForFunction(() => window.svbrdfPage.scan.photographs[0].state === 'accepted' && window.svbrdfPage.scan.settled);
+  const found = await photographs(page);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', 'rejected', 'rejected', 'rejected']);
+  assert.match(found[1].row.hint, /memory/);
+  assert.match(await page.textContent('#fault'), /began anew/);
+}
+
+async function accessible(page) {
+  // Through the debugger: the page's policy forbids scripts of others.
+  await page.evaluate(fs.readFileSync(require.resolve('axe-core'), 'utf8'));
+  const { violations } = await page.evaluate(() => window.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa'] }));
+  assert.deepEqual(violations.map((v) => `${v.id}: ${v.nodes.map((n) => n.html).join(' ')}`), []);
+}
+
+const fits = (page) => page.evaluate(() => document.documentElement.scrollWidth <= document.documentElement.clientWidth);
+const picture = async (page, name) => pictures && (await page.screenshot({ path: path.join(pictures, `${name}.png`), fullPage: true }));
+
+(async () => {
+  if (pictures) fs.mkdirSync(pictures, { recursive: true });
+  const server = await serve();
+  const browser = await chromium.launch({
+    executablePath: browserPath,
+    args: ['--headless', '--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync'],
+  });
+  try {
+    const begun = Date.now();
+    const desktop = await open(browser, server.address);
+    await picture(desktop.page, 'start');
+    await desktop.page.evaluate(() => window.svbrdfPage.scan.ready());
+    console.log(`library loaded and ready ${((Date.now() - begun) / 1000).toFixed(1)} s after the page was asked for`);
+    await exampleAsNative(desktop.page);
+    await filesAreValid(desktop.page);
+    await earlierMaps(desktop.page);
+    assert.ok(await fits(desktop.page));
+    await picture(desktop.page, 'desktop');
+    await desktop.close();
+
+    const phone = await open(browser, server.address, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'dark' });
+    assert.equal(await phone.page.getAttribute('#camera', 'capture'), 'environment');
+    await photographsOfOnesOwn(phone.page);
+    assert.ok(await fits(phone.page), 'wider than a phone');
+    await picture(phone.page, 'phone');
+    await lostWorker(phone.page);
+    // Kept once it was loaded.
+    await phone.page.evaluate(() => navigator.serviceWorker.ready);
+    phone.page.on('dialog', (dialog) => dialog.accept());
+    await phone.context.setOffline(true);
+    await phone.page.reload();
+    await phone.page.waitForFunction(() => window.svbrdfPage);
+    await phone.page.evaluate(() => window.svbrdfPage.scan.ready());
+    await phone.close();
+
+    const plain = await open(browser, server.address);
+    await accessible(plain.page);
+    await plain.close();
+    console.log('the web page works');
+  } finally {
+    await browser.close();
+    server.close();
+  }
+})().catch((fault) => {
+  console.error(fault);
+  process.exit(1);
+});
