@@ -20,6 +20,9 @@
 # Debian 12 and 13 have all of these packages. Ubuntu's chromium is a snap, which these checks cannot start as
 # root, and the Swift and Android tools come from a Debian mirror: both are skipped there.
 #
+# Apart from these, because they compile the library once more or download much: tests/aarch64.sh,
+# tests/thread-sanitizer.sh, tests/blender.sh, tests/web.sh.
+#
 # What is left out is said, counted at the end, and fails the run with SVBRDF_STRICT=1. SVBRDF_TEST_DATA
 # may name a folder with further captures: what is missing there fails; without it, tests that need it
 # are left out.

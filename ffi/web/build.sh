@@ -49,6 +49,7 @@ fi
 cp models/{decoder.bin,encoder.onnx,photo.onnx,completion.onnx} "$out"
 cp examples/captures/tile/capture.json "$out/example"
 cp examples/captures/tile/frames/*.jpg "$out/example/frames"
+cp docs/overview.jpg "$out"
 cp cli/src/report/{viewer.js,charts.js,stage.js,style.css} ffi/web/page/* "$out"
 
 # The stage is the report's.

@@ -129,13 +129,17 @@ async function photographsOfOnesOwn(page) {
   const description = JSON.parse(fs.readFileSync(path.join(capture, 'capture.json')));
   const broken = path.join(work, 'broken.jpg');
   fs.writeFileSync(broken, 'not a picture');
-  const files = [...description.frames.map((frame) => path.join(capture, frame.image)), path.resolve('docs/tile.jpg'), broken];
+  const unsupported = path.join(work, 'photo.heic');
+  fs.writeFileSync(unsupported, Buffer.concat([Buffer.from('\0\0\0\x14ftypavif\0\0\0\0avif', 'latin1'), Buffer.alloc(4000)]));
+  const files = [...description.frames.map((frame) => path.join(capture, frame.image)), path.resolve('docs/tile.jpg'), broken, unsupported];
   await page.setInputFiles('#choose', files);
   await settled(page, files.length);
   const found = await photographs(page);
-  assert.deepEqual(found.map((p) => p.state), ['accepted', 'accepted', 'rejected', 'rejected']);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', 'accepted', 'rejected', 'rejected', 'rejected']);
   assert.equal(found[2].row.reason, 'board_not_found');
   assert.equal(found[3].row.reason, 'unreadable');
+  assert.equal(found[4].row.reason, 'unreadable');
+  assert.match(found[4].row.hint, /AVIF.*convert/);
   for (const { place } of found.slice(0, 2)) {
     assert.equal(place.sample.length, 24);
     assert.ok(place.sample.flat().every((v) => v > 0 && v < 1));
@@ -154,9 +158,72 @@ async function lostWorker(page) {
   });
   await page.waitForFunction(() => window.svbrdfPage.scan.photographs[0].state === 'accepted' && window.svbrdfPage.scan.settled);
   const found = await photographs(page);
-  assert.deepEqual(found.map((p) => p.state), ['accepted', 'rejected', 'rejected', 'rejected']);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', 'rejected', 'rejected', 'rejected', 'rejected']);
   assert.match(found[1].row.hint, /memory/);
   assert.match(await page.textContent('#fault'), /began anew/);
+}
+
+/** Once loaded the page needs no network, and has the photographs that were in the scan. */
+async function reloadedOffline({ page, context }) {
+  await page.evaluate(() => navigator.serviceWorker.ready);
+  await context.setOffline(true);
+  await page.reload();
+  await page.waitForFunction(() => window.svbrdfPage);
+  assert.match(await page.textContent('#kept-text'), /^1 photograph of your last scan/);
+  await page.click('#kept-use');
+  await settled(page, 1);
+  assert.deepEqual((await photographs(page)).map((p) => p.state), ['accepted']);
+  assert.ok(await page.isHidden('#kept'));
+  await page.click('#restart');
+  await page.reload();
+  await page.waitForFunction(() => window.svbrdfPage);
+  assert.ok(await page.isHidden('#kept'));
+  await context.setOffline(false);
+}
+
+/** Browsers stop pages in the background. */
+async function stopped(page, context) {
+  const debug = await context.newCDPSession(page);
+  await page.click('#example');
+  await page.waitForSelector('#result:not([hidden])');
+  await debug.send('Page.setWebLifecycleState', { state: 'frozen' });
+  await new Promise((done) => setTimeout(done, 1500));
+  await debug.send('Page.setWebLifecycleState', { state: 'active' });
+  await settled(page, FRAMES);
+  assert.deepEqual((await photographs(page)).map((p) => p.state), Array(FRAMES).fill('accepted'));
+}
+
+/** The largest photographs of phones. */
+async function largePhotograph(page) {
+  await page.evaluate(async () => {
+    const small = await createImageBitmap(await (await fetch('example/frames/00.jpg')).blob());
+    const canvas = new OffscreenCanvas(8064, 6048);
+    canvas.getContext('2d').drawImage(small, 0, 0, canvas.width, canvas.height);
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([await canvas.convertToBlob({ type: 'image/jpeg', quality: 0.9 })], 'large.jpg'));
+    document.getElementById('choose').files = transfer.files;
+    document.getElementById('choose').dispatchEvent(new Event('change'));
+  });
+  await settled(page, 1);
+  const [{ state, row }] = await photographs(page);
+  assert.equal(state, 'accepted', JSON.stringify(row));
+  const bytes = await page.evaluate(() => window.svbrdfPage.scan.bytes);
+  console.log(`48 megapixels: taken in after ${row.seconds.toFixed(1)} s; ${(bytes / 2 ** 20).toFixed(0)} MiB of WebAssembly memory`);
+}
+
+/** Of a folder that is dropped, its pictures. */
+async function droppedFolder(page) {
+  const names = await page.evaluate(async () => {
+    const { dropped } = await import('./dropped.js');
+    const file = (name) => ({ name, isDirectory: false, file: (done) => done(new File([], name)) });
+    const folder = (...entries) => ({
+      isDirectory: true,
+      createReader: () => ({ readEntries: (done) => done(entries.splice(0, 2)) }),
+    });
+    const entries = [folder(file('b10.JPG'), file('b2.jpg'), file('notes.txt'), folder(file('deep.heic'))), file('single')];
+    return (await dropped({ items: entries.map((entry) => ({ webkitGetAsEntry: () => entry })) })).map((f) => f.name);
+  });
+  assert.deepEqual(names.sort(), ['b10.JPG', 'b2.jpg', 'deep.heic', 'single']);
 }
 
 async function accessible(page) {
@@ -195,18 +262,18 @@ const picture = async (page, name) => pictures && (await page.screenshot({ path:
     assert.ok(await fits(phone.page), 'wider than a phone');
     await picture(phone.page, 'phone');
     await lostWorker(phone.page);
-    // Kept once it was loaded.
-    await phone.page.evaluate(() => navigator.serviceWorker.ready);
-    phone.page.on('dialog', (dialog) => dialog.accept());
-    await phone.context.setOffline(true);
-    await phone.page.reload();
-    await phone.page.waitForFunction(() => window.svbrdfPage);
-    await phone.page.evaluate(() => window.svbrdfPage.scan.ready());
+    await reloadedOffline(phone);
     await phone.close();
 
     const plain = await open(browser, server.address);
+    await droppedFolder(plain.page);
+    await stopped(plain.page, plain.context);
     await accessible(plain.page);
     await plain.close();
+
+    const large = await open(browser, server.address);
+    await largePhotograph(large.page);
+    await large.close();
     console.log('the web page works');
   } finally {
     await browser.close();

@@ -1,3 +1,5 @@
+import { dropped } from './dropped.js';
+import { clear, drop, keep, kept } from './kept.js';
 import { MapsView } from './maps.js';
 import { Scan } from './scan.js';
 import { photographCard } from './photographs.js';
@@ -6,12 +8,25 @@ const manifest = await (await fetch('manifest.json')).json();
 const scan = new Scan(manifest.sizes);
 let maps = null;
 const cards = new Map();
+/** Photographs kept from before the page was loaded, until one decides about them. */
+let earlier = await kept();
+/** For so long after that further photographs are of the same scan, milliseconds. */
+const SAME_SCAN_MS = 3600e3;
 
 /** One line about what goes on. */
 function say(text, share = null) {
   if ($('status').textContent !== text) $('status').textContent = text;
   $('bar').hidden = share === null;
   if (share !== null) $('bar').value = share;
+}
+
+/** What can be done with the scan as it is. */
+function offerActions() {
+  const any = scan.photographs.length > 0;
+  $('restart').hidden = !any;
+  $('about').hidden = any;
+  // The example would take the place of one's own photographs.
+  $('example').disabled = any && !scan.description;
 }
 
 const seconds = (s) => (s >= 10 ? s.toFixed(0) : s.toFixed(1));
@@ -25,6 +40,7 @@ scan.addEventListener('restarted', () => {
   $('shots').hidden = true;
   $('fault').hidden = true;
   maps?.clear();
+  offerActions();
 });
 scan.addEventListener('photograph', ({ detail: photograph }) => {
   const card = photographCard(photograph, scan.photographs.indexOf(photograph), (place) => maps.stage?.lookFrom(place));
@@ -32,6 +48,12 @@ scan.addEventListener('photograph', ({ detail: photograph }) => {
   if (!cards.has(photograph.id)) $('photographs').append(card);
   cards.set(photograph.id, card);
   $('shots').hidden = false;
+  offerActions();
+  if (!scan.description && !photograph.kept && photograph.state === 'waiting') {
+    photograph.kept = true;
+    keep(photograph.number, photograph.file);
+  }
+  if (photograph.state === 'rejected' && photograph.kept) drop(photograph.number);
   if (photograph.state === 'reading') say(`Reading ${photograph.name}`);
   if (photograph.state === 'rejected') say(`${photograph.name} cannot be used: ${photograph.row.hint}`);
 });
@@ -73,12 +95,45 @@ async function ready() {
 
 const resolution = () => +document.querySelector('input[name=resolution]:checked').value;
 
-/** Adds photographs to the scan; the first begin it with the chosen resolution. */
-async function add(files) {
-  if (files.length === 0 || !(await ready())) return;
-  if (!scan.begun || scan.description) await scan.restart(resolution());
+/** Adds photographs to the scan, those of one call after those of the other. */
+let added = Promise.resolve();
+const add = (files) => (added = added.then(() => files.length > 0 && take(files)));
+
+/** The first photographs begin the scan, with the chosen resolution. */
+async function take(files) {
+  if (!(await ready())) return;
+  const before = Date.now() - (earlier.at(-1)?.at ?? 0) < SAME_SCAN_MS ? decided() : [];
+  if (!scan.begun || scan.description) {
+    if (before.length === 0) await clear();
+    decided();
+    await scan.restart(resolution());
+  }
+  if (before.length > 0) await scan.add(before.map((k) => k.file), before.map((k) => k.number));
   await scan.add(files);
 }
+
+/** Those of before, which are asked about no more. */
+function decided() {
+  const before = earlier;
+  earlier = [];
+  offer();
+  return before;
+}
+
+function offer() {
+  $('kept').hidden = earlier.length === 0;
+  if (earlier.length === 0) return;
+  const since = new Date(earlier.at(-1).at).toLocaleString([], { dateStyle: 'medium', timeStyle: 'short' });
+  $('kept-text').textContent = `${earlier.length} photograph${earlier.length === 1 ? '' : 's'} of your last scan, ${since}, ${earlier.length === 1 ? 'is' : 'are'} still on this device.`;
+}
+offer();
+$('kept-use').addEventListener('click', async () => {
+  if (!(await ready())) return;
+  const before = decided();
+  await scan.restart(resolution());
+  await scan.add(before.map((k) => k.file), before.map((k) => k.number));
+});
+$('kept-delete').addEventListener('click', () => (decided(), clear()));
 
 /* Photographs: by button, camera, drop and clipboard */
 
@@ -95,7 +150,7 @@ addEventListener('dragleave', (event) => event.relatedTarget === null && over(fa
 addEventListener('drop', (event) => {
   event.preventDefault();
   over(false);
-  add([...event.dataTransfer.files]);
+  dropped(event.dataTransfer).then(add);
 });
 addEventListener('paste', (event) => add([...(event.clipboardData?.files ?? [])]));
 
@@ -118,19 +173,21 @@ $('example').addEventListener('click', async () => {
     $('fault').hidden = false;
     $('fault').textContent = `The example cannot be loaded: ${fault.message}`;
   } finally {
-    $('example').disabled = false;
+    offerActions();
   }
 });
 $('restart').addEventListener('click', async () => {
+  decided();
+  await clear();
   if (await ready()) await scan.restart(resolution());
   say('');
 });
 for (const choice of document.querySelectorAll('input[name=resolution]')) {
   choice.addEventListener('change', async () => {
-    const files = scan.photographs.filter((p) => p.state !== 'rejected').map((p) => p.file);
-    if (files.length === 0) return;
+    const again = scan.photographs.filter((p) => p.state !== 'rejected');
+    if (again.length === 0) return;
     await scan.restart(resolution(), scan.description);
-    await scan.add(files);
+    await scan.add(again.map((p) => p.file), again.map((p) => p.number));
   });
 }
 
@@ -165,7 +222,6 @@ document.addEventListener('visibilitychange', () => {
   if (document.hidden || scan.settled) return;
   say('Going on with the scan');
 });
-addEventListener('beforeunload', (event) => scan.photographs.some((p) => p.state === 'accepted' && !scan.description) && event.preventDefault());
 if ('serviceWorker' in navigator && isSecureContext) navigator.serviceWorker.register('service-worker.js').catch((fault) => console.info(`not kept for use without a network: ${fault.message}`));
 
 /** For programs that look at the page. */

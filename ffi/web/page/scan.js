@@ -56,9 +56,12 @@ export class Scan extends EventTarget {
     this.worker.postMessage({ type: 'begin', number, resolution: this.resolution, description: this.description ?? undefined });
   }
 
-  /** Adds files; each is taken in when the fit has settled on those before. */
-  async add(files) {
-    const photographs = [...files].map((file) => ({ id: this.next++, file, name: file.name, state: 'waiting' }));
+  /** Adds files; each is taken in when the fit has settled on those before. `numbers` of files that are kept already. */
+  async add(files, numbers = []) {
+    const photographs = [...files].map((file, i) => {
+      const id = this.next++;
+      return { id, number: numbers[i] ?? 1000 * Date.now() + id, kept: i in numbers, file, name: file.name, state: 'waiting' };
+    });
     this.photographs.push(...photographs);
     photographs.forEach((photograph) => this.tell('photograph', photograph));
     if (!this.begun) await this.begin();

@@ -1,6 +1,6 @@
 /** The library in a worker: one message after the other, and the fit between them. */
 
-import init, { Models, Scan, board, fragment_shader, version } from './svbrdf.js';
+import init, { Models, Scan, board, fragment_shader, last_panic, version } from './svbrdf.js';
 
 /** Files of the library with their shares of all that is loaded. */
 const PARTS = ['svbrdf_bg.wasm', 'decoder.bin', 'encoder.onnx', 'photo.onnx', 'completion.onnx'];
@@ -16,11 +16,6 @@ let shown = { revision: -1, at: 0 };
 let turning = false;
 /** Number of the scan: answers of an earlier one are out of date. */
 let generation;
-let panic = null;
-
-// The library reports a panic there before it ends.
-const report = console.error.bind(console);
-self.console.error = (...words) => ((panic = words.join(' ')), report(...words));
 
 /** Posts what belongs to the scan. */
 const tell = (message, buffers = []) => postMessage({ ...message, generation }, buffers);
@@ -117,14 +112,22 @@ const actions = {
   },
 };
 
+/** Why the library ended. Without a word of its own, an allocation has failed. */
+function lastWords() {
+  try {
+    return last_panic() ?? 'memory';
+  } catch {
+    return 'memory';
+  }
+}
+
 /** A fault of one call leaves the scan as it is; after a trap the library is lost. */
 async function guarded(action, id) {
   try {
     await action();
   } catch (fault) {
     const lost = fault instanceof WebAssembly.RuntimeError || fault instanceof RangeError;
-    // Without a word of the library's own, an allocation has failed.
-    const text = lost ? (panic ?? 'memory') : String(fault.message ?? fault);
+    const text = lost ? lastWords() : String(fault.message ?? fault);
     postMessage({ type: 'fault', id, lost, text });
   }
 }

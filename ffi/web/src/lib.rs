@@ -10,7 +10,7 @@ mod report;
 #[path = "../../../cli/src/report/shader.rs"]
 mod shader;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -281,6 +281,24 @@ pub fn board(paper: &str) -> Result<Vec<u8>, JsError> {
 #[wasm_bindgen]
 pub fn fragment_shader() -> String {
     shader::fragment()
+}
+
+/// Where a panic says what happened: WebAssembly ends without a word.
+static LAST_PANIC: Mutex<Option<String>> = Mutex::new(None);
+
+/// Runs when the library is loaded.
+#[wasm_bindgen(start)]
+pub fn start() {
+    std::panic::set_hook(Box::new(|panic| {
+        *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner) = Some(panic.to_string());
+    }));
+}
+
+/// What the panic said that ended the library; `None` where it ended without one, as it does where
+/// memory runs out.
+#[wasm_bindgen]
+pub fn last_panic() -> Option<String> {
+    LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 /// Version of the library.
