@@ -101,6 +101,19 @@ fn pauses_and_ends_are_told() {
     assert!(matches!(stepped.save(), Err(Error::Cancelled)));
     stepped.snapshot().unwrap();
 
+    // Who waits goes on when another thread ends the pause.
+    let paused = session(&capture, Driver::Caller, Some(8));
+    paused.pause();
+    accepted(&paused, &photos[0]);
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| paused.wait());
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(!paused.progress().settled);
+        paused.resume();
+        waiting.join().unwrap().unwrap();
+    });
+    assert!(paused.progress().settled);
+
     let threaded = session(&capture, Driver::Thread, Some(8));
     assert!(matches!(threaded.step(), Err(Error::Argument { argument: "driver", .. })));
 }

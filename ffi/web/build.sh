@@ -10,10 +10,12 @@ folder=${CARGO_TARGET_DIR:-target}
 out=ffi/web/dist
 # Safari 16.4, Chromium 91 and Firefox 89 have these vectors. Nothing draws random numbers.
 export RUSTFLAGS='--cfg getrandom_backend="unsupported" -C target-feature=+simd128'
-build=(cargo build --profile "${PROFILE:-release}" -p svbrdf-web --target "$target")
+build=(cargo rustc --profile "${PROFILE:-release}" -p svbrdf-web --target "$target")
+# As much stack as a thread has elsewhere, instead of 1 MiB.
+stack=(-- -C link-arg=-zstack-size=2097152)
 
 if [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
-  "${build[@]}" --target-dir "$folder/web"
+  "${build[@]}" --target-dir "$folder/web" "${stack[@]}"
 else
   packages=()
   [ -d /usr/lib/rustlib/src ] && [ -x /usr/bin/rustc ] || packages+=(rustc-web rust-web-src)
@@ -28,7 +30,7 @@ else
     ls "$(rustc --print sysroot)"/lib/rustlib/*/bin/rust-lld | head -1)
   export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=$linker
   RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 "${build[@]}" --target-dir "$folder/web" \
-    -Zbuild-std=std,panic_abort
+    -Zbuild-std=std,panic_abort "${stack[@]}"
 fi
 unset RUSTFLAGS
 

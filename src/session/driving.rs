@@ -96,7 +96,11 @@ impl Session {
         deadline: Option<Instant>,
         reached: impl Fn(&State) -> bool,
     ) -> Result<bool> {
-        while matches!(self.engine, Engine::Caller(_)) {
+        if matches!(self.engine, Engine::Thread(_)) {
+            return self.shared.wait_until(deadline, reached);
+        }
+        loop {
+            let seen = self.revision();
             if reached(&self.shared.lock()) {
                 return Ok(true);
             }
@@ -104,9 +108,10 @@ impl Session {
                 return Ok(false);
             }
             if !self.step()? {
-                break;
+                // Paused: until another thread changes something.
+                let changed = |state: &State| reached(state) || state.revision != seen;
+                self.shared.wait_until(deadline, changed)?;
             }
         }
-        self.shared.wait_until(deadline, reached)
     }
 }

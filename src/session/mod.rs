@@ -460,6 +460,9 @@ impl Session {
     fn wake(&self) {
         // A worker that has ended needs no waking.
         let _ = self.commands.send(Command::Wake);
+        if self.settings.driver == Driver::Caller {
+            self.shared.notify();
+        }
     }
 }
 
