@@ -48,6 +48,10 @@ if command -v wasm-opt >/dev/null && [ "${WASM_OPT:-0}" = 1 ]; then
   wasm-opt -O3 --enable-simd --enable-bulk-memory --enable-nontrapping-float-to-int \
     --enable-sign-ext --enable-mutable-globals "$out/svbrdf_bg.wasm" -o "$out/svbrdf_bg.wasm"
 fi
+# Few servers compress WebAssembly: the worker unpacks it.
+gzip -9nc "$out/svbrdf_bg.wasm" > "$out/library.bin"
+wasm_bytes=$(wc -c < "$out/svbrdf_bg.wasm")
+rm "$out/svbrdf_bg.wasm"
 cp models/{decoder.bin,encoder.onnx,photo.onnx,completion.onnx} "$out"
 cp examples/captures/tile/capture.json "$out/example"
 cp examples/captures/tile/frames/*.jpg "$out/example/frames"
@@ -58,7 +62,7 @@ cp cli/src/report/{viewer.js,charts.js,stage.js,style.css} ffi/web/page/* "$out"
 stage=$(sed -n '/<div class="stage">/,/<div id="timeline"/p' cli/src/report/page.html | sed '$d')
 awk -v stage="$stage" '$0 == "{{stage}}" { print stage; next } { print }' ffi/web/page/index.html > "$out/index.html"
 
-parts=(svbrdf_bg.wasm decoder.bin encoder.onnx photo.onnx completion.onnx)
+parts=(library.bin decoder.bin encoder.onnx photo.onnx completion.onnx)
 bytes=$(cd "$out" && cat "${parts[@]}" | wc -c)
 {
   echo '{ "sizes": {'
@@ -74,5 +78,5 @@ list=$(sed 's/.*/"&"/' <<< "$files" | paste -sd, | sed 's/^/["."\,/; s/$/]/')
 sed "s/{{version}}/$hash/; s|{{files}}|$list|" ffi/web/page/service-worker.js > "$out/service-worker.js"
 
 size=$(cat $(find "$out" -type f) | wc -c)
-echo "$out: $((size / 1000)) kB, of which svbrdf_bg.wasm $(($(wc -c < "$out/svbrdf_bg.wasm") / 1000)) kB"
+echo "$out: $((size / 1000)) kB, of which the library $(($(wc -c < "$out/library.bin") / 1000)) kB, unpacked $((wasm_bytes / 1000)) kB"
 [ "$size" -le 16000000 ] || { echo "$out is larger than 16 MB" >&2; exit 1; }

@@ -3,7 +3,7 @@
 import init, { Models, Scan, board, fragment_shader, last_panic, version } from './svbrdf.js';
 
 /** Files of the library with their shares of all that is loaded. */
-const PARTS = ['svbrdf_bg.wasm', 'decoder.bin', 'encoder.onnx', 'photo.onnx', 'completion.onnx'];
+const PARTS = ['library.bin', 'decoder.bin', 'encoder.onnx', 'photo.onnx', 'completion.onnx'];
 /** Milliseconds of the fit between two looks at the messages. */
 const TURN_MS = 60;
 /** Maps are shown this often at most while the fit goes on, milliseconds. */
@@ -42,7 +42,9 @@ async function load(sizes) {
     return bytes;
   };
   const [library, ...networks] = await Promise.all(PARTS.map(part));
-  memory = (await init({ module_or_path: library })).memory;
+  const unpacked = new Blob([library]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const wasm = await new Response(unpacked).arrayBuffer();
+  memory = (await init({ module_or_path: wasm })).memory;
   models = new Models(...networks);
   postMessage({ type: 'ready', shader: fragment_shader(), version: version() });
 }
