@@ -42,17 +42,20 @@ fi
 
 rm -rf "$out"
 mkdir -p "$out/example/frames"
-"$tools/bin/wasm-bindgen" --target web --no-typescript --out-dir "$out" --out-name svbrdf \
+"$tools/bin/wasm-bindgen" --target web --no-typescript --remove-name-section \
+  --remove-producers-section --out-dir "$out" --out-name svbrdf \
   "$folder/web/$target/${PROFILE:-release}/svbrdf_web.wasm"
 if command -v wasm-opt >/dev/null && [ "${WASM_OPT:-0}" = 1 ]; then
   wasm-opt -O3 --enable-simd --enable-bulk-memory --enable-nontrapping-float-to-int \
     --enable-sign-ext --enable-mutable-globals "$out/svbrdf_bg.wasm" -o "$out/svbrdf_bg.wasm"
 fi
-# Few servers compress WebAssembly: the worker unpacks it.
+# Few servers compress these files: the worker unpacks them.
 gzip -9nc "$out/svbrdf_bg.wasm" > "$out/library.bin"
 wasm_bytes=$(wc -c < "$out/svbrdf_bg.wasm")
 rm "$out/svbrdf_bg.wasm"
-cp models/{decoder.bin,encoder.onnx,photo.onnx,completion.onnx} "$out"
+for network in decoder.bin encoder.onnx photo.onnx completion.onnx; do
+  gzip -9nc "models/$network" > "$out/${network%.*}.bin"
+done
 cp examples/captures/tile/capture.json "$out/example"
 cp examples/captures/tile/frames/*.jpg "$out/example/frames"
 cp docs/overview.jpg "$out"
@@ -62,7 +65,7 @@ cp cli/src/report/{viewer.js,charts.js,stage.js,style.css} ffi/web/page/* "$out"
 stage=$(sed -n '/<div class="stage">/,/<div id="timeline"/p' cli/src/report/page.html | sed '$d')
 awk -v stage="$stage" '$0 == "{{stage}}" { print stage; next } { print }' ffi/web/page/index.html > "$out/index.html"
 
-parts=(library.bin decoder.bin encoder.onnx photo.onnx completion.onnx)
+parts=(library.bin decoder.bin encoder.bin photo.bin completion.bin)
 bytes=$(cd "$out" && cat "${parts[@]}" | wc -c)
 {
   echo '{ "sizes": {'

@@ -3,7 +3,7 @@
 import init, { Models, Scan, board, fragment_shader, last_panic, version } from './svbrdf.js';
 
 /** Files of the library with their shares of all that is loaded. */
-const PARTS = ['library.bin', 'decoder.bin', 'encoder.onnx', 'photo.onnx', 'completion.onnx'];
+const PARTS = ['library.bin', 'decoder.bin', 'encoder.bin', 'photo.bin', 'completion.bin'];
 /** Milliseconds of the fit between two looks at the messages. */
 const TURN_MS = 60;
 /** Maps are shown this often at most while the fit goes on, milliseconds. */
@@ -39,12 +39,11 @@ async function load(sizes) {
       postMessage({ type: 'loading', share: loaded / total });
     }
     if (at !== bytes.length) throw new Error(`${name} was cut short: reload the page`);
-    return bytes;
+    const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+    return new Uint8Array(await new Response(unpacked).arrayBuffer());
   };
   const [library, ...networks] = await Promise.all(PARTS.map(part));
-  const unpacked = new Blob([library]).stream().pipeThrough(new DecompressionStream('gzip'));
-  const wasm = await new Response(unpacked).arrayBuffer();
-  memory = (await init({ module_or_path: wasm })).memory;
+  memory = (await init({ module_or_path: library })).memory;
   models = new Models(...networks);
   postMessage({ type: 'ready', shader: fragment_shader(), version: version() });
 }

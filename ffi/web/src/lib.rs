@@ -187,7 +187,8 @@ impl Scan {
     /// # Errors
     /// Before the first photograph was accepted, and for another name.
     pub fn picture(&self, name: &str) -> Result<Vec<u8>, JsError> {
-        pictures::rgba(&self.session.snapshot()?, name)
+        let maps = self.session.snapshot()?;
+        pictures::rgba(&maps, name)
             .ok_or_else(|| JsError::new(&format!("there is no map `{name}`")))
     }
 
@@ -197,7 +198,8 @@ impl Scan {
     /// # Errors
     /// As [`Scan::picture`].
     pub fn texture(&self, name: &str) -> Result<Vec<f32>, JsError> {
-        pictures::texture(&self.session.snapshot()?, name)
+        let maps = self.session.snapshot()?;
+        pictures::texture(&maps, name)
             .ok_or_else(|| JsError::new(&format!("there is no texture `{name}`")))
     }
 
