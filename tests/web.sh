@@ -24,7 +24,7 @@ mkdir -p "$tools"
   leave "playwright-core, axe-core and gltf-validator cannot be installed"
 
 ffi/web/build.sh
-[ -x "$folder/release/svbrdf" ] || cargo build --quiet --release -p svbrdf-cli --bin svbrdf
+cargo build --quiet --release -p svbrdf-cli --bin svbrdf
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 NODE_PATH="$tools/node_modules" node tests/web/use.cjs "$folder/release/svbrdf" "$work" "$(command -v chromium)" "$@"

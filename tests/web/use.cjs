@@ -14,8 +14,9 @@ const root = path.resolve('ffi/web/dist');
 const example = path.resolve('examples/captures/tile');
 /** Photographs of the example that are fitted. */
 const FRAMES = 3;
-/** Root mean square that maps of other vector instructions may differ by. */
-const SAME = 1e-3;
+/** Root mean square by which maps may differ from those of other vector instructions: of one photograph; and of more, where
+ * rounding decides after which step a fit has converged. With and without AVX2 the command line's differ by 4e-4; and by up to .011. */
+const SAME = [1e-3, 0.02];
 /** A fit on a busy machine takes its time, milliseconds. */
 const LONG = 900000;
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.json': 'application/json', '.wasm': 'application/wasm', '.jpg': 'image/jpeg' };
@@ -43,9 +44,10 @@ async function open(browser, address, options = {}) {
   page.on('pageerror', (e) => faults.push(`uncaught: ${e.message}`));
   context.on('request', (r) => r.url().startsWith(address) || /^(data|blob):/.test(r.url()) || faults.push(`request: ${r.url()}`));
   // The first photographs of the example are enough.
+  page.exampleFrames = FRAMES;
   await context.route('**/example/capture.json', async (route) => {
     const description = JSON.parse(fs.readFileSync(path.join(example, 'capture.json')));
-    description.frames.length = FRAMES;
+    description.frames.length = page.exampleFrames;
     await route.fulfill({ json: description });
   });
   await page.goto(address);
@@ -69,30 +71,31 @@ async function download(page, name) {
   return fs.readFileSync(to);
 }
 
-/** The example: as the command line fits it. */
-async function exampleAsNative(page) {
+/** The example's first photographs: as the command line fits them. */
+async function exampleAsNative(page, frames) {
+  page.exampleFrames = frames;
   const begun = Date.now();
   await page.click('#example');
   await page.waitForSelector('#result:not([hidden])');
   const first = (Date.now() - begun) / 1000;
-  await settled(page, FRAMES);
+  await settled(page, frames);
   const all = (Date.now() - begun) / 1000;
-  assert.deepEqual((await photographs(page)).map((p) => p.state), Array(FRAMES).fill('accepted'));
+  assert.deepEqual((await photographs(page)).map((p) => p.state), Array(frames).fill('accepted'));
   const bytes = await page.evaluate(() => window.svbrdfPage.scan.bytes);
-  const native = path.join(work, 'native');
-  const report = () => JSON.parse(fs.readFileSync(path.join(native, 'report.json')));
-  execFileSync(svbrdf, ['fit', example, '--out', native, '--frames', String(FRAMES), '--threads', '1', '--quiet']);
+  const native = path.join(work, `native-${frames}`);
+  const start = Date.now();
+  execFileSync(svbrdf, ['fit', example, '--out', native, '--frames', String(frames), '--threads', '1', '--quiet']);
+  const nativeSeconds = (Date.now() - start) / 1000;
   for (const name of ['maps.exr', 'normal.png', 'diffuse.png', 'specular.png', 'roughness.png']) await download(page, name);
   const difference = JSON.parse(execFileSync(svbrdf, ['compare', path.join(work, 'page'), native, '--json']));
   const rms = Object.entries(difference.maps ?? difference).filter(([, v]) => typeof v === 'number');
   assert.ok(rms.length >= 4, JSON.stringify(difference));
-  for (const [name, value] of rms) assert.ok(value < SAME, `${name} differs by ${value}`);
+  assert.ok(rms.every(([, value]) => value < SAME[Math.min(frames, 2) - 1]), `maps differ: ${JSON.stringify(rms)}`);
 
-  const mine = JSON.parse(await download(page, 'report.json'));
-  const times = (frames, key) => frames.map((f) => f[key].toFixed(2)).join(', ');
-  console.log(`example: first maps after ${first.toFixed(1)} s with the library loaded, all ${FRAMES} photographs after ${all.toFixed(1)} s; ${(bytes / 2 ** 20).toFixed(0)} MiB of WebAssembly memory`);
-  console.log(`  taking in: page ${times(mine.frames, 'first_maps_seconds')} s, native with one thread ${times(report().frames, 'first_maps_seconds')} s`);
-  console.log(`  in all: page ${mine.seconds_total.toFixed(1)} s, native ${report().seconds_total.toFixed(1)} s; largest difference ${Math.max(...rms.map(([, v]) => v)).toExponential(1)}`);
+  const taken = (report) => report.frames.map((f) => f.first_maps_seconds.toFixed(2)).join(', ');
+  const [mine, theirs] = [await download(page, 'report.json'), fs.readFileSync(path.join(native, 'report.json'))].map((r) => JSON.parse(r));
+  console.log(`${frames} photographs: page ${first.toFixed(1)} s to the first maps, ${all.toFixed(1)} s to the last; command line with one thread, its start and files included, ${nativeSeconds.toFixed(1)} s; ${(bytes / 2 ** 20).toFixed(0)} MiB of WebAssembly memory`);
+  console.log(`  taking in: page ${taken(mine)} s, command line ${taken(theirs)} s; largest difference of the maps ${Math.max(...rms.map(([, v]) => v)).toExponential(1)}`);
 }
 
 /** Files that programs open. */
@@ -122,7 +125,20 @@ async function earlierMaps(page) {
   assert.equal(await pixels(), last);
 }
 
-/** Photographs without a description, a picture without a board, a file that is none. */
+/** A gray picture of the size of the JPEG file `like`. */
+const gray = (page, like) => page.evaluate(async (url) => {
+  const image = new Image();
+  image.src = url;
+  await image.decode();
+  const { width, height } = image;
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext('2d');
+  context.fillStyle = '#777';
+  context.fillRect(0, 0, width, height);
+  return [...new Uint8Array(await (await canvas.convertToBlob({ type: 'image/jpeg' })).arrayBuffer())];
+}, `data:image/jpeg;base64,${fs.readFileSync(like).toString('base64')}`);
+
+/** Photographs without a description, a picture of another camera, one without a board, a file that is none. */
 async function photographsOfOnesOwn(page) {
   const capture = path.join(work, 'capture');
   execFileSync(svbrdf, ['simulate', path.join(example, 'truth'), '--out', capture, '--frames', '2', '--seed', '1']);
@@ -131,15 +147,16 @@ async function photographsOfOnesOwn(page) {
   fs.writeFileSync(broken, 'not a picture');
   const unsupported = path.join(work, 'photo.heic');
   fs.writeFileSync(unsupported, Buffer.concat([Buffer.from('\0\0\0\x14ftypavif\0\0\0\0avif', 'latin1'), Buffer.alloc(4000)]));
-  const files = [...description.frames.map((frame) => path.join(capture, frame.image)), path.resolve('docs/tile.jpg'), broken, unsupported];
+  const frames = description.frames.map((frame) => path.join(capture, frame.image));
+  const empty = path.join(work, 'empty.jpg');
+  fs.writeFileSync(empty, Buffer.from(await gray(page, frames[0])));
+  const files = [...frames, empty, path.resolve('docs/tile.jpg'), broken, unsupported];
   await page.setInputFiles('#choose', files);
   await settled(page, files.length);
   const found = await photographs(page);
-  assert.deepEqual(found.map((p) => p.state), ['accepted', 'accepted', 'rejected', 'rejected', 'rejected']);
-  assert.equal(found[2].row.reason, 'board_not_found');
-  assert.equal(found[3].row.reason, 'unreadable');
-  assert.equal(found[4].row.reason, 'unreadable');
-  assert.match(found[4].row.hint, /AVIF.*convert/);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', 'accepted', ...Array(4).fill('rejected')]);
+  assert.deepEqual(found.slice(2).map((p) => p.row.reason), ['board_not_found', 'other_camera', 'unreadable', 'unreadable']);
+  assert.match(found[5].row.hint, /AVIF.*convert/);
   for (const { place } of found.slice(0, 2)) {
     assert.equal(place.sample.length, 24);
     assert.ok(place.sample.flat().every((v) => v > 0 && v < 1));
@@ -158,7 +175,7 @@ async function lostWorker(page) {
   });
   await page.waitForFunction(() => window.svbrdfPage.scan.photographs[0].state === 'accepted' && window.svbrdfPage.scan.settled);
   const found = await photographs(page);
-  assert.deepEqual(found.map((p) => p.state), ['accepted', 'rejected', 'rejected', 'rejected', 'rejected']);
+  assert.deepEqual(found.map((p) => p.state), ['accepted', ...Array(5).fill('rejected')]);
   assert.match(found[1].row.hint, /memory/);
   assert.match(await page.textContent('#fault'), /began anew/);
 }
@@ -249,7 +266,9 @@ const picture = async (page, name) => pictures && (await page.screenshot({ path:
     await picture(desktop.page, 'start');
     await desktop.page.evaluate(() => window.svbrdfPage.scan.ready());
     console.log(`library loaded and ready ${((Date.now() - begun) / 1000).toFixed(1)} s after the page was asked for`);
-    await exampleAsNative(desktop.page);
+    await exampleAsNative(desktop.page, 1);
+    await desktop.page.click('#restart');
+    await exampleAsNative(desktop.page, FRAMES);
     await filesAreValid(desktop.page);
     await earlierMaps(desktop.page);
     assert.ok(await fits(desktop.page));
