@@ -119,6 +119,8 @@ pub(crate) struct Estimation {
     pub(super) repeated: bool,
     /// Whether the structured prior was chosen for these photographs.
     pub(super) structured: bool,
+    /// Mean of absolute log residuals that texels leave which share their gloss; 0 where not known.
+    pub(super) texel_residual: f32,
     /// The latent fit's maps before its latest step, and losses of the maps.
     pub(super) previous: Option<Shown>,
     pub(super) trend: Option<Trend>,
@@ -147,6 +149,7 @@ impl Estimation {
             lights_before: Correction::default(),
             repeated: false,
             structured: false,
+            texel_residual: 0.0,
             previous: None,
             trend: None,
             keep_record: false,
@@ -221,6 +224,7 @@ impl Estimation {
             self.restart()?;
         }
         self.photographs.add(observation)?;
+        self.texel_residual = 0.0;
         self.expect_noise();
         if self.task.method == Method::Deep {
             if self.latent.is_none() {
@@ -236,11 +240,6 @@ impl Estimation {
         self.go_to(Position::default());
         self.measure();
         Ok(())
-    }
-
-    /// Expects as much noise as the photographs' calibration shows.
-    pub(super) fn expect_noise(&mut self) {
-        self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {

@@ -1,4 +1,5 @@
-//! How the maps of the moment explain each photograph, and estimates begun anew.
+//! How the maps of the moment explain each photograph, how much noise is expected, and estimates begun
+//! anew.
 
 use super::contradiction::{self, Part};
 use super::estimation::Estimation;
@@ -22,10 +23,23 @@ pub(crate) struct Residual {
 impl Estimation {
     /// An estimate of the same kind without photographs.
     pub fn afresh(&self) -> Self {
-        let options = EstimateOptions { noise: self.least_noise, ..self.options.clone() };
-        let mut fresh = Self::new(self.networks.clone(), self.task, options);
+        let mut fresh = Self::new(self.networks.clone(), self.task, self.least_options());
         fresh.keep_record = self.keep_record;
         fresh
+    }
+
+    /// The options before any photograph has told its noise.
+    pub(super) fn least_options(&self) -> EstimateOptions {
+        EstimateOptions { noise: self.least_noise, ..self.options.clone() }
+    }
+
+    /// Expects as much noise as the photographs' calibration shows, or without one the texels.
+    pub(super) fn expect_noise(&mut self) {
+        let least = self.least_noise;
+        self.options.noise = match self.photographs.log_sigma() {
+            0.0 => least.uncalibrated(self.texel_residual),
+            log_sigma => least.calibrated(log_sigma),
+        };
     }
 
     /// The photographs with their views as given.

@@ -43,6 +43,7 @@ pub(crate) struct SavedEstimation<'a> {
     pub lights_before: Cow<'a, Correction>,
     pub repeated: bool,
     pub structured: bool,
+    pub texel_residual: f32,
     /// What was to be seen before the latest step of the latent fit.
     pub previous: Option<Cow<'a, [f32]>>,
     pub trend: Option<Trend>,
@@ -85,6 +86,7 @@ impl Estimation {
             lights_before: Cow::Borrowed(&self.lights_before),
             repeated: self.repeated,
             structured: self.structured,
+            texel_residual: self.texel_residual,
             previous: self.previous.as_ref().map(|shown| Cow::Borrowed(&shown.values[..])),
             trend: self.trend.clone(),
         }
@@ -104,6 +106,7 @@ impl Estimation {
     ) -> Result<Self> {
         let mut estimation = Self::new(networks.clone(), task, options);
         estimation.photographs = saved.photographs.into_owned();
+        estimation.texel_residual = saved.texel_residual;
         estimation.expect_noise();
         if let Some(latent) = saved.latent {
             let EstimateOptions { latent: options, gains, .. } = &estimation.options;
@@ -170,7 +173,7 @@ impl Estimation {
             if at.part == Part::Phase { phase } else { Phase::Maps }
         });
         let EstimateOptions { solver, noise, .. } = &self.options;
-        let which = self.photographs_of_maps();
+        let (which, least) = (self.photographs_of_maps(), self.least_options());
         Ok(match (saved, phase, &mut self.belief) {
             (SavedWork::Pending, ..) => Work::Pending,
             (SavedWork::Maps(state), Some(Phase::Maps), Some(belief)) => {
@@ -192,7 +195,7 @@ impl Estimation {
             }
             (SavedWork::Widths(errors), Some(Phase::Widths), Some(belief)) => {
                 let photographs = self.photographs.working();
-                let mut trials = WidthTrials::new(photographs, &belief.maps, &self.options);
+                let mut trials = WidthTrials::new(photographs, &belief.maps, &least);
                 if !trials.resume(&errors) {
                     return Err(fault("trials of widths are of another size"));
                 }

@@ -136,10 +136,14 @@ impl Estimation {
 
     /// A trial of widths, or the fit with those chosen; whether it was the last.
     fn widths_step(&mut self) -> Result<bool> {
-        let belief = self.belief.as_mut().ok_or(Error::NoMaps)?;
         if !matches!(self.work, Work::Widths(_)) {
+            let belief = self.belief.as_ref().ok_or(Error::NoMaps)?;
             let photographs = self.photographs.working();
-            let trials = WidthTrials::new(photographs, &belief.maps, &self.options);
+            let trials = WidthTrials::new(photographs, &belief.maps, &self.least_options());
+            if self.photographs.len() >= self.options.structured.leave_out_from {
+                self.texel_residual = trials.texel_residual();
+                self.expect_noise();
+            }
             self.work = Work::Widths(Box::new(trials));
         }
         let Work::Widths(trials) = &mut self.work else { return Ok(true) };

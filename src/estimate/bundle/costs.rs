@@ -40,6 +40,14 @@ impl Problem {
         sums.iter().map(|[sum]| sum).sum::<f64>() / residuals.max(1e-12)
     }
 
+    /// The same of each texel, the median over texels.
+    pub fn median_residual(&self, state: &State) -> f64 {
+        let mut sums = self.of_residuals::<1, false>(state, [&state.deviations]);
+        let middle = sums.len() / 2;
+        let [median] = *sums.select_nth_unstable_by(middle, |a, b| a[0].total_cmp(&b[0])).1;
+        median / (3.0 * self.photographs_per_texel()).max(1e-12)
+    }
+
     /// Sums over each texel's residuals, for each of `K` values of its deviations: of what they cost,
     /// or else of their sizes.
     fn of_residuals<const K: usize, const COST: bool>(

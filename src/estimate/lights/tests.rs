@@ -176,6 +176,35 @@ fn an_estimate_that_took_ambient_light_for_albedo_is_found_out() {
     assert!(after < 0.5 * before, "{before} {after}");
 }
 
+/// Squares of many albedos, exactly lit by the flash alone: what a wrong estimate of their gloss leaves is no
+/// ambient light, though ambient light explains some of it.
+#[test]
+fn errors_of_the_estimate_are_no_ambient_light() {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    let mut random = Random::new(3);
+    let squares: Vec<[f32; 3]> =
+        (0..36).map(|_| [0; 3].map(|_| 0.05 + 0.9 * random.uniform() as f32)).collect();
+    for t in 0..SIDE * SIDE {
+        let square = squares[t / SIDE / 16 * 6 + t % SIDE / 16];
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[t] = square[c];
+            maps.plane_mut(channel::SPECULAR + c)[t] = 0.04;
+        }
+        maps.plane_mut(channel::ROUGHNESS)[t] = 0.4;
+    }
+    let (observations, given) = capture(&maps, 0.0);
+    for (roughness, factor) in [(0.2, 2.0), (0.3, 0.8)] {
+        let mut estimate = maps.clone();
+        for c in channel::SPECULAR..channel::ROUGHNESS {
+            estimate.plane_mut(c).iter_mut().for_each(|v| *v *= factor);
+        }
+        estimate.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|v| *v += roughness);
+        let mut correction = Correction::default();
+        refined(&estimate, &observations[..3], &given[..3], HELD, &mut correction);
+        assert_eq!(correction.ambient, 0.0);
+    }
+}
+
 /// Of the diffuse albedos.
 fn rms(a: &Svbrdf, b: &Svbrdf) -> f32 {
     let range = channel::DIFFUSE * a.texels()..(channel::DIFFUSE + 3) * a.texels();

@@ -158,9 +158,12 @@ pub struct NoiseOptions {
     /// Expected scale, mean of absolute log residuals, that noise and model leave: where the
     /// estimate of the scale begins. Positive. Tuned.
     pub expected: f32,
-    /// Standard deviation of the logarithm of a board's squares up to which this is so, and with which
-    /// power of it the expected scale grows beyond. Tuned.
-    pub squares: [f32; 2],
+    /// Standard deviation of the logarithm of a board's squares up to which this is so. Tuned.
+    pub squares: f32,
+    /// Without a board: mean residual of texels that share their gloss, up to which this is so. Tuned.
+    pub texels: f32,
+    /// Power of either with which the expected scale grows beyond. Tuned.
+    pub growth: f32,
     /// Largest expected scale. Tuned.
     pub most_expected: f32,
     /// Log residual below which the loss is quadratic, at most. Positive. Tuned.
@@ -180,7 +183,9 @@ impl Default for NoiseOptions {
     fn default() -> Self {
         Self {
             expected: 0.05,
-            squares: [0.0015, 3.0],
+            squares: 0.0015,
+            texels: 0.01,
+            growth: 3.0,
             most_expected: 1.5,
             huber: 0.02,
             huber_by_noise: 3.0,

@@ -39,6 +39,9 @@ pub struct StructuredOptions {
     pub folds: usize,
     /// Priors that are tried, from one class of a flat sheet to wide ones.
     pub candidates: Vec<Widths>,
+    /// The prior whose residuals show the noise of photographs without a board: relief as it may be,
+    /// gloss of classes. Tuned.
+    pub noise_widths: Widths,
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
@@ -98,6 +101,7 @@ impl Default for StructuredOptions {
                 Widths { slope: 0.3, ..classes },
                 Widths { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes },
             ],
+            noise_widths: Widths { slope: 0.3, ..classes },
             noise: 0.3,
             huber: 0.02,
             converged: 1e-4,

@@ -117,6 +117,29 @@ fn relief_is_as_wide_as_the_sample_where_the_light_is_not_as_given() {
     assert!(bumpy.is_some_and(|w| w.slope >= 0.1), "{bumpy:?}");
 }
 
+/// Texels that share their gloss leave the noise, whatever relief they have and however exposure and flash
+/// are off; of exact photographs they leave less than counts as none.
+#[test]
+fn texels_that_share_their_gloss_leave_the_noise() {
+    let residual = |bumps, exposure: &Exposure, noise| {
+        let photographs = photographs(&material(bumps), 6, exposure, noise);
+        WidthTrials::new(&photographs, &material(0.0), &options()).texel_residual()
+    };
+    for exposure in [planted(), Exposure::default()] {
+        for bumps in [0.0, 0.2] {
+            let exact = residual(bumps, &exposure, 0.0);
+            assert!(exact < options().noise.texels, "{exact}, bumps {bumps}");
+            let mut random = Random::new(8);
+            let mean = (0..4096).map(|_| random.bell().abs()).sum::<f64>() / 4096.0;
+            for noise in [0.03, 0.1] {
+                let (found, spread) = (residual(bumps, &exposure, noise), noise * mean as f32);
+                // A median of skewed sums is a little below their mean; errors of steep relief add to it.
+                assert!((0.7..1.3).contains(&(found / spread)), "{found}, {spread}, bumps {bumps}");
+            }
+        }
+    }
+}
+
 /// What of the light is off by too little to be seen contradicts nothing.
 #[test]
 fn faults_of_the_light_that_cannot_be_seen_are_none() {

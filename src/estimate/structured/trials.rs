@@ -6,6 +6,9 @@
 //! out, classes round the latent estimate are taken then; of more, the candidate that predicts each of the
 //! latest photographs best from all others (leave-one-out cross-validation), at a few texels as they are:
 //! averages would hide relief. A prediction is made only while it can still change the choice.
+//!
+//! What texels leave that share their gloss, with exposure and flash free, tells the noise: nine numbers of
+//! each texel would take it up.
 
 use std::sync::Arc;
 
@@ -64,6 +67,9 @@ impl LightTest {
 /// Trials that ask whether the light is as given.
 const OF_LIGHT: usize = 2;
 
+/// Numbers that a texel has of its own where gloss is shared: slopes and diffuse albedo.
+const OF_TEXEL: f64 = 5.0;
+
 impl WidthTrials {
     /// Before the first trial, with the latent estimate.
     pub fn new(photographs: &Photographs, estimate: &Svbrdf, options: &EstimateOptions) -> Self {
@@ -80,6 +86,20 @@ impl WidthTrials {
             folds,
             errors: vec![f64::NAN; OF_LIGHT + left_out],
         }
+    }
+
+    /// Mean of absolute log residuals of the median texel with relief of its own and the gloss of its class,
+    /// for the degrees of freedom that five numbers of its own leave.
+    pub fn texel_residual(&self) -> f32 {
+        let (options, o) = (&self.options, &self.options.structured);
+        let setup = Setup::new(&self.sample, &self.which, o.noise_widths.classes, options);
+        let which = self.which.clone();
+        let mut problem =
+            setup.problem(&self.sample, which, o.noise_widths, Light::Exposure, options);
+        problem.noise.scale = options.noise.expected;
+        let (problem, state) = descended(problem, o.steps, options);
+        let residuals = 3.0 * self.which.len() as f64;
+        (problem.median_residual(&state) * residuals / (residuals - OF_TEXEL)) as f32
     }
 
     /// Trials done, and all that may be needed with the fit that may follow.

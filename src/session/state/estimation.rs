@@ -63,7 +63,8 @@ pub(in crate::session) fn write(
             Some(Cut::Budget) => 1,
             Some(Cut::Invisible) => 2,
         });
-        w.f32s(&[saved.loss, saved.fraction, progress.loss_before, progress.seconds]);
+        w.f32s(&[saved.loss, saved.fraction, saved.texel_residual]);
+        w.f32s(&[progress.loss_before, progress.seconds]);
         w.u32(progress.steps);
         write_correction(w, saved.photographs.correction());
         write_correction(w, &saved.lights_before);
@@ -123,6 +124,7 @@ pub(super) fn read(
         other => return Err(damaged(format!("end {other}"))),
     };
     let (loss, fraction) = (r.f32()?, r.f32()?.clamp(0.0, 1.0));
+    let texel_residual = r.f32()?.max(0.0);
     let progress =
         SavedProgress { loss_before: r.f32()?, seconds: r.f32()?.max(0.0), steps: r.u32()? };
     let (correction, lights_before) = (read_correction(&mut r)?, read_correction(&mut r)?);
@@ -166,6 +168,7 @@ pub(super) fn read(
         lights_before: Cow::Owned(lights_before),
         repeated,
         structured,
+        texel_residual,
         previous: previous.map(Cow::Owned),
         trend,
     };
