@@ -6,8 +6,8 @@
 #
 # --quick needs Rust and a C and a C++ compiler, and installs nothing.
 #
-# Without --quick, everything is compiled once, and packages, exports, report and Python module are checked beside
-# the tests: 20 minutes on two cores where dependencies have been compiled, longer the first time. The last line says how long the run took. Packages that are
+# Without --quick, everything is compiled once, and lints, packages, exports, report and Python module are checked
+# beside the tests: 20 minutes on two cores where dependencies have been compiled, longer the first time. The last line says how long the run took. Packages that are
 # missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
 # others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
@@ -99,7 +99,6 @@ tools=$!
 # features and be compiled anew.
 packages=(--workspace "${oracle[@]}")
 cargo fmt --all --check
-cargo clippy --release "${packages[@]}" --all-targets -- -D warnings
 cargo build --release "${packages[@]}" --lib --bins --tests
 export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
@@ -107,6 +106,8 @@ wait "$tools"
 # Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end.
 log=$(mktemp)
 (
+  # In a folder of its own: the tests would wait for it otherwise.
+  cargo clippy --release "${packages[@]}" --all-targets --quiet --target-dir "${CARGO_TARGET_DIR:-target}/lints" -- -D warnings
   tests/package.sh
   tests/licences.sh
   tests/inlined.sh
