@@ -123,18 +123,24 @@ async function earlierMaps(page) {
   assert.equal(await pixels(), last);
 }
 
-/** A gray picture of the size of the JPEG file `like`. */
-const gray = (page, like) => page.evaluate(async (url) => {
-  const image = new Image();
-  image.src = url;
-  await image.decode();
-  const { width, height } = image;
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext('2d');
-  context.fillStyle = '#777';
-  context.fillRect(0, 0, width, height);
-  return [...new Uint8Array(await (await canvas.convertToBlob({ type: 'image/jpeg' })).arrayBuffer())];
-}, `data:image/jpeg;base64,${fs.readFileSync(like).toString('base64')}`);
+/** The picture file `like` as a JPEG of `size`, or its own; or all gray. */
+async function redrawn(page, like, { size, gray } = {}) {
+  const url = `data:image/${path.extname(like).slice(1)};base64,${fs.readFileSync(like).toString('base64')}`;
+  const bytes = await page.evaluate(async ({ url, size, gray }) => {
+    const image = new Image();
+    image.src = url;
+    await image.decode();
+    const [width, height] = size ?? [image.width, image.height];
+    const canvas = new OffscreenCanvas(width, height);
+    const context = canvas.getContext('2d');
+    context.fillStyle = '#777';
+    if (gray) context.fillRect(0, 0, width, height);
+    else context.drawImage(image, 0, 0, width, height);
+    const blob = await canvas.convertToBlob({ type: 'image/jpeg', quality: 0.9 });
+    return [...new Uint8Array(await blob.arrayBuffer())];
+  }, { url, size, gray });
+  return Buffer.from(bytes);
+}
 
 /** Photographs without a description, a picture of another camera, one without a board, a file that is none. */
 async function photographsOfOnesOwn(page) {
@@ -147,7 +153,7 @@ async function photographsOfOnesOwn(page) {
   fs.writeFileSync(unsupported, Buffer.concat([Buffer.from('\0\0\0\x14ftypavif\0\0\0\0avif', 'latin1'), Buffer.alloc(4000)]));
   const frames = description.frames.map((frame) => path.join(capture, frame.image));
   const empty = path.join(work, 'empty.jpg');
-  fs.writeFileSync(empty, Buffer.from(await gray(page, frames[0])));
+  fs.writeFileSync(empty, await redrawn(page, frames[0], { gray: true }));
   const files = [...frames, empty, path.resolve('docs/tile.jpg'), broken, unsupported];
   await page.setInputFiles('#choose', files);
   await settled(page, files.length);
@@ -211,15 +217,10 @@ async function stopped(page, context) {
 
 /** The largest photographs of phones. */
 async function largePhotograph(page) {
-  await page.evaluate(async () => {
-    const small = await createImageBitmap(await (await fetch('example/frames/00.jpg')).blob());
-    const canvas = new OffscreenCanvas(8064, 6048);
-    canvas.getContext('2d').drawImage(small, 0, 0, canvas.width, canvas.height);
-    const transfer = new DataTransfer();
-    transfer.items.add(new File([await canvas.convertToBlob({ type: 'image/jpeg', quality: 0.9 })], 'large.jpg'));
-    document.getElementById('choose').files = transfer.files;
-    document.getElementById('choose').dispatchEvent(new Event('change'));
-  });
+  const capture = path.join(work, 'capture');
+  const { frames } = JSON.parse(fs.readFileSync(path.join(capture, 'capture.json')));
+  const buffer = await redrawn(page, path.join(capture, frames[0].image), { size: [8064, 6048] });
+  await page.setInputFiles('#choose', { name: 'large.jpg', mimeType: 'image/jpeg', buffer });
   await settled(page, 1);
   const [{ state, row }] = await photographs(page);
   assert.equal(state, 'accepted', JSON.stringify(row));
