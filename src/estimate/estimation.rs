@@ -65,12 +65,21 @@ pub(crate) enum Cut {
     Invisible,
 }
 
-/// A change of a photograph that is known of already.
-pub(crate) trait Change {
-    /// The photograph's index.
-    fn index(&self) -> usize;
-    /// Brings it up to date; its view is as given.
-    fn apply(&self, observation: &mut Observation);
+/// A photograph for an estimate, and what it changes about earlier ones.
+#[derive(Debug, Clone)]
+pub(crate) struct Addition {
+    pub observation: Observation,
+    /// Earlier ones rectified better, by their indices; views are as given.
+    pub replaced: Vec<(usize, Observation)>,
+    /// Whether these lie so far elsewhere now that the maps so far are no start any more.
+    pub restart: bool,
+}
+
+impl Addition {
+    /// One that changes nothing about others.
+    pub fn new(observation: Observation) -> Self {
+        Self { observation, replaced: Vec::new(), restart: false }
+    }
 }
 
 /// What an estimate is asked for.
@@ -197,22 +206,15 @@ impl Estimation {
         self.loss
     }
 
-    /// Adds a photograph, the first with the maps to start from. `changes` better what is known of
-    /// earlier ones; `restart` says that these lie so far elsewhere now that the maps so far are no
-    /// start any more.
+    /// Adds a photograph, the first with the maps to start from.
     ///
     /// # Errors
     /// When sizes differ, the first has no start, or a network is broken.
-    pub fn add(
-        &mut self,
-        observation: Observation,
-        start: Option<&Svbrdf>,
-        changes: &[impl Change],
-        restart: bool,
-    ) -> Result<()> {
+    pub fn add(&mut self, addition: Addition, start: Option<&Svbrdf>) -> Result<()> {
+        let Addition { observation, replaced, restart } = addition;
         self.leave();
-        for change in changes {
-            self.photographs.change(change.index(), |observation| change.apply(observation));
+        for (index, observation) in replaced {
+            self.photographs.replace(index, observation)?;
         }
         if let Some(start) = start {
             self.maps = Some(start.clone());

@@ -1,12 +1,11 @@
 //! An estimate in the caller's thread.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
 use super::confidence::Evidence;
 use super::correction::Exposure;
-use super::estimation::{Change, Estimation, Method, Step, Task, first_maps};
+use super::estimation::{Addition, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
 use super::outlook::Place;
 use super::updates::FitRecord;
@@ -68,7 +67,7 @@ impl Estimator {
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
         };
-        self.estimation.add(observation, start.as_ref(), &[] as &[Infallible], false)
+        self.estimation.add(Addition::new(observation), start.as_ref())
     }
 
     /// What was found of exposure and flash.
@@ -129,15 +128,5 @@ impl Estimator {
     pub fn settle(&mut self) -> Result<Svbrdf> {
         while !self.step()?.done {}
         self.maps()
-    }
-}
-
-impl Change for Infallible {
-    fn index(&self) -> usize {
-        match *self {}
-    }
-
-    fn apply(&self, _: &mut Observation) {
-        match *self {}
     }
 }

@@ -84,7 +84,7 @@ pub(crate) use budget::Meter;
 pub use confidence::Evidence;
 pub use contradiction::Part;
 pub use correction::{Correction, Exposure};
-pub(crate) use estimation::{Change, Estimation, Task, first_maps};
+pub(crate) use estimation::{Addition, Estimation, Task, first_maps};
 pub use estimation::{Method, Step};
 pub use estimator::Estimator;
 pub use options::EstimateOptions;

@@ -70,13 +70,6 @@ impl Photographs {
         Ok(self)
     }
 
-    /// At full resolution, with their views as given.
-    pub fn into_given(self) -> Vec<Observation> {
-        let mut photographs = self.full;
-        photographs.iter_mut().zip(&self.given).for_each(|(o, view)| o.view = *view);
-        photographs
-    }
-
     /// Photographs so far.
     pub fn len(&self) -> usize {
         self.full.len()
@@ -96,12 +89,7 @@ impl Photographs {
     /// # Errors
     /// When its size is not that of the first.
     pub fn add(&mut self, mut observation: Observation) -> Result<()> {
-        let size = |o: &Observation| [o.width(), o.height()];
-        if let Some(first) = self.full.first().filter(|first| size(first) != size(&observation)) {
-            let ([w, h], [found_w, found_h]) = (size(first), size(&observation));
-            let message = format!("{found_w}x{found_h} texels, {w}x{h} expected");
-            return Err(Error::argument("observation", message));
-        }
+        self.check_size(&observation)?;
         let index = self.full.len();
         self.given.push(observation.view);
         observation.view = self.correction.apply(&observation.view, index);
@@ -127,15 +115,29 @@ impl Photographs {
         Ok(())
     }
 
-    /// Changes a photograph, which it sees with its view as given; nothing where there is none of
-    /// that index.
-    pub fn change(&mut self, index: usize, change: impl FnOnce(&mut Observation)) {
-        let Some(observation) = self.full.get_mut(index) else { return };
-        observation.view = self.given[index];
-        change(observation);
+    /// Puts another in the place of a photograph, its view as given; nothing where there is none of that
+    /// index.
+    ///
+    /// # Errors
+    /// When its size is another.
+    pub fn replace(&mut self, index: usize, mut observation: Observation) -> Result<()> {
+        self.check_size(&observation)?;
+        let Some(old) = self.full.get_mut(index) else { return Ok(()) };
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
+        *old = observation;
         self.derive(index);
+        Ok(())
+    }
+
+    fn check_size(&self, observation: &Observation) -> Result<()> {
+        let size = |o: &Observation| [o.width(), o.height()];
+        if let Some(first) = self.full.first().filter(|first| size(first) != size(observation)) {
+            let ([w, h], [found_w, found_h]) = (size(first), size(observation));
+            let message = format!("{found_w}x{found_h} texels, {w}x{h} expected");
+            return Err(Error::argument("observation", message));
+        }
+        Ok(())
     }
 
     /// Halves and thins out a photograph that has changed.
@@ -325,8 +327,10 @@ mod tests {
         let view = correction.apply(&photographs.given()[0], 0);
         assert_ne!(view, photographs.given()[0]);
         assert!((0..2).all(|h| photographs.level(h)[0].view == view));
-        // a change sees the view as given
-        photographs.change(0, |o| o.view.light_mm[2] = 200.0);
+        let mut better = photograph(64, 64, 0.5);
+        better.view.light_mm[2] = 200.0;
+        photographs.replace(0, better).unwrap();
+        assert!(photographs.replace(0, photograph(32, 32, 0.5)).is_err());
         assert_eq!(photographs.given()[0].light_mm, [10.0, 0.0, 200.0]);
         assert_eq!(photographs.full()[0].view, correction.apply(&photographs.given()[0], 0));
         assert_eq!(photographs.level(1)[0].view, photographs.full()[0].view);
@@ -345,7 +349,9 @@ mod tests {
         assert_eq!(photographs.thinning(), 2);
         let correction = Correction { turns: vec![[0.02, 0.0]], ..Correction::default() };
         photographs.correct(correction);
-        photographs.change(1, |o| o.view.light_mm[2] = 200.0);
+        let mut better = textured.clone();
+        better.view.light_mm[2] = 200.0;
+        photographs.replace(1, better).unwrap();
         let (full, working) = (photographs.full(), photographs.working().full());
         for (full, working) in full.iter().zip(working) {
             assert_eq!([working.width(), working.height()], [16, 16]);

@@ -42,11 +42,6 @@ impl Estimation {
         };
     }
 
-    /// The photographs with their views as given.
-    pub fn into_photographs(self) -> Vec<Observation> {
-        self.photographs.into_given()
-    }
-
     /// How the maps as they are now explain each photograph.
     ///
     /// # Errors

@@ -46,10 +46,12 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     (BASE + fitting.max(refining) + photographs as u64 * each).saturating_add(kept)
 }
 
-/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.
-pub(super) fn while_pushed(photo: &Photo, kept: u64) -> u64 {
+/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones, so many of
+/// which may be rectified anew.
+pub(super) fn while_pushed(settings: &Settings, photo: &Photo, kept: u64, anew: usize) -> u64 {
     let pixels = u64::from(photo.width()) * u64::from(photo.height());
-    kept + photo.stored_bytes() as u64 + DETECTION * pixels
+    let observation = OBSERVATION * (settings.resolution as u64).pow(2);
+    kept + photo.stored_bytes() as u64 + DETECTION * pixels + anew as u64 * observation
 }
 
 /// What a photograph needs while it is looked at: itself, and a reduced version without its colours.
@@ -120,5 +122,48 @@ impl Drop for Held {
     fn drop(&mut self) {
         let mut held = self.beside.held.lock().unwrap_or_else(PoisonError::into_inner);
         held.retain(|waiting| !Arc::ptr_eq(waiting, &self.waiting));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Encoding;
+    use crate::initial_estimate::Networks;
+    use crate::session::{RectifiedFalloff, Scene, Session};
+
+    const SIDE: u32 = 256;
+    const PHOTO: u64 = 3 * (SIDE as u64).pow(2);
+
+    /// A session that may need so many bytes more than for one photograph.
+    fn session(more: u64) -> Session {
+        let scene = Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto };
+        let limit = needed(&Settings::default(), 1, 0) + more;
+        let settings =
+            Settings { threads: 1, memory_limit_bytes: Some(limit), ..Settings::default() };
+        Session::with_networks(scene, settings, Arc::new(Networks::embedded().unwrap())).unwrap()
+    }
+
+    #[test]
+    fn what_is_held_is_counted_until_it_is_dropped() {
+        let pixels = u64::from(SIDE).pow(2);
+        let taken_in = PHOTO + DETECTION * pixels;
+        let more = needed(&Settings::default(), 2, 0) - needed(&Settings::default(), 1, 0);
+        let session = session(taken_in + 1000 + more);
+        let hold = |bytes| session.hold(bytes, PHOTO, pixels);
+        let first = hold(600).unwrap();
+        assert!(
+            matches!(hold(401), Err(Error::MemoryLimit { needed, limit }) if needed == limit + 1)
+        );
+        let second = hold(400).unwrap();
+        // What may be held may be pushed meanwhile.
+        let rgb = vec![100; PHOTO as usize];
+        let row = 3 * SIDE as usize;
+        let photo = Photo::from_rgb8(SIDE, SIDE, &rgb, row, Encoding::Srgb, 1.0).unwrap();
+        assert!(session.push_rectified(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
+        assert!(matches!(hold(0), Err(Error::MemoryLimit { .. })), "one is in the maps, two wait");
+        drop(first);
+        drop(second);
+        assert!(hold(1000).is_ok() && hold(u64::MAX).is_err());
     }
 }

@@ -1,60 +1,44 @@
 //! A capture in progress: push photographs, take maps at any time.
+//!
+//! A photograph goes one way: `capture` makes of it and of what is known a capture with it, `fit` is told
+//! what that adds and changes, and publishes maps, which callers take whenever they like.
 
-mod board;
-mod confidence;
-mod driving;
-mod feedback;
-mod hold;
-mod intake;
+mod advice;
+mod capture;
+mod fit;
 mod memory;
-mod observed;
-mod outlook;
-mod probe;
-mod removal;
+mod preview;
+mod queries;
 mod reports;
 mod settings;
-mod sight;
 mod state;
 mod survey;
-mod taken;
-mod worker;
 
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crossbeam_channel::Sender;
-use glam::DVec3;
 use web_time::Instant;
 
-use self::driving::Engine;
-pub use self::feedback::{Hint, NextView};
-use self::intake::Intake;
+pub use self::advice::{Hint, NextView};
+use self::capture::{Capture, Placed, Taken};
+use self::fit::{Fit, FitHandle, Shared};
 use self::memory::Beside;
 pub use self::memory::Held;
+use self::preview::Preview;
 pub use self::reports::{
     Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
     Pushed, Revision,
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
-use self::sight::Known;
-use self::state::StateWriter;
 use self::survey::Surveys;
 pub use self::survey::{Survey, SurveyedView};
-use self::taken::Taken;
-use self::worker::{Command, Fit, NewFrame, Shared};
-use crate::calibration::PaperEstimate;
 pub use crate::estimate::{Budget, Exposure, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
-use crate::frame::{Photo, ToneCurve};
-use crate::geometry::{Camera, Pose};
+use crate::frame::Photo;
 pub use crate::initial_estimate::Networks;
-use crate::rectification::elevation::ElevationEstimate;
 use crate::threads::Pool;
-use crate::{Error, Rejection, Result, Svbrdf};
-
-/// Most threads a saved session may ask for.
-const MAX_THREADS: usize = 64;
+use crate::{Error, Rejection, Result};
 
 /// A capture in progress. All methods may be called from any thread. The fit goes on on a thread
 /// of the session's own, or in [`Session::step`].
@@ -63,19 +47,17 @@ pub struct Session {
     settings: Settings,
     pool: Arc<Pool>,
     networks: Arc<Networks>,
-    intake: Mutex<Intake>,
-    /// What probes look with: replaced with every photograph, never waited for.
-    known: Mutex<Option<Arc<Known>>>,
+    capture: Mutex<Capture>,
+    /// What previews are judged with: replaced with every photograph, never waited for.
+    preview: Mutex<Option<Arc<Preview>>>,
     surveys: Mutex<Surveys>,
     /// What is counted against the memory limit beside the session's own.
     beside: Arc<Beside>,
-    shared: Arc<Shared>,
-    commands: Sender<Command>,
-    engine: Engine,
+    fit: FitHandle,
 }
 
 impl Session {
-    /// Starts a session with its worker thread and the embedded models.
+    /// Starts a session with its fit and the embedded models.
     ///
     /// # Errors
     /// When a setting is out of range or a model is damaged.
@@ -110,108 +92,49 @@ impl Session {
     ) -> Result<Self> {
         settings.check()?;
         memory::check(&settings, 1, 0)?;
-        let intake = Intake::new(scene.clone())?;
+        let capture = Capture::new(scene.clone(), &settings)?;
         let pool = settings.pool()?;
         let task = settings.task(&scene);
         let estimation = Estimation::new(networks.clone(), task, options);
         let meter = Meter::new(Budget::default(), 0.0, 0);
-        Self::start(scene, settings, networks, intake, pool, Shared::new(), estimation, meter)
+        let fit = Fit::new(Arc::new(Shared::new()), pool.clone(), estimation, meter);
+        Self::start(scene, settings, networks, capture, pool, fit)
     }
 
     fn start(
         scene: Scene,
         settings: Settings,
         networks: Arc<Networks>,
-        intake: Intake,
+        capture: Capture,
         pool: Arc<Pool>,
-        shared: Shared,
-        estimation: Estimation,
-        meter: Meter,
+        fit: Fit,
     ) -> Result<Self> {
-        let shared = Arc::new(shared);
-        let (commands, received) = crossbeam_channel::unbounded();
-        let fit = Fit::new(shared.clone(), received, pool.clone(), estimation, meter);
-        let engine = Engine::start(fit, settings.driver)?;
-        let known = Mutex::new(intake.known(settings.sample_mm));
-        let beside = Arc::new(Beside::default());
-        beside.keep(intake.kept_bytes());
-        let (intake, surveys) = (Mutex::new(intake), Mutex::default());
-        Ok(Self {
+        let fit = FitHandle::start(fit, settings.driver)?;
+        let (preview, surveys, beside) = Default::default();
+        let session = Self {
             scene,
             settings,
             pool,
             networks,
-            intake,
-            known,
+            preview,
             surveys,
             beside,
-            shared,
-            commands,
-            engine,
-        })
+            fit,
+            capture: Mutex::new(capture),
+        };
+        session.remember(&session.capture());
+        Ok(session)
     }
 
-    /// The session as bytes: settings, scene, budget, what is known of camera and light, the
-    /// photographs as far as they are needed, the maps, and the state of the fit. [`Session::restore`]
-    /// continues in the same phase, to the same bits.
-    ///
-    /// Waits for a push in progress and for a step of the fit, not for the fit.
-    ///
-    /// # Errors
-    /// When the session has failed or was cancelled.
-    pub fn save(&self) -> Result<Vec<u8>> {
-        // No photograph may come between what the fit and the intake know.
-        let intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
-        self.usable()?;
-        let (reply, answer) = crossbeam_channel::bounded(1);
-        let mut state = StateWriter::new();
-        let budget = self.shared.lock().budget;
-        state::write_session(&mut state, &self.settings, &self.scene, &budget, &intake);
-        match self.ask(Command::Save(state, reply), &answer) {
-            Some(state) => Ok(state.finish()),
-            None => Err(self.usable().err().unwrap_or(Error::Cancelled)),
-        }
+    /// What photographs have told; waits for a push.
+    fn capture(&self) -> MutexGuard<'_, Capture> {
+        self.capture.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Continues a session that [`Session::save`] wrote, with these networks. They may be others than
-    /// before: the maps stay, and the fit continues from them.
-    ///
-    /// # Errors
-    /// [`Error::State`] when the bytes are not what was written or of a newer major version,
-    /// [`Error::MemoryLimit`].
-    pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
-        let restored = state::read(saved, &networks, |settings, frames| {
-            settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
-            settings.memory_limit_bytes = options.memory_limit_bytes;
-            settings.driver = options.driver;
-            memory::check(settings, frames.max(1), 0)?;
-            settings.pool()
-        })?;
-        let state::Restored { settings, scene, budget, intake, estimation, progress, pool } =
-            restored;
-        let meter = Meter::new(budget, progress.seconds, progress.steps);
-        let restored_maps = pool.install(|| estimation.maps()).ok();
-        let shared = Shared::new();
-        {
-            let mut state = shared.lock();
-            state.budget = budget;
-            state.cut = estimation.is_cut();
-            state.fitted = estimation.frames();
-            state.progress = Progress {
-                frames: estimation.frames(),
-                fraction: estimation.fraction(),
-                loss_before: progress.loss_before,
-                loss: estimation.loss(),
-                seconds_left: None,
-                settled: estimation.is_done(),
-                phase: None,
-            };
-            if let Some(maps) = restored_maps {
-                state.publish(Arc::new(maps));
-                state.exposure = estimation.exposure().clone();
-            }
-        }
-        Self::start(scene, settings, networks, intake, pool, shared, estimation, meter)
+    /// Lets previews be judged with what the capture tells now.
+    fn remember(&self, capture: &Capture) {
+        self.beside.keep(capture.kept_bytes());
+        *self.preview.lock().unwrap_or_else(PoisonError::into_inner) = capture.preview();
     }
 
     /// The settings, as restored sessions have them from their saved state.
@@ -231,14 +154,14 @@ impl Session {
     /// When the seconds are not a number of at least 0.
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
-        let mut state = self.shared.lock();
+        let mut state = self.fit.shared.lock();
         let changed = std::mem::replace(&mut state.budget, budget) != budget;
         if changed && state.cut {
-            // The worker finds out what is to do; who waits, waits for that.
+            // The fit finds out what is to do; who waits, waits for that.
             state.progress.settled = false;
         }
         drop(state);
-        self.wake();
+        self.fit.wake();
         Ok(())
     }
 
@@ -249,8 +172,7 @@ impl Session {
     /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
     /// [`Pushed::Rejected`].
     pub fn push(&self, photo: &Photo) -> Result<Pushed> {
-        let Settings { sample_mm, resolution, .. } = self.settings;
-        self.accept(photo, |intake| intake.take(photo, sample_mm, resolution))
+        self.accept(photo, |capture| capture.with(photo, None))
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
@@ -263,42 +185,31 @@ impl Session {
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
     ) -> Result<Pushed> {
-        let Settings { sample_mm, resolution, .. } = self.settings;
-        self.accept(photo, |intake| {
-            intake.take_rectified(photo, camera_mm, light_mm, sample_mm, resolution)
-        })
+        let placed = Some(Placed { camera_mm, light_mm });
+        self.accept(photo, |capture| capture.with(photo, placed))
     }
 
     fn accept(
         &self,
         photo: &Photo,
-        take: impl FnOnce(&mut Intake) -> Result<std::result::Result<Taken, Rejection>> + Send,
+        take: impl FnOnce(&Capture) -> Result<std::result::Result<Taken, Rejection>> + Send,
     ) -> Result<Pushed> {
         let begun = Instant::now();
-        self.usable()?;
-        if !photo.is_finite() {
-            return Ok(Pushed::Rejected(Rejection::NotFinite));
-        }
+        self.fit.shared.usable()?;
         // Photographs are taken in one after the other; a fit in progress is not disturbed.
-        let mut intake = self.intake.lock().unwrap_or_else(PoisonError::into_inner);
-        let intake = &mut *intake;
-        let photographs = self.shared.lock().progress.frames + 1;
-        let beside = memory::while_pushed(photo, intake.kept_bytes());
-        self.check_memory(photographs, beside)?;
-        let taken = match self.pool.install(|| take(intake))? {
+        let mut capture = self.capture();
+        let taken = match self.take(photo, &capture, take)? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),
         };
-        self.remember(intake);
-        let first = self.shared.lock().maps.is_none();
-        let start = if first {
-            let maps = self.pool.install(|| first_maps(&self.networks, &taken.observation))?;
-            Some(Arc::new(maps))
-        } else {
-            None
-        };
+        let first = self.fit.shared.lock().maps.is_none();
+        let observation = &taken.addition.observation;
+        let start = || self.pool.install(|| first_maps(&self.networks, observation));
+        let start = if first { Some(Arc::new(start()?)) } else { None };
+        *capture = taken.capture;
+        self.remember(&capture);
         let index = {
-            let mut state = self.shared.lock();
+            let mut state = self.fit.shared.lock();
             if let Some(maps) = &start {
                 state.publish(maps.clone());
             }
@@ -307,52 +218,146 @@ impl Session {
             state.progress.settled = false;
             index
         };
-        self.shared.notify();
-        let Taken { observation, updates, restart, .. } = taken;
-        let frame = Box::new(NewFrame { observation, start, updates, restart });
+        self.fit.shared.notify();
+        let addition = taken.addition;
         // Whoever saw the maps may have cancelled already: the photograph counts all the same.
-        if self.commands.send(Command::Frame(frame)).is_err()
-            && let Err(error @ Error::Internal(_)) = self.usable()
+        if !self.fit.send(move |fit| fit.add(addition, start.as_deref()))
+            && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
         {
             return Err(error);
         }
         Ok(Pushed::Accepted(Accepted {
             index,
-            pose: taken.pose,
-            reprojection_rms_px: taken.rms_px,
+            pose: taken.pose.map(|known| known.pose),
+            reprojection_rms_px: taken.pose.map(|known| known.reprojection_rms_px),
             maps_seconds: begun.elapsed().as_secs_f64(),
             hints: taken.hints,
         }))
     }
 
-    /// Refuses calls on a session that failed or was cancelled.
-    fn usable(&self) -> Result<()> {
-        if let Some(message) = &self.shared.lock().failed {
-            return Err(Error::Internal(message.clone()));
+    /// What becomes of a capture with a photograph, if there is memory for it.
+    fn take(
+        &self,
+        photo: &Photo,
+        capture: &Capture,
+        take: impl FnOnce(&Capture) -> Result<std::result::Result<Taken, Rejection>> + Send,
+    ) -> Result<std::result::Result<Taken, Rejection>> {
+        if !photo.is_finite() {
+            return Ok(Err(Rejection::NotFinite));
         }
-        if self.shared.cancelled.load(Ordering::Relaxed) {
-            return Err(Error::Cancelled);
+        let photographs = self.fit.shared.lock().progress.frames + 1;
+        let kept = capture.kept_bytes();
+        let beside = memory::while_pushed(&self.settings, photo, kept, capture.unsettled());
+        self.check_memory(photographs, beside)?;
+        self.pool.install(|| take(capture))
+    }
+
+    /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
+    /// it: nothing of the session changes. The result is what the maps should predict, for
+    /// instance to measure them on photographs that they were not fitted to.
+    ///
+    /// The inner result is a [`Rejection`] where the photograph cannot be used.
+    ///
+    /// # Errors
+    /// As [`Session::push`].
+    pub fn observe(&self, photo: &Photo) -> Result<std::result::Result<Observed, Rejection>> {
+        self.look(photo, None)
+    }
+
+    /// As [`Session::observe`] for a photograph that is already rectified, with camera and light
+    /// positions in mm.
+    ///
+    /// # Errors
+    /// As [`Session::push_rectified`].
+    pub fn observe_rectified(
+        &self,
+        photo: &Photo,
+        camera_mm: [f32; 3],
+        light_mm: [f32; 3],
+    ) -> Result<std::result::Result<Observed, Rejection>> {
+        self.look(photo, Some(Placed { camera_mm, light_mm }))
+    }
+
+    fn look(
+        &self,
+        photo: &Photo,
+        placed: Option<Placed>,
+    ) -> Result<std::result::Result<Observed, Rejection>> {
+        self.fit.shared.usable()?;
+        let capture = self.capture().clone();
+        let taken = self.take(photo, &capture, |capture| capture.with(photo, placed))?;
+        Ok(taken.map(|Taken { addition, pose, hints, .. }| Observed {
+            observation: addition.observation,
+            pose,
+            hints,
+        }))
+    }
+
+    /// Takes an accepted photograph back: the session is as if it had never come, calibration
+    /// included. `index` counts the accepted photographs from 0; later ones move up by one. The fit
+    /// begins anew with the photographs that are left, and when this returns, maps that do not
+    /// know of it are available: those that the first photograph left gives. Without any left, there are none.
+    ///
+    /// What is left is taken in again from what is kept of it. Views are rectified from parts of photographs,
+    /// or brought to the new light as half floats, and squares of the board are not measured again: maps are
+    /// those of a session without the photograph but for rounding. With rectified photographs they are
+    /// the same to the bit. Once a session with a given camera has settled on paper and height of
+    /// the sample (see [`Scene`](super::Scene)), these stay.
+    ///
+    /// Waits for a push, and for a step of the fit.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for `index` when there is no such photograph, or when another one would have
+    /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
+    pub fn remove_frame(&self, index: usize) -> Result<()> {
+        self.fit.shared.usable()?;
+        let mut capture = self.capture();
+        let frames = self.fit.shared.lock().progress.frames;
+        if index >= frames {
+            let message = format!("{index} given, but there are {frames} photographs");
+            return Err(Error::argument("index", message));
         }
+        let left = self.pool.install(|| capture.without(index));
+        let left = left.map_err(|(other, rejection)| {
+            let why = format!("photograph {other} cannot be used without it: {rejection}");
+            Error::argument("index", why)
+        })?;
+        let photographs = left.observations();
+        self.fit.ask(move |fit| fit.begin_anew(photographs))?;
+        *capture = left;
+        self.remember(&capture);
+        self.fit.shared.notify();
         Ok(())
     }
 
-    /// The current maps.
+    /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
+    /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
+    /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for
+    /// what photographs keep of themselves until the board is settled. Waits for nothing.
     ///
     /// # Errors
-    /// Before the first photograph was accepted.
-    pub fn snapshot(&self) -> Result<Arc<Svbrdf>> {
-        self.shared.lock().maps.clone().ok_or(Error::NoMaps)
+    /// [`Error::MemoryLimit`](crate::Error::MemoryLimit).
+    pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
+        let frames = self.fit.shared.lock().progress.frames;
+        self.beside.hold(&self.settings, frames, [bytes, photo_bytes, pixels])
     }
 
-    /// Corrections that belong to the current maps: gain of each accepted photograph, exposure over
-    /// distance, offset of the flash. None where a board determines them, and while they are unknown.
-    pub fn exposure(&self) -> Exposure {
-        self.shared.lock().exposure.clone()
+    /// Refuses what would need more than is allowed, with what callers hold.
+    fn check_memory(&self, photographs: usize, beside: u64) -> Result<()> {
+        memory::check(&self.settings, photographs, beside.saturating_add(self.beside.held()))
     }
 
-    /// State of the fit.
-    pub fn progress(&self) -> Progress {
-        self.shared.lock().progress
+    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]), for one bit of
+    /// work: takes over a photograph, or does a step of the optimiser. Returns whether there may be
+    /// more to do; without, the fit has settled or is paused.
+    ///
+    /// Every other method works between two steps, and from other threads meanwhile. Without steps
+    /// there are the maps of the latest photograph only, as [`Session::push`] leaves them.
+    ///
+    /// # Errors
+    /// When the session has a thread of its own, has failed or was cancelled.
+    pub fn step(&self) -> Result<bool> {
+        self.fit.step()
     }
 
     /// Blocks until the fit has settled on all photographs so far. Never returns while paused
@@ -361,7 +366,7 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled.
     pub fn wait(&self) -> Result<()> {
-        self.go_on_until(None, |state| state.progress.settled).map(|_| ())
+        self.fit.wait_until(None, |state| state.progress.settled).map(|_| ())
     }
 
     /// As [`Session::wait`], for at most `timeout`: whether the fit has settled.
@@ -369,18 +374,7 @@ impl Session {
     /// # Errors
     /// As [`Session::wait`].
     pub fn wait_timeout(&self, timeout: Duration) -> Result<bool> {
-        self.go_on_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
-    }
-
-    /// The internal error that ended the fit, if there was one. Every call that needs the fit returns it
-    /// from then on.
-    pub fn failure(&self) -> Option<String> {
-        self.shared.lock().failed.clone()
-    }
-
-    /// Counters of changes of state and maps.
-    pub fn revision(&self) -> Revision {
-        self.shared.lock().revision
+        self.fit.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
     }
 
     /// Blocks until something has changed since `seen`; the present counters.
@@ -388,88 +382,24 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled and nothing has changed since.
     pub fn wait_for_change(&self, seen: Revision) -> Result<Revision> {
-        self.go_on_until(None, |state| state.revision != seen)?;
+        self.fit.wait_until(None, |state| state.revision != seen)?;
         Ok(self.revision())
-    }
-
-    /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
-    /// photographs, and while it is unknown.
-    pub fn camera(&self) -> Option<Camera> {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera()
-    }
-
-    /// Standard deviations of fx, fy, cx, cy (px), k1, k2, p1, p2, k3 of an estimated camera.
-    pub fn camera_sigma(&self) -> Option<[f64; 9]> {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).camera_sigma()
-    }
-
-    /// How the printed board differs from its plan (stretch, bow), as used, with standard deviations. As
-    /// planned unless two photographs or more clearly say otherwise. `None` for rectified photographs.
-    pub fn paper(&self) -> Option<PaperEstimate> {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).paper()
-    }
-
-    /// Height of the sample's surface above the board, as used, with its standard deviation. 0 unless two
-    /// photographs or more clearly say otherwise. If the scene states the height, it has no standard
-    /// deviation. `None` for rectified photographs.
-    pub fn elevation(&self) -> Option<ElevationEstimate> {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).elevation()
-    }
-
-    /// Current estimates of the poses of the accepted photographs: later photographs improve what is known
-    /// of paper and camera, and so the poses of earlier ones. Empty for rectified photographs.
-    pub fn poses(&self) -> Vec<BoardPose> {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).poses()
-    }
-
-    /// Light position in the camera frame as used, mm.
-    pub fn flash_offset_mm(&self) -> DVec3 {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).flash_offset_mm()
-    }
-
-    /// Ambient irradiance as a share of the flash's at the sample's centre, facing the flash at the
-    /// first photograph's distance.
-    pub fn ambient_fraction(&self) -> f32 {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).ambient_fraction()
-    }
-
-    /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
-    /// values seem linear.
-    pub fn tone_curve(&self) -> ToneCurve {
-        self.intake.lock().unwrap_or_else(PoisonError::into_inner).tone_curve()
     }
 
     /// Pauses the fit after the step in progress.
     pub fn pause(&self) {
-        self.shared.paused.store(true, Ordering::Relaxed);
+        self.fit.shared.paused.store(true, Ordering::Relaxed);
     }
 
     /// Continues after [`Session::pause`].
     pub fn resume(&self) {
-        self.shared.paused.store(false, Ordering::Relaxed);
-        self.wake();
+        self.fit.shared.paused.store(false, Ordering::Relaxed);
+        self.fit.wake();
     }
 
     /// Ends the fit after the step in progress. The maps stay available; pushes are refused.
     pub fn cancel(&self) {
-        self.shared.cancelled.store(true, Ordering::Relaxed);
-        self.wake();
-        self.shared.notify();
-    }
-
-    fn wake(&self) {
-        // A worker that has ended needs no waking.
-        let _ = self.commands.send(Command::Wake);
-        if self.settings.driver == Driver::Caller {
-            self.shared.notify();
-        }
-    }
-}
-
-impl Drop for Session {
-    fn drop(&mut self) {
-        self.cancel();
-        self.engine.join();
+        self.fit.cancel();
     }
 }
 
@@ -485,12 +415,13 @@ mod tests {
         let settings = Settings { sample_mm: [100.0; 2], threads: 1, ..Settings::default() };
         let session = Session::new(Scene::Rectified { falloff }, settings).unwrap();
         let photo = Photo::from_linear(64, 64, vec![0.1; 3 * 64 * 64], 1.0, f32::INFINITY).unwrap();
-        let pushed = session.accept(&photo, |intake| {
+        let pushed = session.accept(&photo, |capture| {
             session.cancel();
-            while !session.engine.has_ended() {
+            while !session.fit.has_ended() {
                 std::thread::yield_now();
             }
-            intake.take_rectified(&photo, [0.0, 0.0, 150.0], [0.0, 0.0, 150.0], [100.0; 2], 256)
+            let mm = [0.0, 0.0, 150.0];
+            capture.with(&photo, Some(Placed { camera_mm: mm, light_mm: mm }))
         });
         assert!(matches!(pushed, Ok(Pushed::Accepted(Accepted { index: 0, .. }))), "{pushed:?}");
         assert!(session.snapshot().is_ok());

@@ -2,13 +2,22 @@
 
 use std::sync::Arc;
 
-use super::feedback::Hint;
+use super::advice::Hint;
 use crate::calibration::Corner;
 use crate::confidence::Confidence;
-use crate::estimate::{Part, Phase};
+use crate::estimate::{Part, Phase, Residual};
 use crate::geometry::Pose;
 use crate::observation::Observation;
 use crate::{Rejection, Svbrdf};
+
+/// Photographs from which on one may stand out.
+const OUTLIER_FROM: usize = 4;
+/// A residual stands out that is so many robust standard deviations above the median, and so many
+/// times as large: of photographs that agree, deviations are tiny.
+const OUTLIER_SIGMA: f32 = 5.0;
+const OUTLIER_RATIO: f32 = 1.5;
+/// Standard deviation of a normal distribution over its median absolute deviation.
+const MAD_TO_SIGMA: f32 = 1.4826;
 
 /// What became of a photograph.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,6 +158,35 @@ pub struct FrameFit {
     pub part: Option<Part>,
 }
 
+impl FrameFit {
+    /// Of all photographs, by what the maps leave of each.
+    pub(super) fn all(residuals: &[Residual]) -> Vec<Self> {
+        let limit = limit(residuals.iter().map(|r| r.median).collect());
+        let fit = |r: &Residual| Self {
+            residual: r.median,
+            weight: r.weight,
+            outlier: r.median > limit,
+            part: r.part,
+        };
+        residuals.iter().map(fit).collect()
+    }
+}
+
+/// The residual above which a photograph stands out.
+fn limit(mut residuals: Vec<f32>) -> f32 {
+    if residuals.len() < OUTLIER_FROM {
+        return f32::INFINITY;
+    }
+    let median = |values: &mut Vec<f32>| {
+        values.sort_by(f32::total_cmp);
+        values[(values.len() - 1) / 2]
+    };
+    let middle = median(&mut residuals);
+    let mut off: Vec<f32> = residuals.iter().map(|r| (r - middle).abs()).collect();
+    let sigma = MAD_TO_SIGMA * median(&mut off);
+    (middle + OUTLIER_SIGMA * sigma).max(OUTLIER_RATIO * middle)
+}
+
 /// Maps and how far they may be off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assessed {
@@ -184,4 +222,19 @@ pub struct Revision {
     pub state: u64,
     /// Sets of maps published so far.
     pub maps: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_out_is_above_the_limit() {
+        assert_eq!(limit(vec![0.01, 0.01, 0.5]), f32::INFINITY);
+        let limit_of = |values: &[f32]| limit(values.to_vec());
+        assert!(limit_of(&[0.02, 0.021, 0.019, 0.2]) < 0.1);
+        // Photographs that agree well do not differ enough to matter.
+        assert!(limit_of(&[0.01, 0.01, 0.01, 0.012]) > 0.012);
+        assert!(limit_of(&[0.02, 0.05, 0.03, 0.06]) > 0.06);
+    }
 }

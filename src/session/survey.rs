@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crossbeam_channel::Receiver;
 use glam::DVec3;
 
-use super::feedback::{Candidate, NextView};
+use super::advice::{Candidate, NextView};
 use crate::Result;
 use crate::geometry::Pose;
 

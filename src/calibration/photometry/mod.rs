@@ -172,25 +172,20 @@ impl PhotometricCalibrator {
         Self { target, flash, frames: Vec::new(), photometry: None }
     }
 
-    /// The same without photos.
-    pub(crate) fn emptied(&self) -> Self {
-        Self::new(self.target.clone(), self.flash)
-    }
-
     /// Whether one photo's squares, taken alone, leave room for the flash.
     pub(crate) fn is_lit(&self, squares: &Squares, pose: &Pose) -> bool {
         self.shows_flash(&Frame { pose: *pose, squares: squares.clone() })
     }
 
-    /// Takes the photos of an earlier calibrator over, see [`Self::squares`].
-    pub(crate) fn resume(&mut self, frames: impl IntoIterator<Item = (Pose, Squares)>) {
-        self.frames = frames.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();
-        self.photometry = (!self.frames.is_empty()).then(|| self.estimate());
+    /// The same with photos measured before, which the next one is calibrated together with.
+    pub(crate) fn with_photos(self, photos: impl IntoIterator<Item = (Pose, Squares)>) -> Self {
+        let frames = photos.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();
+        Self { frames, photometry: None, ..self }
     }
 
-    /// Squares of the photos so far.
-    pub(crate) fn squares(&self) -> impl Iterator<Item = &Squares> {
-        self.frames.iter().map(|frame| &frame.squares)
+    /// Estimate from all photos, made now; `None` without any.
+    pub(crate) fn estimated(&self) -> Option<Photometry> {
+        (!self.frames.is_empty()).then(|| self.estimate())
     }
 
     /// Measures a photo and takes it in. Returns its radiometry; that of earlier photos changes

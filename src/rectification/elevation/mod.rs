@@ -63,6 +63,11 @@ const PEAKS: usize = 3;
 /// Detail below this is none (logarithms): noise, interpolation.
 const FLOOR: f64 = 0.005;
 
+/// Whether a sample may be so high, mm.
+pub(crate) fn is_possible(mm: f64) -> bool {
+    (RANGE_MM[0]..=RANGE_MM[1]).contains(&mm)
+}
+
 /// Height of the sample's surface above the board's plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElevationEstimate {

@@ -113,7 +113,7 @@ pub(super) fn read(
     task: Task,
     size: usize,
     options: EstimateOptions,
-) -> Result<(Estimation, SavedProgress)> {
+) -> Result<(Estimation, Vec<Observation>, SavedProgress)> {
     let mut r = sections.one(ESTIMATION)?;
     let count = r.u32()? as usize;
     let position = r.option(read_position)?;
@@ -150,7 +150,7 @@ pub(super) fn read(
         return Err(damaged("photographs are missing"));
     }
     let photographs = Estimation::no_photographs(&options);
-    let photographs = photographs.restored(observations, correction).map_err(as_damage)?;
+    let photographs = photographs.restored(observations.clone(), correction).map_err(as_damage)?;
     let maps = sections.all(MAPS).next();
     let maps = maps.map(|mut r| read_maps(&mut r).and_then(|m| r.end().map(|()| m))).transpose()?;
     let latent = sections.all(LATENT).next().map(|r| read_latent(r, networks)).transpose()?;
@@ -173,7 +173,7 @@ pub(super) fn read(
         trend,
     };
     let estimation = Estimation::restore(networks.clone(), task, options, saved, same_networks);
-    Ok((estimation.map_err(as_damage)?, progress))
+    Ok((estimation.map_err(as_damage)?, observations, progress))
 }
 
 fn read_position(r: &mut Reader) -> Result<Position> {

@@ -8,13 +8,13 @@ use super::bytes::{Reader, Sections, StateWriter, Tag, Writer, damaged};
 use super::scene::{as_damage, read_camera, write_camera};
 use crate::Result;
 use crate::calibration::photometry::{Lobe, Radiometry, Square, Squares, Vignetting};
-use crate::calibration::{CameraEstimate, Corner, Paper, PaperEstimate};
+use crate::calibration::{CameraEstimate, CameraPrior, Corner, Paper, PaperEstimate};
 use crate::frame::{Encoding, MAX_PIXELS, Photo, Stored, ToneCurve};
 use crate::geometry::Pose;
+use crate::observation::Observation;
 use crate::rectification::elevation::{self, ElevationEstimate};
-use crate::session::board::{BoardIntake, Frame, Kept, Used};
-use crate::session::intake::Intake;
-use crate::session::settings::Scene;
+use crate::session::capture::{Board, Capture, Conditions, Measured, Part, Photograph};
+use crate::session::settings::{Scene, Settings};
 
 const INTAKE: &Tag = b"INTK";
 /// One for each photograph of a board.
@@ -23,12 +23,10 @@ const FRAME: &Tag = b"FRAM";
 const PAPER: &Tag = b"PAPR";
 const ELEVATION: &Tag = b"ELEV";
 
-pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
-    match intake {
-        Intake::Rectified { power_mm2, .. } => {
-            state.section(INTAKE, |w| w.option(*power_mm2, |w, power| w.f32s(&power)));
-        }
-        Intake::Board(board) => {
+pub(super) fn write(state: &mut StateWriter, capture: &Capture) {
+    match capture {
+        Capture::Rectified(_) => {}
+        Capture::Board(board) => {
             state.section(INTAKE, |w| {
                 w.option(board.estimate(), |w, estimate| {
                     write_camera(w, &estimate.camera);
@@ -45,19 +43,24 @@ pub(super) fn write(state: &mut StateWriter, intake: &Intake) {
                 let ElevationEstimate { mm, sigma_mm } = board.elevation();
                 w.f64s(&[mm, sigma_mm]);
             });
-            for (frame, squares) in board.frames_and_squares() {
-                state.section(FRAME, |w| write_frame(w, frame, squares));
+            for photograph in board.photographs() {
+                state.section(FRAME, |w| write_photograph(w, photograph));
             }
         }
     }
 }
 
-pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
-    let mut intake = Intake::new(scene.clone()).map_err(as_damage)?;
-    let mut r = sections.one(INTAKE)?;
-    match &mut intake {
-        Intake::Rectified { power_mm2, .. } => *power_mm2 = r.option(Reader::three_f32s)?,
-        Intake::Board(board) => {
+pub(super) fn read(
+    sections: &Sections,
+    scene: &Scene,
+    settings: &Settings,
+    observations: Vec<Observation>,
+) -> Result<Capture> {
+    let mut capture = Capture::new(scene.clone(), settings).map_err(as_damage)?;
+    match &mut capture {
+        Capture::Rectified(rectified) => rectified.photographs = observations,
+        Capture::Board(board) => {
+            let mut r = sections.one(INTAKE)?;
             let paper = read_paper(sections.one(PAPER)?)?;
             let estimate = r.option(|r| {
                 let camera = read_camera(r)?;
@@ -66,34 +69,39 @@ pub(super) fn read(sections: &Sections, scene: &Scene) -> Result<Intake> {
                 let rms_px = r.f64()?;
                 Ok(CameraEstimate { camera, covariance, paper, rms_px, views: Vec::new() })
             })?;
-            let frames = sections.all(FRAME).map(read_frame).collect::<Result<Vec<_>>>()?;
+            r.end()?;
+            let frames: Vec<Reader> = sections.all(FRAME).collect();
+            if frames.len() != observations.len() {
+                return Err(damaged("photographs are missing"));
+            }
+            let photographs = frames.into_iter().zip(observations);
+            let photographs = photographs.map(|(r, o)| read_photograph(r, o));
+            let photographs = photographs.collect::<Result<Vec<_>>>()?;
             let elevation = read_elevation(sections.one(ELEVATION)?)?;
-            resume(board, estimate, paper, elevation, frames)?;
+            resume(board, estimate, paper, elevation, photographs)?;
         }
     }
-    r.end()?;
-    Ok(intake)
+    Ok(capture)
 }
 
 fn resume(
-    board: &mut BoardIntake,
+    board: &mut Board,
     estimate: Option<CameraEstimate>,
     paper: PaperEstimate,
     elevation: ElevationEstimate,
-    frames: Vec<(Frame, Squares)>,
+    photographs: Vec<Photograph>,
 ) -> Result<()> {
     let estimated = board.camera().is_none();
     let camera = estimate.as_ref().map(|e| e.camera).or(board.camera());
-    let fits = |frame: &Frame| {
-        (frame.kept.is_some() || !estimated)
-            && camera.is_some_and(|c| (c.width, c.height) == frame.picture_size())
+    let fits = |photograph: &Photograph| {
+        (photograph.part.is_some() || !estimated)
+            && camera.is_some_and(|c| (c.width, c.height) == photograph.picture_size())
     };
-    if estimate.is_some() != (estimated && !frames.is_empty())
-        || !frames.iter().all(|(frame, _)| fits(frame))
+    if estimate.is_some() != (estimated && !photographs.is_empty()) || !photographs.iter().all(fits)
     {
         return Err(damaged("the photographs do not match the camera"));
     }
-    board.resume(estimate, paper, elevation, frames);
+    board.resume(estimate, paper, elevation, photographs);
     Ok(())
 }
 
@@ -111,26 +119,26 @@ fn read_paper(mut r: Reader) -> Result<PaperEstimate> {
 fn read_elevation(mut r: Reader) -> Result<ElevationEstimate> {
     let [mm, sigma_mm] = r.f64s()?;
     r.end()?;
-    if !is_height(mm) || sigma_mm < 0.0 {
+    if !elevation::is_possible(mm) || sigma_mm < 0.0 {
         return Err(damaged("the height of the sample is out of range"));
     }
     Ok(ElevationEstimate { mm, sigma_mm })
 }
 
-fn is_height(mm: f64) -> bool {
-    (elevation::RANGE_MM[0]..=elevation::RANGE_MM[1]).contains(&mm)
-}
-
-fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
-    w.u32(frame.corners.len() as u32);
-    for corner in &frame.corners {
+fn write_photograph(w: &mut Writer, photograph: &Photograph) {
+    let Measured { corners, prior, squares } = &photograph.measured;
+    w.u32(corners.len() as u32);
+    for corner in corners {
         w.u32(corner.row);
         w.u32(corner.col);
         w.f64s(&corner.px.to_array());
     }
-    write_pose(w, &frame.pose);
-    w.f64(frame.rms_px);
-    let Used { camera, pose, radiometry, elevation_mm, edge_px } = &frame.used;
+    write_camera(w, &prior.camera);
+    w.f64s(&[prior.focal_sigma, prior.aspect_sigma, prior.centre_sigma_px]);
+    w.f64s(&prior.distortion_sigma);
+    write_pose(w, &photograph.pose);
+    w.f64(photograph.rms_px);
+    let Conditions { camera, pose, radiometry, elevation_mm, edge_px } = photograph.made_with();
     write_camera(w, camera);
     write_pose(w, pose);
     write_radiometry(w, radiometry);
@@ -141,10 +149,10 @@ fn write_frame(w: &mut Writer, frame: &Frame, squares: &Squares) {
         write_square(w, square);
     }
     w.option(squares.gray, |w, square| write_square(w, &square));
-    w.option(frame.kept.as_deref(), |w, kept| {
-        w.u32(kept.corner[0]);
-        w.u32(kept.corner[1]);
-        write_photo(w, &kept.photo);
+    w.option(photograph.part.as_deref(), |w, part| {
+        w.u32(part.corner[0]);
+        w.u32(part.corner[1]);
+        write_photo(w, &part.photo);
     });
     w.f64(*elevation_mm);
     w.f32(*edge_px);
@@ -167,42 +175,53 @@ fn read_square(r: &mut Reader) -> Result<Square> {
     Ok(Square { white, board_mm, value })
 }
 
-fn read_frame(mut r: Reader) -> Result<(Frame, Squares)> {
+fn read_photograph(mut r: Reader, observation: Observation) -> Result<Photograph> {
     let count = r.count(24)?;
     let corner = |r: &mut Reader| {
         let (row, col) = (r.u32()?, r.u32()?);
         Ok(Corner { row, col, px: DVec2::from_array(r.f64s()?) })
     };
     let corners = (0..count).map(|_| corner(&mut r)).collect::<Result<_>>()?;
+    let prior_camera = read_camera(&mut r)?;
+    let [focal_sigma, aspect_sigma, centre_sigma_px] = r.f64s()?;
+    let distortion_sigma = r.f64s()?;
+    let prior = CameraPrior {
+        camera: prior_camera,
+        focal_sigma,
+        aspect_sigma,
+        centre_sigma_px,
+        distortion_sigma,
+    };
     let (latest, rms_px) = (read_pose(&mut r)?, r.f64()?);
     let (camera, pose, radiometry) =
         (read_camera(&mut r)?, read_pose(&mut r)?, read_radiometry(&mut r)?);
     let squares = read_squares(&mut r)?;
-    let kept = r.option(|r| {
+    let part = r.option(|r| {
         let corner = [r.u32()?, r.u32()?];
-        let kept = Kept { photo: read_photo(r)?, corner };
+        let part = Part { photo: read_photo(r)?, corner };
         let inside = |from: u32, count: u32, size: u32| {
             from.checked_add(count).is_some_and(|end| end <= size)
         };
-        let photo = &kept.photo;
+        let photo = &part.photo;
         if inside(corner[0], photo.width(), camera.width)
             && inside(corner[1], photo.height(), camera.height)
         {
-            Ok(Arc::new(kept))
+            Ok(Arc::new(part))
         } else {
             Err(damaged("a region lies outside its photograph"))
         }
     })?;
     let (elevation_mm, edge_px) = (r.f64()?, r.f32()?);
     r.end()?;
-    if !is_height(elevation_mm) {
+    if !elevation::is_possible(elevation_mm) {
         return Err(damaged("the height of the sample is out of range"));
     }
     if edge_px < 0.0 || radiometry.log_sigma < 0.0 {
         return Err(damaged("a standard deviation is negative"));
     }
-    let used = Used { camera, pose, radiometry, elevation_mm, edge_px };
-    Ok((Frame { corners, prior: None, kept, seen: None, pose: latest, rms_px, used }, squares))
+    let conditions = Conditions { camera, pose, radiometry, elevation_mm, edge_px };
+    let measured = Measured { corners, prior, squares };
+    Ok(Photograph::from_saved(measured, (latest, rms_px), part, conditions, observation))
 }
 
 fn read_squares(r: &mut Reader) -> Result<Squares> {

@@ -2,12 +2,13 @@ use super::bytes::{Sections, StateWriter};
 use super::*;
 use crate::Error;
 use crate::estimate::options::ScheduleOptions;
-use crate::estimate::{EstimateOptions, Meter, Method, Phase, Task, first_maps};
+use crate::estimate::{
+    Addition, Budget, EstimateOptions, Estimation, Meter, Method, Phase, Task, first_maps,
+};
 use crate::observation::{Observation, View};
-use crate::session::{RestoreOptions, Session};
+use crate::session::{RestoreOptions, Scene, Session, Settings};
 use crate::test_support::{photograph, two_tones, view_from};
 use proptest::prelude::*;
-use std::convert::Infallible;
 use std::sync::OnceLock;
 
 fn networks() -> Arc<Networks> {
@@ -119,8 +120,7 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
         for observation in photographs(count) {
             let none = estimation.frames() == 0;
             let start = none.then(|| first_maps(&networks, &observation).unwrap());
-            let none: [Infallible; 0] = [];
-            estimation.add(observation, start.as_ref(), &none, false).unwrap();
+            estimation.add(Addition::new(observation), start.as_ref()).unwrap();
         }
         loop {
             let step = estimation.step(&mut meter).unwrap();
@@ -139,7 +139,7 @@ fn an_estimate_that_is_saved_after_every_step_ends_the_same() {
                 let sections = Sections::read(&bytes).unwrap();
                 let read = estimation::read(&sections, &networks, task, SIDE, options.clone());
                 let read = read.unwrap();
-                assert_eq!(read.1, progress);
+                assert_eq!(read.2, progress);
                 estimation = read.0;
             }
         }

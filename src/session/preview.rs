@@ -1,9 +1,9 @@
-//! What a photograph of a board would be good for, judged on a reduced version of it without any of
-//! the session's locks or threads.
+//! What a photograph of a board would be good for: a preview of it, judged on a reduced version without any
+//! of the session's locks or threads.
 
 use glam::{DVec2, DVec3};
 
-use super::feedback::{self, NextView};
+use super::advice::{self, NextView};
 use super::reports::{BoardPose, Probe, ProbedLight, ProbedView};
 use crate::Rejection;
 use crate::calibration::photometry::{PhotometricCalibrator, Photometry, Squares};
@@ -22,9 +22,9 @@ const PREVIEW_FOCAL_SIGMA: f64 = 0.1;
 /// Points of the sample along each side.
 const POINTS: u32 = 32;
 
-/// What a session knows of camera, sheet and views: a copy, so that looking waits for nothing.
+/// What previews are judged with, a copy of what the session knows: judging waits for nothing.
 #[derive(Clone)]
-pub(super) struct Known {
+pub(super) struct Preview {
     pub(super) target: Target,
     pub(super) camera: Option<Camera>,
     pub(super) paper: Paper,
@@ -45,10 +45,10 @@ struct Placed {
     rejection: Option<Rejection>,
 }
 
-impl Known {
+impl Preview {
     /// Judges a photograph. `lit`: by the light it is to be taken with; otherwise its light says
     /// nothing.
-    pub(super) fn look(&self, photo: &Photo, lit: bool) -> Probe {
+    pub(super) fn judge(&self, photo: &Photo, lit: bool) -> Probe {
         if !photo.is_finite() {
             return Probe::rejected(self.expected(), Rejection::NotFinite);
         }
@@ -84,10 +84,10 @@ impl Known {
         let view = self.view(&small, &placed, step);
         probe.rejection = probe.rejection.or(unseen(&view));
         probe.view = Some(view);
-        probe.hints.extend(feedback::nothing_new(&self.poses, &placed.pose));
+        probe.hints.extend(advice::nothing_new(&self.poses, &placed.pose));
         if lit && let Some(known) = &self.photometry {
             let Placed { camera, pose, .. } = &placed;
-            probe.hints.extend(feedback::linearity(&small, &self.target, camera, pose, known));
+            probe.hints.extend(advice::linearity(&small, &self.target, camera, pose, known));
         }
         probe
     }

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::Rejection;
 use crate::calibration::Target;
 use crate::calibration::photometry::{Photometry, patch_values};
 use crate::frame::Photo;
@@ -47,6 +48,14 @@ pub enum Hint {
         /// as a linear one, or nearly so.
         undone: bool,
     },
+    /// What is known better now asks for an earlier photograph to be rectified anew, and it cannot be.
+    #[error("photo {} stays rectified as it was: {rejection}", index + 1)]
+    NotRemade {
+        /// Its number among the accepted ones, from 0.
+        index: usize,
+        /// What speaks against it.
+        rejection: Rejection,
+    },
 }
 
 fn remedy(undone: bool) -> &'static str {
@@ -63,6 +72,7 @@ impl Hint {
         match self {
             Self::NothingNew { .. } => "nothing_new",
             Self::NotLinear { .. } => "not_linear",
+            Self::NotRemade { .. } => "not_remade",
         }
     }
 }

@@ -1,0 +1,397 @@
+//! An accepted photograph of a board: the one owner of all that is known of it.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use crate::Rejection;
+use crate::calibration::photometry::{Radiometry, Squares};
+use crate::calibration::{CameraPrior, Corner};
+use crate::frame::Photo;
+use crate::geometry::{Camera, Pose};
+use crate::observation::Observation;
+use crate::rectification::elevation::Detail;
+use crate::rectification::{self, TopView};
+
+/// A camera estimated better moves the sample by less than this: the rectified photograph stays.
+const MOVED_PX: f64 = 0.03;
+/// The same for the camera's position, relative to its distance.
+const MOVED_SHARE: f64 = 3e-4;
+/// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
+/// little.
+const CROP_SHARE: f64 = 0.05;
+const CROP_PX: f64 = 24.0;
+
+/// What a photograph is rectified with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::session) struct Conditions {
+    pub(in crate::session) camera: Camera,
+    pub(in crate::session) pose: Pose,
+    pub(in crate::session) radiometry: Radiometry,
+    /// Height of the sample above the board, mm.
+    pub(in crate::session) elevation_mm: f64,
+    /// Reach of the sample's surroundings, see [`TopView::edge_px`].
+    pub(in crate::session) edge_px: f32,
+}
+
+impl Conditions {
+    /// These, where a photograph is to be seen in a better light; `latest` altogether, where its part is
+    /// kept and the sample lies elsewhere or stored values mean something else.
+    pub(super) fn improved(&self, latest: &Self, kept: bool, sample_mm: [f32; 2]) -> Self {
+        let tone = self.radiometry.tone != latest.radiometry.tone;
+        if kept && (tone || self.moves(latest, sample_mm)) {
+            *latest
+        } else {
+            Self { radiometry: latest.radiometry, ..*self }
+        }
+    }
+
+    /// Whether the sample lies elsewhere in the photograph with others, or is seen from elsewhere.
+    pub(super) fn moves(&self, new: &Self, sample_mm: [f32; 2]) -> bool {
+        let (from, to) = (self.pose.camera_centre(), new.pose.camera_centre());
+        if from.distance(to) > MOVED_SHARE * to.length() {
+            return true;
+        }
+        let (then, now) = (marks(sample_mm, self.elevation_mm), marks(sample_mm, new.elevation_mm));
+        then.into_iter().zip(now).any(|(then, now)| {
+            let then = self.camera.project(self.pose.transform(then));
+            let now = new.camera.project(new.pose.transform(now));
+            !matches!((then, now), (Some(a), Some(b)) if a.distance(b) <= MOVED_PX)
+        })
+    }
+
+    fn same_geometry(&self, other: &Self) -> bool {
+        (self.camera, self.pose, self.elevation_mm)
+            == (other.camera, other.pose, other.elevation_mm)
+    }
+
+    /// Rectifies a photograph that `camera` took, or a part of one.
+    fn rectify(
+        &self,
+        photo: &Photo,
+        camera: &Camera,
+        sample_mm: [f32; 2],
+        [width, height]: [usize; 2],
+    ) -> Result<Observation, Rejection> {
+        let (height_mm, edge_px) = (self.elevation_mm as f32, self.edge_px);
+        let top = TopView { sample_mm, height_mm, width, height, edge_px };
+        rectification::rectify_raised(photo, camera, &self.pose, &self.radiometry, top)
+    }
+}
+
+/// What was measured in a photograph when it came.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Measured {
+    pub(in crate::session) corners: Vec<Corner>,
+    /// What was expected of its camera.
+    pub(in crate::session) prior: CameraPrior,
+    pub(in crate::session) squares: Squares,
+}
+
+/// A photograph's details and what they were found with.
+#[derive(Debug)]
+pub(super) struct Details {
+    pub(super) camera: Camera,
+    pub(super) pose: Pose,
+    /// `None` where the photograph shows too little of the sample.
+    pub(super) detail: Option<Detail>,
+}
+
+/// An accepted photograph.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Photograph {
+    pub(in crate::session) measured: Measured,
+    /// Latest estimate, and what it leaves of the corners, px.
+    pub(in crate::session) pose: Pose,
+    pub(in crate::session) rms_px: f64,
+    /// To rectify it again, while camera, paper or sample are not settled.
+    pub(in crate::session) part: Option<Arc<Part>>,
+    /// Found in that part when needed.
+    pub(super) details: Option<Arc<Details>>,
+    /// What it should be rectified with.
+    pub(super) wanted: Conditions,
+    /// What `observation` was made with.
+    made_with: Conditions,
+    observation: Observation,
+}
+
+impl Photograph {
+    /// Rectifies a photograph.
+    ///
+    /// # Errors
+    /// As [`rectification::rectify_raised`].
+    pub(super) fn new(
+        photo: &Photo,
+        measured: Measured,
+        rms_px: f64,
+        part: Option<Arc<Part>>,
+        conditions: Conditions,
+        sample_mm: [f32; 2],
+        resolution: usize,
+    ) -> Result<Self, Rejection> {
+        let Conditions { camera, pose, .. } = conditions;
+        let observation = conditions.rectify(photo, &camera, sample_mm, [resolution; 2])?;
+        Ok(Self::from_saved(measured, (pose, rms_px), part, conditions, observation))
+    }
+
+    /// From what was known of one.
+    pub(in crate::session) fn from_saved(
+        measured: Measured,
+        (pose, rms_px): (Pose, f64),
+        part: Option<Arc<Part>>,
+        conditions: Conditions,
+        observation: Observation,
+    ) -> Self {
+        let (wanted, made_with) = (conditions, conditions);
+        let details = None;
+        Self { measured, pose, rms_px, part, details, wanted, made_with, observation }
+    }
+
+    /// The rectified photograph, which the fit has under the same index; its texels are shared.
+    pub(in crate::session) fn observation(&self) -> &Observation {
+        &self.observation
+    }
+
+    /// What that was made with.
+    pub(in crate::session) fn made_with(&self) -> &Conditions {
+        &self.made_with
+    }
+
+    /// Width and height of the whole photograph, px.
+    pub(in crate::session) fn picture_size(&self) -> (u32, u32) {
+        (self.made_with.camera.width, self.made_with.camera.height)
+    }
+
+    /// Makes the observation that is wanted; whether it is another one. From the part kept where it
+    /// lies elsewhere, or where `from_pixels` asks for that; else by the change of the light.
+    ///
+    /// # Errors
+    /// What speaks against it: the photograph stays as it was, and is wanted as it is.
+    pub(super) fn remake(&mut self, from_pixels: bool) -> Result<bool, Rejection> {
+        let (old, new) = (self.made_with, self.wanted);
+        if old == new {
+            return Ok(false);
+        }
+        let tone = old.radiometry.tone != new.radiometry.tone;
+        match &self.part {
+            Some(part) if from_pixels || tone || !old.same_geometry(&new) => {
+                let size = [self.observation.width(), self.observation.height()];
+                let sample_mm = self.observation.view.sample_mm;
+                match new.rectify(&part.photo, &part.camera(&new.camera), sample_mm, size) {
+                    Ok(observation) => self.observation = observation,
+                    Err(rejection) => {
+                        self.wanted = old;
+                        return Err(rejection);
+                    }
+                }
+            }
+            _ => {
+                let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
+                let (to, height_mm) = (&mut self.observation, *elevation_mm as f32);
+                let new = &new.radiometry;
+                rectification::update_radiometry(to, camera, pose, height_mm, radiometry, new);
+            }
+        }
+        self.made_with = new;
+        Ok(true)
+    }
+}
+
+/// The part of a photograph that shows the sample.
+#[derive(Debug)]
+pub(in crate::session) struct Part {
+    pub(in crate::session) photo: Photo,
+    /// Its first pixel in the whole photograph.
+    pub(in crate::session) corner: [u32; 2],
+}
+
+impl Part {
+    /// The sample is somewhere within `heights_mm` above the board's plane.
+    pub(super) fn new(
+        photo: &Photo,
+        camera: &Camera,
+        pose: &Pose,
+        sample_mm: [f32; 2],
+        heights_mm: [f64; 2],
+    ) -> Self {
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        // Distortion bends edges: points along them.
+        for i in 0..9 * 9 {
+            let (x, y) = (f64::from(i % 9) / 8.0 - 0.5, f64::from(i / 9) / 8.0 - 0.5);
+            for z in heights_mm {
+                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), z);
+                if let Some(px) = camera.project(pose.transform(p)) {
+                    (low, high) = (low.min(px), high.max(px));
+                }
+            }
+        }
+        let size = DVec2::new(photo.width().into(), photo.height().into());
+        let margin = CROP_SHARE * (high - low) + CROP_PX;
+        let low = (low - margin).floor().clamp(DVec2::ZERO, size - 1.0);
+        let high = (high + margin).ceil().clamp(low + 1.0, size);
+        let (corner, extent) = (low.as_uvec2(), (high - low).as_uvec2());
+        let photo = photo.cropped(corner.x, corner.y, extent.x, extent.y);
+        Self { photo, corner: corner.to_array() }
+    }
+
+    /// The camera that took this part.
+    pub(super) fn camera(&self, whole: &Camera) -> Camera {
+        Camera {
+            width: self.photo.width(),
+            height: self.photo.height(),
+            cx: whole.cx - f64::from(self.corner[0]),
+            cy: whole.cy - f64::from(self.corner[1]),
+            ..*whole
+        }
+    }
+
+    /// The details of the sample.
+    pub(super) fn details(&self, camera: Camera, pose: Pose, sample_mm: [f32; 2]) -> Arc<Details> {
+        let detail = Detail::new(&self.photo, &self.camera(&camera), &pose, sample_mm);
+        Arc::new(Details { camera, pose, detail })
+    }
+}
+
+/// Middle and corners of the sample at a height, board frame.
+fn marks(sample_mm: [f32; 2], height_mm: f64) -> [DVec3; 5] {
+    [(0.0, 0.0), (-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].map(|(x, y)| {
+        DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), height_mm)
+    })
+}
+
+/// How far a point of the sample moves in the board's plane per height of the sample, at most.
+pub(super) fn steepest(pose: &Pose, sample_mm: [f32; 2]) -> f64 {
+    let eye = pose.camera_centre();
+    let slope = |p: DVec3| (eye - p).truncate().length() / eye.z;
+    marks(sample_mm, 0.0).into_iter().map(slope).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::photometry::tests::{camera, photograph, pose};
+    use crate::calibration::photometry::{Lobe, Vignetting};
+    use crate::frame::ToneCurve;
+    use crate::rectification::elevation;
+
+    const SAMPLE_MM: [f32; 2] = [100.0, 80.0];
+
+    fn radiometry(gain: f64) -> Radiometry {
+        Radiometry {
+            gain: [gain; 3],
+            tone: ToneCurve::default(),
+            vignetting: Vignetting { exponent: 2.0, curvature: 0.5 },
+            lobe: Lobe { exponent: 1.5, pattern: [-0.2, 0.1] },
+            flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),
+            power_mm2: [2e5; 3],
+            ambient: [0.0; 3],
+            log_sigma: 0.0,
+        }
+    }
+
+    fn conditions(camera: Camera, gain: f64) -> Conditions {
+        let (pose, radiometry) = (pose(0.4, 0.1, -0.2, 300.0), radiometry(gain));
+        Conditions { camera, pose, radiometry, elevation_mm: 0.0, edge_px: 0.0 }
+    }
+
+    fn picture() -> Photo {
+        let (camera, pose) = (camera(), pose(0.4, 0.1, -0.2, 300.0));
+        let texture = |p: DVec2, _| [0.5 + 0.3 * (p.x * 0.2).sin(), 0.5, 0.4 + 0.2 * p.y.cos()];
+        let rgb = photograph(&camera, &pose, 2, texture);
+        Photo::from_linear(camera.width, camera.height, rgb, 1.0, 10.0).unwrap()
+    }
+
+    /// A photograph accepted with these conditions, its part kept.
+    fn accepted(conditions: Conditions) -> Photograph {
+        let Conditions { camera, pose, .. } = &conditions;
+        let part = Part::new(&picture(), camera, pose, SAMPLE_MM, elevation::RANGE_MM);
+        let squares =
+            Squares { squares: Vec::new(), gray: None, exposure: 1.0, clipped_share: 0.0 };
+        let prior = CameraPrior::around(*camera);
+        let measured = Measured { corners: Vec::new(), prior, squares };
+        let part = Some(Arc::new(part));
+        Photograph::new(&picture(), measured, 0.1, part, conditions, SAMPLE_MM, 64).unwrap()
+    }
+
+    /// What the whole picture gives.
+    fn fresh(conditions: &Conditions) -> Observation {
+        conditions.rectify(&picture(), &conditions.camera, SAMPLE_MM, [64; 2]).unwrap()
+    }
+
+    fn assert_close(a: &Observation, b: &Observation) {
+        assert_eq!(a.view, b.view);
+        let ((a, a_weight), (b, b_weight)) = (a.planes(), b.planes());
+        assert_eq!(a_weight, b_weight);
+        for (a, b) in a.iter().zip(&b) {
+            // Tables of the response have other steps, positions other roundings: 1e-4 px times
+            // the texture's slope; and half floats', 0.1 % each.
+            assert!((a - b).abs() < 2e-4 + a.abs() / 500.0, "{a} {b}");
+        }
+    }
+
+    /// An earlier photograph brought up to date is what the whole photograph gives with the new
+    /// camera and pose.
+    #[test]
+    fn the_part_kept_is_rectified_like_the_whole() {
+        // The first guess is a little off.
+        let guess = Camera { fx: 480.0, fy: 480.0, distortion: [0.0; 5], ..camera() };
+        let mut photograph = accepted(conditions(guess, 1.0));
+        let pixels = |photo: &Photo| f64::from(photo.width() * photo.height());
+        let share = pixels(&photograph.part.as_ref().unwrap().photo) / pixels(&picture());
+        assert!(share < 0.35, "{share}");
+        let better = conditions(camera(), 1.3);
+        photograph.wanted = photograph.made_with.improved(&better, true, SAMPLE_MM);
+        assert_eq!(photograph.remake(false), Ok(true));
+        assert_eq!(*photograph.made_with(), better);
+        assert_close(photograph.observation(), &fresh(&better));
+        assert_eq!(photograph.remake(false), Ok(false), "nothing is left to do");
+    }
+
+    /// Record and observation change together or not at all: what follows a refusal begins with what the
+    /// observation was made with.
+    #[test]
+    fn a_photograph_that_cannot_be_rectified_anew_stays_as_it_was() {
+        let before = conditions(camera(), 1.0);
+        let mut photograph = accepted(before);
+        let unchanged = photograph.observation().clone();
+        // From there none of the sample is in the picture.
+        let aside = DVec3::new(400.0, 0.0, 0.0);
+        let elsewhere = Pose { translation: before.pose.translation + aside, ..before.pose };
+        let refused = Conditions { pose: elsewhere, radiometry: radiometry(5.0), ..before };
+        photograph.wanted = photograph.made_with.improved(&refused, true, SAMPLE_MM);
+        let refusal = photograph.remake(false);
+        assert!(matches!(refusal, Err(Rejection::SampleOutside { .. })), "{refusal:?}");
+        assert_eq!((*photograph.made_with(), photograph.wanted), (before, before));
+        assert_eq!(*photograph.observation(), unchanged);
+        // A better light then scales what is there from what it was made with.
+        let lit = conditions(camera(), 1.3);
+        photograph.wanted = photograph.made_with.improved(&lit, true, SAMPLE_MM);
+        assert_eq!(photograph.remake(false), Ok(true));
+        assert_eq!(*photograph.made_with(), lit);
+        assert_close(photograph.observation(), &fresh(&lit));
+    }
+
+    #[test]
+    fn small_changes_leave_the_rectified_photograph() {
+        let used = Conditions { elevation_mm: 1.0, ..conditions(camera(), 1.0) };
+        let (camera, pose) = (used.camera, used.pose);
+        let seen = |c: &Camera, p: &Pose| {
+            used.moves(&Conditions { camera: *c, pose: *p, ..used }, [100.0, 100.0])
+        };
+        assert!(!seen(&camera, &pose));
+        assert!(!seen(&Camera { cx: camera.cx + 0.02, ..camera }, &pose));
+        assert!(seen(&Camera { cx: camera.cx + 0.05, ..camera }, &pose));
+        // Further away with a longer lens: the picture hardly changes, the view does.
+        let far = Pose { translation: pose.translation * 1.001, ..pose };
+        assert!(seen(&Camera { fx: camera.fx * 1.001, fy: camera.fy * 1.001, ..camera }, &far));
+        // A higher sample; 0.01 mm of height are less than 0.01 px.
+        let raised = |mm| used.moves(&Conditions { elevation_mm: mm, ..used }, [100.0, 100.0]);
+        assert!(raised(1.2) && !raised(1.01));
+        // A better light alone keeps geometry; another tone curve asks for the pixels.
+        let lit = Conditions { radiometry: radiometry(1.3), ..used };
+        assert_eq!(used.improved(&Conditions { elevation_mm: 1.01, ..lit }, true, SAMPLE_MM), lit);
+        let raised = Conditions { elevation_mm: 1.2, ..lit };
+        assert_eq!(used.improved(&raised, true, SAMPLE_MM), raised);
+        assert_eq!(used.improved(&raised, false, SAMPLE_MM), lit);
+    }
+}

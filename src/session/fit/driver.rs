@@ -1,0 +1,172 @@
+//! The fit on a thread of its own, or in steps of the caller's, and what it is asked.
+
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use crossbeam_channel::{Receiver, Sender};
+use web_time::Instant;
+
+use super::{Fit, Job, Shared, State, Turn, Work};
+use crate::session::settings::Driver;
+use crate::{Error, Result, threads};
+
+/// A session's end of its fit.
+pub(in crate::session) struct FitHandle {
+    pub(in crate::session) shared: Arc<Shared>,
+    jobs: Sender<Job>,
+    engine: Engine,
+}
+
+/// What goes on with the fit.
+enum Engine {
+    /// A thread; `None` once it was waited for.
+    Thread(Option<JoinHandle<()>>),
+    /// Callers, one at a time; `None` once the fit has ended.
+    Caller(Mutex<Option<Box<(Fit, Receiver<Job>)>>>),
+}
+
+impl FitHandle {
+    pub(in crate::session) fn start(mut fit: Fit, driver: Driver) -> Result<Self> {
+        let (jobs, received) = crossbeam_channel::unbounded();
+        let shared = fit.shared.clone();
+        if driver == Driver::Caller {
+            let engine = Engine::Caller(Mutex::new(Some(Box::new((fit, received)))));
+            return Ok(Self { shared, jobs, engine });
+        }
+        let thread = std::thread::Builder::new().name("svbrdf-fit".into()).spawn(move || {
+            threads::started(threads::Role::Fit);
+            while fit.turn(&received, Work::Wait) != Turn::Ended {}
+        });
+        match thread {
+            Ok(thread) => Ok(Self { shared, jobs, engine: Engine::Thread(Some(thread)) }),
+            Err(e) => Err(Error::Internal(format!("cannot start the thread of the fit: {e}"))),
+        }
+    }
+
+    /// A turn of a fit that callers drive, after those of others; `None`: the fit has a thread.
+    fn turn(&self, work: Work) -> Option<Turn> {
+        let Engine::Caller(fit) = &self.engine else { return None };
+        let mut fit = fit.lock().unwrap_or_else(PoisonError::into_inner);
+        let turn = fit.as_mut().map_or(Turn::Ended, |driven| driven.0.turn(&driven.1, work));
+        if turn == Turn::Ended {
+            *fit = None;
+        }
+        Some(turn)
+    }
+
+    /// Goes on with a fit that its caller drives: whether there may be more to do.
+    pub(in crate::session) fn step(&self) -> Result<bool> {
+        self.shared.usable()?;
+        match self.turn(Work::Step) {
+            Some(Turn::Worked) => Ok(true),
+            Some(Turn::Idle) => Ok(false),
+            Some(Turn::Ended) => Err(self.shared.usable().err().unwrap_or(Error::Cancelled)),
+            None => Err(Error::argument(
+                "driver",
+                "the fit has a thread of its own; `Driver::Caller` is expected",
+            )),
+        }
+    }
+
+    /// Gives the fit something to do; whether it still does anything.
+    pub(in crate::session) fn send(
+        &self,
+        job: impl FnOnce(&mut Fit) -> Result<()> + Send + 'static,
+    ) -> bool {
+        self.jobs.send(Box::new(job)).is_ok()
+    }
+
+    /// Asks the fit for what it will tell between two steps; nothing comes where it has ended.
+    pub(in crate::session) fn request<A: Send + 'static>(
+        &self,
+        question: impl FnOnce(&mut Fit) -> Result<A> + Send + 'static,
+    ) -> Receiver<Result<A>> {
+        let (reply, answer) = crossbeam_channel::bounded(1);
+        self.send(move |fit| {
+            // Whoever asked may have gone.
+            let _ = reply.send(question(fit));
+            Ok(())
+        });
+        answer
+    }
+
+    /// The same, waited for.
+    ///
+    /// # Errors
+    /// When the fit has failed or was cancelled, or what it answers.
+    pub(in crate::session) fn ask<A: Send + 'static>(
+        &self,
+        question: impl FnOnce(&mut Fit) -> Result<A> + Send + 'static,
+    ) -> Result<A> {
+        self.shared.usable()?;
+        let answer = self.request(question);
+        while self.turn(Work::Jobs) == Some(Turn::Worked) {}
+        match answer.recv() {
+            Ok(answer) => answer,
+            Err(_) => Err(self.shared.usable().err().unwrap_or(Error::Cancelled)),
+        }
+    }
+
+    /// Blocks until `reached` holds (true), or until the deadline (false). Goes on with the fit itself
+    /// where the caller drives it.
+    pub(in crate::session) fn wait_until(
+        &self,
+        deadline: Option<Instant>,
+        reached: impl Fn(&State) -> bool,
+    ) -> Result<bool> {
+        if matches!(self.engine, Engine::Thread(_)) {
+            return self.shared.wait_until(deadline, reached);
+        }
+        loop {
+            let seen = self.shared.lock().revision;
+            if reached(&self.shared.lock()) {
+                return Ok(true);
+            }
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                return Ok(false);
+            }
+            if !self.step()? {
+                // Paused: until another thread changes something.
+                let changed = |state: &State| reached(state) || state.revision != seen;
+                self.shared.wait_until(deadline, changed)?;
+            }
+        }
+    }
+
+    /// Lets the fit look at budget and flags again.
+    pub(in crate::session) fn wake(&self) {
+        // A fit that has ended needs no waking.
+        self.send(|fit| {
+            fit.follow_budget();
+            Ok(())
+        });
+        if matches!(self.engine, Engine::Caller(_)) {
+            self.shared.notify();
+        }
+    }
+
+    /// Ends the fit after the step in progress.
+    pub(in crate::session) fn cancel(&self) {
+        self.shared.cancelled.store(true, Ordering::Relaxed);
+        self.wake();
+        self.shared.notify();
+    }
+
+    #[cfg(test)]
+    pub(in crate::session) fn has_ended(&self) -> bool {
+        matches!(&self.engine, Engine::Thread(Some(thread)) if thread.is_finished())
+    }
+}
+
+impl Drop for FitHandle {
+    fn drop(&mut self) {
+        self.cancel();
+        if let Engine::Thread(thread) = &mut self.engine
+            && let Some(thread) = thread.take()
+        {
+            // Faults of the fit were recorded in the state.
+            let _ = thread.join();
+        }
+    }
+}
