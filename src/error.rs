@@ -105,12 +105,12 @@ pub enum StateFault {
     /// It is not what was written.
     #[error("the saved session is damaged: {0}")]
     Damaged(String),
-    /// It was written by a newer major version.
+    /// It was written in a newer format.
     #[error(
         "the saved session has format version {found}; this library reads versions up to {known}"
     )]
     Newer {
-        /// Major version of its format.
+        /// Version of its format.
         found: u16,
         /// Latest one that this version reads.
         known: u16,

@@ -88,6 +88,7 @@ pub mod guide;
 pub mod initial_estimate;
 mod interpolation;
 mod least_squares;
+mod little_endian;
 #[doc(hidden)]
 pub mod loss;
 #[doc(hidden)]

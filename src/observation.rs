@@ -1,17 +1,18 @@
 //! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
 //! camera and light that produced it.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use half::f16;
 use half::slice::{HalfBitsSliceExt, HalfFloatSliceExt};
 
 use crate::parallel;
-use crate::svbrdf::{bands, thinned};
+use crate::svbrdf::{MAX_SAVED_SIDE, bands, thinned};
 use crate::{Error, Result};
 
 /// How the light's strength depends on distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Falloff {
     /// The same irradiance at every texel (before the cosine): the reference renderer's light.
     None {
@@ -32,7 +33,7 @@ pub enum Falloff {
 /// [`Falloff`]. With `power_mm2 = pi * d²` a white Lambertian texel facing a light at distance `d`
 /// comes out at its albedo: all of a capture's photographs share one such `d`, so that albedos are
 /// absolute and radiances lie near [0, 1].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct View {
     /// Width and height of the sample, mm.
     pub sample_mm: [f32; 2],
@@ -50,6 +51,15 @@ pub struct View {
 }
 
 impl View {
+    /// Whether all is finite, and the camera above a sample that is lit.
+    fn is_possible(&self) -> bool {
+        let Self { sample_mm, camera_mm, light_mm, falloff, ambient, mirrored } = self;
+        let (Falloff::None { power } | Falloff::InverseSquare { power_mm2: power }) = falloff;
+        let positive = sample_mm.iter().chain(power).chain([&camera_mm[2]]);
+        let others = camera_mm[..2].iter().chain(light_mm).chain(ambient).chain([mirrored]);
+        positive.clone().all(|v| *v > 0.0) && positive.chain(others).all(|v| v.is_finite())
+    }
+
     /// Position of a texel's centre on the sample, mm: `[x, y]`, for maps of `width * height`.
     pub fn texel_mm(&self, width: usize, height: usize, x: usize, y: usize) -> [f32; 2] {
         [
@@ -63,7 +73,8 @@ impl View {
 ///
 /// A capture has many of them at full resolution, so they are kept small: six bytes a texel, see
 /// `Packed`. Clones share the texels.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "SavedObservation")]
 pub struct Observation {
     width: usize,
     height: usize,
@@ -74,7 +85,38 @@ pub struct Observation {
     /// nothing tells.
     pub log_sigma: f32,
     /// Three planes.
+    #[serde(serialize_with = "crate::little_endian::serialize")]
     packed: Arc<Vec<Packed>>,
+}
+
+/// An observation that somebody may have written.
+#[derive(Deserialize)]
+struct SavedObservation {
+    width: usize,
+    height: usize,
+    view: View,
+    log_sigma: f32,
+    #[serde(with = "crate::little_endian")]
+    packed: Vec<Packed>,
+}
+
+impl TryFrom<SavedObservation> for Observation {
+    type Error = Error;
+
+    fn try_from(saved: SavedObservation) -> Result<Self> {
+        let SavedObservation { width, height, view, log_sigma, packed } = saved;
+        let fault = |message: &str| Err(Error::argument("observation", message));
+        if width.max(height) > MAX_SAVED_SIDE || packed.len() != 3 * width * height {
+            return fault("its size is out of range");
+        }
+        if !packed.iter().all(|v| f16::from_bits(*v).is_finite()) || !view.is_possible() {
+            return fault("a value is not a number, or out of range");
+        }
+        if !(0.0..=f32::MAX).contains(&log_sigma) {
+            return fault("a standard deviation is negative");
+        }
+        Ok(Self { width, height, view, log_sigma, packed: Arc::new(packed) })
+    }
 }
 
 /// One channel of a texel: the radiance as a half float, rounded so that its lowest bit is one of

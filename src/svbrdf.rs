@@ -1,5 +1,7 @@
 //! The four maps, their encodings and resampling.
 
+use serde::{Deserialize, Serialize};
+
 use crate::parallel;
 use crate::{Error, Result};
 
@@ -29,11 +31,42 @@ pub const MIN_ROUGHNESS: f32 = 0.02;
 /// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal
 /// (`n.x / n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear,
 /// 0 to 1), roughness (0 to 1).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "SavedMaps")]
 pub struct Svbrdf {
     width: usize,
     height: usize,
+    #[serde(with = "crate::little_endian")]
     data: Vec<f32>,
+}
+
+/// Maps that somebody may have written.
+#[derive(Deserialize)]
+struct SavedMaps {
+    width: usize,
+    height: usize,
+    #[serde(with = "crate::little_endian")]
+    data: Vec<f32>,
+}
+
+/// Iterations of the baseline leave some roughness below [`MIN_ROUGHNESS`], though not as little as this.
+const BASELINE_ROUGHNESS: f32 = 0.004;
+
+/// Longest side of maps and photographs that are read, texels.
+pub(crate) const MAX_SAVED_SIDE: usize = 4096;
+
+impl TryFrom<SavedMaps> for Svbrdf {
+    type Error = Error;
+
+    fn try_from(saved: SavedMaps) -> Result<Self> {
+        let SavedMaps { width, height, data } = saved;
+        if width.max(height) > MAX_SAVED_SIDE {
+            return Err(Error::argument("maps", format!("{width}x{height} texels")));
+        }
+        let mut maps = Self::from_planes(width, height, data)?;
+        maps.clamp_with(BASELINE_ROUGHNESS);
+        Ok(maps)
+    }
 }
 
 impl Svbrdf {
@@ -110,12 +143,17 @@ impl Svbrdf {
     /// [`MIN_ROUGHNESS`] to 1, slopes to `±MAX_SLOPE`. Values that are not numbers become those of
     /// [`Svbrdf::new`].
     pub fn clamp(&mut self) {
+        self.clamp_with(MIN_ROUGHNESS);
+    }
+
+    fn clamp_with(&mut self, min_roughness: f32) {
         let width = self.width;
         let rows = self.height;
         let defaults = [0.0, 0.0, 0.5, 0.5, 0.5, 0.04, 0.04, 0.04, 0.5];
         parallel::parts(self.data.chunks_exact_mut(width), |row, values| {
             let c = row / rows;
             let (low, high) = RANGE[c];
+            let low = if c == channel::ROUGHNESS { min_roughness } else { low };
             for v in values {
                 *v = if v.is_finite() { v.clamp(low, high) } else { defaults[c] };
             }

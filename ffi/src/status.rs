@@ -74,7 +74,7 @@ impl From<Error> for Fault {
                 SVBRDF_INVALID_ARGUMENT
             }
             Error::Model { .. } => SVBRDF_BAD_MODEL,
-            // Written by a newer major version.
+            // Written in a newer format.
             Error::State(StateFault::Newer { .. }) => SVBRDF_UNSUPPORTED,
             Error::State(_) => SVBRDF_BAD_STATE,
             Error::MemoryLimit { .. } => SVBRDF_MEMORY_LIMIT,

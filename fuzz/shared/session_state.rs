@@ -1,4 +1,4 @@
-//! Anything as a saved session; also with its checksums made right, or nearly nothing would get
+//! Anything as a saved session; also with its length and checksums made right, or nearly nothing would get
 //! past them.
 
 use std::sync::{Arc, OnceLock};
@@ -32,26 +32,17 @@ fn restore(data: &[u8]) -> bool {
     }
 }
 
-/// Writes the right sums into header and sections, as far as these go.
+/// Writes the right length and sums into the header.
 fn seal(bytes: &mut [u8]) {
-    let put = |bytes: &mut [u8], from: usize, to: usize| {
-        if let Some(end) = to.checked_add(4).filter(|&end| end <= bytes.len()) {
-            let sum = crc32(&bytes[from..to]).to_le_bytes();
-            bytes[to..end].copy_from_slice(&sum);
-        }
-    };
-    if bytes.len() < 20 {
+    const HEADER: usize = 26;
+    if bytes.len() < HEADER {
         return;
     }
-    put(bytes, 0, 16);
-    let mut at = 20_usize;
-    while let Some(length) = bytes.get(at + 4..at + 12) {
-        let length = u64::from_le_bytes(length.try_into().expect("eight bytes"));
-        let end = usize::try_from(length).ok().and_then(|n| n.checked_add(at + 12));
-        let Some(end) = end.filter(|&end| end <= bytes.len()) else { return };
-        put(bytes, at, end);
-        at = end + 4;
-    }
+    let (header, content) = bytes.split_at_mut(HEADER);
+    header[10..18].copy_from_slice(&(content.len() as u64).to_le_bytes());
+    header[18..22].copy_from_slice(&crc32(content).to_le_bytes());
+    let sum = crc32(&header[..22]).to_le_bytes();
+    header[22..].copy_from_slice(&sum);
 }
 
 /// CRC-32 (IEEE 802.3), four bits at a time.

@@ -16,6 +16,7 @@ use super::subpixel::Refiner;
 use super::target::Target;
 use crate::{BoardDifference, Rejection};
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 /// Long side of the smallest version searched, px.
 const COARSE_PX: usize = 640;
@@ -37,7 +38,7 @@ const BLUR_CELLS_MAX: f64 = 0.22;
 const BLUR_DIAGONAL_MAX: f64 = 0.005;
 
 /// A corner of the board in a photograph.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Corner {
     /// Row of the grid point, as in [`Target::corners`].
     pub row: u32,

@@ -2,6 +2,7 @@
 
 use super::target::Target;
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// What is expected: printers' feed errs by some tenths of a per cent, paper that was rolled up
 /// rises by a millimetre.
@@ -15,7 +16,7 @@ const BOW_KNOWN_MM: f64 = 0.2;
 pub(super) const PARAMETERS: usize = 3;
 
 /// The printed sheet, the same in all photographs of a capture.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Paper {
     /// Scale along Y relative to that along X, which is as planned.
     pub aspect: f64,
@@ -56,7 +57,7 @@ impl Paper {
 }
 
 /// An estimated sheet and how well it is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PaperEstimate {
     /// The sheet; as planned unless the corners contradict that clearly.
     pub paper: Paper,

@@ -3,6 +3,7 @@
 use super::markers::{Dictionary, Marker};
 use crate::frame::Encoding;
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 /// Gap between the lowest row of squares and the patches below it, side of a patch and distance
 /// from one to the next, mm.
@@ -24,7 +25,7 @@ pub struct Patch {
 }
 
 /// Kind of board.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum TargetKind {
     /// A checkerboard with a rectangular hole for the sample.
     CheckerboardRing,
@@ -38,7 +39,7 @@ pub enum TargetKind {
 }
 
 /// Colour of the printed top-left square.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TopLeft {
     /// Black.
     Black,
@@ -47,7 +48,7 @@ pub enum TopLeft {
 }
 
 /// Squares left out for the sample: half-open ranges of rows and columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hole {
     /// First missing row; row 0 is the printed top.
     pub row_start: u32,
@@ -60,7 +61,7 @@ pub struct Hole {
 }
 
 /// The printed board round the sample. Its centre is the origin of the board frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Target {
     /// Plain or with markers.
     pub kind: TargetKind,

@@ -1,14 +1,17 @@
 //! Adam (Kingma and Ba 2015) with moments that survive a new photograph.
 
 use crate::parallel;
+use serde::{Deserialize, Serialize};
 
 /// Values that one task updates.
 const CHUNK: usize = 1 << 14;
 
 /// First and second moments of the gradient, and how many steps they have seen.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Adam {
+    #[serde(with = "crate::little_endian")]
     pub first: Vec<f32>,
+    #[serde(with = "crate::little_endian")]
     pub second: Vec<f32>,
     pub steps: i32,
 }

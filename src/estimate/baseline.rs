@@ -19,17 +19,11 @@ const MARGIN: f32 = 0.01;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Baseline {
     options: BaselineOptions,
-    pub state: SavedBaseline,
-    gradient: Vec<f32>,
-}
-
-/// What differs from iteration to iteration.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SavedBaseline {
     /// The maps as networks see them.
-    pub encoded: Vec<f32>,
+    encoded: Vec<f32>,
     /// Their moments, and iterations done.
-    pub adam: Adam,
+    adam: Adam,
+    gradient: Vec<f32>,
 }
 
 impl Baseline {
@@ -47,19 +41,6 @@ impl Baseline {
         let values = maps.planes().iter().enumerate();
         let encoded: Vec<f32> = values.map(|(i, &v)| encoding::encode(i / n, v)).collect();
         let adam = Adam::new(encoded.len());
-        Self::resume(maps, observations, options, SavedBaseline { encoded, adam })
-    }
-
-    /// Goes on where another stopped.
-    ///
-    /// # Errors
-    /// When sizes differ or an option is out of range.
-    pub fn resume(
-        maps: &Svbrdf,
-        observations: &[Observation],
-        options: &BaselineOptions,
-        state: SavedBaseline,
-    ) -> Result<Self> {
         check_observations(maps, observations)?;
         let in_range = options.learning_rate > 0.0
             && (0.0..=1.0).contains(&options.final_fraction)
@@ -68,16 +49,12 @@ impl Baseline {
         if !in_range {
             return Err(Error::argument("baseline", "rates and decays must lie between 0 and 1"));
         }
-        let length = maps.planes().len();
-        if state.encoded.len() != length || !state.adam.fits(length) {
-            return Err(Error::argument("moments", "one for each value of the maps is expected"));
-        }
-        Ok(Self { options: *options, state, gradient: Vec::new() })
+        Ok(Self { options: *options, encoded, adam, gradient: Vec::new() })
     }
 
     /// Iterations done.
     pub fn steps(&self) -> usize {
-        self.state.adam.steps.max(0) as usize
+        self.adam.steps.max(0) as usize
     }
 
     /// One iteration; returns the mean log-L1 before it.
@@ -85,7 +62,7 @@ impl Baseline {
         let n = maps.texels();
         self.gradient.resize(CHANNELS * n, 0.0);
         let loss = render::loss_and_gradient(maps, observations, &mut self.gradient);
-        let SavedBaseline { encoded, adam } = &mut self.state;
+        let (encoded, adam) = (&mut self.encoded, &mut self.adam);
         let planes = encoded.chunks(n).zip(self.gradient.chunks_mut(n));
         parallel::parts(planes, |c, (encoded, gradient)| {
             for (g, v) in gradient.iter_mut().zip(encoded) {
@@ -140,29 +117,23 @@ mod tests {
     }
 
     #[test]
-    fn results_repeat_for_any_number_of_threads_and_after_a_resumption() {
+    fn results_repeat_for_any_number_of_threads() {
         let truth = truth(9, 4);
         let start = perturbed(&truth, 0.1, 5);
         let photos = photographs(&truth, 2, 0.01, 6);
         let options = BaselineOptions::default();
-        let run = |threads, resumed| {
+        let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut maps = start.clone();
                 let mut baseline = Baseline::new(&mut maps, &photos, &options).unwrap();
                 for _ in 0..7 {
                     baseline.step(&mut maps, &photos);
-                    if resumed {
-                        baseline =
-                            Baseline::resume(&maps, &photos, &options, baseline.state).unwrap();
-                    }
                 }
                 (maps, baseline)
             })
         };
-        let (maps, baseline) = run(1, false);
-        assert_eq!((maps.clone(), baseline), run(3, false));
-        assert_eq!(maps, run(1, true).0);
+        assert_eq!(run(1), run(3));
     }
 
     #[test]

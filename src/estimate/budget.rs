@@ -1,5 +1,6 @@
 //! How long a fit may work.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use web_time::Instant;
@@ -13,7 +14,7 @@ use crate::{Error, Result, Svbrdf};
 /// full budget again. The latent code takes at most half of time and steps: a step of the
 /// refinement gains more. Time during which the fit is paused does not count; it is measured by a
 /// clock that does not jump.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Budget {
     /// Seconds of work on each photograph; the step in progress is finished.
     pub seconds: Option<f32>,

@@ -1,17 +1,20 @@
 //! What photographs tell of their lights and of the maps as a whole: corrections of what was given.
 
-use crate::Svbrdf;
 use crate::observation::{Falloff, View};
 use crate::svbrdf::CHANNELS;
+use crate::{Error, Result, Svbrdf};
+use serde::{Deserialize, Serialize};
 
 use super::options::{LightOptions, ScheduleOptions};
 use super::prior::{from_coordinate, to_coordinate};
 
 /// Largest logarithm of what is mirrored.
-pub(crate) const MAX_MIRRORED: f64 = 2.0;
+pub(super) const MAX_MIRRORED: f64 = 2.0;
+/// Largest logarithm of a gain, and exponent, believed.
+const MAX_LOGARITHM: f64 = 20.0;
 
 /// Corrections of the given views.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Correction {
     /// Two angles per photograph by which its light turns about the centre of the sample, radians.
     pub turns: Vec<[f64; 2]>,
@@ -27,7 +30,7 @@ pub struct Correction {
 ///
 /// Photograph `i` is brighter than its view says by `exp(gains[i]) * (d[i] / d_mean)^exponent`, `d`
 /// the camera's distance from the sample's centre and `d_mean` the geometric mean of all.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Exposure {
     /// Logarithm of each photograph's gain.
     pub gains: Vec<f64>,
@@ -40,6 +43,19 @@ pub struct Exposure {
 }
 
 impl Exposure {
+    /// One that was read, within what is believed.
+    ///
+    /// # Errors
+    /// When a number is not finite.
+    pub(crate) fn believed(mut self) -> Result<Self> {
+        let numbers = self.gains.iter().chain(&self.offset_mm);
+        finite(numbers.chain([&self.exponent, &self.log_distance]))?;
+        for v in self.gains.iter_mut().chain([&mut self.exponent]) {
+            *v = v.clamp(-MAX_LOGARITHM, MAX_LOGARITHM);
+        }
+        Ok(self)
+    }
+
     /// As given, for photographs with these views.
     pub(super) fn as_given<'a>(views: impl ExactSizeIterator<Item = &'a View>) -> Self {
         let count = views.len();
@@ -87,7 +103,24 @@ pub(super) fn log_distance(view: &View) -> f64 {
     0.5 * square.max(1e-6).ln()
 }
 
+fn finite<'a>(values: impl IntoIterator<Item = &'a f64>) -> Result<()> {
+    if values.into_iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::argument("correction", "finite numbers are expected"))
+}
+
 impl Correction {
+    /// One that was read, within what is believed.
+    ///
+    /// # Errors
+    /// When a number is not finite.
+    pub(super) fn believed(mut self) -> Result<Self> {
+        finite(self.turns.as_flattened().iter().chain(&self.mirrored).chain([&self.ambient]))?;
+        self.mirrored.iter_mut().for_each(|v| *v = v.clamp(-MAX_MIRRORED, MAX_MIRRORED));
+        Ok(Self { exposure: self.exposure.believed()?, ..self })
+    }
+
     /// The view of photograph `index` with its light turned, the ambient light added to what
     /// was `given`, and what of it is mirrored.
     pub fn apply(&self, given: &View, index: usize) -> View {

@@ -1,5 +1,6 @@
 //! An estimate in progress: photographs, latent code, belief, and where in the schedule it is.
 
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ use crate::render;
 use crate::{Error, Result, Svbrdf};
 
 /// How maps are found from photographs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Method {
     /// Latent code of the auto-encoder, then the posterior of every texel.
     #[default]
@@ -57,7 +58,7 @@ pub struct Step {
 }
 
 /// Why an estimate ended early.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Cut {
     /// Time or steps were used up.
     Budget,
@@ -67,18 +68,18 @@ pub(crate) enum Cut {
 
 /// A photograph for an estimate, and what it changes about earlier ones.
 #[derive(Debug, Clone)]
-pub(crate) struct Addition {
+pub(crate) struct Addition<I> {
     pub observation: Observation,
     /// Earlier ones rectified better, by their indices; views are as given.
-    pub replaced: Vec<(usize, Observation)>,
+    pub replaced: I,
     /// Whether these lie so far elsewhere now that the maps so far are no start any more.
     pub restart: bool,
 }
 
-impl Addition {
+impl Addition<[(usize, Observation); 0]> {
     /// One that changes nothing about others.
     pub fn new(observation: Observation) -> Self {
-        Self { observation, replaced: Vec::new(), restart: false }
+        Self { observation, replaced: [], restart: false }
     }
 }
 
@@ -210,7 +211,11 @@ impl Estimation {
     ///
     /// # Errors
     /// When sizes differ, the first has no start, or a network is broken.
-    pub fn add(&mut self, addition: Addition, start: Option<&Svbrdf>) -> Result<()> {
+    pub fn add(
+        &mut self,
+        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        start: Option<&Svbrdf>,
+    ) -> Result<()> {
         let Addition { observation, replaced, restart } = addition;
         self.leave();
         for (index, observation) in replaced {

@@ -16,13 +16,13 @@ use super::noise::Noise;
 use super::options::{NoiseOptions, SolverOptions};
 use super::posterior::{NormalEquations, Posterior, cost};
 use super::prior::{Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates};
+use crate::Result;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
-use crate::{Error, Result};
 
 /// What so many steps have come to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,25 +92,7 @@ impl Solver {
             noise: [Noise::expected(noise); 3],
             damping: vec![solver.first_damping; maps.texels()],
         };
-        Self::resume(maps, observations, prior, solver, noise, state)
-    }
-
-    /// Goes on where another stopped.
-    ///
-    /// # Errors
-    /// When sizes differ.
-    pub fn resume(
-        maps: &Svbrdf,
-        observations: &[Observation],
-        prior: &Prior,
-        solver: &SolverOptions,
-        noise: &NoiseOptions,
-        state: SolverState,
-    ) -> Result<Self> {
         check_observations(maps, observations)?;
-        if state.damping.len() != maps.texels() {
-            return Err(Error::argument("damping", "one number for each texel is expected"));
-        }
         let weight = observations.iter().map(Observation::total_weight).sum();
         Ok(Self { options: (*solver, *noise), prior: *prior, state, weight, fixed: false })
     }

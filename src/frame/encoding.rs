@@ -1,9 +1,10 @@
 //! Transfer curves, as closed forms and as tables.
 
+use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
 /// Transfer curve of stored pixel values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Encoding {
     /// Proportional to radiance.
     Linear,

@@ -18,7 +18,6 @@ mod turn;
 pub(crate) use file::read_picture;
 #[cfg(feature = "files")]
 pub(crate) use file::{MEMORY, Picture, decode, look_at};
-pub(crate) use stored::Stored;
 pub(crate) use tone::{Lift, LogCurve, ToneTable};
 
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, YuvMatrix};

@@ -1,5 +1,7 @@
 //! What cameras do to values beyond their encoding, undone.
 
+use serde::{Deserialize, Serialize};
+
 /// Exponent of the encoded value in which curves are smooth: about that of sRGB.
 const ENCODED: f64 = 1.0 / 2.2;
 /// Encoded value that a curve leaves where it is: of white paper in an ordinary exposure.
@@ -18,7 +20,7 @@ const TABLE_STEPS: usize = 4096;
 /// `e = stored^(1 / 2.2)`: always positive, so that the curve rises whatever the parameters; with
 /// `a = b = c` it is a power law, and zeros leave everything as it is. Beyond full scale the slope
 /// stays. The stored value 0.53 (an encoded 0.75) is its own radiance; scale is the photometry's.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ToneCurve {
     /// Logarithms of the slope in shadows (`a`), at middle values (`b`) and in highlights (`c`).
     pub log_slopes: [f64; 3],

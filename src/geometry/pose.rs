@@ -1,9 +1,10 @@
 //! Rigid motion from the board to the camera.
 
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// `x_cam = rotation * x_board + translation`, lengths in mm.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Rotation, board to camera.
     pub rotation: DMat3,

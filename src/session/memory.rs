@@ -46,12 +46,10 @@ pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 
     (BASE + fitting.max(refining) + photographs as u64 * each).saturating_add(kept)
 }
 
-/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones, so many of
-/// which may be rectified anew.
-pub(super) fn while_pushed(settings: &Settings, photo: &Photo, kept: u64, anew: usize) -> u64 {
+/// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.
+pub(super) fn while_pushed(photo: &Photo, kept: u64) -> u64 {
     let pixels = u64::from(photo.width()) * u64::from(photo.height());
-    let observation = OBSERVATION * (settings.resolution as u64).pow(2);
-    kept + photo.stored_bytes() as u64 + DETECTION * pixels + anew as u64 * observation
+    kept + photo.stored_bytes() as u64 + DETECTION * pixels
 }
 
 /// What a photograph needs while it is looked at: itself, and a reduced version without its colours.

@@ -18,10 +18,11 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crossbeam_channel::{Receiver, bounded};
 use web_time::Instant;
 
 pub use self::advice::{Hint, NextView};
-use self::capture::{Capture, Placed, Taken};
+use self::capture::{Capture, Placed, Remade, Taken};
 use self::fit::{Fit, FitHandle, Shared};
 use self::memory::Beside;
 pub use self::memory::Held;
@@ -47,13 +48,20 @@ pub struct Session {
     settings: Settings,
     pool: Arc<Pool>,
     networks: Arc<Networks>,
-    capture: Mutex<Capture>,
+    taking: Mutex<Taking>,
     /// What previews are judged with: replaced with every photograph, never waited for.
     preview: Mutex<Option<Arc<Preview>>>,
     surveys: Mutex<Surveys>,
     /// What is counted against the memory limit beside the session's own.
     beside: Arc<Beside>,
     fit: FitHandle,
+}
+
+/// Photographs being taken in.
+struct Taking {
+    capture: Capture,
+    /// What becomes of those that the fit rectifies better.
+    remade: Option<Receiver<Vec<Remade>>>,
 }
 
 impl Session {
@@ -120,15 +128,26 @@ impl Session {
             surveys,
             beside,
             fit,
-            capture: Mutex::new(capture),
+            taking: Mutex::new(Taking { capture, remade: None }),
         };
-        session.remember(&session.capture());
+        session.remember(&session.taking().capture);
         Ok(session)
     }
 
     /// What photographs have told; waits for a push.
-    fn capture(&self) -> MutexGuard<'_, Capture> {
-        self.capture.lock().unwrap_or_else(PoisonError::into_inner)
+    fn taking(&self) -> MutexGuard<'_, Taking> {
+        self.taking.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The same with every photograph rectified as it should be, or told why not: waits for a step of the fit
+    /// where a photograph has just come.
+    fn settled_capture(&self) -> Result<MutexGuard<'_, Taking>> {
+        let mut taking = self.taking();
+        if let Some(remade) = taking.remade.take() {
+            let remade = self.fit.receive(&remade)?;
+            taking.capture.adopt(remade);
+        }
+        Ok(taking)
     }
 
     /// Lets previews be judged with what the capture tells now.
@@ -154,13 +173,14 @@ impl Session {
     /// When the seconds are not a number of at least 0.
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
-        let mut state = self.fit.shared.lock();
-        let changed = std::mem::replace(&mut state.budget, budget) != budget;
-        if changed && state.cut {
-            // The fit finds out what is to do; who waits, waits for that.
-            state.progress.settled = false;
+        {
+            let mut state = self.fit.shared.lock();
+            let changed = std::mem::replace(&mut state.budget, budget) != budget;
+            if changed && state.cut {
+                // The fit finds out what is to do; who waits, waits for that.
+                state.progress.settled = false;
+            }
         }
-        drop(state);
         self.fit.wake();
         Ok(())
     }
@@ -197,17 +217,17 @@ impl Session {
         let begun = Instant::now();
         self.fit.shared.usable()?;
         // Photographs are taken in one after the other; a fit in progress is not disturbed.
-        let mut capture = self.capture();
-        let taken = match self.take(photo, &capture, take)? {
+        let mut taking = self.settled_capture()?;
+        let taken = match self.take(photo, &taking.capture, take)? {
             Ok(taken) => taken,
             Err(rejection) => return Ok(Pushed::Rejected(rejection)),
         };
+        let Taken { capture, observation, remakes, restart, pose, hints } = taken;
         let first = self.fit.shared.lock().maps.is_none();
-        let observation = &taken.addition.observation;
-        let start = || self.pool.install(|| first_maps(&self.networks, observation));
+        let start = || self.pool.install(|| first_maps(&self.networks, &observation));
         let start = if first { Some(Arc::new(start()?)) } else { None };
-        *capture = taken.capture;
         self.remember(&capture);
+        taking.capture = capture;
         let index = {
             let mut state = self.fit.shared.lock();
             if let Some(maps) = &start {
@@ -219,19 +239,22 @@ impl Session {
             index
         };
         self.fit.shared.notify();
-        let addition = taken.addition;
+        let (reply, remade) = bounded(1);
+        taking.remade = (!remakes.is_empty()).then_some(remade);
         // Whoever saw the maps may have cancelled already: the photograph counts all the same.
-        if !self.fit.send(move |fit| fit.add(addition, start.as_deref()))
+        if !self
+            .fit
+            .send(move |fit| fit.add(observation, remakes, restart, start.as_deref(), &reply))
             && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
         {
             return Err(error);
         }
         Ok(Pushed::Accepted(Accepted {
             index,
-            pose: taken.pose.map(|known| known.pose),
-            reprojection_rms_px: taken.pose.map(|known| known.reprojection_rms_px),
+            pose: pose.map(|known| known.pose),
+            reprojection_rms_px: pose.map(|known| known.reprojection_rms_px),
             maps_seconds: begun.elapsed().as_secs_f64(),
-            hints: taken.hints,
+            hints,
         }))
     }
 
@@ -246,8 +269,7 @@ impl Session {
             return Ok(Err(Rejection::NotFinite));
         }
         let photographs = self.fit.shared.lock().progress.frames + 1;
-        let kept = capture.kept_bytes();
-        let beside = memory::while_pushed(&self.settings, photo, kept, capture.unsettled());
+        let beside = memory::while_pushed(photo, capture.kept_bytes());
         self.check_memory(photographs, beside)?;
         self.pool.install(|| take(capture))
     }
@@ -284,10 +306,10 @@ impl Session {
         placed: Option<Placed>,
     ) -> Result<std::result::Result<Observed, Rejection>> {
         self.fit.shared.usable()?;
-        let capture = self.capture().clone();
+        let capture = self.settled_capture()?.capture.clone();
         let taken = self.take(photo, &capture, |capture| capture.with(photo, placed))?;
-        Ok(taken.map(|Taken { addition, pose, hints, .. }| Observed {
-            observation: addition.observation,
+        Ok(taken.map(|Taken { observation, pose, hints, .. }| Observed {
+            observation,
             pose,
             hints,
         }))
@@ -311,21 +333,21 @@ impl Session {
     /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
     pub fn remove_frame(&self, index: usize) -> Result<()> {
         self.fit.shared.usable()?;
-        let mut capture = self.capture();
+        let mut taking = self.settled_capture()?;
         let frames = self.fit.shared.lock().progress.frames;
         if index >= frames {
             let message = format!("{index} given, but there are {frames} photographs");
             return Err(Error::argument("index", message));
         }
-        let left = self.pool.install(|| capture.without(index));
+        let left = self.pool.install(|| taking.capture.without(index));
         let left = left.map_err(|(other, rejection)| {
             let why = format!("photograph {other} cannot be used without it: {rejection}");
             Error::argument("index", why)
         })?;
         let photographs = left.observations();
         self.fit.ask(move |fit| fit.begin_anew(photographs))?;
-        *capture = left;
-        self.remember(&capture);
+        self.remember(&left);
+        taking.capture = left;
         self.fit.shared.notify();
         Ok(())
     }

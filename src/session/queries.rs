@@ -61,48 +61,49 @@ impl Session {
     /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
     /// photographs, and while it is unknown.
     pub fn camera(&self) -> Option<Camera> {
-        self.capture().camera()
+        self.taking().capture.board()?.camera()
     }
 
     /// Standard deviations of fx, fy, cx, cy (px), k1, k2, p1, p2, k3 of an estimated camera.
     pub fn camera_sigma(&self) -> Option<[f64; 9]> {
-        self.capture().camera_sigma()
+        self.taking().capture.board()?.estimate().map(|e| e.sigma())
     }
 
     /// How the printed board differs from its plan (stretch, bow), as used, with standard deviations. As
     /// planned unless two photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
-        self.capture().paper()
+        Some(self.taking().capture.board()?.paper())
     }
 
     /// Height of the sample's surface above the board, as used, with its standard deviation. 0 unless two
     /// photographs or more clearly say otherwise. If the scene states the height, it has no standard
     /// deviation. `None` for rectified photographs.
     pub fn elevation(&self) -> Option<ElevationEstimate> {
-        self.capture().elevation()
+        Some(self.taking().capture.board()?.elevation())
     }
 
     /// Current estimates of the poses of the accepted photographs: later photographs improve what is known
     /// of paper and camera, and so the poses of earlier ones. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
-        self.capture().poses()
+        self.taking().capture.poses()
     }
 
     /// Light position in the camera frame as used, mm.
     pub fn flash_offset_mm(&self) -> DVec3 {
-        self.capture().flash_offset_mm()
+        self.taking().capture.flash_offset_mm()
     }
 
     /// Ambient irradiance as a share of the flash's at the sample's centre, facing the flash at the
     /// first photograph's distance.
     pub fn ambient_fraction(&self) -> f32 {
-        self.capture().ambient_fraction()
+        let mean = |ambient: [f64; 3]| (ambient.iter().sum::<f64>() / 3.0) as f32;
+        self.taking().capture.photometry().map_or(0.0, |p| mean(p.ambient))
     }
 
     /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
     /// values seem linear.
     pub fn tone_curve(&self) -> ToneCurve {
-        self.capture().tone_curve()
+        self.taking().capture.photometry().map_or_else(ToneCurve::default, |p| p.tone)
     }
 
     /// How the maps of the moment explain each accepted photograph, and whether one contradicts the
@@ -151,7 +152,7 @@ impl Session {
     /// highlights reach slopes of the sample that none has swept.
     pub fn next_view(&self) -> Option<NextView> {
         let (views, flash_mm) = {
-            let capture = self.capture();
+            let capture = &self.taking().capture;
             let views: Vec<Pose> = capture.poses().into_iter().map(|p| p.pose).collect();
             (views, capture.flash_offset_mm())
         };
@@ -271,7 +272,7 @@ mod tests {
         let photo = capture.frames[0].read().unwrap();
         assert!(matches!(session.push(&photo), Ok(Pushed::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
-        let _held = session.capture.lock().unwrap();
+        let _held = session.taking.lock().unwrap();
         std::thread::scope(|scope| {
             session.pool.install(|| {
                 scope.spawn(|| tell.send(session.probe(&photo).map(|p| p.pose.is_some())));

@@ -1,5 +1,6 @@
 //! What a session is started with.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -12,7 +13,7 @@ use crate::threads::Pool;
 use crate::{Error, Result};
 
 /// What the photographs show, fixed for a session.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // there is one for each session
 pub enum Scene {
     /// Photographs of a board round the sample.
@@ -42,7 +43,7 @@ pub enum Scene {
 }
 
 /// Light of rectified photographs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum RectifiedFalloff {
     /// As given.
     Given(Falloff),
@@ -62,7 +63,7 @@ pub enum Driver {
 }
 
 /// Options of a session.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Width and height of the sample, mm.
     pub sample_mm: [f32; 2],
@@ -77,8 +78,10 @@ pub struct Settings {
     /// Most memory that the session may need by its own estimate, bytes; `None`: any amount. The
     /// networks, which sessions share, are not counted. Sessions and photographs that would need
     /// more are refused with [`Error::MemoryLimit`].
+    #[serde(skip)]
     pub memory_limit_bytes: Option<u64>,
     /// Who goes on with the fit.
+    #[serde(skip)]
     pub driver: Driver,
 }
 

@@ -35,6 +35,7 @@ use robust::{
     CORNERS_MIN, ROUNDS, TRIM_MIN_PX, TRIM_SIGMA, best_pose, freedom, noise, totals, trim,
     turn_poses, view,
 };
+use serde::{Deserialize, Serialize};
 
 /// Noise of corners assumed before residuals tell, px.
 const NOISE_PX: f64 = 0.15;
@@ -43,7 +44,7 @@ const RMS_MAX_PX: f64 = 2.0;
 const RMS_MAX_SIDE: f64 = 1e-3;
 
 /// An estimated camera and how well it is known.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraEstimate {
     /// The camera.
     pub camera: Camera,
@@ -54,7 +55,8 @@ pub struct CameraEstimate {
     pub paper: PaperEstimate,
     /// Root mean square distance of the corners that took part from their projections, px.
     pub rms_px: f64,
-    /// One for each photograph given, in their order.
+    /// One for each photograph given, in their order; none in a saved session.
+    #[serde(skip)]
     pub views: Vec<ViewEstimate>,
 }
 

@@ -3,6 +3,7 @@
 use crate::frame::Photo;
 use crate::geometry::Camera;
 use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
 
 /// fx, fy, cx, cy, k1, k2, p1, p2, k3.
 pub(super) const INTRINSICS: usize = 9;
@@ -32,7 +33,7 @@ const LOG_SIGMA_MIN: f64 = 1e-5;
 /// of photographs, each has a plausible value and spread: what the corners do not tell stays
 /// plausible, what they tell soon outweighs this, because it is weighed against the corners' noise.
 /// An infinite sigma is no opinion; 0 keeps a value.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraPrior {
     /// Expected values and the picture's size.
     pub camera: Camera,

@@ -1,9 +1,10 @@
 //! The pattern of a flash.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// How the intensity of a flash depends on direction.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Lobe {
     /// `n` of `cos^n`, of the angle between the direction from flash to surface and the camera's axis.
     pub exponent: f64,

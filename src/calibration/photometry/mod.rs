@@ -34,6 +34,7 @@ mod model;
 mod squares;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::Target;
@@ -74,7 +75,7 @@ pub enum FlashOffset {
 }
 
 /// Relative response of the lens over the photo.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Vignetting {
     /// `m` of `ln V = -(m u + k u²)`, `u = -ln cos(angle to the optical axis)`.
     pub exponent: f64,
@@ -91,7 +92,7 @@ impl Vignetting {
 }
 
 /// How a photo's values become radiance, and the light they were taken under.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Radiometry {
     /// Radiance in the units of [`View`](crate::observation::View) of a pixel value of 1 on the
     /// optical axis, per channel, the tone curve undone; includes the photo's exposure. Divide by the

@@ -1,6 +1,7 @@
 //! Radiance of the board's squares in one photograph.
 
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
@@ -29,7 +30,7 @@ const MIN_SQUARES: usize = 4;
 const MIN_LEVEL: f32 = 0.01;
 
 /// Mean value of one printed square.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Square {
     /// Whether it is white.
     pub white: bool,
@@ -40,7 +41,7 @@ pub struct Square {
 }
 
 /// The squares of one photograph.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Squares {
     /// Squares with at least one usable channel.
     pub squares: Vec<Square>,

@@ -57,18 +57,6 @@ impl Descent {
         Self { problem, progress, limits }
     }
 
-    /// Goes on where another stopped that began with the same; `None` where sizes differ.
-    pub fn resume(mut self, progress: Progress) -> Option<Self> {
-        let sizes = |p: &Progress| {
-            let State { deviations, groups, correction } = &p.state;
-            let of_lights = [correction.turns.len(), correction.mirrored.len()];
-            (deviations.len(), groups.len(), of_lights, correction.exposure.gains.len())
-        };
-        let fits = sizes(&progress) == sizes(&self.progress);
-        self.progress = progress;
-        fits.then_some(self)
-    }
-
     /// The most probable state near the first.
     pub fn run(mut self) -> (Problem, State) {
         while !self.progress.done {

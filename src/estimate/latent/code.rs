@@ -10,6 +10,7 @@ use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, RANGE, encoding};
 use crate::{Error, Result, Svbrdf};
+use serde::{Deserialize, Serialize};
 
 /// Texels per task of the conversions between encoded and natural parameters.
 const CHUNK: usize = 4096;
@@ -122,7 +123,11 @@ impl Code {
         if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
             return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
         }
+        if !deviation.is_finite() || adam.second.iter().any(|v| *v < 0.0) {
+            return Err(Error::argument("moments", "a deviation or mean square is out of range"));
+        }
         let deviation = deviation.max(options.min_deviation);
+        let adam = Adam { steps: adam.steps.max(0), ..adam };
         if !same_networks {
             let found = Self::new(networks, &maps, options)?;
             return Ok(Self { anchor, deviation, ..found });
@@ -247,17 +252,20 @@ fn pieces(planes: &mut [f32], n: usize) -> impl Iterator<Item = (usize, usize, &
 }
 
 /// A [`Code`] as plain data.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedCode {
     /// The latent code.
+    #[serde(with = "crate::little_endian")]
     pub code: Vec<f32>,
     /// Its moments, as many.
     pub adam: Adam,
     /// Slopes that the prior holds on to: two encoded planes.
+    #[serde(with = "crate::little_endian")]
     pub anchor: Vec<f32>,
     /// Their expected error.
     pub deviation: f32,
     /// What the decoder cannot express of the start: nine encoded planes.
+    #[serde(with = "crate::little_endian")]
     pub detail: Vec<f32>,
     pub maps: Svbrdf,
     /// Whether the code has moved since the maps were written.

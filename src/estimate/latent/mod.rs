@@ -15,6 +15,7 @@ mod gains;
 #[cfg(test)]
 mod tests;
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::options::{GainOptions, LatentOptions};
@@ -23,6 +24,9 @@ use crate::initial_estimate::Networks;
 use crate::{Error, Result, Svbrdf};
 use code::Code;
 pub(crate) use code::SavedCode;
+
+/// Most steps and photographs that a saved fit is believed.
+const MAX_SAVED: usize = 1 << 24;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +49,7 @@ pub(crate) struct LatentFit {
 }
 
 /// How far a fit is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LatentPosition {
     /// Steps done since the latest photograph.
     pub done: usize,
@@ -56,7 +60,7 @@ pub(crate) struct LatentPosition {
 }
 
 /// What a [`LatentFit`] holds apart from photographs and networks.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedFit {
     pub position: LatentPosition,
     pub code: SavedCode,
@@ -174,7 +178,10 @@ impl LatentFit {
         gains: &GainOptions,
     ) -> Result<Self> {
         let first = photographs.averaged().first().ok_or(Error::NoMaps)?;
-        let SavedFit { position, code } = saved;
+        let SavedFit { mut position, code } = saved;
+        // More than anyone takes.
+        position.done = position.done.min(MAX_SAVED);
+        position.fresh = position.fresh.min(MAX_SAVED);
         if [code.maps.width(), code.maps.height()] != [first.width(), first.height()] {
             return Err(Error::argument("fit", "maps of the photographs' size are expected"));
         }

@@ -78,20 +78,6 @@ pub(crate) struct LightFit {
     held: Option<Lights>,
 }
 
-/// What differs from step to step of a [`LightFit`]: the free lights' and the held ones'.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SavedLights {
-    pub free: SavedDescent,
-    pub held: Option<SavedDescent>,
-}
-
-/// A descent's progress, and for how many steps what is shared has hardly changed.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SavedDescent {
-    pub progress: Progress,
-    pub still_steps: usize,
-}
-
 impl LightFit {
     /// Before the first step; nothing where photographs are too few.
     pub fn new(start: Start, free: Free, options: &EstimateOptions) -> Option<Self> {
@@ -161,22 +147,6 @@ impl LightFit {
             [done + steps, all + if ended { steps } else { (steps + 2).max(6) }]
         })
     }
-
-    /// What [`LightFit::resume`] needs.
-    pub fn save(&self) -> SavedLights {
-        SavedLights { free: self.free.save(), held: self.held.as_ref().map(Lights::save) }
-    }
-
-    /// Goes on where another stopped that began with the same; `None` where sizes differ.
-    pub fn resume(mut self, saved: SavedLights) -> Option<Self> {
-        self.free = self.free.resume(saved.free)?;
-        self.held = match (self.held, saved.held) {
-            (Some(held), Some(saved)) => Some(held.resume(saved)?),
-            (None, None) => None,
-            _ => return None,
-        };
-        Some(self)
-    }
 }
 
 /// A descent of the posterior.
@@ -198,16 +168,6 @@ impl Lights {
 
     fn progress(&self) -> &Progress {
         &self.descent.progress
-    }
-
-    fn save(&self) -> SavedDescent {
-        SavedDescent { progress: self.progress().clone(), still_steps: self.still_steps }
-    }
-
-    fn resume(mut self, saved: SavedDescent) -> Option<Self> {
-        self.descent = self.descent.resume(saved.progress)?;
-        self.still_steps = saved.still_steps;
-        Some(self)
     }
 
     /// One step towards the most probable state.

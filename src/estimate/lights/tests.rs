@@ -272,33 +272,3 @@ fn right_lights_of_a_mirror_without_diffuse_albedo_stay() {
     let widest = correction.turns.iter().flatten().fold(0.0f64, |m, t| m.max(t.abs()));
     assert!(widest < 5e-4, "{widest} radians");
 }
-
-#[test]
-fn a_saved_fit_goes_on_to_the_same_bits() {
-    let maps = material();
-    let (observations, mut given) = capture(&maps, 0.02);
-    for (i, view) in given.iter_mut().enumerate() {
-        *view = corrected(view, [[0.05, -0.02], [-0.03, 0.04]][i % 2], 0.0, 0.0);
-    }
-    let start = spoiled(&maps);
-    let lights = LightOptions { steps: 4, ..Default::default() };
-    let options = EstimateOptions { lights, ..EstimateOptions::default() };
-    let (prior, offset) = (Prior::default(), Offset::default());
-    let photographs = photographs(&observations, &given, &Correction::default());
-    let run = |saved: bool| {
-        let begin = || {
-            let (photographs, prior, offset) = (&photographs, &prior, &offset);
-            let start = Start { photographs, maps: &start, base: &start, prior, offset };
-            LightFit::new(start, TURNING, &options).unwrap()
-        };
-        let mut fit = begin();
-        while !fit.is_done() {
-            fit.step();
-            if saved {
-                fit = begin().resume(fit.save()).unwrap();
-            }
-        }
-        (fit.save(), fit.result())
-    };
-    assert!(run(true) == run(false));
-}

@@ -166,10 +166,9 @@ fn trials_that_are_left_out_change_no_choice() {
         let mut table: Vec<f64> = trials.errors.iter().map(|_| value(0.3, 1.6)).collect();
         // nothing where as given it leaves nothing visible
         table[0] = if case % 7 == 0 { 0.0 } else { table[1] * value(0.9, 1.8) };
-        let undone = trials.save();
-        assert!(trials.resume(&table));
+        let undone = std::mem::replace(&mut trials.errors, table.clone());
         let expected = trials.chosen();
-        assert!(trials.resume(&undone));
+        trials.errors = undone;
         while let Some(next) = trials.next() {
             assert!(trials.errors[next].is_nan());
             trials.errors[next] = table[next];
@@ -194,7 +193,7 @@ fn errors_that_are_no_numbers_end_the_trials() {
             }
         }
         assert!(trials.is_done() && trials.chosen().is_none(), "{:?}", trials.errors);
-        assert!(trials.save().iter().all(|e| e.is_finite()));
+        assert!(trials.errors.iter().all(|e| !e.is_infinite()));
     }
 }
 

@@ -126,18 +126,6 @@ impl WidthTrials {
         self.errors[trial] = if error.is_finite() { error } else { f64::MAX };
     }
 
-    /// Errors of all trials, for [`WidthTrials::resume`]; negative where one is not done.
-    pub fn save(&self) -> Vec<f64> {
-        self.errors.iter().map(|e| if e.is_nan() { -1.0 } else { *e }).collect()
-    }
-
-    /// Takes over errors of trials that were done before; whether they fit.
-    pub fn resume(&mut self, errors: &[f64]) -> bool {
-        let fits = errors.len() == self.errors.len();
-        self.errors = errors.iter().map(|e| if *e < 0.0 { f64::NAN } else { *e }).collect();
-        fits
-    }
-
     /// The prior that was chosen; nothing where the light is as given.
     pub fn chosen(&self) -> Option<Widths> {
         let options = &self.options.structured;

@@ -102,14 +102,6 @@ impl ClassTrials {
         Ok(())
     }
 
-    /// Takes over the costs of trials that were done before; whether they fit.
-    pub fn resume(&mut self, costs: Vec<Vec<f32>>) -> bool {
-        let texels = self.maps.texels();
-        let fits = costs.len() <= self.count() && costs.iter().all(|cost| cost.len() == texels);
-        self.costs = costs;
-        fits
-    }
-
     /// Gives every texel of maps and mean the gloss of its classes, each by its responsibility.
     pub fn assign(&self, belief: &mut Belief) {
         if self.classes.is_empty() {

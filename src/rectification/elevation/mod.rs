@@ -30,6 +30,7 @@ pub(crate) use detail::Detail;
 
 use detail::{Band, CHANNELS, LEVELS};
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 use crate::parallel;
 
@@ -69,7 +70,7 @@ pub(crate) fn is_possible(mm: f64) -> bool {
 }
 
 /// Height of the sample's surface above the board's plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ElevationEstimate {
     /// Height, mm; 0 unless the photographs contradict that clearly.
     pub mm: f64,

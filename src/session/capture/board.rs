@@ -5,16 +5,18 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::photograph::{Conditions, Details, Measured, Part, Photograph, steepest};
+use super::photograph::{
+    Conditions, Details, Measured, Part, Photograph, Remade, Remake, steepest,
+};
 use super::reasons::{Softness, other_camera, same_lens};
 use crate::calibration::photometry::{FlashOffset, PhotometricCalibrator, Photometry, Squares};
 use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
     PoseEstimate, Target,
 };
-use crate::estimate::Addition;
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::observation::Observation;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::session::advice::{self, Hint};
 use crate::session::preview::{Preview, why_no_board};
@@ -55,6 +57,8 @@ pub(in crate::session) struct Board {
     pub(super) elevation: ElevationEstimate,
     pub(super) photometry: Option<Photometry>,
     pub(super) photographs: Vec<Photograph>,
+    /// Those that could not be rectified as they should be, of which nobody has been told yet.
+    pub(super) refused: Vec<(usize, Rejection)>,
 }
 
 /// Camera and poses with a new photograph.
@@ -82,7 +86,10 @@ pub(super) struct Plan {
 /// A photograph taken in.
 pub(super) struct WithPhotograph {
     pub(super) board: Board,
-    pub(super) addition: Addition,
+    pub(super) observation: Observation,
+    /// Earlier ones to be rectified better.
+    pub(super) remakes: Vec<Remake>,
+    pub(super) restart: bool,
     pub(super) pose: BoardPose,
     pub(super) hints: Vec<Hint>,
 }
@@ -133,6 +140,7 @@ impl Board {
             elevation,
             photometry: None,
             photographs: Vec::new(),
+            refused: Vec::new(),
         })
     }
 
@@ -220,9 +228,12 @@ impl Board {
             + details.map(Detail::bytes).sum::<u64>()
     }
 
-    /// Photographs that may be rectified anew.
-    pub(super) fn unsettled(&self) -> usize {
-        self.photographs.iter().filter(|p| p.part.is_some()).count()
+    /// Takes over what became of photographs that were to be rectified better.
+    pub(super) fn adopt(&mut self, remade: Vec<Remade>) {
+        for Remade { index, rectified, refusal } in remade {
+            self.photographs[index].adopt(rectified);
+            self.refused.extend(refusal.map(|rejection| (index, rejection)));
+        }
     }
 
     /// The board with another photograph, calibrated and rectified.
@@ -249,7 +260,7 @@ impl Board {
         let plan = self
             .plan(&measured, solved, part.as_deref(), edge_px)
             .map_err(|rejection| blur.explained(rejection))?;
-        let photograph = Photograph::new(
+        let (photograph, observation) = Photograph::new(
             photo,
             measured,
             rms_px,
@@ -258,26 +269,22 @@ impl Board {
             sample_mm,
             self.resolution,
         )?;
-        let observation = photograph.observation().clone();
         let poses: Vec<Pose> = self.photographs.iter().map(|p| p.pose).collect();
-        let mut hints = Vec::from_iter(advice::nothing_new(&poses, &pose));
+        let refused =
+            self.refused.iter().map(|&(index, rejection)| Hint::NotRemade { index, rejection });
+        let mut hints: Vec<Hint> = advice::nothing_new(&poses, &pose).into_iter().collect();
         if let Some(known) = plan.calibrator.photometry() {
             hints.extend(advice::linearity(photo, &self.target, &camera, &pose, known));
         }
+        hints.extend(refused);
         let mut board = self.clone();
+        board.refused.clear();
         let restart = board.commit(plan, photograph);
-        let mut replaced = Vec::new();
-        for (index, earlier) in board.photographs[..self.photographs.len()].iter_mut().enumerate() {
-            match earlier.remake(false) {
-                Ok(true) => replaced.push((index, earlier.observation().clone())),
-                Ok(false) => {}
-                Err(rejection) => hints.push(Hint::NotRemade { index, rejection }),
-            }
-        }
+        let earlier = board.photographs[..self.photographs.len()].iter_mut().enumerate();
+        let remakes = earlier.filter_map(|(index, earlier)| earlier.remake(index)).collect();
         board.settle();
-        let addition = Addition { observation, replaced, restart };
         let pose = BoardPose { pose, reprojection_rms_px: rms_px };
-        Ok(WithPhotograph { board, addition, pose, hints })
+        Ok(WithPhotograph { board, observation, remakes, restart, pose, hints })
     }
 
     /// What a photograph tells that was measured.
@@ -315,9 +322,10 @@ impl Board {
         for (index, earlier) in self.photographs.iter_mut().enumerate() {
             let Some(radiometry) = calibrator.radiometry(index) else { continue };
             let (pose, elevation_mm) = (earlier.pose, elevation.mm);
-            let latest = Conditions { camera, pose, radiometry, elevation_mm, ..earlier.wanted };
+            let wanted = earlier.wanted;
+            let latest = Conditions { camera, pose, radiometry, elevation_mm, ..wanted };
             let kept = earlier.part.is_some();
-            earlier.wanted = earlier.wanted.improved(&latest, kept, self.sample_mm);
+            earlier.wanted = wanted.improved(&latest, kept, self.sample_mm);
         }
         self.photographs.push(photograph);
         for (photograph, details) in self.photographs.iter_mut().zip(details) {

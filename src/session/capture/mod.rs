@@ -16,16 +16,13 @@ use super::advice::Hint;
 use super::preview::Preview;
 use super::reports::BoardPose;
 use super::settings::{RectifiedFalloff, Scene, Settings};
-use crate::calibration::PaperEstimate;
-use crate::estimate::Addition;
-use crate::frame::{Photo, ToneCurve};
-use crate::geometry::Camera;
+use crate::calibration::photometry::Photometry;
+use crate::frame::Photo;
 use crate::observation::{Falloff, Observation, View};
 use crate::rectification;
-use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
-pub(super) use photograph::{Conditions, Measured, Part, Photograph};
+pub(super) use photograph::{Conditions, Measured, Part, Photograph, Remade, Remake};
 
 /// The accepted photographs and what they have told.
 #[derive(Clone)]
@@ -54,8 +51,11 @@ pub(super) struct Placed {
 pub(super) struct Taken {
     /// The capture with it.
     pub(super) capture: Capture,
-    /// What the fit is told.
-    pub(super) addition: Addition,
+    pub(super) observation: Observation,
+    /// Earlier ones to be rectified better, which [`Capture::adopt`] waits for.
+    pub(super) remakes: Vec<Remake>,
+    /// Whether these lie so far elsewhere then that maps so far are no start any more.
+    pub(super) restart: bool,
     pub(super) pose: Option<BoardPose>,
     pub(super) hints: Vec<Hint>,
 }
@@ -88,7 +88,9 @@ impl Capture {
         match (self, placed) {
             (Self::Board(board), None) => Ok(board.with(photo).map(|with| Taken {
                 capture: Self::Board(Box::new(with.board)),
-                addition: with.addition,
+                observation: with.observation,
+                remakes: with.remakes,
+                restart: with.restart,
                 pose: Some(with.pose),
                 hints: with.hints,
             })),
@@ -119,7 +121,8 @@ impl Capture {
     pub(super) fn observations(&self) -> Vec<Observation> {
         match self {
             Self::Board(board) => {
-                board.photographs().iter().map(|p| p.observation().clone()).collect()
+                let rectified = board.photographs().iter().filter_map(|p| p.rectified.as_ref());
+                rectified.map(|r| r.observation().clone()).collect()
             }
             Self::Rectified(rectified) => rectified.photographs.clone(),
         }
@@ -130,36 +133,23 @@ impl Capture {
         self.board().map_or(0, Board::kept_bytes)
     }
 
-    /// Photographs that another one may have rectified anew.
-    pub(super) fn unsettled(&self) -> usize {
-        self.board().map_or(0, Board::unsettled)
+    /// Takes over what became of photographs that were to be rectified better.
+    pub(super) fn adopt(&mut self, remade: Vec<Remade>) {
+        if let Self::Board(board) = self {
+            board.adopt(remade);
+        }
     }
 
-    fn board(&self) -> Option<&Board> {
+    pub(super) fn board(&self) -> Option<&Board> {
         match self {
             Self::Board(board) => Some(board),
             Self::Rectified(_) => None,
         }
     }
 
-    /// The camera as used.
-    pub(super) fn camera(&self) -> Option<Camera> {
-        self.board()?.camera()
-    }
-
-    /// Standard deviations of an estimated camera's nine numbers.
-    pub(super) fn camera_sigma(&self) -> Option<[f64; 9]> {
-        Some(self.board()?.estimate()?.sigma())
-    }
-
-    /// The printed sheet, for photographs of a board.
-    pub(super) fn paper(&self) -> Option<PaperEstimate> {
-        Some(self.board()?.paper())
-    }
-
-    /// The sample's height above the board, for photographs of one.
-    pub(super) fn elevation(&self) -> Option<ElevationEstimate> {
-        Some(self.board()?.elevation())
+    /// What is known of the light of photographs of a board.
+    pub(super) fn photometry(&self) -> Option<&Photometry> {
+        self.board()?.photometry()
     }
 
     /// Poses as known now.
@@ -171,20 +161,7 @@ impl Capture {
 
     /// Light position in the camera frame as used, mm; zero for rectified photographs.
     pub(super) fn flash_offset_mm(&self) -> DVec3 {
-        let photometry = self.board().and_then(|b| b.photometry());
-        photometry.map_or(DVec3::ZERO, |p| p.flash_offset_mm)
-    }
-
-    /// Ambient irradiance as a share of the flash's at the sample's centre, mean of the channels.
-    pub(super) fn ambient_fraction(&self) -> f32 {
-        let photometry = self.board().and_then(|b| b.photometry());
-        photometry.map_or(0.0, |p| (p.ambient.iter().sum::<f64>() / 3.0) as f32)
-    }
-
-    /// What undoes the camera's tone curve.
-    pub(super) fn tone_curve(&self) -> ToneCurve {
-        let photometry = self.board().and_then(|b| b.photometry());
-        photometry.map_or_else(ToneCurve::default, |p| p.tone)
+        self.photometry().map_or(DVec3::ZERO, |p| p.flash_offset_mm)
     }
 
     /// What previews are judged with; `None` for rectified photographs.
@@ -214,8 +191,9 @@ impl Rectified {
             };
         let mut with = self.clone();
         with.photographs.push(observation.clone());
-        let (capture, addition) = (Capture::Rectified(with), Addition::new(observation));
-        Ok(Ok(Taken { capture, addition, pose: None, hints: Vec::new() }))
+        let capture = Capture::Rectified(with);
+        let (remakes, hints) = (Vec::new(), Vec::new());
+        Ok(Ok(Taken { capture, observation, remakes, restart: false, pose: None, hints }))
     }
 
     fn without(&self, index: usize) -> Self {

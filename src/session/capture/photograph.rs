@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::Rejection;
 use crate::calibration::photometry::{Radiometry, Squares};
@@ -23,7 +24,7 @@ const CROP_SHARE: f64 = 0.05;
 const CROP_PX: f64 = 24.0;
 
 /// What a photograph is rectified with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(in crate::session) struct Conditions {
     pub(in crate::session) camera: Camera,
     pub(in crate::session) pose: Pose,
@@ -80,7 +81,7 @@ impl Conditions {
 }
 
 /// What was measured in a photograph when it came.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::session) struct Measured {
     pub(in crate::session) corners: Vec<Corner>,
     /// What was expected of its camera.
@@ -98,21 +99,54 @@ pub(super) struct Details {
 }
 
 /// An accepted photograph.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::session) struct Photograph {
     pub(in crate::session) measured: Measured,
     /// Latest estimate, and what it leaves of the corners, px.
     pub(in crate::session) pose: Pose,
     pub(in crate::session) rms_px: f64,
     /// To rectify it again, while camera, paper or sample are not settled.
+    #[serde(serialize_with = "write_part", deserialize_with = "read_part")]
     pub(in crate::session) part: Option<Arc<Part>>,
     /// Found in that part when needed.
+    #[serde(skip)]
     pub(super) details: Option<Arc<Details>>,
     /// What it should be rectified with.
-    pub(super) wanted: Conditions,
-    /// What `observation` was made with.
-    made_with: Conditions,
+    pub(in crate::session) wanted: Conditions,
+    /// `None` while the fit makes it anew.
+    pub(in crate::session) rectified: Option<Rectified>,
+}
+
+/// A rectified photograph and what it was made with: they change together or not at all. The fit has the
+/// observation under the photograph's index; its texels are shared.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::session) struct Rectified {
+    conditions: Conditions,
     observation: Observation,
+}
+
+/// A photograph to be rectified better.
+pub(in crate::session) struct Remake {
+    index: usize,
+    wanted: Conditions,
+    part: Option<Arc<Part>>,
+    rectified: Rectified,
+}
+
+/// What became of that.
+pub(in crate::session) struct Remade {
+    pub(in crate::session) index: usize,
+    pub(in crate::session) rectified: Rectified,
+    /// What speaks against it: it is as it was.
+    pub(in crate::session) refusal: Option<Rejection>,
+}
+
+fn write_part<S: Serializer>(part: &Option<Arc<Part>>, to: S) -> Result<S::Ok, S::Error> {
+    part.as_deref().serialize(to)
+}
+
+fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D::Error> {
+    Ok(Option::deserialize(from)?.map(Arc::new))
 }
 
 impl Photograph {
@@ -128,77 +162,83 @@ impl Photograph {
         conditions: Conditions,
         sample_mm: [f32; 2],
         resolution: usize,
-    ) -> Result<Self, Rejection> {
+    ) -> Result<(Self, Observation), Rejection> {
         let Conditions { camera, pose, .. } = conditions;
         let observation = conditions.rectify(photo, &camera, sample_mm, [resolution; 2])?;
-        Ok(Self::from_saved(measured, (pose, rms_px), part, conditions, observation))
+        let rectified = Some(Rectified { conditions, observation: observation.clone() });
+        let (details, wanted) = (None, conditions);
+        let photograph = Self { measured, pose, rms_px, part, details, wanted, rectified };
+        Ok((photograph, observation))
     }
 
-    /// From what was known of one.
-    pub(in crate::session) fn from_saved(
-        measured: Measured,
-        (pose, rms_px): (Pose, f64),
-        part: Option<Arc<Part>>,
-        conditions: Conditions,
-        observation: Observation,
-    ) -> Self {
-        let (wanted, made_with) = (conditions, conditions);
-        let details = None;
-        Self { measured, pose, rms_px, part, details, wanted, made_with, observation }
+    /// The work of rectifying it as it is wanted, if it is not. Until that is handed back to
+    /// [`Photograph::adopt`], there is no rectified photograph.
+    pub(super) fn remake(&mut self, index: usize) -> Option<Remake> {
+        let rectified = self.rectified.take_if(|rectified| rectified.conditions != self.wanted)?;
+        Some(Remake { index, wanted: self.wanted, part: self.part.clone(), rectified })
     }
 
-    /// The rectified photograph, which the fit has under the same index; its texels are shared.
+    /// Takes over what became of it.
+    pub(super) fn adopt(&mut self, rectified: Rectified) {
+        self.wanted = rectified.conditions;
+        self.rectified = Some(rectified);
+    }
+}
+
+impl Remake {
+    pub(in crate::session) fn make(self) -> Remade {
+        let Self { index, wanted, part, mut rectified } = self;
+        let refusal = rectified.remake(&wanted, part.as_deref(), false).err();
+        Remade { index, rectified, refusal }
+    }
+}
+
+impl Rectified {
     pub(in crate::session) fn observation(&self) -> &Observation {
         &self.observation
     }
 
-    /// What that was made with.
-    pub(in crate::session) fn made_with(&self) -> &Conditions {
-        &self.made_with
+    pub(in crate::session) fn conditions(&self) -> &Conditions {
+        &self.conditions
     }
 
-    /// Width and height of the whole photograph, px.
-    pub(in crate::session) fn picture_size(&self) -> (u32, u32) {
-        (self.made_with.camera.width, self.made_with.camera.height)
-    }
-
-    /// Makes the observation that is wanted; whether it is another one. From the part kept where it
-    /// lies elsewhere, or where `from_pixels` asks for that; else by the change of the light.
+    /// Makes it anew: from the part kept where it lies elsewhere, or where `from_pixels` asks for that; else by
+    /// the change of the light.
     ///
     /// # Errors
-    /// What speaks against it: the photograph stays as it was, and is wanted as it is.
-    pub(super) fn remake(&mut self, from_pixels: bool) -> Result<bool, Rejection> {
-        let (old, new) = (self.made_with, self.wanted);
-        if old == new {
-            return Ok(false);
+    /// What speaks against it: it stays as it was.
+    pub(super) fn remake(
+        &mut self,
+        wanted: &Conditions,
+        part: Option<&Part>,
+        from_pixels: bool,
+    ) -> Result<(), Rejection> {
+        let old = self.conditions;
+        if old == *wanted {
+            return Ok(());
         }
-        let tone = old.radiometry.tone != new.radiometry.tone;
-        match &self.part {
-            Some(part) if from_pixels || tone || !old.same_geometry(&new) => {
+        let tone = old.radiometry.tone != wanted.radiometry.tone;
+        match part {
+            Some(part) if from_pixels || tone || !old.same_geometry(wanted) => {
                 let size = [self.observation.width(), self.observation.height()];
                 let sample_mm = self.observation.view.sample_mm;
-                match new.rectify(&part.photo, &part.camera(&new.camera), sample_mm, size) {
-                    Ok(observation) => self.observation = observation,
-                    Err(rejection) => {
-                        self.wanted = old;
-                        return Err(rejection);
-                    }
-                }
+                self.observation =
+                    wanted.rectify(&part.photo, &part.camera(&wanted.camera), sample_mm, size)?;
             }
             _ => {
                 let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
                 let (to, height_mm) = (&mut self.observation, *elevation_mm as f32);
-                let new = &new.radiometry;
+                let new = &wanted.radiometry;
                 rectification::update_radiometry(to, camera, pose, height_mm, radiometry, new);
             }
         }
-        self.made_with = new;
-        Ok(true)
+        self.conditions = *wanted;
+        Ok(())
     }
 }
 
 /// The part of a photograph that shows the sample.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(in crate::session) struct Part {
     pub(in crate::session) photo: Photo,
     /// Its first pixel in the whole photograph.
@@ -310,12 +350,26 @@ mod tests {
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
         let part = Some(Arc::new(part));
-        Photograph::new(&picture(), measured, 0.1, part, conditions, SAMPLE_MM, 64).unwrap()
+        Photograph::new(&picture(), measured, 0.1, part, conditions, SAMPLE_MM, 64).unwrap().0
     }
 
-    /// What the whole picture gives.
-    fn fresh(conditions: &Conditions) -> Observation {
-        conditions.rectify(&picture(), &conditions.camera, SAMPLE_MM, [64; 2]).unwrap()
+    /// What becomes of the wish for better conditions, if there is one: a refusal or none.
+    fn improve(photograph: &mut Photograph, latest: &Conditions) -> Option<Option<Rejection>> {
+        photograph.wanted = photograph.wanted.improved(latest, true, SAMPLE_MM);
+        let made = photograph.remake(0)?.make();
+        photograph.adopt(made.rectified);
+        Some(made.refusal)
+    }
+
+    /// It is what the whole picture gives.
+    fn assert_rectified(photograph: &Photograph, conditions: &Conditions) {
+        let Rectified { conditions: found, observation } = photograph.rectified.as_ref().unwrap();
+        assert_eq!((found, &photograph.wanted), (conditions, conditions));
+        let (picture, camera) = (picture(), &conditions.camera);
+        assert_close(
+            observation,
+            &conditions.rectify(&picture, camera, SAMPLE_MM, [64; 2]).unwrap(),
+        );
     }
 
     fn assert_close(a: &Observation, b: &Observation) {
@@ -340,11 +394,9 @@ mod tests {
         let share = pixels(&photograph.part.as_ref().unwrap().photo) / pixels(&picture());
         assert!(share < 0.35, "{share}");
         let better = conditions(camera(), 1.3);
-        photograph.wanted = photograph.made_with.improved(&better, true, SAMPLE_MM);
-        assert_eq!(photograph.remake(false), Ok(true));
-        assert_eq!(*photograph.made_with(), better);
-        assert_close(photograph.observation(), &fresh(&better));
-        assert_eq!(photograph.remake(false), Ok(false), "nothing is left to do");
+        assert_eq!(improve(&mut photograph, &better), Some(None));
+        assert_rectified(&photograph, &better);
+        assert_eq!(improve(&mut photograph, &better), None, "nothing is left to do");
     }
 
     /// Record and observation change together or not at all: what follows a refusal begins with what the
@@ -353,22 +405,20 @@ mod tests {
     fn a_photograph_that_cannot_be_rectified_anew_stays_as_it_was() {
         let before = conditions(camera(), 1.0);
         let mut photograph = accepted(before);
-        let unchanged = photograph.observation().clone();
-        // From there none of the sample is in the picture.
+        let unchanged = photograph.rectified.as_ref().unwrap().observation.clone();
+        // From there none of the sample is in the part that is kept.
         let aside = DVec3::new(400.0, 0.0, 0.0);
         let elsewhere = Pose { translation: before.pose.translation + aside, ..before.pose };
         let refused = Conditions { pose: elsewhere, radiometry: radiometry(5.0), ..before };
-        photograph.wanted = photograph.made_with.improved(&refused, true, SAMPLE_MM);
-        let refusal = photograph.remake(false);
-        assert!(matches!(refusal, Err(Rejection::SampleOutside { .. })), "{refusal:?}");
-        assert_eq!((*photograph.made_with(), photograph.wanted), (before, before));
-        assert_eq!(*photograph.observation(), unchanged);
+        let refusal = improve(&mut photograph, &refused);
+        assert!(matches!(refusal, Some(Some(Rejection::SampleOutside { .. }))), "{refusal:?}");
+        assert_eq!(photograph.wanted, before);
+        let rectified = photograph.rectified.as_ref().unwrap();
+        assert_eq!((rectified.conditions, &rectified.observation), (before, &unchanged));
         // A better light then scales what is there from what it was made with.
         let lit = conditions(camera(), 1.3);
-        photograph.wanted = photograph.made_with.improved(&lit, true, SAMPLE_MM);
-        assert_eq!(photograph.remake(false), Ok(true));
-        assert_eq!(*photograph.made_with(), lit);
-        assert_close(photograph.observation(), &fresh(&lit));
+        assert_eq!(improve(&mut photograph, &lit), Some(None));
+        assert_rectified(&photograph, &lit);
     }
 
     #[test]

@@ -24,14 +24,16 @@ impl Board {
             board.again(old, settled).map_err(|rejection| (i, rejection))?;
         }
         for (new, (i, old)) in board.photographs.iter_mut().zip(left()) {
-            // Parts that are let go of below are those that rectified views are made from.
-            let part = std::mem::replace(&mut new.part, old.part.clone().filter(|_| !settled));
-            if new.part.is_none() {
+            let Some(mut rectified) = old.rectified.clone() else { continue };
+            // Parts that the new board has let go of are those that views are made from.
+            let part = old.part.as_deref().filter(|_| !settled);
+            if part.is_none() {
                 let radiometry = new.wanted.radiometry;
-                new.wanted = Conditions { radiometry, ..*old.made_with() };
+                new.wanted = Conditions { radiometry, ..*rectified.conditions() };
             }
-            new.remake(true).map_err(|rejection| (i, rejection))?;
-            new.part = part;
+            let remade = rectified.remake(&new.wanted, part, true);
+            remade.map_err(|rejection| (i, rejection))?;
+            new.adopt(rectified);
         }
         Ok(board)
     }
@@ -50,6 +52,7 @@ impl Board {
             elevation: if as_stated { self.elevation } else { ElevationEstimate::default() },
             photometry: None,
             photographs: Vec::new(),
+            refused: Vec::new(),
             ..*self
         }
     }
@@ -60,7 +63,7 @@ impl Board {
         let solved = self.solve(prior, corners)?;
         let rms_px = solved.new.rms_px;
         let part = old.part.clone().filter(|_| !settled && self.may_move());
-        let edge_px = old.made_with().edge_px;
+        let edge_px = old.wanted.edge_px;
         let plan = self.plan(&old.measured, solved, part.as_deref(), edge_px)?;
         let (pose, wanted) = (plan.conditions.pose, plan.conditions);
         let mut photograph = old.clone();

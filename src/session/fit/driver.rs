@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 use crossbeam_channel::{Receiver, Sender};
 use web_time::Instant;
 
-use super::{Fit, Job, Shared, State, Turn, Work};
+use super::shared::{Shared, State};
+use super::turns::{Fit, Job, Turn, Work};
 use crate::session::settings::Driver;
 use crate::{Error, Result, threads};
 
@@ -101,11 +102,17 @@ impl FitHandle {
     ) -> Result<A> {
         self.shared.usable()?;
         let answer = self.request(question);
+        self.receive(&answer)?
+    }
+
+    /// Waits for what a job sends.
+    ///
+    /// # Errors
+    /// When the fit has failed or was cancelled.
+    pub(in crate::session) fn receive<A>(&self, answer: &Receiver<A>) -> Result<A> {
         while self.turn(Work::Jobs) == Some(Turn::Worked) {}
-        match answer.recv() {
-            Ok(answer) => answer,
-            Err(_) => Err(self.shared.usable().err().unwrap_or(Error::Cancelled)),
-        }
+        let ended = |_| self.shared.usable().err().unwrap_or(Error::Cancelled);
+        answer.recv().map_err(ended)
     }
 
     /// Blocks until `reached` holds (true), or until the deadline (false). Goes on with the fit itself

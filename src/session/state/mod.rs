@@ -1,32 +1,76 @@
 //! A session as bytes, to go on with later or elsewhere.
 //!
-//! Stored: settings and scene, what is known of camera and light with what it was measured on
-//! (corners, squares, and the photographs' parts that may be rectified again), every rectified
-//! photograph, the maps, and the estimate in progress, all to the bit.
+//! Stored: settings and scene, what is known of camera and light, every photograph with what was measured
+//! in it, its part that may be rectified again and its rectified view, the latest maps, and the
+//! estimate where the latest photograph came or, once settled, as it is. What the fit has done since is
+//! done again, to the same bits.
 
-pub(super) mod bytes;
-mod estimation;
-mod intake;
-mod scene;
+mod check;
+mod format;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use self::bytes::{Sections, StateWriter};
-use self::estimation::SavedProgress;
-use super::fit::{Fit, Shared};
+use serde::{Deserialize, Serialize};
+
+use self::format::{as_damage, damaged};
+use super::capture::{Capture, Photograph};
+use super::fit::{Fit, Milestone, Shared};
 use super::reports::Progress;
+use super::settings::{Scene, Settings};
 use super::{RestoreOptions, Session, memory};
-use crate::Result;
-use crate::estimate::{EstimateOptions, Meter};
+use crate::calibration::{CameraEstimate, PaperEstimate};
+use crate::estimate::{Budget, EstimateOptions, Estimation, Exposure, Meter, SavedEstimate};
 use crate::initial_estimate::Networks;
+use crate::observation::Observation;
+use crate::rectification::elevation::ElevationEstimate;
+use crate::{Result, Svbrdf};
 
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
 
+/// What has to be known before anything large is read.
+#[derive(Serialize, Deserialize)]
+struct Head<'a> {
+    settings: Cow<'a, Settings>,
+    scene: Cow<'a, Scene>,
+    budget: Budget,
+    photographs: usize,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Body<'a> {
+    capture: SavedCapture<'a>,
+    fit: SavedFit<'a>,
+}
+
+#[derive(Serialize, Deserialize)]
+enum SavedCapture<'a> {
+    Board {
+        camera: Option<Cow<'a, CameraEstimate>>,
+        paper: PaperEstimate,
+        elevation: ElevationEstimate,
+        photographs: Cow<'a, [Photograph]>,
+    },
+    Rectified {
+        photographs: Cow<'a, [Observation]>,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedFit<'a> {
+    milestone: Milestone,
+    loss_before: f32,
+    /// The latest maps, and what was found of exposure and flash with them.
+    maps: Option<Cow<'a, Svbrdf>>,
+    exposure: Exposure,
+}
+
 impl Session {
     /// The session as bytes: settings, scene, budget, what is known of camera and light, the
-    /// photographs as far as they are needed, the maps, and the state of the fit. [`Session::restore`]
-    /// continues in the same phase, to the same bits.
+    /// photographs as far as they are needed, the maps, and the estimate as it was when the latest photograph
+    /// came, or settled. [`Session::restore`] does again what the fit has done since, and ends with the same
+    /// bits as this session if the budget stays the same and is none of time.
     ///
     /// Waits for a push in progress and for a step of the fit, not for the fit.
     ///
@@ -34,19 +78,22 @@ impl Session {
     /// When the session has failed or was cancelled.
     pub fn save(&self) -> Result<Vec<u8>> {
         // No photograph may come between what the fit and the capture know.
-        let capture = self.capture();
+        let taking = self.settled_capture()?;
         self.fit.shared.usable()?;
-        let mut state = StateWriter::new();
-        let budget = self.fit.shared.lock().budget;
-        state.section(b"SETT", |w| scene::write_settings(w, &self.settings, &budget));
-        state.section(b"SCEN", |w| scene::write(w, &self.scene));
-        intake::write(&mut state, &capture);
+        let saved = taking.capture.clone();
+        let (settings, scene) = (self.settings.clone(), self.scene.clone());
         self.fit.ask(move |fit| {
-            let loss_before = fit.shared.lock().progress.loss_before;
-            let (seconds, steps) = (fit.meter.elapsed().as_secs_f32(), fit.meter.steps());
-            let progress = SavedProgress { loss_before, seconds, steps };
-            estimation::write(&mut state, &fit.estimation, &progress);
-            Ok(state.finish())
+            let (budget, loss_before, maps, exposure) = {
+                let state = fit.shared.lock();
+                let (maps, exposure) = (state.maps.clone(), state.exposure.clone());
+                (state.budget, state.progress.loss_before, maps, exposure)
+            };
+            let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
+            let photographs = fit.estimation.frames();
+            let head = Head { settings, scene, budget, photographs };
+            let maps = maps.as_deref().map(Cow::Borrowed);
+            let fit = SavedFit { milestone: fit.milestone(), loss_before, maps, exposure };
+            format::write(&head, &Body { capture: SavedCapture::of(&saved), fit })
         })
     }
 
@@ -54,47 +101,121 @@ impl Session {
     /// before: the maps stay, and the fit continues from them.
     ///
     /// # Errors
-    /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of a newer major
+    /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of a newer
     /// version, [`Error::MemoryLimit`](crate::Error::MemoryLimit).
     pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
-        let sections = Sections::read(saved)?;
-        let (mut settings, budget) = scene::read_settings(sections.one(b"SETT")?)?;
-        let scene = scene::read(sections.one(b"SCEN")?)?;
+        let (head, rest) = format::read::<Head>(format::content(saved)?)?;
+        let Head { settings, scene, budget, photographs } = head;
+        let (mut settings, scene) = (settings.into_owned(), scene.into_owned());
+        settings.check().and_then(|()| budget.check()).map_err(as_damage)?;
+        check::scene(&scene)?;
         settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
         settings.memory_limit_bytes = options.memory_limit_bytes;
         settings.driver = options.driver;
-        let frames = sections.all(estimation::OBSERVATION).count();
-        memory::check(&settings, frames.max(1), 0)?;
+        memory::check(&settings, photographs.max(1), 0)?;
+        let (Body { capture, fit }, rest) = format::read::<Body>(rest)?;
+        let capture = capture.restored(scene.clone(), &settings)?;
+        let observations = capture.observations();
+        if observations.len() != photographs || !rest.is_empty() {
+            return Err(damaged("photographs are missing, or there is more than a session"));
+        }
         let pool = settings.pool()?;
-        let (task, size) = (settings.task(&scene), settings.resolution);
-        let (estimation, observations, progress) = pool.install(|| {
-            estimation::read(&sections, &networks, task, size, EstimateOptions::default())
+        let shared = Arc::new(Shared::new());
+        shared.lock().budget = budget;
+        let task = settings.task(&scene);
+        let fit = pool.install(|| {
+            fit.restored(shared, pool.clone(), |estimate, maps| {
+                let options = EstimateOptions::default();
+                Estimation::restore(networks.clone(), task, options, estimate, observations, maps)
+            })
         })?;
-        let capture = intake::read(&sections, &scene, &settings, observations)?;
-        let meter = Meter::new(budget, progress.seconds, progress.steps);
-        let restored_maps = pool.install(|| estimation.maps()).ok();
-        let shared = Shared::new();
+        Self::start(scene, settings, networks, capture, pool, fit)
+    }
+}
+
+impl<'a> SavedCapture<'a> {
+    fn of(capture: &'a Capture) -> Self {
+        match capture {
+            Capture::Board(board) => Self::Board {
+                camera: board.estimate().map(Cow::Borrowed),
+                paper: board.paper(),
+                elevation: board.elevation(),
+                photographs: board.photographs().into(),
+            },
+            Capture::Rectified(rectified) => {
+                Self::Rectified { photographs: rectified.photographs[..].into() }
+            }
+        }
+    }
+
+    fn restored(self, scene: Scene, settings: &Settings) -> Result<Capture> {
+        let mut capture = Capture::new(scene, settings).map_err(as_damage)?;
+        let resolution = settings.resolution;
+        match (&mut capture, self) {
+            (Capture::Rectified(rectified), Self::Rectified { photographs }) => {
+                photographs.iter().try_for_each(|p| check::observation(p, resolution))?;
+                rectified.photographs = photographs.into_owned();
+            }
+            (Capture::Board(board), Self::Board { camera, paper, elevation, photographs }) => {
+                camera.iter().try_for_each(|camera| check::camera_estimate(camera))?;
+                check::paper(&paper)?;
+                check::height(&elevation)?;
+                let estimated = board.camera().is_none();
+                let known = camera.as_ref().map(|e| e.camera).or(board.camera());
+                let size = known.map_or((0, 0), |c| (c.width, c.height));
+                photographs.iter().try_for_each(|p| check::photograph(p, size, resolution))?;
+                if camera.is_some() != (estimated && !photographs.is_empty())
+                    || (estimated && photographs.iter().any(|p| p.part.is_none()))
+                {
+                    return Err(damaged("the photographs do not match the camera"));
+                }
+                let camera = camera.map(Cow::into_owned);
+                board.resume(camera, paper, elevation, photographs.into_owned());
+            }
+            _ => return Err(damaged("the photographs do not match the scene")),
+        }
+        Ok(capture)
+    }
+}
+
+impl SavedFit<'_> {
+    fn restored(
+        self,
+        shared: Arc<Shared>,
+        pool: Arc<crate::threads::Pool>,
+        estimation: impl FnOnce(SavedEstimate, Option<Svbrdf>) -> Result<Estimation>,
+    ) -> Result<Fit> {
+        let Self { milestone, loss_before, maps, exposure } = self;
+        let Milestone { estimate, budget, seconds, steps } = milestone;
+        let exposure = exposure.believed().map_err(as_damage)?;
+        budget.check().map_err(as_damage)?;
+        if !loss_before.is_finite() || seconds.is_nan() {
+            return Err(damaged("progress is not a number"));
+        }
+        let maps = maps.map(Cow::into_owned);
+        let estimation = estimation(estimate, maps.clone()).map_err(as_damage)?;
         {
             let mut state = shared.lock();
-            state.budget = budget;
             state.cut = estimation.is_cut();
             state.fitted = estimation.frames();
             state.progress = Progress {
                 frames: estimation.frames(),
                 fraction: estimation.fraction(),
-                loss_before: progress.loss_before,
+                loss_before,
                 loss: estimation.loss(),
                 seconds_left: None,
                 settled: estimation.is_done(),
                 phase: None,
             };
-            if let Some(maps) = restored_maps {
+            if let Some(maps) = maps {
                 state.publish(Arc::new(maps));
-                state.exposure = estimation.exposure().clone();
+                state.exposure = exposure;
             }
         }
-        let fit = Fit::new(Arc::new(shared), pool.clone(), estimation, meter);
-        Self::start(scene, settings, networks, capture, pool, fit)
+        let meter = Meter::new(budget, seconds.max(0.0), steps);
+        let mut fit = Fit::new(shared, pool, estimation, meter);
+        fit.follow_budget();
+        Ok(fit)
     }
 }
 

@@ -236,8 +236,8 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * Saves the scan into a file, to go on with [restore] after the app has been ended, also with a
-     * newer minor version of the library. The scan goes on; a cancelled one cannot be saved.
+     * Saves the scan into a file, to go on with [restore] after the app has been ended. The scan goes on; a
+     * cancelled one cannot be saved.
      */
     fun save(file: File) = Native.sessionSave(this, handle.now, Native.text(file.path))
 
