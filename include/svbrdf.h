@@ -1585,9 +1585,9 @@ typedef struct svbrdf_buffer svbrdf_buffer;
 
 /**
  * The session as bytes: board, camera, settings, budget, photos as far as they are needed, maps, and
- * the state of the fit. svbrdf_session_load_state() continues from them, also in another process, on
- * another machine, or with a library of a newer minor version. The session itself continues
- * unchanged. Waits for a push in progress and for one step of the fit. A cancelled session cannot be
+ * the estimate as it was when the latest photo came, or as it is once the fit has settled.
+ * svbrdf_session_load_state() continues from them, also in another process or on another machine: what
+ * the fit has done since is done again, to the same bits. The session itself continues unchanged. Waits for a push in progress and for one step of the fit. A cancelled session cannot be
  * saved: pause it instead. Free with svbrdf_buffer_destroy().
  */
 svbrdf_status svbrdf_session_save_state(const struct svbrdf_session *session,
@@ -1603,8 +1603,8 @@ svbrdf_status svbrdf_session_save_state_to(const struct svbrdf_session *session,
 /**
  * Continues a saved session. Only these options count: threads (0: as saved), models, callbacks,
  * user_data and memory_limit_bytes; the rest is in the state. The bytes are not needed after the
- * call. SVBRDF_BAD_STATE if they are not what was written, SVBRDF_UNSUPPORTED if a newer major
- * version wrote them.
+ * call. SVBRDF_BAD_STATE if they are not what was written, SVBRDF_UNSUPPORTED if a newer
+ * version of the library wrote them in another format.
  */
 svbrdf_status svbrdf_session_load_state(const struct svbrdf_session_options *options,
                                         const void *data,

@@ -174,11 +174,11 @@ impl Session {
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
         {
-            let mut state = self.fit.shared.lock();
-            let changed = std::mem::replace(&mut state.budget, budget) != budget;
-            if changed && state.cut {
+            let mut shared = self.fit.shared.lock();
+            let changed = std::mem::replace(&mut shared.budget, budget) != budget;
+            if changed && shared.cut {
                 // The fit finds out what is to do; who waits, waits for that.
-                state.progress.settled = false;
+                shared.progress.settled = false;
             }
         }
         self.fit.wake();
@@ -229,13 +229,13 @@ impl Session {
         self.remember(&capture);
         taking.capture = capture;
         let index = {
-            let mut state = self.fit.shared.lock();
+            let mut shared = self.fit.shared.lock();
             if let Some(maps) = &start {
-                state.publish(maps.clone());
+                shared.publish(maps.clone());
             }
-            let index = state.progress.frames;
-            state.progress.frames += 1;
-            state.progress.settled = false;
+            let index = shared.progress.frames;
+            shared.progress.frames += 1;
+            shared.progress.settled = false;
             index
         };
         self.fit.shared.notify();
@@ -388,7 +388,7 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled.
     pub fn wait(&self) -> Result<()> {
-        self.fit.wait_until(None, |state| state.progress.settled).map(|_| ())
+        self.fit.wait_until(None, |shared| shared.progress.settled).map(|_| ())
     }
 
     /// As [`Session::wait`], for at most `timeout`: whether the fit has settled.
@@ -396,7 +396,7 @@ impl Session {
     /// # Errors
     /// As [`Session::wait`].
     pub fn wait_timeout(&self, timeout: Duration) -> Result<bool> {
-        self.fit.wait_until(Instant::now().checked_add(timeout), |state| state.progress.settled)
+        self.fit.wait_until(Instant::now().checked_add(timeout), |shared| shared.progress.settled)
     }
 
     /// Blocks until something has changed since `seen`; the present counters.
@@ -404,7 +404,7 @@ impl Session {
     /// # Errors
     /// When the fit failed or was cancelled and nothing has changed since.
     pub fn wait_for_change(&self, seen: Revision) -> Result<Revision> {
-        self.fit.wait_until(None, |state| state.revision != seen)?;
+        self.fit.wait_until(None, |shared| shared.revision != seen)?;
         Ok(self.revision())
     }
 
