@@ -75,7 +75,11 @@ impl FitHandle {
         &self,
         job: impl FnOnce(&mut Fit) -> Result<()> + Send + 'static,
     ) -> bool {
-        self.jobs.send(Box::new(job)).is_ok()
+        let in_pool = move |fit: &mut Fit| {
+            let pool = fit.pool.clone();
+            pool.install(|| job(fit))
+        };
+        self.jobs.send(Box::new(in_pool)).is_ok()
     }
 
     /// Asks the fit for what it will tell between two steps; nothing comes where it has ended.
@@ -143,11 +147,11 @@ impl FitHandle {
 
     /// Lets the fit look at budget and flags again.
     pub(in crate::session) fn wake(&self) {
-        // A fit that has ended needs no waking.
-        self.send(|fit| {
+        // Needs no threads; a fit that has ended needs no waking.
+        let _ = self.jobs.send(Box::new(|fit| {
             fit.follow_budget();
             Ok(())
-        });
+        }));
         if matches!(self.engine, Engine::Caller(_)) {
             self.shared.notify();
         }

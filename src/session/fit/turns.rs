@@ -50,7 +50,7 @@ pub(super) enum Turn {
 /// The estimate with all that it takes to go on with it, turn by turn.
 pub(in crate::session) struct Fit {
     pub(in crate::session) shared: Arc<Shared>,
-    pool: Arc<Pool>,
+    pub(super) pool: Arc<Pool>,
     pub(in crate::session) estimation: Estimation,
     pub(in crate::session) meter: Meter,
     published: Instant,
@@ -127,10 +127,9 @@ impl Fit {
             jobs.try_recv()
         };
         match job {
-            Ok(job) => {
-                let pool = self.pool.clone();
-                pool.install(|| job(self))?;
-            }
+            // What cancels a session may come from a push that has the threads of the pool.
+            Ok(_) if self.shared.cancelled.load(Ordering::Relaxed) => return Ok(Turn::Ended),
+            Ok(job) => job(self)?,
             Err(TryRecvError::Empty) if idle || work == Work::Jobs => return Ok(Turn::Idle),
             Err(TryRecvError::Empty) => self.step()?,
             Err(TryRecvError::Disconnected) => return Ok(Turn::Ended),
