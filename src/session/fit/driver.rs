@@ -19,12 +19,15 @@ pub(in crate::session) struct FitHandle {
     engine: Engine,
 }
 
+/// A fit and the jobs for it.
+type Driven = Box<(Fit, Receiver<Job>)>;
+
 /// What goes on with the fit.
 enum Engine {
     /// A thread; `None` once it was waited for.
     Thread(Option<JoinHandle<()>>),
     /// Callers, one at a time; `None` once the fit has ended.
-    Caller(Mutex<Option<Box<(Fit, Receiver<Job>)>>>),
+    Caller(Mutex<Option<Driven>>),
 }
 
 impl FitHandle {

@@ -45,6 +45,7 @@ struct Body<'a> {
 }
 
 #[derive(Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)] // there is one for each session
 enum SavedCapture<'a> {
     Board {
         camera: Option<Cow<'a, CameraEstimate>>,
