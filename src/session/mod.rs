@@ -324,7 +324,7 @@ impl Session {
     /// or brought to the new light as half floats, and squares of the board are not measured again: maps are
     /// those of a session without the photograph but for rounding. With rectified photographs they are
     /// the same to the bit. Once a session with a given camera has settled on paper and height of
-    /// the sample (see [`Scene`](super::Scene)), these stay.
+    /// the sample (see [`Scene`]), these stay.
     ///
     /// Waits for a push, and for a step of the fit.
     ///
@@ -358,7 +358,7 @@ impl Session {
     /// what photographs keep of themselves until the board is settled. Waits for nothing.
     ///
     /// # Errors
-    /// [`Error::MemoryLimit`](crate::Error::MemoryLimit).
+    /// [`Error::MemoryLimit`].
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
         let frames = self.fit.shared.lock().progress.frames;
         self.beside.hold(&self.settings, frames, [bytes, photo_bytes, pixels])
