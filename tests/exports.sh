@@ -16,11 +16,7 @@ has "exports: a browser" chromium chromium || true
 need "exports: Python" "python3 -c 'import venv, ensurepip'" python3-venv || true
 mkdir -p "$tools"
 cp tests/exports/*.mjs tests/exports/views.json "$tools"
-if [ ! -d "$tools/node_modules/playwright-core" ]; then
-  # Later ones refuse Debian 12's Node.
-  npm install --silent --no-audit --no-fund --prefix "$tools" gltf-validator three playwright-core@1.61 ||
-    skip "npm packages cannot be had"
-fi
+modules "exports: packages of npm" "$tools" gltf-validator three "$PLAYWRIGHT" || true
 if [ ! -x "$tools/venv/bin/python" ] || ! "$tools/venv/bin/python" -c 'import MaterialX, pxr' 2>/dev/null; then
   { python3 -m venv "$tools/venv" && "$tools/venv/bin/pip" install -q usd-core MaterialX; } ||
     skip "Python packages cannot be had"

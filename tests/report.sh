@@ -6,20 +6,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/tools.sh
-leave() {
-  skip "report.html in a browser: $1"
-  exit 0
-}
-has "report.html in a browser" npm nodejs npm || exit 0
-has "report.html in a browser" chromium chromium fonts-dejavu-core || exit 0
 folder=${CARGO_TARGET_DIR:-target}
 tools=$folder/report-tools
-mkdir -p "$tools"
-[ -d "$tools/node_modules/playwright-core" ] && [ -d "$tools/node_modules/pngjs" ] &&
-  [ -d "$tools/node_modules/axe-core" ] ||
-  # Later ones of the first refuse Debian 12's Node.
-  npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core@1.61 pngjs axe-core ||
-  leave "playwright-core, pngjs and axe-core cannot be installed"
+has "report.html in a browser" npm nodejs npm || exit 0
+has "report.html in a browser" chromium chromium fonts-dejavu-core || exit 0
+modules "report.html in a browser" "$tools" "$PLAYWRIGHT" pngjs axe-core || exit 0
 
 [ -x "$folder/release/svbrdf" ] || cargo build --quiet --release --workspace --bin svbrdf
 work=$(mktemp -d)

@@ -32,3 +32,19 @@ need() {
 
 # has WHAT PROGRAM PACKAGE...: the same for a program on the path.
 has() { need "$1" "command -v $2" "${@:3}"; }
+
+# The last one that takes Debian 12's Node.
+PLAYWRIGHT=playwright-core@1.61
+
+# modules WHAT FOLDER PACKAGE...: the same for packages of npm, each with a version or none, below a folder.
+modules() {
+  local what=$1 folder=$2 package
+  shift 2
+  mkdir -p "$folder"
+  for package; do
+    [ -d "$folder/node_modules/${package%@*}" ] && continue
+    npm install --silent --no-audit --no-fund --prefix "$folder" "$@" && return 0
+    skip "$what: $* cannot be installed"
+    return 1
+  done
+}

@@ -8,23 +8,14 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/tools.sh
-leave() {
-  skip "the web page in a browser: $1"
-  exit 0
-}
-has "the web page in a browser" npm nodejs npm || exit 0
-has "the web page in a browser" chromium chromium fonts-dejavu-core || exit 0
 folder=${CARGO_TARGET_DIR:-target}
 tools=$folder/web-tests
-mkdir -p "$tools"
-[ -d "$tools/node_modules/playwright-core" ] && [ -d "$tools/node_modules/gltf-validator" ] &&
-  [ -d "$tools/node_modules/axe-core" ] ||
-  # Later ones of the first refuse Debian 12's Node.
-  npm install --silent --no-audit --no-fund --prefix "$tools" playwright-core@1.61 axe-core gltf-validator ||
-  leave "playwright-core, axe-core and gltf-validator cannot be installed"
+has "the web page in a browser" npm nodejs npm || exit 0
+has "the web page in a browser" chromium chromium fonts-dejavu-core || exit 0
+modules "the web page in a browser" "$tools" "$PLAYWRIGHT" axe-core gltf-validator || exit 0
 
 ffi/web/build.sh
-cargo build --quiet --release -p svbrdf-cli --bin svbrdf
+cargo build --quiet --release --workspace --bin svbrdf
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 NODE_PATH="$tools/node_modules" node tests/web/use.cjs "$folder/release/svbrdf" "$work" "$(command -v chromium)" "$@"

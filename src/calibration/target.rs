@@ -101,7 +101,25 @@ impl Default for Target {
     }
 }
 
+/// What a sample leaves free of the board's hole on each side where nobody states its size, mm.
+const MARGIN_MM: f64 = 5.0;
+
 impl Target {
+    /// Width and height of the hole, mm.
+    pub fn hole_mm(&self) -> [f64; 2] {
+        let Hole { row_start, col_start, row_end, col_end } = self.hole;
+        [(col_start, col_end), (row_start, row_end)]
+            .map(|(start, end)| f64::from(end.saturating_sub(start)) * self.square_mm)
+    }
+
+    /// Width and height of a sample whose size nobody states, mm: a square that the hole holds with 5 mm to
+    /// spare on each side, or a tenth of its shorter side where that is less.
+    pub fn usual_sample_mm(&self) -> [f32; 2] {
+        let [width, height] = self.hole_mm();
+        let side = width.min(height);
+        [(side - 2.0 * MARGIN_MM).max(0.8 * side) as f32; 2]
+    }
+
     /// Whether a square is printed (inside the grid, not in the hole).
     pub fn has_square(&self, row: i64, col: i64) -> bool {
         let inside = row >= 0 && col >= 0 && row < self.rows.into() && col < self.cols.into();
@@ -245,6 +263,17 @@ impl Target {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sample_of_unknown_size_leaves_a_margin_of_the_hole() {
+        let usual = |square_mm| {
+            let hole = Hole { row_start: 3, col_start: 2, row_end: 11, col_end: 12 };
+            let target = Target { square_mm, hole, ..Target::default() };
+            (target.hole_mm(), target.usual_sample_mm())
+        };
+        assert_eq!(usual(10.0), ([100.0, 80.0], [70.0; 2]));
+        assert_eq!(usual(2.5), ([25.0, 20.0], [16.0; 2]));
+    }
 
     #[test]
     fn corners_of_a_two_wide_ring_form_one_row_all_round() {

@@ -202,10 +202,9 @@ pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
 
 /// Checks that the sample is not larger than the board's hole, if the board has one.
 fn fits_hole(sample: &Node, target: &Target) -> Result<()> {
-    let Hole { row_start, col_start, row_end, col_end } = target.hole;
-    let sides = [("width_mm", col_end - col_start), ("height_mm", row_end - row_start)];
-    for (name, squares) in sides.into_iter().filter(|(_, squares)| *squares > 0) {
-        let (side, hole) = (sample.get(name), f64::from(squares) * target.square_mm);
+    let sides = ["width_mm", "height_mm"].into_iter().zip(target.hole_mm());
+    for (name, hole) in sides.filter(|(_, hole)| *hole > 0.0) {
+        let side = sample.get(name);
         let expected = format!("at most {hole} mm: the board's hole is no larger");
         // Rounding of lengths in inches.
         if side.number(&expected)? > hole + 0.1 {

@@ -28,7 +28,7 @@ impl Estimation {
         fresh
     }
 
-    /// The options before any photograph has told its noise.
+    /// The options before any photograph has shown its noise.
     pub(super) fn least_options(&self) -> EstimateOptions {
         EstimateOptions { noise: self.least_noise, ..self.options.clone() }
     }

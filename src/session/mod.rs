@@ -134,7 +134,7 @@ impl Session {
         Ok(session)
     }
 
-    /// What photographs have told; waits for a push.
+    /// What is known from the photographs; waits for a push.
     fn taking(&self) -> MutexGuard<'_, Taking> {
         self.taking.lock().unwrap_or_else(PoisonError::into_inner)
     }

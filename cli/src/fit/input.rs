@@ -19,8 +19,6 @@ use crate::progress::Progress;
 
 /// More photographs than this take long and tell little more.
 const MOST: usize = 100;
-/// What the sample is assumed to leave free of the hole on each side, mm.
-const MARGIN_MM: f64 = 5.0;
 /// Time between two looks into a folder.
 pub const LOOK: Duration = Duration::from_millis(400);
 
@@ -246,21 +244,14 @@ fn camera(arguments: &Arguments) -> Result<Option<svbrdf::geometry::Camera>> {
 
 /// The sample's size: as stated, else a square that the hole holds.
 fn sample_mm(stated: Option<[f32; 2]>, target: &Target) -> Result<[f32; 2]> {
-    let hole = &target.hole;
-    let hole = [hole.col_end - hole.col_start, hole.row_end - hole.row_start]
-        .map(|squares| f64::from(squares) * target.square_mm);
-    let Some(stated) = stated else {
-        let side = hole[0].min(hole[1]);
-        return Ok([(side - 2.0 * MARGIN_MM).max(0.8 * side) as f32; 2]);
-    };
-    let [w, h] = stated;
-    if f64::from(w) > hole[0] || f64::from(h) > hole[1] {
-        let [width, height] = hole;
+    let Some([w, h]) = stated else { return Ok(target.usual_sample_mm()) };
+    let [width, height] = target.hole_mm();
+    if f64::from(w) > width || f64::from(h) > height {
         return Err(Failure::Input(format!(
             "--sample-mm {w}x{h}: larger than the board's hole; expected at most {width}x{height} (for another board: --board)"
         )));
     }
-    Ok(stated)
+    Ok([w, h])
 }
 
 /// Maps among photographs would pass for photographs.

@@ -111,9 +111,13 @@ impl Board {
     /// Width and height of the hole, mm.
     #[getter]
     fn hole_mm(&self) -> (f64, f64) {
-        let hole = &self.0.hole;
-        let length = |start: u32, end: u32| f64::from(end - start) * self.0.square_mm;
-        (length(hole.col_start, hole.col_end), length(hole.row_start, hole.row_end))
+        self.0.hole_mm().into()
+    }
+
+    /// Width and height of a sample whose size is not stated, mm.
+    #[getter]
+    fn usual_sample_mm(&self) -> (f32, f32) {
+        self.0.usual_sample_mm().into()
     }
 
     /// The sheet to print, at true scale: ``format`` is ``pdf``, ``svg`` or ``png``, ``paper`` is ``a4``

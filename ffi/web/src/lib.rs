@@ -26,8 +26,6 @@ use web_time::Instant;
 
 /// Most memory of a session, bytes: WebAssembly addresses 4 GiB, and photographs are decoded beside.
 const SESSION_BYTES: u64 = 5 << 29;
-/// Margin of the sample inside the hole of the board, as the command line leaves it, mm.
-const MARGIN_MM: f64 = 5.0;
 
 /// The networks, from the contents of their files.
 #[wasm_bindgen]
@@ -311,10 +309,7 @@ pub fn version() -> String {
 
 fn default_scene() -> (Scene, [f32; 2]) {
     let target = Target::default();
-    let hole = &target.hole;
-    let side = (hole.row_end - hole.row_start).min(hole.col_end - hole.col_start);
-    let side = f64::from(side) * target.square_mm;
-    let sample = (side - 2.0 * MARGIN_MM).max(0.8 * side) as f32;
+    let sample_mm = target.usual_sample_mm();
     let scene = Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
-    (scene, [sample; 2])
+    (scene, sample_mm)
 }

@@ -33,14 +33,14 @@ pub fn push(
     let limits = Limits { memory_bytes: DECODING_BYTES, ..Limits::default() };
     let Decoded { photo, remarks, .. } = match decode(bytes, &Options { limits, ..options }) {
         Ok(decoded) => decoded,
-        Err(fault) => return Ok(rejected("unreadable", &told(&fault))),
+        Err(fault) => return Ok(rejected("unreadable", &message(&fault))),
     };
     let (small_size, rgba) = pictures::small(&photo).unzip();
     *small = rgba.unwrap_or_default();
     let mut row = match session.push(&photo) {
         Ok(Pushed::Accepted(accepted)) => self::accepted(&accepted),
         Ok(Pushed::Rejected(why)) => rejected(why.code(), &why.to_string()),
-        Err(fault @ Error::MemoryLimit { .. }) => rejected("memory", &told(&fault)),
+        Err(fault @ Error::MemoryLimit { .. }) => rejected("memory", &message(&fault)),
         Err(fault) => return Err(fault),
     };
     if let Some(hints) = row["hints"].as_array_mut() {
@@ -74,7 +74,7 @@ fn chosen(
 }
 
 /// A fault without the name of a file, which pages show beside it.
-fn told(fault: &Error) -> String {
+fn message(fault: &Error) -> String {
     match fault {
         Error::Image { message, .. } => message.clone(),
         other => other.to_string(),

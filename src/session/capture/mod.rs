@@ -1,4 +1,4 @@
-//! What photographs and board have told so far, and what one more photograph or one less makes of it:
+//! What is known from photographs and board so far, and how one photograph more or less changes it:
 //! calibration and rectification. A [`Capture`] with another photograph is a new one, which takes the
 //! place of the old as a whole.
 
@@ -24,7 +24,7 @@ use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
 pub(super) use photograph::{Conditions, Measured, Part, Photograph, Remade, Remake};
 
-/// The accepted photographs and what they have told.
+/// The accepted photographs and what is known from them.
 #[derive(Clone)]
 pub(super) enum Capture {
     Board(Box<Board>),

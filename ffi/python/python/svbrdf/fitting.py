@@ -24,8 +24,6 @@ from .errors import ArgumentError, FieldError, FileError, RejectedError
 
 #: Seconds between two reports of progress.
 _LOOK = 0.1
-#: What the sample is assumed to leave free of the board's hole on each side, mm.
-_MARGIN_MM = 5.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,7 @@ def fit(
     else:
         photographs, left_out = shown
         session = Session(
-            sample_mm=sample_mm or _default_sample_mm(board or Board()),
+            sample_mm=sample_mm or (board or Board()).usual_sample_mm,
             board=board,
             camera=camera,
             flash_offset_mm=flash_offset_mm,
@@ -168,12 +166,6 @@ def _of_files(paths: list[str]) -> tuple[list[Frame | Photo], list[Photograph]]:
             raise FileError(f"{path}: there is no such file")
     frames, left_out, _ = _choose(list(paths))
     return list(frames), [Photograph(str(path), False, "left_out", why) for path, why in left_out]
-
-
-def _default_sample_mm(board: Board) -> tuple[float, float]:
-    side = min(board.hole_mm)
-    side = max(side - 2 * _MARGIN_MM, 0.8 * side)
-    return (side, side)
 
 
 def _run(
