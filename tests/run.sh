@@ -103,18 +103,19 @@ cargo build --release "${packages[@]}" --lib --bins --tests
 export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
 
-# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end.
+# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end. What
+# uses cargo comes last: the tests hold the lock of its folder until they are compiled. Lints and documentation
+# use the macros and build scripts that are there, and check dependencies once for both.
 log=$(mktemp)
 (
-  # In a folder of its own: the tests would wait for it otherwise.
-  cargo clippy --release "${packages[@]}" --all-targets --quiet --target-dir "${CARGO_TARGET_DIR:-target}/lints" -- -D warnings
   tests/package.sh
   tests/licences.sh
-  tests/inlined.sh
   tests/report.sh
   tests/exports.sh
-  tests/python.sh
+  cargo clippy --release "${packages[@]}" --all-targets --quiet -- -D warnings
   RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps "${packages[@]}" --quiet
+  tests/inlined.sh
+  tests/python.sh
 ) > "$log" 2>&1 &
 others=$!
 failed=0
