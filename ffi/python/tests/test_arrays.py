@@ -166,7 +166,7 @@ def test_folders_without_permission_are_told(
             lambda: maps.save_preview(locked / "preview.png"),
             lambda: svbrdf.Board().write(locked / "board.pdf"),
         ):
-            with pytest.raises(svbrdf.FileError, match="locked.*[Pp]ermission denied"):
+            with pytest.raises(svbrdf.FileError, match="[Pp]ermission denied"):
                 write()
     finally:
         if is_root:
