@@ -7,9 +7,9 @@
 # --quick needs Rust and a C and a C++ compiler, and installs nothing.
 #
 # Without --quick, everything is compiled once, and lints, packages, exports, report and Python module are checked
-# beside the tests: 20 minutes on two cores where dependencies have been compiled, longer the first time. The last line says how long the run took. Packages that are
-# missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
-# others in place:
+# beside the tests: half an hour on two cores the first time, 20 minutes where dependencies have been compiled. The
+# last line says how long the run took. Packages that are missing are installed by apt (as root, or by sudo), one
+# call a tool, so that one that cannot be had leaves the others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
