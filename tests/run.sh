@@ -7,9 +7,9 @@
 # --quick needs Rust and a C and a C++ compiler, and installs nothing.
 #
 # Without --quick, everything is compiled once, and lints, packages, exports, report and Python module are checked
-# beside the tests: 20 minutes on two cores where dependencies have been compiled, longer the first time. The last line says how long the run took. Packages that are
-# missing are installed by apt (as root, or by sudo), one call a tool, so that one that cannot be had leaves the
-# others in place:
+# beside the tests: half an hour on two cores the first time, 20 minutes where dependencies have been compiled. The
+# last line says how long the run took. Packages that are missing are installed by apt (as root, or by sudo), one
+# call a tool, so that one that cannot be had leaves the others in place:
 #   clang, libclang-dev, libopencv-dev, pkg-config   OpenCV as an oracle of the calibration
 #   gcc, g++, valgrind, cmake, parallel              C and C++ clients, the installed package, the batch script
 #   default-jdk-headless, npm, aapt, zipalign, apksigner, android-framework-res   the Kotlin binding and the app
@@ -103,18 +103,19 @@ cargo build --release "${packages[@]}" --lib --bins --tests
 export SVBRDF_LIBRARY=${CARGO_TARGET_DIR:-$PWD/target}/release/libsvbrdf.so
 wait "$tools"
 
-# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end.
+# Beside the tests, which leave a processor idle where they wait for the last of a file; shown at the end. What
+# uses cargo comes last: the tests hold the lock of its folder until they are compiled. Lints and documentation
+# use the macros and build scripts that are there, and check dependencies once for both.
 log=$(mktemp)
 (
-  # In a folder of its own: the tests would wait for it otherwise.
-  cargo clippy --release "${packages[@]}" --all-targets --quiet --target-dir "${CARGO_TARGET_DIR:-target}/lints" -- -D warnings
   tests/package.sh
   tests/licences.sh
-  tests/inlined.sh
   tests/report.sh
   tests/exports.sh
-  tests/python.sh
+  cargo clippy --release "${packages[@]}" --all-targets --quiet -- -D warnings
   RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps "${packages[@]}" --quiet
+  tests/inlined.sh
+  tests/python.sh
 ) > "$log" 2>&1 &
 others=$!
 failed=0

@@ -2,6 +2,7 @@
 
 Needs `EXTENSION` (the archive), `SVBRDF_CLI`, and `BLENDER_USER_RESOURCES` naming an empty folder."""
 
+import contextlib
 import importlib
 import json
 import os
@@ -208,20 +209,29 @@ def test_a_wheel_that_does_not_fit_is_an_error_and_blender_goes_on(settings, svb
     assert bpy.ops.svbrdf.make() == {"FINISHED"}
 
 
-def forbidden(tmp_path):
-    """A folder in which nobody may write."""
-    if os.geteuid() == 0:
-        return "/proc/svbrdf"
-    locked = tmp_path / "locked"
-    locked.mkdir(mode=0o500)
-    return str(locked / "svbrdf")
+@contextlib.contextmanager
+def nobody():
+    """Without the rights of root, who may write anywhere."""
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if is_root:
+            os.seteuid(0)
 
 
 def test_faults_of_files_are_told(settings, fitted, tmp_path):
     settings.source, settings.maps = "MAPS", str(fitted)
-    settings.folder = forbidden(tmp_path)
-    with pytest.raises(RuntimeError, match="Error: .*svbrdf"):
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    settings.folder = str(locked / "textures")
+    with nobody(), pytest.raises(RuntimeError, match="PermissionError: "):
         bpy.ops.svbrdf.make()
+    with nobody(), pytest.raises(RuntimeError, match="FileError: .*board.pdf"):
+        bpy.ops.svbrdf.board(filepath=str(locked / "board"))
+    assert os.listdir(locked) == []
     settings.folder = str(tmp_path / "textures")
     settings.maps = str(tmp_path / "nowhere")
     with pytest.raises(RuntimeError, match="SourceError: .*nowhere"):

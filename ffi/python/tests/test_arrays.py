@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import os
 import pathlib
 import subprocess
 import sys
@@ -145,6 +146,32 @@ def test_exports_are_written_whole_or_not_at_all(
             write()
     maps.save_preview(tmp_path / "preview.png")
     assert svbrdf.Photo.read(tmp_path / "preview.png").width > 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX's")
+def test_folders_without_permission_are_told(
+    arrays: dict[str, np.ndarray], tmp_path: pathlib.Path
+) -> None:
+    maps = svbrdf.Maps.from_arrays(**arrays, sample_mm=(80, 60))
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    is_root = os.geteuid() == 0
+    if is_root:
+        # Root may write anywhere.
+        os.seteuid(65534)
+    try:
+        for write in (
+            lambda: maps.save(locked / "maps"),
+            lambda: maps.export(locked / "material", ["glb"]),
+            lambda: maps.save_preview(locked / "preview.png"),
+            lambda: svbrdf.Board().write(locked / "board.pdf"),
+        ):
+            with pytest.raises(svbrdf.FileError, match="[Pp]ermission denied"):
+                write()
+    finally:
+        if is_root:
+            os.seteuid(0)
+    assert os.listdir(locked) == []
 
 
 def test_the_board_is_the_command_lines(command: str, tmp_path: pathlib.Path) -> None:

@@ -1,11 +1,12 @@
 //! Builds the library and its clients.
 
+use std::collections::BTreeMap;
 use std::env;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use tempfile::TempDir;
 
@@ -81,12 +82,17 @@ pub fn library() -> &'static Path {
     })
 }
 
+/// The library under both its names.
+fn link_library(dir: &Path) {
+    for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
+        std::os::unix::fs::symlink(library(), dir.join(name)).unwrap();
+    }
+}
+
 /// A folder in which the library has both its names, with the models and a capture.
 pub fn workplace() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
-    for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
-        std::os::unix::fs::symlink(library(), dir.path().join(name)).unwrap();
-    }
+    link_library(dir.path());
     for (name, place) in [("models", "models"), ("capture", "examples/captures/tile")] {
         std::os::unix::fs::symlink(root().join(place), dir.path().join(name)).unwrap();
     }
@@ -104,31 +110,55 @@ pub fn write_photos(dir: &Path, count: usize) {
     }
 }
 
-/// Compiles the sources of `tests/LANGUAGE` into `dir`, warnings as errors.
-pub fn compile(dir: &Path, compiler: &str, language: &str, extra: &[&str]) -> PathBuf {
-    let out = dir.join(format!("client-{compiler}-{language}"));
-    let mut sources: Vec<PathBuf> = fs::read_dir(root().join("tests").join(language))
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|e| e == language))
-        .collect();
-    sources.sort();
-    let standard = if language == "c" { "-std=c99" } else { "-std=c++17" };
-    let mut command = Command::new(compiler);
-    command
-        .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow"])
-        // usleep() and pthreads beside C99.
-        .arg("-D_DEFAULT_SOURCE")
-        .args(extra)
-        .arg("-I")
-        .arg(root().join("include"))
-        .args(sources)
-        .arg("-L")
-        .arg(dir)
-        .args(["-lsvbrdf", "-lm", "-lpthread"])
-        .arg(format!("-Wl,-rpath,{}", dir.display()))
-        .arg("-o")
-        .arg(&out);
-    run(&mut command);
-    out
+/// A client of the library, compiled once for all tests that run it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Build {
+    pub compiler: &'static str,
+    /// `c` or `cpp`: the folder of its sources in `tests`.
+    pub language: &'static str,
+    /// With AddressSanitizer and UndefinedBehaviorSanitizer, which end it at the first fault.
+    pub sanitized: bool,
+}
+
+impl Build {
+    /// Compiles it, warnings as errors.
+    pub fn program(self) -> PathBuf {
+        static PROGRAMS: Mutex<BTreeMap<Build, Arc<OnceLock<PathBuf>>>> =
+            Mutex::new(BTreeMap::new());
+        let program = Arc::clone(PROGRAMS.lock().unwrap().entry(self).or_default());
+        program.get_or_init(|| self.compile()).clone()
+    }
+
+    fn compile(self) -> PathBuf {
+        let Self { compiler, language, sanitized } = self;
+        let kind = if sanitized { "sanitized" } else { "plain" };
+        let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{compiler}-{kind}"));
+        let _ = fs::remove_dir_all(&dir);
+        fs::create_dir_all(&dir).unwrap();
+        link_library(&dir);
+        let mut sources: Vec<PathBuf> = fs::read_dir(root().join("tests").join(language))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|e| e == language))
+            .collect();
+        sources.sort();
+        let standard = if language == "c" { "-std=c99" } else { "-std=c++17" };
+        let sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+        let out = dir.join("client");
+        let mut command = Command::new(compiler);
+        command
+            .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow"])
+            // usleep() and pthreads beside C99.
+            .arg("-D_DEFAULT_SOURCE")
+            .args(if sanitized { &sanitizers[..] } else { &[] })
+            .arg("-I")
+            .arg(root().join("include"))
+            .args(sources)
+            .arg("-L")
+            .arg(&dir)
+            .args(["-lsvbrdf", "-lm", "-lpthread", "-Wl,-rpath,$ORIGIN", "-o"])
+            .arg(&out);
+        run(&mut command);
+        out
+    }
 }

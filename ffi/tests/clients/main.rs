@@ -9,7 +9,7 @@ mod packaging;
 use std::path::Path;
 use std::process::Command;
 
-use common::{compile, has, library, root, run, workplace, write_photos};
+use common::{Build, has, library, root, run, workplace, write_photos};
 use engine::board_sheet::{BoardSheet, Paper, SheetFormat};
 use engine::calibration::{Target, TargetKind};
 use engine::capture::Capture;
@@ -22,17 +22,19 @@ fn client(program: &Path, test: &str, dir: &Path) -> Command {
     command
 }
 
-/// Compilers by language.
-const COMPILERS: [(&str, &str); 4] =
-    [("gcc", "c"), ("clang", "c"), ("g++", "cpp"), ("clang++", "cpp")];
+const C: Build = Build { compiler: "gcc", language: "c", sanitized: false };
+const CPP: Build = Build { compiler: "g++", language: "cpp", sanitized: false };
+const SANITIZED_C: Build = Build { sanitized: true, ..C };
+const SANITIZED_CPP: Build = Build { sanitized: true, ..CPP };
 
 #[test]
 fn clients_compile_without_warnings_and_handle_bad_arguments() {
     let dir = workplace();
     let mut compiled = 0;
-    for (compiler, language) in COMPILERS {
-        if has(compiler) {
-            let program = compile(dir.path(), compiler, language, &[]);
+    let clang = [Build { compiler: "clang", ..C }, Build { compiler: "clang++", ..CPP }];
+    for build in [C, CPP].into_iter().chain(clang) {
+        if has(build.compiler) {
+            let program = build.program();
             run(&mut client(&program, "bad-arguments", dir.path()));
             run(client(&program, "state", dir.path()).env("SVBRDF_TEST_QUICK", "1"));
             compiled += 1;
@@ -45,7 +47,7 @@ fn clients_compile_without_warnings_and_handle_bad_arguments() {
 fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
     let dir = workplace();
     write_photos(dir.path(), 1);
-    let program = compile(dir.path(), "gcc", "c", &[]);
+    let program = C.program();
     run(&mut client(&program, "board", dir.path()));
     for file in ["normal.png", "diffuse.png", "specular.png", "roughness.png", "preview.png"] {
         assert!(dir.path().join("maps").join(file).is_file(), "{file}");
@@ -68,7 +70,7 @@ fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
 fn a_photo_in_every_layout_gives_the_same_pose() {
     let dir = workplace();
     write_photos(dir.path(), 1);
-    let program = compile(dir.path(), "gcc", "c", &[]);
+    let program = C.program();
     run(&mut client(&program, "layouts", dir.path()));
 }
 
@@ -76,7 +78,7 @@ fn a_photo_in_every_layout_gives_the_same_pose() {
 fn photos_are_told_about() {
     let dir = workplace();
     write_photos(dir.path(), 2);
-    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    let program = SANITIZED_C.program();
     run(&mut client(&program, "feedback", dir.path()));
     run(&mut client(&program, "looked-at", dir.path()));
 }
@@ -84,7 +86,7 @@ fn photos_are_told_about() {
 #[test]
 fn maps_are_shown_and_boards_printed() {
     let dir = workplace();
-    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    let program = SANITIZED_C.program();
     run(&mut client(&program, "outputs", dir.path()));
     let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 8.0 };
     let charuco = Target { kind, ..Target::default() };
@@ -102,7 +104,7 @@ fn maps_are_shown_and_boards_printed() {
 fn photos_are_pushed_without_waiting() {
     let dir = workplace();
     write_photos(dir.path(), 1);
-    let program = compile(dir.path(), "gcc", "c", &["-fsanitize=address,undefined"]);
+    let program = SANITIZED_C.program();
     run(&mut client(&program, "flow", dir.path()));
 }
 
@@ -113,7 +115,7 @@ fn a_cpp_client_streams_a_capture() {
     }
     let dir = workplace();
     write_photos(dir.path(), 2);
-    let program = compile(dir.path(), "g++", "cpp", &[]);
+    let program = CPP.program();
     run(&mut client(&program, "board", dir.path()));
     run(&mut client(&program, "handles", dir.path()));
 }
@@ -121,11 +123,9 @@ fn a_cpp_client_streams_a_capture() {
 #[test]
 fn sanitizers_find_nothing() {
     let dir = workplace();
-    let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
-    for (compiler, language, tests) in [
+    for (build, tests) in [
         (
-            "gcc",
-            "c",
+            SANITIZED_C,
             &[
                 "bad-arguments",
                 "maps",
@@ -138,17 +138,16 @@ fn sanitizers_find_nothing() {
             ][..],
         ),
         (
-            "g++",
-            "cpp",
+            SANITIZED_CPP,
             &["bad-arguments", "handles", "state", "capture", "destroyed-inside", "pixel-formats"]
                 [..],
         ),
     ] {
-        let program = compile(dir.path(), compiler, language, &flags);
+        let program = build.program();
         let symbols = run(Command::new("nm").arg("-D").arg(&program));
         assert!(
             String::from_utf8_lossy(&symbols.stdout).contains("__asan_init"),
-            "{compiler} did not link AddressSanitizer"
+            "{build:?} did not link AddressSanitizer"
         );
         for test in tests {
             run(&mut client(&program, test, dir.path()));
@@ -161,7 +160,7 @@ fn under_valgrind(test: &str, quick: bool) {
         return;
     }
     let dir = workplace();
-    let program = compile(dir.path(), "gcc", "c", &[]);
+    let program = C.program();
     let mut command = Command::new("valgrind");
     command
         // Without it one of the library's threads may keep the others from running.

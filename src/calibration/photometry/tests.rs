@@ -15,16 +15,19 @@ pub(crate) fn photograph(
     radiance: impl Fn(DVec2, f64) -> [f64; 3] + Sync,
 ) -> Vec<f32> {
     let eye = pose.camera_centre();
+    let line = |y: u32| -> Vec<DVec2> {
+        let at = |x| camera.undistort(DVec2::new(f64::from(x), f64::from(y)));
+        (0..=camera.width).map(at).collect()
+    };
     (0..camera.height)
         .into_par_iter()
         .flat_map_iter(|y| {
             let radiance = &radiance;
-            (0..camera.width).flat_map(move |x| {
+            let (here, below) = (line(y), line(y + 1));
+            (0..camera.width as usize).flat_map(move |x| {
                 // The lens' distortion is linear within a pixel to 1e-6.
-                let centre = DVec2::new(f64::from(x), f64::from(y));
-                let origin = camera.undistort(centre);
-                let right = camera.undistort(centre + DVec2::X) - origin;
-                let down = camera.undistort(centre + DVec2::Y) - origin;
+                let origin = here[x];
+                let (right, down) = (here[x + 1] - origin, below[x] - origin);
                 let mut sum = DVec3::ZERO;
                 for i in 0..n * n {
                     let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n) - 0.5;
@@ -142,7 +145,7 @@ impl Truth {
     pub fn tagged_photo(&self, pose: &Pose, exposure: f64, tag: f64) -> Photo {
         let camera = camera();
         let rgb: Vec<f32> =
-            photograph(&camera, pose, 3, |p, tan2| self.value(pose, p, tan2).map(|v| v * exposure))
+            photograph(&camera, pose, 2, |p, tan2| self.value(pose, p, tan2).map(|v| v * exposure))
                 .into_iter()
                 .map(|v| v.min(1.0))
                 .collect();

@@ -103,23 +103,20 @@ fn linear_values_are_left_alone() {
     let toner =
         Truth { target: Target { black_albedo: 0.035, ..Truth::new().target }, ..Truth::new() };
     let room = Truth { ambient: [0.06, 0.05, 0.04], ..Truth::new() };
-    for (truth, planned) in [(Truth::new(), 0.05), (toner, 0.05), (room, 0.05)] {
-        for count in [1, 2, 4] {
-            let target = Target { black_albedo: planned, ..truth.target.clone() };
-            let mut calibrator =
-                PhotometricCalibrator::new(target, FlashOffset::Known(truth.offset));
-            for (k, pose) in poses().iter().take(count).enumerate() {
-                let told = if k == 2 { 0.7 * 1.15 } else { 0.7 };
-                let photo = through(&truth.tagged_photo(pose, 0.7, told), linear);
-                let mut squares = Squares::measure(&photo, &truth.target, &camera(), pose).unwrap();
-                for (k, s) in squares.squares.iter_mut().enumerate() {
-                    let factor = 1.0 + 0.02 * (7.3 * k as f64).sin();
-                    s.value = s.value.map(|v| v.map(|v| v * factor as f32));
-                }
-                calibrator.push_squares(squares, pose).unwrap();
+    for truth in [Truth::new(), toner, room] {
+        let target = Target { black_albedo: 0.05, ..truth.target.clone() };
+        let mut calibrator = PhotometricCalibrator::new(target, FlashOffset::Known(truth.offset));
+        for (index, pose) in poses().iter().take(4).enumerate() {
+            let told = if index == 2 { 0.7 * 1.15 } else { 0.7 };
+            let photo = through(&truth.tagged_photo(pose, 0.7, told), linear);
+            let mut squares = Squares::measure(&photo, &truth.target, &camera(), pose).unwrap();
+            for (k, s) in squares.squares.iter_mut().enumerate() {
+                let factor = 1.0 + 0.02 * (7.3 * k as f64).sin();
+                s.value = s.value.map(|v| v.map(|v| v * factor as f32));
             }
+            calibrator.push_squares(squares, pose).unwrap();
             let p = calibrator.photometry().unwrap();
-            assert!(p.tone.is_identity(), "{count}: {:?} {:?}", p.tone, p.black_ratio);
+            assert!(p.tone.is_identity(), "{index}: {:?} {:?}", p.tone, p.black_ratio);
             assert_eq!(p.tone_sigma, [0.0; 3]);
         }
     }
