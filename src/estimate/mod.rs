@@ -90,7 +90,7 @@ pub use estimator::Estimator;
 pub use options::EstimateOptions;
 pub use outlook::Place;
 pub use prior::{Prior, coordinates};
-pub(crate) use residuals::Residual;
+pub use residuals::FrameFit;
 pub(crate) use saved::SavedEstimate;
 pub use schedule::Phase;
 pub use updates::FitRecord;

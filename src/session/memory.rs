@@ -1,7 +1,6 @@
 //! How much memory a session needs, estimated before it is taken.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::settings::Settings;
 use crate::estimate::options::ScheduleOptions;
@@ -64,62 +63,51 @@ pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Resul
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// What lies beside a session's own memory, without waiting for a photograph that is being taken in.
+/// What callers hold of photographs until these are pushed.
 #[derive(Default)]
-pub(super) struct Beside {
-    /// Bytes of accepted photographs as they were taken.
-    kept: AtomicU64,
-    /// What callers hold: bytes, and what each needs while it is taken in.
-    held: Mutex<Vec<Arc<Waiting>>>,
-}
+pub(super) struct Waiting(Mutex<Vec<Weak<Photograph>>>);
 
-struct Waiting {
+/// A photograph that waits: its bytes, and what it needs while it is taken in.
+struct Photograph {
     bytes: u64,
     taken_in: u64,
 }
 
-impl Beside {
-    pub(super) fn keep(&self, bytes: u64) {
-        self.kept.store(bytes, Ordering::Relaxed);
+/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
+pub struct Held {
+    _photograph: Arc<Photograph>,
+}
+
+impl Waiting {
+    fn lock(&self) -> MutexGuard<'_, Vec<Weak<Photograph>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts what is waiting, if the session may need that much; one is taken in at a time.
+    /// Counts another one, if the session may need that much beside what it keeps; one is taken in at a time.
     pub(super) fn hold(
-        self: &Arc<Self>,
+        &self,
         settings: &Settings,
         frames: usize,
+        kept: u64,
         [bytes, photo_bytes, pixels]: [u64; 3],
     ) -> Result<Held> {
         let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
-        let waiting = Arc::new(Waiting { bytes, taken_in });
-        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        let (sum, most) = held.iter().fold((bytes, taken_in), |(sum, most), other| {
+        let mut waiting = self.lock();
+        waiting.retain(|other| other.strong_count() > 0);
+        let others = waiting.iter().filter_map(Weak::upgrade);
+        let (sum, most) = others.fold((bytes, taken_in), |(sum, most), other| {
             (sum.saturating_add(other.bytes), most.max(other.taken_in))
         });
-        let kept = self.kept.load(Ordering::Relaxed);
         let beside = kept.saturating_add(sum).saturating_add(most);
-        check(settings, frames + held.len() + 1, beside)?;
-        held.push(waiting.clone());
-        Ok(Held { beside: self.clone(), waiting })
+        check(settings, frames + waiting.len() + 1, beside)?;
+        let photograph = Arc::new(Photograph { bytes, taken_in });
+        waiting.push(Arc::downgrade(&photograph));
+        Ok(Held { _photograph: photograph })
     }
 
     /// Bytes that callers hold.
-    pub(super) fn held(&self) -> u64 {
-        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        held.iter().map(|waiting| waiting.bytes).sum()
-    }
-}
-
-/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
-pub struct Held {
-    beside: Arc<Beside>,
-    waiting: Arc<Waiting>,
-}
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        let mut held = self.beside.held.lock().unwrap_or_else(PoisonError::into_inner);
-        held.retain(|waiting| !Arc::ptr_eq(waiting, &self.waiting));
+    pub(super) fn bytes(&self) -> u64 {
+        self.lock().iter().filter_map(Weak::upgrade).map(|photograph| photograph.bytes).sum()
     }
 }
 

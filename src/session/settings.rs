@@ -43,11 +43,12 @@ pub enum Scene {
 }
 
 /// Light of rectified photographs.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub enum RectifiedFalloff {
     /// As given.
     Given(Falloff),
     /// Inverse square with `power_mm2 = pi * (first camera's distance)²`.
+    #[default]
     InverseSquareAuto,
 }
 

@@ -13,6 +13,7 @@ use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification::elevation::Detail;
 use crate::rectification::{self, TopView};
+use crate::session::reports::Observed;
 
 /// A camera estimated better moves the sample by less than this: the rectified photograph stays.
 const MOVED_PX: f64 = 0.03;
@@ -25,14 +26,14 @@ const CROP_PX: f64 = 24.0;
 
 /// What a photograph is rectified with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(in crate::session) struct Conditions {
-    pub(in crate::session) camera: Camera,
-    pub(in crate::session) pose: Pose,
-    pub(in crate::session) radiometry: Radiometry,
+pub struct Conditions {
+    pub camera: Camera,
+    pub pose: Pose,
+    pub radiometry: Radiometry,
     /// Height of the sample above the board, mm.
-    pub(in crate::session) elevation_mm: f64,
+    pub elevation_mm: f64,
     /// Reach of the sample's surroundings, see [`TopView::edge_px`].
-    pub(in crate::session) edge_px: f32,
+    pub edge_px: f32,
 }
 
 impl Conditions {
@@ -82,11 +83,11 @@ impl Conditions {
 
 /// What was measured in a photograph when it came.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Measured {
-    pub(in crate::session) corners: Vec<Corner>,
+pub struct Measured {
+    pub corners: Vec<Corner>,
     /// What was expected of its camera.
-    pub(in crate::session) prior: CameraPrior,
-    pub(in crate::session) squares: Squares,
+    pub prior: CameraPrior,
+    pub squares: Squares,
 }
 
 /// A photograph's details and what they were found with.
@@ -100,45 +101,48 @@ pub(super) struct Details {
 
 /// An accepted photograph.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Photograph {
-    pub(in crate::session) measured: Measured,
+pub struct Photograph {
+    pub measured: Measured,
     /// Latest estimate, and what it leaves of the corners, px.
-    pub(in crate::session) pose: Pose,
-    pub(in crate::session) rms_px: f64,
+    pub pose: Pose,
+    pub rms_px: f64,
     /// To rectify it again, while camera, paper or sample are not settled.
     #[serde(serialize_with = "write_part", deserialize_with = "read_part")]
-    pub(in crate::session) part: Option<Arc<Part>>,
+    pub part: Option<Arc<Part>>,
     /// Found in that part when needed.
     #[serde(skip)]
     pub(super) details: Option<Arc<Details>>,
     /// What it should be rectified with.
-    pub(in crate::session) wanted: Conditions,
+    pub wanted: Conditions,
     /// `None` while the fit makes it anew.
-    pub(in crate::session) rectified: Option<Rectified>,
+    pub rectified: Option<Rectified>,
 }
 
 /// A rectified photograph and what it was made with: they change together or not at all. The fit has the
 /// observation under the photograph's index; its texels are shared.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Rectified {
+pub struct Rectified {
     conditions: Conditions,
     observation: Observation,
 }
 
-/// A photograph to be rectified better.
-pub(in crate::session) struct Remake {
-    index: usize,
-    wanted: Conditions,
-    part: Option<Arc<Part>>,
-    rectified: Rectified,
+/// A photograph taken in.
+pub struct Taken {
+    pub observed: Observed,
+    /// Earlier ones to be rectified better.
+    pub remakes: Vec<Remake>,
+    /// Whether these lie so far elsewhere then that maps so far are no start any more.
+    pub restart: bool,
 }
 
-/// What became of that.
-pub(in crate::session) struct Remade {
-    pub(in crate::session) index: usize,
-    pub(in crate::session) rectified: Rectified,
+/// A photograph to be rectified better, and what became of that.
+pub struct Remake {
+    pub index: usize,
+    wanted: Conditions,
+    part: Option<Arc<Part>>,
+    pub rectified: Rectified,
     /// What speaks against it: it is as it was.
-    pub(in crate::session) refusal: Option<Rejection>,
+    pub refusal: Option<Rejection>,
 }
 
 fn write_part<S: Serializer>(part: &Option<Arc<Part>>, to: S) -> Result<S::Ok, S::Error> {
@@ -150,32 +154,41 @@ fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D:
 }
 
 impl Photograph {
-    /// Rectifies a photograph.
+    /// Rectifies the picture as it is wanted.
     ///
     /// # Errors
     /// As [`rectification::rectify_raised`].
-    pub(super) fn new(
+    pub(super) fn rectify(
+        &mut self,
         photo: &Photo,
-        measured: Measured,
-        rms_px: f64,
-        part: Option<Arc<Part>>,
-        conditions: Conditions,
         sample_mm: [f32; 2],
-        resolution: usize,
-    ) -> Result<(Self, Observation), Rejection> {
-        let Conditions { camera, pose, .. } = conditions;
-        let observation = conditions.rectify(photo, &camera, sample_mm, [resolution; 2])?;
-        let rectified = Some(Rectified { conditions, observation: observation.clone() });
-        let (details, wanted) = (None, conditions);
-        let photograph = Self { measured, pose, rms_px, part, details, wanted, rectified };
-        Ok((photograph, observation))
+        size: [usize; 2],
+    ) -> Result<Observation, Rejection> {
+        let conditions = self.wanted;
+        let observation = conditions.rectify(photo, &conditions.camera, sample_mm, size)?;
+        self.rectified = Some(Rectified { conditions, observation: observation.clone() });
+        Ok(observation)
     }
 
     /// The work of rectifying it as it is wanted, if it is not. Until that is handed back to
     /// [`Photograph::adopt`], there is no rectified photograph.
     pub(super) fn remake(&mut self, index: usize) -> Option<Remake> {
         let rectified = self.rectified.take_if(|rectified| rectified.conditions != self.wanted)?;
-        Some(Remake { index, wanted: self.wanted, part: self.part.clone(), rectified })
+        let (wanted, part) = (self.wanted, self.part.clone());
+        Some(Remake { index, wanted, part, rectified, refusal: None })
+    }
+
+    /// The same at once and from the pixels of a part, where there is one; else by the change of the light.
+    ///
+    /// # Errors
+    /// What speaks against it.
+    pub(super) fn remake_now(&mut self, part: Option<&Part>) -> Result<(), Rejection> {
+        let Some(rectified) = &mut self.rectified else { return Ok(()) };
+        if part.is_none() {
+            let radiometry = self.wanted.radiometry;
+            self.wanted = Conditions { radiometry, ..rectified.conditions };
+        }
+        rectified.remake(&self.wanted, part, true)
     }
 
     /// Takes over what became of it.
@@ -186,19 +199,19 @@ impl Photograph {
 }
 
 impl Remake {
-    pub(in crate::session) fn make(self) -> Remade {
-        let Self { index, wanted, part, mut rectified } = self;
-        let refusal = rectified.remake(&wanted, part.as_deref(), false).err();
-        Remade { index, rectified, refusal }
+    pub fn make(&mut self) {
+        // only what is to be rectified lasts
+        let part = self.part.take();
+        self.refusal = self.rectified.remake(&self.wanted, part.as_deref(), false).err();
     }
 }
 
 impl Rectified {
-    pub(in crate::session) fn observation(&self) -> &Observation {
+    pub fn observation(&self) -> &Observation {
         &self.observation
     }
 
-    pub(in crate::session) fn conditions(&self) -> &Conditions {
+    pub fn conditions(&self) -> &Conditions {
         &self.conditions
     }
 
@@ -207,7 +220,7 @@ impl Rectified {
     ///
     /// # Errors
     /// What speaks against it: it stays as it was.
-    pub(super) fn remake(
+    fn remake(
         &mut self,
         wanted: &Conditions,
         part: Option<&Part>,
@@ -239,10 +252,10 @@ impl Rectified {
 
 /// The part of a photograph that shows the sample.
 #[derive(Debug, Serialize, Deserialize)]
-pub(in crate::session) struct Part {
-    pub(in crate::session) photo: Photo,
+pub struct Part {
+    pub photo: Photo,
     /// Its first pixel in the whole photograph.
-    pub(in crate::session) corner: [u32; 2],
+    pub corner: [u32; 2],
 }
 
 impl Part {
@@ -349,16 +362,21 @@ mod tests {
             Squares { squares: Vec::new(), gray: None, exposure: 1.0, clipped_share: 0.0 };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
-        let part = Some(Arc::new(part));
-        Photograph::new(&picture(), measured, 0.1, part, conditions, SAMPLE_MM, 64).unwrap().0
+        let (part, pose, wanted) = (Some(Arc::new(part)), *pose, conditions);
+        let (rms_px, details, rectified) = (0.1, None, None);
+        let mut photograph =
+            Photograph { measured, pose, rms_px, part, details, wanted, rectified };
+        photograph.rectify(&picture(), SAMPLE_MM, [64; 2]).unwrap();
+        photograph
     }
 
     /// What becomes of the wish for better conditions, if there is one: a refusal or none.
     fn improve(photograph: &mut Photograph, latest: &Conditions) -> Option<Option<Rejection>> {
         photograph.wanted = photograph.wanted.improved(latest, true, SAMPLE_MM);
-        let made = photograph.remake(0)?.make();
-        photograph.adopt(made.rectified);
-        Some(made.refusal)
+        let mut remake = photograph.remake(0)?;
+        remake.make();
+        photograph.adopt(remake.rectified);
+        Some(remake.refusal)
     }
 
     /// It is what the whole picture gives.

@@ -2,6 +2,7 @@
 
 use crate::Rejection;
 use crate::calibration::{self, CameraPrior, Corner, Target};
+use crate::frame::Photo;
 use crate::geometry::Camera;
 
 /// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.
@@ -97,6 +98,29 @@ pub(super) fn other_camera(
     let differs = ratio.ln().abs() > OTHER_FOCAL.max(3.0 * sigma);
     let better = own.rms_px < BETTER * f64::from(rms_px);
     (differs && better).then_some(Rejection::OtherCamera { focal_ratio: ratio as f32 })
+}
+
+/// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
+pub fn why_no_board(photo: &Photo) -> Rejection {
+    const SAMPLES: u32 = 128;
+    let (w, h) = (photo.width(), photo.height());
+    let full = if photo.saturation().is_finite() { photo.saturation() } else { 1.0 };
+    let across =
+        |n: u32| (0..SAMPLES).map(move |i| ((2 * i + 1) * n.div_ceil(2) / SAMPLES).min(n - 1));
+    let mut levels: Vec<f32> = across(h)
+        .flat_map(|y| across(w).map(move |x| (x, y)))
+        .map(|(x, y)| photo.pixel(x, y).into_iter().fold(0.0, f32::max) / full)
+        .collect();
+    levels.sort_by(f32::total_cmp);
+    let share = levels.iter().filter(|&&v| v >= 1.0).count() as f32 / levels.len() as f32;
+    let level = levels[levels.len() * 99 / 100];
+    if share > 0.5 {
+        Rejection::Clipped { share }
+    } else if level < 0.02 {
+        Rejection::TooDark { level }
+    } else {
+        Rejection::BoardNotFound
+    }
 }
 
 #[cfg(test)]
