@@ -68,19 +68,18 @@ impl Hint {
 /// The earlier photograph with nearly the same view.
 pub(super) fn nothing_new(earlier: &[Pose], new: &Pose) -> Option<Hint> {
     let centre = new.camera_centre();
+    let turn = |pose: &Pose| {
+        let r = pose.rotation * new.rotation.transpose();
+        (0.5 * (r.x_axis.x + r.y_axis.y + r.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos()
+    };
     let same = |pose: &Pose| {
         let other = pose.camera_centre();
         other.angle_between(centre).to_degrees() < NEW_DEGREES
             && (other.length() / centre.length()).ln().abs() < NEW_DISTANCE
             // Turned about the line of sight the flash comes from elsewhere.
-            && turn(pose, new).to_degrees() < 4.0 * NEW_DEGREES
+            && turn(pose).to_degrees() < 4.0 * NEW_DEGREES
     };
     earlier.iter().position(same).map(|index| Hint::NothingNew { index })
-}
-
-fn turn(a: &Pose, b: &Pose) -> f64 {
-    let r = a.rotation * b.rotation.transpose();
-    (0.5 * (r.x_axis.x + r.y_axis.y + r.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos()
 }
 
 /// Whether black squares and the gray patch have the values of linear photographs, or have them now
@@ -102,29 +101,18 @@ pub(super) fn linearity(
     if nominal > 0.0 && !BLACK_OVER_WHITE.contains(&black) {
         return hint("black", black, false);
     }
-    if let Some(gray) = gray_over_white(photo, target, camera, pose, photometry)
-        && !GRAY_OVER_WHITE.contains(&gray)
-    {
-        return hint("gray", gray, false);
-    }
-    if photometry.tone.is_identity() { None } else { hint("black", black, true) }
-}
-
-/// Linear value of the gray patch over that of the white one; `None` where they are not seen: they are
-/// out of view or covered, or the board was printed without them.
-fn gray_over_white(
-    photo: &Photo,
-    target: &Target,
-    camera: &Camera,
-    pose: &Pose,
-    photometry: &Photometry,
-) -> Option<f64> {
-    let [_, gray, white] = patch_values(photo, target, camera, pose)?;
+    // The patches are not seen where they are out of view or covered, or the board was printed without them.
     let linear = |value: [f64; 3]| {
         let linear = photometry.tone.undone(value.map(|v| v as f32));
-        Some(linear.into_iter().map(f64::from).sum::<f64>()).filter(|v| *v > 0.0)
+        linear.into_iter().map(f64::from).sum::<f64>()
     };
-    Some(linear(gray)? / linear(white)?)
+    let [_, gray, white] =
+        patch_values(photo, target, camera, pose).unwrap_or_default().map(linear);
+    let ratio = gray / white;
+    if gray > 0.0 && white > 0.0 && !GRAY_OVER_WHITE.contains(&ratio) {
+        return hint("gray", ratio, false);
+    }
+    if photometry.tone.is_identity() { None } else { hint("black", black, true) }
 }
 
 #[cfg(test)]

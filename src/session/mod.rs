@@ -47,12 +47,15 @@ pub struct Session {
     pool: Arc<Pool>,
     networks: Arc<Networks>,
     /// Held while a photograph is taken in or back: what becomes of those that the fit rectifies better.
-    intake: Mutex<Option<Receiver<Vec<Remake>>>>,
+    intake: Mutex<Remaking>,
     /// What is known from the photographs so far: replaced with every photograph, never waited for.
     capture: Mutex<Arc<Capture>>,
     waiting: Waiting,
     fit: FitHandle,
 }
+
+/// What the fit will have rectified better.
+type Remaking = Option<Receiver<Vec<Remake>>>;
 
 /// What a mutex holds: no panic leaves it half changed.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -69,7 +72,7 @@ impl Session {
         Self::with_networks(scene, settings, Arc::new(Networks::embedded()?))
     }
 
-    /// Starts a session with given networks, which several sessions may share.
+    /// The same with given networks, which several sessions may share.
     ///
     /// # Errors
     /// When a setting is out of range.
@@ -124,13 +127,20 @@ impl Session {
         lock(&self.capture).clone()
     }
 
-    /// The same with every photograph rectified as it should be, or told why not, and until the guard is
-    /// dropped no other: waits for a push, and for a step of the fit where a photograph has just come.
-    fn settled(&self) -> Result<(MutexGuard<'_, Option<Receiver<Vec<Remake>>>>, Arc<Capture>)> {
+    /// What is known of the board; `None` for rectified photographs.
+    fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
+        self.capture().board().map(of)
+    }
+
+    /// The capture with every photograph rectified as it should be, or told why not; no other comes before the
+    /// guard is dropped. Waits for a push, and for a step of the fit where a photograph has just come.
+    fn settled(&self) -> Result<(MutexGuard<'_, Remaking>, Arc<Capture>)> {
         let mut remade = lock(&self.intake);
         if let Some(receiver) = remade.take() {
             let all = self.fit.receive(&receiver)?;
-            Arc::make_mut(&mut lock(&self.capture)).adopt(all);
+            if let Capture::Board(board) = Arc::make_mut(&mut lock(&self.capture)) {
+                board.adopt(all);
+            }
         }
         Ok((remade, self.capture()))
     }
@@ -152,14 +162,11 @@ impl Session {
     /// When the seconds are not a number of at least 0.
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
-        {
-            let mut shared = self.fit.shared.lock();
-            let changed = std::mem::replace(&mut shared.budget, budget) != budget;
-            if changed && shared.cut {
-                // The fit finds out what is to do; who waits, waits for that.
-                shared.progress.settled = false;
-            }
-        }
+        let mut state = self.fit.shared.lock();
+        let changed = std::mem::replace(&mut state.budget, budget) != budget;
+        // The fit finds out what is to do; who waits, waits for that.
+        state.progress.settled &= !(changed && state.cut);
+        drop(state);
         self.fit.wake();
         Ok(())
     }
@@ -214,7 +221,8 @@ impl Session {
             return Ok(Err(Rejection::NotFinite));
         }
         let photographs = self.fit.shared.lock().progress.frames + 1;
-        self.check_memory(photographs, memory::while_pushed(photo, known.kept_bytes()))?;
+        let kept = known.board().map_or(0, Board::kept_bytes);
+        self.check_memory(photographs, memory::while_pushed(photo, kept))?;
         self.pool.install(|| known.with(photo, placed))
     }
 
@@ -222,7 +230,7 @@ impl Session {
         &self,
         capture: Capture,
         taken: Taken,
-        remade: &mut Option<Receiver<Vec<Remake>>>,
+        remade: &mut Remaking,
         begun: Instant,
     ) -> Result<Accepted> {
         let Taken { observed, remakes, restart } = taken;
@@ -246,9 +254,9 @@ impl Session {
         let (reply, receiver) = bounded(1);
         *remade = (!remakes.is_empty()).then_some(receiver);
         // Whoever saw the maps may have cancelled already: the photograph counts all the same.
-        if !self
-            .fit
-            .send(move |fit| fit.add(observation, remakes, restart, start.as_deref(), &reply))
+        let add =
+            move |fit: &mut Fit| fit.add(observation, remakes, restart, start.as_deref(), &reply);
+        if !self.fit.send(add)
             && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
         {
             return Err(error);
@@ -263,10 +271,8 @@ impl Session {
     }
 
     /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
-    /// it: nothing of the session changes. The result is what the maps should predict, for
-    /// instance to measure them on photographs that they were not fitted to.
-    ///
-    /// The inner result is a [`Rejection`] where the photograph cannot be used.
+    /// it: what the maps should predict, for instance to measure them on photographs that they were
+    /// not fitted to. The inner result is a [`Rejection`] where the photograph cannot be used.
     ///
     /// # Errors
     /// As [`Session::push`].
@@ -301,14 +307,12 @@ impl Session {
 
     /// Takes an accepted photograph back: the session is as if it had never come, calibration
     /// included. `index` counts the accepted photographs from 0; later ones move up by one. The fit
-    /// begins anew with the photographs that are left, and when this returns, maps that do not
-    /// know of it are available: those that the first photograph left gives. Without any left, there are none.
+    /// begins anew with the photographs that are left; when this returns, the maps are those that the
+    /// first of them gives. Without any left, there are none.
     ///
-    /// What is left is taken in again from what is kept of it. Views are rectified from parts of photographs,
-    /// or brought to the new light as half floats, and squares of the board are not measured again: maps are
-    /// those of a session without the photograph but for rounding. With rectified photographs they are
-    /// the same to the bit. Once a session with a given camera has settled on paper and height of
-    /// the sample (see [`Scene`]), these stay.
+    /// The others are taken in again from what is kept of them: maps are those of a session without the
+    /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
+    /// with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
     ///
     /// Waits for a push, and for a step of the fit.
     ///
@@ -339,14 +343,14 @@ impl Session {
     /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
     /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
     /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for
-    /// what photographs keep of themselves until the board is settled. Waits for nothing.
+    /// what a session keeps of photographs. Waits for nothing.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
         let frames = self.fit.shared.lock().progress.frames;
-        let (settings, kept) = (&self.settings, self.capture().kept_bytes());
-        self.waiting.hold(settings, frames, kept, [bytes, photo_bytes, pixels])
+        let kept = self.board(Board::kept_bytes).unwrap_or(0);
+        self.waiting.hold(&self.settings, frames, kept, [bytes, photo_bytes, pixels])
     }
 
     /// Refuses what would need more than is allowed, with what callers hold.
@@ -354,12 +358,9 @@ impl Session {
         memory::check(&self.settings, photographs, beside.saturating_add(self.waiting.bytes()))
     }
 
-    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]), for one bit of
-    /// work: takes over a photograph, or does a step of the optimiser. Returns whether there may be
-    /// more to do; without, the fit has settled or is paused.
-    ///
-    /// Every other method works between two steps, and from other threads meanwhile. Without steps
-    /// there are the maps of the latest photograph only, as [`Session::push`] leaves them.
+    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]): takes over a
+    /// photograph, or does a step of the optimiser. Returns whether there may be more to do; without,
+    /// the fit has settled or is paused. Other methods work between two steps, and from other threads.
     ///
     /// # Errors
     /// When the session has a thread of its own, has failed or was cancelled.

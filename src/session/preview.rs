@@ -2,10 +2,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::capture::{Board, why_no_board};
+use super::capture::Board;
 use super::reports::{BoardPose, Probe, ProbedLight, ProbedView};
 use super::survey::NextView;
 use crate::calibration::photometry::Squares;
+use crate::calibration::reasons::why_no_board;
 use crate::calibration::{self, CameraPrior, Corner, LumaImage, Sighting};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};

@@ -9,6 +9,7 @@ use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
 use super::{Session, memory};
 use crate::calibration::PaperEstimate;
+use crate::calibration::photometry::Photometry;
 use crate::estimate::{Evidence, Exposure, FrameFit};
 use crate::frame::{Photo, ToneCurve};
 use crate::geometry::Camera;
@@ -16,10 +17,6 @@ use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Result, Svbrdf};
 
 impl Session {
-    fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
-        self.capture().board().map(of)
-    }
-
     /// The current maps.
     ///
     /// # Errors
@@ -39,8 +36,7 @@ impl Session {
         self.fit.shared.lock().progress
     }
 
-    /// The internal error that ended the fit, if there was one. Every call that needs the fit returns it
-    /// from then on.
+    /// The internal error that ended the fit: what every call that needs the fit returns from then on.
     pub fn failure(&self) -> Option<String> {
         self.fit.shared.lock().failed.clone()
     }
@@ -61,21 +57,19 @@ impl Session {
         self.board(|board| board.estimate.as_ref().map(|e| e.sigma()))?
     }
 
-    /// How the printed board differs from its plan (stretch, bow), as used, with standard deviations. As
-    /// planned unless two photographs or more clearly say otherwise. `None` for rectified photographs.
+    /// How the printed board differs from its plan (stretch, bow), as used: as planned unless two
+    /// photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
         self.board(|board| board.paper)
     }
 
-    /// Height of the sample's surface above the board, as used, with its standard deviation. 0 unless two
-    /// photographs or more clearly say otherwise. If the scene states the height, it has no standard
-    /// deviation. `None` for rectified photographs.
+    /// Height of the sample's surface above the board, as used: as the scene states it, else 0 unless two
+    /// photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn elevation(&self) -> Option<ElevationEstimate> {
         self.board(|board| board.elevation)
     }
 
-    /// Current estimates of the poses of the accepted photographs: later photographs improve what is known
-    /// of paper and camera, and so the poses of earlier ones. Empty for rectified photographs.
+    /// Poses of the accepted photographs as the latest tells them. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         let pose = |p: &Photograph| BoardPose { pose: p.pose, reprojection_rms_px: p.rms_px };
         self.board(|board| board.photographs.iter().map(pose).collect()).unwrap_or_default()
@@ -89,15 +83,15 @@ impl Session {
     /// Ambient irradiance as a share of the flash's at the sample's centre, facing the flash at the
     /// first photograph's distance.
     pub fn ambient_fraction(&self) -> f32 {
-        let ambient = self.board(|board| board.photometry.as_ref().map(|p| p.ambient)).flatten();
-        ambient.map_or(0.0, |ambient| (ambient.iter().sum::<f64>() / 3.0) as f32)
+        let mean = |light: &Photometry| (light.ambient.iter().sum::<f64>() / 3.0) as f32;
+        self.board(|board| board.photometry.as_ref().map(mean)).flatten().unwrap_or_default()
     }
 
     /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
     /// values seem linear.
     pub fn tone_curve(&self) -> ToneCurve {
-        let tone = self.board(|board| board.photometry.as_ref().map(|p| p.tone));
-        tone.flatten().unwrap_or_default()
+        let tone = |light: &Photometry| light.tone;
+        self.board(|board| board.photometry.as_ref().map(tone)).flatten().unwrap_or_default()
     }
 
     /// How the maps of the moment explain each accepted photograph, and whether one contradicts the
@@ -113,10 +107,9 @@ impl Session {
     /// The maps of the moment with the standard deviation of each at every texel. Computed when asked
     /// for; meaningful once the fit has settled. Waits for a step of the fit.
     ///
-    /// Deviations are calibrated with materials whose maps are known, photographed as well and as badly
-    /// as real ones are: about two errors of three are within them. Of a material that is not
-    /// Cook-Torrance's there is no true roughness; deviations are then those of a material that
-    /// leaves such residuals.
+    /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
+    /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
+    /// are those of one that leaves such residuals.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
@@ -136,26 +129,22 @@ impl Session {
     }
 
     /// Where the next photograph tells most: the view within reach of a hand, 10 to 50 degrees off the
-    /// top, that lowers the expected error of renderings most, by what photographs have left open of
-    /// the maps of the moment. `None` before the first photograph, and for rectified ones. Probes
-    /// refer to it from then on.
+    /// top, that lowers the expected error of renderings most. Probes refer to it from then on. `None`
+    /// before the first photograph, and for rectified ones.
     ///
-    /// Waits for a step of the fit. Where the fit has failed or was cancelled, the view whose highlights reach
-    /// slopes of the sample that none has swept.
+    /// Waits for a step of the fit. Where the fit has failed or was cancelled, the view whose highlights
+    /// reach slopes of the sample that none has swept.
     pub fn next_view(&self) -> Option<NextView> {
-        let capture = self.capture();
-        let board = capture.board()?;
-        let candidates = board.candidates()?;
+        let candidates = self.board(Board::candidates)??;
         match self.fit.ask(move |fit| fit.survey(&candidates, false)) {
             Ok(survey) => survey.best().map(|best| best.view),
-            Err(_) => board.next_view(),
+            Err(_) => self.board(Board::next_view)?,
         }
     }
 
-    /// What photographs from all round would tell, as of the latest moment that the fit has told.
-    /// Waits for nothing: asks the fit, where photographs have come or it has settled since, and answers with
-    /// what it told. `None` until it has told of all photographs so far, before the first, for
-    /// rectified photographs, and where the fit has failed or was cancelled.
+    /// What photographs from all round would tell. Waits for nothing: where photographs have come or the
+    /// fit has settled since, the fit is asked, and until it has told of all photographs, this is `None`; so
+    /// it is for rectified photographs, and where the fit has failed or was cancelled.
     pub fn survey(&self) -> Option<Arc<Survey>> {
         self.fit.shared.usable().ok()?;
         let candidates = self.board(Board::candidates)??;
@@ -177,17 +166,15 @@ impl Session {
         latest
     }
 
-    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in:
-    /// corners, pose, blur, exposure, view, and what a push would say of a photograph like it. Nothing
-    /// of the session changes.
+    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in: corners,
+    /// pose, blur, exposure, view, and what a push would say of a photograph like it, unless it is a
+    /// matter of pixels, or of what all photographs tell together.
     ///
     /// A picture of another size than the session's camera is taken for a preview of it: scaled to its
     /// width or height and cut at the other sides. Where that does not fit, and before a camera is
     /// known, the camera is estimated from the picture. Pictures from 1280 px on are reduced first.
     ///
-    /// A push may still come to another verdict where it is a matter of pixels, or of what all
-    /// photographs tell together. Runs on the calling thread alone and waits neither for the fit nor
-    /// for a push.
+    /// Runs on the calling thread alone and waits neither for the fit nor for a push.
     ///
     /// # Errors
     /// On misuse, when the session has failed or was cancelled, and when the memory limit is reached.

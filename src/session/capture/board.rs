@@ -6,17 +6,20 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::photograph::{Conditions, Details, Measured, Part, Photograph, Remake, Taken, steepest};
-use super::reasons::{Softness, other_camera, same_lens, why_no_board};
+use super::photograph::{
+    Conditions, Details, Measured, Photograph, Rectified, Remake, Taken, steepest,
+};
 use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
 };
+use crate::calibration::reasons::{Softness, other_camera, same_lens, why_no_board};
 use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
     PoseEstimate, Target,
 };
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::rectification::Part;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::session::advice::{self, Hint};
 use crate::session::reports::{BoardPose, Observed};
@@ -195,7 +198,9 @@ impl Board {
         let located = Located { measured, camera, pose, rms_px, part, edge_px };
         let (mut photograph, restart) = board.add(located, light);
         let size = [self.resolution; 2];
-        let observation = photograph.rectify(photo, self.sample_mm, size)?;
+        let rectified = Rectified::new(photograph.wanted, photo, &camera, self.sample_mm, size)?;
+        let observation = rectified.observation().clone();
+        photograph.rectified = Some(rectified);
         let mut hints = board.hints(photo, &camera, &pose, true);
         let refused = self.refused.iter();
         hints.extend(refused.map(|&(index, rejection)| Hint::NotRemade { index, rejection }));
@@ -340,10 +345,10 @@ impl Board {
             let used = if known.moves(&latest, sample_mm) { latest } else { known };
             let found =
                 photograph.details.take_if(|d| (d.camera, d.pose) == (used.camera, used.pose));
-            let make = |part: &Arc<Part>| part.details(used.camera, used.pose, sample_mm);
+            let make = |part: &Arc<Part>| Details::new(part, used.camera, used.pose, sample_mm);
             photograph.details = found.or_else(|| photograph.part.as_ref().map(make));
         }
-        let new = part.details(camera, pose, sample_mm);
+        let new = Details::new(part, camera, pose, sample_mm);
         let earlier = self.photographs.iter().filter_map(|p| p.details.as_deref());
         let all: Vec<&Details> = earlier.chain([&*new]).collect();
         let details: Vec<&Detail> = all.iter().filter_map(|d| d.detail.as_ref()).collect();

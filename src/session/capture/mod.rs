@@ -4,7 +4,6 @@
 
 mod board;
 mod photograph;
-mod reasons;
 
 use std::f32::consts::PI;
 
@@ -17,8 +16,7 @@ use crate::observation::{Falloff, Observation, View};
 use crate::rectification;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
-pub(super) use photograph::{Conditions, Measured, Part, Photograph, Remake, Taken};
-pub(super) use reasons::why_no_board;
+pub(super) use photograph::{Conditions, Measured, Photograph, Remake, Taken};
 
 /// The accepted photographs and what is known from them.
 #[derive(Clone, Serialize, Deserialize)]
@@ -110,18 +108,6 @@ impl Capture {
                 rectified.map(|r| r.observation().clone()).collect()
             }
             Self::Rectified(rectified) => rectified.photographs.clone(),
-        }
-    }
-
-    /// Bytes held beside the rectified photographs.
-    pub(super) fn kept_bytes(&self) -> u64 {
-        self.board().map_or(0, Board::kept_bytes)
-    }
-
-    /// Takes over what became of photographs that were to be rectified better.
-    pub(super) fn adopt(&mut self, remade: Vec<Remake>) {
-        if let Self::Board(board) = self {
-            board.adopt(remade);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::Rejection;
@@ -12,17 +12,13 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification::elevation::Detail;
-use crate::rectification::{self, TopView};
+use crate::rectification::{self, Part, TopView};
 use crate::session::reports::Observed;
 
 /// A camera estimated better moves the sample by less than this: the rectified photograph stays.
 const MOVED_PX: f64 = 0.03;
 /// The same for the camera's position, relative to its distance.
 const MOVED_SHARE: f64 = 3e-4;
-/// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
-/// little.
-const CROP_SHARE: f64 = 0.05;
-const CROP_PX: f64 = 24.0;
 
 /// What a photograph is rectified with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -66,19 +62,6 @@ impl Conditions {
         (self.camera, self.pose, self.elevation_mm)
             == (other.camera, other.pose, other.elevation_mm)
     }
-
-    /// Rectifies a photograph that `camera` took, or a part of one.
-    fn rectify(
-        &self,
-        photo: &Photo,
-        camera: &Camera,
-        sample_mm: [f32; 2],
-        [width, height]: [usize; 2],
-    ) -> Result<Observation, Rejection> {
-        let (height_mm, edge_px) = (self.elevation_mm as f32, self.edge_px);
-        let top = TopView { sample_mm, height_mm, width, height, edge_px };
-        rectification::rectify_raised(photo, camera, &self.pose, &self.radiometry, top)
-    }
 }
 
 /// What was measured in a photograph when it came.
@@ -97,6 +80,13 @@ pub(super) struct Details {
     pub(super) pose: Pose,
     /// `None` where the photograph shows too little of the sample.
     pub(super) detail: Option<Detail>,
+}
+
+impl Details {
+    pub(super) fn new(part: &Part, camera: Camera, pose: Pose, sample_mm: [f32; 2]) -> Arc<Self> {
+        let detail = Detail::new(&part.photo, &part.camera(&camera), &pose, sample_mm);
+        Arc::new(Self { camera, pose, detail })
+    }
 }
 
 /// An accepted photograph.
@@ -154,22 +144,6 @@ fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D:
 }
 
 impl Photograph {
-    /// Rectifies the picture as it is wanted.
-    ///
-    /// # Errors
-    /// As [`rectification::rectify_raised`].
-    pub(super) fn rectify(
-        &mut self,
-        photo: &Photo,
-        sample_mm: [f32; 2],
-        size: [usize; 2],
-    ) -> Result<Observation, Rejection> {
-        let conditions = self.wanted;
-        let observation = conditions.rectify(photo, &conditions.camera, sample_mm, size)?;
-        self.rectified = Some(Rectified { conditions, observation: observation.clone() });
-        Ok(observation)
-    }
-
     /// The work of rectifying it as it is wanted, if it is not. Until that is handed back to
     /// [`Photograph::adopt`], there is no rectified photograph.
     pub(super) fn remake(&mut self, index: usize) -> Option<Remake> {
@@ -200,13 +174,31 @@ impl Photograph {
 
 impl Remake {
     pub fn make(&mut self) {
-        // only what is to be rectified lasts
+        // its pixels are not needed any longer
         let part = self.part.take();
         self.refusal = self.rectified.remake(&self.wanted, part.as_deref(), false).err();
     }
 }
 
 impl Rectified {
+    /// Rectifies a photograph that `camera` took, or a part of one.
+    ///
+    /// # Errors
+    /// As [`rectification::rectify_raised`].
+    pub(super) fn new(
+        conditions: Conditions,
+        photo: &Photo,
+        camera: &Camera,
+        sample_mm: [f32; 2],
+        [width, height]: [usize; 2],
+    ) -> Result<Self, Rejection> {
+        let Conditions { pose, radiometry, elevation_mm, edge_px, .. } = &conditions;
+        let (height_mm, edge_px) = (*elevation_mm as f32, *edge_px);
+        let top = TopView { sample_mm, height_mm, width, height, edge_px };
+        let observation = rectification::rectify_raised(photo, camera, pose, radiometry, top)?;
+        Ok(Self { conditions, observation })
+    }
+
     pub fn observation(&self) -> &Observation {
         &self.observation
     }
@@ -234,74 +226,19 @@ impl Rectified {
         match part {
             Some(part) if from_pixels || tone || !old.same_geometry(wanted) => {
                 let size = [self.observation.width(), self.observation.height()];
-                let sample_mm = self.observation.view.sample_mm;
-                self.observation =
-                    wanted.rectify(&part.photo, &part.camera(&wanted.camera), sample_mm, size)?;
+                let (sample_mm, camera) =
+                    (self.observation.view.sample_mm, part.camera(&wanted.camera));
+                *self = Self::new(*wanted, &part.photo, &camera, sample_mm, size)?;
             }
             _ => {
                 let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
                 let (to, height_mm) = (&mut self.observation, *elevation_mm as f32);
                 let new = &wanted.radiometry;
                 rectification::update_radiometry(to, camera, pose, height_mm, radiometry, new);
+                self.conditions = *wanted;
             }
         }
-        self.conditions = *wanted;
         Ok(())
-    }
-}
-
-/// The part of a photograph that shows the sample.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct Part {
-    pub photo: Photo,
-    /// Its first pixel in the whole photograph.
-    pub corner: [u32; 2],
-}
-
-impl Part {
-    /// The sample is somewhere within `heights_mm` above the board's plane.
-    pub(super) fn new(
-        photo: &Photo,
-        camera: &Camera,
-        pose: &Pose,
-        sample_mm: [f32; 2],
-        heights_mm: [f64; 2],
-    ) -> Self {
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        // Distortion bends edges: points along them.
-        for i in 0..9 * 9 {
-            let (x, y) = (f64::from(i % 9) / 8.0 - 0.5, f64::from(i / 9) / 8.0 - 0.5);
-            for z in heights_mm {
-                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), z);
-                if let Some(px) = camera.project(pose.transform(p)) {
-                    (low, high) = (low.min(px), high.max(px));
-                }
-            }
-        }
-        let size = DVec2::new(photo.width().into(), photo.height().into());
-        let margin = CROP_SHARE * (high - low) + CROP_PX;
-        let low = (low - margin).floor().clamp(DVec2::ZERO, size - 1.0);
-        let high = (high + margin).ceil().clamp(low + 1.0, size);
-        let (corner, extent) = (low.as_uvec2(), (high - low).as_uvec2());
-        let photo = photo.cropped(corner.x, corner.y, extent.x, extent.y);
-        Self { photo, corner: corner.to_array() }
-    }
-
-    /// The camera that took this part.
-    pub(super) fn camera(&self, whole: &Camera) -> Camera {
-        Camera {
-            width: self.photo.width(),
-            height: self.photo.height(),
-            cx: whole.cx - f64::from(self.corner[0]),
-            cy: whole.cy - f64::from(self.corner[1]),
-            ..*whole
-        }
-    }
-
-    /// The details of the sample.
-    pub(super) fn details(&self, camera: Camera, pose: Pose, sample_mm: [f32; 2]) -> Arc<Details> {
-        let detail = Detail::new(&self.photo, &self.camera(&camera), &pose, sample_mm);
-        Arc::new(Details { camera, pose, detail })
     }
 }
 
@@ -322,6 +259,8 @@ pub(super) fn steepest(pose: &Pose, sample_mm: [f32; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec2;
+
     use crate::calibration::photometry::tests::{camera, photograph, pose};
     use crate::calibration::photometry::{Lobe, Vignetting};
     use crate::frame::ToneCurve;
@@ -362,12 +301,10 @@ mod tests {
             Squares { squares: Vec::new(), gray: None, exposure: 1.0, clipped_share: 0.0 };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
+        let rectified = Rectified::new(conditions, &picture(), camera, SAMPLE_MM, [64; 2]).unwrap();
         let (part, pose, wanted) = (Some(Arc::new(part)), *pose, conditions);
-        let (rms_px, details, rectified) = (0.1, None, None);
-        let mut photograph =
-            Photograph { measured, pose, rms_px, part, details, wanted, rectified };
-        photograph.rectify(&picture(), SAMPLE_MM, [64; 2]).unwrap();
-        photograph
+        let (rms_px, details, rectified) = (0.1, None, Some(rectified));
+        Photograph { measured, pose, rms_px, part, details, wanted, rectified }
     }
 
     /// What becomes of the wish for better conditions, if there is one: a refusal or none.
@@ -383,11 +320,8 @@ mod tests {
     fn assert_rectified(photograph: &Photograph, conditions: &Conditions) {
         let Rectified { conditions: found, observation } = photograph.rectified.as_ref().unwrap();
         assert_eq!((found, &photograph.wanted), (conditions, conditions));
-        let (picture, camera) = (picture(), &conditions.camera);
-        assert_close(
-            observation,
-            &conditions.rectify(&picture, camera, SAMPLE_MM, [64; 2]).unwrap(),
-        );
+        let whole = Rectified::new(*conditions, &picture(), &conditions.camera, SAMPLE_MM, [64; 2]);
+        assert_close(observation, &whole.unwrap().observation);
     }
 
     fn assert_close(a: &Observation, b: &Observation) {

@@ -6,8 +6,8 @@ use crate::calibration::photometry::{Radiometry, Square};
 use crate::calibration::{CameraEstimate, PaperEstimate};
 use crate::geometry::{Camera, Pose};
 use crate::observation::{Falloff, Observation};
-use crate::rectification::elevation;
-use crate::session::capture::{Board, Conditions, Measured, Part, Photograph};
+use crate::rectification::{Part, elevation};
+use crate::session::capture::{Board, Conditions, Measured, Photograph};
 use crate::session::settings::{RectifiedFalloff, Scene};
 
 fn require(holds: bool, what: &str) -> Result<()> {

@@ -1,9 +1,8 @@
 //! A session as bytes, to go on with later or elsewhere.
 //!
-//! Stored: settings and scene, what is known of camera and light, every photograph with what was measured
-//! in it, its part that may be rectified again and its rectified view, the latest maps, and the
-//! estimate where the latest photograph came or, once settled, as it is. What the fit has done since is
-//! done again, to the same bits.
+//! Stored: settings and scene, what is known of the board, every photograph, the latest maps, and the estimate
+//! where the latest photograph came or, once settled, as it is. What the fit has done since is done
+//! again, to the same bits.
 
 mod check;
 mod format;
@@ -45,10 +44,9 @@ struct Body<'a> {
 }
 
 impl Session {
-    /// The session as bytes: settings, scene, budget, what is known of camera and light, the
-    /// photographs as far as they are needed, the maps, and the estimate as it was when the latest photograph
-    /// came, or settled. [`Session::restore`] does again what the fit has done since, and ends with the same
-    /// bits as this session if the budget stays the same and is none of time.
+    /// The session as bytes, the fit as it was when the latest photograph came, or settled.
+    /// [`Session::restore`] does again what the fit has done since, and ends with the same bits as this
+    /// session if the budget stays the same and is none of time.
     ///
     /// Waits for a push in progress and for a step of the fit, not for the fit.
     ///

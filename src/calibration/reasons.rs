@@ -1,7 +1,9 @@
 //! Why a photograph of a board cannot be used, where what was met first is not the cause.
 
+use super::camera_estimation::{CameraPrior, estimate_camera};
+use super::detector::Corner;
+use super::target::Target;
 use crate::Rejection;
-use crate::calibration::{self, CameraPrior, Corner, Target};
 use crate::frame::Photo;
 use crate::geometry::Camera;
 
@@ -19,7 +21,7 @@ const BETTER: f64 = 0.5;
 
 /// How soft a photograph's edges are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Softness {
+pub struct Softness {
     blur_px: f64,
     square_px: f64,
 }
@@ -29,7 +31,7 @@ impl Softness {
     ///
     /// # Errors
     /// [`Rejection::SquaresTooSmall`], [`Rejection::Blurred`].
-    pub(super) fn new(corners: &[Corner], blur_px: f64) -> Result<Self, Rejection> {
+    pub fn new(corners: &[Corner], blur_px: f64) -> Result<Self, Rejection> {
         let square_px = usual_square(corners);
         if square_px < SQUARE_MIN_PX {
             let (square_px, needed_px) = (square_px as f32, SQUARE_MIN_PX as f32);
@@ -40,7 +42,7 @@ impl Softness {
     }
 
     /// Another reason, if it is that edges are soft: squares do not look plain then.
-    pub(super) fn explained(&self, rejection: Rejection) -> Rejection {
+    pub fn explained(&self, rejection: Rejection) -> Rejection {
         let soft = self.blur_px > BLUR_TELLING_PX.max(BLUR_TELLING_SQUARES * self.square_px);
         match rejection {
             Rejection::LightNotVisible if soft => self.blurred(),
@@ -72,7 +74,7 @@ fn usual_square(corners: &[Corner]) -> f64 {
 ///
 /// # Errors
 /// [`Rejection::OtherCamera`].
-pub(super) fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), Rejection> {
+pub fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), Rejection> {
     let focal = |prior: &CameraPrior| prior.is_stated().then_some(prior.camera.fx);
     let ratio = first.and_then(focal).zip(focal(new)).map(|(first, new)| new / first);
     match ratio {
@@ -84,7 +86,7 @@ pub(super) fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Resul
 }
 
 /// Whether a photograph that does not fit the known camera fits one of another focal length.
-pub(super) fn other_camera(
+pub fn other_camera(
     target: &Target,
     known: &Camera,
     corners: &[Corner],
@@ -92,7 +94,7 @@ pub(super) fn other_camera(
 ) -> Option<Rejection> {
     let Rejection::PoseUncertain { rms_px } = rejection else { return None };
     let prior = CameraPrior { focal_sigma: 0.5, ..CameraPrior::around(*known) };
-    let own = calibration::estimate_camera(target, &[corners], &prior, None).ok()?;
+    let own = estimate_camera(target, &[corners], &prior, None).ok()?;
     let ratio = own.camera.fx / known.fx;
     let sigma = own.sigma()[0] / own.camera.fx;
     let differs = ratio.ln().abs() > OTHER_FOCAL.max(3.0 * sigma);
