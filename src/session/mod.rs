@@ -162,11 +162,11 @@ impl Session {
     /// When the seconds are not a number of at least 0.
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
-        let mut state = self.fit.shared.lock();
-        let changed = std::mem::replace(&mut state.budget, budget) != budget;
+        let mut shared = self.fit.shared.lock();
+        let changed = std::mem::replace(&mut shared.budget, budget) != budget;
         // The fit finds out what is to do; who waits, waits for that.
-        state.progress.settled &= !(changed && state.cut);
-        drop(state);
+        shared.progress.settled &= !(changed && shared.cut);
+        drop(shared);
         self.fit.wake();
         Ok(())
     }
@@ -241,14 +241,14 @@ impl Session {
         let next = capture.board().and_then(Board::next_view);
         *lock(&self.capture) = Arc::new(capture);
         let index = {
-            let mut state = self.fit.shared.lock();
+            let mut shared = self.fit.shared.lock();
             if first {
-                state.publish(start.clone());
+                shared.publish(start.clone());
             }
-            state.next = next;
-            state.progress.settled = false;
-            state.progress.frames += 1;
-            state.progress.frames - 1
+            shared.next = next;
+            shared.progress.settled = false;
+            shared.progress.frames += 1;
+            shared.progress.frames - 1
         };
         self.fit.shared.notify();
         let (reply, receiver) = bounded(1);

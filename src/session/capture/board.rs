@@ -69,16 +69,6 @@ pub struct Board {
     refused: Vec<(usize, Rejection)>,
 }
 
-/// A photograph whose place is known.
-struct Located {
-    measured: Measured,
-    camera: Camera,
-    pose: Pose,
-    rms_px: f64,
-    part: Option<Arc<Part>>,
-    edge_px: f32,
-}
-
 impl Board {
     /// Checks the scene.
     pub fn new(
@@ -195,8 +185,7 @@ impl Board {
         let keep = || Arc::new(Part::new(photo, &camera, &pose, self.sample_mm, heights_mm));
         let part = self.may_move().then(keep);
         let edge_px = blur_px.hypot(rms_px).hypot(PLACED_PX) as f32;
-        let located = Located { measured, camera, pose, rms_px, part, edge_px };
-        let (mut photograph, restart) = board.add(located, light);
+        let (mut photograph, restart) = board.add(measured, camera, place, part, edge_px, light);
         let size = [self.resolution; 2];
         let rectified = Rectified::new(photograph.wanted, photo, &camera, self.sample_mm, size)?;
         let observation = rectified.observation().clone();
@@ -257,12 +246,10 @@ impl Board {
     fn again(&mut self, old: &Photograph, settled: bool) -> Result<(), Rejection> {
         let measured = old.measured.clone();
         let (camera, place) = self.locate(&measured.prior, &measured.corners)?;
-        let PoseEstimate { pose, rms_px, .. } = place;
-        let light = self.lit(&measured.squares, &pose)?;
+        let light = self.lit(&measured.squares, &place.pose)?;
         let part = old.part.clone().filter(|_| !settled && self.may_move());
         let edge_px = old.wanted.edge_px;
-        let located = Located { measured, camera, pose, rms_px, part, edge_px };
-        let (photograph, _) = self.add(located, light);
+        let (photograph, _) = self.add(measured, camera, place, part, edge_px, light);
         self.photographs.push(Photograph { rectified: old.rectified.clone(), ..photograph });
         self.settle();
         Ok(())
@@ -284,10 +271,13 @@ impl Board {
     /// so far elsewhere that maps so far are no start any more.
     fn add(
         &mut self,
-        new: Located,
+        measured: Measured,
+        camera: Camera,
+        PoseEstimate { pose, rms_px, .. }: PoseEstimate,
+        part: Option<Arc<Part>>,
+        edge_px: f32,
         (calibrator, radiometry): (PhotometricCalibrator, Radiometry),
     ) -> (Photograph, bool) {
-        let Located { measured, camera, pose, rms_px, part, edge_px } = new;
         let known_mm = self.elevation.mm;
         let details = match &part {
             // one photograph tells nothing, and its maps are waited for

@@ -2,9 +2,8 @@
 
 use super::format::damaged;
 use crate::Result;
-use crate::calibration::photometry::{Radiometry, Square};
-use crate::calibration::{CameraEstimate, PaperEstimate};
-use crate::geometry::{Camera, Pose};
+use crate::calibration::CameraEstimate;
+use crate::geometry::Camera;
 use crate::observation::{Falloff, Observation};
 use crate::rectification::{Part, elevation};
 use crate::session::capture::{Board, Conditions, Measured, Photograph};
@@ -32,11 +31,9 @@ pub(super) fn observation(observation: &Observation, resolution: usize) -> Resul
 /// What was saved of a board, which is `fresh` but for that.
 pub(super) fn board(fresh: &Board, saved: &Board, resolution: usize) -> Result<()> {
     let (estimate, photographs) = (saved.estimate.as_deref(), &saved.photographs);
-    require(estimate.is_none_or(is_estimate), "the camera is out of range")?;
-    require(is_paper(&saved.paper), "the shape of the paper is out of range")?;
-    let height = &saved.elevation;
-    let height = elevation::is_possible(height.mm) && is_deviation(&height.sigma_mm);
-    require(height, "the height of the sample is out of range")?;
+    require(estimate.is_none_or(CameraEstimate::is_plausible), "the camera is out of range")?;
+    require(saved.paper.is_plausible(), "the shape of the paper is out of range")?;
+    require(saved.elevation.is_plausible(), "the height of the sample is out of range")?;
     let known = fresh.camera().or(estimate.map(|e| e.camera));
     let size = known.map_or((0, 0), |c| (c.width, c.height));
     photographs.iter().try_for_each(|p| photograph(p, size, resolution))?;
@@ -50,7 +47,7 @@ pub(super) fn board(fresh: &Board, saved: &Board, resolution: usize) -> Result<(
 fn photograph(photograph: &Photograph, size: (u32, u32), resolution: usize) -> Result<()> {
     let Photograph { measured, pose, rms_px, part, wanted, rectified, .. } = photograph;
     require(is_measured(measured), "what was measured in a photograph is out of range")?;
-    let known = is_pose(pose) && rms_px.is_finite() && is_conditions(wanted);
+    let known = pose.is_plausible() && rms_px.is_finite() && is_conditions(wanted);
     require(known, "camera, pose or light of a photograph are out of range")?;
     let whole = &wanted.camera;
     require((whole.width, whole.height) == size, "a photograph does not match the camera")?;
@@ -62,61 +59,16 @@ fn photograph(photograph: &Photograph, size: (u32, u32), resolution: usize) -> R
     }
 }
 
-/// A standard deviation.
-fn is_deviation(v: &f64) -> bool {
-    (0.0..=f64::MAX).contains(v)
-}
-
-fn is_positive(v: &f32) -> bool {
-    v.is_finite() && *v > 0.0
-}
-
-fn is_estimate(estimate: &CameraEstimate) -> bool {
-    let mut numbers = estimate.covariance.as_flattened().iter().chain([&estimate.rms_px]);
-    estimate.camera.fault().is_none() && is_paper(&estimate.paper) && numbers.all(|v| v.is_finite())
-}
-
-fn is_paper(estimate: &PaperEstimate) -> bool {
-    estimate.paper.is_plausible() && estimate.sigma.iter().all(is_deviation)
-}
-
-fn is_pose(pose: &Pose) -> bool {
-    let identity = pose.rotation * pose.rotation.transpose();
-    let off = (identity - glam::DMat3::IDENTITY).to_cols_array();
-    // not a number is not small either
-    off.iter().all(|v| v.abs() <= 1e-6) && pose.translation.is_finite()
-}
-
 fn is_measured(Measured { corners, prior, squares }: &Measured) -> bool {
-    let sigmas = [&prior.focal_sigma, &prior.aspect_sigma, &prior.centre_sigma_px];
-    let is_square = |square: &Square| {
-        square.board_mm.is_finite() && square.value.iter().flatten().all(is_positive)
-    };
-    corners.iter().all(|c| c.px.is_finite())
-        && prior.camera.fault().is_none()
-        && sigmas.into_iter().chain(&prior.distortion_sigma).all(is_deviation)
-        && is_positive(&squares.exposure)
-        && squares.clipped_share.is_finite()
-        && squares.squares.iter().chain(&squares.gray).all(is_square)
+    corners.iter().all(|c| c.px.is_finite()) && prior.is_plausible() && squares.is_plausible()
 }
 
 fn is_conditions(conditions: &Conditions) -> bool {
     conditions.camera.fault().is_none()
-        && is_pose(&conditions.pose)
-        && is_light(&conditions.radiometry)
+        && conditions.pose.is_plausible()
+        && conditions.radiometry.is_plausible()
         && elevation::is_possible(conditions.elevation_mm)
         && (0.0..=f32::MAX).contains(&conditions.edge_px)
-}
-
-fn is_light(light: &Radiometry) -> bool {
-    let shape = [light.vignetting.exponent, light.vignetting.curvature, light.lobe.exponent];
-    shape.iter().chain(&light.lobe.pattern).all(|v| v.is_finite())
-        && light.gain.iter().all(|v| v.is_finite() && *v > 0.0)
-        && light.flash_offset_mm.is_finite()
-        && light.power_mm2.iter().all(is_positive)
-        && light.ambient.iter().all(|v| v.is_finite())
-        && (0.0..=f32::MAX).contains(&light.log_sigma)
-        && light.tone.is_plausible()
 }
 
 fn is_inside(part: &Part, whole: &Camera) -> bool {
