@@ -1031,8 +1031,7 @@ svbrdf_status svbrdf_next_view_init(struct svbrdf_next_view *view, size_t size);
 
 /**
  * The most informative view for the next photo: of views 10 to 50 degrees off the vertical, the one
- * that lowers the expected error of renderings most. Waits for a push in progress and a step of the
- * fit.
+ * that lowers the expected error of renderings most. Waits for a step of the fit.
  */
 svbrdf_status svbrdf_session_next_view(const struct svbrdf_session *session,
                                        struct svbrdf_next_view *view);
@@ -1517,7 +1516,7 @@ svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
 /**
  * Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
  * improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
- * svbrdf_frame_report; each may be NULL. Waits for a push in progress.
+ * svbrdf_frame_report; each may be NULL.
  */
 svbrdf_status svbrdf_session_pose(const struct svbrdf_session *session,
                                   uint32_t index,
@@ -1528,7 +1527,7 @@ svbrdf_status svbrdf_session_pose(const struct svbrdf_session *session,
 /**
  * The camera as used: given, or estimated from the photos so far; all zeros while it is unknown and
  * for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
- * (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros. Waits for a push in progress.
+ * (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros.
  */
 svbrdf_status svbrdf_session_camera(const struct svbrdf_session *session,
                                     struct svbrdf_camera *camera,
@@ -1536,8 +1535,8 @@ svbrdf_status svbrdf_session_camera(const struct svbrdf_session *session,
 
 /**
  * The light as found so far: position of the flash in the camera frame, three numbers, mm, and
- * ambient light as a share of the flash's at the sample's centre. Waits for a push in progress.
- * Results may be NULL.
+ * ambient light as a share of the flash's at the sample's centre. Results may be
+ * NULL.
  */
 svbrdf_status svbrdf_session_light(const struct svbrdf_session *session,
                                    double *flash_offset_mm,
@@ -1574,7 +1573,7 @@ typedef struct svbrdf_paper {
 /** Fills a paper with that of a plan: pass sizeof(svbrdf_paper). */
 svbrdf_status svbrdf_paper_init(struct svbrdf_paper *paper, size_t size);
 
-/** The printed sheet and the sample's height above it, as used. Waits for a push in progress. */
+/** The printed sheet and the sample's height above it, as used. */
 svbrdf_status svbrdf_session_paper(const struct svbrdf_session *session,
                                    struct svbrdf_paper *paper);
 

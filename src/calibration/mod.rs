@@ -36,6 +36,7 @@ pub mod photometry;
 mod placement;
 mod pose;
 mod projection;
+pub(crate) mod reasons;
 mod subpixel;
 mod target;
 mod turns;

@@ -73,6 +73,11 @@ impl Default for PaperEstimate {
 }
 
 impl PaperEstimate {
+    /// Whether it may come from a print, and its deviations are such.
+    pub(crate) fn is_plausible(&self) -> bool {
+        self.paper.is_plausible() && self.sigma.iter().all(|s| (0.0..=f64::MAX).contains(s))
+    }
+
     /// Whether more photographs would change nothing that matters.
     pub(crate) fn is_settled(&self) -> bool {
         let [aspect, x, y] = self.sigma;

@@ -38,25 +38,25 @@ impl Budget {
 }
 
 /// Work on the latest photograph, against the budget.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Meter {
     pub(crate) budget: Budget,
     /// Steps finished before the one in progress, and their time.
     spent: Duration,
     steps: u32,
     /// Start of the step in progress.
+    #[serde(skip)]
     since: Option<Instant>,
 }
 
 impl Meter {
-    pub(crate) fn new(budget: Budget, seconds: f32, steps: u32) -> Self {
-        let spent = Duration::try_from_secs_f32(seconds).unwrap_or_default();
-        Self { budget, spent, steps, since: None }
+    pub(crate) fn new(budget: Budget) -> Self {
+        Self { budget, spent: Duration::ZERO, steps: 0, since: None }
     }
 
     /// For a new photograph.
     pub(crate) fn reset(&mut self) {
-        *self = Self::new(self.budget, 0.0, 0);
+        *self = Self::new(self.budget);
     }
 
     pub(crate) fn start(&mut self) {
@@ -69,11 +69,8 @@ impl Meter {
     }
 
     pub(crate) fn elapsed(&self) -> Duration {
-        self.spent + self.since.map_or(Duration::ZERO, |since| since.elapsed())
-    }
-
-    pub(crate) fn steps(&self) -> u32 {
-        self.steps
+        let since = self.since.map_or(Duration::ZERO, |since| since.elapsed());
+        self.spent.saturating_add(since)
     }
 
     /// A step of an optimiser was done.
@@ -198,17 +195,18 @@ mod tests {
     #[test]
     fn the_meter_counts_work_and_steps() {
         let budget = Budget { steps: Some(10), ..Budget::default() };
-        let mut meter = Meter::new(budget, 0.0, 0);
+        let mut meter = Meter::new(budget);
         (0..4).for_each(|_| meter.count());
         assert!(!meter.exhausted(0.5));
         meter.count();
         assert!(meter.exhausted(0.5) && !meter.exhausted(1.0));
         meter.reset();
-        assert!(!meter.exhausted(0.5) && meter.steps() == 0);
+        assert!(!meter.exhausted(0.5) && meter.steps == 0);
         let budget = Budget { seconds: Some(1.0), ..Budget::default() };
-        assert!(Meter::new(budget, 0.9, 0).exhausted(0.5));
-        assert!(!Meter::new(budget, 0.9, 0).exhausted(1.0));
-        assert!(!Meter::new(Budget::default(), 1e9, u32::MAX).exhausted(1.0));
+        let meter = Meter { spent: Duration::from_millis(900), ..Meter::new(budget) };
+        assert!(meter.exhausted(0.5) && !meter.exhausted(1.0));
+        let unlimited = Meter::new(Budget::default());
+        assert!(!Meter { spent: Duration::MAX, steps: u32::MAX, ..unlimited }.exhausted(1.0));
         for seconds in [-1.0, f32::NAN, f32::INFINITY] {
             assert!(Budget { seconds: Some(seconds), ..Budget::default() }.check().is_err());
         }

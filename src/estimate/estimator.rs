@@ -36,7 +36,7 @@ impl Estimator {
     ) -> Self {
         let task = Task { method, refine, free_lights: true };
         let estimation = Estimation::new(networks.clone(), task, options);
-        let meter = Meter::new(Budget::default(), 0.0, 0);
+        let meter = Meter::new(Budget::default());
         Self { networks, estimation, meter, start: None }
     }
 

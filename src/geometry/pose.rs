@@ -13,6 +13,14 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// Whether it is a rotation and a finite translation.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let identity = self.rotation * self.rotation.transpose();
+        let off = (identity - DMat3::IDENTITY).to_cols_array();
+        // not a number is not small either
+        off.iter().all(|v| v.abs() <= 1e-6) && self.translation.is_finite()
+    }
+
     /// A point of the board frame, in the camera frame.
     pub fn transform(&self, board: DVec3) -> DVec3 {
         self.rotation * board + self.translation

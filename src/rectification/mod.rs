@@ -7,6 +7,7 @@
 
 pub mod elevation;
 mod mapping;
+mod part;
 mod resample;
 mod response;
 mod sampler;
@@ -20,6 +21,7 @@ use crate::parallel;
 use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};
+pub(crate) use part::Part;
 pub use resample::from_rectified;
 use response::Response;
 use sampler::{Filter, Tile};

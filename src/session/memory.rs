@@ -1,29 +1,11 @@
 //! How much memory a session needs, estimated before it is taken.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::settings::Settings;
-use crate::estimate::options::ScheduleOptions;
 use crate::frame::Photo;
-use crate::svbrdf::CHANNELS;
-use crate::{Error, Result};
+use crate::{Error, Result, estimate};
 
-/// Bytes of a texel of a rectified photograph: three half floats that hold its weight as well.
-const OBSERVATION: u64 = 6;
-/// Bytes of a texel of maps.
-const MAPS: u64 = 4 * CHANNELS as u64;
-/// Sets of maps at full resolution that are alive at the same time while the code is fitted (the
-/// published, the latest finished, those being interpolated), and during the refinement.
-const MAP_SETS_FITTING: u64 = 4;
-const MAP_SETS_REFINING: u64 = 7;
-/// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
-const FITTED: u64 = 700;
-/// Bytes of a texel that the completion network sees: covariances, features, what its first layers
-/// unfold, and what is freed without being given back.
-const COMPLETED: u64 = 1800;
-/// Bytes of a texel of the colours that maps are refined by.
-const GUIDE: u64 = 12;
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
 pub(super) const DETECTION: u64 = 16;
 /// Most pixels of a reduced photograph.
@@ -33,17 +15,7 @@ const BASE: u64 = 24 << 20;
 
 /// Estimate for so many photographs; `kept` bytes of photographs as they were taken lie beside.
 pub(super) fn needed(settings: &Settings, photographs: usize, kept: u64) -> u64 {
-    let area = |side: usize| (side * side) as u64;
-    let side = settings.resolution;
-    let full = area(side);
-    let most = ScheduleOptions::default().texels;
-    let working = (0..).map(|times| side >> times).find(|side| *side <= most).map_or(full, area);
-    let thinned = if working < full { working } else { 0 };
-    // Thinned out and averaged; halved ones take a third more.
-    let each = OBSERVATION * (full + 2 * thinned + working / 3);
-    let fitting = FITTED * working + COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
-    let refining = FITTED * working + MAP_SETS_REFINING * MAPS * full + GUIDE * full;
-    (BASE + fitting.max(refining) + photographs as u64 * each).saturating_add(kept)
+    (BASE + estimate::bytes_needed(settings.resolution, photographs)).saturating_add(kept)
 }
 
 /// What a photograph needs beside the others until it is taken in; `kept` of the earlier ones.
@@ -64,62 +36,51 @@ pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Resul
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// What lies beside a session's own memory, without waiting for a photograph that is being taken in.
+/// What callers hold of photographs until these are pushed.
 #[derive(Default)]
-pub(super) struct Beside {
-    /// Bytes of accepted photographs as they were taken.
-    kept: AtomicU64,
-    /// What callers hold: bytes, and what each needs while it is taken in.
-    held: Mutex<Vec<Arc<Waiting>>>,
-}
+pub(super) struct Waiting(Mutex<Vec<Weak<Photograph>>>);
 
-struct Waiting {
+/// A photograph that waits: its bytes, and what it needs while it is taken in.
+struct Photograph {
     bytes: u64,
     taken_in: u64,
 }
 
-impl Beside {
-    pub(super) fn keep(&self, bytes: u64) {
-        self.kept.store(bytes, Ordering::Relaxed);
+/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
+pub struct Held {
+    _photograph: Arc<Photograph>,
+}
+
+impl Waiting {
+    fn lock(&self) -> MutexGuard<'_, Vec<Weak<Photograph>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts what is waiting, if the session may need that much; one is taken in at a time.
+    /// Counts another one, if the session may need that much beside what it keeps; one is taken in at a time.
     pub(super) fn hold(
-        self: &Arc<Self>,
+        &self,
         settings: &Settings,
         frames: usize,
+        kept: u64,
         [bytes, photo_bytes, pixels]: [u64; 3],
     ) -> Result<Held> {
         let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
-        let waiting = Arc::new(Waiting { bytes, taken_in });
-        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        let (sum, most) = held.iter().fold((bytes, taken_in), |(sum, most), other| {
+        let mut waiting = self.lock();
+        waiting.retain(|other| other.strong_count() > 0);
+        let others = waiting.iter().filter_map(Weak::upgrade);
+        let (sum, most) = others.fold((bytes, taken_in), |(sum, most), other| {
             (sum.saturating_add(other.bytes), most.max(other.taken_in))
         });
-        let kept = self.kept.load(Ordering::Relaxed);
         let beside = kept.saturating_add(sum).saturating_add(most);
-        check(settings, frames + held.len() + 1, beside)?;
-        held.push(waiting.clone());
-        Ok(Held { beside: self.clone(), waiting })
+        check(settings, frames + waiting.len() + 1, beside)?;
+        let photograph = Arc::new(Photograph { bytes, taken_in });
+        waiting.push(Arc::downgrade(&photograph));
+        Ok(Held { _photograph: photograph })
     }
 
     /// Bytes that callers hold.
-    pub(super) fn held(&self) -> u64 {
-        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        held.iter().map(|waiting| waiting.bytes).sum()
-    }
-}
-
-/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
-pub struct Held {
-    beside: Arc<Beside>,
-    waiting: Arc<Waiting>,
-}
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        let mut held = self.beside.held.lock().unwrap_or_else(PoisonError::into_inner);
-        held.retain(|waiting| !Arc::ptr_eq(waiting, &self.waiting));
+    pub(super) fn bytes(&self) -> u64 {
+        self.lock().iter().filter_map(Weak::upgrade).map(|photograph| photograph.bytes).sum()
     }
 }
 

@@ -21,20 +21,18 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, bounded};
 use web_time::Instant;
 
-pub use self::advice::{Hint, NextView};
-use self::capture::{Capture, Placed, Remade, Taken};
-use self::fit::{Fit, FitHandle, Shared};
-use self::memory::Beside;
+pub use self::advice::Hint;
+use self::capture::{Board, Capture, Placed, Remake, Taken};
+use self::fit::{Fit, FitHandle};
 pub use self::memory::Held;
-use self::preview::Preview;
+use self::memory::Waiting;
 pub use self::reports::{
-    Accepted, Assessed, BoardPose, FrameFit, Observed, Probe, ProbedLight, ProbedView, Progress,
-    Pushed, Revision,
+    Accepted, Assessed, BoardPose, Observed, Probe, ProbedLight, ProbedView, Progress, Pushed,
+    Revision,
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
-use self::survey::Surveys;
-pub use self::survey::{Survey, SurveyedView};
-pub use crate::estimate::{Budget, Exposure, Method, Phase};
+pub use self::survey::{NextView, Survey, SurveyedView};
+pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 pub use crate::initial_estimate::Networks;
@@ -48,20 +46,20 @@ pub struct Session {
     settings: Settings,
     pool: Arc<Pool>,
     networks: Arc<Networks>,
-    taking: Mutex<Taking>,
-    /// What previews are judged with: replaced with every photograph, never waited for.
-    preview: Mutex<Option<Arc<Preview>>>,
-    surveys: Mutex<Surveys>,
-    /// What is counted against the memory limit beside the session's own.
-    beside: Arc<Beside>,
+    /// Held while a photograph is taken in or back: what becomes of those that the fit rectifies better.
+    intake: Mutex<Remaking>,
+    /// What is known from the photographs so far: replaced with every photograph, never waited for.
+    capture: Mutex<Arc<Capture>>,
+    waiting: Waiting,
     fit: FitHandle,
 }
 
-/// Photographs being taken in.
-struct Taking {
-    capture: Capture,
-    /// What becomes of those that the fit rectifies better.
-    remade: Option<Receiver<Vec<Remade>>>,
+/// What the fit will have rectified better.
+type Remaking = Option<Receiver<Vec<Remake>>>;
+
+/// What a mutex holds: no panic leaves it half changed.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Session {
@@ -74,7 +72,7 @@ impl Session {
         Self::with_networks(scene, settings, Arc::new(Networks::embedded()?))
     }
 
-    /// Starts a session with given networks, which several sessions may share.
+    /// The same with given networks, which several sessions may share.
     ///
     /// # Errors
     /// When a setting is out of range.
@@ -104,8 +102,9 @@ impl Session {
         let pool = settings.pool()?;
         let task = settings.task(&scene);
         let estimation = Estimation::new(networks.clone(), task, options);
-        let meter = Meter::new(Budget::default(), 0.0, 0);
-        let fit = Fit::new(Arc::new(Shared::new()), pool.clone(), estimation, meter);
+        let meter = Meter::new(Budget::default());
+        let fit = Fit::new(pool.clone(), estimation, meter);
+        fit.show(None, Exposure::default(), 0.0, None);
         Self::start(scene, settings, networks, capture, pool, fit)
     }
 
@@ -118,42 +117,32 @@ impl Session {
         fit: Fit,
     ) -> Result<Self> {
         let fit = FitHandle::start(fit, settings.driver)?;
-        let (preview, surveys, beside) = Default::default();
-        let session = Self {
-            scene,
-            settings,
-            pool,
-            networks,
-            preview,
-            surveys,
-            beside,
-            fit,
-            taking: Mutex::new(Taking { capture, remade: None }),
-        };
-        session.remember(&session.taking().capture);
-        Ok(session)
+        let capture = Mutex::new(Arc::new(capture));
+        let (intake, waiting) = Default::default();
+        Ok(Self { scene, settings, pool, networks, intake, capture, waiting, fit })
     }
 
-    /// What is known from the photographs; waits for a push.
-    fn taking(&self) -> MutexGuard<'_, Taking> {
-        self.taking.lock().unwrap_or_else(PoisonError::into_inner)
+    /// What is known from the photographs so far.
+    fn capture(&self) -> Arc<Capture> {
+        lock(&self.capture).clone()
     }
 
-    /// The same with every photograph rectified as it should be, or told why not: waits for a step of the fit
-    /// where a photograph has just come.
-    fn settled_capture(&self) -> Result<MutexGuard<'_, Taking>> {
-        let mut taking = self.taking();
-        if let Some(remade) = taking.remade.take() {
-            let remade = self.fit.receive(&remade)?;
-            taking.capture.adopt(remade);
+    /// What is known of the board; `None` for rectified photographs.
+    fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
+        self.capture().board().map(of)
+    }
+
+    /// The capture with every photograph rectified as it should be, or told why not; no other comes before the
+    /// guard is dropped. Waits for a push, and for a step of the fit where a photograph has just come.
+    fn settled(&self) -> Result<(MutexGuard<'_, Remaking>, Arc<Capture>)> {
+        let mut remade = lock(&self.intake);
+        if let Some(receiver) = remade.take() {
+            let all = self.fit.receive(&receiver)?;
+            if let Capture::Board(board) = Arc::make_mut(&mut lock(&self.capture)) {
+                board.adopt(all);
+            }
         }
-        Ok(taking)
-    }
-
-    /// Lets previews be judged with what the capture tells now.
-    fn remember(&self, capture: &Capture) {
-        self.beside.keep(capture.kept_bytes());
-        *self.preview.lock().unwrap_or_else(PoisonError::into_inner) = capture.preview();
+        Ok((remade, self.capture()))
     }
 
     /// The settings, as restored sessions have them from their saved state.
@@ -173,14 +162,11 @@ impl Session {
     /// When the seconds are not a number of at least 0.
     pub fn set_budget(&self, budget: Budget) -> Result<()> {
         budget.check()?;
-        {
-            let mut shared = self.fit.shared.lock();
-            let changed = std::mem::replace(&mut shared.budget, budget) != budget;
-            if changed && shared.cut {
-                // The fit finds out what is to do; who waits, waits for that.
-                shared.progress.settled = false;
-            }
-        }
+        let mut shared = self.fit.shared.lock();
+        let changed = std::mem::replace(&mut shared.budget, budget) != budget;
+        // The fit finds out what is to do; who waits, waits for that.
+        shared.progress.settled &= !(changed && shared.cut);
+        drop(shared);
         self.fit.wake();
         Ok(())
     }
@@ -192,7 +178,7 @@ impl Session {
     /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
     /// [`Pushed::Rejected`].
     pub fn push(&self, photo: &Photo) -> Result<Pushed> {
-        self.accept(photo, |capture| capture.with(photo, None))
+        self.add(photo, None)
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
@@ -205,80 +191,88 @@ impl Session {
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
     ) -> Result<Pushed> {
-        let placed = Some(Placed { camera_mm, light_mm });
-        self.accept(photo, |capture| capture.with(photo, placed))
+        self.add(photo, Some(Placed { camera_mm, light_mm }))
+    }
+
+    fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Pushed> {
+        let begun = Instant::now();
+        self.fit.shared.usable()?;
+        // Photographs are taken in one after the other; a fit in progress is not disturbed.
+        let (mut remade, known) = self.settled()?;
+        let taken = self.take(photo, &known, placed)?;
+        drop(known);
+        match taken {
+            Ok((capture, taken)) => {
+                let accepted = self.accept(capture, taken, &mut remade, begun)?;
+                Ok(Pushed::Accepted(accepted))
+            }
+            Err(rejection) => Ok(Pushed::Rejected(rejection)),
+        }
+    }
+
+    /// The capture with a photograph, if there is memory for it.
+    fn take(
+        &self,
+        photo: &Photo,
+        known: &Capture,
+        placed: Option<Placed>,
+    ) -> Result<std::result::Result<(Capture, Taken), Rejection>> {
+        if !photo.is_finite() {
+            return Ok(Err(Rejection::NotFinite));
+        }
+        let photographs = self.fit.shared.lock().progress.frames + 1;
+        let kept = known.board().map_or(0, Board::kept_bytes);
+        self.check_memory(photographs, memory::while_pushed(photo, kept))?;
+        self.pool.install(|| known.with(photo, placed))
     }
 
     fn accept(
         &self,
-        photo: &Photo,
-        take: impl FnOnce(&Capture) -> Result<std::result::Result<Taken, Rejection>> + Send,
-    ) -> Result<Pushed> {
-        let begun = Instant::now();
-        self.fit.shared.usable()?;
-        // Photographs are taken in one after the other; a fit in progress is not disturbed.
-        let mut taking = self.settled_capture()?;
-        let taken = match self.take(photo, &taking.capture, take)? {
-            Ok(taken) => taken,
-            Err(rejection) => return Ok(Pushed::Rejected(rejection)),
-        };
-        let Taken { capture, observation, remakes, restart, pose, hints } = taken;
+        capture: Capture,
+        taken: Taken,
+        remade: &mut Remaking,
+        begun: Instant,
+    ) -> Result<Accepted> {
+        let Taken { observed, remakes, restart } = taken;
+        let Observed { observation, pose, hints } = observed;
         let first = self.fit.shared.lock().maps.is_none();
         let start = || self.pool.install(|| first_maps(&self.networks, &observation));
         let start = if first { Some(Arc::new(start()?)) } else { None };
-        self.remember(&capture);
-        taking.capture = capture;
+        let next = capture.board().and_then(Board::next_view);
+        *lock(&self.capture) = Arc::new(capture);
         let index = {
             let mut shared = self.fit.shared.lock();
-            if let Some(maps) = &start {
-                shared.publish(maps.clone());
+            if first {
+                shared.publish(start.clone());
             }
-            let index = shared.progress.frames;
-            shared.progress.frames += 1;
+            shared.next = next;
             shared.progress.settled = false;
-            index
+            shared.progress.frames += 1;
+            shared.progress.frames - 1
         };
         self.fit.shared.notify();
-        let (reply, remade) = bounded(1);
-        taking.remade = (!remakes.is_empty()).then_some(remade);
+        let (reply, receiver) = bounded(1);
+        *remade = (!remakes.is_empty()).then_some(receiver);
         // Whoever saw the maps may have cancelled already: the photograph counts all the same.
-        if !self
-            .fit
-            .send(move |fit| fit.add(observation, remakes, restart, start.as_deref(), &reply))
+        let add =
+            move |fit: &mut Fit| fit.add(observation, remakes, restart, start.as_deref(), &reply);
+        if !self.fit.send(add)
             && let Err(error @ Error::Internal(_)) = self.fit.shared.usable()
         {
             return Err(error);
         }
-        Ok(Pushed::Accepted(Accepted {
+        Ok(Accepted {
             index,
             pose: pose.map(|known| known.pose),
             reprojection_rms_px: pose.map(|known| known.reprojection_rms_px),
             maps_seconds: begun.elapsed().as_secs_f64(),
             hints,
-        }))
-    }
-
-    /// What becomes of a capture with a photograph, if there is memory for it.
-    fn take(
-        &self,
-        photo: &Photo,
-        capture: &Capture,
-        take: impl FnOnce(&Capture) -> Result<std::result::Result<Taken, Rejection>> + Send,
-    ) -> Result<std::result::Result<Taken, Rejection>> {
-        if !photo.is_finite() {
-            return Ok(Err(Rejection::NotFinite));
-        }
-        let photographs = self.fit.shared.lock().progress.frames + 1;
-        let beside = memory::while_pushed(photo, capture.kept_bytes());
-        self.check_memory(photographs, beside)?;
-        self.pool.install(|| take(capture))
+        })
     }
 
     /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
-    /// it: nothing of the session changes. The result is what the maps should predict, for
-    /// instance to measure them on photographs that they were not fitted to.
-    ///
-    /// The inner result is a [`Rejection`] where the photograph cannot be used.
+    /// it: what the maps should predict, for instance to measure them on photographs that they were
+    /// not fitted to. The inner result is a [`Rejection`] where the photograph cannot be used.
     ///
     /// # Errors
     /// As [`Session::push`].
@@ -306,25 +300,19 @@ impl Session {
         placed: Option<Placed>,
     ) -> Result<std::result::Result<Observed, Rejection>> {
         self.fit.shared.usable()?;
-        let capture = self.settled_capture()?.capture.clone();
-        let taken = self.take(photo, &capture, |capture| capture.with(photo, placed))?;
-        Ok(taken.map(|Taken { observation, pose, hints, .. }| Observed {
-            observation,
-            pose,
-            hints,
-        }))
+        let known = self.settled()?.1;
+        let taken = self.take(photo, &known, placed)?;
+        Ok(taken.map(|(_, taken)| taken.observed))
     }
 
     /// Takes an accepted photograph back: the session is as if it had never come, calibration
     /// included. `index` counts the accepted photographs from 0; later ones move up by one. The fit
-    /// begins anew with the photographs that are left, and when this returns, maps that do not
-    /// know of it are available: those that the first photograph left gives. Without any left, there are none.
+    /// begins anew with the photographs that are left; when this returns, the maps are those that the
+    /// first of them gives. Without any left, there are none.
     ///
-    /// What is left is taken in again from what is kept of it. Views are rectified from parts of photographs,
-    /// or brought to the new light as half floats, and squares of the board are not measured again: maps are
-    /// those of a session without the photograph but for rounding. With rectified photographs they are
-    /// the same to the bit. Once a session with a given camera has settled on paper and height of
-    /// the sample (see [`Scene`]), these stay.
+    /// The others are taken in again from what is kept of them: maps are those of a session without the
+    /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
+    /// with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
     ///
     /// Waits for a push, and for a step of the fit.
     ///
@@ -333,21 +321,21 @@ impl Session {
     /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
     pub fn remove_frame(&self, index: usize) -> Result<()> {
         self.fit.shared.usable()?;
-        let mut taking = self.settled_capture()?;
+        let (_intake, known) = self.settled()?;
         let frames = self.fit.shared.lock().progress.frames;
         if index >= frames {
             let message = format!("{index} given, but there are {frames} photographs");
             return Err(Error::argument("index", message));
         }
-        let left = self.pool.install(|| taking.capture.without(index));
+        let left = self.pool.install(|| known.without(index));
         let left = left.map_err(|(other, rejection)| {
             let why = format!("photograph {other} cannot be used without it: {rejection}");
             Error::argument("index", why)
         })?;
         let photographs = left.observations();
-        self.fit.ask(move |fit| fit.begin_anew(photographs))?;
-        self.remember(&left);
-        taking.capture = left;
+        let next = left.board().and_then(Board::next_view);
+        self.fit.ask(move |fit| fit.begin_anew(photographs, next))?;
+        *lock(&self.capture) = Arc::new(left);
         self.fit.shared.notify();
         Ok(())
     }
@@ -355,26 +343,24 @@ impl Session {
     /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
     /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
     /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for
-    /// what photographs keep of themselves until the board is settled. Waits for nothing.
+    /// what a session keeps of photographs. Waits for nothing.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
         let frames = self.fit.shared.lock().progress.frames;
-        self.beside.hold(&self.settings, frames, [bytes, photo_bytes, pixels])
+        let kept = self.board(Board::kept_bytes).unwrap_or(0);
+        self.waiting.hold(&self.settings, frames, kept, [bytes, photo_bytes, pixels])
     }
 
     /// Refuses what would need more than is allowed, with what callers hold.
     fn check_memory(&self, photographs: usize, beside: u64) -> Result<()> {
-        memory::check(&self.settings, photographs, beside.saturating_add(self.beside.held()))
+        memory::check(&self.settings, photographs, beside.saturating_add(self.waiting.bytes()))
     }
 
-    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]), for one bit of
-    /// work: takes over a photograph, or does a step of the optimiser. Returns whether there may be
-    /// more to do; without, the fit has settled or is paused.
-    ///
-    /// Every other method works between two steps, and from other threads meanwhile. Without steps
-    /// there are the maps of the latest photograph only, as [`Session::push`] leaves them.
+    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]): takes over a
+    /// photograph, or does a step of the optimiser. Returns whether there may be more to do; without,
+    /// the fit has settled or is paused. Other methods work between two steps, and from other threads.
     ///
     /// # Errors
     /// When the session has a thread of its own, has failed or was cancelled.
@@ -437,15 +423,17 @@ mod tests {
         let settings = Settings { sample_mm: [100.0; 2], threads: 1, ..Settings::default() };
         let session = Session::new(Scene::Rectified { falloff }, settings).unwrap();
         let photo = Photo::from_linear(64, 64, vec![0.1; 3 * 64 * 64], 1.0, f32::INFINITY).unwrap();
-        let pushed = session.accept(&photo, |capture| {
-            session.cancel();
-            while !session.fit.has_ended() {
-                std::thread::yield_now();
-            }
-            let mm = [0.0, 0.0, 150.0];
-            capture.with(&photo, Some(Placed { camera_mm: mm, light_mm: mm }))
-        });
-        assert!(matches!(pushed, Ok(Pushed::Accepted(Accepted { index: 0, .. }))), "{pushed:?}");
+        let (mut remade, known) = session.settled().unwrap();
+        let mm = [0.0, 0.0, 150.0];
+        let placed = Some(Placed { camera_mm: mm, light_mm: mm });
+        let (capture, taken) = session.take(&photo, &known, placed).unwrap().unwrap();
+        session.cancel();
+        while !session.fit.has_ended() {
+            std::thread::yield_now();
+        }
+        let accepted = session.accept(capture, taken, &mut remade, Instant::now());
+        assert!(matches!(accepted, Ok(Accepted { index: 0, .. })), "{accepted:?}");
+        drop(remade);
         assert!(session.snapshot().is_ok());
         assert!(matches!(session.push(&photo), Err(Error::Cancelled)));
     }

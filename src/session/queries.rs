@@ -1,31 +1,20 @@
 //! What a session is asked.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
-use crossbeam_channel::TryRecvError;
 use glam::DVec3;
 
-use super::advice::{self, Candidate, NextView};
-use super::fit::Fit;
-use super::reports::{Assessed, BoardPose, FrameFit, Probe, Progress, Revision};
-use super::survey::{Pending, Survey};
+use super::capture::{Board, Photograph};
+use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
+use super::survey::{NextView, Survey};
 use super::{Session, memory};
 use crate::calibration::PaperEstimate;
-use crate::estimate::{Evidence, Exposure, Place};
+use crate::calibration::photometry::Photometry;
+use crate::estimate::{Evidence, Exposure, FrameFit};
 use crate::frame::{Photo, ToneCurve};
-use crate::geometry::{Camera, Pose};
+use crate::geometry::Camera;
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Result, Svbrdf};
-
-/// Asks by how much a photograph from each of some places lowers the expected error.
-fn outlook(candidates: &[Candidate]) -> impl FnOnce(&mut Fit) -> Result<Vec<f64>> + Send + use<> {
-    let place = |candidate: &Candidate| Place {
-        camera_mm: candidate.camera_mm.as_vec3().to_array(),
-        light_mm: candidate.light_mm.as_vec3().to_array(),
-    };
-    let places: Vec<Place> = candidates.iter().map(place).collect();
-    move |fit| fit.estimation.outlook(&places)
-}
 
 impl Session {
     /// The current maps.
@@ -47,8 +36,7 @@ impl Session {
         self.fit.shared.lock().progress
     }
 
-    /// The internal error that ended the fit, if there was one. Every call that needs the fit returns it
-    /// from then on.
+    /// The internal error that ended the fit: what every call that needs the fit returns from then on.
     pub fn failure(&self) -> Option<String> {
         self.fit.shared.lock().failed.clone()
     }
@@ -61,49 +49,49 @@ impl Session {
     /// The camera as used: given, or estimated from the photographs so far. `None` for rectified
     /// photographs, and while it is unknown.
     pub fn camera(&self) -> Option<Camera> {
-        self.taking().capture.board()?.camera()
+        self.board(Board::camera)?
     }
 
     /// Standard deviations of fx, fy, cx, cy (px), k1, k2, p1, p2, k3 of an estimated camera.
     pub fn camera_sigma(&self) -> Option<[f64; 9]> {
-        self.taking().capture.board()?.estimate().map(|e| e.sigma())
+        self.board(|board| board.estimate.as_ref().map(|e| e.sigma()))?
     }
 
-    /// How the printed board differs from its plan (stretch, bow), as used, with standard deviations. As
-    /// planned unless two photographs or more clearly say otherwise. `None` for rectified photographs.
+    /// How the printed board differs from its plan (stretch, bow), as used: as planned unless two
+    /// photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn paper(&self) -> Option<PaperEstimate> {
-        Some(self.taking().capture.board()?.paper())
+        self.board(|board| board.paper)
     }
 
-    /// Height of the sample's surface above the board, as used, with its standard deviation. 0 unless two
-    /// photographs or more clearly say otherwise. If the scene states the height, it has no standard
-    /// deviation. `None` for rectified photographs.
+    /// Height of the sample's surface above the board, as used: as the scene states it, else 0 unless two
+    /// photographs or more clearly say otherwise. `None` for rectified photographs.
     pub fn elevation(&self) -> Option<ElevationEstimate> {
-        Some(self.taking().capture.board()?.elevation())
+        self.board(|board| board.elevation)
     }
 
-    /// Current estimates of the poses of the accepted photographs: later photographs improve what is known
-    /// of paper and camera, and so the poses of earlier ones. Empty for rectified photographs.
+    /// Poses of the accepted photographs as the latest tells them. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
-        self.taking().capture.poses()
+        let pose = |p: &Photograph| BoardPose { pose: p.pose, reprojection_rms_px: p.rms_px };
+        self.board(|board| board.photographs.iter().map(pose).collect()).unwrap_or_default()
     }
 
     /// Light position in the camera frame as used, mm.
     pub fn flash_offset_mm(&self) -> DVec3 {
-        self.taking().capture.flash_offset_mm()
+        self.board(Board::flash_offset_mm).unwrap_or_default()
     }
 
     /// Ambient irradiance as a share of the flash's at the sample's centre, facing the flash at the
     /// first photograph's distance.
     pub fn ambient_fraction(&self) -> f32 {
-        let mean = |ambient: [f64; 3]| (ambient.iter().sum::<f64>() / 3.0) as f32;
-        self.taking().capture.photometry().map_or(0.0, |p| mean(p.ambient))
+        let mean = |light: &Photometry| (light.ambient.iter().sum::<f64>() / 3.0) as f32;
+        self.board(|board| board.photometry.as_ref().map(mean)).flatten().unwrap_or_default()
     }
 
     /// The inverse of the camera's tone curve: the identity for rectified photographs, and as long as
     /// values seem linear.
     pub fn tone_curve(&self) -> ToneCurve {
-        self.taking().capture.photometry().map_or_else(ToneCurve::default, |p| p.tone)
+        let tone = |light: &Photometry| light.tone;
+        self.board(|board| board.photometry.as_ref().map(tone)).flatten().unwrap_or_default()
     }
 
     /// How the maps of the moment explain each accepted photograph, and whether one contradicts the
@@ -112,19 +100,16 @@ impl Session {
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn frame_fits(&self) -> Result<Vec<FrameFit>> {
-        self.fit.ask(|fit| {
-            // Without photographs there is nothing to tell.
-            Ok(FrameFit::all(&fit.estimation.residuals().unwrap_or_default()))
-        })
+        // Without photographs there is nothing to tell.
+        self.fit.ask(|fit| Ok(fit.estimation.residuals().unwrap_or_default()))
     }
 
     /// The maps of the moment with the standard deviation of each at every texel. Computed when asked
     /// for; meaningful once the fit has settled. Waits for a step of the fit.
     ///
-    /// Deviations are calibrated with materials whose maps are known, photographed as well and as badly
-    /// as real ones are: about two errors of three are within them. Of a material that is not
-    /// Cook-Torrance's there is no true roughness; deviations are then those of a material that
-    /// leaves such residuals.
+    /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
+    /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
+    /// are those of one that leaves such residuals.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
@@ -144,90 +129,52 @@ impl Session {
     }
 
     /// Where the next photograph tells most: the view within reach of a hand, 10 to 50 degrees off the
-    /// top, that lowers the expected error of renderings most, by what photographs have left open of
-    /// the maps of the moment. `None` before the first photograph, and for rectified ones. Probes
-    /// refer to it from then on.
+    /// top, that lowers the expected error of renderings most. Probes refer to it from then on. `None`
+    /// before the first photograph, and for rectified ones.
     ///
-    /// Waits for a push and a step of the fit. Where the fit has failed or was cancelled, the view whose
-    /// highlights reach slopes of the sample that none has swept.
+    /// Waits for a step of the fit. Where the fit has failed or was cancelled, the view whose highlights
+    /// reach slopes of the sample that none has swept.
     pub fn next_view(&self) -> Option<NextView> {
-        let (views, flash_mm) = {
-            let capture = &self.taking().capture;
-            let views: Vec<Pose> = capture.poses().into_iter().map(|p| p.pose).collect();
-            (views, capture.flash_offset_mm())
-        };
-        let candidates = advice::candidates(&views, flash_mm)?;
-        let next = match self.fit.ask(outlook(&candidates)) {
-            Ok(gains) => {
-                let best = gains.iter().zip(&candidates).max_by(|a, b| a.0.total_cmp(b.0));
-                best.map(|(_, candidate)| candidate.view)
-            }
-            Err(_) => advice::next_view(&views, flash_mm, self.settings.sample_mm),
-        };
-        self.propose(&views, next);
-        next
+        let candidates = self.board(Board::candidates)??;
+        match self.fit.ask(move |fit| fit.survey(&candidates, false)) {
+            Ok(survey) => survey.best().map(|best| best.view),
+            Err(_) => self.board(Board::next_view)?,
+        }
     }
 
-    /// What photographs from all round would tell, as of the latest moment that the fit has told.
-    /// Waits for nothing: asks the fit, where photographs have come or it has settled since, and answers with
-    /// what it told. `None` until it has told of all photographs so far, before the first, for
-    /// rectified photographs, and where the fit has failed or was cancelled.
+    /// What photographs from all round would tell. Waits for nothing: where photographs have come or the
+    /// fit has settled since, the fit is asked, and until it has told of all photographs, this is `None`; so
+    /// it is for rectified photographs, and where the fit has failed or was cancelled.
     pub fn survey(&self) -> Option<Arc<Survey>> {
         self.fit.shared.usable().ok()?;
-        let (frames, fitted, settled) = {
-            let state = self.fit.shared.lock();
-            (state.progress.frames, state.fitted, state.progress.settled)
-        };
-        let mut surveys = self.surveys.lock().unwrap_or_else(PoisonError::into_inner);
-        let answer = surveys.pending.as_ref().map(|pending| pending.answer.try_recv());
-        match answer {
-            None | Some(Err(TryRecvError::Empty)) => {}
-            Some(Ok(Ok(gains))) => {
-                if let Some(pending) = surveys.pending.take() {
-                    let survey = pending.survey(&gains);
-                    self.propose(&pending.poses, survey.best().map(|best| best.view));
-                    surveys.latest = Some(Arc::new(survey));
-                }
-            }
-            Some(_) => surveys.pending = None,
-        }
+        let candidates = self.board(Board::candidates)??;
+        let mut state = self.fit.shared.lock();
+        let (frames, settled) = (state.progress.frames, state.progress.settled);
+        let latest = state.survey.clone().filter(|survey| survey.photographs == frames);
         // What the fit has not taken over yet it cannot tell of.
-        if surveys.pending.is_none() && fitted == frames && surveys.asked != Some((frames, settled))
-        {
-            surveys.asked = Some((frames, settled));
-            surveys.pending = self.request(settled).filter(|pending| pending.poses.len() == frames);
+        if state.fitted == frames && state.surveyed != Some((frames, settled)) {
+            state.surveyed = Some((frames, settled));
+            drop(state);
+            self.fit.send(move |fit| {
+                // without an answer the latest stays
+                if let Ok(survey) = fit.survey(&candidates, settled) {
+                    fit.shared.lock().survey = Some(Arc::new(survey));
+                }
+                Ok(())
+            });
         }
-        surveys.latest.clone().filter(|survey| survey.photographs == frames)
+        latest
     }
 
-    /// Asks the fit for what it will tell between two steps.
-    fn request(&self, settled: bool) -> Option<Pending> {
-        let preview = self.preview.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
-        let flash_mm = preview.photometry.as_ref().map_or(DVec3::ZERO, |p| p.flash_offset_mm);
-        let candidates = advice::candidates(&preview.poses, flash_mm)?;
-        let answer = self.fit.request(outlook(&candidates));
-        Some(Pending { answer, candidates, poses: preview.poses.clone(), settled })
-    }
-
-    /// Lets probes refer to a view, unless a photograph has come meanwhile.
-    fn propose(&self, views: &[Pose], next: Option<NextView>) {
-        let mut preview = self.preview.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(preview) = preview.as_mut().filter(|preview| preview.poses == views) {
-            Arc::make_mut(preview).next = next;
-        }
-    }
-
-    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in:
-    /// corners, pose, blur, exposure, view, and what a push would say of a photograph like it. Nothing
-    /// of the session changes.
+    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in: corners,
+    /// pose, blur, exposure, view, and what a push would say of a photograph like it, unless it is a
+    /// matter of pixels, or of what all photographs tell together.
     ///
     /// A picture of another size than the session's camera is taken for a preview of it: scaled to its
     /// width or height and cut at the other sides. Where that does not fit, and before a camera is
     /// known, the camera is estimated from the picture. Pictures from 1280 px on are reduced first.
     ///
-    /// A push may still come to another verdict where it is a matter of pixels, or of what all
-    /// photographs tell together. Runs on the calling thread alone and waits neither for the fit nor
-    /// for a push.
+    /// Runs on the calling thread alone and waits neither for the fit nor for a push.
     ///
     /// # Errors
     /// On misuse, when the session has failed or was cancelled, and when the memory limit is reached.
@@ -246,13 +193,16 @@ impl Session {
 
     fn judge(&self, photo: &Photo, lit: bool) -> Result<Probe> {
         self.fit.shared.usable()?;
-        let preview = self.preview.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let preview = preview.ok_or_else(|| {
+        let capture = self.capture();
+        let board = capture.board().ok_or_else(|| {
             Error::argument("photo", "a session of rectified photographs has no board to look for")
         })?;
-        let photographs = self.fit.shared.lock().progress.frames;
+        let (photographs, next) = {
+            let state = self.fit.shared.lock();
+            (state.progress.frames, state.next)
+        };
         self.check_memory(photographs.max(1), memory::while_probed(photo))?;
-        Ok(preview.judge(photo, lit))
+        Ok(board.judge(photo, lit, next))
     }
 }
 
@@ -272,7 +222,7 @@ mod tests {
         let photo = capture.frames[0].read().unwrap();
         assert!(matches!(session.push(&photo), Ok(Pushed::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
-        let _held = session.taking.lock().unwrap();
+        let _held = session.intake.lock().unwrap();
         std::thread::scope(|scope| {
             session.pool.install(|| {
                 scope.spawn(|| tell.send(session.probe(&photo).map(|p| p.pose.is_some())));

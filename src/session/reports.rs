@@ -5,19 +5,10 @@ use std::sync::Arc;
 use super::advice::Hint;
 use crate::calibration::Corner;
 use crate::confidence::Confidence;
-use crate::estimate::{Part, Phase, Residual};
+use crate::estimate::Phase;
 use crate::geometry::Pose;
 use crate::observation::Observation;
 use crate::{Rejection, Svbrdf};
-
-/// Photographs from which on one may stand out.
-const OUTLIER_FROM: usize = 4;
-/// A residual stands out that is so many robust standard deviations above the median, and so many
-/// times as large: of photographs that agree, deviations are tiny.
-const OUTLIER_SIGMA: f32 = 5.0;
-const OUTLIER_RATIO: f32 = 1.5;
-/// Standard deviation of a normal distribution over its median absolute deviation.
-const MAD_TO_SIGMA: f32 = 1.4826;
 
 /// What became of a photograph.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +56,7 @@ pub struct Observed {
 
 /// What a photograph that is only looked at would be good for, see
 /// [`Session::probe`](super::Session::probe).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Probe {
     /// Why a photograph like it would not be used; `None`: it would.
     pub rejection: Option<Rejection>,
@@ -92,19 +83,9 @@ pub struct Probe {
 }
 
 impl Probe {
-    pub(super) fn rejected(corners_expected: usize, rejection: Rejection) -> Self {
-        Self {
-            rejection: Some(rejection),
-            hints: Vec::new(),
-            corners: Vec::new(),
-            corners_expected,
-            corners_in_view: 0,
-            blur_px: None,
-            blur_direction_deg: None,
-            pose: None,
-            view: None,
-            light: None,
-        }
+    /// Notes what speaks against it, if nothing has so far.
+    pub(super) fn refuse(&mut self, why: Option<Rejection>) {
+        self.rejection = self.rejection.or(why);
     }
 }
 
@@ -142,51 +123,6 @@ pub struct ProbedLight {
     pub clipped_share: f32,
 }
 
-/// How the maps of the moment explain an accepted photograph.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameFit {
-    /// Median over its texels of the absolute difference of the logarithms of rendered and measured
-    /// radiance, mean of the channels: a relative error.
-    pub residual: f32,
-    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels that it does not show.
-    pub weight: f32,
-    /// Whether it contradicts the others: its residual stands out. Of fewer than four photographs
-    /// none does.
-    pub outlier: bool,
-    /// A part of it that contradicts the others: sun, a shadow, a hand or glare on a part of the
-    /// sample. Of fewer than four photographs none does.
-    pub part: Option<Part>,
-}
-
-impl FrameFit {
-    /// Of all photographs, by what the maps leave of each.
-    pub(super) fn all(residuals: &[Residual]) -> Vec<Self> {
-        let limit = limit(residuals.iter().map(|r| r.median).collect());
-        let fit = |r: &Residual| Self {
-            residual: r.median,
-            weight: r.weight,
-            outlier: r.median > limit,
-            part: r.part,
-        };
-        residuals.iter().map(fit).collect()
-    }
-}
-
-/// The residual above which a photograph stands out.
-fn limit(mut residuals: Vec<f32>) -> f32 {
-    if residuals.len() < OUTLIER_FROM {
-        return f32::INFINITY;
-    }
-    let median = |values: &mut Vec<f32>| {
-        values.sort_by(f32::total_cmp);
-        values[(values.len() - 1) / 2]
-    };
-    let middle = median(&mut residuals);
-    let mut off: Vec<f32> = residuals.iter().map(|r| (r - middle).abs()).collect();
-    let sigma = MAD_TO_SIGMA * median(&mut off);
-    (middle + OUTLIER_SIGMA * sigma).max(OUTLIER_RATIO * middle)
-}
-
 /// Maps and how far they may be off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assessed {
@@ -197,7 +133,7 @@ pub struct Assessed {
 }
 
 /// State of the fit.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
     /// Accepted photographs.
     pub frames: usize,
@@ -222,19 +158,4 @@ pub struct Revision {
     pub state: u64,
     /// Sets of maps published so far.
     pub maps: u64,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_stands_out_is_above_the_limit() {
-        assert_eq!(limit(vec![0.01, 0.01, 0.5]), f32::INFINITY);
-        let limit_of = |values: &[f32]| limit(values.to_vec());
-        assert!(limit_of(&[0.02, 0.021, 0.019, 0.2]) < 0.1);
-        // Photographs that agree well do not differ enough to matter.
-        assert!(limit_of(&[0.01, 0.01, 0.01, 0.012]) > 0.012);
-        assert!(limit_of(&[0.02, 0.05, 0.03, 0.06]) > 0.06);
-    }
 }

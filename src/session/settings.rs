@@ -21,11 +21,10 @@ pub enum Scene {
         /// The printed board.
         target: Target,
         /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
-        /// with each one. Earlier photographs are then rectified anew where that moves them, for
-        /// which the session keeps the part of each that shows the sample as it is stored: about a
-        /// third of a photograph that shows the whole board (12 MB of a 12-megapixel one). With a
-        /// given camera it does so until it knows the sheet of paper and the sample's height, for
-        /// seven photographs at most.
+        /// with each one, and earlier photographs rectified anew where that moves them. For this the
+        /// session keeps the part of each that shows the sample: about a third of a photograph that shows
+        /// the whole board (12 MB of a 12-megapixel one). With a given camera it does so until it knows
+        /// the sheet of paper and the sample's height, for seven photographs at most.
         camera: Option<Camera>,
         /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
         /// photographs tell it.
@@ -43,11 +42,12 @@ pub enum Scene {
 }
 
 /// Light of rectified photographs.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub enum RectifiedFalloff {
     /// As given.
     Given(Falloff),
     /// Inverse square with `power_mm2 = pi * (first camera's distance)²`.
+    #[default]
     InverseSquareAuto,
 }
 

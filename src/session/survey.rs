@@ -1,13 +1,28 @@
-//! What photographs from all round would tell.
+//! Where the next photograph tells most, and what photographs from all round would tell.
 
-use std::sync::Arc;
+use glam::{DVec2, DVec3};
 
-use crossbeam_channel::Receiver;
-use glam::DVec3;
-
-use super::advice::{Candidate, NextView};
-use crate::Result;
 use crate::geometry::Pose;
+
+/// Half vectors this far off the vertical are what samples' slopes ask for (tangent of 20 degrees).
+const SLOPE_MAX: f64 = 0.36;
+/// Points of the sample along each side, and of the disc of slopes along its diameter.
+const POINTS: u32 = 5;
+const SLOPES: i32 = 9;
+/// Views that may be proposed: angles off the vertical, degrees, and sides of each.
+const TILTS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
+const AZIMUTHS: u32 = 16;
+
+/// Where the next photograph tells most.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NextView {
+    /// Unit vector from the sample towards the camera, board frame.
+    pub direction: [f32; 3],
+    /// Angle off the vertical, degrees.
+    pub tilt_deg: f32,
+    /// Side to go to: degrees counter-clockwise from the sample's +X.
+    pub azimuth_deg: f32,
+}
 
 /// What photographs from all round would tell, see [`Session::survey`](super::Session::survey).
 #[derive(Debug, Clone, PartialEq)]
@@ -31,37 +46,102 @@ pub struct SurveyedView {
     pub gain: f32,
 }
 
-/// The survey in progress and the latest result.
-#[derive(Default)]
-pub(super) struct Surveys {
-    /// Photographs and whether the fit had settled when the last one was asked for.
-    pub(super) asked: Option<(usize, bool)>,
-    pub(super) pending: Option<Pending>,
-    pub(super) latest: Option<Arc<Survey>>,
-}
-
-pub(super) struct Pending {
-    pub(super) answer: Receiver<Result<Vec<f64>>>,
-    pub(super) candidates: Vec<Candidate>,
-    pub(super) poses: Vec<Pose>,
-    pub(super) settled: bool,
-}
-
-impl Pending {
-    pub(super) fn survey(&self, gains: &[f64]) -> Survey {
-        let views = self.candidates.iter().zip(gains);
-        let views = views
-            .map(|(candidate, &gain)| SurveyedView { view: candidate.view, gain: gain as f32 });
-        Survey {
-            photographs: self.poses.len(),
-            settled: self.settled,
-            views: views.collect(),
-            distance_mm: self.candidates[0].camera_mm.length() as f32,
+/// The direction from which highlights reach most of the slopes that they have not swept yet.
+///
+/// A texel is bright where its normal is near the half vector between light and camera. For points
+/// over the sample the slopes of the half vectors so far are known; slopes far from all of them
+/// are dark in every photograph and tell nothing about gloss. The view is proposed whose half
+/// vectors, with the flash at its place beside the lens, come nearest to most of them.
+pub(super) fn next_view(
+    views: &[Pose],
+    flash_offset_mm: DVec3,
+    sample_mm: [f32; 2],
+) -> Option<NextView> {
+    let half = |camera: DVec3, light: DVec3, p: DVec3| {
+        let h = (camera - p).normalize() + (light - p).normalize();
+        h.truncate() / h.z.max(1e-3)
+    };
+    let points = (0..POINTS * POINTS).map(|i| {
+        let at = |k: u32| f64::from(k) / f64::from(POINTS - 1) - 0.5;
+        let [width, height] = sample_mm.map(f64::from);
+        DVec3::new(at(i % POINTS) * width, at(i / POINTS) * height, 0.0)
+    });
+    let slopes: Vec<DVec2> = (0..SLOPES * SLOPES)
+        .map(|i| DVec2::new(f64::from(i % SLOPES), f64::from(i / SLOPES)))
+        .map(|s| (s * 2.0 / f64::from(SLOPES - 1) - 1.0) * SLOPE_MAX)
+        .filter(|s| s.length() <= SLOPE_MAX * 1.01)
+        .collect();
+    // Squared distance of each slope at each point from the nearest half vector so far.
+    let nearest: Vec<(DVec3, Vec<f64>)> = points
+        .map(|p| {
+            let of = |v: &Pose| half(v.camera_centre(), v.to_board(flash_offset_mm), p);
+            let seen: Vec<DVec2> = views.iter().map(of).collect();
+            let least = |s: &DVec2| {
+                seen.iter().map(|h| h.distance_squared(*s)).fold(f64::INFINITY, f64::min)
+            };
+            (p, slopes.iter().map(least).collect())
+        })
+        .collect();
+    let mut best: Option<(f64, NextView)> = None;
+    for Candidate { view, camera_mm, light_mm } in candidates(views, flash_offset_mm)? {
+        let gain = nearest.iter().map(|(p, nearest)| {
+            let h = half(camera_mm, light_mm, *p);
+            let closer = |(s, n): (&DVec2, &f64)| (n - h.distance_squared(*s)).max(0.0);
+            slopes.iter().zip(nearest).map(closer).sum::<f64>()
+        });
+        let gain = gain.sum::<f64>();
+        if best.is_none_or(|b| gain > b.0 * (1.0 + 1e-9)) {
+            best = Some((gain, view));
         }
     }
+    best.map(|b| b.1)
+}
+
+/// A view that may be proposed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    view: NextView,
+    pub(super) camera_mm: DVec3,
+    pub(super) light_mm: DVec3,
+}
+
+/// Views within reach of a hand, at the median distance of those so far; `None` before the first.
+pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<Candidate>> {
+    let mut distances: Vec<f64> = views.iter().map(|v| v.camera_centre().length()).collect();
+    distances.sort_by(f64::total_cmp);
+    let distance = *distances.get(distances.len() / 2)?;
+    let candidate = |tilt: f64, azimuth: f64| {
+        let (s, c) = tilt.to_radians().sin_cos();
+        let (sa, ca) = azimuth.to_radians().sin_cos();
+        let direction = DVec3::new(s * ca, s * sa, c);
+        let camera_mm = distance * direction;
+        // Held upright as seen from that side; the flash is beside the lens.
+        let right = DVec3::Z.cross(direction).try_normalize().unwrap_or(DVec3::X);
+        let down = -direction.cross(right);
+        let light_mm = camera_mm + flash_offset_mm.x * right + flash_offset_mm.y * down;
+        let (tilt_deg, azimuth_deg) = (tilt as f32, azimuth as f32);
+        let view = NextView { direction: direction.as_vec3().to_array(), tilt_deg, azimuth_deg };
+        Candidate { view, camera_mm, light_mm }
+    };
+    let sides = (0..AZIMUTHS).map(|k| 360.0 * f64::from(k) / f64::from(AZIMUTHS));
+    let ring = |tilt| sides.clone().map(move |side| candidate(tilt, side));
+    Some(TILTS.into_iter().flat_map(ring).collect())
 }
 
 impl Survey {
+    /// By what a photograph from each candidate, of which there is one at least, would take away.
+    pub(super) fn new(
+        photographs: usize,
+        settled: bool,
+        candidates: &[Candidate],
+        gains: &[f64],
+    ) -> Self {
+        let views = candidates.iter().zip(gains);
+        let views = views.map(|(c, &gain)| SurveyedView { view: c.view, gain: gain as f32 });
+        let distance_mm = candidates[0].camera_mm.length() as f32;
+        Self { photographs, settled, views: views.collect(), distance_mm }
+    }
+
     /// The view that tells most.
     pub fn best(&self) -> Option<&SurveyedView> {
         self.views.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
@@ -130,5 +210,30 @@ mod tests {
         check(60.0, 0.0, gain(30.0, 0.0));
         let best = survey.best().unwrap().view;
         assert_eq!((best.tilt_deg, best.azimuth_deg), (30.0, 0.0));
+    }
+
+    fn from(direction: DVec3, distance: f64) -> Pose {
+        let z = -direction.normalize();
+        let x = DVec3::Y.cross(z).try_normalize().unwrap_or(DVec3::X);
+        let rotation = glam::DMat3::from_cols(x, z.cross(x), z).transpose();
+        Pose { rotation, translation: DVec3::new(0.0, 0.0, distance) }
+    }
+
+    #[test]
+    fn views_go_where_none_was_and_round_the_sample() {
+        assert_eq!(next_view(&[], DVec3::ZERO, [100.0; 2]), None);
+        let mut views = vec![from(DVec3::Z, 250.0)];
+        let mut sides = Vec::new();
+        for _ in 0..4 {
+            let next = next_view(&views, DVec3::ZERO, [100.0; 2]).unwrap();
+            let direction = DVec3::from_array(next.direction.map(f64::from));
+            let near = |v: &Pose| v.camera_centre().angle_between(direction).to_degrees();
+            assert!(views.iter().all(|v| near(v) > 8.0), "{next:?}");
+            sides.push(next.azimuth_deg);
+            views.push(from(direction, 250.0));
+        }
+        // The second goes to the other side of the first.
+        let apart = (sides[0] - sides[1]).abs();
+        assert!((120.0..=240.0).contains(&apart), "{sides:?}");
     }
 }

@@ -50,8 +50,8 @@ pub unsafe extern "C" fn svbrdf_session_progress(
 }
 
 /// The light as found so far: position of the flash in the camera frame, three numbers, mm, and
-/// ambient light as a share of the flash's at the sample's centre. Waits for a push in progress.
-/// Results may be NULL.
+/// ambient light as a share of the flash's at the sample's centre. Results may be
+/// NULL.
 ///
 /// # Safety
 /// Each result is NULL or writable, `flash_offset_mm` with three numbers.
@@ -77,8 +77,7 @@ pub unsafe extern "C" fn svbrdf_session_light(
 }
 
 /// The most informative view for the next photo: of views 10 to 50 degrees off the vertical, the one
-/// that lowers the expected error of renderings most. Waits for a push in progress and a step of the
-/// fit.
+/// that lowers the expected error of renderings most. Waits for a step of the fit.
 ///
 /// # Safety
 /// `view` is NULL or initialised by svbrdf_next_view_init().
@@ -99,7 +98,7 @@ pub unsafe extern "C" fn svbrdf_session_next_view(
 
 /// The camera as used: given, or estimated from the photos so far; all zeros while it is unknown and
 /// for rectified photos. `sigma`, which may be NULL: standard deviations of fx, fy, cx, cy
-/// (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros. Waits for a push in progress.
+/// (px), k1, k2, p1, p2, k3 of an estimated camera, otherwise zeros.
 ///
 /// # Safety
 /// `camera` is NULL or initialised by svbrdf_camera_init(); `sigma` is NULL or has nine writable
@@ -126,7 +125,7 @@ pub unsafe extern "C" fn svbrdf_session_camera(
     })
 }
 
-/// The printed sheet and the sample's height above it, as used. Waits for a push in progress.
+/// The printed sheet and the sample's height above it, as used.
 ///
 /// # Safety
 /// `paper` is NULL or initialised by svbrdf_paper_init().
@@ -146,7 +145,7 @@ pub unsafe extern "C" fn svbrdf_session_paper(
 
 /// Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
 /// improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
-/// svbrdf_frame_report; each may be NULL. Waits for a push in progress.
+/// svbrdf_frame_report; each may be NULL.
 ///
 /// # Safety
 /// Each result is NULL or writable: nine numbers, three, one.

@@ -74,6 +74,13 @@ pub struct ViewEstimate {
 }
 
 impl CameraEstimate {
+    /// Whether photographs may have told such values.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let mut numbers = self.covariance.as_flattened().iter().chain([&self.rms_px]);
+        let finite = numbers.all(|v| v.is_finite());
+        finite && self.camera.fault().is_none() && self.paper.is_plausible()
+    }
+
     /// Standard deviations of fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub fn sigma(&self) -> [f64; 9] {
         std::array::from_fn(|i| self.covariance[i][i].max(0.0).sqrt())

@@ -48,6 +48,13 @@ pub struct CameraPrior {
 }
 
 impl CameraPrior {
+    /// Whether something of a camera may be expected like this.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let sigmas = [&self.focal_sigma, &self.aspect_sigma, &self.centre_sigma_px];
+        let mut sigmas = sigmas.into_iter().chain(&self.distortion_sigma);
+        self.camera.fault().is_none() && sigmas.all(|s| (0.0..=f64::MAX).contains(s))
+    }
+
     /// For a camera of which only the picture's size is known: square pixels, principal point in
     /// the middle, a phone's focal length give or take 15 %, little distortion.
     pub fn ordinary(width: u32, height: u32) -> Self {

@@ -117,6 +117,22 @@ pub struct Radiometry {
     pub log_sigma: f32,
 }
 
+impl Radiometry {
+    /// Whether a light and a lens may be like this.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let Self { gain, tone, vignetting, lobe, flash_offset_mm, power_mm2, ambient, log_sigma } =
+            self;
+        let shape = [vignetting.exponent, vignetting.curvature, lobe.exponent];
+        shape.iter().chain(&lobe.pattern).all(|v| v.is_finite())
+            && gain.iter().all(|v| v.is_finite() && *v > 0.0)
+            && flash_offset_mm.is_finite()
+            && power_mm2.iter().all(|v| v.is_finite() && *v > 0.0)
+            && ambient.iter().all(|v| v.is_finite())
+            && (0.0..=f32::MAX).contains(log_sigma)
+            && tone.is_plausible()
+    }
+}
+
 /// What is known of light and camera from the photos so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photometry {

@@ -54,6 +54,17 @@ pub struct Squares {
 }
 
 impl Squares {
+    /// Whether a photograph may have shown such squares.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let is_positive = |v: &f32| v.is_finite() && *v > 0.0;
+        let is_square = |square: &Square| {
+            square.board_mm.is_finite() && square.value.iter().flatten().all(is_positive)
+        };
+        is_positive(&self.exposure)
+            && self.clipped_share.is_finite()
+            && self.squares.iter().chain(&self.gray).all(is_square)
+    }
+
     /// Measures every square that lies wholly inside the photo.
     ///
     /// # Errors

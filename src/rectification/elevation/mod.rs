@@ -85,6 +85,13 @@ impl Default for ElevationEstimate {
     }
 }
 
+impl ElevationEstimate {
+    /// Whether a sample may be so high, and its deviation one.
+    pub(crate) fn is_plausible(&self) -> bool {
+        is_possible(self.mm) && (0.0..=f64::MAX).contains(&self.sigma_mm)
+    }
+}
+
 /// The height that photographs tell. Photographs that leave it open do not take back what was known
 /// `before` the latest.
 pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> ElevationEstimate {

@@ -4,38 +4,35 @@
 
 mod board;
 mod photograph;
-mod reasons;
-mod removal;
 
 use std::f32::consts::PI;
-use std::sync::Arc;
 
-use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
-use super::advice::Hint;
-use super::preview::Preview;
-use super::reports::BoardPose;
+use super::reports::Observed;
 use super::settings::{RectifiedFalloff, Scene, Settings};
-use crate::calibration::photometry::Photometry;
 use crate::frame::Photo;
 use crate::observation::{Falloff, Observation, View};
 use crate::rectification;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;
-pub(super) use photograph::{Conditions, Measured, Part, Photograph, Remade, Remake};
+pub(super) use photograph::{Conditions, Measured, Photograph, Remake, Taken};
 
 /// The accepted photographs and what is known from them.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) enum Capture {
     Board(Box<Board>),
     Rectified(Rectified),
 }
 
 /// Photographs that came rectified.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Rectified {
+    #[serde(skip)]
     falloff: RectifiedFalloff,
+    #[serde(skip)]
     sample_mm: [f32; 2],
+    #[serde(skip)]
     resolution: usize,
     pub(super) photographs: Vec<Observation>,
 }
@@ -47,33 +44,20 @@ pub(super) struct Placed {
     pub(super) light_mm: [f32; 3],
 }
 
-/// A photograph taken in.
-pub(super) struct Taken {
-    /// The capture with it.
-    pub(super) capture: Capture,
-    pub(super) observation: Observation,
-    /// Earlier ones to be rectified better, which [`Capture::adopt`] waits for.
-    pub(super) remakes: Vec<Remake>,
-    /// Whether these lie so far elsewhere then that maps so far are no start any more.
-    pub(super) restart: bool,
-    pub(super) pose: Option<BoardPose>,
-    pub(super) hints: Vec<Hint>,
-}
-
 impl Capture {
     /// Without photographs; checks the scene.
     pub(super) fn new(scene: Scene, settings: &Settings) -> Result<Self> {
         let Settings { sample_mm, resolution, .. } = *settings;
-        match scene {
+        Ok(match scene {
             Scene::Board { target, camera, flash_offset_mm: flash, elevation_mm } => {
                 let board = Board::new(target, camera, flash, elevation_mm, sample_mm, resolution)?;
-                Ok(Self::Board(Box::new(board)))
+                Self::Board(Box::new(board))
             }
             Scene::Rectified { falloff } => {
                 let photographs = Vec::new();
-                Ok(Self::Rectified(Rectified { falloff, sample_mm, resolution, photographs }))
+                Self::Rectified(Rectified { falloff, sample_mm, resolution, photographs })
             }
-        }
+        })
     }
 
     /// The capture with another photograph, which `placed` comes with if it is rectified.
@@ -84,17 +68,16 @@ impl Capture {
         &self,
         photo: &Photo,
         placed: Option<Placed>,
-    ) -> Result<std::result::Result<Taken, Rejection>> {
+    ) -> Result<std::result::Result<(Self, Taken), Rejection>> {
         match (self, placed) {
-            (Self::Board(board), None) => Ok(board.with(photo).map(|with| Taken {
-                capture: Self::Board(Box::new(with.board)),
-                observation: with.observation,
-                remakes: with.remakes,
-                restart: with.restart,
-                pose: Some(with.pose),
-                hints: with.hints,
-            })),
-            (Self::Rectified(rectified), Some(placed)) => rectified.with(photo, placed),
+            (Self::Board(board), None) => {
+                let with = board.with(photo);
+                Ok(with.map(|(board, taken)| (Self::Board(Box::new(board)), taken)))
+            }
+            (Self::Rectified(rectified), Some(placed)) => {
+                let with = rectified.with(photo, placed)?;
+                Ok(with.map(|(rectified, taken)| (Self::Rectified(rectified), taken)))
+            }
             (Self::Rectified(_), None) => Err(Error::argument(
                 "photo",
                 "this session expects rectified photographs with camera and light positions",
@@ -111,32 +94,20 @@ impl Capture {
     /// # Errors
     /// The first photograph that would have been rejected without that one, and why.
     pub(super) fn without(&self, index: usize) -> std::result::Result<Self, (usize, Rejection)> {
-        match self {
-            Self::Board(board) => Ok(Self::Board(Box::new(board.without(index)?))),
-            Self::Rectified(rectified) => Ok(Self::Rectified(rectified.without(index))),
-        }
+        Ok(match self {
+            Self::Board(board) => Self::Board(Box::new(board.without(index)?)),
+            Self::Rectified(rectified) => Self::Rectified(rectified.without(index)),
+        })
     }
 
     /// The rectified photographs; their texels are shared.
     pub(super) fn observations(&self) -> Vec<Observation> {
         match self {
             Self::Board(board) => {
-                let rectified = board.photographs().iter().filter_map(|p| p.rectified.as_ref());
+                let rectified = board.photographs.iter().filter_map(|p| p.rectified.as_ref());
                 rectified.map(|r| r.observation().clone()).collect()
             }
             Self::Rectified(rectified) => rectified.photographs.clone(),
-        }
-    }
-
-    /// Bytes held beside the rectified photographs.
-    pub(super) fn kept_bytes(&self) -> u64 {
-        self.board().map_or(0, Board::kept_bytes)
-    }
-
-    /// Takes over what became of photographs that were to be rectified better.
-    pub(super) fn adopt(&mut self, remade: Vec<Remade>) {
-        if let Self::Board(board) = self {
-            board.adopt(remade);
         }
     }
 
@@ -146,28 +117,6 @@ impl Capture {
             Self::Rectified(_) => None,
         }
     }
-
-    /// What is known of the light of photographs of a board.
-    pub(super) fn photometry(&self) -> Option<&Photometry> {
-        self.board()?.photometry()
-    }
-
-    /// Poses as known now.
-    pub(super) fn poses(&self) -> Vec<BoardPose> {
-        let photographs = self.board().map_or(&[][..], Board::photographs);
-        let pose = |p: &Photograph| BoardPose { pose: p.pose, reprojection_rms_px: p.rms_px };
-        photographs.iter().map(pose).collect()
-    }
-
-    /// Light position in the camera frame as used, mm; zero for rectified photographs.
-    pub(super) fn flash_offset_mm(&self) -> DVec3 {
-        self.photometry().map_or(DVec3::ZERO, |p| p.flash_offset_mm)
-    }
-
-    /// What previews are judged with; `None` for rectified photographs.
-    pub(super) fn preview(&self) -> Option<Arc<Preview>> {
-        Some(Arc::new(self.board()?.preview()))
-    }
 }
 
 impl Rectified {
@@ -175,7 +124,7 @@ impl Rectified {
         &self,
         photo: &Photo,
         Placed { camera_mm, light_mm }: Placed,
-    ) -> Result<std::result::Result<Taken, Rejection>> {
+    ) -> Result<std::result::Result<(Self, Taken), Rejection>> {
         for (name, position) in [("camera_mm", camera_mm), ("light_mm", light_mm)] {
             if !(position.iter().all(|v| v.is_finite()) && position[2] > 0.0) {
                 return Err(Error::argument(name, "three finite numbers with z > 0 are expected"));
@@ -184,16 +133,14 @@ impl Rectified {
         let (sample_mm, falloff) = (self.sample_mm, self.falloff(camera_mm));
         let view =
             View { sample_mm, camera_mm, light_mm, falloff, ambient: [0.0; 3], mirrored: 1.0 };
-        let observation =
-            match rectification::from_rectified(photo, view, self.resolution, self.resolution) {
-                Ok(observation) => observation,
-                Err(rejection) => return Ok(Err(rejection)),
-            };
-        let mut with = self.clone();
-        with.photographs.push(observation.clone());
-        let capture = Capture::Rectified(with);
-        let (remakes, hints) = (Vec::new(), Vec::new());
-        Ok(Ok(Taken { capture, observation, remakes, restart: false, pose: None, hints }))
+        let rectified =
+            rectification::from_rectified(photo, view, self.resolution, self.resolution);
+        Ok(rectified.map(|observation| {
+            let mut with = self.clone();
+            with.photographs.push(observation.clone());
+            let observed = Observed { observation, pose: None, hints: Vec::new() };
+            (with, Taken { observed, remakes: Vec::new(), restart: false })
+        }))
     }
 
     fn without(&self, index: usize) -> Self {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::Rejection;
@@ -12,27 +12,24 @@ use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification::elevation::Detail;
-use crate::rectification::{self, TopView};
+use crate::rectification::{self, Part, TopView};
+use crate::session::reports::Observed;
 
 /// A camera estimated better moves the sample by less than this: the rectified photograph stays.
 const MOVED_PX: f64 = 0.03;
 /// The same for the camera's position, relative to its distance.
 const MOVED_SHARE: f64 = 3e-4;
-/// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
-/// little.
-const CROP_SHARE: f64 = 0.05;
-const CROP_PX: f64 = 24.0;
 
 /// What a photograph is rectified with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(in crate::session) struct Conditions {
-    pub(in crate::session) camera: Camera,
-    pub(in crate::session) pose: Pose,
-    pub(in crate::session) radiometry: Radiometry,
+pub struct Conditions {
+    pub camera: Camera,
+    pub pose: Pose,
+    pub radiometry: Radiometry,
     /// Height of the sample above the board, mm.
-    pub(in crate::session) elevation_mm: f64,
+    pub elevation_mm: f64,
     /// Reach of the sample's surroundings, see [`TopView::edge_px`].
-    pub(in crate::session) edge_px: f32,
+    pub edge_px: f32,
 }
 
 impl Conditions {
@@ -65,28 +62,15 @@ impl Conditions {
         (self.camera, self.pose, self.elevation_mm)
             == (other.camera, other.pose, other.elevation_mm)
     }
-
-    /// Rectifies a photograph that `camera` took, or a part of one.
-    fn rectify(
-        &self,
-        photo: &Photo,
-        camera: &Camera,
-        sample_mm: [f32; 2],
-        [width, height]: [usize; 2],
-    ) -> Result<Observation, Rejection> {
-        let (height_mm, edge_px) = (self.elevation_mm as f32, self.edge_px);
-        let top = TopView { sample_mm, height_mm, width, height, edge_px };
-        rectification::rectify_raised(photo, camera, &self.pose, &self.radiometry, top)
-    }
 }
 
 /// What was measured in a photograph when it came.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Measured {
-    pub(in crate::session) corners: Vec<Corner>,
+pub struct Measured {
+    pub corners: Vec<Corner>,
     /// What was expected of its camera.
-    pub(in crate::session) prior: CameraPrior,
-    pub(in crate::session) squares: Squares,
+    pub prior: CameraPrior,
+    pub squares: Squares,
 }
 
 /// A photograph's details and what they were found with.
@@ -98,47 +82,57 @@ pub(super) struct Details {
     pub(super) detail: Option<Detail>,
 }
 
+impl Details {
+    pub(super) fn new(part: &Part, camera: Camera, pose: Pose, sample_mm: [f32; 2]) -> Arc<Self> {
+        let detail = Detail::new(&part.photo, &part.camera(&camera), &pose, sample_mm);
+        Arc::new(Self { camera, pose, detail })
+    }
+}
+
 /// An accepted photograph.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Photograph {
-    pub(in crate::session) measured: Measured,
+pub struct Photograph {
+    pub measured: Measured,
     /// Latest estimate, and what it leaves of the corners, px.
-    pub(in crate::session) pose: Pose,
-    pub(in crate::session) rms_px: f64,
+    pub pose: Pose,
+    pub rms_px: f64,
     /// To rectify it again, while camera, paper or sample are not settled.
     #[serde(serialize_with = "write_part", deserialize_with = "read_part")]
-    pub(in crate::session) part: Option<Arc<Part>>,
+    pub part: Option<Arc<Part>>,
     /// Found in that part when needed.
     #[serde(skip)]
     pub(super) details: Option<Arc<Details>>,
     /// What it should be rectified with.
-    pub(in crate::session) wanted: Conditions,
+    pub wanted: Conditions,
     /// `None` while the fit makes it anew.
-    pub(in crate::session) rectified: Option<Rectified>,
+    pub rectified: Option<Rectified>,
 }
 
 /// A rectified photograph and what it was made with: they change together or not at all. The fit has the
 /// observation under the photograph's index; its texels are shared.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Rectified {
+pub struct Rectified {
     conditions: Conditions,
     observation: Observation,
 }
 
-/// A photograph to be rectified better.
-pub(in crate::session) struct Remake {
-    index: usize,
-    wanted: Conditions,
-    part: Option<Arc<Part>>,
-    rectified: Rectified,
+/// A photograph taken in.
+pub struct Taken {
+    pub observed: Observed,
+    /// Earlier ones to be rectified better.
+    pub remakes: Vec<Remake>,
+    /// Whether these lie so far elsewhere then that maps so far are no start any more.
+    pub restart: bool,
 }
 
-/// What became of that.
-pub(in crate::session) struct Remade {
-    pub(in crate::session) index: usize,
-    pub(in crate::session) rectified: Rectified,
+/// A photograph to be rectified better, and what became of that.
+pub struct Remake {
+    pub index: usize,
+    wanted: Conditions,
+    part: Option<Arc<Part>>,
+    pub rectified: Rectified,
     /// What speaks against it: it is as it was.
-    pub(in crate::session) refusal: Option<Rejection>,
+    pub refusal: Option<Rejection>,
 }
 
 fn write_part<S: Serializer>(part: &Option<Arc<Part>>, to: S) -> Result<S::Ok, S::Error> {
@@ -150,32 +144,25 @@ fn read_part<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Part>>, D:
 }
 
 impl Photograph {
-    /// Rectifies a photograph.
-    ///
-    /// # Errors
-    /// As [`rectification::rectify_raised`].
-    pub(super) fn new(
-        photo: &Photo,
-        measured: Measured,
-        rms_px: f64,
-        part: Option<Arc<Part>>,
-        conditions: Conditions,
-        sample_mm: [f32; 2],
-        resolution: usize,
-    ) -> Result<(Self, Observation), Rejection> {
-        let Conditions { camera, pose, .. } = conditions;
-        let observation = conditions.rectify(photo, &camera, sample_mm, [resolution; 2])?;
-        let rectified = Some(Rectified { conditions, observation: observation.clone() });
-        let (details, wanted) = (None, conditions);
-        let photograph = Self { measured, pose, rms_px, part, details, wanted, rectified };
-        Ok((photograph, observation))
-    }
-
     /// The work of rectifying it as it is wanted, if it is not. Until that is handed back to
     /// [`Photograph::adopt`], there is no rectified photograph.
     pub(super) fn remake(&mut self, index: usize) -> Option<Remake> {
         let rectified = self.rectified.take_if(|rectified| rectified.conditions != self.wanted)?;
-        Some(Remake { index, wanted: self.wanted, part: self.part.clone(), rectified })
+        let (wanted, part) = (self.wanted, self.part.clone());
+        Some(Remake { index, wanted, part, rectified, refusal: None })
+    }
+
+    /// The same at once and from the pixels of a part, where there is one; else by the change of the light.
+    ///
+    /// # Errors
+    /// What speaks against it.
+    pub(super) fn remake_now(&mut self, part: Option<&Part>) -> Result<(), Rejection> {
+        let Some(rectified) = &mut self.rectified else { return Ok(()) };
+        if part.is_none() {
+            let radiometry = self.wanted.radiometry;
+            self.wanted = Conditions { radiometry, ..rectified.conditions };
+        }
+        rectified.remake(&self.wanted, part, true)
     }
 
     /// Takes over what became of it.
@@ -186,19 +173,37 @@ impl Photograph {
 }
 
 impl Remake {
-    pub(in crate::session) fn make(self) -> Remade {
-        let Self { index, wanted, part, mut rectified } = self;
-        let refusal = rectified.remake(&wanted, part.as_deref(), false).err();
-        Remade { index, rectified, refusal }
+    pub fn make(&mut self) {
+        // its pixels are not needed any longer
+        let part = self.part.take();
+        self.refusal = self.rectified.remake(&self.wanted, part.as_deref(), false).err();
     }
 }
 
 impl Rectified {
-    pub(in crate::session) fn observation(&self) -> &Observation {
+    /// Rectifies a photograph that `camera` took, or a part of one.
+    ///
+    /// # Errors
+    /// As [`rectification::rectify_raised`].
+    pub(super) fn new(
+        conditions: Conditions,
+        photo: &Photo,
+        camera: &Camera,
+        sample_mm: [f32; 2],
+        [width, height]: [usize; 2],
+    ) -> Result<Self, Rejection> {
+        let Conditions { pose, radiometry, elevation_mm, edge_px, .. } = &conditions;
+        let (height_mm, edge_px) = (*elevation_mm as f32, *edge_px);
+        let top = TopView { sample_mm, height_mm, width, height, edge_px };
+        let observation = rectification::rectify_raised(photo, camera, pose, radiometry, top)?;
+        Ok(Self { conditions, observation })
+    }
+
+    pub fn observation(&self) -> &Observation {
         &self.observation
     }
 
-    pub(in crate::session) fn conditions(&self) -> &Conditions {
+    pub fn conditions(&self) -> &Conditions {
         &self.conditions
     }
 
@@ -207,7 +212,7 @@ impl Rectified {
     ///
     /// # Errors
     /// What speaks against it: it stays as it was.
-    pub(super) fn remake(
+    fn remake(
         &mut self,
         wanted: &Conditions,
         part: Option<&Part>,
@@ -221,74 +226,19 @@ impl Rectified {
         match part {
             Some(part) if from_pixels || tone || !old.same_geometry(wanted) => {
                 let size = [self.observation.width(), self.observation.height()];
-                let sample_mm = self.observation.view.sample_mm;
-                self.observation =
-                    wanted.rectify(&part.photo, &part.camera(&wanted.camera), sample_mm, size)?;
+                let (sample_mm, camera) =
+                    (self.observation.view.sample_mm, part.camera(&wanted.camera));
+                *self = Self::new(*wanted, &part.photo, &camera, sample_mm, size)?;
             }
             _ => {
                 let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
                 let (to, height_mm) = (&mut self.observation, *elevation_mm as f32);
                 let new = &wanted.radiometry;
                 rectification::update_radiometry(to, camera, pose, height_mm, radiometry, new);
+                self.conditions = *wanted;
             }
         }
-        self.conditions = *wanted;
         Ok(())
-    }
-}
-
-/// The part of a photograph that shows the sample.
-#[derive(Debug, Serialize, Deserialize)]
-pub(in crate::session) struct Part {
-    pub(in crate::session) photo: Photo,
-    /// Its first pixel in the whole photograph.
-    pub(in crate::session) corner: [u32; 2],
-}
-
-impl Part {
-    /// The sample is somewhere within `heights_mm` above the board's plane.
-    pub(super) fn new(
-        photo: &Photo,
-        camera: &Camera,
-        pose: &Pose,
-        sample_mm: [f32; 2],
-        heights_mm: [f64; 2],
-    ) -> Self {
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        // Distortion bends edges: points along them.
-        for i in 0..9 * 9 {
-            let (x, y) = (f64::from(i % 9) / 8.0 - 0.5, f64::from(i / 9) / 8.0 - 0.5);
-            for z in heights_mm {
-                let p = DVec3::new(x * f64::from(sample_mm[0]), y * f64::from(sample_mm[1]), z);
-                if let Some(px) = camera.project(pose.transform(p)) {
-                    (low, high) = (low.min(px), high.max(px));
-                }
-            }
-        }
-        let size = DVec2::new(photo.width().into(), photo.height().into());
-        let margin = CROP_SHARE * (high - low) + CROP_PX;
-        let low = (low - margin).floor().clamp(DVec2::ZERO, size - 1.0);
-        let high = (high + margin).ceil().clamp(low + 1.0, size);
-        let (corner, extent) = (low.as_uvec2(), (high - low).as_uvec2());
-        let photo = photo.cropped(corner.x, corner.y, extent.x, extent.y);
-        Self { photo, corner: corner.to_array() }
-    }
-
-    /// The camera that took this part.
-    pub(super) fn camera(&self, whole: &Camera) -> Camera {
-        Camera {
-            width: self.photo.width(),
-            height: self.photo.height(),
-            cx: whole.cx - f64::from(self.corner[0]),
-            cy: whole.cy - f64::from(self.corner[1]),
-            ..*whole
-        }
-    }
-
-    /// The details of the sample.
-    pub(super) fn details(&self, camera: Camera, pose: Pose, sample_mm: [f32; 2]) -> Arc<Details> {
-        let detail = Detail::new(&self.photo, &self.camera(&camera), &pose, sample_mm);
-        Arc::new(Details { camera, pose, detail })
     }
 }
 
@@ -309,6 +259,8 @@ pub(super) fn steepest(pose: &Pose, sample_mm: [f32; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec2;
+
     use crate::calibration::photometry::tests::{camera, photograph, pose};
     use crate::calibration::photometry::{Lobe, Vignetting};
     use crate::frame::ToneCurve;
@@ -349,27 +301,27 @@ mod tests {
             Squares { squares: Vec::new(), gray: None, exposure: 1.0, clipped_share: 0.0 };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
-        let part = Some(Arc::new(part));
-        Photograph::new(&picture(), measured, 0.1, part, conditions, SAMPLE_MM, 64).unwrap().0
+        let rectified = Rectified::new(conditions, &picture(), camera, SAMPLE_MM, [64; 2]).unwrap();
+        let (part, pose, wanted) = (Some(Arc::new(part)), *pose, conditions);
+        let (rms_px, details, rectified) = (0.1, None, Some(rectified));
+        Photograph { measured, pose, rms_px, part, details, wanted, rectified }
     }
 
     /// What becomes of the wish for better conditions, if there is one: a refusal or none.
     fn improve(photograph: &mut Photograph, latest: &Conditions) -> Option<Option<Rejection>> {
         photograph.wanted = photograph.wanted.improved(latest, true, SAMPLE_MM);
-        let made = photograph.remake(0)?.make();
-        photograph.adopt(made.rectified);
-        Some(made.refusal)
+        let mut remake = photograph.remake(0)?;
+        remake.make();
+        photograph.adopt(remake.rectified);
+        Some(remake.refusal)
     }
 
     /// It is what the whole picture gives.
     fn assert_rectified(photograph: &Photograph, conditions: &Conditions) {
         let Rectified { conditions: found, observation } = photograph.rectified.as_ref().unwrap();
         assert_eq!((found, &photograph.wanted), (conditions, conditions));
-        let (picture, camera) = (picture(), &conditions.camera);
-        assert_close(
-            observation,
-            &conditions.rectify(&picture, camera, SAMPLE_MM, [64; 2]).unwrap(),
-        );
+        let whole = Rectified::new(*conditions, &picture(), &conditions.camera, SAMPLE_MM, [64; 2]);
+        assert_close(observation, &whole.unwrap().observation);
     }
 
     fn assert_close(a: &Observation, b: &Observation) {

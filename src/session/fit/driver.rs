@@ -13,8 +13,8 @@ use crate::session::settings::Driver;
 use crate::{Error, Result, threads};
 
 /// A session's end of its fit.
-pub(in crate::session) struct FitHandle {
-    pub(in crate::session) shared: Arc<Shared>,
+pub struct FitHandle {
+    pub shared: Arc<Shared>,
     jobs: Sender<Job>,
     engine: Engine,
 }
@@ -31,21 +31,22 @@ enum Engine {
 }
 
 impl FitHandle {
-    pub(in crate::session) fn start(mut fit: Fit, driver: Driver) -> Result<Self> {
+    pub fn start(mut fit: Fit, driver: Driver) -> Result<Self> {
         let (jobs, received) = crossbeam_channel::unbounded();
         let shared = fit.shared.clone();
-        if driver == Driver::Caller {
-            let engine = Engine::Caller(Mutex::new(Some(Box::new((fit, received)))));
-            return Ok(Self { shared, jobs, engine });
-        }
-        let thread = std::thread::Builder::new().name("svbrdf-fit".into()).spawn(move || {
-            threads::started(threads::Role::Fit);
-            while fit.turn(&received, Work::Wait) != Turn::Ended {}
-        });
-        match thread {
-            Ok(thread) => Ok(Self { shared, jobs, engine: Engine::Thread(Some(thread)) }),
-            Err(e) => Err(Error::Internal(format!("cannot start the thread of the fit: {e}"))),
-        }
+        let engine = match driver {
+            Driver::Caller => Engine::Caller(Mutex::new(Some(Box::new((fit, received))))),
+            Driver::Thread => {
+                let thread = std::thread::Builder::new().name("svbrdf-fit".into());
+                let thread = thread.spawn(move || {
+                    threads::started(threads::Role::Fit);
+                    while fit.turn(&received, Work::Wait) != Turn::Ended {}
+                });
+                let fault = |e| Error::Internal(format!("cannot start the thread of the fit: {e}"));
+                Engine::Thread(Some(thread.map_err(fault)?))
+            }
+        };
+        Ok(Self { shared, jobs, engine })
     }
 
     /// A turn of a fit that callers drive, after those of others; `None`: the fit has a thread.
@@ -60,12 +61,12 @@ impl FitHandle {
     }
 
     /// Goes on with a fit that its caller drives: whether there may be more to do.
-    pub(in crate::session) fn step(&self) -> Result<bool> {
+    pub fn step(&self) -> Result<bool> {
         self.shared.usable()?;
         match self.turn(Work::Step) {
             Some(Turn::Worked) => Ok(true),
             Some(Turn::Idle) => Ok(false),
-            Some(Turn::Ended) => Err(self.shared.usable().err().unwrap_or(Error::Cancelled)),
+            Some(Turn::Ended) => Err(self.why_ended()),
             None => Err(Error::argument(
                 "driver",
                 "the fit has a thread of its own; `Driver::Caller` is expected",
@@ -73,11 +74,8 @@ impl FitHandle {
         }
     }
 
-    /// Gives the fit something to do; whether it still does anything.
-    pub(in crate::session) fn send(
-        &self,
-        job: impl FnOnce(&mut Fit) -> Result<()> + Send + 'static,
-    ) -> bool {
+    /// Gives the fit something to do between two steps; whether it still does anything.
+    pub fn send(&self, job: impl FnOnce(&mut Fit) -> Result<()> + Send + 'static) -> bool {
         let in_pool = move |fit: &mut Fit| {
             let pool = fit.pool.clone();
             pool.install(|| job(fit))
@@ -85,30 +83,21 @@ impl FitHandle {
         self.jobs.send(Box::new(in_pool)).is_ok()
     }
 
-    /// Asks the fit for what it will tell between two steps; nothing comes where it has ended.
-    pub(in crate::session) fn request<A: Send + 'static>(
+    /// Asks the fit for what it tells between two steps.
+    ///
+    /// # Errors
+    /// When the fit has failed or was cancelled, or what it answers.
+    pub fn ask<A: Send + 'static>(
         &self,
         question: impl FnOnce(&mut Fit) -> Result<A> + Send + 'static,
-    ) -> Receiver<Result<A>> {
+    ) -> Result<A> {
+        self.shared.usable()?;
         let (reply, answer) = crossbeam_channel::bounded(1);
         self.send(move |fit| {
             // Whoever asked may have gone.
             let _ = reply.send(question(fit));
             Ok(())
         });
-        answer
-    }
-
-    /// The same, waited for.
-    ///
-    /// # Errors
-    /// When the fit has failed or was cancelled, or what it answers.
-    pub(in crate::session) fn ask<A: Send + 'static>(
-        &self,
-        question: impl FnOnce(&mut Fit) -> Result<A> + Send + 'static,
-    ) -> Result<A> {
-        self.shared.usable()?;
-        let answer = self.request(question);
         self.receive(&answer)?
     }
 
@@ -116,15 +105,18 @@ impl FitHandle {
     ///
     /// # Errors
     /// When the fit has failed or was cancelled.
-    pub(in crate::session) fn receive<A>(&self, answer: &Receiver<A>) -> Result<A> {
+    pub fn receive<A>(&self, answer: &Receiver<A>) -> Result<A> {
         while self.turn(Work::Jobs) == Some(Turn::Worked) {}
-        let ended = |_| self.shared.usable().err().unwrap_or(Error::Cancelled);
-        answer.recv().map_err(ended)
+        answer.recv().map_err(|_| self.why_ended())
+    }
+
+    fn why_ended(&self) -> Error {
+        self.shared.usable().err().unwrap_or(Error::Cancelled)
     }
 
     /// Blocks until `reached` holds (true), or until the deadline (false). Goes on with the fit itself
     /// where the caller drives it.
-    pub(in crate::session) fn wait_until(
+    pub fn wait_until(
         &self,
         deadline: Option<Instant>,
         reached: impl Fn(&State) -> bool,
@@ -149,7 +141,7 @@ impl FitHandle {
     }
 
     /// Lets the fit look at budget and flags again.
-    pub(in crate::session) fn wake(&self) {
+    pub fn wake(&self) {
         // Needs no threads; a fit that has ended needs no waking.
         let _ = self.jobs.send(Box::new(|fit| {
             fit.follow_budget();
@@ -161,14 +153,14 @@ impl FitHandle {
     }
 
     /// Ends the fit after the step in progress.
-    pub(in crate::session) fn cancel(&self) {
+    pub fn cancel(&self) {
         self.shared.cancelled.store(true, Ordering::Relaxed);
         self.wake();
         self.shared.notify();
     }
 
     #[cfg(test)]
-    pub(in crate::session) fn has_ended(&self) -> bool {
+    pub fn has_ended(&self) -> bool {
         matches!(&self.engine, Engine::Thread(Some(thread)) if thread.is_finished())
     }
 }

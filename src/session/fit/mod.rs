@@ -5,5 +5,4 @@ mod shared;
 mod turns;
 
 pub(super) use driver::FitHandle;
-pub(super) use shared::Shared;
 pub(super) use turns::{Fit, Milestone};

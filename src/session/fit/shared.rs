@@ -8,98 +8,74 @@ use web_time::Instant;
 
 use crate::estimate::{Budget, Exposure};
 use crate::session::reports::{Progress, Revision};
+use crate::session::survey::{NextView, Survey};
 use crate::{Error, Result, Svbrdf};
 
 /// What callers and the fit share.
-pub(in crate::session) struct Shared {
+#[derive(Default)]
+pub struct Shared {
     state: Mutex<State>,
     changed: Condvar,
-    pub(in crate::session) paused: AtomicBool,
-    pub(in crate::session) cancelled: AtomicBool,
+    pub paused: AtomicBool,
+    pub cancelled: AtomicBool,
 }
 
 /// Results so far.
-pub(in crate::session) struct State {
-    pub(in crate::session) maps: Option<Arc<Svbrdf>>,
+#[derive(Default)]
+pub struct State {
+    pub maps: Option<Arc<Svbrdf>>,
     /// What was found of exposure and flash with these maps.
-    pub(in crate::session) exposure: Exposure,
-    pub(in crate::session) progress: Progress,
+    pub exposure: Exposure,
+    pub progress: Progress,
     /// Accepted photographs the fit has taken over.
-    pub(in crate::session) fitted: usize,
+    pub fitted: usize,
     /// How long the fit may work.
-    pub(in crate::session) budget: Budget,
+    pub budget: Budget,
     /// Whether the budget ended the fit before its time.
-    pub(in crate::session) cut: bool,
+    pub cut: bool,
     /// Set for ever by a fault of the fit.
-    pub(in crate::session) failed: Option<String>,
-    pub(in crate::session) revision: Revision,
+    pub failed: Option<String>,
+    pub revision: Revision,
+    /// The latest survey; and photographs and whether the fit had settled when one was asked for.
+    pub survey: Option<Arc<Survey>>,
+    pub surveyed: Option<(usize, bool)>,
+    /// What probes refer to.
+    pub next: Option<NextView>,
 }
 
 impl State {
     /// Publishes maps.
-    pub(in crate::session) fn publish(&mut self, maps: Arc<Svbrdf>) {
-        self.maps = Some(maps);
+    pub fn publish(&mut self, maps: Option<Arc<Svbrdf>>) {
+        self.maps = maps;
         self.revision.maps += 1;
     }
 }
 
 impl Shared {
-    pub(in crate::session) fn new() -> Self {
-        let progress = Progress {
-            frames: 0,
-            fraction: 0.0,
-            loss_before: 0.0,
-            loss: 0.0,
-            seconds_left: None,
-            settled: true,
-            phase: None,
-        };
-        Self {
-            state: Mutex::new(State {
-                maps: None,
-                exposure: Exposure::default(),
-                progress,
-                fitted: 0,
-                budget: Budget::default(),
-                cut: false,
-                failed: None,
-                revision: Revision::default(),
-            }),
-            changed: Condvar::new(),
-            paused: AtomicBool::new(false),
-            cancelled: AtomicBool::new(false),
-        }
-    }
-
     /// The state. A panic elsewhere never locks callers out: faults are kept in `failed`.
-    pub(in crate::session) fn lock(&self) -> MutexGuard<'_, State> {
+    pub fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Wakes those who wait. Taking the lock makes sure that none of them is between looking at a
     /// flag and going to sleep.
-    pub(in crate::session) fn notify(&self) {
+    pub fn notify(&self) {
         self.lock().revision.state += 1;
         self.changed.notify_all();
     }
 
     /// Blocks until `reached` holds (true), or until the deadline (false).
-    pub(in crate::session) fn wait_until(
+    pub fn wait_until(
         &self,
         deadline: Option<Instant>,
         reached: impl Fn(&State) -> bool,
     ) -> Result<bool> {
         let mut state = self.lock();
         loop {
-            if let Some(message) = &state.failed {
-                return Err(Error::Internal(message.clone()));
-            }
-            if reached(&state) {
+            if state.failed.is_none() && reached(&state) {
                 return Ok(true);
             }
-            if self.cancelled.load(Ordering::Relaxed) {
-                return Err(Error::Cancelled);
-            }
+            self.check(&state)?;
             let left = deadline.map(|d| d.saturating_duration_since(Instant::now()));
             state = match left {
                 None => self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
@@ -113,18 +89,15 @@ impl Shared {
     }
 
     /// Refuses calls on a session that failed or was cancelled.
-    pub(in crate::session) fn usable(&self) -> Result<()> {
-        if let Some(message) = &self.lock().failed {
-            return Err(Error::Internal(message.clone()));
-        }
-        if self.cancelled.load(Ordering::Relaxed) {
-            return Err(Error::Cancelled);
-        }
-        Ok(())
+    pub fn usable(&self) -> Result<()> {
+        self.check(&self.lock())
     }
 
-    pub(super) fn fail(&self, message: String) {
-        self.lock().failed = Some(message);
-        self.notify();
+    fn check(&self, state: &State) -> Result<()> {
+        match &state.failed {
+            Some(message) => Err(Error::Internal(message.clone())),
+            None if self.cancelled.load(Ordering::Relaxed) => Err(Error::Cancelled),
+            None => Ok(()),
+        }
     }
 }

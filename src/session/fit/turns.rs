@@ -10,15 +10,16 @@ use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
 use super::shared::Shared;
-use crate::estimate::{Addition, Budget, Estimation, Exposure, Meter, SavedEstimate, first_maps};
+use crate::estimate::{Addition, Estimation, Exposure, Meter, Place, SavedEstimate, first_maps};
 use crate::observation::Observation;
-use crate::session::capture::{Remade, Remake};
+use crate::session::capture::Remake;
 use crate::session::reports::Progress;
+use crate::session::survey::{Candidate, NextView, Survey};
 use crate::threads::Pool;
 use crate::{Result, Svbrdf};
 
 /// What a caller asks of the fit, done between two steps.
-pub(super) type Job = Box<dyn FnOnce(&mut Fit) -> Result<()> + Send>;
+pub type Job = Box<dyn FnOnce(&mut Fit) -> Result<()> + Send>;
 
 /// Shortest time between two published sets of maps.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(200);
@@ -27,7 +28,7 @@ const PUBLISH_SHARE: u32 = 20;
 
 /// What a turn may do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Work {
+pub enum Work {
     /// The next job, waited for where there is nothing else to do; else a step.
     Wait,
     /// The next job; where there is none, a step.
@@ -38,7 +39,7 @@ pub(super) enum Work {
 
 /// What a turn has done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Turn {
+pub enum Turn {
     /// A job or a step.
     Worked,
     /// There was nothing to do.
@@ -48,11 +49,11 @@ pub(super) enum Turn {
 }
 
 /// The estimate with all that it takes to go on with it, turn by turn.
-pub(in crate::session) struct Fit {
-    pub(in crate::session) shared: Arc<Shared>,
-    pub(super) pool: Arc<Pool>,
-    pub(in crate::session) estimation: Estimation,
-    pub(in crate::session) meter: Meter,
+pub struct Fit {
+    pub shared: Arc<Shared>,
+    pub pool: Arc<Pool>,
+    pub estimation: Estimation,
+    pub meter: Meter,
     published: Instant,
     /// Time between two published sets of maps.
     interval: Duration,
@@ -64,43 +65,65 @@ pub(in crate::session) struct Fit {
 /// A place that the fit can be gone on from to the same bits: where a photograph has just come, or nothing is
 /// left to do.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::session) struct Milestone {
-    pub(in crate::session) estimate: SavedEstimate,
-    /// The budget of then, and what was spent of it on the latest photograph.
-    pub(in crate::session) budget: Budget,
-    pub(in crate::session) seconds: f32,
-    pub(in crate::session) steps: u32,
+pub struct Milestone {
+    pub estimate: SavedEstimate,
+    pub meter: Meter,
 }
 
 impl Fit {
-    pub(in crate::session) fn new(
-        shared: Arc<Shared>,
-        pool: Arc<Pool>,
-        estimation: Estimation,
-        meter: Meter,
-    ) -> Self {
+    pub fn new(pool: Arc<Pool>, estimation: Estimation, meter: Meter) -> Self {
+        let shared = Arc::default();
         let (published, interval) = (Instant::now(), PUBLISH_INTERVAL);
-        let busy = !estimation.is_done();
-        let begun = None;
+        let (busy, begun) = (false, None);
         let mut fit = Self { shared, pool, estimation, meter, published, interval, busy, begun };
-        fit.begun = busy.then(|| fit.here());
+        fit.begin();
         fit
     }
 
     /// The latest milestone.
-    pub(in crate::session) fn milestone(&self) -> Milestone {
+    pub fn milestone(&self) -> Milestone {
         self.begun.clone().unwrap_or_else(|| self.here())
     }
 
     /// The present as a milestone, which it has to be.
     fn here(&self) -> Milestone {
-        let Meter { budget, .. } = self.meter;
-        let (seconds, steps) = (self.meter.elapsed().as_secs_f32(), self.meter.steps());
-        Milestone { estimate: self.estimation.save(), budget, seconds, steps }
+        Milestone { estimate: self.estimation.save(), meter: self.meter.clone() }
+    }
+
+    /// Goes on, if there is something to do.
+    fn begin(&mut self) {
+        self.busy = !self.estimation.is_done();
+        self.begun = self.busy.then(|| self.here());
+    }
+
+    /// Shows maps and the state of an estimate that goes on with them. `next`: what probes refer to.
+    pub fn show(
+        &self,
+        maps: Option<Svbrdf>,
+        exposure: Exposure,
+        loss_before: f32,
+        next: Option<NextView>,
+    ) {
+        let estimation = &self.estimation;
+        let frames = estimation.frames();
+        let mut state = self.shared.lock();
+        if maps.is_some() || state.maps.is_some() {
+            state.publish(maps.map(Arc::new));
+        }
+        (state.exposure, state.fitted, state.cut) = (exposure, frames, estimation.is_cut());
+        (state.survey, state.surveyed, state.next) = (None, None, next);
+        state.progress = Progress {
+            frames,
+            fraction: if frames > 0 { estimation.fraction() } else { 0.0 },
+            loss_before,
+            loss: estimation.loss(),
+            settled: estimation.is_done(),
+            ..Progress::default()
+        };
     }
 
     /// One turn; faults end up in [`Shared`].
-    pub(super) fn turn(&mut self, jobs: &Receiver<Job>, work: Work) -> Turn {
+    pub fn turn(&mut self, jobs: &Receiver<Job>, work: Work) -> Turn {
         let turn = catch_unwind(AssertUnwindSafe(|| self.try_turn(jobs, work)));
         let message = match turn {
             Ok(Ok(turn)) => return turn,
@@ -112,7 +135,8 @@ impl Fit {
                 .unwrap_or("unknown panic")
                 .to_owned(),
         };
-        self.shared.fail(message);
+        self.shared.lock().failed = Some(message);
+        self.shared.notify();
         Turn::Ended
     }
 
@@ -139,42 +163,44 @@ impl Fit {
 
     /// Adds a photograph, the first with the maps to start from, and rectifies earlier ones better: sends
     /// what becomes of these.
-    pub(in crate::session) fn add(
+    pub fn add(
         &mut self,
         observation: Observation,
         remakes: Vec<Remake>,
         restart: bool,
         start: Option<&Svbrdf>,
-        reply: &Sender<Vec<Remade>>,
+        reply: &Sender<Vec<Remake>>,
     ) -> Result<()> {
         let mut all = Vec::with_capacity(remakes.len());
         // One after the other: the old ones are let go of as they are replaced.
-        let replaced = remakes.into_iter().filter_map(|remake| {
-            let remade = remake.make();
-            let observation = || (remade.index, remade.rectified.observation().clone());
-            let replaced = remade.refusal.is_none().then(observation);
-            all.push(remade);
+        let replaced = remakes.into_iter().filter_map(|mut remake| {
+            remake.make();
+            let observation = || (remake.index, remake.rectified.observation().clone());
+            let replaced = remake.refusal.is_none().then(observation);
+            all.push(remake);
             replaced
         });
         self.estimation.add(Addition { observation, replaced, restart }, start)?;
         // Whoever pushed may not wait for it any more.
         let _ = reply.send(all);
         self.meter.reset();
-        self.begun = Some(self.here());
+        (self.busy, self.begun) = (true, Some(self.here()));
         let mut state = self.shared.lock();
         state.fitted += 1;
         state.cut = false;
-        state.progress.fraction = 0.0;
-        state.progress.loss_before = self.estimation.loss();
-        state.progress.loss = self.estimation.loss();
+        let loss = self.estimation.loss();
+        state.progress = Progress { fraction: 0.0, loss_before: loss, loss, ..state.progress };
         drop(state);
         self.shared.notify();
-        self.busy = true;
         Ok(())
     }
 
     /// Begins anew with these photographs.
-    pub(in crate::session) fn begin_anew(&mut self, photographs: Vec<Observation>) -> Result<()> {
+    pub fn begin_anew(
+        &mut self,
+        photographs: Vec<Observation>,
+        next: Option<NextView>,
+    ) -> Result<()> {
         let mut estimation = self.estimation.afresh();
         let first = photographs.first();
         let start = first.map(|first| first_maps(estimation.networks(), first)).transpose()?;
@@ -183,28 +209,31 @@ impl Fit {
         }
         self.estimation = estimation;
         self.meter.reset();
-        self.busy = !self.estimation.is_done();
-        self.begun = self.busy.then(|| self.here());
-        let (frames, loss) = (self.estimation.frames(), self.estimation.loss());
-        let mut state = self.shared.lock();
-        state.maps = start.map(Arc::new);
-        state.revision.maps += 1;
-        state.exposure = Exposure::default();
-        (state.fitted, state.cut) = (frames, false);
-        state.progress = Progress {
-            frames,
-            fraction: 0.0,
-            loss_before: loss,
-            loss,
-            seconds_left: None,
-            settled: !self.busy,
-            phase: None,
-        };
+        self.begin();
+        self.show(start, Exposure::default(), self.estimation.loss(), next);
         Ok(())
     }
 
+    /// By how much a photograph from each of some places would lower the expected error; probes refer to the
+    /// best of them until the next photograph comes.
+    pub fn survey(&mut self, candidates: &[Candidate], settled: bool) -> Result<Survey> {
+        let place = |candidate: &Candidate| Place {
+            camera_mm: candidate.camera_mm.as_vec3().to_array(),
+            light_mm: candidate.light_mm.as_vec3().to_array(),
+        };
+        let places: Vec<Place> = candidates.iter().map(place).collect();
+        let gains = self.estimation.outlook(&places)?;
+        let survey = Survey::new(self.estimation.frames(), settled, candidates, &gains);
+        let mut state = self.shared.lock();
+        if state.progress.frames == survey.photographs {
+            state.next = survey.best().map(|best| best.view);
+        }
+        drop(state);
+        Ok(survey)
+    }
+
     /// Takes a changed budget over; a fit that was cut short may go on.
-    pub(in crate::session) fn follow_budget(&mut self) {
+    pub fn follow_budget(&mut self) {
         let budget = self.shared.lock().budget;
         let changed = self.meter.budget != budget;
         let here = (changed && !self.busy && self.estimation.is_cut()).then(|| self.here());
@@ -233,7 +262,7 @@ impl Fit {
         let step = step?;
         let publish = step.done || self.published.elapsed() >= self.interval;
         let begun = Instant::now();
-        let maps = if publish { Some(Arc::new(pool.install(|| estimation.maps())?)) } else { None };
+        let maps = publish.then(|| pool.install(|| estimation.maps())).transpose()?;
         if publish {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
@@ -244,7 +273,7 @@ impl Fit {
         state.progress.seconds_left = (step.fraction > 0.02)
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
-            state.publish(maps);
+            state.publish(Some(Arc::new(maps)));
             state.exposure = estimation.exposure().clone();
             self.published = Instant::now();
         }

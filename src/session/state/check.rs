@@ -2,25 +2,15 @@
 
 use super::format::damaged;
 use crate::Result;
-use crate::calibration::photometry::{Radiometry, Square, Squares};
-use crate::calibration::{CameraEstimate, CameraPrior, PaperEstimate};
-use crate::geometry::{Camera, Pose};
+use crate::calibration::CameraEstimate;
+use crate::geometry::Camera;
 use crate::observation::{Falloff, Observation};
-use crate::rectification::elevation::{self, ElevationEstimate};
-use crate::session::capture::{Conditions, Measured, Part, Photograph};
+use crate::rectification::{Part, elevation};
+use crate::session::capture::{Board, Conditions, Measured, Photograph};
 use crate::session::settings::{RectifiedFalloff, Scene};
-
-fn finite<'a>(what: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<()> {
-    let all = values.into_iter().all(|v| v.is_finite());
-    if all { Ok(()) } else { Err(damaged(format!("{what}: a value is not a number"))) }
-}
 
 fn require(holds: bool, what: &str) -> Result<()> {
     if holds { Ok(()) } else { Err(damaged(what)) }
-}
-
-fn is_positive(v: f32) -> bool {
-    v.is_finite() && v > 0.0
 }
 
 /// What [`Session::with_networks`](crate::session::Session::with_networks) takes as it is.
@@ -32,114 +22,58 @@ pub(super) fn scene(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-pub(super) fn paper(estimate: &PaperEstimate) -> Result<()> {
-    let sigma = estimate.sigma.iter().all(|s| (0.0..=f64::MAX).contains(s));
-    require(estimate.paper.is_plausible() && sigma, "the shape of the paper is out of range")
-}
-
-pub(super) fn height(estimate: &ElevationEstimate) -> Result<()> {
-    let sigma = (0.0..=f64::MAX).contains(&estimate.sigma_mm);
-    require(
-        elevation::is_possible(estimate.mm) && sigma,
-        "the height of the sample is out of range",
-    )
-}
-
-fn camera(camera: &Camera) -> Result<()> {
-    match camera.fault() {
-        Some((field, _)) => Err(damaged(format!("camera: {field} is out of range"))),
-        None => Ok(()),
-    }
-}
-
-pub(super) fn camera_estimate(estimate: &CameraEstimate) -> Result<()> {
-    camera(&estimate.camera)?;
-    paper(&estimate.paper)?;
-    finite("camera", estimate.covariance.as_flattened().iter().chain([&estimate.rms_px]))
-}
-
-fn pose(pose: &Pose) -> Result<()> {
-    let identity = pose.rotation * pose.rotation.transpose();
-    let off = (identity - glam::DMat3::IDENTITY).to_cols_array();
-    // not a number is not small either
-    require(off.iter().all(|v| v.abs() <= 1e-6), "a rotation is not orthonormal")?;
-    require(pose.translation.is_finite(), "a translation is not a number")
-}
-
 /// Rectified photographs of the session's resolution.
 pub(super) fn observation(observation: &Observation, resolution: usize) -> Result<()> {
     let size = [observation.width(), observation.height()];
     require(size == [resolution; 2], "a photograph is not of the session's resolution")
 }
 
+/// What was saved of a board, which is `fresh` but for that.
+pub(super) fn board(fresh: &Board, saved: &Board, resolution: usize) -> Result<()> {
+    let (estimate, photographs) = (saved.estimate.as_deref(), &saved.photographs);
+    require(estimate.is_none_or(CameraEstimate::is_plausible), "the camera is out of range")?;
+    require(saved.paper.is_plausible(), "the shape of the paper is out of range")?;
+    require(saved.elevation.is_plausible(), "the height of the sample is out of range")?;
+    let known = fresh.camera().or(estimate.map(|e| e.camera));
+    let size = known.map_or((0, 0), |c| (c.width, c.height));
+    photographs.iter().try_for_each(|p| photograph(p, size, resolution))?;
+    let estimated = fresh.camera().is_none();
+    let whole = !estimated || photographs.iter().all(|p| p.part.is_some());
+    let told = estimate.is_some() == (estimated && !photographs.is_empty());
+    require(whole && told, "the photographs do not match the camera")
+}
+
 /// A photograph of a board that a camera of this size took.
-pub(super) fn photograph(
-    photograph: &Photograph,
-    size: (u32, u32),
-    resolution: usize,
-) -> Result<()> {
-    let Measured { corners, prior, squares } = &photograph.measured;
-    require(corners.iter().all(|c| c.px.is_finite()), "a corner is not a number")?;
-    camera_prior(prior)?;
-    measured_squares(squares)?;
-    pose(&photograph.pose)?;
-    finite("photograph", [&photograph.rms_px])?;
-    conditions(&photograph.wanted)?;
-    let rectified = photograph.rectified.as_ref().filter(|r| *r.conditions() == photograph.wanted);
-    let rectified = rectified.ok_or_else(|| damaged("a photograph is not rectified"))?;
-    observation(rectified.observation(), resolution)?;
-    let whole = photograph.wanted.camera;
+fn photograph(photograph: &Photograph, size: (u32, u32), resolution: usize) -> Result<()> {
+    let Photograph { measured, pose, rms_px, part, wanted, rectified, .. } = photograph;
+    require(is_measured(measured), "what was measured in a photograph is out of range")?;
+    let known = pose.is_plausible() && rms_px.is_finite() && is_conditions(wanted);
+    require(known, "camera, pose or light of a photograph are out of range")?;
+    let whole = &wanted.camera;
     require((whole.width, whole.height) == size, "a photograph does not match the camera")?;
-    photograph.part.as_ref().map_or(Ok(()), |part| inside(part, &whole))
+    let inside = part.as_ref().is_none_or(|part| is_inside(part, whole));
+    require(inside, "a region lies outside its photograph")?;
+    match rectified.as_ref().filter(|rectified| rectified.conditions() == wanted) {
+        Some(rectified) => observation(rectified.observation(), resolution),
+        None => Err(damaged("a photograph is not rectified")),
+    }
 }
 
-fn camera_prior(prior: &CameraPrior) -> Result<()> {
-    camera(&prior.camera)?;
-    let CameraPrior { focal_sigma, aspect_sigma, centre_sigma_px, distortion_sigma, .. } = prior;
-    finite(
-        "prior",
-        [focal_sigma, aspect_sigma, centre_sigma_px].into_iter().chain(distortion_sigma),
-    )?;
-    let sigma = [focal_sigma, aspect_sigma, centre_sigma_px].into_iter().chain(distortion_sigma);
-    require(sigma.into_iter().all(|v| *v >= 0.0), "a standard deviation is negative")
+fn is_measured(Measured { corners, prior, squares }: &Measured) -> bool {
+    corners.iter().all(|c| c.px.is_finite()) && prior.is_plausible() && squares.is_plausible()
 }
 
-fn measured_squares(squares: &Squares) -> Result<()> {
-    require(is_positive(squares.exposure), "an exposure is not positive")?;
-    require(squares.clipped_share.is_finite(), "a share is not a number")?;
-    let fine = |square: &Square| {
-        square.board_mm.is_finite() && square.value.iter().flatten().all(|v| is_positive(*v))
-    };
-    require(squares.squares.iter().chain(&squares.gray).all(fine), "a square is out of range")
+fn is_conditions(conditions: &Conditions) -> bool {
+    conditions.camera.fault().is_none()
+        && conditions.pose.is_plausible()
+        && conditions.radiometry.is_plausible()
+        && elevation::is_possible(conditions.elevation_mm)
+        && (0.0..=f32::MAX).contains(&conditions.edge_px)
 }
 
-fn conditions(conditions: &Conditions) -> Result<()> {
-    let Conditions { camera: taken_by, pose: at, radiometry, elevation_mm, edge_px } = conditions;
-    camera(taken_by)?;
-    pose(at)?;
-    light(radiometry)?;
-    require(elevation::is_possible(*elevation_mm), "the height of the sample is out of range")?;
-    require((0.0..=f32::MAX).contains(edge_px), "a standard deviation is negative")
-}
-
-fn light(radiometry: &Radiometry) -> Result<()> {
-    let Radiometry { gain, tone, vignetting, lobe, flash_offset_mm, power_mm2, ambient, log_sigma } =
-        radiometry;
-    let shape = [&vignetting.exponent, &vignetting.curvature, &lobe.exponent];
-    finite("light", shape.into_iter().chain(&lobe.pattern).chain(gain))?;
-    require(flash_offset_mm.is_finite(), "the place of the flash is not a number")?;
-    require(ambient.iter().all(|v| v.is_finite()), "ambient light is not a number")?;
-    require(gain.iter().all(|v| *v > 0.0), "a gain is not positive")?;
-    require(power_mm2.iter().all(|v| is_positive(*v)), "the power of a light is not positive")?;
-    require((0.0..=f32::MAX).contains(log_sigma), "a standard deviation is negative")?;
-    require(tone.is_plausible(), "a tone curve is out of range")
-}
-
-fn inside(part: &Part, whole: &Camera) -> Result<()> {
+fn is_inside(part: &Part, whole: &Camera) -> bool {
     let fits =
         |from: u32, count: u32, size: u32| from.checked_add(count).is_some_and(|end| end <= size);
-    let [x, y] = part.corner;
-    let (photo, Camera { width, height, .. }) = (&part.photo, *whole);
-    let fits = fits(x, photo.width(), width) && fits(y, photo.height(), height);
-    require(fits, "a region lies outside its photograph")
+    let ([x, y], photo) = (part.corner, &part.photo);
+    fits(x, photo.width(), whole.width) && fits(y, photo.height(), whole.height)
 }

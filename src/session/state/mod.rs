@@ -1,9 +1,8 @@
 //! A session as bytes, to go on with later or elsewhere.
 //!
-//! Stored: settings and scene, what is known of camera and light, every photograph with what was measured
-//! in it, its part that may be rectified again and its rectified view, the latest maps, and the
-//! estimate where the latest photograph came or, once settled, as it is. What the fit has done since is
-//! done again, to the same bits.
+//! Stored: settings and scene, what is known of the board, every photograph, the latest maps, and the estimate
+//! where the latest photograph came or, once settled, as it is. What the fit has done since is done
+//! again, to the same bits.
 
 mod check;
 mod format;
@@ -14,16 +13,12 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use self::format::{as_damage, damaged};
-use super::capture::{Capture, Photograph};
-use super::fit::{Fit, Milestone, Shared};
-use super::reports::Progress;
+use super::capture::{Board, Capture};
+use super::fit::{Fit, Milestone};
 use super::settings::{Scene, Settings};
 use super::{RestoreOptions, Session, memory};
-use crate::calibration::{CameraEstimate, PaperEstimate};
-use crate::estimate::{Budget, EstimateOptions, Estimation, Exposure, Meter, SavedEstimate};
+use crate::estimate::{Budget, EstimateOptions, Estimation, Exposure};
 use crate::initial_estimate::Networks;
-use crate::observation::Observation;
-use crate::rectification::elevation::ElevationEstimate;
 use crate::{Result, Svbrdf};
 
 /// Most threads a saved session may ask for.
@@ -40,26 +35,7 @@ struct Head<'a> {
 
 #[derive(Serialize, Deserialize)]
 struct Body<'a> {
-    capture: SavedCapture<'a>,
-    fit: SavedFit<'a>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[allow(clippy::large_enum_variant)] // there is one for each session
-enum SavedCapture<'a> {
-    Board {
-        camera: Option<Cow<'a, CameraEstimate>>,
-        paper: PaperEstimate,
-        elevation: ElevationEstimate,
-        photographs: Cow<'a, [Photograph]>,
-    },
-    Rectified {
-        photographs: Cow<'a, [Observation]>,
-    },
-}
-
-#[derive(Serialize, Deserialize)]
-struct SavedFit<'a> {
+    capture: Cow<'a, Capture>,
     milestone: Milestone,
     loss_before: f32,
     /// The latest maps, and what was found of exposure and flash with them.
@@ -68,10 +44,9 @@ struct SavedFit<'a> {
 }
 
 impl Session {
-    /// The session as bytes: settings, scene, budget, what is known of camera and light, the
-    /// photographs as far as they are needed, the maps, and the estimate as it was when the latest photograph
-    /// came, or settled. [`Session::restore`] does again what the fit has done since, and ends with the same
-    /// bits as this session if the budget stays the same and is none of time.
+    /// The session as bytes, the fit as it was when the latest photograph came, or settled.
+    /// [`Session::restore`] does again what the fit has done since, and ends with the same bits as this
+    /// session if the budget stays the same and is none of time.
     ///
     /// Waits for a push in progress and for a step of the fit, not for the fit.
     ///
@@ -79,9 +54,7 @@ impl Session {
     /// When the session has failed or was cancelled.
     pub fn save(&self) -> Result<Vec<u8>> {
         // No photograph may come between what the fit and the capture know.
-        let taking = self.settled_capture()?;
-        self.fit.shared.usable()?;
-        let saved = taking.capture.clone();
+        let (_intake, capture) = self.settled()?;
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
         self.fit.ask(move |fit| {
             let (budget, loss_before, maps, exposure) = {
@@ -92,9 +65,9 @@ impl Session {
             let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
             let photographs = fit.estimation.frames();
             let head = Head { settings, scene, budget, photographs };
-            let maps = maps.as_deref().map(Cow::Borrowed);
-            let fit = SavedFit { milestone: fit.milestone(), loss_before, maps, exposure };
-            format::write(&head, &Body { capture: SavedCapture::of(&saved), fit })
+            let (capture, maps) = (Cow::Borrowed(&*capture), maps.as_deref().map(Cow::Borrowed));
+            let milestone = fit.milestone();
+            format::write(&head, &Body { capture, milestone, loss_before, maps, exposure })
         })
     }
 
@@ -114,109 +87,46 @@ impl Session {
         settings.memory_limit_bytes = options.memory_limit_bytes;
         settings.driver = options.driver;
         memory::check(&settings, photographs.max(1), 0)?;
-        let (Body { capture, fit }, rest) = format::read::<Body>(rest)?;
-        let capture = capture.restored(scene.clone(), &settings)?;
+        let (body, rest) = format::read::<Body>(rest)?;
+        let fresh = Capture::new(scene.clone(), &settings).map_err(as_damage)?;
+        let capture = resumed(fresh, body.capture.into_owned(), settings.resolution)?;
         let observations = capture.observations();
         if observations.len() != photographs || !rest.is_empty() {
             return Err(damaged("photographs are missing, or there is more than a session"));
         }
-        let pool = settings.pool()?;
-        let shared = Arc::new(Shared::new());
-        shared.lock().budget = budget;
-        let task = settings.task(&scene);
-        let fit = pool.install(|| {
-            fit.restored(shared, pool.clone(), |estimate, maps| {
-                let options = EstimateOptions::default();
-                Estimation::restore(networks.clone(), task, options, estimate, observations, maps)
-            })
-        })?;
+        let Milestone { estimate, meter } = body.milestone;
+        let exposure = body.exposure.believed().map_err(as_damage)?;
+        meter.budget.check().map_err(as_damage)?;
+        if !body.loss_before.is_finite() {
+            return Err(damaged("progress is not a number"));
+        }
+        let (maps, options) = (body.maps.map(Cow::into_owned), EstimateOptions::default());
+        let (task, pool, shown) = (settings.task(&scene), settings.pool()?, maps.clone());
+        let estimation = pool.install(|| {
+            Estimation::restore(networks.clone(), task, options, estimate, observations, shown)
+        });
+        let estimation = estimation.map_err(as_damage)?;
+        let mut fit = Fit::new(pool.clone(), estimation, meter);
+        fit.shared.lock().budget = budget;
+        fit.show(maps, exposure, body.loss_before, capture.board().and_then(Board::next_view));
+        pool.install(|| fit.follow_budget());
         Self::start(scene, settings, networks, capture, pool, fit)
     }
 }
 
-impl<'a> SavedCapture<'a> {
-    fn of(capture: &'a Capture) -> Self {
-        match capture {
-            Capture::Board(board) => Self::Board {
-                camera: board.estimate().map(Cow::Borrowed),
-                paper: board.paper(),
-                elevation: board.elevation(),
-                photographs: board.photographs().into(),
-            },
-            Capture::Rectified(rectified) => {
-                Self::Rectified { photographs: rectified.photographs[..].into() }
-            }
+/// A capture without photographs, with what was saved of another of the same scene.
+fn resumed(fresh: Capture, saved: Capture, resolution: usize) -> Result<Capture> {
+    match (fresh, saved) {
+        (Capture::Rectified(mut fresh), Capture::Rectified(saved)) => {
+            saved.photographs.iter().try_for_each(|p| check::observation(p, resolution))?;
+            fresh.photographs = saved.photographs;
+            Ok(Capture::Rectified(fresh))
         }
-    }
-
-    fn restored(self, scene: Scene, settings: &Settings) -> Result<Capture> {
-        let mut capture = Capture::new(scene, settings).map_err(as_damage)?;
-        let resolution = settings.resolution;
-        match (&mut capture, self) {
-            (Capture::Rectified(rectified), Self::Rectified { photographs }) => {
-                photographs.iter().try_for_each(|p| check::observation(p, resolution))?;
-                rectified.photographs = photographs.into_owned();
-            }
-            (Capture::Board(board), Self::Board { camera, paper, elevation, photographs }) => {
-                camera.iter().try_for_each(|camera| check::camera_estimate(camera))?;
-                check::paper(&paper)?;
-                check::height(&elevation)?;
-                let estimated = board.camera().is_none();
-                let known = camera.as_ref().map(|e| e.camera).or(board.camera());
-                let size = known.map_or((0, 0), |c| (c.width, c.height));
-                photographs.iter().try_for_each(|p| check::photograph(p, size, resolution))?;
-                if camera.is_some() != (estimated && !photographs.is_empty())
-                    || (estimated && photographs.iter().any(|p| p.part.is_none()))
-                {
-                    return Err(damaged("the photographs do not match the camera"));
-                }
-                let camera = camera.map(Cow::into_owned);
-                board.resume(camera, paper, elevation, photographs.into_owned());
-            }
-            _ => return Err(damaged("the photographs do not match the scene")),
+        (Capture::Board(fresh), Capture::Board(saved)) => {
+            check::board(&fresh, &saved, resolution)?;
+            Ok(Capture::Board(Box::new(fresh.resumed(*saved))))
         }
-        Ok(capture)
-    }
-}
-
-impl SavedFit<'_> {
-    fn restored(
-        self,
-        shared: Arc<Shared>,
-        pool: Arc<crate::threads::Pool>,
-        estimation: impl FnOnce(SavedEstimate, Option<Svbrdf>) -> Result<Estimation>,
-    ) -> Result<Fit> {
-        let Self { milestone, loss_before, maps, exposure } = self;
-        let Milestone { estimate, budget, seconds, steps } = milestone;
-        let exposure = exposure.believed().map_err(as_damage)?;
-        budget.check().map_err(as_damage)?;
-        if !loss_before.is_finite() || seconds.is_nan() {
-            return Err(damaged("progress is not a number"));
-        }
-        let maps = maps.map(Cow::into_owned);
-        let estimation = estimation(estimate, maps.clone()).map_err(as_damage)?;
-        {
-            let mut state = shared.lock();
-            state.cut = estimation.is_cut();
-            state.fitted = estimation.frames();
-            state.progress = Progress {
-                frames: estimation.frames(),
-                fraction: estimation.fraction(),
-                loss_before,
-                loss: estimation.loss(),
-                seconds_left: None,
-                settled: estimation.is_done(),
-                phase: None,
-            };
-            if let Some(maps) = maps {
-                state.publish(Arc::new(maps));
-                state.exposure = exposure;
-            }
-        }
-        let meter = Meter::new(budget, seconds.max(0.0), steps);
-        let mut fit = Fit::new(shared, pool, estimation, meter);
-        fit.follow_budget();
-        Ok(fit)
+        _ => Err(damaged("the photographs do not match the scene")),
     }
 }
 

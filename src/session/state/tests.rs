@@ -1,9 +1,10 @@
 use super::*;
 use crate::Error;
 use crate::estimate::options::ScheduleOptions;
-use crate::estimate::{Addition, Method, Phase, Task, first_maps};
-use crate::observation::View;
+use crate::estimate::{Addition, Meter, Method, Phase, Task, first_maps};
+use crate::observation::{Observation, View};
 use crate::session::RestoreOptions;
+use crate::session::capture::Photograph;
 use crate::test_support::{photograph, two_tones, view_from};
 use proptest::prelude::*;
 use std::sync::OnceLock;
@@ -49,8 +50,8 @@ fn restore(bytes: &[u8]) -> Result<Session> {
 
 /// The first photograph of a board, changed.
 fn first(body: &mut Body, change: impl FnOnce(&mut Photograph)) {
-    let SavedCapture::Board { photographs, .. } = &mut body.capture else { panic!("no board") };
-    change(&mut photographs.to_mut()[0]);
+    let Capture::Board(board) = body.capture.to_mut() else { panic!("no board") };
+    change(&mut board.photographs[0]);
 }
 
 #[test]
@@ -117,11 +118,13 @@ fn values_out_of_range_are_refused() {
     damaged("pose", &|_, body| first(body, |p| p.pose.rotation.x_axis.x += 0.1));
     damaged("pose", &|_, body| first(body, |p| p.pose.rotation.x_axis.x = f64::NAN));
     damaged("part", &|_, body| first(body, |p| p.part = None));
-    damaged("maps", &|_, body| body.fit.maps = None);
-    damaged("exposure", &|_, body| body.fit.exposure.exponent = f64::NAN);
-    damaged("loss", &|_, body| body.fit.loss_before = f32::NAN);
+    damaged("maps", &|_, body| body.maps = None);
+    damaged("exposure", &|_, body| body.exposure.exponent = f64::NAN);
+    damaged("loss", &|_, body| body.loss_before = f32::NAN);
     damaged("capture", &|_, body| {
-        body.capture = SavedCapture::Rectified { photographs: Vec::new().into() };
+        let scene = Scene::Rectified { falloff: Default::default() };
+        let rectified = Capture::new(scene, &Settings::default()).unwrap();
+        body.capture = Cow::Owned(rectified);
     });
 }
 
@@ -149,7 +152,7 @@ fn a_fit_that_is_begun_again_where_its_photograph_came_ends_the_same() {
             Estimation::restore(networks, task, options, read, photographs, maps).unwrap()
         };
         let mut estimation = Estimation::new(networks.clone(), task, options.clone());
-        let mut meter = Meter::new(Budget::default(), 0.0, 0);
+        let mut meter = Meter::new(Budget::default());
         let mut phases = Vec::new();
         let all = photographs(count);
         for (i, observation) in all.iter().enumerate() {
@@ -220,7 +223,7 @@ fn a_fit_that_is_begun_again_where_its_photograph_came_ends_the_same() {
 #[test]
 fn other_networks_go_on_from_the_maps() {
     // As if the decoder's answer to the probe had been another one.
-    let bytes = rewritten(|_, body| body.fit.milestone.estimate.forget_networks());
+    let bytes = rewritten(|_, body| body.milestone.estimate.forget_networks());
     let restore = |bytes: &[u8]| super::tests::restore(bytes).unwrap();
     let (same, other) = (restore(example()), restore(&bytes));
     assert_eq!(same.snapshot().unwrap(), other.snapshot().unwrap());

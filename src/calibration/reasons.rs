@@ -1,7 +1,10 @@
 //! Why a photograph of a board cannot be used, where what was met first is not the cause.
 
+use super::camera_estimation::{CameraPrior, estimate_camera};
+use super::detector::Corner;
+use super::target::Target;
 use crate::Rejection;
-use crate::calibration::{self, CameraPrior, Corner, Target};
+use crate::frame::Photo;
 use crate::geometry::Camera;
 
 /// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.
@@ -18,7 +21,7 @@ const BETTER: f64 = 0.5;
 
 /// How soft a photograph's edges are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Softness {
+pub struct Softness {
     blur_px: f64,
     square_px: f64,
 }
@@ -28,7 +31,7 @@ impl Softness {
     ///
     /// # Errors
     /// [`Rejection::SquaresTooSmall`], [`Rejection::Blurred`].
-    pub(super) fn new(corners: &[Corner], blur_px: f64) -> Result<Self, Rejection> {
+    pub fn new(corners: &[Corner], blur_px: f64) -> Result<Self, Rejection> {
         let square_px = usual_square(corners);
         if square_px < SQUARE_MIN_PX {
             let (square_px, needed_px) = (square_px as f32, SQUARE_MIN_PX as f32);
@@ -39,7 +42,7 @@ impl Softness {
     }
 
     /// Another reason, if it is that edges are soft: squares do not look plain then.
-    pub(super) fn explained(&self, rejection: Rejection) -> Rejection {
+    pub fn explained(&self, rejection: Rejection) -> Rejection {
         let soft = self.blur_px > BLUR_TELLING_PX.max(BLUR_TELLING_SQUARES * self.square_px);
         match rejection {
             Rejection::LightNotVisible if soft => self.blurred(),
@@ -71,7 +74,7 @@ fn usual_square(corners: &[Corner]) -> f64 {
 ///
 /// # Errors
 /// [`Rejection::OtherCamera`].
-pub(super) fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), Rejection> {
+pub fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), Rejection> {
     let focal = |prior: &CameraPrior| prior.is_stated().then_some(prior.camera.fx);
     let ratio = first.and_then(focal).zip(focal(new)).map(|(first, new)| new / first);
     match ratio {
@@ -83,7 +86,7 @@ pub(super) fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Resul
 }
 
 /// Whether a photograph that does not fit the known camera fits one of another focal length.
-pub(super) fn other_camera(
+pub fn other_camera(
     target: &Target,
     known: &Camera,
     corners: &[Corner],
@@ -91,12 +94,35 @@ pub(super) fn other_camera(
 ) -> Option<Rejection> {
     let Rejection::PoseUncertain { rms_px } = rejection else { return None };
     let prior = CameraPrior { focal_sigma: 0.5, ..CameraPrior::around(*known) };
-    let own = calibration::estimate_camera(target, &[corners], &prior, None).ok()?;
+    let own = estimate_camera(target, &[corners], &prior, None).ok()?;
     let ratio = own.camera.fx / known.fx;
     let sigma = own.sigma()[0] / own.camera.fx;
     let differs = ratio.ln().abs() > OTHER_FOCAL.max(3.0 * sigma);
     let better = own.rms_px < BETTER * f64::from(rms_px);
     (differs && better).then_some(Rejection::OtherCamera { focal_ratio: ratio as f32 })
+}
+
+/// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
+pub fn why_no_board(photo: &Photo) -> Rejection {
+    const SAMPLES: u32 = 128;
+    let (w, h) = (photo.width(), photo.height());
+    let full = if photo.saturation().is_finite() { photo.saturation() } else { 1.0 };
+    let across =
+        |n: u32| (0..SAMPLES).map(move |i| ((2 * i + 1) * n.div_ceil(2) / SAMPLES).min(n - 1));
+    let mut levels: Vec<f32> = across(h)
+        .flat_map(|y| across(w).map(move |x| (x, y)))
+        .map(|(x, y)| photo.pixel(x, y).into_iter().fold(0.0, f32::max) / full)
+        .collect();
+    levels.sort_by(f32::total_cmp);
+    let share = levels.iter().filter(|&&v| v >= 1.0).count() as f32 / levels.len() as f32;
+    let level = levels[levels.len() * 99 / 100];
+    if share > 0.5 {
+        Rejection::Clipped { share }
+    } else if level < 0.02 {
+        Rejection::TooDark { level }
+    } else {
+        Rejection::BoardNotFound
+    }
 }
 
 #[cfg(test)]
