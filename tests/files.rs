@@ -154,6 +154,7 @@ fn one_scene_comes_through_every_format() {
     let floats = DynamicImage::ImageRgb32F(image::ImageBuffer::from_fn(SIDE, SIDE, |x, y| {
         image::Rgb(colour(block_of(x, y)).map(|v| v as f32))
     }));
+    let alpha = DynamicImage::ImageRgba16(deep(Encoding::Srgb, |v| v).to_rgba16());
     let quality = heifer::EncodeOptions { quality: 98, ..Default::default() };
     let heic = heifer::encode_rgb8(SIDE, SIDE, srgb.as_raw(), &quality).unwrap();
     let green = (mix() * DVec3::ONE).y;
@@ -165,6 +166,7 @@ fn one_scene_comes_through_every_format() {
         ("png, cICP PQ", with_chunk(&pq, b"cICP", &[1, 16, 0, 1]), Kind::Png, 1.0),
         ("png, cICP P3", with_chunk(&p3_linear, b"cICP", &[12, 8, 0, 1]), Kind::Png, 1.0),
         ("tiff", encoded(&deep(Encoding::Srgb, |v| v), ImageFormat::Tiff), Kind::Tiff, 1.0),
+        ("tiff, alpha", encoded(&alpha, ImageFormat::Tiff), Kind::Tiff, 1.0),
         ("exr", encoded(&floats, ImageFormat::OpenExr), Kind::OpenExr, 1.0),
         ("dng", negative(1, Storage::Strips(8)), Kind::Dng, green),
         ("dng, linear", negative(3, Storage::Strips(8)), Kind::Dng, green),
@@ -232,6 +234,28 @@ fn metadata_are_read_and_exposure_is_right() {
             assert_eq!(photo.focal_35mm(), Some(35.0), "{name}");
         }
     }
+}
+
+/// Programs that write photographs anew may change the types of fields.
+#[test]
+fn numbers_of_other_types_are_read() {
+    use exif::{Field, In, Tag, Value};
+    let field = |tag, value| Field { tag, ifd_num: In::PRIMARY, value };
+    let fields = [
+        field(Tag::ExposureTime, Value::Double(vec![0.02])),
+        field(Tag::FNumber, Value::Float(vec![1.8])),
+        field(Tag::PhotographicSensitivity, Value::Long(vec![125])),
+    ];
+    let mut writer = exif::experimental::Writer::new();
+    fields.iter().for_each(|field| writer.push_field(field));
+    let mut block = Cursor::new(Vec::new());
+    writer.write(&mut block, false).unwrap();
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
+    image::ImageEncoder::set_exif_metadata(&mut encoder, block.into_inner()).unwrap();
+    encoder.encode_image(&srgb()).unwrap();
+    let exposure = Metadata::of(&bytes).exposure.unwrap();
+    assert!((exposure / (125.0 * 0.02 / 1.8f64.powi(2)) - 1.0).abs() < 1e-6, "{exposure}");
 }
 
 #[test]

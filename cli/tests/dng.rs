@@ -341,7 +341,7 @@ fn faults_are_named() {
         (plain.clone().without(50728), "AsShotNeutral"),
         (plain.clone().set(259, Values::Shorts(vec![8])), "compression 8"),
         (plain.clone().set(259, Values::Shorts(vec![34892])), "compression 34892"),
-        (plain.clone().set(262, Values::Shorts(vec![34892])), "1 values of 16 bits a pixel; 3"),
+        (plain.clone().set(262, Values::Shorts(vec![34892])), "sees no colours"),
         (plain.clone().set(259, Values::Shorts(vec![52546])), "JPEG XL"),
         (plain.clone().set(33421, Values::Shorts(vec![6, 6])), "colour filters 6 x 6"),
         (plain.clone().set(256, longs(&[4_000_000])).set(257, longs(&[4_000_000])), "4000000 x"),

@@ -147,6 +147,9 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let number = match value {
         Value::Rational(v) => v.first()?.to_f64(),
         Value::SRational(v) => v.first()?.to_f64(),
+        // Not as the standard has it, but programs write them.
+        Value::Float(v) => f64::from(*v.first()?),
+        Value::Double(v) => *v.first()?,
         other => f64::from(other.get_uint(0)?),
     };
     number.is_finite().then_some(number)

@@ -159,7 +159,12 @@ pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
 pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Picture> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     limits.check_file(path, bytes.len() as u64)?;
-    let fault_of = |e: image::ImageError| fault(e.to_string());
+    let fault_of = |e: image::ImageError| match e {
+        image::ImageError::Unsupported(e) => {
+            fault(format!("{e}; convert it to RGB of 8 or 16 bits"))
+        }
+        e => fault(e.to_string()),
+    };
     let mut decoder = decoder(bytes, limits)
         .map_err(fault_of)?
         .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))?;

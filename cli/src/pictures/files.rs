@@ -10,10 +10,10 @@ use svbrdf::files::{HEAD_BYTES, Kind, LeftOut};
 use crate::failure::{Failure, Result};
 
 /// Endings of the names of pictures.
-const PICTURES: [&str; 32] = [
-    "jpg", "jpeg", "jpe", "png", "tif", "tiff", "exr", "dng", "heic", "heif", "hif", "avif", "jxl",
-    "webp", "gif", "bmp", "psd", "jp2", "cr2", "cr3", "crw", "nef", "nrw", "arw", "sr2", "srw",
-    "orf", "rw2", "raf", "pef", "3fr", "iiq",
+const PICTURES: [&str; 33] = [
+    "jpg", "jpeg", "jpe", "mpo", "png", "tif", "tiff", "exr", "dng", "heic", "heif", "hif", "avif",
+    "jxl", "webp", "gif", "bmp", "psd", "jp2", "cr2", "cr3", "crw", "nef", "nrw", "arw", "sr2",
+    "srw", "orf", "rw2", "raf", "pef", "3fr", "iiq",
 ];
 /// Endings that files have while they are on their way, and of small pictures that cameras put
 /// beside the large ones.
@@ -27,6 +27,8 @@ pub struct Folder {
     pub pictures: Vec<PathBuf>,
     /// Pictures that cannot, and why.
     pub foreign: Vec<LeftOut>,
+    /// Folders inside, which are not looked into.
+    pub folders: Vec<PathBuf>,
 }
 
 /// Looks for pictures in a folder, not in those inside it; hidden files are passed over.
@@ -36,7 +38,20 @@ pub fn look_into(folder: &Path) -> Result<Folder> {
     for entry in std::fs::read_dir(folder).map_err(fault)? {
         let path = entry.map_err(fault)?.path();
         let hidden = path.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b"."));
-        if hidden || !path.is_file() || has_ending(&path, &PASSED_OVER) {
+        if hidden || has_ending(&path, &PASSED_OVER) {
+            continue;
+        }
+        if !path.exists() && has_ending(&path, &PICTURES) {
+            found
+                .foreign
+                .push(LeftOut { path, reason: "a link to a file that is not there".into() });
+            continue;
+        }
+        if path.is_dir() {
+            found.folders.push(path);
+            continue;
+        }
+        if !path.is_file() {
             continue;
         }
         let is_called_picture = path.extension().is_none() || has_ending(&path, &PICTURES);
@@ -66,6 +81,7 @@ pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
             let inside = look_into(input)?;
             all.pictures.extend(inside.pictures);
             all.foreign.extend(inside.foreign);
+            all.folders.extend(inside.folders);
             continue;
         }
         if !input.exists() {
@@ -82,12 +98,12 @@ pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
     let mut seen = BTreeSet::new();
     all.pictures.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     if all.pictures.is_empty() {
-        return Err(none(inputs, &all.foreign));
+        return Err(none(inputs, &all));
     }
     Ok(all)
 }
 
-fn none(inputs: &[PathBuf], foreign: &[LeftOut]) -> Failure {
+fn none(inputs: &[PathBuf], Folder { foreign, folders, .. }: &Folder) -> Failure {
     let place = inputs.first().map_or(Path::new("."), |p| p.as_path()).display();
     let mut text = format!("{place}: neither capture.json nor photographs that can be read");
     for LeftOut { path, reason } in foreign.iter().take(MOST_NAMED) {
@@ -95,6 +111,13 @@ fn none(inputs: &[PathBuf], foreign: &[LeftOut]) -> Failure {
     }
     if foreign.len() > MOST_NAMED {
         text += &format!("\nand {} more", foreign.len() - MOST_NAMED);
+    }
+    let filled = folders.iter().find(|f| look_into(f).is_ok_and(|f| !f.pictures.is_empty()));
+    if let Some(folder) = filled {
+        text += &format!(
+            "\n{}: has photographs; folders inside are not looked into, name it",
+            folder.display()
+        );
     }
     Failure::Input(text + "\nexpected JPEG, PNG, TIFF, OpenEXR or DNG files")
 }
@@ -126,6 +149,29 @@ fn has_ending(path: &Path, endings: &[&str]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn links_to_nowhere_are_named_and_folders_inside_are_hinted_at() {
+        let dir = tempfile::tempdir().unwrap();
+        let inside = dir.path().join("100APPLE");
+        std::fs::create_dir(&inside).unwrap();
+        std::fs::create_dir(dir.path().join("empty.jpg")).unwrap();
+        std::fs::write(inside.join("Größe 1.JPG"), b"\xFF\xD8\xFF\xE0").unwrap();
+        let said = find(&[dir.path().to_owned()]).err().unwrap().to_string();
+        assert!(said.contains("100APPLE: has photographs") && !said.contains("empty"), "{said}");
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("gone.jpg", dir.path().join("a.jpg")).unwrap();
+            std::os::unix::fs::symlink(inside.join("Größe 1.JPG"), dir.path().join("b.jpg"))
+                .unwrap();
+            std::fs::write(dir.path().join("c.mpo"), b"\xFF\xD8\xFF\xE1").unwrap();
+            let found = find(&[dir.path().to_owned()]).unwrap();
+            let names = |path: &PathBuf| path.file_name().unwrap().to_owned();
+            assert_eq!(found.pictures.iter().map(names).collect::<Vec<_>>(), ["b.jpg", "c.mpo"]);
+            let [link] = &found.foreign[..] else { panic!("{:?}", found.foreign) };
+            assert!(link.path.ends_with("a.jpg") && link.reason.contains("not there"));
+        }
+    }
 
     #[test]
     fn content_decides_and_nothing_is_passed_over_in_silence() {

@@ -63,6 +63,11 @@ pub fn read(tiff: &Tiff, directory: &Directory, channels: usize) -> Result<Raw, 
     let number = |tag, default| Ok::<u32, String>(directory.whole(tag)?.unwrap_or(default));
     let (bits, samples) = (number(BITS, 1)?, number(SAMPLES_PER_PIXEL, 1)?);
     let fits = samples as usize == channels && number(PLANAR, 1)? == 1;
+    if (samples, channels) == (1, 3) {
+        return Err(
+            "its sensor sees no colours (black and white): use a camera that does, or convert it to TIFF for gray maps".into()
+        );
+    }
     if !(8..=16).contains(&bits) || !fits || number(SAMPLE_FORMAT, 1)? != 1 {
         return Err(format!(
             "{samples} values of {bits} bits a pixel; {channels} side by side, whole numbers of 8 to 16 bits, are expected"
