@@ -212,13 +212,45 @@ mod tests {
     use crate::capture::Capture;
     use crate::session::{Pushed, Settings};
 
-    /// Whoever pushes or saves holds the intake, and a fit the threads: a probe needs neither.
-    #[test]
-    fn a_probe_waits_for_nobody() {
+    fn session() -> (Session, Capture) {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
         let capture = Capture::load(dir).unwrap();
         let settings = Settings { sample_mm: capture.sample_mm, threads: 1, ..Settings::default() };
-        let session = Session::new(capture.scene.clone(), settings).unwrap();
+        (Session::new(capture.scene.clone(), settings).unwrap(), capture)
+    }
+
+    /// As many photographs as before need not be the same ones.
+    #[test]
+    fn a_survey_tells_of_the_photographs_there_are() {
+        let (session, capture) = session();
+        session.pause();
+        let push = |i: usize| {
+            let pushed = session.push(&capture.frames[i].read().unwrap());
+            assert!(matches!(pushed, Ok(Pushed::Accepted(_))), "{pushed:?}");
+        };
+        // The fit answers what it is asked in turn.
+        let surveyed = || {
+            session.survey();
+            session.frame_fits().unwrap();
+            session.survey().unwrap()
+        };
+        push(0);
+        push(1);
+        session.frame_fits().unwrap();
+        let before = surveyed();
+        session.remove_frame(1).unwrap();
+        push(4);
+        session.frame_fits().unwrap();
+        assert!(session.survey().is_none(), "that of a photograph taken back");
+        let after = surveyed();
+        assert_eq!([before.photographs, after.photographs], [2, 2]);
+        assert_ne!(before.views, after.views);
+    }
+
+    /// Whoever pushes or saves holds the intake, and a fit the threads: a probe needs neither.
+    #[test]
+    fn a_probe_waits_for_nobody() {
+        let (session, capture) = session();
         let photo = capture.frames[0].read().unwrap();
         assert!(matches!(session.push(&photo), Ok(Pushed::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
