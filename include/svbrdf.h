@@ -1483,22 +1483,26 @@ typedef struct svbrdf_frame_fit {
      * radiance: a relative error.
      */
     float residual;
-    /** Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen. */
+    /**
+     * Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen, and for
+     * those that contradict the other photos.
+     */
     float weight;
     /**
-     * 1 when the photo contradicts the others: its residual stands out. 0 with fewer than four photos.
+     * 1 when the photo contradicts the others: its residual stands out (from four photos on), or its board shows
+     * another light or most of it differs (from three on, with a board).
      */
     uint32_t outlier;
     /** 0. */
     uint32_t reserved;
     /**
-     * Share of the sample, 0 to 1, where it contradicts the others: sun, a shadow, a hand or glare on
-     * a part of it. 0: nowhere.
+     * Share of the sample, 0 to 1, where it contradicts the others and is left out of the fit: a hand,
+     * sun, a shadow or glare on a part of it. 0: nowhere.
      */
     float part_share;
     /** Middle of that part: of the sample's width from the left, of its height from the top. */
     float part_centre[2];
-    /** How many times as bright it is as the maps have it; below 1: darker. */
+    /** How many times as bright it is as the other photos have it; below 1: darker. */
     float part_ratio;
 } svbrdf_frame_fit;
 

@@ -258,6 +258,18 @@ impl Observation {
         Self { width, height, packed: Arc::new(packed), ..*self }
     }
 
+    /// The same without the texels of which this holds, by column and row.
+    pub(crate) fn without(&self, is_out: impl Fn(usize, usize) -> bool) -> Self {
+        let mut left = self.clone();
+        let (width, texels) = (self.width, self.texels());
+        let packed = left.packed_mut();
+        for t in (0..texels).filter(|t| is_out(t % width, t / width)) {
+            // A weight of 0 sets the lowest bit of each channel.
+            (0..3).for_each(|c| packed[c * texels + t] |= 1);
+        }
+        left
+    }
+
     /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
     /// one of the four is. Sizes must be even.
     ///

@@ -18,18 +18,20 @@ pub struct svbrdf_frame_fit {
     /// Median over its texels of the absolute difference of the logarithms of rendered and measured
     /// radiance: a relative error.
     pub residual: f32,
-    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen.
+    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels not seen, and for
+    /// those that contradict the other photos.
     pub weight: f32,
-    /// 1 when the photo contradicts the others: its residual stands out. 0 with fewer than four photos.
+    /// 1 when the photo contradicts the others: its residual stands out (from four photos on), or its board shows
+    /// another light or most of it differs (from three on, with a board).
     pub outlier: u32,
     /// 0.
     pub reserved: u32,
-    /// Share of the sample, 0 to 1, where it contradicts the others: sun, a shadow, a hand or glare on
-    /// a part of it. 0: nowhere.
+    /// Share of the sample, 0 to 1, where it contradicts the others and is left out of the fit: a hand,
+    /// sun, a shadow or glare on a part of it. 0: nowhere.
     pub part_share: f32,
     /// Middle of that part: of the sample's width from the left, of its height from the top.
     pub part_centre: [f32; 2],
-    /// How many times as bright it is as the maps have it; below 1: darker.
+    /// How many times as bright it is as the other photos have it; below 1: darker.
     pub part_ratio: f32,
 }
 

@@ -231,6 +231,7 @@ impl Estimation {
             self.restart()?;
         }
         self.photographs.add(observation)?;
+        self.set_contradictions_aside()?;
         self.texel_residual = 0.0;
         self.expect_noise();
         if self.task.method == Method::Deep {

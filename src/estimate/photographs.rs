@@ -8,6 +8,7 @@
 use std::borrow::Cow;
 
 use super::correction::Correction;
+use super::parts::Contradiction;
 use crate::observation::{Observation, View};
 use crate::svbrdf::halved;
 use crate::{Error, Result, Svbrdf};
@@ -21,8 +22,10 @@ pub(crate) struct Photographs {
     /// Views before their correction.
     given: Vec<View>,
     correction: Correction,
-    /// At full resolution, views as corrected.
+    /// At full resolution, views as corrected, without what contradicts other photographs.
     full: Vec<Observation>,
+    /// What that is, and the photographs with it.
+    set_aside: Vec<Option<(Contradiction, Observation)>>,
     /// The same halved once, twice, ...; none where they are thinned out.
     levels: Vec<Vec<Observation>>,
     /// Photographs that a step sees, at most.
@@ -42,6 +45,7 @@ impl Photographs {
             given: Vec::new(),
             correction: Correction::default(),
             full: Vec::new(),
+            set_aside: Vec::new(),
             levels: Vec::new(),
             at_once: usize::MAX,
             working_texels: usize::MAX,
@@ -94,6 +98,7 @@ impl Photographs {
         self.given.push(observation.view);
         observation.view = self.correction.apply(&observation.view, index);
         self.full.push(observation);
+        self.set_aside.push(None);
         if index == 0 && self.thinning() > 0 {
             self.thinned = Some(Box::new(Self::new().limited(self.at_once, usize::MAX)));
         } else if index == 0 {
@@ -126,6 +131,7 @@ impl Photographs {
         self.given[index] = observation.view;
         observation.view = self.correction.apply(&observation.view, index);
         *old = observation;
+        self.set_aside[index] = None;
         self.derive(index);
         Ok(())
     }
@@ -138,6 +144,30 @@ impl Photographs {
             return Err(Error::argument("observation", message));
         }
         Ok(())
+    }
+
+    /// A photograph with what contradicts others.
+    pub fn seen(&self, index: usize) -> Observation {
+        let Some((_, seen)) = &self.set_aside[index] else { return self.full[index].clone() };
+        let mut seen = seen.clone();
+        seen.view = self.full[index].view;
+        seen
+    }
+
+    /// What contradicts others in each photograph.
+    pub fn contradictions(&self) -> impl Iterator<Item = Option<&Contradiction>> {
+        self.set_aside.iter().map(|aside| aside.as_ref().map(|(found, _)| found))
+    }
+
+    /// Leaves out of a photograph what contradicts others, instead of what was left out before.
+    pub fn set_aside(&mut self, index: usize, found: Option<Contradiction>) {
+        if found.is_none() && self.set_aside[index].is_none() {
+            return;
+        }
+        let seen = self.seen(index);
+        self.full[index] = found.as_ref().map_or(seen.clone(), |found| found.taken_from(&seen));
+        self.set_aside[index] = found.map(|found| (found, seen));
+        self.derive(index);
     }
 
     /// Halves and thins out a photograph that has changed.

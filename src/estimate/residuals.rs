@@ -1,13 +1,18 @@
 //! How the maps of the moment explain each photograph, how much noise is expected, and estimates begun
 //! anew.
 
-use super::contradiction::{self, Part};
+use super::contradiction;
 use super::estimation::Estimation;
 use super::options::EstimateOptions;
-use crate::Result;
+use super::parts::{Contradiction, Part};
 use crate::loss::log_l1;
 use crate::observation::Observation;
 use crate::render::render;
+use crate::svbrdf::halved;
+use crate::{Error, Result, Svbrdf};
+
+/// Photographs without which nothing contradicts: of two that differ, either may be right.
+const CONTRADICTION_FROM: usize = 3;
 
 /// Photographs from which on one may stand out.
 const OUTLIER_FROM: usize = 4;
@@ -24,13 +29,14 @@ pub struct FrameFit {
     /// Median over its texels of the absolute difference of the logarithms of rendered and measured
     /// radiance, mean of the channels: a relative error.
     pub residual: f32,
-    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels that it does not show.
+    /// Mean weight of its texels, 0 to 1: the cosine to the camera, 0 for texels that it does not show
+    /// and for those that contradict the other photographs.
     pub weight: f32,
-    /// Whether it contradicts the others: its residual stands out. Of fewer than four photographs
-    /// none does.
+    /// Whether it contradicts the others. From four photographs on: its residual stands out. From three on, with
+    /// a board: the board shows another light, or most of the sample differs; it then has a weight of 0.
     pub outlier: bool,
-    /// A part of it that contradicts the others: sun, a shadow, a hand or glare on a part of the
-    /// sample. Of fewer than four photographs none does.
+    /// The largest part of it that contradicts the others and is left out of the fit: a hand, sun, a
+    /// shadow or glare on a part of the sample. Of fewer than three photographs, and without a board, none does.
     pub part: Option<Part>,
 }
 
@@ -56,6 +62,31 @@ impl Estimation {
         };
     }
 
+    /// Looks for parts of photographs that contradict the others, and leaves them out of the fit.
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub(super) fn set_contradictions_aside(&mut self) -> Result<()> {
+        let which = self.photographs.working().drawn(self.photographs.len());
+        // Where lights are only roughly known, all photographs differ.
+        if which.len() < CONTRADICTION_FROM || self.task.free_lights {
+            return Ok(());
+        }
+        let thinning = self.photographs.thinning();
+        let maps = self.maps.as_ref().ok_or(Error::NoMaps)?.thinned(thinning);
+        let seen: Vec<Observation> =
+            which.iter().map(|&i| self.photographs.seen(i).thinned(thinning)).collect();
+        let halvings = contradiction::halvings(maps.width(), maps.height());
+        let seen = seen.iter().map(|o| halved(o, halvings, Observation::downsampled)).collect();
+        let maps = halved(&maps, halvings, Svbrdf::downsampled);
+        for (index, found) in
+            which.into_iter().zip(contradiction::find(&maps, seen, &self.options)?)
+        {
+            self.photographs.set_aside(index, found);
+        }
+        Ok(())
+    }
+
     /// How the maps as they are now explain each photograph.
     ///
     /// # Errors
@@ -65,7 +96,7 @@ impl Estimation {
         let texels = maps.texels();
         let mut rendered = vec![0.0; 3 * texels];
         let mut errors = Vec::with_capacity(texels);
-        let residual = |observation: &Observation| {
+        let mut residual = |observation: &Observation| {
             render(&maps, &observation.view, &mut rendered);
             errors.clear();
             for t in (0..texels).filter(|&t| observation.weight(t) > 0.0) {
@@ -75,21 +106,22 @@ impl Estimation {
                 errors.push(((error(0) + error(1) + error(2)) / 3.0) as f32);
             }
             let middle = errors.len() / 2;
-            let median = match errors.is_empty() {
+            match errors.is_empty() {
                 true => 0.0,
                 false => *errors.select_nth_unstable_by(middle, f32::total_cmp).1,
-            };
-            let weight = (observation.total_weight() / texels as f64) as f32;
-            FrameFit { residual: median, weight, outlier: false, part: None }
+            }
         };
-        let full = self.photographs.full();
-        let mut fits: Vec<FrameFit> = full.iter().map(residual).collect();
-        let limit = limit(fits.iter().map(|fit| fit.residual).collect());
-        let parts = contradiction::parts(&maps, &full.iter().collect::<Vec<_>>());
-        for (fit, part) in fits.iter_mut().zip(parts) {
-            (fit.outlier, fit.part) = (fit.residual > limit, part);
-        }
-        Ok(fits)
+        let seen = (0..self.photographs.len()).map(|i| self.photographs.seen(i));
+        let residuals: Vec<f32> = seen.map(|observation| residual(&observation)).collect();
+        let limit = limit(residuals.clone());
+        let counting = self.photographs.full().iter().zip(self.photographs.contradictions());
+        let fit = |(residual, (counting, found)): (f32, (&Observation, Option<&Contradiction>))| {
+            let part = found.and_then(Contradiction::told);
+            let weight = (counting.total_weight() / texels as f64) as f32;
+            let outlier = residual > limit || (found.is_some() && part.is_none());
+            FrameFit { residual, weight, outlier, part }
+        };
+        Ok(residuals.into_iter().zip(counting).map(fit).collect())
     }
 }
 

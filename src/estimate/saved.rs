@@ -9,6 +9,7 @@ use super::correction::Correction;
 use super::estimation::{Cut, Estimation, Method, Task};
 use super::latent::{LatentFit, SavedFit};
 use super::options::EstimateOptions;
+use super::parts::Contradiction;
 use super::schedule::Position;
 use crate::initial_estimate::Networks;
 use crate::network::Workspace;
@@ -25,6 +26,8 @@ pub(crate) struct SavedEstimate {
     /// The maps, where there is no latent code to make them from.
     maps: Option<Svbrdf>,
     correction: Correction,
+    /// What contradicts others in each photograph.
+    contradictions: Vec<Option<Contradiction>>,
     lights_before: Correction,
     repeated: bool,
     structured: bool,
@@ -52,6 +55,7 @@ impl Estimation {
             probe: self.latent.as_ref().map_or_else(Vec::new, |_| probe(&self.networks)),
             maps: if classic { self.maps.clone() } else { None },
             correction: self.photographs.correction().clone(),
+            contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
             lights_before: self.lights_before.clone(),
             repeated: self.repeated,
             structured: self.structured,
@@ -79,6 +83,16 @@ impl Estimation {
         let correction = saved.correction.believed()?;
         let none = Self::no_photographs(&estimation.options);
         estimation.photographs = none.restored(photographs, correction)?;
+        if saved.contradictions.len() != estimation.frames() {
+            return Err(Error::argument(
+                "estimate",
+                "photographs and their parts do not fit each other",
+            ));
+        }
+        for (index, found) in saved.contradictions.into_iter().enumerate() {
+            found.as_ref().map_or(Ok(()), Contradiction::check)?;
+            estimation.photographs.set_aside(index, found);
+        }
         estimation.texel_residual = saved.texel_residual;
         estimation.expect_noise();
         let begun = estimation.frames() > 0;

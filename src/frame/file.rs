@@ -88,6 +88,7 @@ pub(crate) struct Picture {
     pub image: DynamicImage,
     pub focal_35mm: Option<f32>,
     /// The ICC profile inside, as it is.
+    #[cfg_attr(not(feature = "files"), expect(dead_code))]
     pub profile: Option<Vec<u8>>,
 }
 

@@ -321,8 +321,10 @@ impl<'a> Fit<'a> {
         let mut contradicting = Vec::new();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
+            row["weight"] = json!(fit.weight);
             let outlier = fit.outlier
-                && fit.residual > CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
+                && (fit.weight == 0.0
+                    || fit.residual > CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual));
             row["contradicts"] = json!(outlier);
             row["contradicting_part"] = json!(
                 fit.part.map(|p| json!({ "share": p.share, "centre": p.centre, "ratio": p.ratio }))
@@ -341,7 +343,8 @@ impl<'a> Fit<'a> {
             if hints.iter().all(|hint| hint["code"] != CONTRADICTS) {
                 let hint = format!(
                     "it contradicts the other photos (residual {:.3}, usually {usual:.3}): is it mirrored, of \
-                     another sample, or with a hand, a shadow or other light in it? Fit again without it",
+                     another sample, with a hand, a shadow or other light in it, or \
+                     tone-mapped? Fit again without it",
                     fit.residual
                 );
                 hints.push(json!({ "code": CONTRADICTS, "hint": hint }));
@@ -412,7 +415,7 @@ fn add_part(row: &mut Value, part: &Part, told: &mut Vec<Value>) {
     let place = if place.trim().is_empty() { "middle" } else { place.trim() };
     let hint = format!(
         "a part of it ({:.0} % of the sample, {place}) is {:.2} times as bright as the other photos explain: \
-         sun, a shadow, a hand or glare? Fit again without it",
+         sun, a shadow, a hand or glare? That part is left out",
         100.0 * part.share,
         part.ratio
     );

@@ -93,6 +93,6 @@ data class PhotoFit(
     val residual: Float,
     /** Mean weight of its texels, 0 to 1. */
     val weight: Float,
-    /** Whether it contradicts the others; of fewer than four photos none does. */
+    /** Whether it contradicts the others; of fewer than three photos none does. */
     val outlier: Boolean,
 )
