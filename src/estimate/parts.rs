@@ -43,7 +43,7 @@ impl Contradiction {
         Self { cells: vec![true; size[0] * size[1]], ..Self::none(size) }
     }
 
-    /// With one more region; the largest one is told.
+    /// With one more region.
     pub fn add(&mut self, other: &Self) {
         for (cell, added) in self.cells.iter_mut().zip(&other.cells) {
             *cell |= added;
@@ -53,8 +53,8 @@ impl Contradiction {
         }
     }
 
-    /// The part, unless nearly all of the photograph contradicts the others.
-    pub fn told(&self) -> Option<Part> {
+    /// The largest part, unless most of the photograph contradicts the others.
+    pub fn largest_part(&self) -> Option<Part> {
         let cells = self.cells.iter().filter(|cell| **cell).count() as f32;
         (cells <= PART_MAX * self.cells.len() as f32).then_some(self.part)
     }

@@ -116,7 +116,7 @@ impl Estimation {
         let limit = limit(residuals.clone());
         let counting = self.photographs.full().iter().zip(self.photographs.contradictions());
         let fit = |(residual, (counting, found)): (f32, (&Observation, Option<&Contradiction>))| {
-            let part = found.and_then(Contradiction::told);
+            let part = found.and_then(Contradiction::largest_part);
             let weight = (counting.total_weight() / texels as f64) as f32;
             let outlier = residual > limit || (found.is_some() && part.is_none());
             FrameFit { residual, weight, outlier, part }

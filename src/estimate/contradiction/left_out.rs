@@ -42,12 +42,12 @@ pub(super) struct Deviation {
 #[derive(Debug, Clone)]
 pub(super) struct Deviations {
     pub photographs: Vec<Vec<Option<Deviation>>>,
-    /// Cells where nothing can be told.
+    /// Cells that are not judged any more.
     forgotten: Vec<Vec<bool>>,
 }
 
 impl Deviations {
-    /// Tells nothing of these cells any more.
+    /// Judges these cells no more.
     pub fn forget(&mut self, cells: &[bool]) {
         for (photograph, forgotten) in self.photographs.iter_mut().zip(&mut self.forgotten) {
             for cell in (0..cells.len()).filter(|&cell| cells[cell]) {
@@ -145,10 +145,10 @@ fn left_out(
             let weight = f64::from(other.weight(t)) / (NOISE * NOISE);
             let (rendered, jacobian) = logarithms(lit, &at, place);
             for c in 0..3 {
-                let told =
+                let counts =
                     other.radiance(c, t) >= 0.0 || rendered[c] < f64::from(-other.radiance(c, t));
                 let row = jacobian.row(c);
-                information += row.transpose() * row * if told { weight } else { 0.0 };
+                information += row.transpose() * row * if counts { weight } else { 0.0 };
             }
         }
         let (rendered, jacobian) = logarithms(&own, &at, place);

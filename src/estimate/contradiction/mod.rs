@@ -4,8 +4,8 @@
 //! Each photograph is predicted from all others, on a coarse grid (leave-one-out, [`left_out`]). Where
 //! it differs by much more than the prediction's standard deviation and than photographs of the sample
 //! usually do, while the others agree with each other without it, it shows something that they do not
-//! ([`regions`]). Such parts do not count in the fit, and are told. Neither does a photograph whose board's
-//! squares are much farther off their model of light than those of the others: no part of it can be told.
+//! ([`regions`]). Such parts have weight 0 in the fit and are reported. So has a whole photograph whose board's
+//! squares are much farther off their model of light than those of the others.
 
 mod left_out;
 mod regions;
@@ -39,9 +39,9 @@ fn otherwise_lit(photographs: &[Observation]) -> Vec<usize> {
     let mut sigmas: Vec<f32> = photographs.iter().map(|o| o.log_sigma).collect();
     sigmas.sort_by(f32::total_cmp);
     let limit = (SQUARES.0 * sigmas[sigmas.len() / 2]).max(SQUARES.1);
-    // Without a board nothing is known: the median is 0.
-    let told = sigmas[0] > 0.0;
-    (0..photographs.len()).filter(|&i| told && photographs[i].log_sigma > limit).collect()
+    // Without a board nothing is known: all are 0.
+    let has_board = sigmas[0] > 0.0;
+    (0..photographs.len()).filter(|&i| has_board && photographs[i].log_sigma > limit).collect()
 }
 
 /// What contradicts the others in each photograph: the clearest region is taken out, then the others
@@ -75,7 +75,7 @@ pub(super) fn find(
             }
         }
         let Some((without, after)) = after else {
-            // The model fails there, or it cannot be told which photograph is wrong.
+            // The model fails there, or any of several photographs may be the wrong one.
             all.forget(&region.cells);
             continue;
         };
