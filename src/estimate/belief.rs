@@ -5,6 +5,7 @@ use super::finer::Guide;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
+use crate::observation::Observation;
 use crate::{Result, Svbrdf};
 
 /// The maps, and the prior that the next steps of the solver hold them to.
@@ -45,7 +46,12 @@ impl Belief {
     }
 
     /// Brings maps and mean to the photographs' full resolution, for the last steps: these need no base.
+    /// Nothing happens where they have it.
     pub fn refine(&mut self, photographs: &Photographs, options: &EstimateOptions) {
+        let full = photographs.full().first().map_or(0, Observation::width);
+        if self.maps.width() >= full {
+            return;
+        }
         let guide = Guide::new(photographs, options.schedule.guide_radius);
         for maps in [&mut self.maps, &mut self.mean] {
             *maps = guide.refined(maps);

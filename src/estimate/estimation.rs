@@ -93,14 +93,41 @@ pub(crate) struct Task {
     pub free_lights: bool,
 }
 
+/// Where an estimate is, with the maps that it shows there.
+pub(super) enum Stage {
+    /// Nothing is left to do; no maps before the first photograph.
+    Settled(Option<Svbrdf>),
+    /// The latent code is fitted; its maps are shown.
+    Latent {
+        /// Whether this is once more, with these photographs' corrected lights.
+        again: bool,
+        /// The maps before the latest step.
+        previous: Option<Shown>,
+    },
+    /// The posterior of every texel, along the schedule.
+    Texels(Box<Texels>),
+    /// Inverse rendering without a prior.
+    Baseline { maps: Svbrdf, run: Option<(Baseline, Trend)> },
+}
+
+/// The posterior of every texel, on its way along the schedule.
+pub(super) struct Texels {
+    pub belief: Belief,
+    pub at: Position,
+    pub work: Work,
+    /// The correction of the lights when the latent fit ended.
+    pub lights_before: Correction,
+    /// Whether the latent fit was done once more.
+    pub again: bool,
+}
+
 /// The part in progress. One that has not begun needs nothing.
-pub(crate) enum Work {
+pub(super) enum Work {
     Pending,
-    Maps(Solver),
+    Maps(Solver, Trend),
     Widths(Box<WidthTrials>),
     Lights(Box<LightFit>),
     Classes(Box<ClassTrials>),
-    Baseline(Baseline),
 }
 
 /// An estimate of all photographs so far, in steps.
@@ -111,29 +138,17 @@ pub(crate) struct Estimation {
     pub(super) least_noise: NoiseOptions,
     pub(super) task: Task,
     pub(super) photographs: Photographs,
+    /// From the first photograph on; the baseline has none.
     pub(super) latent: Option<LatentFit>,
-    /// From the end of the latent fit to that of the schedule.
-    pub(super) belief: Option<Belief>,
-    /// The latest finished maps; `None` from the end of the latent fit to that of the schedule.
-    pub(super) maps: Option<Svbrdf>,
-    /// `None` where nothing is left to do.
-    pub(super) position: Option<Position>,
-    pub(super) work: Work,
+    pub(super) stage: Stage,
     pub(super) loss: f32,
-    pub(super) fraction: f32,
+    fraction: f32,
     /// What ended it before its time.
     pub(super) cut: Option<Cut>,
-    /// The correction of the lights when the latent fit ended.
-    pub(super) lights_before: Correction,
-    /// Whether the latent code was fitted anew with these photographs' corrected lights.
-    pub(super) repeated: bool,
     /// Whether the structured prior was chosen for these photographs.
     pub(super) structured: bool,
     /// Mean of absolute log residuals that texels leave which share their gloss; 0 where not known.
     pub(super) texel_residual: f32,
-    /// The latent fit's maps before its latest step, and losses of the maps.
-    pub(super) previous: Option<Shown>,
-    pub(super) trend: Option<Trend>,
     /// Whether to keep what the learned prior begins with.
     pub(super) keep_record: bool,
     pub(super) record: Option<FitRecord>,
@@ -149,19 +164,12 @@ impl Estimation {
             options,
             task,
             latent: None,
-            belief: None,
-            maps: None,
-            position: None,
-            work: Work::Pending,
+            stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
             cut: None,
-            lights_before: Correction::default(),
-            repeated: false,
             structured: false,
             texel_residual: 0.0,
-            previous: None,
-            trend: None,
             keep_record: false,
             record: None,
         }
@@ -189,7 +197,7 @@ impl Estimation {
 
     /// Whether nothing is left to do until a photograph is added.
     pub fn is_done(&self) -> bool {
-        self.position.is_none()
+        matches!(self.stage, Stage::Settled(_))
     }
 
     /// Whether the budget, or that nothing was to be seen, ended it before its time.
@@ -217,14 +225,14 @@ impl Estimation {
         start: Option<&Svbrdf>,
     ) -> Result<()> {
         let Addition { observation, replaced, restart } = addition;
-        self.leave();
+        self.settle(None);
         for (index, observation) in replaced {
             self.photographs.replace(index, observation)?;
         }
         if let Some(start) = start {
-            self.maps = Some(start.clone());
+            self.stage = Stage::Settled(Some(start.clone()));
         }
-        if self.maps.is_none() {
+        if self.shown().is_none() {
             return Err(Error::NoMaps);
         }
         if restart {
@@ -243,10 +251,9 @@ impl Estimation {
                 latent.add_photograph()?;
             }
         }
-        (self.cut, self.repeated, self.fraction) = (None, false, 0.0);
-        (self.structured, self.record) = (false, None);
-        self.go_to(Position::default());
+        (self.cut, self.structured, self.record) = (None, false, None);
         self.measure();
+        self.begin();
         Ok(())
     }
 
@@ -268,40 +275,67 @@ impl Estimation {
             }
             self.latent = Some(latent);
         }
-        self.maps = Some(start);
+        self.stage = Stage::Settled(Some(start));
         Ok(())
     }
 
-    /// Ends what is in progress: its maps are the latest.
-    fn leave(&mut self) {
-        if let Some(Belief { maps, .. }) = self.belief.take() {
-            self.maps = Some(match self.full_size(&maps) {
-                Cow::Owned(larger) => larger,
-                Cow::Borrowed(_) => maps,
-            });
-        }
-        (self.work, self.position) = (Work::Pending, None);
-        (self.previous, self.trend) = (None, None);
+    /// Begins the fit of the photographs so far.
+    pub(super) fn begin(&mut self) {
+        self.fraction = 0.0;
+        self.stage = match std::mem::replace(&mut self.stage, Stage::Settled(None)) {
+            Stage::Settled(Some(maps)) if self.task.method == Method::Classic => {
+                Stage::Baseline { maps, run: None }
+            }
+            Stage::Settled(Some(_)) => Stage::Latent { again: false, previous: None },
+            stage => stage,
+        };
     }
 
-    fn end(&mut self, cut: Option<Cut>) {
+    /// Begins the schedule round the maps of the latent code.
+    pub(super) fn begin_texels(&mut self, again: bool) {
+        let Some(latent) = &self.latent else { return };
+        self.stage = match Position::default().settled(&self.rows()) {
+            Some(at) => Stage::Texels(Box::new(Texels {
+                belief: Belief::new(latent.maps().clone(), &self.options),
+                at,
+                work: Work::Pending,
+                lights_before: self.photographs.correction().clone(),
+                again,
+            })),
+            None => Stage::Settled(Some(self.full_size(latent.maps()).into_owned())),
+        };
+    }
+
+    /// Ends what is in progress, its maps being the latest.
+    pub(super) fn settle(&mut self, cut: Option<Cut>) {
         self.cut = self.cut.or(cut);
-        self.leave();
+        let stage = std::mem::replace(&mut self.stage, Stage::Settled(None));
+        let maps = match stage {
+            Stage::Settled(maps) => maps,
+            Stage::Latent { .. } => self.latent.as_ref().map(|latent| latent.maps().clone()),
+            Stage::Texels(texels) => Some(texels.belief.maps),
+            Stage::Baseline { maps, .. } => Some(maps),
+        };
+        self.stage = Stage::Settled(maps.map(|maps| match self.full_size(&maps) {
+            Cow::Owned(larger) => larger,
+            Cow::Borrowed(_) => maps,
+        }));
+    }
+
+    /// The maps as they are now, of the size that is worked with.
+    pub(super) fn shown(&self) -> Option<&Svbrdf> {
+        match &self.stage {
+            Stage::Settled(maps) => maps.as_ref(),
+            Stage::Latent { .. } => self.latent.as_ref().map(LatentFit::maps),
+            Stage::Texels(texels) => Some(&texels.belief.maps),
+            Stage::Baseline { maps, .. } => Some(maps),
+        }
     }
 
     pub(super) fn measure(&mut self) {
-        let maps = self.belief.as_ref().map(|belief| &belief.maps).or(self.maps.as_ref());
-        if let Some(maps) = maps {
+        if let Some(maps) = self.shown() {
             self.loss = render::loss(maps, self.photographs.like(maps).full()) as f32;
         }
-    }
-
-    /// Begins a belief round the maps of the latent code.
-    pub(super) fn begin_belief(&mut self) {
-        self.lights_before = self.photographs.correction().clone();
-        let maps = self.latent.as_ref().map(|latent| latent.maps().clone());
-        self.belief = maps.map(|maps| Belief::new(maps, &self.options));
-        self.maps = None;
     }
 
     /// Maps in work at the photographs' resolution.
@@ -319,31 +353,22 @@ impl Estimation {
     /// # Errors
     /// Without photographs.
     pub fn maps(&self) -> Result<Svbrdf> {
-        match (&self.belief, &self.latent, self.position) {
-            (Some(belief), ..) => Ok(self.full_size(&belief.maps).into_owned()),
-            (None, Some(latent), Some(_)) => Ok(self.full_size(latent.maps()).into_owned()),
-            _ => self.maps.clone().ok_or(Error::NoMaps),
-        }
+        let maps = self.shown().ok_or(Error::NoMaps)?;
+        Ok(self.full_size(maps).into_owned())
     }
 
     /// The schedule for the photographs so far.
     pub(super) fn rows(&self) -> Vec<Row> {
-        let baseline = Row::new(Phase::Baseline, 1, 0, 0);
-        let (photographs, Task { method, refine, .. }) = (self.photographs.len(), self.task);
-        match method {
-            Method::Classic => vec![baseline],
-            Method::Deep => {
-                let situation = Situation {
-                    photographs,
-                    lights: self.lights_known(),
-                    structured: self.structured,
-                    coarse: self.photographs.thinning() > 0,
-                };
-                let mut rows = rows(&situation, &self.options);
-                rows.truncate(if refine { rows.len() } else { 1 });
-                rows
-            }
+        if !self.task.refine {
+            return Vec::new();
         }
+        let situation = Situation {
+            photographs: self.photographs.len(),
+            lights: self.lights_known(),
+            structured: self.structured,
+            coarse: self.photographs.thinning() > 0,
+        };
+        rows(&situation, &self.options)
     }
 
     fn lights_known(&self) -> LightsKnown {
@@ -357,55 +382,57 @@ impl Estimation {
         }
     }
 
-    /// Goes to the first part at or after a position that has work.
-    pub(super) fn go_to(&mut self, position: Position) {
-        self.position = position.settled(&self.rows());
-        (self.work, self.previous, self.trend) = (Work::Pending, None, None);
-    }
-
     /// One step, counted on the meter where it is an optimiser's.
     ///
     /// # Errors
     /// When a network is broken or a loss is not finite.
     pub fn step(&mut self, meter: &mut Meter) -> Result<Step> {
-        let mut phase = None;
-        if let Some(at) = self.position {
-            let rows = self.rows();
-            let row = rows[at.row];
-            phase = Some(if at.part == Part::Phase { row.phase } else { Phase::Maps });
-            let ended = if row.phase != Phase::Latent && meter.exhausted(1.0) {
-                self.end(Some(Cut::Budget));
-                false
-            } else {
-                match at.part {
-                    Part::Before => self.maps_step(row.before, meter)?,
-                    Part::Phase => self.phase_step(row.phase, meter)?,
-                    Part::After => self.maps_step(row.after, meter)?,
+        let is_over = meter.exhausted(1.0);
+        let phase = match &self.stage {
+            Stage::Settled(_) => None,
+            Stage::Latent { .. } => {
+                self.latent_step(meter)?;
+                Some(Phase::Latent)
+            }
+            Stage::Texels(texels) => {
+                let row = self.rows()[texels.at.row];
+                let is_phase = texels.at.part == Part::Phase;
+                if is_over {
+                    self.settle(Some(Cut::Budget))
+                } else {
+                    self.texels_step(row, meter)?
                 }
-            };
-            // A phase may have gone elsewhere already.
-            if ended && self.position == Some(at) {
-                self.go_to(at.following(&row));
+                Some(if is_phase { row.phase } else { Phase::Maps })
             }
-            if ended && self.position.is_none() {
-                self.finish(meter)?;
+            Stage::Baseline { .. } => {
+                if is_over {
+                    self.settle(Some(Cut::Budget))
+                } else {
+                    self.baseline_step(meter)?
+                }
+                Some(Phase::Baseline)
             }
-        }
+        };
         self.fraction = if self.is_done() { 1.0 } else { self.fraction.max(self.fraction_done()) };
         Ok(Step { phase, loss: self.loss, fraction: self.fraction, done: self.is_done() })
     }
 
     /// Fraction of the work that is done, by what its parts cost.
     fn fraction_done(&self) -> f32 {
-        let Some(at) = self.position else { return 1.0 };
+        let texels = match &self.stage {
+            Stage::Settled(_) => return 1.0,
+            Stage::Baseline { run, .. } => {
+                let done = run.as_ref().map_or(0, |(baseline, _)| baseline.steps());
+                return done as f32 / self.options.baseline.steps.max(1) as f32;
+            }
+            Stage::Latent { .. } => None,
+            Stage::Texels(texels) => Some(texels),
+        };
+        let at = texels.map(|texels| texels.at);
         let (rows, photographs) = (self.rows(), self.photographs.len());
         let seen = photographs.min(self.options.schedule.photographs);
         let all = self.photographs.full().first().map_or(0, Observation::texels);
-        let halvings = match self.task.method {
-            Method::Deep => self.photographs.thinning(),
-            Method::Classic => 0,
-        };
-        let texels = [all >> (2 * halvings), all];
+        let counts = [all >> (2 * self.photographs.thinning()), all];
         let [mut done, all] = self
             .latent
             .as_ref()
@@ -414,64 +441,49 @@ impl Estimation {
         for (i, row) in rows.iter().enumerate() {
             // The last steps see all photographs.
             let seen = if i + 1 < rows.len() { seen } else { photographs };
-            let part = |part| cost(row, part, seen, texels, &self.options);
+            let part = |part| cost(row, part, seen, counts, &self.options);
             let parts = [Part::Before, Part::Phase, Part::After];
             let round: f32 = parts.iter().map(|p| part(*p)).sum();
-            match i.cmp(&at.row) {
-                std::cmp::Ordering::Less => done += rounds_left(row, 0) * round,
-                std::cmp::Ordering::Greater => left += rounds_left(row, 0) * round,
-                std::cmp::Ordering::Equal => {
+            match at {
+                Some(at) if i < at.row => done += rounds_left(row, 0) * round,
+                Some(at) if i == at.row => {
                     let before = parts.iter().take_while(|p| **p != at.part).map(|p| part(*p));
-                    let here = before.sum::<f32>() + self.part_done(row, at.part) * part(at.part);
+                    let begun = texels.map_or(0.0, |texels| texels.work.done(row, at.part));
+                    let here = before.sum::<f32>() + begun * part(at.part);
                     done += at.round as f32 * round + here;
                     left += round - here + rounds_left(row, at.round + 1) * round;
                 }
+                _ => left += rounds_left(row, 0) * round,
             }
         }
         // What lights have misled is done twice.
         let total = done + left;
-        if self.repeated {
+        let again = match &self.stage {
+            Stage::Latent { again, .. } => *again,
+            _ => texels.is_some_and(|texels| texels.again),
+        };
+        if again {
             done += total;
-        } else if self.is_misled() {
+        } else if texels.is_some_and(|texels| self.is_misled(texels)) {
             left += total;
         }
         done / (done + left).max(f32::MIN_POSITIVE)
     }
 
-    /// Fraction of a part that is done.
-    fn part_done(&self, row: &Row, part: Part) -> f32 {
-        let [done, all] = match &self.work {
-            Work::Pending => [0, 1],
-            Work::Maps(solver) => {
-                let all = if part == Part::Before { row.before } else { row.after };
-                [solver.state.steps, all]
-            }
-            Work::Widths(trials) => trials.work(),
-            Work::Lights(fit) => fit.work(),
-            Work::Classes(trials) => [trials.costs.len(), trials.count()],
-            Work::Baseline(baseline) => [baseline.steps(), self.options.baseline.steps],
-        };
-        (done as f32 / all.max(1) as f32).min(1.0)
-    }
-
     /// Whether lights have misled the latent fit.
-    fn is_misled(&self) -> bool {
+    fn is_misled(&self, texels: &Texels) -> bool {
         let EstimateOptions { lights, schedule, .. } = &self.options;
-        self.photographs.correction().misled(&self.lights_before, lights, schedule)
+        self.photographs.correction().misled(&texels.lights_before, lights, schedule)
     }
 
     /// After the last part: the latent code is fitted once more where lights have misled it.
-    fn finish(&mut self, meter: &Meter) -> Result<()> {
-        let misled = self.is_misled();
-        self.end(None);
-        match &mut self.latent {
-            Some(latent) if misled && !self.repeated && !meter.exhausted(1.0) => {
-                latent.begin_again()?;
-                self.repeated = true;
-                self.go_to(Position::default());
-            }
-            _ if self.task.method == Method::Classic => self.measure(),
-            _ => {}
+    pub(super) fn finish(&mut self, meter: &Meter) -> Result<()> {
+        let Stage::Texels(texels) = &self.stage else { return Ok(()) };
+        let again = !texels.again && self.is_misled(texels) && !meter.exhausted(1.0);
+        self.settle(None);
+        if let (true, Some(latent)) = (again, &mut self.latent) {
+            latent.begin_again()?;
+            self.stage = Stage::Latent { again: true, previous: None };
         }
         Ok(())
     }
@@ -487,14 +499,28 @@ impl Estimation {
         if !allowed {
             return false;
         }
-        (self.cut, self.fraction, self.structured) = (None, 0.0, false);
-        self.go_to(Position::default());
+        (self.cut, self.structured) = (None, false);
+        self.begin();
         if self.latent.as_ref().is_some_and(LatentFit::is_settled) {
-            self.go_to(Position::default().next_row());
-            if self.position.is_some() {
-                self.begin_belief();
-            }
+            self.begin_texels(false);
         }
         !self.is_done()
+    }
+}
+
+impl Work {
+    /// Fraction of a part of a row that is done.
+    fn done(&self, row: &Row, part: Part) -> f32 {
+        let [done, all] = match self {
+            Self::Pending => [0, 1],
+            Self::Maps(solver, _) => {
+                let all = if part == Part::Before { row.before } else { row.after };
+                [solver.state.steps, all]
+            }
+            Self::Widths(trials) => trials.work(),
+            Self::Lights(fit) => fit.work(),
+            Self::Classes(trials) => [trials.costs.len(), trials.count()],
+        };
+        (done as f32 / all.max(1) as f32).min(1.0)
     }
 }

@@ -9,7 +9,7 @@ use crate::loss::log_l1;
 use crate::observation::Observation;
 use crate::render::render;
 use crate::svbrdf::halved;
-use crate::{Error, Result, Svbrdf};
+use crate::{Result, Svbrdf};
 
 /// Photographs without which nothing contradicts: of two that differ, either may be right.
 const CONTRADICTION_FROM: usize = 3;
@@ -73,7 +73,7 @@ impl Estimation {
             return Ok(());
         }
         let thinning = self.photographs.thinning();
-        let maps = self.maps.as_ref().ok_or(Error::NoMaps)?.thinned(thinning);
+        let maps = self.maps()?.thinned(thinning);
         let seen: Vec<Observation> =
             which.iter().map(|&i| self.photographs.seen(i).thinned(thinning)).collect();
         let halvings = contradiction::halvings(maps.width(), maps.height());

@@ -6,11 +6,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::correction::Correction;
-use super::estimation::{Cut, Estimation, Method, Task};
+use super::estimation::{Cut, Estimation, Method, Stage, Task};
 use super::latent::{LatentFit, SavedFit};
 use super::options::EstimateOptions;
 use super::parts::Contradiction;
-use super::schedule::Position;
 use crate::initial_estimate::Networks;
 use crate::network::Workspace;
 use crate::observation::Observation;
@@ -28,8 +27,6 @@ pub(crate) struct SavedEstimate {
     correction: Correction,
     /// What contradicts others in each photograph.
     contradictions: Vec<Option<Contradiction>>,
-    lights_before: Correction,
-    repeated: bool,
     structured: bool,
     texel_residual: f32,
     /// Whether the schedule is to be gone through from its beginning.
@@ -53,11 +50,9 @@ impl Estimation {
         SavedEstimate {
             latent: self.latent.as_ref().map(LatentFit::save),
             probe: self.latent.as_ref().map_or_else(Vec::new, |_| probe(&self.networks)),
-            maps: if classic { self.maps.clone() } else { None },
+            maps: if classic { self.shown().cloned() } else { None },
             correction: self.photographs.correction().clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
-            lights_before: self.lights_before.clone(),
-            repeated: self.repeated,
             structured: self.structured,
             texel_residual: self.texel_residual,
             unfinished: !self.is_done(),
@@ -114,12 +109,11 @@ impl Estimation {
                 LatentFit::restore(networks, latent, photographs, same_networks, options, gains)?;
             estimation.latent = Some(fit);
         }
-        estimation.maps = maps;
-        estimation.lights_before = saved.lights_before.believed()?;
-        (estimation.repeated, estimation.structured) = (saved.repeated, saved.structured);
+        estimation.stage = Stage::Settled(maps);
+        estimation.structured = saved.structured;
         (estimation.cut, estimation.loss) = (saved.cut, saved.loss);
         if saved.unfinished {
-            estimation.go_to(Position::default());
+            estimation.begin();
         }
         Ok(estimation)
     }

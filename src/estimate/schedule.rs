@@ -1,8 +1,8 @@
-//! The schedule: which phase runs from how many photographs on, for how many steps, how often.
+//! The schedule of what follows the latent code: which phase runs from how many photographs on, for how many
+//! steps, how often.
 //!
 //! | phase                | photographs | rounds | steps before | steps after | changes          |
 //! |----------------------|-------------|--------|--------------|-------------|------------------|
-//! | latent code          | 1           | 1      |              |             | base, mean, maps |
 //! | widths               | 2           | 1      |              |             | views, mean, widths |
 //! | pool gloss           | 1           | 1      |              |             | base, mean, maps |
 //! | lights held          | 3           | 4 or 2 | 4            |             | views, mean      |
@@ -103,7 +103,6 @@ pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row>
     let width_rounds = usize::from(lights == LightsKnown::Roughly);
     let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
     let table = [
-        (1, row(Phase::Latent, 1, 0, 0)),
         (options.structured.from, row(Phase::Widths, width_rounds, 0, 0)),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
         (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
@@ -118,7 +117,7 @@ pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row>
     let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();
     if structured {
         // The structured prior needs no other phase than steps of the maps.
-        rows.retain(|row| matches!(row.phase, Phase::Latent | Phase::Widths));
+        rows.retain(|row| row.phase == Phase::Widths);
         rows.push(Row { fine: true, ..row(Phase::Maps, 1, options.structured.map_steps, 0) });
     }
     rows
@@ -190,7 +189,6 @@ impl Cost {
     /// Of the gains of the maps as a whole, in the first step.
     const GAINS: Self = Self(200.0, 15.0);
     const MAPS: Self = Self(6.5, 2.2);
-    const BASELINE: Self = Self(2.0, 1.0);
     const POOLING: Self = Self(15.0, 3.5);
     const SLOPES: Self = Self(45.0, 0.5);
     const WIDTHS: Self = Self(130.0, 155.0);
@@ -238,14 +236,10 @@ pub(crate) fn cost(
             4.0 * scale(most) * CLASS_TRIALS * Cost::CLASS.of(photographs)
         }
         Phase::Network => scale(options.network.texels.pow(2)) * Cost::NETWORK.of(photographs),
-        Phase::Baseline => {
-            let steps = options.baseline.steps as f32;
-            scale(usize::MAX) * steps * Cost::BASELINE.of(photographs)
-        }
         Phase::PoolGloss => scale(usize::MAX) * Cost::POOLING.of(photographs),
         Phase::Slopes => scale(usize::MAX) * Cost::SLOPES.of(photographs),
         Phase::Widths => Cost::WIDTHS.of(photographs),
-        Phase::Latent | Phase::Maps => 0.0,
+        Phase::Maps | Phase::Latent | Phase::Baseline => 0.0,
     }
 }
 
@@ -298,15 +292,10 @@ mod tests {
     fn few_photographs_have_few_phases() {
         let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
         let one = walk(&rows(&situation(1, LightsKnown::Roughly), &options));
-        let expected = [
-            (Phase::Latent, Part::Phase),
-            (Phase::PoolGloss, Part::Phase),
-            (Phase::Maps, Part::Before),
-        ];
+        let expected = [(Phase::PoolGloss, Part::Phase), (Phase::Maps, Part::Before)];
         assert_eq!(one, expected);
         let two = walk(&rows(&situation(2, LightsKnown::Roughly), &options));
         let expected = [
-            (Phase::Latent, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
             (Phase::Slopes, Part::Before),
             (Phase::Slopes, Part::Phase),
@@ -349,11 +338,7 @@ mod tests {
         let options = EstimateOptions::default();
         let five = Situation { structured: true, ..situation(5, LightsKnown::Roughly) };
         let walked = walk(&rows(&five, &options));
-        let expected = [
-            (Phase::Latent, Part::Phase),
-            (Phase::Widths, Part::Phase),
-            (Phase::Maps, Part::Before),
-        ];
+        let expected = [(Phase::Widths, Part::Phase), (Phase::Maps, Part::Before)];
         assert_eq!(walked, expected);
     }
 }
