@@ -5,8 +5,8 @@ use super::finer::Guide;
 use super::options::EstimateOptions;
 use super::photographs::Photographs;
 use super::prior::Prior;
+use crate::Svbrdf;
 use crate::observation::Observation;
-use crate::{Result, Svbrdf};
 
 /// The maps, and the prior that the next steps of the solver hold them to.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,13 +62,4 @@ impl Belief {
     pub fn corrected_base(&self) -> Svbrdf {
         self.offset.applied(&self.base)
     }
-}
-
-/// A change of the prior, and of maps as far as photographs leave them open.
-pub(super) trait Update {
-    /// Changes the belief in view of the photographs.
-    ///
-    /// # Errors
-    /// When sizes differ, or a network is broken.
-    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()>;
 }

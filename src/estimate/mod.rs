@@ -47,9 +47,9 @@
 //! `docs/method.md` has the equations, a diagram and a glossary.
 //!
 //! # Files
-//! [`options`] holds every tuned number, `schedule` the one table of phases, `estimation` what is
-//! known and where in the schedule it is, `steps` one step of each phase. A phase that moves the prior
-//! is an update: a small type with one method from photographs and belief to belief.
+//! [`options`] holds every tuned number, `schedule` the one table of phases, `estimation` the stages of an
+//! estimate and what is known in each, `steps` one step of each phase. Phases that move the prior's mean are in
+//! `updates`: each makes a belief of photographs and a belief.
 
 mod adam;
 mod baseline;

@@ -1,7 +1,7 @@
 //! Steps of the phases.
 
 use super::baseline::Baseline;
-use super::belief::{Belief, Update};
+use super::belief::Belief;
 use super::budget::{Meter, Shown, Trend, predicted_change};
 use super::correction::{Correction, Exposure};
 use super::estimation::{Cut, Estimation, Stage, Texels, Work};
@@ -12,7 +12,7 @@ use super::photographs::Photographs;
 use super::schedule::{Part, Phase, Row};
 use super::solver::Solver;
 use super::structured::{self, WidthTrials};
-use super::updates::{ClassTrials, FitRecord, LearnedPrior, PoolGloss, Pooling, RegressSlopes};
+use super::updates::{ClassTrials, FitRecord, Pooling, regress_slopes};
 use crate::Result;
 
 impl Estimation {
@@ -47,29 +47,29 @@ impl Estimation {
             Phase::HeldLights => return Ok(self.lights_step(false)),
             Phase::TurningLights => return Ok(self.lights_step(true)),
             Phase::Classes => return self.classes_step(),
-            Phase::Network => self.network()?,
-            Phase::PoolGloss => self.update(&PoolGloss(Pooling::new(&self.options)))?,
-            Phase::Slopes => {
-                let EstimateOptions { slopes, noise, .. } = self.options;
-                self.update(&RegressSlopes { slopes, noise })?;
-            }
+            Phase::PoolGloss | Phase::Slopes | Phase::Network => self.update_prior(phase)?,
             Phase::Maps | Phase::Latent | Phase::Baseline => {}
         }
         Ok(true)
     }
 
-    fn update(&mut self, update: &impl Update) -> Result<()> {
-        let Stage::Texels(texels) = &mut self.stage else { return Ok(()) };
-        update.update(self.photographs.working(), &mut texels.belief)
-    }
-
-    fn network(&mut self) -> Result<()> {
-        let (networks, options) = (self.networks.clone(), self.options.clone());
-        if let (true, Stage::Texels(texels)) = (self.keep_record, &self.stage) {
-            let photographs = self.photographs.working();
-            self.record = Some(FitRecord::new(photographs, &texels.belief, &options)?);
+    /// An update of the prior that is one step.
+    fn update_prior(&mut self, phase: Phase) -> Result<()> {
+        let Self { stage: Stage::Texels(texels), networks, options, .. } = self else {
+            return Ok(());
+        };
+        let (photographs, belief) = (self.photographs.working(), &mut texels.belief);
+        match phase {
+            Phase::PoolGloss => Pooling::new(options).pool(photographs, belief),
+            Phase::Slopes => regress_slopes(photographs, belief, &options.slopes, &options.noise),
+            Phase::Network => {
+                let record = FitRecord::new(photographs, belief, options)?;
+                record.update(networks, belief)?;
+                self.record = self.keep_record.then_some(record);
+                Ok(())
+            }
+            _ => Ok(()),
         }
-        self.update(&LearnedPrior { networks, options })
     }
 
     /// A step of the latent code.

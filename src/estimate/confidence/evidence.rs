@@ -53,10 +53,13 @@ const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
 /// | 9 | logarithm of the map's own variation over the sample |
 /// | 10 | logarithm of how far the map has gone from that of the latent code, round the texel |
 /// | 11 | 1 with the structured prior, otherwise 0 |
+/// | 12 | logarithm of the noise that squares or texels show, in units of that of exact photographs |
 pub struct Evidence {
     maps: Svbrdf,
     photographs: usize,
     structured: bool,
+    /// Noise expected of the photographs, in units of that of exact ones.
+    noise: f32,
     calibration: ConfidenceOptions,
     /// Of each map.
     planes: [Planes; MAPS.len()],
@@ -110,6 +113,7 @@ impl Estimation {
         Ok(Evidence {
             photographs: photographs.len(),
             structured: self.structured,
+            noise: self.options.noise.expected / self.least_noise.expected,
             calibration: self.options.confidence,
             planes,
             hidden,
@@ -171,6 +175,7 @@ impl Evidence {
             ln(planes.variation, MIN_VALUE),
             ln(planes.change[texel], MIN_CHANGE),
             flag(self.structured),
+            ln(self.noise, 1.0),
         ]
     }
 

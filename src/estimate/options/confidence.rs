@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Terms of the logarithm of a stated deviation, see [`Evidence`](crate::estimate::Evidence).
-pub const CONFIDENCE_TERMS: usize = 12;
+pub const CONFIDENCE_TERMS: usize = 13;
 
 /// Calibration of the stated deviations: for each map the coefficients of the terms that
 /// [`Evidence`](crate::estimate::Evidence) names, whose sum is the logarithm of the deviation.
@@ -31,18 +31,19 @@ impl Default for ConfidenceOptions {
         Self {
             normal: [
                 2.512, 0.652, -0.519, 0.629, 0.472, 0.291, 0.280, 0.272, 0.197, -0.115, 0.270,
-                -0.636,
+                -0.636, 0.0,
             ],
             diffuse: [
                 3.021, 0.836, -0.780, 1.000, 0.481, 0.234, 0.069, 0.630, -0.175, 0.225, 0.010,
-                -0.502,
+                -0.502, 0.0,
             ],
             specular: [
                 2.276, 0.498, -0.246, 0.156, 0.096, 0.152, -0.392, 0.705, -0.179, 0.360, 0.299,
-                -0.144,
+                -0.144, 0.0,
             ],
             roughness: [
                 3.896, 0.660, 0.062, 0.282, 0.219, 0.227, 0.126, 0.400, 0.102, 0.521, 0.273, 0.035,
+                0.0,
             ],
         }
     }

@@ -1,5 +1,4 @@
-//! Updates of the prior's mean and widths: each a small type that changes the belief in view of the
-//! photographs.
+//! Updates of the prior's mean and widths: each changes the belief in view of the photographs.
 
 mod classes;
 mod groups;
@@ -10,6 +9,5 @@ mod widths;
 
 pub(super) use classes::ClassTrials;
 pub use network::FitRecord;
-pub(super) use network::LearnedPrior;
-pub(super) use pooling::{PoolGloss, Pooling};
-pub(super) use slopes::RegressSlopes;
+pub(super) use pooling::Pooling;
+pub(super) use slopes::regress_slopes;

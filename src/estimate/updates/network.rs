@@ -15,10 +15,9 @@
 //! It works at 256 texels along the longer side at most; its answer is interpolated.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use super::widths::Deviations;
-use crate::estimate::belief::{Belief, Update};
+use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, NetworkOptions, WidthOptions};
 use crate::estimate::photographs::Photographs;
@@ -39,18 +38,6 @@ const STRETCH: f32 = 2.0;
 const DIFFERENCE: f32 = 0.3;
 /// Parameters that are measured together: slopes, diffuse, specular albedo, roughness.
 const GROUPS: [Range<usize>; 4] = [0..2, 2..5, 5..8, 8..9];
-
-/// Moves the prior's mean by the network's answer, and narrows its widths to the material.
-pub(crate) struct LearnedPrior {
-    pub networks: Arc<Networks>,
-    pub options: EstimateOptions,
-}
-
-impl Update for LearnedPrior {
-    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        FitRecord::new(photographs, belief, &self.options)?.update(&self.networks, belief)
-    }
-}
 
 /// A fit as the network sees it, at its resolution: what it learns from.
 #[derive(Debug, Clone)]

@@ -8,7 +8,7 @@
 //! the spread within the group.
 
 use super::groups::Membership;
-use crate::estimate::belief::{Belief, Update};
+use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, GroupOptions, PoolingOptions};
 use crate::estimate::photographs::Photographs;
@@ -33,12 +33,24 @@ impl Pooling {
         Self { pooling: options.pooling, groups: options.groups, prior: options.prior }
     }
 
+    /// Pools the gloss of the base, where maps and mean begin anew. As many photographs as a step of the
+    /// maps sees say how well gloss is known.
+    ///
+    /// # Errors
+    /// When sizes differ.
+    pub fn pool(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
+        self.pool_values(&mut belief.base, &photographs.some(&photographs.drawn(0)))?;
+        belief.mean.clone_from(&belief.base);
+        belief.maps.clone_from(&belief.base);
+        Ok(())
+    }
+
     /// Moves roughness and specular albedo of texels that the photographs say little of towards those
     /// of texels of like diffuse albedo of which they say more.
     ///
     /// # Errors
     /// When sizes differ.
-    pub fn pool_values(&self, maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> {
+    fn pool_values(&self, maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> {
         crate::render::check_observations(maps, observations)?;
         let information = self.information(maps, observations);
         let members = Membership::new(maps, &self.groups);
@@ -112,19 +124,6 @@ impl Gloss {
     /// Writes what is a natural value already.
     pub fn plane(self) -> usize {
         self.plane
-    }
-}
-
-/// Pools the gloss of the base, where maps and mean begin anew. As many photographs as a step of the
-/// maps sees say how well gloss is known.
-pub(crate) struct PoolGloss(pub Pooling);
-
-impl Update for PoolGloss {
-    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        self.0.pool_values(&mut belief.base, &photographs.some(&photographs.drawn(0)))?;
-        belief.mean.clone_from(&belief.base);
-        belief.maps.clone_from(&belief.base);
-        Ok(())
     }
 }
 

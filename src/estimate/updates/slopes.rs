@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::estimate::belief::{Belief, Update};
+use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{NoiseOptions, SlopeOptions};
 use crate::estimate::photographs::Photographs;
@@ -31,47 +31,48 @@ type Coefficients = SVector<f64, REGRESSORS>;
 
 /// Regresses slopes, and moves the prior's mean by what the regression says, and the maps with it as
 /// far as the photographs leave them open.
-pub(crate) struct RegressSlopes {
-    pub slopes: SlopeOptions,
-    pub noise: NoiseOptions,
-}
-
-impl Update for RegressSlopes {
-    fn update(&self, photographs: &Photographs, belief: &mut Belief) -> Result<()> {
-        let Belief { mean, maps, found: prior, .. } = belief;
-        let observations = photographs.full();
-        check_observations(mean, observations)?;
-        check_observations(maps, observations)?;
-        let at = At { maps, mean, prior, noise: Noise::expected(&self.noise) };
-        let known = Known { precision: slope_precision(at, observations), prior };
-        let regressors = Regressors::new(mean, maps, &self.slopes);
-        let Some(coefficients) = regress(&regressors, &known, mean, maps) else { return Ok(()) };
-        let width = regressors.width;
-        let explained: Vec<[Vec<f32>; 2]> = parallel::map_parts(regressors.bands(), |_, band| {
-            let n = band.len() * width;
-            let mut sums = [vec![0.0; n], vec![0.0; n]];
-            for (regressor, coefficient) in regressors.of_rows(band).iter().zip(&coefficients) {
-                for (sums, regressor) in sums.iter_mut().zip(regressor) {
-                    sums.iter_mut().zip(regressor).for_each(|(s, v)| *s += *coefficient as f32 * v);
-                }
+///
+/// # Errors
+/// When sizes differ.
+pub(crate) fn regress_slopes(
+    photographs: &Photographs,
+    belief: &mut Belief,
+    slopes: &SlopeOptions,
+    noise: &NoiseOptions,
+) -> Result<()> {
+    let Belief { mean, maps, found: prior, .. } = belief;
+    let observations = photographs.full();
+    check_observations(mean, observations)?;
+    check_observations(maps, observations)?;
+    let at = At { maps, mean, prior, noise: Noise::expected(noise) };
+    let known = Known { precision: slope_precision(at, observations), prior };
+    let regressors = Regressors::new(mean, maps, slopes);
+    let Some(coefficients) = regress(&regressors, &known, mean, maps) else { return Ok(()) };
+    let width = regressors.width;
+    let explained: Vec<[Vec<f32>; 2]> = parallel::map_parts(regressors.bands(), |_, band| {
+        let n = band.len() * width;
+        let mut sums = [vec![0.0; n], vec![0.0; n]];
+        for (regressor, coefficient) in regressors.of_rows(band).iter().zip(&coefficients) {
+            for (sums, regressor) in sums.iter_mut().zip(regressor) {
+                sums.iter_mut().zip(regressor).for_each(|(s, v)| *s += *coefficient as f32 * v);
             }
-            sums
-        });
-        for (axis, plane) in [channel::SLOPE_X, channel::SLOPE_Y].into_iter().enumerate() {
-            parallel::parts(mean.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
-                out.iter_mut().zip(&explained[band][axis]).for_each(|(out, v)| *out += v);
-            });
-            parallel::parts(maps.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
-                let [x, y] = &explained[band];
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out += known.left_open(band * BAND * width + i, [x[i], y[i]])[axis];
-                }
-            });
         }
-        mean.clamp();
-        maps.clamp();
-        Ok(())
+        sums
+    });
+    for (axis, plane) in [channel::SLOPE_X, channel::SLOPE_Y].into_iter().enumerate() {
+        parallel::parts(mean.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
+            out.iter_mut().zip(&explained[band][axis]).for_each(|(out, v)| *out += v);
+        });
+        parallel::parts(maps.plane_mut(plane).chunks_mut(BAND * width), |band, out| {
+            let [x, y] = &explained[band];
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += known.left_open(band * BAND * width + i, [x[i], y[i]])[axis];
+            }
+        });
     }
+    mean.clamp();
+    maps.clamp();
+    Ok(())
 }
 
 /// What the solver knows of slopes.
@@ -332,7 +333,7 @@ mod tests {
         photographs.into_iter().for_each(|o| all.add(o).unwrap());
         let mut belief = Belief { maps, found, ..Belief::new(mean, &EstimateOptions::default()) };
         let (slopes, noise) = (SlopeOptions::default(), NoiseOptions::default());
-        RegressSlopes { slopes, noise }.update(&all, &mut belief).unwrap();
+        regress_slopes(&all, &mut belief, &slopes, &noise).unwrap();
         belief
     }
 
