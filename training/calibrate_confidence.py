@@ -13,7 +13,7 @@ import argparse
 import numpy as np
 from scipy.optimize import minimize
 
-TERMS = 12
+TERMS = 13
 HEAD = 4  # case, photographs, map, number of errors
 MAPS = ["normal", "diffuse", "specular", "roughness"]
 

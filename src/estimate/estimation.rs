@@ -124,7 +124,7 @@ pub(super) struct Texels {
 /// The part in progress. One that has not begun needs nothing.
 pub(super) enum Work {
     Pending,
-    Maps(Solver, Trend),
+    Maps(Box<Solver>, Trend),
     Widths(Box<WidthTrials>),
     Lights(Box<LightFit>),
     Classes(Box<ClassTrials>),

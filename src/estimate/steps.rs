@@ -119,7 +119,8 @@ impl Estimation {
             let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
             let solver = Solver::new(maps, observations, prior, solver, noise)?;
-            *work = Work::Maps(solver.with_noise(belief.fixed_noise), Trend::new(steps, 1));
+            let solver = Box::new(solver.with_noise(belief.fixed_noise));
+            *work = Work::Maps(solver, Trend::new(steps, 1));
         }
         let Work::Maps(solver, trend) = work else { return Ok(true) };
         let loss = solver.step(&mut belief.maps, &belief.mean, observations)?;
