@@ -63,6 +63,7 @@ mod correction;
 mod estimation;
 mod estimator;
 mod finer;
+mod fraction;
 mod latent;
 mod lights;
 mod memory;
