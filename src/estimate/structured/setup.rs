@@ -52,6 +52,10 @@ pub(super) enum Light {
     Ambient {
         turn: bool,
     },
+    /// All of these.
+    Free {
+        turn: bool,
+    },
 }
 
 /// What the prior of a fit refers to.
@@ -131,14 +135,17 @@ impl Setup {
         let [root, roughness] = options.class_sigma.map(|s| of_class / (s * s));
         let precision =
             std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
+        let exposure = || exposure(which.len(), scale, options);
+        let ambient = |turn| {
+            let free = Free { turn, ambient: true, mirror: false };
+            let scale = sample.texels() as f64 / lights.independent_texels;
+            parameters(which.len(), scale, free, lights)
+        };
         let shared = match free {
             Light::AsGiven => Vec::new(),
-            Light::Exposure => exposure(which.len(), scale, options),
-            Light::Ambient { turn } => {
-                let free = Free { turn, ambient: true, mirror: false };
-                let scale = sample.texels() as f64 / lights.independent_texels;
-                parameters(which.len(), scale, free, lights)
-            }
+            Light::Exposure => exposure(),
+            Light::Ambient { turn } => ambient(turn),
+            Light::Free { turn } => [exposure(), ambient(turn)].concat(),
         };
         Problem {
             sample: sample.clone(),

@@ -140,6 +140,23 @@ fn texels_that_share_their_gloss_leave_the_noise() {
     }
 }
 
+/// Lights that are off by four degrees, and ambient light that is not stated, are found and not taken for noise.
+#[test]
+fn wrong_lights_are_no_noise() {
+    let turn = |i: usize| [0.07 * (2.1 * i as f64).sin(), 0.07 * (2.1 * i as f64).cos()];
+    let turns = (0..8).map(turn).collect();
+    let correction = Correction { turns, ambient: 0.05, ..Correction::default() };
+    let mut photographs = Photographs::new();
+    for i in 0..8 {
+        let taken = photograph(&material(0.2), correction.apply(&given(i), i));
+        let (radiance, weight) = taken.planes();
+        let stated = Observation::new(SIDE, SIDE, given(i), &radiance, &weight).unwrap();
+        photographs.add(stated).unwrap();
+    }
+    let found = WidthTrials::new(&photographs, &material(0.0), &options()).texel_residual();
+    assert!(found < options().noise.texels, "{found}");
+}
+
 /// What of the light is off by too little to be seen contradicts nothing.
 #[test]
 fn faults_of_the_light_that_cannot_be_seen_are_none() {

@@ -7,8 +7,8 @@
 //! latest photographs best from all others (leave-one-out cross-validation), at a few texels as they are:
 //! averages would hide relief. A prediction is made only while it can still change the choice.
 //!
-//! What texels leave that share their gloss, with exposure and flash free, tells the noise: nine numbers of
-//! each texel would take it up.
+//! What texels leave that share their gloss, with exposure, flash, ambient light and turns of lights free, tells
+//! the noise: nine numbers of each texel would take it up.
 
 use std::sync::Arc;
 
@@ -93,9 +93,9 @@ impl WidthTrials {
     pub fn texel_residual(&self) -> f32 {
         let (options, o) = (&self.options, &self.options.structured);
         let setup = Setup::new(&self.sample, &self.which, o.noise_widths.classes, options);
-        let which = self.which.clone();
+        let (which, turn) = (self.which.clone(), self.which.len() >= options.schedule.turns_from);
         let mut problem =
-            setup.problem(&self.sample, which, o.noise_widths, Light::Exposure, options);
+            setup.problem(&self.sample, which, o.noise_widths, Light::Free { turn }, options);
         problem.noise.scale = options.noise.expected;
         let (problem, state) = descended(problem, o.steps, options);
         let residuals = 3.0 * self.which.len() as f64;
