@@ -3,6 +3,7 @@
 
 use super::contradiction;
 use super::estimation::Estimation;
+use super::noise::MAD_TO_SIGMA;
 use super::options::EstimateOptions;
 use super::parts::{Contradiction, Part};
 use crate::loss::log_l1;
@@ -20,8 +21,6 @@ const OUTLIER_FROM: usize = 4;
 /// times as large: of photographs that agree, deviations are tiny.
 const OUTLIER_SIGMA: f32 = 5.0;
 const OUTLIER_RATIO: f32 = 1.5;
-/// Standard deviation of a normal distribution over its median absolute deviation.
-const MAD_TO_SIGMA: f32 = 1.4826;
 
 /// How the maps of the moment explain an accepted photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,6 +6,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::Result;
 use crate::Svbrdf;
 use crate::estimate::bundle::{Lit, by_coordinate, natural};
+use crate::estimate::noise::MAD_TO_SIGMA;
 use crate::estimate::options::EstimateOptions;
 use crate::estimate::prior::{Prior, to_coordinate};
 use crate::estimate::solver::Solver;
@@ -26,8 +27,6 @@ const STEPS: usize = 8;
 /// A photograph whose half vector is by so much nearer to the sample's normal than those of all others may
 /// show a highlight that nobody has seen, radians.
 const NEARER: f64 = 0.035;
-/// Deviation to the standard one of a normal distribution.
-const MAD_TO_SIGMA: f32 = 1.4826;
 
 /// How a cell of a photograph differs from what all others predict.
 #[derive(Debug, Clone, Copy, PartialEq)]
