@@ -53,8 +53,6 @@ fn steps_allocate_no_buffers() {
         assert!(latent.largest < limit, "{latent:?}");
 
         let mut options = EstimateOptions::default();
-        options.schedule.slopes_from = usize::MAX;
-        options.schedule.classes_from = usize::MAX;
         (options.latent.first_steps, options.latent.steps) = (1, 1);
         let networks = std::sync::Arc::new(networks);
         let mut estimator = Estimator::with_options(networks, Method::Deep, true, options);

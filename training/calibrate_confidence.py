@@ -1,4 +1,4 @@
-"""Calibrates the stated deviations of maps: prints the numbers of ConfidenceOptions.
+"""Calibrates the stated deviations of maps: prints the numbers of src/estimate/confidence/calibration.rs.
 
     svbrdf-eval confidence --materials TRAIN --record a.f32
     svbrdf-eval confidence SIMULATED_CAPTURES --record b.f32

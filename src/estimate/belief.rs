@@ -8,6 +8,10 @@ use super::prior::Prior;
 use crate::Svbrdf;
 use crate::observation::Observation;
 
+/// Texels to each side of the middle of the windows in which albedos and roughness go with colour, where
+/// maps are brought to full size.
+const GUIDE_RADIUS: usize = 2;
+
 /// The maps, and the prior that the next steps of the solver hold them to.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Belief {
@@ -47,12 +51,12 @@ impl Belief {
 
     /// Brings maps and mean to the photographs' full resolution, for the last steps: these need no base.
     /// Nothing happens where they have it.
-    pub fn refine(&mut self, photographs: &Photographs, options: &EstimateOptions) {
+    pub fn refine(&mut self, photographs: &Photographs) {
         let full = photographs.full().first().map_or(0, Observation::width);
         if self.maps.width() >= full {
             return;
         }
-        let guide = Guide::new(photographs, options.schedule.guide_radius);
+        let guide = Guide::new(photographs, GUIDE_RADIUS);
         for maps in [&mut self.maps, &mut self.mean] {
             *maps = guide.refined(maps);
         }

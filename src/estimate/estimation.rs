@@ -258,8 +258,7 @@ impl Estimation {
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
         let first = self.photographs.averaged().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];
-        let EstimateOptions { latent, gains, .. } = &self.options;
-        LatentFit::new(self.networks.clone(), start, size, latent, gains)
+        LatentFit::new(self.networks.clone(), start, size, &self.options.latent)
     }
 
     /// Begins anew with the photographs as they are now.
@@ -366,7 +365,7 @@ impl Estimation {
             structured: self.structured,
             coarse: self.photographs.thinning() > 0,
         };
-        rows(&situation, &self.options)
+        rows(&situation, &self.options.schedule)
     }
 
     fn lights_known(&self) -> LightsKnown {

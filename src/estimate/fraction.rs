@@ -1,5 +1,6 @@
 //! The fraction of an estimate's work that is done.
 
+use super::baseline;
 use super::estimation::{Estimation, Stage, Work};
 use super::schedule::{Part, Row, cost, latent_cost, rounds_left};
 use crate::observation::Observation;
@@ -11,7 +12,7 @@ impl Estimation {
             Stage::Settled(_) => return 1.0,
             Stage::Baseline { run, .. } => {
                 let done = run.as_ref().map_or(0, |(baseline, _)| baseline.steps());
-                return done as f32 / self.options.baseline.steps.max(1) as f32;
+                return done as f32 / baseline::STEPS as f32;
             }
             Stage::Latent { .. } => None,
             Stage::Texels(texels) => Some(texels),
@@ -29,7 +30,7 @@ impl Estimation {
         for (i, row) in rows.iter().enumerate() {
             // The last steps see all photographs.
             let seen = if i + 1 < rows.len() { seen } else { photographs };
-            let part = |part| cost(row, part, seen, counts, &self.options);
+            let part = |part| cost(row, part, seen, counts);
             let parts = [Part::Before, Part::Phase, Part::After];
             let round: f32 = parts.iter().map(|p| part(*p)).sum();
             match at {

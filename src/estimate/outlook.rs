@@ -10,7 +10,6 @@ use nalgebra::{SMatrix, SVector};
 
 use super::bundle::{Lit, Radiance, by_coordinate, natural};
 use super::estimation::Estimation;
-use super::options::OutlookOptions;
 use super::prior::{range, to_coordinate};
 use crate::loss::EPSILON;
 use crate::observation::{Falloff, Observation, View};
@@ -25,6 +24,18 @@ type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 /// Derivatives of three colours by the coordinates.
 type Jacobian = SMatrix<f64, 3, CHANNELS>;
 
+/// Texels along the longer side that are looked at, at most: a view's gain, a sum over them, moves by
+/// less than 2 % with more.
+const TEXELS: usize = 24;
+/// Errors of the model are alike in views less than about this apart, degrees: the second tells
+/// little more.
+const APART_DEG: f64 = 10.0;
+/// Log residual that noise and errors of the model leave.
+const NOISE: f64 = 0.03;
+/// Renderings that count; more change nothing.
+const RENDERINGS: usize = 16;
+/// Cameras and lights of these off the top, at most, degrees: where maps are compared.
+const TILT_DEG: f64 = 70.0;
 /// Texels of a task.
 const CHUNK: usize = 32;
 /// Chooses the draws and the renderings.
@@ -58,9 +69,8 @@ impl Estimation {
     /// # Errors
     /// Without photographs.
     pub fn outlook(&self, places: &[Place]) -> Result<Vec<f64>> {
-        let options = &self.options.outlook;
         let photographs = self.photographs.working();
-        let halvings = photographs.halvings_to(options.texels);
+        let halvings = photographs.halvings_to(TEXELS);
         let observations = photographs.level(halvings);
         let first = observations.first().ok_or(Error::NoMaps)?;
         let maps = self.maps()?.thinned(self.photographs.thinning());
@@ -71,7 +81,7 @@ impl Estimation {
             exposure.predict(&View { camera_mm, light_mm, ..*last })
         };
         let views: Vec<View> = places.iter().map(view).collect();
-        let renderings = renderings(&first.view, options);
+        let renderings = renderings(&first.view);
         let sigma = self.options.prior.sigma;
         let prior =
             Matrix::from_diagonal(&Coordinates::from_fn(|c, _| f64::from(sigma[c]).powi(-2)));
@@ -80,14 +90,13 @@ impl Estimation {
             let mut sums = vec![0.0; views.len() + 1];
             let mut random = Random::new(SEED + from as u64);
             for t in from..(from + CHUNK).min(maps.texels()) {
-                let Some(texel) = Texel::new(&maps, t, &observations, &renderings, &prior, options)
-                else {
+                let Some(texel) = Texel::new(&maps, t, &observations, &renderings, &prior) else {
                     continue;
                 };
                 sums[views.len()] += texel.error;
                 let drawn = texel.drawn(&mut random);
                 for (sum, view) in sums.iter_mut().zip(&views) {
-                    *sum += texel.gain(&drawn, view, options);
+                    *sum += texel.gain(&drawn, view);
                 }
             }
             sums
@@ -99,7 +108,7 @@ impl Estimation {
         let all = total.pop().unwrap_or_default().max(f64::MIN_POSITIVE);
         let given = photographs.given();
         let gains = total.into_iter().zip(&views);
-        Ok(gains.map(|(gain, view)| gain / all * novelty(view, given, options)).collect())
+        Ok(gains.map(|(gain, view)| gain / all * novelty(view, given)).collect())
     }
 }
 
@@ -110,7 +119,6 @@ impl Texel {
         observations: &[Observation],
         renderings: &[View],
         prior: &Matrix,
-        options: &OutlookOptions,
     ) -> Option<Self> {
         let at = Coordinates::from_fn(|c, _| f64::from(to_coordinate(c, maps.plane(c)[t])));
         let (width, height) = (maps.width(), maps.height());
@@ -124,7 +132,7 @@ impl Texel {
                 let observed = observation.radiance(c, t);
                 // What is saturated and explained says nothing.
                 let told = observed >= 0.0 || rendered[c] < f64::from(-observed);
-                let scale = weight.sqrt() * by_log(rendered[c], options);
+                let scale = weight.sqrt() * by_log(rendered[c]);
                 jacobian.row_mut(c).scale_mut(if told { scale } else { 0.0 });
             }
             information += jacobian.transpose() * jacobian;
@@ -155,10 +163,10 @@ impl Texel {
     }
 
     /// By how much a view would lower the expected squared error, were the texel at `at`.
-    fn gain(&self, at: &Coordinates, view: &View, options: &OutlookOptions) -> f64 {
+    fn gain(&self, at: &Coordinates, view: &View) -> f64 {
         let (rendered, mut jacobian) = radiance(&Lit::new(view), at, self.place);
         for c in 0..3 {
-            jacobian.row_mut(c).scale_mut(by_log(rendered[c], options));
+            jacobian.row_mut(c).scale_mut(by_log(rendered[c]));
         }
         let weight = foreshortening(view, self.place).max(1e-3);
         let mut known = jacobian * self.covariance * jacobian.transpose();
@@ -172,26 +180,26 @@ impl Texel {
 
 /// Share of what a view tells that earlier ones do not tell as well, errors of the model being alike in
 /// views that are close to each other.
-fn novelty(view: &View, earlier: &[View], options: &OutlookOptions) -> f64 {
+fn novelty(view: &View, earlier: &[View]) -> f64 {
     let direction = |view: &View| towards(view.camera_mm, [0.0; 2]).0;
     let angles = earlier.iter().map(|other| direction(view).angle_between(direction(other)));
     let nearest = angles.fold(f64::INFINITY, f64::min).to_degrees();
-    1.0 - (-(nearest / options.apart_deg).powi(2)).exp()
+    1.0 - (-(nearest / APART_DEG).powi(2)).exp()
 }
 
 /// Derivative of a log residual by its radiance, in units of the noise.
-fn by_log(rendered: f64, options: &OutlookOptions) -> f64 {
-    ((rendered.max(0.0) + f64::from(EPSILON)) * options.noise).recip()
+fn by_log(rendered: f64) -> f64 {
+    ((rendered.max(0.0) + f64::from(EPSILON)) * NOISE).recip()
 }
 
 /// Views from all round that renderings are compared in.
-fn renderings(like: &View, options: &OutlookOptions) -> Vec<View> {
+fn renderings(like: &View) -> Vec<View> {
     let mut random = Random::new(SEED);
     let distance = norm(like.camera_mm);
-    let limit = options.tilt_deg.to_radians();
+    let limit = TILT_DEG.to_radians();
     let mut place = || random.direction(limit).map(|v| (v * f64::from(distance)) as f32);
     let power = [std::f32::consts::PI; 3];
-    (0..options.renderings)
+    (0..RENDERINGS)
         .map(|_| View {
             camera_mm: place(),
             light_mm: place(),

@@ -103,10 +103,8 @@ impl Estimation {
         }
         if let Some(latent) = saved.latent {
             let same_networks = same(&saved.probe, &probe(&networks));
-            let EstimateOptions { latent: options, gains, .. } = &estimation.options;
-            let photographs = &estimation.photographs;
-            let fit =
-                LatentFit::restore(networks, latent, photographs, same_networks, options, gains)?;
+            let (photographs, options) = (&estimation.photographs, &estimation.options.latent);
+            let fit = LatentFit::restore(networks, latent, photographs, same_networks, options)?;
             estimation.latent = Some(fit);
         }
         estimation.stage = Stage::Settled(maps);

@@ -17,9 +17,9 @@
 //! most 256 texels a side but the last row, which larger ones get, and the structured prior's. Lights
 //! are only looked for where they are not known well: held ones in photographs of which only their
 //! rough place is known, or in a room that a smooth sample shows; they end early when they stay.
-//! Numbers are those of [`ScheduleOptions`](super::options::ScheduleOptions).
 
-use super::options::EstimateOptions;
+use super::options::ScheduleOptions;
+use super::updates::{CLASS_TEXELS, NETWORK_TEXELS};
 
 /// What changes the belief.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,35 +90,35 @@ pub(crate) enum LightsKnown {
 }
 
 /// The rows that run.
-pub(crate) fn rows(situation: &Situation, options: &EstimateOptions) -> Vec<Row> {
+pub(crate) fn rows(situation: &Situation, options: &ScheduleOptions) -> Vec<Row> {
     let &Situation { photographs, lights, structured, coarse } = situation;
-    let o = &options.schedule;
     let row = Row::new;
     let held_rounds = match lights {
         LightsKnown::Well => 0,
-        LightsKnown::InRoom => o.surround_rounds,
-        LightsKnown::Roughly => o.ambient_rounds,
+        LightsKnown::InRoom => 2,
+        LightsKnown::Roughly => 4,
     };
-    let turn_rounds = if lights == LightsKnown::Roughly { o.turn_rounds } else { 0 };
+    let turn_rounds = if lights == LightsKnown::Roughly { 4 } else { 0 };
     let width_rounds = usize::from(lights == LightsKnown::Roughly);
-    let slopes_after = if photographs < o.classes_from { o.steps_after_slopes } else { 0 };
+    // Classes have steps of their own.
+    let slopes_after = if photographs < options.determined_from { 4 } else { 0 };
     let table = [
-        (options.structured.from, row(Phase::Widths, width_rounds, 0, 0)),
+        (2, row(Phase::Widths, width_rounds, 0, 0)),
         (1, row(Phase::PoolGloss, 1, 0, 0)),
-        (o.lights_from, row(Phase::HeldLights, held_rounds, o.steps_before_lights, 0)),
-        (o.turns_from, row(Phase::TurningLights, turn_rounds, o.steps_before_lights, 0)),
-        (1, row(Phase::Maps, usize::from(photographs < o.slopes_from), o.single_steps, 0)),
-        (o.slopes_from, row(Phase::Slopes, 1, o.steps_before_slopes, slopes_after)),
-        (o.classes_from, row(Phase::Classes, 1, 0, o.steps_after_classes)),
-        (o.slopes_from, row(Phase::Network, 1, 0, o.steps_after_network)),
-        (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), o.full_size_steps, 0) }),
+        (options.determined_from, row(Phase::HeldLights, held_rounds, 4, 0)),
+        (options.turns_from, row(Phase::TurningLights, turn_rounds, 4, 0)),
+        (1, row(Phase::Maps, usize::from(photographs == 1), 8, 0)),
+        (2, row(Phase::Slopes, 1, 6, slopes_after)),
+        (options.determined_from, row(Phase::Classes, 1, 0, 2)),
+        (2, row(Phase::Network, 1, 0, 4)),
+        (1, Row { fine: true, ..row(Phase::Maps, usize::from(coarse), 6, 0) }),
     ];
     let runs = |(from, row): &(usize, Row)| photographs >= *from && row.rounds > 0;
     let mut rows: Vec<Row> = table.into_iter().filter(runs).map(|(_, row)| row).collect();
     if structured {
         // The structured prior needs no other phase than steps of the maps.
         rows.retain(|row| row.phase == Phase::Widths);
-        rows.push(Row { fine: true, ..row(Phase::Maps, 1, options.structured.map_steps, 0) });
+        rows.push(Row { fine: true, ..row(Phase::Maps, 1, 8, 0) });
     }
     rows
 }
@@ -210,13 +210,7 @@ const CLASS_TRIALS: f32 = 7.0;
 
 /// Cost of a whole part of a row, from its beginning. Texels are those that the phases work at, and
 /// all.
-pub(crate) fn cost(
-    row: &Row,
-    part: Part,
-    photographs: usize,
-    [texels, all]: [usize; 2],
-    options: &EstimateOptions,
-) -> f32 {
+pub(crate) fn cost(row: &Row, part: Part, photographs: usize, [texels, all]: [usize; 2]) -> f32 {
     let texels = if row.fine { all } else { texels };
     let scale = |most: usize| texels.min(most) as f32 / (256.0 * 256.0);
     let steps = match part {
@@ -232,10 +226,9 @@ pub(crate) fn cost(
         Phase::HeldLights => LIGHT_STEPS * Cost::LIGHTS.of(photographs),
         Phase::TurningLights => 2.0 * LIGHT_STEPS * Cost::LIGHTS.of(photographs),
         Phase::Classes => {
-            let most = options.classes.texels.pow(2);
-            4.0 * scale(most) * CLASS_TRIALS * Cost::CLASS.of(photographs)
+            4.0 * scale(CLASS_TEXELS.pow(2)) * CLASS_TRIALS * Cost::CLASS.of(photographs)
         }
-        Phase::Network => scale(options.network.texels.pow(2)) * Cost::NETWORK.of(photographs),
+        Phase::Network => scale(NETWORK_TEXELS.pow(2)) * Cost::NETWORK.of(photographs),
         Phase::PoolGloss => scale(usize::MAX) * Cost::POOLING.of(photographs),
         Phase::Slopes => scale(usize::MAX) * Cost::SLOPES.of(photographs),
         Phase::Widths => Cost::WIDTHS.of(photographs),
@@ -264,13 +257,7 @@ pub(crate) fn rounds_left(row: &Row, begun: usize) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::options::StructuredOptions;
     use super::*;
-
-    /// Without the structured prior.
-    fn never() -> StructuredOptions {
-        StructuredOptions { from: usize::MAX, ..StructuredOptions::default() }
-    }
 
     /// Of small photographs, without the structured prior.
     fn situation(photographs: usize, lights: LightsKnown) -> Situation {
@@ -290,12 +277,13 @@ mod tests {
 
     #[test]
     fn few_photographs_have_few_phases() {
-        let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
+        let options = ScheduleOptions::default();
         let one = walk(&rows(&situation(1, LightsKnown::Roughly), &options));
         let expected = [(Phase::PoolGloss, Part::Phase), (Phase::Maps, Part::Before)];
         assert_eq!(one, expected);
         let two = walk(&rows(&situation(2, LightsKnown::Roughly), &options));
         let expected = [
+            (Phase::Widths, Part::Phase),
             (Phase::PoolGloss, Part::Phase),
             (Phase::Slopes, Part::Before),
             (Phase::Slopes, Part::Phase),
@@ -308,7 +296,7 @@ mod tests {
 
     #[test]
     fn rounds_repeat_and_lights_are_left_alone_where_they_are_known() {
-        let options = EstimateOptions { structured: never(), ..EstimateOptions::default() };
+        let options = ScheduleOptions::default();
         let count = |phase, lights, photographs| {
             let walked = walk(&rows(&situation(photographs, lights), &options));
             walked.iter().filter(|p| **p == (phase, Part::Phase)).count()
@@ -323,7 +311,7 @@ mod tests {
 
     #[test]
     fn large_photographs_get_steps_at_full_size_last() {
-        let options = EstimateOptions::default();
+        let options = ScheduleOptions::default();
         for photographs in 1..9 {
             let small = situation(photographs, LightsKnown::Well);
             let large = rows(&Situation { coarse: true, ..small }, &options);
@@ -335,7 +323,7 @@ mod tests {
 
     #[test]
     fn the_structured_prior_needs_steps_of_the_maps_only() {
-        let options = EstimateOptions::default();
+        let options = ScheduleOptions::default();
         let five = Situation { structured: true, ..situation(5, LightsKnown::Roughly) };
         let walked = walk(&rows(&five, &options));
         let expected = [(Phase::Widths, Part::Phase), (Phase::Maps, Part::Before)];

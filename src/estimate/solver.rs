@@ -13,7 +13,7 @@
 use std::ops::Range;
 
 use super::noise::Noise;
-use super::options::{NoiseOptions, SolverOptions};
+use super::options::NoiseOptions;
 use super::posterior::{NormalEquations, Posterior, cost};
 use super::prior::{Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates};
 use crate::Result;
@@ -23,6 +23,16 @@ use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, check_observations, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
+
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f32 = 0.01;
+/// What the damping is multiplied by after a step that helps, and after one that does not.
+const EASE: f32 = 0.2;
+const RAISE: f32 = 8.0;
+/// Longest step of a coordinate.
+const MAX_STEP: f32 = 0.3;
+/// How much wider than the prior's the deviations of slopes may be assumed.
+const MAX_WIDENING: f32 = 4.0;
 
 /// What so many steps have come to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +58,7 @@ impl Summary {
 /// Steps in progress on maps that the caller keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Solver {
-    options: (SolverOptions, NoiseOptions),
+    options: NoiseOptions,
     /// As given.
     prior: Prior,
     pub state: SolverState,
@@ -79,28 +89,27 @@ impl Solver {
         maps: &mut Svbrdf,
         observations: &[Observation],
         prior: &Prior,
-        solver: &SolverOptions,
-        noise: &NoiseOptions,
+        options: &NoiseOptions,
     ) -> Result<Self> {
         prior.check()?;
-        noise.check()?;
+        options.check()?;
         maps.clamp();
         let state = SolverState {
             steps: 0,
             loss: f64::NAN,
             widening: 1.0,
-            noise: [Noise::expected(noise); 3],
-            damping: vec![solver.first_damping; maps.texels()],
+            noise: [Noise::expected(options); 3],
+            damping: vec![FIRST_DAMPING; maps.texels()],
         };
         check_observations(maps, observations)?;
         let weight = observations.iter().map(Observation::total_weight).sum();
-        Ok(Self { options: (*solver, *noise), prior: *prior, state, weight, fixed: false })
+        Ok(Self { options: *options, prior: *prior, state, weight, fixed: false })
     }
 
     /// With noise that stays as given, and slopes that do not widen; nothing where it is `None`.
     pub fn with_noise(mut self, noise: Option<f32>) -> Self {
         if let Some(scale) = noise {
-            self.state.noise = [Noise { scale, huber: self.options.1.huber }; 3];
+            self.state.noise = [Noise { scale, huber: self.options.huber }; 3];
             self.fixed = true;
         }
         self
@@ -143,10 +152,10 @@ impl Solver {
         };
         let damping = bands::<1, _>(&mut self.state.damping, width, height, BAND_ROWS);
         let parts = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS).zip(damping);
-        let (posterior, options) = (&posterior, &self.options.0);
+        let posterior = &posterior;
         let sums: Vec<[f64; 5]> = parallel::map_parts(parts, |band, (planes, [damping])| {
             let first_row = band * BAND_ROWS;
-            dispatch(StepBand { posterior, options, mean, first_row, planes, damping })
+            dispatch(StepBand { posterior, mean, first_row, planes, damping })
         });
         let total =
             sums.iter().fold([0.0; 5], |sum, band| std::array::from_fn(|i| sum[i] + band[i]));
@@ -157,7 +166,7 @@ impl Solver {
         }
         self.widen(squares, determined);
         let photographs = self.weight / texels as f64;
-        let found = |loss: f64| Noise::found(&self.options.1, loss / self.weight, photographs);
+        let found = |loss: f64| Noise::found(&self.options, loss / self.weight, photographs);
         self.state.noise = losses.map(found);
         Ok(self.state.loss)
     }
@@ -176,8 +185,7 @@ impl Solver {
     fn widen(&mut self, squares: f64, determined: f64) {
         let squares = f64::from(self.state.widening) * squares;
         if let Some(found) = probable_variance(squares, determined) {
-            let max = self.options.0.max_widening;
-            self.state.widening = (found as f32).clamp(1.0, max * max);
+            self.state.widening = (found as f32).clamp(1.0, MAX_WIDENING * MAX_WIDENING);
         }
     }
 }
@@ -192,9 +200,9 @@ pub(super) fn solve(
     prior: &Prior,
     observations: &[Observation],
     steps: usize,
-    options: (&SolverOptions, &NoiseOptions),
+    options: &NoiseOptions,
 ) -> Result<Summary> {
-    let mut solver = Solver::new(maps, observations, prior, options.0, options.1)?;
+    let mut solver = Solver::new(maps, observations, prior, options)?;
     for _ in 0..steps {
         solver.step(maps, mean, observations)?;
     }
@@ -203,7 +211,6 @@ pub(super) fn solve(
 
 struct StepBand<'a> {
     posterior: &'a Posterior<'a>,
-    options: &'a SolverOptions,
     mean: &'a Svbrdf,
     first_row: usize,
     planes: [&'a mut [f32]; CHANNELS],
@@ -217,7 +224,7 @@ impl Kernel for StepBand<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> [f64; 5] {
-        let Self { posterior, options, mean, first_row, mut planes, damping } = self;
+        let Self { posterior, mean, first_row, mut planes, damping } = self;
         let width = mean.width();
         let mut sum = [0.0; 5];
         let mut directions = vec![Directions::none(); posterior.observations.len()];
@@ -236,8 +243,7 @@ impl Kernel for StepBand<'_> {
                 let mut damped = V::load(&damping[here.clone()], 1.0);
                 let (mut x, mean) = (to_coordinates(x), to_coordinates(mean));
                 find_directions(posterior.observations, column, row, &mut directions);
-                let sums =
-                    step(posterior, options, &mut x, &mean, &mut damped, &directions, texels);
+                let sums = step(posterior, &mut x, &mean, &mut damped, &directions, texels);
                 row_sum.iter_mut().zip(sums).for_each(|(a, b)| *a += b);
                 damped.store(&mut damping[here.clone()]);
                 for (value, plane) in from_coordinates(&x).into_iter().zip(&mut planes) {
@@ -259,7 +265,6 @@ impl Kernel for StepBand<'_> {
 #[inline(always)]
 fn step<V: Lanes>(
     posterior: &Posterior,
-    options: &SolverOptions,
     x: &mut [V; CHANNELS],
     mean: &[V; CHANNELS],
     damping: &mut V,
@@ -283,7 +288,7 @@ fn step<V: Lanes>(
         let mut trial = from;
         for c in 0..CHANNELS {
             let (low, high) = limits(c);
-            let delta = delta[c].clamp(-options.max_step, options.max_step);
+            let delta = delta[c].clamp(-MAX_STEP, MAX_STEP);
             trial[c] = (from[c] + delta).clamp(low, high);
         }
         let (cost, trial_loss) = cost(posterior, &trial, mean, directions, texels.clone());
@@ -296,8 +301,8 @@ fn step<V: Lanes>(
             loss[c] = taken.if_greater(zero, trial_loss[c], loss[c]);
         }
         best = taken.if_greater(zero, cost, best);
-        let eased = *damping * V::splat(options.ease);
-        let raised = waiting.if_greater(zero, *damping * V::splat(options.raise), *damping);
+        let eased = *damping * V::splat(EASE);
+        let raised = waiting.if_greater(zero, *damping * V::splat(RAISE), *damping);
         *damping = taken.if_greater(zero, eased, raised).clamp(1e-6, 1e4);
         waiting = waiting - taken;
         if waiting.sum() == 0.0 {

@@ -1,6 +1,6 @@
 //! Steps of the phases.
 
-use super::baseline::Baseline;
+use super::baseline::{self, Baseline};
 use super::belief::Belief;
 use super::budget::{Meter, Shown, Trend, predicted_change};
 use super::correction::{Correction, Exposure};
@@ -14,6 +14,11 @@ use super::solver::Solver;
 use super::structured::{self, WidthTrials};
 use super::updates::{ClassTrials, FitRecord, Pooling, regress_slopes};
 use crate::Result;
+
+/// Fraction of a budget that the latent code may take: a step of the solver gains more.
+const LATENT_FRACTION: f32 = 0.5;
+/// Change of the lights, in units of their expected errors, that is worth another round.
+const LIGHT_TOLERANCE: f64 = 0.02;
 
 impl Estimation {
     /// A step of a part of a row; goes on where it has ended.
@@ -61,7 +66,7 @@ impl Estimation {
         let (photographs, belief) = (self.photographs.working(), &mut texels.belief);
         match phase {
             Phase::PoolGloss => Pooling::new(options).pool(photographs, belief),
-            Phase::Slopes => regress_slopes(photographs, belief, &options.slopes, &options.noise),
+            Phase::Slopes => regress_slopes(photographs, belief, &options.noise),
             Phase::Network => {
                 let record = FitRecord::new(photographs, belief, options)?;
                 record.update(networks, belief)?;
@@ -78,8 +83,8 @@ impl Estimation {
         else {
             return Ok(());
         };
-        let (again, share) = (*again, self.options.schedule.latent_fraction);
-        if meter.exhausted(if self.task.refine { share } else { 1.0 }) {
+        let again = *again;
+        if meter.exhausted(if self.task.refine { LATENT_FRACTION } else { 1.0 }) {
             latent.refresh()?;
             self.cut = Some(Cut::Budget);
         } else {
@@ -106,7 +111,7 @@ impl Estimation {
         let Stage::Texels(texels) = &mut self.stage else { return Ok(true) };
         let (at, fine) = (texels.at.row, rows[texels.at.row].fine);
         if fine && matches!(texels.work, Work::Pending) {
-            texels.belief.refine(&self.photographs, &self.options);
+            texels.belief.refine(&self.photographs);
         }
         // The last steps see all photographs.
         let which = match at + 1 < rows.len() {
@@ -116,9 +121,8 @@ impl Estimation {
         let Texels { belief, work, .. } = &mut **texels;
         let observations = &self.photographs.like(&belief.maps).some(&which)[..];
         if !matches!(work, Work::Maps(..)) {
-            let EstimateOptions { solver, noise, .. } = &self.options;
             let (maps, prior) = (&mut belief.maps, &belief.prior);
-            let solver = Solver::new(maps, observations, prior, solver, noise)?;
+            let solver = Solver::new(maps, observations, prior, &self.options.noise)?;
             let solver = Box::new(solver.with_noise(belief.fixed_noise));
             *work = Work::Maps(solver, Trend::new(steps, 1));
         }
@@ -145,7 +149,7 @@ impl Estimation {
         let Texels { belief, work, .. } = &mut **texels;
         let Work::Widths(trials) = work else {
             let trials = WidthTrials::new(self.photographs.working(), &belief.maps, &options);
-            if self.photographs.len() >= options.structured.leave_out_from {
+            if self.photographs.len() >= options.schedule.determined_from {
                 self.texel_residual = trials.texel_residual();
             }
             *work = Work::Widths(Box::new(trials));
@@ -161,7 +165,7 @@ impl Estimation {
         match chosen {
             Some(widths) => {
                 // It knows every texel's colour.
-                belief.refine(&self.photographs, &self.options);
+                belief.refine(&self.photographs);
                 structured::fit(&mut self.photographs, belief, widths, &self.options);
             }
             None => {
@@ -175,7 +179,7 @@ impl Estimation {
 
     /// A step of the lights; whether the round has ended.
     fn lights_step(&mut self, turn: bool) -> bool {
-        let EstimateOptions { lights, schedule, .. } = &self.options;
+        let lights = &self.options.lights;
         let Stage::Texels(texels) = &mut self.stage else { return true };
         let Texels { belief, work, at, .. } = &mut **texels;
         let (photographs, free_lights) = (self.photographs.working(), self.task.free_lights);
@@ -193,7 +197,7 @@ impl Estimation {
         let mut moved = false;
         if let Some((correction, offset)) = fit.result() {
             let before = self.photographs.correction();
-            moved = correction.distance(before, lights) > schedule.light_tolerance;
+            moved = correction.distance(before, lights) > LIGHT_TOLERANCE;
             self.photographs.correct(correction);
             // With lights that a board tells the base is right as a whole: the offset takes up what
             // the model cannot say.
@@ -242,12 +246,12 @@ impl Estimation {
 
     /// An iteration of the baseline.
     pub(super) fn baseline_step(&mut self, meter: &mut Meter) -> Result<()> {
-        let (observations, options) = (self.photographs.full(), &self.options.baseline);
+        let observations = self.photographs.full();
         let Stage::Baseline { maps, run } = &mut self.stage else { return Ok(()) };
         if run.is_none() {
-            let baseline = Baseline::new(maps, observations, options)?;
+            let baseline = Baseline::new(maps, observations)?;
             // Adam's loss jumps about: every fiftieth is compared.
-            *run = Some((baseline, Trend::new(options.steps, 50)));
+            *run = Some((baseline, Trend::new(baseline::STEPS, 50)));
         }
         let Some((baseline, trend)) = run else { return Ok(()) };
         let loss = baseline.step(maps, observations);

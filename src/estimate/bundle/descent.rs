@@ -8,13 +8,25 @@ use super::light::clamped;
 use super::parameters::Shared;
 use super::problem::{Problem, State};
 use super::sums::Reduced;
-use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
 use crate::parallel;
 use crate::simd::LANES;
 
 /// Texels of a task.
 const CHUNK: usize = 128;
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f64 = 1e-3;
+/// The least, and that with which a descent gives up.
+const DAMPING: [f64; 2] = [1e-6, 10.0];
+/// What the damping is multiplied by after a step that helps, and after one that does not.
+const EASE: f64 = 0.3;
+const RAISE: f64 = 20.0;
+/// Fractions of a step of what is shared that are tried.
+const LENGTHS: [f64; 2] = [1.0, 0.3];
+/// Fractions of a texel's own step that are tried.
+const TEXEL_LENGTHS: [f64; 3] = [1.0, 0.3, 0.0];
+/// Longest step of a texel's coordinate, or of a group's.
+const MAX_STEP: f64 = 0.2;
 
 /// Texels from one to another, eight at a time.
 fn eights(from: usize, to: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
@@ -52,8 +64,7 @@ pub(in crate::estimate) struct Descent {
 impl Descent {
     pub fn new(problem: Problem, state: State, limits: Limits) -> Self {
         let done = limits.steps == 0;
-        let damping = problem.options.first_damping;
-        let progress = Progress { state, damping, steps: 0, changed: false, done };
+        let progress = Progress { state, damping: FIRST_DAMPING, steps: 0, changed: false, done };
         Self { problem, progress, limits }
     }
 
@@ -78,18 +89,17 @@ impl Descent {
             progress.done = true;
             return;
         };
-        let BundleOptions { lengths, damping: [least, greatest], ease, raise, .. } =
-            problem.options;
-        let tried = lengths.map(|length| problem.stepped(&progress.state, &shared, &steps, length));
+        let [least, greatest] = DAMPING;
+        let tried = LENGTHS.map(|length| problem.stepped(&progress.state, &shared, &steps, length));
         match tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((next, cost)) if cost < before => {
-                progress.damping = (progress.damping * ease).max(least);
+                progress.damping = (progress.damping * EASE).max(least);
                 (progress.state, progress.changed) = (next, true);
                 progress.done |= before - cost < limits.converged * before;
             }
             _ => {
                 progress.done |= progress.damping >= greatest;
-                progress.damping *= raise;
+                progress.damping *= RAISE;
             }
         }
     }
@@ -183,10 +193,9 @@ impl Problem {
         let (moving, mut next) = (self.groups.coordinates.clone(), state.clone());
         let (g, first) = (moving.len(), shared.len() - self.shared.len());
         let [low, high] = self.groups.range;
-        let max_step = self.options.max_step;
         for (k, group) in next.groups.iter_mut().enumerate() {
             for (i, c) in moving.clone().enumerate() {
-                let by = (length * shared[g * k + i]).clamp(-max_step, max_step);
+                let by = (length * shared[g * k + i]).clamp(-MAX_STEP, MAX_STEP);
                 group[c] = (group[c] + by).clamp(low, high);
             }
         }
@@ -195,11 +204,11 @@ impl Problem {
             let to = (s.parameter.get(&state.correction) + by).clamp(s.range[0], s.range[1]);
             s.parameter.set(&mut next.correction, to);
         }
-        let trials = self.options.texel_lengths.map(|own| {
+        let trials = TEXEL_LENGTHS.map(|own| {
             let deviations = |(t, step): (usize, &TexelStep)| {
                 let (mean, step) = (self.mean(t, &next), step.with(length));
                 std::array::from_fn(|c| {
-                    let by = (own * step[c]).clamp(-max_step, max_step);
+                    let by = (own * step[c]).clamp(-MAX_STEP, MAX_STEP);
                     clamped(c, mean[c] + state.deviations[t][c] + by) - mean[c]
                 })
             };

@@ -8,7 +8,6 @@ use super::parameters::Shared;
 use super::sample::{Photograph, Sample};
 use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
-use crate::estimate::options::BundleOptions;
 use crate::estimate::prior::Coordinates;
 use crate::reflectance::TexelView;
 use crate::svbrdf::CHANNELS;
@@ -50,7 +49,6 @@ pub(in crate::estimate) struct Problem {
     pub groups: Groups,
     pub shared: Vec<Shared>,
     pub noise: Noise,
-    pub options: BundleOptions,
 }
 
 impl Problem {

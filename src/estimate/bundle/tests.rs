@@ -6,7 +6,6 @@ use super::sums::{Reduced, Sums};
 use super::*;
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
-use crate::estimate::options::BundleOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::Coordinates;
 use crate::loss::{self, log_residual};
@@ -80,7 +79,6 @@ fn problem() -> (Problem, State) {
         },
         shared,
         noise: Noise { scale: 0.05, huber: 0.02 },
-        options: BundleOptions::default(),
         sample,
     };
     let views = problem.sample.photographs.iter().map(|p| &p.view).collect::<Vec<_>>();

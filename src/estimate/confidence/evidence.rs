@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
+use super::calibration::{CALIBRATION, TERMS};
 use super::widths::{Widths, widths};
 use crate::confidence::Confidence;
 use crate::estimate::estimation::Estimation;
 use crate::estimate::noise::Noise;
-use crate::estimate::options::{CONFIDENCE_TERMS, ConfidenceOptions};
 use crate::estimate::prior::is_albedo;
 use crate::observation::Observation;
 use crate::parallel;
@@ -60,7 +60,6 @@ pub struct Evidence {
     structured: bool,
     /// Noise expected of the photographs, in units of that of exact ones.
     noise: f32,
-    calibration: ConfidenceOptions,
     /// Of each map.
     planes: [Planes; MAPS.len()],
     /// Whether no photograph shows a texel.
@@ -114,7 +113,6 @@ impl Estimation {
             photographs: photographs.len(),
             structured: self.structured,
             noise: self.options.noise.expected / self.least_noise.expected,
-            calibration: self.options.confidence,
             planes,
             hidden,
             residual,
@@ -157,7 +155,7 @@ impl Evidence {
     ///
     /// # Panics
     /// When there is no such map or texel.
-    pub fn terms(&self, map: usize, texel: usize) -> [f32; CONFIDENCE_TERMS] {
+    pub fn terms(&self, map: usize, texel: usize) -> [f32; TERMS] {
         let planes = &self.planes[map];
         let ln = |value: f32, least: f32| value.max(least).ln();
         let flag = |is: bool| f32::from(u8::from(is));
@@ -194,20 +192,17 @@ impl Evidence {
     /// # Errors
     /// Never, unless the calibration is no numbers.
     pub fn confidence(&self) -> Result<Confidence> {
-        let ConfidenceOptions { normal, diffuse, specular, roughness } = &self.calibration;
         let texels = self.maps.texels();
-        let planes = [normal, diffuse, specular, roughness].into_iter().enumerate().flat_map(
-            |(map, coefficients)| {
-                parallel::values(texels, |t| {
-                    let terms = self.terms(map, t);
-                    let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
-                    let found = sum.exp();
-                    // Of what was never seen the calibration knows nothing: the prior's width is added.
-                    let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
-                    found.hypot(prior).clamp(LEAST, MOST[map])
-                })
-            },
-        );
+        let planes = CALIBRATION.iter().enumerate().flat_map(|(map, coefficients)| {
+            parallel::values(texels, |t| {
+                let terms = self.terms(map, t);
+                let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
+                let found = sum.exp();
+                // Of what was never seen the calibration knows nothing: the prior's width is added.
+                let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
+                found.hypot(prior).clamp(LEAST, MOST[map])
+            })
+        });
         Confidence::from_planes(self.maps.width(), self.maps.height(), planes.collect())
     }
 }

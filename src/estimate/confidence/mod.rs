@@ -5,8 +5,9 @@
 //! all over a sample, and fifty thousand texels that share one wrong highlight do not make it right.
 //! Stated deviations are therefore the posterior's, together with other evidence on the estimate,
 //! through a calibration that was fitted where the truth is known, see
-//! [`ConfidenceOptions`](super::options::ConfidenceOptions).
+//! `calibration.rs`.
 
+mod calibration;
 mod evidence;
 mod widths;
 

@@ -106,7 +106,7 @@ struct Raw {
 /// Maps of the cells that explain photographs.
 fn fitted(mean: &Svbrdf, photographs: &[Observation], options: &EstimateOptions) -> Result<Svbrdf> {
     let mut maps = mean.clone();
-    let solver = Solver::new(&mut maps, photographs, &PRIOR, &options.solver, &options.noise)?;
+    let solver = Solver::new(&mut maps, photographs, &PRIOR, &options.noise)?;
     let mut solver = solver.with_noise(Some(NOISE as f32));
     for _ in 0..STEPS {
         solver.step(&mut maps, mean, photographs)?;

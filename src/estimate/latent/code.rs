@@ -2,7 +2,7 @@
 
 use super::gains;
 use crate::estimate::adam::Adam;
-use crate::estimate::options::{GainOptions, LatentOptions};
+use crate::estimate::options::LatentOptions;
 use crate::initial_estimate::{Networks, encoded_maps};
 use crate::network::Workspace;
 use crate::observation::Observation;
@@ -12,6 +12,14 @@ use crate::svbrdf::{CHANNELS, RANGE, encoding};
 use crate::{Error, Result, Svbrdf};
 use serde::{Deserialize, Serialize};
 
+/// Decay of Adam's moments.
+const BETAS: [f32; 2] = [0.9, 0.99];
+/// Least deviation of slopes from the start's, in encoded units; otherwise it is the root mean square of
+/// these: what looks flat mostly is, and on a polished surface small slopes show most.
+const MIN_DEVIATION: f32 = 0.01;
+/// Smallest derivative of an albedo by its encoded value that a step assumes: black texels would
+/// otherwise stay black for ever.
+const MIN_DERIVATIVE: f32 = 0.02;
 /// Texels per task of the conversions between encoded and natural parameters.
 const CHUNK: usize = 4096;
 
@@ -23,7 +31,7 @@ pub(super) struct Code {
     /// Expected error of the anchor.
     deviation: f32,
     adam: Adam,
-    /// What the decoder cannot express of the start, encoded planes; all zero if not kept.
+    /// What the decoder cannot express of the start, encoded planes.
     detail: Vec<f32>,
     maps: Svbrdf,
     /// Whether the code has moved since the maps were written.
@@ -51,13 +59,13 @@ impl Tools {
 }
 
 impl Code {
-    pub fn new(networks: &Networks, start: &Svbrdf, options: &LatentOptions) -> Result<Self> {
+    pub fn new(networks: &Networks, start: &Svbrdf) -> Result<Self> {
         let values = networks.encode(start)?;
         let mut anchor = encoded_maps(start);
         anchor.truncate(2 * start.texels());
         let square = anchor.iter().map(|v| v * v).sum::<f32>() / anchor.len() as f32;
         let mut code = Self {
-            deviation: square.sqrt().max(options.min_deviation),
+            deviation: square.sqrt().max(MIN_DEVIATION),
             anchor,
             adam: Adam::new(values.len()),
             detail: vec![0.0; CHANNELS * start.texels()],
@@ -66,25 +74,18 @@ impl Code {
             tools: None,
             values,
         };
-        code.restart(networks, start, options)?;
+        code.restart(networks, start)?;
         Ok(code)
     }
 
     /// Goes on from other maps of the same size with the code and moments found so far: the
     /// difference is detail.
-    pub fn restart(
-        &mut self,
-        networks: &Networks,
-        start: &Svbrdf,
-        options: &LatentOptions,
-    ) -> Result<()> {
+    pub fn restart(&mut self, networks: &Networks, start: &Svbrdf) -> Result<()> {
         let mut tools = self.take_tools(networks)?;
         let decoded = networks.decoder().forward(&self.values, &mut tools.workspace)?;
-        if options.keep_detail {
-            let start = encoded_maps(start);
-            for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
-                *detail = start - decoded;
-            }
+        let start = encoded_maps(start);
+        for ((detail, start), decoded) in self.detail.iter_mut().zip(start).zip(decoded) {
+            *detail = start - decoded;
         }
         self.write_maps(&tools);
         self.tools = Some(tools);
@@ -113,12 +114,7 @@ impl Code {
 
     /// Goes on from what was saved. Code and moments mean nothing to other networks than theirs:
     /// without `same_networks` the maps are encoded anew.
-    pub fn restore(
-        networks: &Networks,
-        saved: SavedCode,
-        same_networks: bool,
-        options: &LatentOptions,
-    ) -> Result<Self> {
+    pub fn restore(networks: &Networks, saved: SavedCode, same_networks: bool) -> Result<Self> {
         let SavedCode { code, adam, anchor, deviation, detail, maps, stale } = saved;
         if anchor.len() != 2 * maps.texels() || detail.len() != CHANNELS * maps.texels() {
             return Err(Error::argument("anchor", "two planes, and nine of detail, are expected"));
@@ -126,10 +122,10 @@ impl Code {
         if !deviation.is_finite() || adam.second.iter().any(|v| *v < 0.0) {
             return Err(Error::argument("moments", "a deviation or mean square is out of range"));
         }
-        let deviation = deviation.max(options.min_deviation);
+        let deviation = deviation.max(MIN_DEVIATION);
         let adam = Adam { steps: adam.steps.max(0), ..adam };
         if !same_networks {
-            let found = Self::new(networks, &maps, options)?;
+            let found = Self::new(networks, &maps)?;
             return Ok(Self { anchor, deviation, ..found });
         }
         let decoder = networks.decoder();
@@ -142,17 +138,11 @@ impl Code {
     }
 
     /// Gives the maps the gains that the photographs ask for and goes on from their code.
-    pub fn apply_gains(
-        &mut self,
-        networks: &Networks,
-        observations: &[Observation],
-        options: &LatentOptions,
-        gains: &GainOptions,
-    ) -> Result<()> {
+    pub fn apply_gains(&mut self, networks: &Networks, observations: &[Observation]) -> Result<()> {
         let mut maps = self.maps.clone();
-        if gains::apply(&mut maps, observations, gains) {
+        if gains::apply(&mut maps, observations) {
             self.values = networks.encode(&maps)?;
-            self.restart(networks, &maps, options)?;
+            self.restart(networks, &maps)?;
         }
         Ok(())
     }
@@ -190,10 +180,10 @@ impl Code {
         // The first photographs are ambiguous, not just noisy: the prior fades with their square.
         let photographs = observations.len().max(1) as f32;
         let prior_weight = options.prior_weight / (photographs * photographs);
-        self.encode_gradient(&mut tools, prior_weight, options.min_derivative);
+        self.encode_gradient(&mut tools, prior_weight);
         let Tools { gradient, code_gradient, workspace } = &mut *tools;
         networks.decoder().vjp(workspace, gradient, code_gradient)?;
-        self.adam.step(&mut self.values, code_gradient, rate, options.betas);
+        self.adam.step(&mut self.values, code_gradient, rate, BETAS);
         self.stale = true;
         self.tools = Some(tools);
         Ok(loss)
@@ -217,7 +207,7 @@ impl Code {
     /// Turns the gradient with respect to natural parameters into that with respect to the
     /// decoder's result, and adds the prior's. At a bound of the range only what leads back inside
     /// counts.
-    fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32, min_derivative: f32) {
+    fn encode_gradient(&self, tools: &mut Tools, prior_weight: f32) {
         let n = self.maps.texels();
         let Tools { gradient, workspace, .. } = tools;
         let (decoded, detail, anchor) = (workspace.encoded(), &self.detail, &self.anchor);
@@ -229,7 +219,7 @@ impl Code {
             for (g, (d, r)) in gradient.iter_mut().zip(planes) {
                 let e = d + r;
                 // At the lower bound of an albedo the derivative vanishes: a dead end.
-                *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(min_derivative);
+                *g *= encoding::decode_derivative(c, e.clamp(low, high)).max(MIN_DERIVATIVE);
                 let outward = (e <= low && *g > 0.0) || (e >= high && *g < 0.0);
                 *g = if outward { 0.0 } else { *g };
             }

@@ -8,7 +8,6 @@
 //! of the gains, while Gauss-Newton would need the derivatives of every residual by each gain.
 
 use crate::Svbrdf;
-use crate::estimate::options::GainOptions;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
@@ -18,31 +17,44 @@ use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
 /// roughness, logarithm of the gain of the slopes.
 type Gains = [f64; 8];
 
+/// Their expected sizes.
+const SIGMA: Gains = [0.4, 0.4, 0.4, 0.8, 0.8, 0.8, 1.2, 0.5];
+/// Weight of that prior beside the mean loss, divided by the number of photographs.
+const PRIOR_WEIGHT: f64 = 1e-2;
+/// Shifts of roughness from which the search begins: the loss has several minima in it.
+const STARTS: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
+/// Steps from each start, and further ones from the best.
+const STEPS: [usize; 2] = [4, 12];
+/// Longest step.
+const MAX_STEP: f64 = 0.7;
+/// Loss relative to the best so far that a further start must reach.
+const BETTER_START: f64 = 0.98;
+/// Loss relative to that without gains that is worth them.
+const BETTER_MAPS: f64 = 0.99;
+/// Roughness is moved below this: its logit has no end at 1.
+const MAX_ROUGHNESS: f32 = 0.98;
+
 const ROUGHNESS: usize = 6;
 const SLOPES: usize = 7;
 
 /// Gives maps the gains that explain the photographs best; returns whether anything was gained.
-pub(super) fn apply(
-    maps: &mut Svbrdf,
-    observations: &[Observation],
-    options: &GainOptions,
-) -> bool {
-    let mut problem = Problem::new(maps, observations, options);
+pub(super) fn apply(maps: &mut Svbrdf, observations: &[Observation]) -> bool {
+    let mut problem = Problem::new(maps, observations);
     let (before, ..) = problem.evaluate(&[0.0; 8]);
     let mut best: Option<Search> = None;
-    for &shift in &options.starts {
+    for shift in STARTS {
         let mut start = [0.0; 8];
         start[ROUGHNESS] = shift;
         let mut search = Search::new(&mut problem, start);
-        search.run(&mut problem, options.first_steps);
+        search.run(&mut problem, STEPS[0]);
         // the start itself wins a draw
-        if best.as_ref().is_none_or(|b| search.value < options.better_start * b.value) {
+        if best.as_ref().is_none_or(|b| search.value < BETTER_START * b.value) {
             best = Some(search);
         }
     }
     let Some(mut best) = best else { return false };
-    best.run(&mut problem, options.further_steps);
-    let better = best.value.is_finite() && best.value < options.better_maps * before;
+    best.run(&mut problem, STEPS[1]);
+    let better = best.value.is_finite() && best.value < BETTER_MAPS * before;
     if better {
         problem.apply(&best.at);
         std::mem::swap(maps, &mut problem.moved);
@@ -54,30 +66,29 @@ struct Problem<'a> {
     base: Svbrdf,
     moved: Svbrdf,
     observations: &'a [Observation],
-    options: &'a GainOptions,
     gradient: Vec<f32>,
     prior_weight: f64,
 }
 
 impl<'a> Problem<'a> {
-    fn new(maps: &Svbrdf, observations: &'a [Observation], options: &'a GainOptions) -> Self {
+    fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Self {
         let gradient = vec![0.0; CHANNELS * maps.texels()];
-        let prior_weight = options.prior_weight / observations.len().max(1) as f64;
+        let prior_weight = PRIOR_WEIGHT / observations.len().max(1) as f64;
         let (base, moved) = (maps.clone(), maps.clone());
-        Self { base, moved, observations, options, gradient, prior_weight }
+        Self { base, moved, observations, gradient, prior_weight }
     }
 
     /// Writes the maps with gains to `moved`.
     fn apply(&mut self, gains: &Gains) {
         let n = self.base.texels();
-        let (base, max_roughness) = (&self.base, self.options.max_roughness);
+        let base = &self.base;
         parallel::parts(self.moved.planes_mut().chunks_mut(n), |c, plane| {
             let source = base.plane(c);
             let amount = gains[parameter(c)].exp() as f32;
             let (low, high) = RANGE[c];
             for (to, &from) in plane.iter_mut().zip(source) {
                 *to = if c == channel::ROUGHNESS {
-                    let r = from.clamp(MIN_ROUGHNESS, max_roughness);
+                    let r = from.clamp(MIN_ROUGHNESS, MAX_ROUGHNESS);
                     // the logistic function of logit + shift
                     let moved = r * amount / (1.0 - r + r * amount);
                     moved.clamp(MIN_ROUGHNESS, 1.0)
@@ -107,7 +118,7 @@ impl<'a> Problem<'a> {
         for (c, sum) in sums.into_iter().enumerate() {
             gradient[parameter(c)] += sum;
         }
-        for ((g, x), sigma) in gradient.iter_mut().zip(gains).zip(self.options.sigma) {
+        for ((g, x), sigma) in gradient.iter_mut().zip(gains).zip(SIGMA) {
             value += self.prior_weight * (x / sigma).powi(2);
             *g += 2.0 * self.prior_weight * x / (sigma * sigma);
         }
@@ -140,7 +151,7 @@ impl Search {
         let mut inverse = [[0.0; 8]; 8];
         // One unit of loss per unit of gradient, at the scale of the expected gains.
         for (i, row) in inverse.iter_mut().enumerate() {
-            row[i] = problem.options.sigma[i].powi(2);
+            row[i] = SIGMA[i].powi(2);
         }
         Self { at, value, gradient, inverse, settled: !value.is_finite() }
     }
@@ -161,7 +172,7 @@ impl Search {
             self.settled = true;
             return;
         }
-        direction = direction.map(|d| d * (problem.options.max_step / longest).min(1.0));
+        direction = direction.map(|d| d * (MAX_STEP / longest).min(1.0));
         let slope = dot(&direction, &self.gradient);
         let mut length = 1.0;
         for _ in 0..6 {
@@ -214,8 +225,7 @@ mod tests {
     fn the_gradient_is_that_of_finite_differences() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
-        let options = GainOptions::default();
-        let mut problem = Problem::new(&truth, &observations, &options);
+        let mut problem = Problem::new(&truth, &observations);
         let at = [0.1, -0.2, 0.05, 0.3, -0.1, 0.2, -0.4, 0.15];
         let (_, gradient) = problem.evaluate(&at);
         for i in 0..8 {
@@ -236,8 +246,7 @@ mod tests {
     fn a_wrong_scale_of_everything_is_put_right() {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
-        let options = GainOptions::default();
-        let mut problem = Problem::new(&truth, &[], &options);
+        let mut problem = Problem::new(&truth, &[]);
         problem.apply(&[-0.4, -0.3, -0.5, 0.5, 0.5, 0.5, 1.8, 0.3]);
         let mut maps = problem.moved;
         let mean = |maps: &Svbrdf, c: usize| {
@@ -245,7 +254,7 @@ mod tests {
                 / maps.texels() as f32
         };
         let before = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
-        assert!(apply(&mut maps, &observations, &options));
+        assert!(apply(&mut maps, &observations));
         let after = [mean(&maps, channel::DIFFUSE), mean(&maps, channel::ROUGHNESS)];
         assert!(after[0] < 0.1 * before[0] && after[1] < 0.15 * before[1], "{before:?} {after:?}");
     }
@@ -254,7 +263,7 @@ mod tests {
     fn true_maps_stay() {
         let truth = material(64);
         let mut maps = truth.clone();
-        assert!(!apply(&mut maps, &[photograph(&truth, TOP)], &GainOptions::default()));
+        assert!(!apply(&mut maps, &[photograph(&truth, TOP)]));
         assert_eq!(maps, truth);
     }
 }

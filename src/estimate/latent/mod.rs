@@ -18,13 +18,15 @@ mod tests;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::options::{GainOptions, LatentOptions};
+use super::options::LatentOptions;
 use super::photographs::{Photographs, chosen};
 use crate::initial_estimate::Networks;
 use crate::{Error, Result, Svbrdf};
 use code::Code;
 pub(crate) use code::SavedCode;
 
+/// Photographs that came before the fit had settled and add their steps, at most.
+const MAX_PENDING: usize = 8;
 /// Most steps and photographs that a saved fit is believed.
 const MAX_SAVED: usize = 1 << 24;
 
@@ -41,7 +43,6 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
-    gains: GainOptions,
     code: Code,
     /// Photographs so far.
     photographs: usize,
@@ -77,7 +78,6 @@ impl LatentFit {
         start: &Svbrdf,
         [width, height]: [usize; 2],
         options: &LatentOptions,
-        gains: &GainOptions,
     ) -> Result<Self> {
         let multiple = networks.decoder().stride();
         let fits = |n: usize| n > 0 && n.is_multiple_of(multiple);
@@ -87,10 +87,9 @@ impl LatentFit {
                 format!("{width}x{height} texels, multiples of {multiple} expected"),
             ));
         }
-        let code = Code::new(&networks, &to_size(start, [width, height])?, options)?;
+        let code = Code::new(&networks, &to_size(start, [width, height])?)?;
         let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
-        let (options, gains) = (options.clone(), gains.clone());
-        Ok(Self { networks, options, gains, code, photographs: 0, position })
+        Ok(Self { networks, options: *options, code, photographs: 0, position })
     }
 
     /// A photograph was added; the fit begins again from where it is.
@@ -126,7 +125,7 @@ impl LatentFit {
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let observations = chosen(photographs.averaged(), &photographs.drawn(done));
         if done == 0 && options.gains {
-            self.code.apply_gains(&self.networks, &observations, options, &self.gains)?;
+            self.code.apply_gains(&self.networks, &observations)?;
         }
         // A restored fit may have done more than what one photograph asks for.
         let progress = (done as f32 / steps as f32).min(1.0);
@@ -175,7 +174,6 @@ impl LatentFit {
         photographs: &Photographs,
         same_networks: bool,
         options: &LatentOptions,
-        gains: &GainOptions,
     ) -> Result<Self> {
         let first = photographs.averaged().first().ok_or(Error::NoMaps)?;
         let SavedFit { mut position, code } = saved;
@@ -185,19 +183,18 @@ impl LatentFit {
         if [code.maps.width(), code.maps.height()] != [first.width(), first.height()] {
             return Err(Error::argument("fit", "maps of the photographs' size are expected"));
         }
-        let code = Code::restore(&networks, code, same_networks, options)?;
-        let (options, gains) = (options.clone(), gains.clone());
-        Ok(Self { networks, options, gains, code, photographs: photographs.len(), position })
+        let code = Code::restore(&networks, code, same_networks)?;
+        Ok(Self { networks, options: *options, code, photographs: photographs.len(), position })
     }
 
     /// Steps for the photographs that the fit has not settled on: each has those that it would have had
     /// alone.
     fn steps(&self) -> usize {
-        let LatentOptions { first_steps, steps, all_steps_to, max_pending, .. } = self.options;
+        let LatentOptions { first_steps, steps, all_steps_to, .. } = self.options;
         let of = |count: usize| (steps * all_steps_to).div_ceil(count.max(all_steps_to).max(1));
         let steps = match self.photographs {
             ..=1 => first_steps,
-            n => (n + 1 - self.position.fresh.clamp(1, n)..=n).take(max_pending).map(of).sum(),
+            n => (n + 1 - self.position.fresh.clamp(1, n)..=n).take(MAX_PENDING).map(of).sum(),
         };
         steps.max(1)
     }

@@ -31,8 +31,8 @@ impl Fit {
         photograph: &Observation,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let (size, gains) = ([photograph.width(), photograph.height()], GainOptions::default());
-        let latent = LatentFit::new(networks, start, size, options, &gains)?;
+        let size = [photograph.width(), photograph.height()];
+        let latent = LatentFit::new(networks, start, size, options)?;
         let mut fit = Self { latent, photographs: Photographs::new() };
         fit.add(photograph)?;
         Ok(fit)
@@ -196,9 +196,9 @@ fn a_saved_fit_goes_on_to_the_same_bits() {
             }
             if saved {
                 let state = fit.latent.save();
-                let (networks, gains) = (networks.clone(), GainOptions::default());
+                let networks = networks.clone();
                 let restored =
-                    LatentFit::restore(networks, state, &fit.photographs, true, &options, &gains);
+                    LatentFit::restore(networks, state, &fit.photographs, true, &options);
                 fit.latent = restored.unwrap();
             }
             if settled && steps > 3 {

@@ -30,6 +30,24 @@ use super::prior::{Coordinates, Prior};
 use crate::Svbrdf;
 use crate::svbrdf::{CHANNELS, channel};
 
+/// Steps of a round, at most.
+const STEPS: usize = 20;
+/// Texels a side that are looked at, at most.
+const TEXELS: usize = 64;
+/// Longest step of a light, and longest turn, radians: the model is one of small angles.
+const MAX_STEP: f64 = 0.06;
+const MAX_TURN: f64 = 0.3;
+/// Largest ambient fraction: beyond it a capture is no flash capture.
+const MAX_AMBIENT: f64 = 0.4;
+/// Mean residual that rounding of radiances to half floats leaves, at most.
+const ROUNDING: f64 = 2.5e-4;
+/// Relative decrease of the cost of a step that is not worth another.
+const CONVERGED: f64 = 3e-4;
+/// Changes of ambient light, of the logarithm of what is mirrored, and of the offset that are nothing.
+const STILL: [f64; 3] = [1e-4, 5e-3, 5e-4];
+/// Steps with such changes after which held lights are found.
+const STILL_STEPS: usize = 2;
+
 /// Which lights are free.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Free {
@@ -82,7 +100,7 @@ impl LightFit {
     /// Before the first step; nothing where photographs are too few.
     pub fn new(start: Start, free: Free, options: &EstimateOptions) -> Option<Self> {
         let count = start.photographs.len();
-        if count < options.schedule.lights_from {
+        if count < options.schedule.determined_from {
             return None;
         }
         let which = start.photographs.drawn(0);
@@ -93,7 +111,7 @@ impl LightFit {
             ambient: correction.ambient == 0.0,
             mirror: false,
         };
-        let sample = Arc::new(Sample::new(start.photographs, usize::MAX, options.lights.texels));
+        let sample = Arc::new(Sample::new(start.photographs, usize::MAX, TEXELS));
         let of_free = problem(&start, &sample, &which, free, options);
         let from = from(&of_free, &start, correction);
         let held = free.held(as_given).map(|free| {
@@ -127,11 +145,11 @@ impl LightFit {
             return None;
         }
         if let Some(held) = &self.held {
-            let LightOptions { evidence, rounding, .. } = self.free.options.lights;
+            let evidence = self.free.options.lights.evidence;
             let at = if held.progress().changed { &held.progress().state } else { &self.from };
             let loss = held.descent.problem.mean_residual(at);
             let free = self.free.descent.problem.mean_residual(state);
-            if free > (evidence * loss).min(loss - rounding) {
+            if free > (evidence * loss).min(loss - ROUNDING) {
                 return None;
             }
         }
@@ -161,8 +179,8 @@ struct Lights {
 
 impl Lights {
     fn new(problem: Problem, state: State, still: bool, options: &EstimateOptions) -> Self {
-        let LightOptions { steps, converged, .. } = options.lights;
-        let descent = Descent::new(problem, state, Limits { steps, converged });
+        let limits = Limits { steps: STEPS, converged: CONVERGED };
+        let descent = Descent::new(problem, state, limits);
         Self { descent, still, still_steps: 0, options: options.clone() }
     }
 
@@ -178,12 +196,11 @@ impl Lights {
         self.update_scales();
         let before = self.progress().state.clone();
         self.descent.step();
-        let options = &self.options.lights;
         let progress = &mut self.descent.progress;
         let moved = progress.state != before;
-        let is_still = moved && is_still(&before, &progress.state, options);
+        let is_still = moved && is_still(&before, &progress.state);
         self.still_steps = if is_still { self.still_steps + 1 } else { 0 };
-        progress.done |= self.still && self.still_steps >= options.still_steps;
+        progress.done |= self.still && self.still_steps >= STILL_STEPS;
     }
 
     /// The noise that the residuals show. And how wrong the lights are: those that turn little are
@@ -220,7 +237,7 @@ fn problem(
     free: Free,
     options: &EstimateOptions,
 ) -> Problem {
-    let (noise, descent, options) = (&options.noise, options.bundle, &options.lights);
+    let (noise, options) = (&options.noise, &options.lights);
     let scale = scale(sample, options);
     let mean = sample.coordinates(start.base);
     let precision = start.prior.sigma.map(|s| f64::from(s).powi(-2));
@@ -245,7 +262,6 @@ fn problem(
         precision,
         shared: parameters(which.len(), scale, free, options),
         noise: Noise::expected(noise),
-        options: descent,
     }
 }
 
@@ -267,10 +283,9 @@ pub(super) fn parameters(
     let LightOptions { direction_sigma, ambient_sigma, mirrored_sigma, .. } = *options;
     let shared =
         |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
-    let [longest_step, longest_turn] = options.max_turn;
     let turn = |i: usize, axis| {
-        let turn = shared(Parameter::Turn(i, axis), direction_sigma, longest_step);
-        turn.within(-longest_turn, longest_turn)
+        let turn = shared(Parameter::Turn(i, axis), direction_sigma, MAX_STEP);
+        turn.within(-MAX_TURN, MAX_TURN)
     };
     let mut all = Vec::new();
     for i in 0..photographs {
@@ -284,7 +299,7 @@ pub(super) fn parameters(
     }
     if free.ambient {
         let ambient = shared(Parameter::Ambient, ambient_sigma, f64::INFINITY);
-        all.push(ambient.within(0.0, options.max_ambient));
+        all.push(ambient.within(0.0, MAX_AMBIENT));
     }
     all
 }
@@ -297,8 +312,8 @@ fn from(problem: &Problem, start: &Start, correction: Correction) -> State {
 }
 
 /// Whether ambient light, what is mirrored of it, and offset hardly changed.
-fn is_still(before: &State, after: &State, options: &LightOptions) -> bool {
-    let [still_ambient, still_mirrored, still_offset] = options.still;
+fn is_still(before: &State, after: &State) -> bool {
+    let [still_ambient, still_mirrored, still_offset] = STILL;
     let ambient = (after.correction.ambient - before.correction.ambient).abs();
     let mut offsets = after.groups[0].iter().zip(&before.groups[0]);
     let mut mirrored = after.correction.mirrored.iter().zip(&before.correction.mirrored);

@@ -84,12 +84,10 @@ fn fit(
     start: &Svbrdf,
     (observations, given): (&[Observation], &[View]),
     free: Free,
-    steps: usize,
     correction: &mut Correction,
     offset: &mut Offset,
 ) -> bool {
-    let lights = LightOptions { steps, ..LightOptions::default() };
-    let options = EstimateOptions { lights, ..EstimateOptions::default() };
+    let options = EstimateOptions::default();
     let (prior, photographs) = (Prior::default(), photographs(observations, given, correction));
     let begin =
         Start { photographs: &photographs, maps: start, base: start, prior: &prior, offset };
@@ -110,7 +108,7 @@ fn refined(
     free: Free,
     correction: &mut Correction,
 ) -> bool {
-    fit(start, (observations, given), free, 20, correction, &mut Offset::default())
+    fit(start, (observations, given), free, correction, &mut Offset::default())
 }
 
 #[test]
@@ -169,7 +167,7 @@ fn an_estimate_that_took_ambient_light_for_albedo_is_found_out() {
         estimate.plane_mut(c).iter_mut().for_each(|a| *a *= 1.1);
     }
     let (mut correction, mut offset) = (Correction::default(), Offset::default());
-    fit(&estimate, (&observations, &given), HELD, 20, &mut correction, &mut offset);
+    fit(&estimate, (&observations, &given), HELD, &mut correction, &mut offset);
     assert!((correction.ambient - 0.08).abs() < 0.005, "{}", correction.ambient);
     let before = rms(&estimate, &maps);
     let after = rms(&offset.applied(&estimate), &maps);

@@ -7,10 +7,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StructuredOptions {
-    /// Photographs from which on it is considered.
-    pub from: usize,
-    /// Photographs from which on leaving one out chooses. Derived: of fewer it tells nothing.
-    pub leave_out_from: usize,
     /// The prior of fewer photographs, round the latent estimate, where exposure and flash are not as
     /// given.
     pub few: Widths,
@@ -25,18 +21,6 @@ pub struct StructuredOptions {
     pub visible: f64,
     /// Expected slopes of averaged texels of more photographs, where that is asked. Tuned.
     pub averaged_slope: f64,
-    /// Texels along the longer side that are fitted, at most. Tuned.
-    pub texels: usize,
-    /// The same while photographs are left out. Tuned.
-    pub trial_texels: usize,
-    /// Texels along the longer side of which those are taken as they are, at most. Tuned.
-    pub trial_averaged: usize,
-    /// Steps of a fit, at most. Tuned.
-    pub steps: usize,
-    /// The same while photographs are left out. Tuned.
-    pub trial_steps: usize,
-    /// Photographs left out in turn, at most: the latest. Tuned.
-    pub folds: usize,
     /// Priors that are tried, from one class of a flat sheet to wide ones.
     pub candidates: Vec<Widths>,
     /// The prior whose residuals show the noise of photographs without a board: relief as it may be,
@@ -45,18 +29,6 @@ pub struct StructuredOptions {
     /// Scale of log residuals, noise and errors of the model together: highlights' tails are 10 to 15 %
     /// off, alike over a sample.
     pub noise: f64,
-    /// Residual below which the loss is quadratic.
-    pub huber: f64,
-    /// Relative gain of a step that is not worth another. Tuned.
-    pub converged: f64,
-    /// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm. Tuned.
-    pub max_steps: [f64; 3],
-    /// Part of the colour seen that is diffuse, in the prior's mean.
-    pub diffuse_fraction: f32,
-    /// Rounds of k-means of classes. Converged.
-    pub rounds: usize,
-    /// Texels that find the classes, at most. Tuned.
-    pub samples: usize,
     /// Expected logarithm of a photograph's gain.
     pub gain_sigma: f64,
     /// Expected exponent of exposure over distance.
@@ -70,8 +42,6 @@ pub struct StructuredOptions {
     pub class_sigma: [f64; 2],
     /// Expected root of F0 and roughness of a class.
     pub class_mean: [f64; 2],
-    /// Steps of the maps that follow. Tuned.
-    pub map_steps: usize,
 }
 
 impl Default for StructuredOptions {
@@ -80,19 +50,11 @@ impl Default for StructuredOptions {
             Widths { classes: 1, slope: 0.01, diffuse: 0.3, specular: 0.002, roughness: 0.001 };
         let classes = Widths { classes: 8, specular: 0.02, roughness: 0.01, ..narrow };
         Self {
-            from: 2,
-            leave_out_from: 3,
             few: Widths { diffuse: 0.1, ..classes },
             own_share: 0.5,
             contradiction: [1.2, 1.3],
             visible: 0.015,
             averaged_slope: 0.03,
-            texels: 64,
-            trial_texels: 32,
-            trial_averaged: 64,
-            steps: 12,
-            trial_steps: 8,
-            folds: 3,
             candidates: vec![
                 narrow,
                 Widths { slope: 0.03, ..narrow },
@@ -103,19 +65,12 @@ impl Default for StructuredOptions {
             ],
             noise_widths: Widths { slope: 0.3, ..classes },
             noise: 0.3,
-            huber: 0.02,
-            converged: 1e-4,
-            max_steps: [1.0, 0.2, 15.0],
-            diffuse_fraction: 0.8,
-            rounds: 25,
-            samples: 4096,
             gain_sigma: 0.05,
             exponent_sigma: 2.0,
             offset_sigma_mm: 30.0,
             independent_texels: 14.0,
             class_sigma: [0.3, 0.4],
             class_mean: [0.2, 0.5],
-            map_steps: 8,
         }
     }
 }

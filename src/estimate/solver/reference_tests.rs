@@ -4,7 +4,6 @@
 use super::tests::errors;
 use super::*;
 use crate::estimate::baseline::Baseline;
-use crate::estimate::options::BaselineOptions;
 use crate::observation::{Falloff, View};
 use crate::test_support::picture;
 use std::path::{Path, PathBuf};
@@ -109,14 +108,14 @@ fn the_reference_example_ends_closer_than_the_baseline() {
     };
     show("start", &start);
     let mut adam = start.clone();
-    let mut baseline = Baseline::new(&mut adam, given, &BaselineOptions::default()).unwrap();
+    let mut baseline = Baseline::new(&mut adam, given).unwrap();
     while !baseline.is_done() {
         baseline.step(&mut adam, given);
     }
     let by_adam = show("Adam", &adam);
     let solved = |prior: &Prior| {
         let mut maps = start.clone();
-        let options = (&SolverOptions::default(), &NoiseOptions::default());
+        let options = &NoiseOptions::default();
         solve(&mut maps, &start, prior, given, 20, options).unwrap();
         maps
     };

@@ -100,7 +100,7 @@ fn run_with(
     steps: usize,
 ) -> (Svbrdf, Summary, f64) {
     let mut maps = start.clone();
-    let options = (&SolverOptions::default(), &NoiseOptions::default());
+    let options = &NoiseOptions::default();
     let summary = solve(&mut maps, start, prior, photos, steps, options).unwrap();
     let mut clamped = start.clone();
     clamped.clamp();
@@ -213,7 +213,7 @@ fn bumpier_slopes_than_expected_are_found() {
     let (found, best) = (slopes(&narrow), slopes(&known));
     assert!(found < 1.1 * best, "{found} {best}");
     // a prior that may not widen this far shows what widening is worth
-    narrow.sigma[..2].fill(SIGMA / SolverOptions::default().max_widening);
+    narrow.sigma[..2].fill(SIGMA / MAX_WIDENING);
     assert!(found < 0.8 * slopes(&narrow), "{found} {}", slopes(&narrow));
 }
 
@@ -335,12 +335,12 @@ fn results_repeat_for_any_number_of_threads() {
     let truth = truth(19, 18);
     let start = perturbed(&truth, SIGMA, 19);
     let photos = photographs(&truth, 3, 0.02, 20);
-    let (solver, noise) = (SolverOptions::default(), NoiseOptions::default());
+    let noise = NoiseOptions::default();
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut maps = start.clone();
-            let mut steps = Solver::new(&mut maps, &photos, &prior(), &solver, &noise).unwrap();
+            let mut steps = Solver::new(&mut maps, &photos, &prior(), &noise).unwrap();
             let mut losses = Vec::new();
             for _ in 0..3 {
                 losses.push(steps.step(&mut maps, &start, &photos).unwrap());
@@ -374,7 +374,7 @@ fn bad_arguments_are_refused() {
     let photos = photographs(&good, 1, 0.0, 1);
     let attempt = |mean: &Svbrdf, prior: Prior, photos: &[Observation], expected: f32| {
         let noise = NoiseOptions { expected, ..NoiseOptions::default() };
-        let options = (&SolverOptions::default(), &noise);
+        let options = &noise;
         solve(&mut good.clone(), mean, &prior, photos, 2, options)
     };
     assert!(attempt(&good, prior(), &photos, 0.05).is_ok());

@@ -1,7 +1,11 @@
 //! Texels alike by colour: soft material classes.
 
 use crate::estimate::clusters::{self, Feature};
-use crate::estimate::options::StructuredOptions;
+
+/// Rounds of k-means: it has converged.
+const ROUNDS: usize = 25;
+/// Texels that find the classes, at most.
+const SAMPLES: usize = 4096;
 
 /// Centres of classes and how softly texels belong to them.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,10 +17,10 @@ pub(super) struct Classes {
 
 impl Classes {
     /// At most `count` classes of texels.
-    pub fn find(features: &[Feature], count: usize, options: &StructuredOptions) -> Self {
-        let stride = (features.len() / options.samples).max(1) | 1;
+    pub fn find(features: &[Feature], count: usize) -> Self {
+        let stride = (features.len() / SAMPLES).max(1) | 1;
         let samples: Vec<Feature> = features.iter().step_by(stride).copied().collect();
-        let centres = clusters::centres(&samples, count, 0.0, options.rounds);
+        let centres = clusters::centres(&samples, count, 0.0, ROUNDS);
         let total: f64 = samples.iter().map(|s| f64::from(clusters::nearest(&centres, s).1)).sum();
         let spread = (total / samples.len().max(1) as f64) as f32 + 1e-6;
         Self { centres, spread }

@@ -24,14 +24,19 @@ use super::belief::Belief;
 use super::bundle::Sample;
 use super::correction::Correction;
 use super::finer::full_colours;
-use super::options::{EstimateOptions, StructuredOptions, Widths};
+use super::options::{EstimateOptions, Widths};
 use super::photographs::Photographs;
 use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
 use groups::Classes;
-use setup::{DIFFUSE, GLOSS, Light, Setup, descended, sigmas};
+use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Light, Setup, descended, sigmas};
 pub(crate) use trials::WidthTrials;
+
+/// Texels along the longer side that are fitted, at most.
+const TEXELS: usize = 64;
+/// Steps of a fit, at most.
+const STEPS: usize = 12;
 
 /// Fits classes, texels, exposure and flash with the chosen widths; the belief's mean are flat maps
 /// with the gloss of their classes, of few photographs with a part of the estimate's own deviation,
@@ -43,23 +48,23 @@ pub(super) fn fit(
     options: &EstimateOptions,
 ) {
     let o = &options.structured;
-    let sample = Arc::new(Sample::new(photographs.working(), o.texels, o.texels));
+    let sample = Arc::new(Sample::new(photographs.working(), TEXELS, TEXELS));
     let which: Vec<usize> = (0..photographs.len()).collect();
     let mut setup = Setup::new(&sample, &which, widths.classes, options);
-    let own = (which.len() < o.leave_out_from).then_some(o.own_share);
+    let own = (which.len() < options.schedule.determined_from).then_some(o.own_share);
     if let Some(own) = own {
         let maps = belief.maps.thinned(photographs.thinning());
         setup = setup.around(&sample.coordinates(&maps), own);
     }
     let classes = setup.classes.clone();
     let problem = setup.problem(&sample, which, widths, Light::Exposure, options);
-    let (problem, state) = descended(problem, o.steps, options);
+    let (problem, state) = descended(problem, STEPS);
     let mut gloss = state.groups;
     for (class, mean) in gloss.iter_mut().zip(&problem.groups.mean) {
         class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
     }
     let classes = Gloss { classes, values: gloss };
-    belief.mean = classes.flat_maps(&belief.maps, own, photographs, o);
+    belief.mean = classes.flat_maps(&belief.maps, own, photographs);
     belief.maps.clone_from(&belief.mean);
     belief.prior = Prior { sigma: sigmas(&widths).map(|s| s as f32) };
     belief.fixed_noise = Some(o.noise as f32);
@@ -76,13 +81,7 @@ struct Gloss {
 impl Gloss {
     /// Flat maps with the gloss of their classes, of the colours that photographs show; or with an
     /// `own` part of the estimate's gloss added, and its diffuse albedo.
-    fn flat_maps(
-        &self,
-        estimate: &Svbrdf,
-        own: Option<f64>,
-        photographs: &Photographs,
-        options: &StructuredOptions,
-    ) -> Svbrdf {
+    fn flat_maps(&self, estimate: &Svbrdf, own: Option<f64>, photographs: &Photographs) -> Svbrdf {
         let colours = full_colours(photographs);
         let mut maps = Svbrdf::new(estimate.width(), estimate.height());
         let width = maps.width();
@@ -92,7 +91,7 @@ impl Gloss {
                 Some(_) => plane.copy_from_slice(estimate.plane(c)),
                 None => {
                     let pairs = plane.iter_mut().zip(&colours);
-                    pairs.for_each(|(v, f)| *v = options.diffuse_fraction * f[i] * f[i]);
+                    pairs.for_each(|(v, f)| *v = DIFFUSE_FRACTION * f[i] * f[i]);
                 }
             }
         }

@@ -12,6 +12,13 @@ use crate::estimate::options::{EstimateOptions, StructuredOptions, Widths};
 use crate::estimate::prior::Coordinates;
 use crate::svbrdf::{CHANNELS, channel};
 
+/// Part of the colour seen that is diffuse, in the prior's mean.
+pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
+/// Relative gain of a step that is not worth another.
+const CONVERGED: f64 = 1e-4;
+/// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm.
+const MAX_STEPS: [f64; 3] = [1.0, 0.2, 15.0];
+
 /// Coordinates that classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
 
@@ -29,17 +36,13 @@ pub(super) fn sigmas(widths: &Widths) -> Coordinates {
 }
 
 /// The most probable state near the prior's mean.
-pub(super) fn descended(
-    problem: Problem,
-    steps: usize,
-    options: &EstimateOptions,
-) -> (Problem, State) {
+pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
     let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
     let turns = vec![[0.0; 2]; problem.which.len()];
     let exposure = Exposure::as_given(views);
     let correction = Correction { exposure, turns, ..Correction::default() };
     let start = problem.start(correction);
-    Descent::new(problem, start, Limits { steps, converged: options.structured.converged }).run()
+    Descent::new(problem, start, Limits { steps, converged: CONVERGED }).run()
 }
 
 /// What of lights is free.
@@ -72,12 +75,12 @@ impl Setup {
     pub fn new(sample: &Sample, which: &[usize], count: usize, options: &EstimateOptions) -> Self {
         let options = &options.structured;
         let colours = sample.colours(which);
-        let classes = Classes::find(&colours, count, options);
+        let classes = Classes::find(&colours, count);
         let mut shares = vec![0.0; colours.len() * classes.len()];
         for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len())) {
             classes.shares(colour, out);
         }
-        let root = f64::from(options.diffuse_fraction.sqrt());
+        let root = f64::from(DIFFUSE_FRACTION.sqrt());
         let mean = colours.iter().map(|colour| {
             let mut mean = [0.0; CHANNELS];
             for c in 0..3 {
@@ -128,7 +131,7 @@ impl Setup {
         free: Light,
         options: &EstimateOptions,
     ) -> Problem {
-        let (descent, lights, options) = (options.bundle, &options.lights, &options.structured);
+        let EstimateOptions { lights, structured: options, noise, .. } = options;
         // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
         let scale = sample.texels() as f64 / options.independent_texels;
         let of_class = scale / self.classes.len() as f64;
@@ -160,8 +163,7 @@ impl Setup {
                 precision,
             },
             shared,
-            noise: Noise { scale: options.noise as f32, huber: options.huber as f32 },
-            options: descent,
+            noise: Noise { scale: options.noise as f32, huber: noise.huber },
         }
     }
 }
@@ -169,7 +171,7 @@ impl Setup {
 /// Exposure of so many photographs and place of the flash.
 fn exposure(photographs: usize, scale: f64, options: &StructuredOptions) -> Vec<Shared> {
     let StructuredOptions { gain_sigma, exponent_sigma, offset_sigma_mm, .. } = *options;
-    let [of_gain, of_exponent, of_flash] = options.max_steps;
+    let [of_gain, of_exponent, of_flash] = MAX_STEPS;
     let shared =
         |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
     let gains = (0..photographs).map(|i| shared(Parameter::Gain(i), gain_sigma, of_gain));

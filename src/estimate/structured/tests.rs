@@ -67,8 +67,7 @@ fn options() -> EstimateOptions {
 fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
     for exposure in [planted(), Exposure::default()] {
         let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
-        let structured = StructuredOptions { steps: 25, texels: SIDE, ..options().structured };
-        let options = EstimateOptions { structured, ..options() };
+        let options = options();
         let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &EstimateOptions::default());
         fit(&mut photographs, &mut belief, options.structured.candidates[0], &options);
         let found = &photographs.correction().exposure;
@@ -250,7 +249,7 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
         }
     }
     let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4] };
-    let maps = gloss.flat_maps(&estimate, Some(1.0), &photographs, &options.structured);
+    let maps = gloss.flat_maps(&estimate, Some(1.0), &photographs);
     for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }

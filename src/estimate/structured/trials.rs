@@ -12,12 +12,21 @@
 
 use std::sync::Arc;
 
+use super::STEPS;
 use super::prediction;
 use super::setup::{Light, Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::options::{EstimateOptions, Widths};
 use crate::estimate::photographs::Photographs;
+
+/// Texels along the longer side that trials see, at most, and of which those are taken as they are.
+const TEXELS: usize = 32;
+const TAKEN_FROM: usize = 64;
+/// Steps of a trial that leaves a photograph out, at most.
+const TRIAL_STEPS: usize = 8;
+/// Photographs left out in turn, at most: the latest.
+const FOLDS: usize = 3;
 
 /// Trials of the widths in progress.
 pub(crate) struct WidthTrials {
@@ -50,8 +59,8 @@ struct LightTest {
 impl LightTest {
     fn new(photographs: &Photographs, estimate: &Svbrdf, options: &EstimateOptions) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
-        let sample = Arc::new(Sample::new(photographs, o.trial_texels, o.trial_texels));
-        let (widths, given, limit) = if count < o.leave_out_from {
+        let sample = Arc::new(Sample::new(photographs, TEXELS, TEXELS));
+        let (widths, given, limit) = if count < options.schedule.determined_from {
             (o.few, Light::AsGiven, o.contradiction[0])
         } else {
             let turn = count >= options.schedule.turns_from;
@@ -74,12 +83,12 @@ impl WidthTrials {
     /// Before the first trial, with the latent estimate.
     pub fn new(photographs: &Photographs, estimate: &Svbrdf, options: &EstimateOptions) -> Self {
         let (count, o) = (photographs.len(), &options.structured);
-        let few = count < o.leave_out_from;
-        let folds: Vec<usize> = (count.saturating_sub(o.folds)..count).collect();
+        let few = count < options.schedule.determined_from;
+        let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
         let left_out = if few { 0 } else { o.candidates.len() * folds.len() };
         Self {
             options: options.clone(),
-            sample: Arc::new(Sample::new(photographs, o.trial_averaged, o.trial_texels)),
+            sample: Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS)),
             which: photographs.drawn(0),
             light: LightTest::new(photographs, estimate, options),
             few,
@@ -97,7 +106,7 @@ impl WidthTrials {
         let mut problem =
             setup.problem(&self.sample, which, o.noise_widths, Light::Free { turn }, options);
         problem.noise.scale = options.noise.expected;
-        let (problem, state) = descended(problem, o.steps, options);
+        let (problem, state) = descended(problem, STEPS);
         let residuals = 3.0 * self.which.len() as f64;
         (problem.median_residual(&state) * residuals / (residuals - OF_TEXEL)) as f32
     }
@@ -195,7 +204,7 @@ impl WidthTrials {
         let which = self.which.clone();
         let problem = setup.clone().problem(sample, which, *widths, light, &self.options);
         // What is left is compared with a bound, so the fit has to have arrived.
-        let (problem, state) = descended(problem, self.options.structured.steps, &self.options);
+        let (problem, state) = descended(problem, STEPS);
         let visible = free || problem.mean_residual(&state) > self.options.structured.visible;
         if visible { problem.cost(&state) } else { 0.0 }
     }
@@ -216,6 +225,6 @@ impl WidthTrials {
         let which: Vec<usize> = self.which.iter().copied().filter(|&i| i != left_out).collect();
         let setup = Setup::new(&self.sample, &which, widths.classes, options);
         let problem = setup.problem(&self.sample, which, widths, Light::Exposure, options);
-        descended(problem, options.structured.trial_steps, options)
+        descended(problem, TRIAL_STEPS)
     }
 }

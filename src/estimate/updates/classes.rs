@@ -24,6 +24,19 @@ use crate::parallel;
 use crate::svbrdf::{channel, halved};
 use crate::{Result, Svbrdf};
 
+/// Texels along the longer side that are looked at, at most.
+pub(in crate::estimate) const TEXELS: usize = 128;
+/// Texels that found the classes.
+const SAMPLES: usize = 8192;
+/// Steps of the solver for each class.
+const STEPS: usize = 6;
+/// Rounds of k-means, and of expectation maximisation: both have converged.
+const ROUNDS: usize = 10;
+const EXPECTATIONS: usize = 20;
+/// Cost that is expected of a texel without any misfit.
+const EXPECTED_COST: f32 = 1.0;
+/// Root of the specular albedo of matt classes: 4 %, that of most dielectrics.
+const MATT_ROOT: f32 = 0.2;
 /// Classes that highlights have shown.
 const SHOWN: usize = 4;
 /// A texel's own gloss, the classes shown, and the matt ones.
@@ -59,13 +72,13 @@ impl ClassTrials {
     ) -> Result<Self> {
         crate::render::check_observations(&belief.maps, photographs.full())?;
         crate::render::check_observations(&belief.mean, photographs.full())?;
-        let halvings = photographs.halvings_to(options.classes.texels);
+        let halvings = photographs.halvings_to(TEXELS);
         let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
         let maps = small(&belief.maps);
         let mut trials = Self {
             options: options.clone(),
             mean: small(&belief.mean),
-            members: Membership::new(&maps, &options.groups),
+            members: Membership::new(&maps, &options.pooling),
             maps,
             halvings,
             which: photographs.drawn(0),
@@ -74,8 +87,8 @@ impl ClassTrials {
         };
         trials.classes = trials.shown(&photographs.level(halvings));
         if !trials.classes.is_empty() {
-            let root = options.classes.matt_root;
-            let matt = options.classes.matt.map(|roughness| [roughness, root, root, root]);
+            let matt = options.classes.matt;
+            let matt = matt.map(|roughness| [roughness, MATT_ROOT, MATT_ROOT, MATT_ROOT]);
             trials.classes.extend(matt);
         }
         Ok(trials)
@@ -126,13 +139,12 @@ impl ClassTrials {
                 gloss.write(&mut mean, |_| value);
             }
         }
-        let EstimateOptions { classes, solver, noise, .. } = &self.options;
+        let EstimateOptions { classes, pooling, noise, .. } = &self.options;
         let mut prior = self.options.prior;
         // What is diffuse was found with another gloss.
         prior.sigma[channel::DIFFUSE..channel::SPECULAR].fill(classes.diffuse_sigma);
-        let options = (solver, noise);
-        solve(&mut maps, &mean, &prior, observations, classes.steps, options)?;
-        let noise = Noise { scale: classes.noise, huber: noise.huber };
+        solve(&mut maps, &mean, &prior, observations, STEPS, noise)?;
+        let noise = Noise { scale: pooling.noise, huber: noise.huber };
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
         let information = gloss_information(at, observations);
         Ok(smoothed(information.cost(), maps.width(), &self.members))
@@ -146,7 +158,7 @@ impl ClassTrials {
         let glosses = pooling.glosses();
         let values = glosses.map(|gloss| gloss.read(maps));
         // Steps that share no factor with the width visit all columns.
-        let stride = (maps.texels() / options.samples).max(1) | 1;
+        let stride = (maps.texels() / SAMPLES).max(1) | 1;
         let sample = |t: usize| {
             // Roughness and green count.
             let trust = |i: usize| {
@@ -158,7 +170,7 @@ impl ClassTrials {
             (0..maps.texels()).step_by(stride).map(sample).collect();
         samples.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
         let mut classes = quantiles(&samples);
-        for _ in 0..options.rounds {
+        for _ in 0..ROUNDS {
             regroup(&mut classes, &samples);
         }
         classes
@@ -232,20 +244,20 @@ fn responsibilities(
     options: &ClassOptions,
 ) -> Vec<[f32; ALL]> {
     let texels = members.shares.len();
-    let (power, expected) = (options.independent * photographs as f32, options.expected_cost);
+    let power = options.independent * photographs as f32;
     let likelihoods: Vec<[f32; ALL]> = (0..texels)
         .map(|t| {
             let least = costs.iter().map(|cost| cost[t]).fold(f32::MAX, f32::min);
             let mut out = [0.0; ALL];
             out.iter_mut().zip(costs).for_each(|(out, cost)| {
-                *out = ((expected + least) / (expected + cost[t])).powf(power);
+                *out = ((EXPECTED_COST + least) / (EXPECTED_COST + cost[t])).powf(power);
             });
             out
         })
         .collect();
     let mut common = [[1.0 / costs.len() as f32; ALL]; GROUPS];
     let mut out = vec![[0.0; ALL]; texels];
-    for _ in 0..options.expectations {
+    for _ in 0..EXPECTATIONS {
         // As if one texel of each class had been seen before.
         let mut sums = [[1.0_f64; ALL]; GROUPS];
         for ((out, groups), likelihood) in out.iter_mut().zip(&members.shares).zip(&likelihoods) {

@@ -2,12 +2,19 @@
 
 use crate::Svbrdf;
 use crate::estimate::clusters::{self, Feature};
-use crate::estimate::options::GroupOptions;
+use crate::estimate::options::PoolingOptions;
 use crate::parallel;
 use crate::svbrdf::channel;
 
 /// Groups at most.
 pub(super) const GROUPS: usize = 8;
+/// Texels that found the groups.
+const SAMPLES: usize = 2048;
+/// Rounds of k-means: it has converged.
+const ROUNDS: usize = 10;
+/// Variance of the mean of a group that no texel tells, and the texels that halve it.
+const DOUBT: f32 = 0.04;
+const DOUBT_TEXELS: f32 = 20.0;
 /// Texels summed at a time.
 const CHUNK: usize = 8192;
 
@@ -16,7 +23,7 @@ pub(super) struct Membership {
     /// A texel's shares, those of the groups that there are sum to 1.
     pub shares: Vec<[f32; GROUPS]>,
     pub groups: usize,
-    options: GroupOptions,
+    options: PoolingOptions,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -27,16 +34,16 @@ pub(super) struct Group {
 
 impl Membership {
     /// Groups of like root diffuse albedo.
-    pub fn new(maps: &Svbrdf, options: &GroupOptions) -> Self {
+    pub fn new(maps: &Svbrdf, options: &PoolingOptions) -> Self {
         let n = maps.texels();
         let root = |t: usize| -> Feature {
             std::array::from_fn(|c| maps.plane(channel::DIFFUSE + c)[t].max(0.0).sqrt())
         };
         // Steps that share no factor with the width visit all columns.
-        let stride = (n / options.samples).max(1) | 1;
+        let stride = (n / SAMPLES).max(1) | 1;
         let samples: Vec<Feature> = (0..n).step_by(stride).map(root).collect();
         let square = options.reach * options.reach;
-        let centres = clusters::centres(&samples, GROUPS, 0.25 * square, options.rounds);
+        let centres = clusters::centres(&samples, GROUPS, 0.25 * square, ROUNDS);
         let shares = parallel::values(n, |t| {
             let mut row = [0.0; GROUPS];
             clusters::shares(&centres, 2.0 * square, &root(t), &mut row[..centres.len()]);
@@ -83,9 +90,8 @@ impl Membership {
                 let mean = total(k, 1) / weight;
                 let spread = (total(k, 2) / weight - mean * mean).max(0.0) as f32;
                 // Few texels seen: the mean itself is uncertain.
-                let GroupOptions { min_spread, doubt, doubt_texels, .. } = self.options;
-                let doubt = doubt / (1.0 + weight as f32 / doubt_texels);
-                let variance = spread + min_spread * min_spread + doubt;
+                let doubt = DOUBT / (1.0 + weight as f32 / DOUBT_TEXELS);
+                let variance = spread + self.options.min_spread.powi(2) + doubt;
                 Group { mean: mean as f32, precision: variance.recip() }
             })
             .collect()

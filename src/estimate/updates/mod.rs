@@ -7,7 +7,8 @@ mod pooling;
 mod slopes;
 mod widths;
 
-pub(super) use classes::ClassTrials;
+pub(super) use classes::{ClassTrials, TEXELS as CLASS_TEXELS};
 pub use network::FitRecord;
+pub(super) use network::TEXELS as NETWORK_TEXELS;
 pub(super) use pooling::Pooling;
 pub(super) use slopes::regress_slopes;

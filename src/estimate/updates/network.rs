@@ -19,7 +19,7 @@ use std::ops::Range;
 use super::widths::Deviations;
 use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
-use crate::estimate::options::{EstimateOptions, NetworkOptions, WidthOptions};
+use crate::estimate::options::{EstimateOptions, WidthOptions};
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, Covariance, covariance};
 use crate::estimate::prior::{Prior, coordinates, from_coordinate, to_coordinate};
@@ -29,6 +29,11 @@ use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
 
+/// Texels along the longer side that the network sees, at most: what it was trained on.
+pub(in crate::estimate) const TEXELS: usize = 256;
+/// Bounds of a material's scales, sigmas, and its least steepness: as in training.
+const SCALE: [f32; 2] = [0.02, 2.0];
+const MIN_SLOPE: f32 = 0.01;
 /// Largest size of an input.
 const LIMIT: f32 = 4.0;
 /// What natural coordinates other than slopes are measured from, and their scale.
@@ -54,8 +59,9 @@ pub struct FitRecord {
     widest: Prior,
     /// The noise that the covariance expects.
     noise: f32,
-    network: NetworkOptions,
     widths: WidthOptions,
+    /// Whether photographs determine texels.
+    determined: bool,
 }
 
 impl FitRecord {
@@ -71,7 +77,7 @@ impl FitRecord {
         for maps in [&belief.base, &belief.mean, &belief.maps] {
             check_observations(maps, photographs.full())?;
         }
-        let halvings = photographs.halvings_to(options.network.texels);
+        let halvings = photographs.halvings_to(TEXELS);
         let small = |maps: &Svbrdf| halved(maps, halvings, Svbrdf::downsampled);
         let base = small(&belief.corrected_base());
         let (mean, maps) = (small(&belief.mean), small(&belief.maps));
@@ -88,8 +94,8 @@ impl FitRecord {
             halvings,
             widest: options.prior,
             noise: options.noise.expected,
-            network: options.network,
             widths: options.widths,
+            determined: photographs.len() >= options.schedule.determined_from,
         })
     }
 
@@ -132,17 +138,18 @@ impl FitRecord {
             noise: belief.noise / self.noise,
             columns: self.maps.width(),
         };
-        if self.photographs < self.widths.roughness_from {
-            deviations.narrowed(&self.widest, [slopes, specular])
-        } else {
+        if self.determined {
             deviations.narrowed(&self.widest, [slopes, specular, roughness])
+        } else {
+            // Fewer photographs take varying roughness for specular albedo.
+            deviations.narrowed(&self.widest, [slopes, specular])
         }
     }
 
     /// How far the material is off its prior's mean where photographs tell, in sigmas: root mean
     /// square over each group of parameters.
     fn scales(&self) -> [f32; CHANNELS] {
-        let [least, greatest] = self.network.scale;
+        let [least, greatest] = SCALE;
         let mut scales = [0.0; CHANNELS];
         for group in GROUPS {
             let (mut squares, mut total) = (0.0, 1e-3);
@@ -169,7 +176,7 @@ impl FitRecord {
         let maps = coordinates(&self.maps);
         let (slopes, others) = maps.split_at(2 * n);
         let squares: f64 = slopes.iter().map(|v| f64::from(v * v)).sum();
-        let steepness = ((squares / (2 * n) as f64).sqrt() as f32).max(self.network.min_slope);
+        let steepness = ((squares / (2 * n) as f64).sqrt() as f32).max(MIN_SLOPE);
         let mut planes = Vec::with_capacity(COMPLETION_CHANNELS * n);
         planes.extend(slopes.iter().map(|v| v / steepness));
         planes.extend(others.iter().map(|v| STRETCH * (v - MIDDLE)));
@@ -310,10 +317,9 @@ mod tests {
 
     /// Eight steps of the solver, with the widths of the options.
     fn step(belief: &mut Belief, photographs: &Photographs) {
-        let EstimateOptions { solver, noise, prior, .. } = EstimateOptions::default();
+        let EstimateOptions { noise, prior, .. } = EstimateOptions::default();
         let Belief { maps, mean, .. } = belief;
-        let options = (&solver, &noise);
-        let summary = solve(maps, mean, &prior, photographs.full(), 8, options).unwrap();
+        let summary = solve(maps, mean, &prior, photographs.full(), 8, &noise).unwrap();
         belief.found = summary.prior;
     }
 

@@ -10,7 +10,7 @@
 use super::groups::Membership;
 use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
-use crate::estimate::options::{EstimateOptions, GroupOptions, PoolingOptions};
+use crate::estimate::options::{EstimateOptions, PoolingOptions};
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, GLOSS, GlossInformation, gloss_information};
 use crate::estimate::prior::Prior;
@@ -23,14 +23,13 @@ use crate::{Result, Svbrdf};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pooling {
     pub pooling: PoolingOptions,
-    pub groups: GroupOptions,
     /// Widths of all but gloss.
     pub prior: Prior,
 }
 
 impl Pooling {
     pub fn new(options: &EstimateOptions) -> Self {
-        Self { pooling: options.pooling, groups: options.groups, prior: options.prior }
+        Self { pooling: options.pooling, prior: options.prior }
     }
 
     /// Pools the gloss of the base, where maps and mean begin anew. As many photographs as a step of the
@@ -53,7 +52,7 @@ impl Pooling {
     fn pool_values(&self, maps: &mut Svbrdf, observations: &[Observation]) -> Result<()> {
         crate::render::check_observations(maps, observations)?;
         let information = self.information(maps, observations);
-        let members = Membership::new(maps, &self.groups);
+        let members = Membership::new(maps, &self.pooling);
         for (gloss, seen) in self.glosses().into_iter().zip(information.precision()) {
             let own = gloss.precision();
             let values = gloss.read(maps);

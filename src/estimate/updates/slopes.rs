@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::estimate::belief::Belief;
 use crate::estimate::noise::Noise;
-use crate::estimate::options::{NoiseOptions, SlopeOptions};
+use crate::estimate::options::NoiseOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, slope_precision};
 use crate::estimate::prior::Prior;
@@ -22,8 +22,16 @@ use crate::render::check_observations;
 use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
 
-/// Regressors: slopes at three radii, gradients of three colours at four.
-const REGRESSORS: usize = 3 + 3 * 4;
+/// Radii over which the maps' slopes are averaged, texels.
+const SLOPE_RADII: [usize; 3] = [0, 1, 3];
+/// Radii over which a colour is averaged before its gradient is taken.
+const COLOUR_RADII: [usize; 4] = [0, 1, 2, 4];
+/// Regressors: slopes at each radius, gradients of three colours.
+const REGRESSORS: usize = SLOPE_RADII.len() + 3 * COLOUR_RADII.len();
+/// Albedo that keeps logarithms of dark colours finite.
+const DARK: f32 = 0.02;
+/// Fraction of their own information by which coefficients are held at zero.
+const RIDGE: f64 = 1e-3;
 /// Rows worked on at a time.
 const BAND: usize = 32;
 
@@ -37,7 +45,6 @@ type Coefficients = SVector<f64, REGRESSORS>;
 pub(crate) fn regress_slopes(
     photographs: &Photographs,
     belief: &mut Belief,
-    slopes: &SlopeOptions,
     noise: &NoiseOptions,
 ) -> Result<()> {
     let Belief { mean, maps, found: prior, .. } = belief;
@@ -46,7 +53,7 @@ pub(crate) fn regress_slopes(
     check_observations(maps, observations)?;
     let at = At { maps, mean, prior, noise: Noise::expected(noise) };
     let known = Known { precision: slope_precision(at, observations), prior };
-    let regressors = Regressors::new(mean, maps, slopes);
+    let regressors = Regressors::new(mean, maps);
     let Some(coefficients) = regress(&regressors, &known, mean, maps) else { return Ok(()) };
     let width = regressors.width;
     let explained: Vec<[Vec<f32>; 2]> = parallel::map_parts(regressors.bands(), |_, band| {
@@ -158,7 +165,7 @@ fn regress(
     }
     let least = 1e-9 * matrix.trace();
     for i in 0..REGRESSORS {
-        matrix[(i, i)] += regressors.options.ridge * matrix[(i, i)] + least;
+        matrix[(i, i)] += RIDGE * matrix[(i, i)] + least;
     }
     let coefficients = matrix.cholesky()?.solve(&right);
     coefficients.iter().all(|v| v.is_finite()).then_some(coefficients)
@@ -179,7 +186,6 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 
 /// What slopes may go with: slopes of the prior's mean, gradients of the logarithm of each colour.
 struct Regressors<'a> {
-    options: &'a SlopeOptions,
     width: usize,
     height: usize,
     slopes: [&'a [f32]; 2],
@@ -187,13 +193,12 @@ struct Regressors<'a> {
 }
 
 impl<'a> Regressors<'a> {
-    fn new(mean: &'a Svbrdf, maps: &Svbrdf, options: &'a SlopeOptions) -> Self {
+    fn new(mean: &'a Svbrdf, maps: &Svbrdf) -> Self {
         let colour = |c: usize| {
             let plane = maps.plane(channel::DIFFUSE + c);
-            parallel::values(plane.len(), |t| (plane[t] + options.dark).ln())
+            parallel::values(plane.len(), |t| (plane[t] + DARK).ln())
         };
         Self {
-            options,
             width: mean.width(),
             height: mean.height(),
             slopes: [mean.plane(channel::SLOPE_X), mean.plane(channel::SLOPE_Y)],
@@ -208,15 +213,13 @@ impl<'a> Regressors<'a> {
 
     /// Each regressor's x and y in some rows.
     fn of_rows(&self, rows: Range<usize>) -> Vec<[Vec<f32>; 2]> {
-        let averaged = self.options.slope_radii.into_iter().map(|radius| {
+        let averaged = SLOPE_RADII.into_iter().map(|radius| {
             self.slopes.map(|slopes| {
                 let (blurred, first) = self.blurred(slopes, rows.clone(), radius);
                 blurred[(rows.start - first) * self.width..][..rows.len() * self.width].to_vec()
             })
         });
-        let gradients = self
-            .options
-            .colour_radii
+        let gradients = COLOUR_RADII
             .into_iter()
             .flat_map(|radius| self.colours.iter().map(move |colour| (colour, radius)));
         averaged
@@ -291,7 +294,7 @@ fn means_of_rows(values: &[f32], out: &mut [f32], width: usize, radius: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::options::{EstimateOptions, SolverOptions};
+    use crate::estimate::options::EstimateOptions;
     use crate::estimate::solver::solve;
     use crate::estimate::updates::pooling::tests::photograph;
     use crate::observation::Observation;
@@ -332,8 +335,8 @@ mod tests {
         let mut all = Photographs::new();
         photographs.into_iter().for_each(|o| all.add(o).unwrap());
         let mut belief = Belief { maps, found, ..Belief::new(mean, &EstimateOptions::default()) };
-        let (slopes, noise) = (SlopeOptions::default(), NoiseOptions::default());
-        regress_slopes(&all, &mut belief, &slopes, &noise).unwrap();
+        let noise = NoiseOptions::default();
+        regress_slopes(&all, &mut belief, &noise).unwrap();
         belief
     }
 
@@ -345,7 +348,7 @@ mod tests {
             mean.plane_mut(plane).fill(0.0);
         }
         let mut maps = mean.clone();
-        let options = (&SolverOptions::default(), &NoiseOptions::default());
+        let options = &NoiseOptions::default();
         let prior = Prior::default();
         let summary = solve(&mut maps, &mean, &prior, &observations, 8, options).unwrap();
         let before = error(&maps, truth);
@@ -395,8 +398,7 @@ mod tests {
     #[test]
     fn bands_join_without_a_seam() {
         let maps = truth(true);
-        let options = SlopeOptions::default();
-        let regressors = Regressors::new(&maps, &maps, &options);
+        let regressors = Regressors::new(&maps, &maps);
         let width = regressors.width;
         let plane = maps.plane(channel::SLOPE_X);
         let (all, first) = regressors.blurred(plane, 0..SIDE, 4);

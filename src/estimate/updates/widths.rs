@@ -16,6 +16,13 @@ use crate::estimate::prior::{Prior, probable_variance, to_coordinate};
 use crate::parallel;
 use crate::svbrdf::Svbrdf;
 
+/// Rounds of the search for the most probable sigma: it moves by less than 1 % in further ones.
+const ROUNDS: usize = 12;
+/// What photographs must tell of a parameter to count, in units of what the prior does.
+const MIN_INFORMATION: f32 = 1e-3;
+/// Least fraction of the prior's variance that photographs leave: rounding.
+const MIN_OPEN: f32 = 1e-3;
+
 /// Neighbours: columns to the right, rows below.
 const NEIGHBOURS: [[usize; 2]; 7] = [[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [3, 0], [0, 3]];
 
@@ -95,17 +102,17 @@ impl Deviations<'_> {
             let sigma = self.prior.sigma[c];
             let open = self.covariance.plane(c, c);
             for (t, i) in self.texels() {
-                let open = open[i].clamp(self.options.min_open, 1.0);
+                let open = open[i].clamp(MIN_OPEN, 1.0);
                 // photographs' precision in units of the prior's
                 let data = (1.0 - open) / (open * self.noise);
-                if data > self.options.min_information {
+                if data > MIN_INFORMATION {
                     let known = data / (1.0 + data);
                     precise.push([(self.off(c, t) / known).powi(2), data / (sigma * sigma)]);
                 }
             }
         }
         let mut sigma = widest;
-        for _ in 0..self.options.rounds {
+        for _ in 0..ROUNDS {
             let variance = (sigma * sigma) as f32;
             let (mut squares, mut known) = (0.0, 0.0);
             for [square, precision] in &precise {
@@ -124,7 +131,7 @@ impl Deviations<'_> {
 mod tests {
     use super::*;
     use crate::estimate::noise::Noise;
-    use crate::estimate::options::{NoiseOptions, SolverOptions};
+    use crate::estimate::options::NoiseOptions;
     use crate::estimate::posterior::{At, covariance};
     use crate::estimate::solver::tests::{errors, gauss, photographs};
     use crate::estimate::solver::{Summary, solve};
@@ -155,7 +162,7 @@ mod tests {
 
     fn solved(prior: &Prior, mean: &Svbrdf, photographs: &[Observation]) -> (Svbrdf, Summary) {
         let mut maps = mean.clone();
-        let options = (&SolverOptions::default(), &NoiseOptions::default());
+        let options = &NoiseOptions::default();
         let summary = solve(&mut maps, mean, prior, photographs, 8, options).unwrap();
         (maps, summary)
     }
