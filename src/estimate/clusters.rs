@@ -1,17 +1,61 @@
-//! Clusters of colours: k-means from seeds far apart.
+//! Soft clusters of texels of like colour: k-means from seeds far apart.
 
 /// A feature of a texel: root of a colour.
 pub(super) type Feature = [f32; 3];
 
+/// Texels that find clusters, at most.
+const SAMPLES: usize = 4096;
+/// Rounds of k-means: it has converged.
+const ROUNDS: usize = 20;
+
+/// Centres of clusters, and how softly texels belong to them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Clusters {
+    centres: Vec<Feature>,
+    spread: f32,
+}
+
+impl Clusters {
+    /// At most `count` clusters of texels, fewer where all lie near their centres. Texels that differ by
+    /// `reach` belong to two of them; without it, by as much as texels differ from the nearest centre.
+    pub fn find(features: &[Feature], count: usize, reach: Option<f32>) -> Self {
+        let samples: Vec<Feature> = every(features.len()).map(|t| features[t]).collect();
+        let square = reach.unwrap_or(0.0).powi(2);
+        let centres = centres(&samples, count, 0.25 * square);
+        let distances = || samples.iter().map(|s| f64::from(nearest(&centres, s).1)).sum::<f64>();
+        let spread = match reach {
+            Some(_) => 2.0 * square,
+            None => (distances() / samples.len().max(1) as f64) as f32 + 1e-6,
+        };
+        Self { centres, spread }
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Shares of a feature in the clusters, which sum to 1: `exp(-(d² - d²_nearest) / spread)`.
+    pub fn shares(&self, feature: &Feature, out: &mut [f32]) {
+        let least = nearest(&self.centres, feature).1;
+        let mut sum = 0.0;
+        for (share, centre) in out.iter_mut().zip(&self.centres) {
+            *share = (-(distance(centre, feature) - least) / self.spread).exp();
+            sum += *share;
+        }
+        out.iter_mut().for_each(|share| *share /= sum);
+    }
+}
+
+/// Texels that are sampled: steps that share no factor with the width visit all columns.
+pub(super) fn every(texels: usize) -> impl Iterator<Item = usize> {
+    (0..texels).step_by((texels / SAMPLES).max(1) | 1)
+}
+
 /// At most `count` centres of samples, fewer where all samples lie within a squared distance of them.
-pub(super) fn centres(
-    samples: &[Feature],
-    count: usize,
-    within: f32,
-    rounds: usize,
-) -> Vec<Feature> {
+fn centres(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
     let mut centres = seeds(samples, count, within);
-    for _ in 0..rounds {
+    for _ in 0..ROUNDS {
         let mut sums = vec![([0.0f64; 3], 0usize); centres.len()];
         for sample in samples {
             let (sum, number) = &mut sums[nearest(&centres, sample).0];
@@ -45,20 +89,9 @@ fn seeds(samples: &[Feature], count: usize, within: f32) -> Vec<Feature> {
 }
 
 /// The nearest centre and its squared distance; of no centres the first, at no distance.
-pub(super) fn nearest(centres: &[Feature], feature: &Feature) -> (usize, f32) {
+fn nearest(centres: &[Feature], feature: &Feature) -> (usize, f32) {
     let distances = centres.iter().map(|c| distance(c, feature)).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
-}
-
-/// Shares of a feature in the clusters, which sum to 1: `exp(-(d² - d²_nearest) / spread)`.
-pub(super) fn shares(centres: &[Feature], spread: f32, feature: &Feature, out: &mut [f32]) {
-    let least = nearest(centres, feature).1;
-    let mut sum = 0.0;
-    for (share, centre) in out.iter_mut().zip(centres) {
-        *share = (-(distance(centre, feature) - least) / spread).exp();
-        sum += *share;
-    }
-    out.iter_mut().for_each(|share| *share /= sum);
 }
 
 fn distance(a: &Feature, b: &Feature) -> f32 {
@@ -75,17 +108,18 @@ mod tests {
         let samples: Vec<Feature> = (0..300)
             .map(|i| clouds[i % 3].map(|v| v + 0.02 * ((i % 7) as f32 - 3.0) / 3.0))
             .collect();
-        let mut found = centres(&samples, 8, 0.01, 10);
-        found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        let found = Clusters::find(&samples, 8, Some(0.07));
         assert_eq!(found.len(), 3);
+        let mut all = [0.0; 3];
+        let between = std::array::from_fn(|c| 0.5 * (found.centres[0][c] + found.centres[1][c]));
+        found.shares(&between, &mut all);
+        assert!((all[0] - 0.5).abs() < 1e-3 && (all[1] - 0.5).abs() < 1e-3, "{all:?}");
+        let mut found = found.centres;
+        found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         for (a, b) in found.iter().zip([clouds[0], clouds[2], clouds[1]]) {
             assert!(distance(a, &b) < 1e-4, "{a:?} {b:?}");
         }
-        let mut all = [0.0; 3];
-        let between = std::array::from_fn(|c| 0.5 * (found[0][c] + found[1][c]));
-        shares(&found, 0.01, &between, &mut all);
-        assert!((all[0] - 0.5).abs() < 1e-3 && (all[1] - 0.5).abs() < 1e-3, "{all:?}");
-        assert_eq!(centres(&samples, 1, 0.0, 10).len(), 1);
-        assert!(centres(&[], 4, 0.0, 10).is_empty());
+        assert_eq!(Clusters::find(&samples, 1, None).len(), 1);
+        assert_eq!(Clusters::find(&[], 4, None).len(), 0);
     }
 }

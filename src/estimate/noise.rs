@@ -35,7 +35,7 @@ impl Noise {
         let excess = (residuals - options.parameters).max(0.0);
         let belief = (options.parameters - excess).max(options.min_belief);
         let estimate = (belief * options.expected as f64 + residuals * loss) / (belief + excess);
-        let scale = (estimate as f32).min(options.max * options.expected);
+        let scale = estimate as f32;
         Self { scale, huber: (options.huber_by_noise * scale).min(options.huber) }
     }
 }

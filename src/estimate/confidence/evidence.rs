@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
-use super::widths::{Widths, widths};
 use crate::confidence::Confidence;
 use crate::estimate::estimation::Estimation;
 use crate::estimate::noise::Noise;
+use crate::estimate::posterior::{Spread, spread};
 use crate::estimate::prior::is_albedo;
 use crate::observation::Observation;
 use crate::parallel;
@@ -91,12 +91,12 @@ impl Estimation {
         if photographs.is_empty() {
             return Err(Error::NoMaps);
         }
-        let widths = widths(&maps, photographs, &self.options.prior, self.residual_noise(&maps));
-        let mut posteriors = MAPS.map(|range| posterior(&maps, &widths, range));
-        let (residual, mean_residual) = residuals(&widths);
-        let hidden = widths.weight().iter().map(|weight| *weight <= 0.0).collect();
+        let spread = spread(&maps, &self.options.prior, self.residual_noise(&maps), photographs);
+        let mut posteriors = MAPS.map(|range| posterior(&maps, &spread, range));
+        let (residual, mean_residual) = residuals(&spread);
+        let hidden = spread.weight().iter().map(|weight| *weight <= 0.0).collect();
         // As large as two sets of maps: not beside those that are made next.
-        drop(widths);
+        drop(spread);
         let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
         let planes = std::array::from_fn(|map| {
             let range = &MAPS[map];
@@ -208,8 +208,8 @@ impl Evidence {
 }
 
 /// Mean residual of each texel, and of all; texels that no photograph shows have that of all.
-fn residuals(widths: &Widths) -> (Vec<f32>, f32) {
-    let pairs = || widths.loss().iter().zip(widths.weight());
+fn residuals(spread: &Spread) -> (Vec<f32>, f32) {
+    let pairs = || spread.loss().iter().zip(spread.weight());
     let seen = pairs().filter(|(_, weight)| **weight > 0.0);
     let (sum, count) = seen
         .fold((0.0, 0), |(sum, count), (loss, weight)| (sum + f64::from(loss / weight), count + 1));
@@ -219,10 +219,10 @@ fn residuals(widths: &Widths) -> (Vec<f32>, f32) {
 }
 
 /// Deviation of the natural parameters of a map, root mean square of its channels.
-fn posterior(maps: &Svbrdf, widths: &Widths, range: Range<usize>) -> Vec<f32> {
+fn posterior(maps: &Svbrdf, spread: &Spread, range: Range<usize>) -> Vec<f32> {
     parallel::values(maps.texels(), |t| {
         let variance = |c: usize| {
-            let v = widths.variance(c)[t];
+            let v = spread.variance(c)[t];
             match is_albedo(c) {
                 // of the square of a normal variable
                 true => (4.0 * maps.plane(c)[t] + 2.0 * v) * v,

@@ -9,6 +9,5 @@
 
 mod calibration;
 mod evidence;
-mod widths;
 
 pub use evidence::Evidence;

@@ -102,8 +102,6 @@ pub struct NoiseOptions {
     pub parameters: f64,
     /// Residuals of a texel that the expected scale counts as at least. Tuned.
     pub min_belief: f64,
-    /// Largest scale assumed, in units of the expected one. Tuned.
-    pub max: f32,
 }
 
 impl Default for NoiseOptions {
@@ -118,7 +116,6 @@ impl Default for NoiseOptions {
             huber_by_noise: 3.0,
             parameters: 6.0,
             min_belief: 0.5,
-            max: 2.0,
         }
     }
 }

@@ -107,6 +107,51 @@ pub(in crate::estimate) fn covariance(at: At, observations: &[Observation]) -> C
     Covariance { texels, planes }
 }
 
+/// Planes of [`Spread`].
+const SPREAD: usize = CHANNELS + 2;
+
+/// Marginal variances of each texel's coordinates, and the residuals that the maps leave.
+pub(in crate::estimate) struct Spread {
+    texels: usize,
+    /// Variances, the sum of the weights, the loss.
+    planes: Vec<f32>,
+}
+
+impl Spread {
+    /// Variance of a coordinate.
+    pub fn variance(&self, c: usize) -> &[f32] {
+        self.plane(c)
+    }
+
+    /// Sum over the photographs of their weights.
+    pub fn weight(&self) -> &[f32] {
+        self.plane(CHANNELS)
+    }
+
+    /// Weighted sum over the photographs of the absolute log residuals, mean of the colours.
+    pub fn loss(&self) -> &[f32] {
+        self.plane(CHANNELS + 1)
+    }
+
+    fn plane(&self, i: usize) -> &[f32] {
+        &self.planes[i * self.texels..][..self.texels]
+    }
+}
+
+/// The spread. The mean of the prior does not enter it.
+///
+/// # Panics
+/// When sizes differ.
+pub(in crate::estimate) fn spread(
+    maps: &Svbrdf,
+    prior: &Prior,
+    noise: Noise,
+    observations: &[Observation],
+) -> Spread {
+    let at = At { maps, mean: maps, prior, noise };
+    Spread { texels: maps.texels(), planes: planes(at, observations, |planes| Out::Spread(planes)) }
+}
+
 fn planes<const PLANES: usize>(
     at: At,
     observations: &[Observation],
@@ -133,6 +178,8 @@ enum Out<'a> {
     Slopes([&'a mut [f32]; 3]),
     /// The covariance.
     All([&'a mut [f32]; PAIRS]),
+    /// Variances, weight, loss.
+    Spread([&'a mut [f32]; SPREAD]),
 }
 
 struct Band<'a> {
@@ -150,7 +197,10 @@ impl Kernel for Band<'_> {
         let Self { posterior, at, first_row, mut out } = self;
         let width = at.maps.width();
         let mut directions = vec![Directions::none(); posterior.observations.len()];
-        let (Out::Gloss([first, ..]) | Out::Slopes([first, ..]) | Out::All([first, ..])) = &out;
+        let (Out::Gloss([first, ..])
+        | Out::Slopes([first, ..])
+        | Out::All([first, ..])
+        | Out::Spread([first, ..])) = &out;
         for r in 0..first.len() / width {
             let row = first_row + r;
             for column in (0..width).step_by(LANES) {
@@ -162,8 +212,8 @@ impl Kernel for Band<'_> {
                 };
                 let (x, mean) = (load(at.maps), load(at.mean));
                 find_directions(posterior.observations, column, row, &mut directions);
-                let (equations, (cost, _)) =
-                    NormalEquations::new(posterior, &x, &mean, &directions, texels);
+                let (equations, (cost, [red, green, blue])) =
+                    NormalEquations::new(posterior, &x, &mean, &directions, texels.clone());
                 match &mut out {
                     Out::Gloss([out @ .., cost_out]) => {
                         cost.store(&mut cost_out[here.clone()]);
@@ -178,6 +228,22 @@ impl Kernel for Band<'_> {
                         for (value, out) in equations.covariance().into_iter().zip(out) {
                             value.store(&mut out[here.clone()]);
                         }
+                    }
+                    Out::Spread([out @ .., weight_out, loss_out]) => {
+                        let covariance = equations.covariance();
+                        let mut diagonal = 0;
+                        for (c, out) in out.iter_mut().enumerate() {
+                            let variance = covariance[diagonal].max(V::splat(1e-12));
+                            diagonal += CHANNELS - c;
+                            variance.store(&mut out[here.clone()]);
+                        }
+                        let mut weight = V::splat(0.0);
+                        for observation in posterior.observations {
+                            weight += observation.load_weight(&texels);
+                        }
+                        weight.store(&mut weight_out[here.clone()]);
+                        let loss = (red + green + blue) * V::splat(1.0 / 3.0);
+                        loss.store(&mut loss_out[here.clone()]);
                     }
                     Out::Slopes(out) => {
                         for (value, out) in equations.slope_precision().into_iter().zip(out) {

@@ -16,7 +16,8 @@ mod normal_equations;
 mod residual;
 
 pub(super) use information::{
-    At, Covariance, GLOSS, GlossInformation, covariance, gloss_information, slope_precision,
+    At, Covariance, GLOSS, GlossInformation, Spread, covariance, gloss_information,
+    slope_precision, spread,
 };
 pub(super) use model::Posterior;
 pub(super) use normal_equations::{NormalEquations, PAIRS, SHAPE, cost};

@@ -11,7 +11,6 @@
 //!
 //! How far texels may deviate differs from material to material: the [`trials`] choose.
 
-mod groups;
 mod prediction;
 mod setup;
 #[cfg(test)]
@@ -22,6 +21,7 @@ use std::sync::Arc;
 
 use super::belief::Belief;
 use super::bundle::Sample;
+use super::clusters::Clusters;
 use super::correction::Correction;
 use super::finer::full_colours;
 use super::options::{EstimateOptions, Widths};
@@ -29,7 +29,6 @@ use super::photographs::Photographs;
 use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
-use groups::Classes;
 use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Light, Setup, descended, sigmas};
 pub(crate) use trials::WidthTrials;
 
@@ -74,7 +73,7 @@ pub(super) fn fit(
 
 /// Classes and the gloss of each.
 struct Gloss {
-    classes: Classes,
+    classes: Clusters,
     values: Vec<Coordinates>,
 }
 

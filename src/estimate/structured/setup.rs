@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::groups::Classes;
 use crate::estimate::bundle::{Descent, Groups, Limits, Parameter, Problem, Sample, Shared, State};
+use crate::estimate::clusters::Clusters;
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::lights::{Free, parameters};
 use crate::estimate::noise::Noise;
@@ -64,7 +64,7 @@ pub(super) enum Light {
 /// What the prior of a fit refers to.
 #[derive(Debug, Clone)]
 pub(super) struct Setup {
-    pub classes: Classes,
+    pub classes: Clusters,
     shares: Vec<f32>,
     /// Prior means of texels, but for gloss: what is added to that of the classes.
     mean: Vec<Coordinates>,
@@ -75,7 +75,7 @@ impl Setup {
     pub fn new(sample: &Sample, which: &[usize], count: usize, options: &EstimateOptions) -> Self {
         let options = &options.structured;
         let colours = sample.colours(which);
-        let classes = Classes::find(&colours, count);
+        let classes = Clusters::find(&colours, count, None);
         let mut shares = vec![0.0; colours.len() * classes.len()];
         for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len())) {
             classes.shares(colour, out);

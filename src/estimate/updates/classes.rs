@@ -13,6 +13,7 @@
 use super::groups::{GROUPS, Membership};
 use super::pooling::Pooling;
 use crate::estimate::belief::Belief;
+use crate::estimate::clusters::every;
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{ClassOptions, EstimateOptions};
 use crate::estimate::photographs::{Photographs, chosen};
@@ -26,12 +27,10 @@ use crate::{Result, Svbrdf};
 
 /// Texels along the longer side that are looked at, at most.
 pub(in crate::estimate) const TEXELS: usize = 128;
-/// Texels that found the classes.
-const SAMPLES: usize = 8192;
 /// Steps of the solver for each class.
 const STEPS: usize = 6;
 /// Rounds of k-means, and of expectation maximisation: both have converged.
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 20;
 const EXPECTATIONS: usize = 20;
 /// Cost that is expected of a texel without any misfit.
 const EXPECTED_COST: f32 = 1.0;
@@ -157,8 +156,6 @@ impl ClassTrials {
         let precision = information.precision();
         let glosses = pooling.glosses();
         let values = glosses.map(|gloss| gloss.read(maps));
-        // Steps that share no factor with the width visit all columns.
-        let stride = (maps.texels() / SAMPLES).max(1) | 1;
         let sample = |t: usize| {
             // Roughness and green count.
             let trust = |i: usize| {
@@ -166,8 +163,7 @@ impl ClassTrials {
             };
             (std::array::from_fn(|i| values[i][t]), trust(0) * trust(2))
         };
-        let mut samples: Vec<(Class, f32)> =
-            (0..maps.texels()).step_by(stride).map(sample).collect();
+        let mut samples: Vec<(Class, f32)> = every(maps.texels()).map(sample).collect();
         samples.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
         let mut classes = quantiles(&samples);
         for _ in 0..ROUNDS {

@@ -1,17 +1,13 @@
 //! Groups of texels of like diffuse colour.
 
 use crate::Svbrdf;
-use crate::estimate::clusters::{self, Feature};
+use crate::estimate::clusters::{Clusters, Feature};
 use crate::estimate::options::PoolingOptions;
 use crate::parallel;
 use crate::svbrdf::channel;
 
 /// Groups at most.
 pub(super) const GROUPS: usize = 8;
-/// Texels that found the groups.
-const SAMPLES: usize = 2048;
-/// Rounds of k-means: it has converged.
-const ROUNDS: usize = 10;
 /// Variance of the mean of a group that no texel tells, and the texels that halve it.
 const DOUBT: f32 = 0.04;
 const DOUBT_TEXELS: f32 = 20.0;
@@ -36,20 +32,16 @@ impl Membership {
     /// Groups of like root diffuse albedo.
     pub fn new(maps: &Svbrdf, options: &PoolingOptions) -> Self {
         let n = maps.texels();
-        let root = |t: usize| -> Feature {
+        let roots = parallel::values(n, |t| -> Feature {
             std::array::from_fn(|c| maps.plane(channel::DIFFUSE + c)[t].max(0.0).sqrt())
-        };
-        // Steps that share no factor with the width visit all columns.
-        let stride = (n / SAMPLES).max(1) | 1;
-        let samples: Vec<Feature> = (0..n).step_by(stride).map(root).collect();
-        let square = options.reach * options.reach;
-        let centres = clusters::centres(&samples, GROUPS, 0.25 * square, ROUNDS);
+        });
+        let clusters = Clusters::find(&roots, GROUPS, Some(options.reach));
         let shares = parallel::values(n, |t| {
             let mut row = [0.0; GROUPS];
-            clusters::shares(&centres, 2.0 * square, &root(t), &mut row[..centres.len()]);
+            clusters.shares(&roots[t], &mut row[..clusters.len()]);
             row
         });
-        Self { shares, groups: centres.len(), options: *options }
+        Self { shares, groups: clusters.len(), options: *options }
     }
 
     /// Precision and precision times mean of what a texel's groups say.
