@@ -106,9 +106,9 @@ mod tests {
     fn clouds_far_apart_are_found_and_shared_softly_between() {
         let clouds = [[0.1, 0.2, 0.3], [0.8, 0.7, 0.6], [0.1, 0.9, 0.1]];
         let samples: Vec<Feature> = (0..300)
-            .map(|i| clouds[i % 3].map(|v| v + 0.02 * ((i % 7) as f32 - 3.0) / 3.0))
+            .map(|i| clouds[i % 3].map(|v| v + 0.006 * ((i % 7) as f32 - 3.0) / 3.0))
             .collect();
-        let found = Clusters::find(&samples, 8, Some(0.07));
+        let found = Clusters::find(&samples, 8, Some(0.05));
         assert_eq!(found.len(), 3);
         let mut all = [0.0; 3];
         let between = std::array::from_fn(|c| 0.5 * (found.centres[0][c] + found.centres[1][c]));

@@ -1,8 +1,7 @@
 //! Gains of the maps as a whole: of the albedos and slopes, and a shift of roughness.
 //!
 //! Eight numbers see all texels of all photographs, so even one photograph pins them down, where a
-//! free fit would explain a wrong roughness by albedo and normals texel by texel. The loss has
-//! several minima in roughness; the search begins at some of them and keeps the best.
+//! free fit would explain a wrong roughness by albedo and normals texel by texel.
 //!
 //! The search is BFGS: the gradient of the maps is at hand from the renderer's adjoint and sums to that
 //! of the gains, while Gauss-Newton would need the derivatives of every residual by each gain.
@@ -17,18 +16,14 @@ use crate::svbrdf::{CHANNELS, MAX_SLOPE, MIN_ROUGHNESS, RANGE, channel};
 /// roughness, logarithm of the gain of the slopes.
 type Gains = [f64; 8];
 
-/// Their expected sizes.
-const SIGMA: Gains = [0.4, 0.4, 0.4, 0.8, 0.8, 0.8, 1.2, 0.5];
+/// Their expected size.
+const SIGMA: f64 = 0.6;
 /// Weight of that prior beside the mean loss, divided by the number of photographs.
 const PRIOR_WEIGHT: f64 = 1e-2;
-/// Shifts of roughness from which the search begins: the loss has several minima in it.
-const STARTS: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
-/// Steps from each start, and further ones from the best.
-const STEPS: [usize; 2] = [4, 12];
+/// Steps, at most.
+const STEPS: usize = 20;
 /// Longest step.
 const MAX_STEP: f64 = 0.7;
-/// Loss relative to the best so far that a further start must reach.
-const BETTER_START: f64 = 0.98;
 /// Loss relative to that without gains that is worth them.
 const BETTER_MAPS: f64 = 0.99;
 /// Roughness is moved below this: its logit has no end at 1.
@@ -40,23 +35,12 @@ const SLOPES: usize = 7;
 /// Gives maps the gains that explain the photographs best; returns whether anything was gained.
 pub(super) fn apply(maps: &mut Svbrdf, observations: &[Observation]) -> bool {
     let mut problem = Problem::new(maps, observations);
-    let (before, ..) = problem.evaluate(&[0.0; 8]);
-    let mut best: Option<Search> = None;
-    for shift in STARTS {
-        let mut start = [0.0; 8];
-        start[ROUGHNESS] = shift;
-        let mut search = Search::new(&mut problem, start);
-        search.run(&mut problem, STEPS[0]);
-        // the start itself wins a draw
-        if best.as_ref().is_none_or(|b| search.value < BETTER_START * b.value) {
-            best = Some(search);
-        }
-    }
-    let Some(mut best) = best else { return false };
-    best.run(&mut problem, STEPS[1]);
-    let better = best.value.is_finite() && best.value < BETTER_MAPS * before;
+    let mut search = Search::new(&mut problem);
+    let before = search.value;
+    search.run(&mut problem);
+    let better = search.value.is_finite() && search.value < BETTER_MAPS * before;
     if better {
-        problem.apply(&best.at);
+        problem.apply(&search.at);
         std::mem::swap(maps, &mut problem.moved);
     }
     better
@@ -118,9 +102,9 @@ impl<'a> Problem<'a> {
         for (c, sum) in sums.into_iter().enumerate() {
             gradient[parameter(c)] += sum;
         }
-        for ((g, x), sigma) in gradient.iter_mut().zip(gains).zip(SIGMA) {
-            value += self.prior_weight * (x / sigma).powi(2);
-            *g += 2.0 * self.prior_weight * x / (sigma * sigma);
+        for (g, x) in gradient.iter_mut().zip(gains) {
+            value += self.prior_weight * (x / SIGMA).powi(2);
+            *g += 2.0 * self.prior_weight * x / (SIGMA * SIGMA);
         }
         (value, gradient)
     }
@@ -146,18 +130,19 @@ struct Search {
 }
 
 impl Search {
-    fn new(problem: &mut Problem<'_>, at: Gains) -> Self {
+    fn new(problem: &mut Problem<'_>) -> Self {
+        let at = [0.0; 8];
         let (value, gradient) = problem.evaluate(&at);
         let mut inverse = [[0.0; 8]; 8];
         // One unit of loss per unit of gradient, at the scale of the expected gains.
         for (i, row) in inverse.iter_mut().enumerate() {
-            row[i] = SIGMA[i].powi(2);
+            row[i] = SIGMA * SIGMA;
         }
         Self { at, value, gradient, inverse, settled: !value.is_finite() }
     }
 
-    fn run(&mut self, problem: &mut Problem<'_>, steps: usize) {
-        for _ in 0..steps {
+    fn run(&mut self, problem: &mut Problem<'_>) {
+        for _ in 0..STEPS {
             if self.settled {
                 return;
             }
