@@ -16,6 +16,8 @@ use crate::streaming::name;
 const CAPTURES: usize = 12;
 /// Photographs of each: seven are fitted, two predicted.
 const FRAMES: usize = 9;
+/// Room light of boards in turn, as a share of the flash.
+const ROOMS: [f32; 3] = [0.0, 0.02, 0.05];
 /// Share of the materials of `training/` that no network has seen, by a hash of their names
 /// (`training/data.py`).
 const HELD_OUT_PERCENT: u32 = 6;
@@ -54,7 +56,7 @@ fn file_name(path: &Path) -> String {
 }
 
 /// Makes the captures of a seed in a folder: each of a random piece of another material, with faults as
-/// real photographs have them (`svbrdf simulate --real`).
+/// real photographs have them (`svbrdf simulate --real`), boards in rooms of different brightness.
 pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut random = Random::new(seed);
     let mut materials = materials(data)?;
@@ -70,26 +72,29 @@ pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<Vec<PathBuf>> {
         let side = SIDE.min(w).min(h);
         let mut place = |size: usize| (random.uniform() * (size - side + 1) as f64) as usize;
         let piece = crop(&maps, [place(w), place(h)], side)?;
-        let kind = if i % 2 == 0 { "board" } else { "rectified" };
+        let room = (i % 2 == 0).then(|| ROOMS[i / 2 % ROOMS.len()]);
+        let kind = if room.is_some() { "board" } else { "rectified" };
         let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", name(material)));
         let piece_folder = folder.join(format!("{i:02}"));
         write_maps(&piece_folder, &piece)?;
-        simulate(&piece_folder, &capture, seed.wrapping_mul(100) + i as u64, i % 2 == 1)?;
+        simulate(&piece_folder, &capture, seed.wrapping_mul(100) + i as u64, room)?;
         captures.push(capture);
     }
     Ok(captures)
 }
 
-/// Runs `svbrdf simulate`, which lies beside this program.
-fn simulate(maps: &Path, capture: &Path, seed: u64, rectified: bool) -> Result<()> {
+/// Runs `svbrdf simulate`, which lies beside this program, for a board with so much `room` light, or
+/// rectified.
+fn simulate(maps: &Path, capture: &Path, seed: u64, room: Option<f32>) -> Result<()> {
     let own = std::env::current_exe().map_err(|e| Error::io("svbrdf-eval", e))?;
     let program = own.with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(&program);
     command.arg("simulate").arg(maps).arg("--out").arg(capture).arg("--real");
     command.arg("--frames").arg(FRAMES.to_string()).arg("--seed").arg(seed.to_string());
-    if rectified {
-        command.arg("--rectified");
-    }
+    match room {
+        Some(share) => command.arg("--ambient").arg(share.to_string()),
+        None => command.arg("--rectified"),
+    };
     let done = command.output().map_err(|e| Error::io(&program, e))?;
     if done.status.success() {
         return Ok(());
