@@ -232,7 +232,7 @@ mod tests {
         let truth = material(64);
         let observations = [photograph(&truth, TOP), photograph(&truth, SIDE)];
         let mut problem = Problem::new(&truth, &[]);
-        problem.apply(&[-0.4, -0.3, -0.5, 0.5, 0.5, 0.5, 1.8, 0.3]);
+        problem.apply(&[-0.4, -0.3, -0.5, 0.5, 0.5, 0.5, 0.9, 0.3]);
         let mut maps = problem.moved;
         let mean = |maps: &Svbrdf, c: usize| {
             maps.plane(c).iter().zip(truth.plane(c)).map(|(a, b)| (a - b).abs()).sum::<f32>()

@@ -29,13 +29,11 @@ use super::photographs::Photographs;
 use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
-use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Light, Setup, descended, sigmas};
+use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Light, STEPS, Setup, descended, sigmas};
 pub(crate) use trials::WidthTrials;
 
 /// Texels along the longer side that are fitted, at most.
 const TEXELS: usize = 64;
-/// Steps of a fit, at most.
-const STEPS: usize = 12;
 
 /// Fits classes, texels, exposure and flash with the chosen widths; the belief's mean are flat maps
 /// with the gloss of their classes, of few photographs with a part of the estimate's own deviation,

@@ -14,6 +14,8 @@ use crate::svbrdf::{CHANNELS, channel};
 
 /// Part of the colour seen that is diffuse, in the prior's mean.
 pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
+/// Steps of a fit, at most.
+pub(super) const STEPS: usize = 12;
 /// Relative gain of a step that is not worth another.
 const CONVERGED: f64 = 1e-4;
 /// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm.

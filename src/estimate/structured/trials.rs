@@ -12,9 +12,8 @@
 
 use std::sync::Arc;
 
-use super::STEPS;
 use super::prediction;
-use super::setup::{Light, Setup, descended};
+use super::setup::{Light, STEPS, Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::options::{EstimateOptions, Widths};
