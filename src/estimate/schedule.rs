@@ -187,7 +187,7 @@ impl Cost {
     /// Of steps at 256 texels a side.
     const LATENT: Self = Self(45.0, 2.5);
     /// Of the gains of the maps as a whole, in the first step.
-    const GAINS: Self = Self(90.0, 7.0);
+    const GAINS: Self = Self(115.0, 8.5);
     const MAPS: Self = Self(6.5, 2.2);
     const POOLING: Self = Self(15.0, 3.5);
     const SLOPES: Self = Self(45.0, 0.5);

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StructuredOptions {
-    /// The prior of fewer photographs, round the latent estimate, where exposure and flash are not as
-    /// given.
+    /// The prior of too few photographs to leave one out, round the latent estimate, where exposure and flash
+    /// are not as given.
     pub few: Widths,
     /// Part of the estimate's own deviation from its class that the mean of that prior keeps. Tuned.
     pub own_share: f64,
