@@ -7,7 +7,9 @@
 //! as a whole; and a prior, weaker with every photograph, holds the slopes to the start's.
 //!
 //! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
-//! new photograph it begins again, with code and moments as they were.
+//! new photograph it begins again, with code and moments as they were. With the third it begins
+//! anew, from the mean of what each photograph says alone: one or two photographs are ambiguous, and
+//! steps do not lead out of where a wrong reading of them has led the code.
 
 mod code;
 mod gains;
@@ -20,7 +22,9 @@ use std::sync::Arc;
 
 use super::options::LatentOptions;
 use super::photographs::{Photographs, chosen};
+use super::prior::{coordinates, from_coordinate};
 use crate::initial_estimate::Networks;
+use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 use code::Code;
 pub(crate) use code::SavedCode;
@@ -97,9 +101,13 @@ impl LatentFit {
     /// # Errors
     /// When a network is broken.
     pub fn add_photograph(&mut self) -> Result<()> {
+        let photographs = self.photographs + 1;
         let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
         self.begin_again()?;
-        (self.position.fresh, self.photographs) = (fresh, self.photographs + 1);
+        // A code that begins anew has settled on none.
+        let anew = photographs == self.options.all_steps_to;
+        self.position.fresh = if anew { photographs } else { fresh };
+        self.photographs = photographs;
         Ok(())
     }
 
@@ -124,6 +132,13 @@ impl LatentFit {
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let observations = chosen(photographs.averaged(), &photographs.drawn(done));
+        if done == 0 && self.begins_anew() {
+            let first = photographs.averaged().iter().take(options.all_steps_to);
+            let start = mean_of_first_maps(&self.networks, first)?;
+            let maps = self.code.maps();
+            let start = to_size(&start, [maps.width(), maps.height()])?;
+            self.code = Code::new(&self.networks, &start)?;
+        }
         if done == 0 && options.gains {
             self.code.apply_gains(&self.networks, &observations)?;
         }
@@ -136,6 +151,12 @@ impl LatentFit {
             self.refresh()?;
         }
         Ok(self.report())
+    }
+
+    /// Whether the code has settled on none of the photographs, which are enough to begin from all.
+    fn begins_anew(&self) -> bool {
+        let fresh = self.position.fresh == self.photographs;
+        fresh && self.photographs >= self.options.all_steps_to.max(2)
     }
 
     /// Whether nothing is left to do until a photograph is added.
@@ -191,11 +212,12 @@ impl LatentFit {
     /// alone.
     fn steps(&self) -> usize {
         let LatentOptions { first_steps, steps, all_steps_to, .. } = self.options;
-        let of = |count: usize| (steps * all_steps_to).div_ceil(count.max(all_steps_to).max(1));
-        let steps = match self.photographs {
+        let of = |count: usize| match count {
             ..=1 => first_steps,
-            n => (n + 1 - self.position.fresh.clamp(1, n)..=n).take(MAX_PENDING).map(of).sum(),
+            _ => (steps * all_steps_to).div_ceil(count.max(all_steps_to)),
         };
+        let (fresh, all) = (self.position.fresh, self.photographs.max(1));
+        let steps: usize = (all + 1 - fresh.clamp(1, all)..=all).take(MAX_PENDING).map(of).sum();
         steps.max(1)
     }
 
@@ -210,6 +232,26 @@ impl LatentFit {
     pub fn refresh(&mut self) -> Result<()> {
         self.code.refresh(&self.networks)
     }
+}
+
+/// Mean, in coordinates, of what the photo network says of each photograph alone.
+fn mean_of_first_maps<'a>(
+    networks: &Networks,
+    observations: impl ExactSizeIterator<Item = &'a Observation>,
+) -> Result<Svbrdf> {
+    let share = (observations.len().max(1) as f32).recip();
+    let mut all: Option<(Svbrdf, Vec<f32>)> = None;
+    for observation in observations {
+        let maps = networks.photo_maps(observation)?;
+        let found = coordinates(&maps);
+        let (_, sum) = all.get_or_insert_with(|| (maps, vec![0.0; found.len()]));
+        sum.iter_mut().zip(found).for_each(|(sum, x)| *sum += share * x);
+    }
+    let (mut maps, mean) = all.ok_or(Error::NoMaps)?;
+    let texels = maps.texels();
+    let values = mean.into_iter().enumerate().map(|(i, x)| from_coordinate(i / texels, x));
+    maps.planes_mut().iter_mut().zip(values).for_each(|(to, value)| *to = value);
+    Ok(maps)
 }
 
 /// Maps at another power of two of their size.

@@ -129,7 +129,7 @@ fn photographs_that_were_not_fitted_bring_their_steps_along() {
         fit.add(&side).unwrap();
         steps
     };
-    assert_eq!(steps_of_the_next(false), 6);
+    assert_eq!(steps_of_the_next(false), 8 + 3);
     assert_eq!(steps_of_the_next(true), 3);
 }
 
@@ -168,14 +168,41 @@ fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
     let truth = material(32);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     let start = networks.photo_maps(&top).unwrap();
-    let options = LatentOptions { steps: 3, gains: false, ..LatentOptions::default() };
+    let options =
+        LatentOptions { first_steps: 5, steps: 3, gains: false, ..LatentOptions::default() };
     let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
     fit.add(&side).unwrap();
-    assert_eq!(fit.settle(), 6, "two came at once");
+    assert_eq!(fit.settle(), 5 + 3, "two came at once");
+    fit.add(&side).unwrap();
+    assert_eq!(fit.settle(), 5 + 3 + 3, "the third begins anew");
     fit.add(&side).unwrap();
     assert_eq!(fit.settle(), 3, "one alone");
     fit.latent.begin_again().unwrap();
     assert_eq!(fit.settle(), 3, "known ones again: as one");
+}
+
+/// The third begins from what all three say, whatever the fits before it have found.
+#[test]
+fn with_three_photographs_the_code_forgets_how_they_came() {
+    let networks = networks();
+    let truth = material(64);
+    let places = [TOP, SIDE, [-40.0, 45.0, 100.0]];
+    let [top, side, third] = places.map(|place| photograph(&truth, place));
+    let options = LatentOptions { first_steps: 3, steps: 3, ..LatentOptions::default() };
+    let run = |start: &Svbrdf, one_by_one: bool| {
+        let mut fit = Fit::new(networks.clone(), start, &top, &options).unwrap();
+        for photograph in [&side, &third] {
+            if one_by_one {
+                fit.settle();
+            }
+            fit.add(photograph).unwrap();
+        }
+        fit.settle();
+        fit.maps()
+    };
+    let start = networks.photo_maps(&top).unwrap();
+    let maps = run(&start, true);
+    assert!(maps == run(&start, false) && maps == run(&material(64), true));
 }
 
 #[test]

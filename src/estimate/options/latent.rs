@@ -11,8 +11,9 @@ pub struct LatentOptions {
     pub first_steps: usize,
     /// Steps after each further photograph. Tuned.
     pub steps: usize,
-    /// Photographs up to which each has so many steps. The more there are, the less one of them moves
-    /// the code: of more, its steps fall with their number. Tuned.
+    /// Photographs up to which each has so many steps, and with which the code begins anew, from the mean
+    /// of their first maps. The more there are, the less one of them moves the code: of more, its steps
+    /// fall with their number. Tuned.
     pub all_steps_to: usize,
     /// Length of the first steps, in units of the code (whose variance is 1); falls to zero over
     /// the steps as half a cosine. Tuned.
