@@ -11,8 +11,10 @@ pub const TERMS: usize = 13;
 /// training materials, rectified without faults, with noise and ambient light, and with the faults of
 /// `svbrdf simulate --real`, after 1, 2, 5 and 8 photographs: maximum likelihood of Student's
 /// distribution with four degrees of freedom, then scaled so that one deviation holds for 69 % of
-/// the training texels. The last coefficient was set afterwards, on 36 captures with faults (`svbrdf-eval gate`,
-/// group `fresh`, seeds 1, 2 and 3), of normals only: those of exact photographs stay as they are.
+/// the training texels. Two things were changed afterwards, on captures with faults (`svbrdf-eval gate`,
+/// group `fresh`). The last coefficient was set on 36, of normals only: those of exact photographs stay
+/// as they are. The term of the structured prior was 1 for any number of photographs; with two, deviations
+/// were half of what they should be (22 captures without a board).
 pub(super) const CALIBRATION: [[f32; TERMS]; 4] = [
     [2.512, 0.652, -0.519, 0.629, 0.472, 0.291, 0.280, 0.272, 0.197, -0.115, 0.270, -0.636, 0.3],
     [3.021, 0.836, -0.780, 1.000, 0.481, 0.234, 0.069, 0.630, -0.175, 0.225, 0.010, -0.502, 0.0],

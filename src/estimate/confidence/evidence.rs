@@ -52,7 +52,7 @@ const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
 /// | 8 | logarithm of the sample's roughness |
 /// | 9 | logarithm of the map's own variation over the sample |
 /// | 10 | logarithm of how far the map has gone from that of the latent code, round the texel |
-/// | 11 | 1 with the structured prior, otherwise 0 |
+/// | 11 | logarithm of N/2 with the structured prior, otherwise 0 |
 /// | 12 | logarithm of the noise that squares or texels show, in units of that of exact photographs |
 pub struct Evidence {
     maps: Svbrdf,
@@ -172,7 +172,7 @@ impl Evidence {
             ln(self.roughness, MIN_ROUGHNESS),
             ln(planes.variation, MIN_VALUE),
             ln(planes.change[texel], MIN_CHANGE),
-            flag(self.structured),
+            flag(self.structured) * (0.5 * self.photographs as f32).ln(),
             ln(self.noise, 1.0),
         ]
     }
