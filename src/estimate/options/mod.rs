@@ -126,9 +126,9 @@ mod tests {
 
     #[test]
     fn a_file_names_what_differs_only() {
-        let text = r#"{ "pooling": { "noise": 0.2 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
+        let text = r#"{ "pooling": { "reach": 0.2 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
         let options: EstimateOptions = serde_json::from_str(text).unwrap();
-        assert_eq!(options.pooling.noise, 0.2);
+        assert_eq!(options.pooling.reach, 0.2);
         assert_eq!(options.pooling.deviation, PoolingOptions::default().deviation);
         assert_eq!(options.noise, NoiseOptions::default());
         let all = serde_json::to_string(&options).unwrap();

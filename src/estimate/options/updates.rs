@@ -10,8 +10,6 @@ pub struct PoolingOptions {
     pub reach: f32,
     /// Spread that a group has at least, roughness or root albedo. Tuned.
     pub min_spread: f32,
-    /// Log residual that one photograph's model error and noise leave; of material classes as well. Tuned.
-    pub noise: f32,
     /// How far the maps may be off where nothing was seen: roughness, root of specular albedo.
     /// Tuned.
     pub deviation: [f32; 2],
@@ -19,7 +17,7 @@ pub struct PoolingOptions {
 
 impl Default for PoolingOptions {
     fn default() -> Self {
-        Self { reach: 0.06, min_spread: 0.04, noise: 0.1, deviation: [0.25, 0.15] }
+        Self { reach: 0.06, min_spread: 0.04, deviation: [0.25, 0.15] }
     }
 }
 

@@ -138,12 +138,12 @@ impl ClassTrials {
                 gloss.write(&mut mean, |_| value);
             }
         }
-        let EstimateOptions { classes, pooling, noise, .. } = &self.options;
+        let EstimateOptions { classes, noise, .. } = &self.options;
         let mut prior = self.options.prior;
         // What is diffuse was found with another gloss.
         prior.sigma[channel::DIFFUSE..channel::SPECULAR].fill(classes.diffuse_sigma);
         solve(&mut maps, &mean, &prior, observations, STEPS, noise)?;
-        let noise = Noise { scale: pooling.noise, huber: noise.huber };
+        let noise = Noise::expected(noise);
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
         let information = gloss_information(at, observations);
         Ok(smoothed(information.cost(), maps.width(), &self.members))

@@ -25,11 +25,14 @@ pub(crate) struct Pooling {
     pub pooling: PoolingOptions,
     /// Widths of all but gloss.
     pub prior: Prior,
+    /// As expected of the photographs.
+    pub noise: Noise,
 }
 
 impl Pooling {
     pub fn new(options: &EstimateOptions) -> Self {
-        Self { pooling: options.pooling, prior: options.prior }
+        let noise = Noise::of_model(options.noise.expected);
+        Self { pooling: options.pooling, prior: options.prior, noise }
     }
 
     /// Pools the gloss of the base, where maps and mean begin anew. As many photographs as a step of the
@@ -73,8 +76,7 @@ impl Pooling {
         for gloss in self.glosses() {
             prior.sigma[gloss.plane] = gloss.deviation;
         }
-        let noise = Noise::of_model(self.pooling.noise);
-        gloss_information(At { maps, mean: maps, prior: &prior, noise }, observations)
+        gloss_information(At { maps, mean: maps, prior: &prior, noise: self.noise }, observations)
     }
 
     /// The planes of gloss.
