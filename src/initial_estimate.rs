@@ -18,13 +18,16 @@ use std::path::Path;
 
 use crate::network::{Decoder, Workspace};
 use crate::observation::Observation;
-use crate::svbrdf::{CHANNELS, encoding, halved};
+use crate::svbrdf::{CHANNELS, encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 #[cfg(test)]
 pub(crate) use graph::{MAPS_ODD, half_turn};
 use graph::{MAX_TEXELS, Network};
 use photo_input::{PHOTO_CHANNELS, PHOTO_ODD, photo_halvings, photo_input};
 
+/// Texels along the longer side of the maps that the latent code is fitted to, at most: twice as many take four
+/// times as long and gain nothing.
+pub(crate) const CODE_TEXELS: usize = 128;
 /// Planes of what a fit knows: what the completion network sees.
 pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
 /// Those that change their sign in a half turn: the slopes of three maps.
@@ -97,7 +100,7 @@ impl Networks {
         &self.decoder
     }
 
-    /// Builds the plans for maps of `height * width` ahead of the first photograph.
+    /// Builds the plans for photographs of `height * width` texels ahead of the first photograph.
     ///
     /// # Errors
     /// When the sizes do not suit the networks.
@@ -105,7 +108,8 @@ impl Networks {
         let halvings = photo_halvings(height, width)?;
         self.photo.prepare(height >> halvings, width >> halvings)?;
         self.check_code_size(height, width)?;
-        self.encoder.prepare(height, width)
+        let halvings = halvings_to([width, height], CODE_TEXELS);
+        self.encoder.prepare(height >> halvings, width >> halvings)
     }
 
     /// First maps from one photograph.

@@ -303,6 +303,16 @@ pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) ->
     (1..times).fold(half(whole), |small, _| half(&small))
 }
 
+/// Halvings after which the longer side has at most so many texels, or which the sides allow.
+pub(crate) fn halvings_to([width, height]: [usize; 2], texels: usize) -> u32 {
+    let even = |halvings: u32| (width >> halvings) % 2 == 0 && (height >> halvings) % 2 == 0;
+    let mut halvings = 0;
+    while width.max(height) >> halvings > texels && even(halvings) {
+        halvings += 1;
+    }
+    halvings
+}
+
 /// Twice the texels of a row by linear interpolation; ends repeat.
 fn double_row(row: &[f32], out: &mut [f32]) {
     let last = row.len() - 1;

@@ -245,8 +245,9 @@ impl Estimation {
                 let start = start.ok_or(Error::NoMaps)?;
                 self.latent = Some(self.begin_latent(start)?);
             }
-            if let Some(latent) = &mut self.latent {
-                latent.add_photograph()?;
+            if let (Some(latent), Some(added)) = (&mut self.latent, self.photographs.full().last())
+            {
+                latent.add_photograph(added)?;
             }
         }
         (self.cut, self.structured, self.record) = (None, false, None);
@@ -256,7 +257,7 @@ impl Estimation {
     }
 
     fn begin_latent(&self, start: &Svbrdf) -> Result<LatentFit> {
-        let first = self.photographs.averaged().first().ok_or(Error::NoMaps)?;
+        let first = self.photographs.working().full().first().ok_or(Error::NoMaps)?;
         let size = [first.width(), first.height()];
         LatentFit::new(self.networks.clone(), start, size, &self.options.latent)
     }
@@ -267,8 +268,8 @@ impl Estimation {
         let start = first_maps(&self.networks, first)?;
         if self.latent.is_some() {
             let mut latent = self.begin_latent(&start)?;
-            for _ in 0..self.photographs.len() {
-                latent.add_photograph()?;
+            for photograph in self.photographs.full() {
+                latent.add_photograph(photograph)?;
             }
             self.latent = Some(latent);
         }
@@ -293,13 +294,13 @@ impl Estimation {
         let Some(latent) = &self.latent else { return };
         self.stage = match Position::default().settled(&self.rows()) {
             Some(at) => Stage::Texels(Box::new(Texels {
-                belief: Belief::new(latent.maps().clone(), &self.options),
+                belief: Belief::new(latent.maps(), &self.options),
                 at,
                 work: Work::Pending,
                 lights_before: self.photographs.correction().clone(),
                 again,
             })),
-            None => Stage::Settled(Some(self.full_size(latent.maps()).into_owned())),
+            None => Stage::Settled(Some(self.full_size(latent.maps()))),
         };
     }
 
@@ -309,39 +310,36 @@ impl Estimation {
         let stage = std::mem::replace(&mut self.stage, Stage::Settled(None));
         let maps = match stage {
             Stage::Settled(maps) => maps,
-            Stage::Latent { .. } => self.latent.as_ref().map(|latent| latent.maps().clone()),
+            Stage::Latent { .. } => self.latent.as_ref().map(LatentFit::maps),
             Stage::Texels(texels) => Some(texels.belief.maps),
             Stage::Baseline { maps, .. } => Some(maps),
         };
-        self.stage = Stage::Settled(maps.map(|maps| match self.full_size(&maps) {
-            Cow::Owned(larger) => larger,
-            Cow::Borrowed(_) => maps,
-        }));
+        self.stage = Stage::Settled(maps.map(|maps| self.full_size(maps)));
     }
 
     /// The maps as they are now, of the size that is worked with.
-    pub(super) fn shown(&self) -> Option<&Svbrdf> {
+    pub(super) fn shown(&self) -> Option<Cow<'_, Svbrdf>> {
         match &self.stage {
-            Stage::Settled(maps) => maps.as_ref(),
-            Stage::Latent { .. } => self.latent.as_ref().map(LatentFit::maps),
-            Stage::Texels(texels) => Some(&texels.belief.maps),
-            Stage::Baseline { maps, .. } => Some(maps),
+            Stage::Settled(maps) => maps.as_ref().map(Cow::Borrowed),
+            Stage::Latent { .. } => self.latent.as_ref().map(|latent| Cow::Owned(latent.maps())),
+            Stage::Texels(texels) => Some(Cow::Borrowed(&texels.belief.maps)),
+            Stage::Baseline { maps, .. } => Some(Cow::Borrowed(maps)),
         }
     }
 
     pub(super) fn measure(&mut self) {
         if let Some(maps) = self.shown() {
-            self.loss = render::loss(maps, self.photographs.like(maps).full()) as f32;
+            self.loss = render::loss(&maps, self.photographs.like(&maps).full()) as f32;
         }
     }
 
     /// Maps in work at the photographs' resolution.
-    pub(super) fn full_size<'a>(&self, maps: &'a Svbrdf) -> Cow<'a, Svbrdf> {
+    pub(super) fn full_size(&self, maps: Svbrdf) -> Svbrdf {
         match self.photographs.full().first() {
             Some(full) if maps.width() < full.width() => {
-                Cow::Owned(interpolated(maps, self.photographs.thinning()))
+                interpolated(&maps, self.photographs.thinning())
             }
-            _ => Cow::Borrowed(maps),
+            _ => maps,
         }
     }
 
@@ -351,7 +349,7 @@ impl Estimation {
     /// Without photographs.
     pub fn maps(&self) -> Result<Svbrdf> {
         let maps = self.shown().ok_or(Error::NoMaps)?;
-        Ok(self.full_size(maps).into_owned())
+        Ok(self.full_size(maps.into_owned()))
     }
 
     /// The schedule for the photographs so far.

@@ -22,10 +22,9 @@ impl Estimation {
         let seen = photographs.min(self.options.schedule.photographs);
         let all = self.photographs.full().first().map_or(0, Observation::texels);
         let counts = [all >> (2 * self.photographs.thinning()), all];
-        let [mut done, all] = self
-            .latent
-            .as_ref()
-            .map_or([0.0; 2], |latent| latent_cost(latent.work(), latent.maps().texels(), seen));
+        let [mut done, all] = self.latent.as_ref().map_or([0.0; 2], |latent| {
+            latent_cost(latent.work(), latent.averages().texels(), seen)
+        });
         let mut left = all - done;
         for (i, row) in rows.iter().enumerate() {
             // The last steps see all photographs.

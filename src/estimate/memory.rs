@@ -1,6 +1,7 @@
 //! How much memory an estimate needs.
 
 use super::options::ScheduleOptions;
+use crate::initial_estimate::CODE_TEXELS;
 use crate::svbrdf::CHANNELS;
 
 /// Bytes of a texel of a rectified photograph: three half floats that hold its weight as well.
@@ -11,8 +12,10 @@ const MAPS: u64 = 4 * CHANNELS as u64;
 /// published, the latest finished, those being interpolated), and during the refinement.
 const MAP_SETS_FITTING: u64 = 4;
 const MAP_SETS_REFINING: u64 = 7;
-/// Bytes of a texel that is fitted: the decoder's activations and gradients, code, detail, maps.
+/// Bytes of a texel that the latent code is fitted to: the decoder's activations and gradients, code, detail, maps.
 const FITTED: u64 = 700;
+/// Sets of maps that the code begins with: the first, and their mean.
+const MAP_SETS_STARTING: u64 = 2;
 /// Bytes of a texel that the completion network sees: covariances, features, what its first layers
 /// unfold, and what is freed without being given back.
 const COMPLETED: u64 = 1800;
@@ -27,9 +30,10 @@ pub(crate) fn bytes_needed(side: usize, photographs: usize) -> u64 {
     let most = ScheduleOptions::default().texels;
     let working = (0..).map(|times| side >> times).find(|side| *side <= most).map_or(full, area);
     let thinned = if working < full { working } else { 0 };
-    // Thinned out and averaged; halved ones take a third more.
-    let each = OBSERVATION * (full + 2 * thinned + working / 3);
-    let fitting = FITTED * working + COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
-    let refining = FITTED * working + MAP_SETS_REFINING * MAPS * full + GUIDE * full;
-    fitting.max(refining) + photographs as u64 * each
+    // Thinned out, and averaged for the code; halved ones take a third more.
+    let each = OBSERVATION * (full + thinned + thinned / 4 + working / 3);
+    let latent = FITTED * working.min(area(CODE_TEXELS)) + MAP_SETS_STARTING * MAPS * working;
+    let fitting = COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
+    let refining = MAP_SETS_REFINING * MAPS * full + GUIDE * full;
+    latent + fitting.max(refining) + photographs as u64 * each
 }

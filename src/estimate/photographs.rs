@@ -9,8 +9,9 @@ use std::borrow::Cow;
 
 use super::correction::Correction;
 use super::parts::Contradiction;
+use crate::initial_estimate::CODE_TEXELS;
 use crate::observation::{Observation, View};
-use crate::svbrdf::halved;
+use crate::svbrdf::{halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 
 /// Shortest side that is kept, texels.
@@ -34,7 +35,7 @@ pub(crate) struct Photographs {
     working_texels: usize,
     /// Those that phases work with, where the others are larger.
     thinned: Option<Box<Self>>,
-    /// As many texels, averaged.
+    /// Of these, averages of as many texels as the latent code is fitted at.
     averaged: Vec<Observation>,
 }
 
@@ -104,13 +105,14 @@ impl Photographs {
         } else if index == 0 {
             self.levels = vec![Vec::new(); halvings(&self.full[0])];
         }
-        let (given, full, times) = (self.given[index], &self.full[index], self.thinning());
+        let (times, averaging) = (self.thinning(), self.averaging());
+        let (given, full) = (self.given[index], &self.full[index]);
         if let Some(thinned) = &mut self.thinned {
             let mut observation = full.thinned(times);
             observation.view = given;
             thinned.add(observation)?;
             thinned.correct(self.correction.clone());
-            self.averaged.push(halved(full, times, Observation::downsampled));
+            self.averaged.push(halved(full, averaging, Observation::downsampled));
         }
         let mut small = Cow::Borrowed(full);
         for level in &mut self.levels {
@@ -172,12 +174,12 @@ impl Photographs {
 
     /// Halves and thins out a photograph that has changed.
     fn derive(&mut self, index: usize) {
-        let times = self.thinning();
+        let (times, averaging) = (self.thinning(), self.averaging());
         if let Some(thinned) = &mut self.thinned {
             thinned.full[index] = self.full[index].thinned(times);
             thinned.given[index] = self.given[index];
             thinned.derive(index);
-            self.averaged[index] = halved(&self.full[index], times, Observation::downsampled);
+            self.averaged[index] = halved(&self.full[index], averaging, Observation::downsampled);
         }
         let mut small = Cow::Borrowed(&self.full[index]);
         for level in &mut self.levels {
@@ -225,9 +227,12 @@ impl Photographs {
         self.thinned.as_deref().unwrap_or(self)
     }
 
-    /// As many texels as the phases work with, averages of all.
-    pub fn averaged(&self) -> &[Observation] {
-        if self.thinned.is_some() { &self.averaged } else { &self.full }
+    /// As many texels as the latent code is fitted at, averages of all.
+    pub fn averaged(&self) -> Cow<'_, [Observation]> {
+        match self.thinned {
+            Some(_) => Cow::Borrowed(&self.averaged),
+            None => self.level(self.averaging()),
+        }
     }
 
     /// Those of the size of these maps: all texels, or those that phases work with.
@@ -244,18 +249,14 @@ impl Photographs {
         self.halvings_to(self.working_texels)
     }
 
+    /// Halvings for the latent code.
+    fn averaging(&self) -> u32 {
+        self.halvings_to(CODE_TEXELS.min(self.working_texels))
+    }
+
     /// Halvings after which the longer side has at most so many texels, or which the size allows.
     pub fn halvings_to(&self, texels: usize) -> u32 {
-        let Some(first) = self.full.first() else { return 0 };
-        let (width, height) = (first.width(), first.height());
-        let mut halvings = 0;
-        while width.max(height) >> halvings > texels
-            && (width >> halvings).is_multiple_of(2)
-            && (height >> halvings).is_multiple_of(2)
-        {
-            halvings += 1;
-        }
-        halvings
+        self.full.first().map_or(0, |first| halvings_to([first.width(), first.height()], texels))
     }
 
     /// Views before their correction.
@@ -392,7 +393,7 @@ mod tests {
             }
         }
         assert_eq!(photographs.working().given(), photographs.given());
-        for (full, averaged) in full.iter().zip(photographs.averaged()) {
+        for (full, averaged) in full.iter().zip(photographs.averaged().iter()) {
             assert_eq!(*averaged, full.downsampled().downsampled());
         }
     }

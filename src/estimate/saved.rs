@@ -1,6 +1,7 @@
 //! An estimate as plain data, to go on with later to the same bits: where a photograph has just come, or
 //! nothing is left to do. What happens between is done again.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -50,7 +51,7 @@ impl Estimation {
         SavedEstimate {
             latent: self.latent.as_ref().map(LatentFit::save),
             probe: self.latent.as_ref().map_or_else(Vec::new, |_| probe(&self.networks)),
-            maps: if classic { self.shown().cloned() } else { None },
+            maps: if classic { self.shown().map(Cow::into_owned) } else { None },
             correction: self.photographs.correction().clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
             structured: self.structured,

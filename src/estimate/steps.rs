@@ -271,7 +271,7 @@ impl Estimation {
 /// step.
 fn is_still(latent: &LatentFit, previous: &mut Option<Shown>) -> bool {
     let [done, steps] = latent.work();
-    let now = Shown::of(latent.maps());
+    let now = Shown::of(latent.averages());
     let change = previous.as_ref().map(|before| now.visible_change(before));
     *previous = Some(now);
     change.is_some_and(|c| predicted_change(c, done as u32, steps as u32) < 1.0)

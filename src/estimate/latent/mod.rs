@@ -6,6 +6,9 @@
 //! start and moves it within what materials do. Each photograph begins with gains of the maps
 //! as a whole; and a prior, weaker with every photograph, holds the slopes to the start's.
 //!
+//! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
+//! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
+//!
 //! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
 //! new photograph it begins again, with code and moments as they were. With the third it begins
 //! anew, from the mean of what each photograph says alone: one or two photographs are ambiguous, and
@@ -23,8 +26,9 @@ use std::sync::Arc;
 use super::options::LatentOptions;
 use super::photographs::{Photographs, chosen};
 use super::prior::{coordinates, from_coordinate};
-use crate::initial_estimate::Networks;
+use crate::initial_estimate::{CODE_TEXELS, Networks};
 use crate::observation::Observation;
+use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 use code::Code;
 pub(crate) use code::SavedCode;
@@ -47,6 +51,11 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
+    /// Where the code began, of as many texels as the phases work with.
+    start: Svbrdf,
+    /// Mean of the first maps of each photograph, until the code begins anew from it.
+    first: Option<Svbrdf>,
+    /// Of averages of the texels.
     code: Code,
     /// Photographs so far.
     photographs: usize,
@@ -68,6 +77,8 @@ pub(crate) struct LatentPosition {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedFit {
     pub position: LatentPosition,
+    pub start: Svbrdf,
+    pub first: Option<Svbrdf>,
     pub code: SavedCode,
 }
 
@@ -91,23 +102,36 @@ impl LatentFit {
                 format!("{width}x{height} texels, multiples of {multiple} expected"),
             ));
         }
-        let code = Code::new(&networks, &to_size(start, [width, height])?)?;
+        let start = to_size(start, [width, height])?;
+        let code = Code::new(&networks, &averaged(&start))?;
         let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
-        Ok(Self { networks, options: *options, code, photographs: 0, position })
+        let first = (options.all_steps_to > 1).then(|| start.clone());
+        Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again from where it is.
+    /// A photograph was added; the fit begins again from where it is, with the third anew.
     ///
     /// # Errors
     /// When a network is broken.
-    pub fn add_photograph(&mut self) -> Result<()> {
+    pub fn add_photograph(&mut self, observation: &Observation) -> Result<()> {
         let photographs = self.photographs + 1;
         let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
         self.begin_again()?;
-        // A code that begins anew has settled on none.
-        let anew = photographs == self.options.all_steps_to;
-        self.position.fresh = if anew { photographs } else { fresh };
-        self.photographs = photographs;
+        (self.position.fresh, self.photographs) = (fresh, photographs);
+        if photographs > 1
+            && let Some(mean) = self.first.take()
+        {
+            let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
+            let mean = moved(&mean, &maps, (photographs as f32).recip());
+            if photographs < self.options.all_steps_to {
+                self.first = Some(mean);
+            } else {
+                self.code = Code::new(&self.networks, &averaged(&mean))?;
+                self.start = mean;
+                // It has settled on none.
+                self.position.fresh = photographs;
+            }
+        }
         Ok(())
     }
 
@@ -131,14 +155,8 @@ impl LatentFit {
             return Ok(self.report());
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
-        let observations = chosen(photographs.averaged(), &photographs.drawn(done));
-        if done == 0 && self.begins_anew() {
-            let first = photographs.averaged().iter().take(options.all_steps_to);
-            let start = mean_of_first_maps(&self.networks, first)?;
-            let maps = self.code.maps();
-            let start = to_size(&start, [maps.width(), maps.height()])?;
-            self.code = Code::new(&self.networks, &start)?;
-        }
+        let averages = photographs.averaged();
+        let observations = chosen(&averages, &photographs.drawn(done));
         if done == 0 && options.gains {
             self.code.apply_gains(&self.networks, &observations)?;
         }
@@ -153,19 +171,33 @@ impl LatentFit {
         Ok(self.report())
     }
 
-    /// Whether the code has settled on none of the photographs, which are enough to begin from all.
-    fn begins_anew(&self) -> bool {
-        let fresh = self.position.fresh == self.photographs;
-        fresh && self.photographs >= self.options.all_steps_to.max(2)
-    }
-
     /// Whether nothing is left to do until a photograph is added.
     pub fn is_settled(&self) -> bool {
         self.position.done >= self.steps()
     }
 
     /// The maps as they are now.
-    pub fn maps(&self) -> &Svbrdf {
+    pub fn maps(&self) -> Svbrdf {
+        let (code, mut maps) = (self.code.maps(), self.start.clone());
+        let mut moved = code.clone();
+        let n = moved.texels();
+        let before = averaged(&self.start);
+        for (i, (to, from)) in moved.planes_mut().iter_mut().zip(before.planes()).enumerate() {
+            *to = encoding::encode(i / n, *to) - encoding::encode(i / n, *from);
+        }
+        while moved.width() < maps.width() {
+            moved = moved.upsampled();
+        }
+        let n = maps.texels();
+        for (i, (to, by)) in maps.planes_mut().iter_mut().zip(moved.planes()).enumerate() {
+            *to = encoding::decode(i / n, encoding::encode(i / n, *to) + by);
+        }
+        maps.clamp();
+        maps
+    }
+
+    /// The maps of the code, averages of texels.
+    pub fn averages(&self) -> &Svbrdf {
         self.code.maps()
     }
 
@@ -181,7 +213,12 @@ impl LatentFit {
 
     /// The fit as plain data.
     pub fn save(&self) -> SavedFit {
-        SavedFit { position: self.position, code: self.code.save() }
+        SavedFit {
+            position: self.position,
+            start: self.start.clone(),
+            first: self.first.clone(),
+            code: self.code.save(),
+        }
     }
 
     /// Goes on from a saved fit with its photographs. Without `same_networks` the code is found
@@ -196,16 +233,20 @@ impl LatentFit {
         same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let first = photographs.averaged().first().ok_or(Error::NoMaps)?;
-        let SavedFit { mut position, code } = saved;
+        let SavedFit { mut position, start, first, code } = saved;
         // More than anyone takes.
         position.done = position.done.min(MAX_SAVED);
         position.fresh = position.fresh.min(MAX_SAVED);
-        if [code.maps.width(), code.maps.height()] != [first.width(), first.height()] {
+        let of = |all: &[Observation]| all.first().map(|first| [first.width(), first.height()]);
+        if Some(size(&start)) != of(photographs.working().full())
+            || first.as_ref().is_some_and(|first| size(first) != size(&start))
+            || Some(size(&code.maps)) != of(&photographs.averaged())
+        {
             return Err(Error::argument("fit", "maps of the photographs' size are expected"));
         }
         let code = Code::restore(&networks, code, same_networks)?;
-        Ok(Self { networks, options: *options, code, photographs: photographs.len(), position })
+        let photographs = photographs.len();
+        Ok(Self { networks, options: *options, start, first, code, photographs, position })
     }
 
     /// Steps for the photographs that the fit has not settled on: each has those that it would have had
@@ -234,24 +275,25 @@ impl LatentFit {
     }
 }
 
-/// Mean, in coordinates, of what the photo network says of each photograph alone.
-fn mean_of_first_maps<'a>(
-    networks: &Networks,
-    observations: impl ExactSizeIterator<Item = &'a Observation>,
-) -> Result<Svbrdf> {
-    let share = (observations.len().max(1) as f32).recip();
-    let mut all: Option<(Svbrdf, Vec<f32>)> = None;
-    for observation in observations {
-        let maps = networks.photo_maps(observation)?;
-        let found = coordinates(&maps);
-        let (_, sum) = all.get_or_insert_with(|| (maps, vec![0.0; found.len()]));
-        sum.iter_mut().zip(found).for_each(|(sum, x)| *sum += share * x);
+/// Maps moved a part of the way to others, in coordinates.
+fn moved(maps: &Svbrdf, to: &Svbrdf, part: f32) -> Svbrdf {
+    let (mut maps, from) = (maps.clone(), coordinates(maps));
+    let n = maps.texels();
+    let moved = from.iter().zip(coordinates(to)).map(|(from, to)| from + part * (to - from));
+    for (i, (value, x)) in maps.planes_mut().iter_mut().zip(moved).enumerate() {
+        *value = from_coordinate(i / n, x);
     }
-    let (mut maps, mean) = all.ok_or(Error::NoMaps)?;
-    let texels = maps.texels();
-    let values = mean.into_iter().enumerate().map(|(i, x)| from_coordinate(i / texels, x));
-    maps.planes_mut().iter_mut().zip(values).for_each(|(to, value)| *to = value);
-    Ok(maps)
+    maps
+}
+
+fn size(maps: &Svbrdf) -> [usize; 2] {
+    [maps.width(), maps.height()]
+}
+
+/// Averages of as many texels as the code is fitted at.
+fn averaged(maps: &Svbrdf) -> Svbrdf {
+    let halvings = halvings_to(size(maps), CODE_TEXELS);
+    halved(maps, halvings, Svbrdf::downsampled)
 }
 
 /// Maps at another power of two of their size.
@@ -264,7 +306,7 @@ fn to_size(maps: &Svbrdf, [width, height]: [usize; 2]) -> Result<Svbrdf> {
     while maps.width() < width {
         maps = maps.upsampled();
     }
-    if [maps.width(), maps.height()] == [width, height] {
+    if size(&maps) == [width, height] {
         return Ok(maps);
     }
     Err(Error::argument(

@@ -1,6 +1,7 @@
 use super::*;
 use crate::observation::Observation;
 use crate::render;
+use crate::svbrdf::{channel, encoding};
 use crate::test_support::{self, view_from};
 
 fn networks() -> Arc<Networks> {
@@ -40,7 +41,7 @@ impl Fit {
 
     fn add(&mut self, photograph: &Observation) -> Result<()> {
         self.photographs.add(photograph.clone())?;
-        self.latent.add_photograph()
+        self.latent.add_photograph(photograph)
     }
 
     fn step(&mut self) -> StepReport {
@@ -57,7 +58,7 @@ impl Fit {
     }
 
     fn maps(&self) -> Svbrdf {
-        self.latent.maps().clone()
+        self.latent.maps()
     }
 }
 
@@ -117,7 +118,9 @@ fn the_same_steps_give_the_same_bits_whatever_the_threads() {
 fn photographs_that_were_not_fitted_bring_their_steps_along() {
     let truth = material(32);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
-    let options = LatentOptions { first_steps: 8, steps: 3, ..LatentOptions::default() };
+    // None begins anew.
+    let options =
+        LatentOptions { first_steps: 8, steps: 6, all_steps_to: 1, ..LatentOptions::default() };
     let mut fit = Fit::new(networks(), &truth, &top, &options).unwrap();
     let mut steps_of_the_next = |left_early: bool| {
         fit.step();
@@ -130,7 +133,8 @@ fn photographs_that_were_not_fitted_bring_their_steps_along() {
         steps
     };
     assert_eq!(steps_of_the_next(false), 8 + 3);
-    assert_eq!(steps_of_the_next(true), 3);
+    // The fifth of six, as the fourth has settled.
+    assert_eq!(steps_of_the_next(true), 2);
 }
 
 #[test]
@@ -181,6 +185,44 @@ fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
     assert_eq!(fit.settle(), 3, "known ones again: as one");
 }
 
+/// Detail that averages hide stays the start's.
+#[test]
+fn averages_move_and_the_detail_of_the_start_stays() {
+    let networks = networks();
+    let truth = material(256);
+    let [top, side] = [TOP, SIDE].map(|place| photograph(&truth, place));
+    let start = networks.photo_maps(&top).unwrap();
+    let options = LatentOptions { first_steps: 5, gains: false, ..LatentOptions::default() };
+    let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
+    for (found, expected) in fit.maps().planes().iter().zip(start.planes()) {
+        assert!((found - expected).abs() < 1e-5);
+    }
+    fit.settle();
+    let [moved, small] = [fit.maps(), fit.latent.averages().clone()];
+    assert_eq!([small.width(), moved.width()], [128, 256]);
+    let change = |c: usize| {
+        let pairs = moved.plane(c).iter().zip(start.plane(c));
+        pairs.map(|(a, b)| encoding::encode(c, *a) - encoding::encode(c, *b)).collect::<Vec<_>>()
+    };
+    let (changes, averages) = (change(channel::SLOPE_X), moved.downsampled());
+    // A change that comes from twice as coarse a grid differs little from texel to texel.
+    let size =
+        |values: &[f32]| (values.iter().map(|v| v * v).sum::<f32>() / values.len() as f32).sqrt();
+    let steps: Vec<f32> = changes.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert!(size(&changes) > 1e-3 && size(&steps) < 0.5 * size(&changes));
+    // Interpolation rounds off what moves from texel to texel, and no more.
+    let before = start.downsampled();
+    for c in [channel::SLOPE_X, channel::ROUGHNESS] {
+        let off = |maps: &Svbrdf| -> Vec<f32> {
+            maps.plane(c).iter().zip(small.plane(c)).map(|(a, b)| a - b).collect()
+        };
+        let [left, moved] = [off(&averages), off(&before)].map(|values| size(&values));
+        assert!(left < 0.6 * moved, "{c}: {left} of {moved}");
+    }
+    fit.add(&side).unwrap();
+    assert_eq!(fit.maps().width(), 256);
+}
+
 /// The third begins from what all three say, whatever the fits before it have found.
 #[test]
 fn with_three_photographs_the_code_forgets_how_they_came() {
@@ -189,8 +231,9 @@ fn with_three_photographs_the_code_forgets_how_they_came() {
     let places = [TOP, SIDE, [-40.0, 45.0, 100.0]];
     let [top, side, third] = places.map(|place| photograph(&truth, place));
     let options = LatentOptions { first_steps: 3, steps: 3, ..LatentOptions::default() };
-    let run = |start: &Svbrdf, one_by_one: bool| {
-        let mut fit = Fit::new(networks.clone(), start, &top, &options).unwrap();
+    let start = networks.photo_maps(&top).unwrap();
+    let run = |one_by_one: bool| {
+        let mut fit = Fit::new(networks.clone(), &start, &top, &options).unwrap();
         for photograph in [&side, &third] {
             if one_by_one {
                 fit.settle();
@@ -200,9 +243,7 @@ fn with_three_photographs_the_code_forgets_how_they_came() {
         fit.settle();
         fit.maps()
     };
-    let start = networks.photo_maps(&top).unwrap();
-    let maps = run(&start, true);
-    assert!(maps == run(&start, false) && maps == run(&material(64), true));
+    assert!(run(true) == run(false));
 }
 
 #[test]
