@@ -21,7 +21,8 @@ pub struct StructuredOptions {
     pub visible: f64,
     /// Expected slopes of averaged texels of more photographs, where that is asked. Tuned.
     pub averaged_slope: f64,
-    /// Priors that are tried, from one class of a flat sheet to wide ones.
+    /// Priors that are tried, from one class of a flat sheet to wide ones; the mean of those that predict well is
+    /// used.
     pub candidates: Vec<Widths>,
     /// The prior whose residuals show the noise of photographs without a board: relief as it may be,
     /// gloss of classes. Tuned.
@@ -57,7 +58,6 @@ impl Default for StructuredOptions {
             averaged_slope: 0.03,
             candidates: vec![
                 narrow,
-                Widths { slope: 0.03, ..narrow },
                 classes,
                 Widths { slope: 0.1, ..classes },
                 Widths { slope: 0.3, ..classes },

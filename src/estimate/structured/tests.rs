@@ -169,6 +169,28 @@ fn faults_of_the_light_that_cannot_be_seen_are_none() {
     assert_eq!(chosen(&photographs(&material(0.02), 6, &little, 0.002)), None);
 }
 
+/// Candidates that predict alike have a mean; one that predicts far better is taken as it is.
+#[test]
+fn widths_are_a_mean_weighted_by_predictions() {
+    let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
+    let mut trials = WidthTrials::new(&flat, &material(0.0), &options());
+    let candidates = options().structured.candidates;
+    trials.errors.fill(0.01);
+    trials.errors[0] = 0.02;
+    let slopes = candidates.iter().map(|widths| widths.slope.ln()).sum::<f64>();
+    let mean = (slopes / candidates.len() as f64).exp();
+    let found = trials.chosen().unwrap();
+    assert!(
+        (found.slope / mean - 1.0).abs() < 1e-9 && (1..=8).contains(&found.classes),
+        "{found:?}"
+    );
+    let (folds, better) = (trials.folds.len(), 4);
+    trials.errors[2 + better * folds..][..folds].fill(0.004);
+    let found = trials.chosen().unwrap();
+    assert_eq!(found.classes, candidates[better].classes);
+    assert!((found.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{found:?}");
+}
+
 /// Trials end when no further one could change the choice: against tables of all errors, drawn at
 /// random.
 #[test]

@@ -3,9 +3,11 @@
 //! Where no board tells lights, they may not be as given. Where classes explain averaged texels clearly
 //! better with exposure and flash free than with what the other phases can correct (a likelihood ratio),
 //! they are not, and texels of the other phases would follow that. Of two photographs, which cannot be left
-//! out, classes round the latent estimate are taken then; of more, the candidate that predicts each of the
-//! latest photographs best from all others (leave-one-out cross-validation), at a few texels as they are:
-//! averages would hide relief. A prediction is made only while it can still change the choice.
+//! out, classes round the latent estimate are taken then; of more, each candidate predicts each of the
+//! latest photographs from all others (leave-one-out cross-validation), at a few texels as they are:
+//! averages would hide relief. The widths are the mean of the candidates', weighted by the likelihood of their
+//! predictions: two that predict alike are as good, and a winner would change from photograph to photograph. A
+//! prediction is made only while its candidate can still have a weight.
 //!
 //! What texels leave that share their gloss, with exposure, flash, ambient light and turns of lights free, tells
 //! the noise: nine numbers of each texel would take it up.
@@ -26,6 +28,8 @@ const TAKEN_FROM: usize = 64;
 const TRIAL_STEPS: usize = 8;
 /// Photographs left out in turn, at most: the latest.
 const FOLDS: usize = 3;
+/// Weight, relative to the best candidate's, below which one counts for nothing.
+const MIN_WEIGHT: f64 = 0.01;
 
 /// Trials of the widths in progress.
 pub(crate) struct WidthTrials {
@@ -140,7 +144,7 @@ impl WidthTrials {
         match (self.is_contradicted(), self.few) {
             (false, _) => None,
             (true, true) => Some(options.few),
-            (true, false) => self.best().map(|best| options.candidates[best]),
+            (true, false) => self.mean(),
         }
     }
 
@@ -159,10 +163,32 @@ impl WidthTrials {
         0..self.options.structured.candidates.len()
     }
 
-    /// The candidate that predicts best, as far as is known.
-    fn best(&self) -> Option<usize> {
-        let tried = self.candidates().filter(|&c| !self.sum(c).is_nan());
-        tried.min_by(|&a, &b| self.sum(a).total_cmp(&self.sum(b)))
+    /// Mean of the logarithms of the candidates' widths.
+    fn mean(&self) -> Option<Widths> {
+        let candidates = &self.options.structured.candidates;
+        let all = self.candidates().map(|c| self.weight(self.sum(c)));
+        let weights: Vec<f64> =
+            all.map(|weight| if weight < MIN_WEIGHT { 0.0 } else { weight }).collect();
+        let total: f64 = weights.iter().sum();
+        let mean = |width: fn(&Widths) -> f64| {
+            let logarithms = weights.iter().zip(candidates).map(|(w, c)| w * width(c).ln());
+            (logarithms.sum::<f64>() / total).exp()
+        };
+        (total > 0.0).then(|| Widths {
+            classes: mean(|widths| widths.classes as f64).round() as usize,
+            slope: mean(|widths| widths.slope),
+            diffuse: mean(|widths| widths.diffuse),
+            specular: mean(|widths| widths.specular),
+            roughness: mean(|widths| widths.roughness),
+        })
+    }
+
+    /// Weight of a sum of squared errors, that of the least so far being 1: the likelihood of as many normal
+    /// deviates as there are independent texels. 0 where it is not a number.
+    fn weight(&self, sum: f64) -> f64 {
+        let least = self.candidates().map(|c| self.sum(c)).fold(f64::INFINITY, f64::min);
+        let deviates = self.options.structured.independent_texels * self.folds.len() as f64;
+        if least.is_finite() { (least / sum).powf(0.5 * deviates).max(0.0) } else { 1.0 }
     }
 
     /// Sum of a candidate's squared errors; not a number where a trial is not done.
@@ -170,10 +196,11 @@ impl WidthTrials {
         self.errors[self.of(candidate)].iter().sum()
     }
 
-    /// Whether a candidate may still predict better than all others, as far as is known.
-    fn may_be_best(&self, candidate: usize) -> bool {
-        let so_far: f64 = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan()).sum();
-        self.best().is_none_or(|best| so_far < self.sum(best))
+    /// Whether a candidate may still have a weight, as far as is known.
+    fn may_count(&self, candidate: usize) -> bool {
+        let known = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan());
+        // The empty sum of floats is -0.
+        self.weight(known.fold(0.0, |sum, error| sum + error)) >= MIN_WEIGHT
     }
 
     /// The next trial that can change the choice: those of the light first.
@@ -192,7 +219,7 @@ impl WidthTrials {
         if self.few || !self.is_contradicted() {
             return None;
         }
-        self.candidates().filter(|&c| self.may_be_best(c)).find_map(|c| open(self.of(c)))
+        self.candidates().filter(|&c| self.may_count(c)).find_map(|c| open(self.of(c)))
     }
 
     /// The cost of all photographs, exposure and flash as given or free; nothing where as given they
