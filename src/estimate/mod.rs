@@ -41,8 +41,8 @@
 //! | slopes | `m`, `x` | linear regression by marginal likelihood |
 //! | learned prior | `m`, `x`, `Λ` | network; widths by evidence |
 //!
-//! Phases work on at most 256 texels along each side and see at most twelve photographs in a step
-//! (`photographs`); last steps of the maps follow at full size, with all (`finer`).
+//! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
+//! twelve photographs in a step (`photographs`); last steps of the maps follow at full size, with all (`finer`).
 //!
 //! `docs/method.md` has the equations, a diagram and a glossary.
 //!

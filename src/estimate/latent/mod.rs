@@ -176,20 +176,20 @@ impl LatentFit {
         self.position.done >= self.steps()
     }
 
-    /// The maps as they are now.
+    /// The maps as they are now: where the code began, and what it has moved of the averages since, interpolated.
     pub fn maps(&self) -> Svbrdf {
-        let (code, mut maps) = (self.code.maps(), self.start.clone());
-        let mut moved = code.clone();
-        let n = moved.texels();
-        let before = averaged(&self.start);
-        for (i, (to, from)) in moved.planes_mut().iter_mut().zip(before.planes()).enumerate() {
+        let began = averaged(&self.start);
+        let mut change = self.code.maps().clone();
+        let n = change.texels();
+        for (i, (to, from)) in change.planes_mut().iter_mut().zip(began.planes()).enumerate() {
             *to = encoding::encode(i / n, *to) - encoding::encode(i / n, *from);
         }
-        while moved.width() < maps.width() {
-            moved = moved.upsampled();
+        while change.width() < self.start.width() {
+            change = change.upsampled();
         }
+        let mut maps = self.start.clone();
         let n = maps.texels();
-        for (i, (to, by)) in maps.planes_mut().iter_mut().zip(moved.planes()).enumerate() {
+        for (i, (to, by)) in maps.planes_mut().iter_mut().zip(change.planes()).enumerate() {
             *to = encoding::decode(i / n, encoding::encode(i / n, *to) + by);
         }
         maps.clamp();
