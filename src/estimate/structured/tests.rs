@@ -175,8 +175,9 @@ fn widths_are_a_mean_weighted_by_predictions() {
     let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
     let mut trials = WidthTrials::new(&flat, &material(0.0), &options());
     let candidates = options().structured.candidates;
-    trials.errors.fill(0.01);
-    trials.errors[0] = 0.02;
+    trials.errors[..2].copy_from_slice(&[0.02, 0.01]);
+    assert_eq!(trials.chosen(), None, "none has predicted");
+    trials.errors[2..].fill(0.01);
     let slopes = candidates.iter().map(|widths| widths.slope.ln()).sum::<f64>();
     let mean = (slopes / candidates.len() as f64).exp();
     let found = trials.chosen().unwrap();

@@ -188,7 +188,11 @@ impl WidthTrials {
     fn weight(&self, sum: f64) -> f64 {
         let least = self.candidates().map(|c| self.sum(c)).fold(f64::INFINITY, f64::min);
         let deviates = self.options.structured.independent_texels * self.folds.len() as f64;
-        if least.is_finite() { (least / sum).powf(0.5 * deviates).max(0.0) } else { 1.0 }
+        match sum {
+            sum if sum.is_nan() => 0.0,
+            _ if least.is_infinite() => 1.0,
+            sum => (least / sum).powf(0.5 * deviates),
+        }
     }
 
     /// Sum of a candidate's squared errors; not a number where a trial is not done.
