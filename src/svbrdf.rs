@@ -305,7 +305,7 @@ pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) ->
 
 /// Halvings after which the longer side has at most so many texels, or which the sides allow.
 pub(crate) fn halvings_to([width, height]: [usize; 2], texels: usize) -> u32 {
-    let even = |halvings: u32| (width >> halvings) % 2 == 0 && (height >> halvings) % 2 == 0;
+    let even = |halvings: u32| [width, height].iter().all(|n| (n >> halvings).is_multiple_of(2));
     let mut halvings = 0;
     while width.max(height) >> halvings > texels && even(halvings) {
         halvings += 1;
