@@ -171,6 +171,46 @@ fn captures_prints_a_row_for_each_method() {
     assert!(render("latent") < 0.12 && render("first") < 0.15, "{table}");
 }
 
+/// Captures that predict photographs without their faults: the first maps of a photograph predict the
+/// others to a tenth, their artifacts are there, sheet and maps are kept, and a report beside maps tells
+/// the same artifacts as the session did.
+#[test]
+fn ideal_photographs_are_predicted_and_maps_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let (maps, capture, kept, fit) = (path("maps"), path("made"), path("kept"), path("fit"));
+    let mut known = Svbrdf::new(96, 96);
+    known.plane_mut(channel::SLOPE_X).fill(0.05);
+    write_maps(&maps, &known).unwrap();
+    let svbrdf = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_svbrdf")).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let options = ["--frames", "3", "--held-out", "2", "--real", "--rectified", "--lobe", "coat"];
+    svbrdf(&[&["simulate", text(&maps), "--out", text(&capture)], &options[..]].concat());
+    let truth = read_json(&capture.join("truth/truth.json"));
+    assert_eq!(truth["faults"]["reflectance"]["lobe"], "coat");
+    let json = path("errors.json");
+    let arguments = [text(&capture), "--no-refine", "--fit", "1", "--maps", text(&kept)];
+    let records = held_out(&arguments, &json);
+    let photographs: Vec<_> = records.iter().map(|r| r["photograph"].as_str().unwrap()).collect();
+    assert_eq!(photographs, ["01", "02"]);
+    for record in &records {
+        assert!((0.001..0.1).contains(&record["error"].as_f64().unwrap()), "{record}");
+    }
+    assert_eq!(names(&kept), ["made-n1", "made.png"]);
+    let fitted = ["--frames", "1", "--no-refine", "--resolution", "256", "--quiet"];
+    svbrdf(&[&["fit", text(&capture), "--out", text(&fit)], &fitted[..]].concat());
+    let said = succeed(&["artifacts", text(&fit), text(&capture)]);
+    assert!(said.starts_with("1 photographs, against the true maps"), "{said}");
+    let tilt: f64 =
+        said.lines().nth(1).unwrap().split_whitespace().nth(1).unwrap().parse().unwrap();
+    // three decimals of one, 16-bit maps of the other
+    assert!((tilt - records[0]["artifacts"]["tilt"].as_f64().unwrap()).abs() < 2e-3, "{said}");
+    let flat = succeed(&["artifacts", text(&fit), text(&capture), "--truth", text(&fit)]);
+    assert!(flat.contains("tilt                 0.000"), "{flat}");
+}
+
 /// What a build measured passes against itself, and fails against figures that are half as large.
 #[test]
 fn the_gate_fails_where_errors_grew() {
@@ -180,6 +220,7 @@ fn the_gate_fails_where_errors_grew() {
     let gate = ["gate", "--data", text(dir.path()), "--groups", "captures", "--ignore-time"];
     let table = succeed(&[&gate[..], &["--write", text(&figures)]].concat());
     assert!(table.contains("| captures | tile N=1 | 0."), "{table}");
+    assert!(table.contains("| captures | 1 | 1 | 0."), "{table}");
     let written = std::fs::read_to_string(&figures).unwrap();
     let table = succeed(&[&gate[..], &["--baseline", text(&figures)]].concat());
     assert!(table.contains("gate passed"), "{table}");
@@ -202,6 +243,7 @@ fn faults_are_named() {
         (vec!["gate", "--data", text(&maps)], "captures/dev: no such folder"),
         (vec!["heldout", text(&maps)], "maps: neither a capture nor a folder of captures"),
         (vec!["heldout", text(&single)], "tile: one photograph, two or more expected"),
+        (vec!["artifacts", text(&maps), text(&single)], "report.json"),
         (vec!["hashes"], "captures or --materials expected"),
         (vec!["captures", text(&single), "--threads", "1,2"], "threads: one number expected"),
     ] {

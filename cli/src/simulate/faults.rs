@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use serde::Serialize;
 use svbrdf::random::Random;
 
-use super::lobe::Lobe;
+use super::reflectance::{Lobe, Model};
 
 /// Keeps these numbers apart from those of poses and noise.
 const STREAM: u64 = 0xFA17;
@@ -15,10 +15,8 @@ const GAIN_SIGMA: [f64; 2] = [0.05, 0.1];
 const MAX_EXPOSURE_EXPONENT: f64 = 2.0;
 /// Distance of the flash from the camera, mm.
 const FLASH_MM: [f64; 2] = [3.0, 12.0];
-/// Exponent of the lobe (GGX: 2), share and relative roughness of a second, wider one.
-const LOBE_EXPONENT: [f64; 2] = [2.0, 2.3];
-const WIDE_SHARE: [f64; 2] = [0.05, 0.2];
-const WIDE_ROUGHNESS: [f64; 2] = [1.4, 2.0];
+/// The flash is weaker to the sides by this power of the cosine, at most.
+const MAX_FLASH_EXPONENT: f64 = 2.2;
 /// The sample's middle above its border, mm.
 const MAX_BOW_MM: f64 = 0.6;
 /// Standard deviation of blur along each side of a picture, pixels.
@@ -37,8 +35,10 @@ pub struct Faults {
     pub exposure_exponent: f64,
     /// Flash in the camera frame, mm; the capture does not tell.
     pub flash_offset_mm: [f64; 3],
-    /// Distribution of the specular part.
-    pub lobe: Lobe,
+    /// The flash goes with the cosine to the camera's axis to this power.
+    pub flash_exponent: f64,
+    /// Reflectance beyond what the maps say.
+    pub reflectance: Model,
     /// Height of the sample's middle above its border, mm: `bow (1 - X²) (1 - Y²)`, X and Y from -1
     /// to 1.
     pub bow_mm: f64,
@@ -66,8 +66,9 @@ fn between(random: &mut Random, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl Faults {
-    /// Those of a seed, and what draws those of its photographs.
-    pub fn draw(seed: u64) -> (Self, Random) {
+    /// Those of a seed, and what draws those of its photographs; the seed chooses the `lobe` too,
+    /// unless given.
+    pub fn draw(seed: u64, lobe: Option<Lobe>) -> (Self, Random) {
         let mut random = Random::new(seed ^ STREAM);
         let (sin, cos) = (TAU * random.uniform()).sin_cos();
         let offset = between(&mut random, FLASH_MM);
@@ -75,11 +76,8 @@ impl Faults {
             gain_sigma: between(&mut random, GAIN_SIGMA),
             exposure_exponent: MAX_EXPOSURE_EXPONENT * random.uniform(),
             flash_offset_mm: [offset * cos, offset * sin, 0.0],
-            lobe: Lobe {
-                exponent: between(&mut random, LOBE_EXPONENT),
-                wide_share: between(&mut random, WIDE_SHARE),
-                wide_roughness: between(&mut random, WIDE_ROUGHNESS),
-            },
+            flash_exponent: MAX_FLASH_EXPONENT * random.uniform(),
+            reflectance: Model::draw(lobe.unwrap_or_else(|| Lobe::of(seed)), &mut random),
             bow_mm: MAX_BOW_MM * random.uniform(),
             jpeg_quality: JPEG_QUALITY,
             jpeg_chroma: "4:2:0",
@@ -110,10 +108,11 @@ mod tests {
     fn faults_lie_in_their_ranges() {
         let mut squares = 0.0;
         for seed in 0..400 {
-            let (faults, mut random) = Faults::draw(seed);
+            let (faults, mut random) = Faults::draw(seed, None);
             let offset = faults.flash_offset_mm[0].hypot(faults.flash_offset_mm[1]);
             assert!((FLASH_MM[0]..FLASH_MM[1]).contains(&offset), "{offset}");
             assert!((0.0..=MAX_BOW_MM).contains(&faults.bow_mm));
+            assert!((0.0..=MAX_FLASH_EXPONENT).contains(&faults.flash_exponent));
             let frame = faults.photograph(&mut random, 1.1);
             let law = 1.1f64.powf(faults.exposure_exponent);
             assert!((frame.exposure / frame.gain / law - 1.0).abs() < 1e-12);
@@ -122,7 +121,7 @@ mod tests {
         }
         // the variance of 400 draws has a standard deviation of about 6 %
         assert!((squares - 1.0).abs() < 0.25, "{squares}");
-        assert_eq!(Faults::draw(7).0, Faults::draw(7).0);
-        assert_ne!(Faults::draw(7).0, Faults::draw(8).0);
+        assert_eq!(Faults::draw(7, None).0, Faults::draw(7, None).0);
+        assert_ne!(Faults::draw(7, None).0, Faults::draw(8, None).0);
     }
 }

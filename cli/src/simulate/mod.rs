@@ -1,8 +1,10 @@
 //! `svbrdf simulate`: photographs of a board and known maps.
 
 mod faults;
-mod lobe;
+mod held_out;
+mod light;
 mod path;
+mod reflectance;
 mod scene;
 mod sensor;
 mod surface;
@@ -21,6 +23,7 @@ use svbrdf::rectification::elevation::RANGE_MM;
 
 use self::faults::{Faults, FrameFaults, JPEG_QUALITY};
 use self::path::{Path as HandPath, Walk};
+use self::reflectance::{Lobe, Reflectance};
 use self::scene::{GRAY_PRINTED, Scene, camera, pose, power_mm2};
 use self::sensor::{Picture, file};
 use self::surface::Surface;
@@ -33,10 +36,13 @@ const SAMPLE_MM: f32 = 100.0;
 /// Flash in the camera frame, mm.
 const FLASH_MM: DVec3 = DVec3::new(8.0, -12.0, 0.0);
 
+/// Folder of what photographs to be predicted show, in the capture.
+const HELD_OUT: &str = "truth/heldout";
+
 /// Make a capture of known maps: render photographs of them inside the default board
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified\n  svbrdf simulate maps --out capture --tone filmic --patches"
+    after_help = "Examples:\n  svbrdf simulate maps --out capture --frames 5 --seed 1\n  svbrdf simulate maps --out capture --real --rectified\n  svbrdf simulate maps --out capture --real --lobe coat --frames 9 --held-out 2\n  svbrdf simulate maps --out capture --tone filmic --patches"
 )]
 pub struct Arguments {
     /// Folder with maps
@@ -66,10 +72,17 @@ pub struct Arguments {
     #[arg(long, conflicts_with = "rectified")]
     patches: bool,
     /// Add the faults of real photographs, without stating them in the capture: changing brightness
-    /// and exposure, a flash beside the camera, highlights with other tails, blur, JPEG, a bowed
-    /// sample; if rectified, registration errors of half a texel. truth.json lists them
+    /// and exposure, a flash beside the camera that is weaker to the sides, blur, JPEG, a bowed
+    /// sample, a lobe that the maps cannot hold; if rectified, registration errors of half a texel.
+    /// truth.json lists them
     #[arg(long)]
     real: bool,
+    /// Lobe of the faults [default: by the seed; nine in a row have each once]
+    #[arg(long, value_enum, requires = "real")]
+    lobe: Option<Lobe>,
+    /// For the last photographs, write what they would show without faults, to be predicted
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    held_out: u32,
     /// Take the photographs along the path of a hand [default: at random from all sides]
     #[arg(long, value_enum, conflicts_with = "rectified")]
     path: Option<HandPath>,
@@ -117,17 +130,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.check()?;
     let maps = read_maps(&arguments.maps).map_err(Failure::input)?;
     let out = &arguments.out;
-    for dir in [out.clone(), out.join("frames"), out.join("truth")] {
-        check_writable(dir)?;
+    for dir in ["", "frames", "truth"] {
+        check_writable(out.join(dir))?;
+    }
+    if arguments.held_out > 0 {
+        check_writable(out.join(HELD_OUT))?;
     }
     let sample_mm = sample_size(&maps, SAMPLE_MM);
-    let (faults, draws) = arguments.real.then(|| Faults::draw(arguments.seed)).unzip();
+    let (faults, draws) =
+        arguments.real.then(|| Faults::draw(arguments.seed, arguments.lobe)).unzip();
     let surface = Surface {
         maps: &maps,
         sample_mm,
         bow_mm: faults.as_ref().map_or(0.0, |f| f.bow_mm),
-        lobe: faults.as_ref().map(|f| f.lobe),
-        ambient: arguments.ambient,
+        reflectance: faults.as_ref().map(|f| Reflectance::new(f.reflectance)),
     };
     let (frames, truths) = photographs(arguments, &surface, faults.as_ref(), draws)?;
     write_maps(out.join("truth"), &maps)?;
@@ -135,6 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         "frames": truths,
         "elevation_mm": arguments.elevation,
         "ambient": arguments.ambient,
+        "light_power": power_mm2(),
     });
     if let Some(tone) = arguments.tone {
         truth["tone"] = json!(tone.to_possible_value().map(|v| v.get_name().to_owned()));
@@ -157,7 +174,8 @@ fn photographs(
     faults: Option<&Faults>,
     mut draws: Option<Random>,
 ) -> Result<(Vec<Value>, Vec<Value>)> {
-    let flash = faults.map_or(FLASH_MM, |f| DVec3::from(f.flash_offset_mm));
+    let flash =
+        faults.map_or((FLASH_MM, 0.0), |f| (DVec3::from(f.flash_offset_mm), f.flash_exponent));
     let mut random = Random::new(arguments.seed);
     let mut walk = arguments.walk(surface.sample_mm)?;
     let (mut frames, mut truths) = (Vec::new(), Vec::new());
@@ -166,7 +184,8 @@ fn photographs(
         let stop = walk.as_mut().map(|walk| walk.next(index)).transpose()?;
         let scene = {
             let pose = stop.as_ref().map_or_else(|| pose(index, &mut random), |stop| stop.pose);
-            Scene::new(surface, arguments.target(), pose, arguments.elevation, flash)
+            let (target, up) = (arguments.target(), arguments.elevation);
+            Scene::new(surface, target, pose, up, flash, arguments.ambient)
         };
         let eye = scene.pose.camera_centre();
         let distance = eye.length() / *first_distance.get_or_insert(eye.length());
@@ -183,7 +202,7 @@ fn photographs(
         let mut frame = json!({ "image": name, "encoding": "srgb" });
         if arguments.rectified {
             frame["camera_mm"] = json!(eye.to_array());
-            let light = if own.is_some() { eye } else { scene.light };
+            let light = if own.is_some() { eye } else { scene.light.place };
             frame["light_mm"] = json!(light.to_array());
         }
         frames.push(frame);
@@ -196,8 +215,16 @@ fn photographs(
             truth["gain"] = json!(stop.gains.map(|[here, _]| here));
             truth["best_gain"] = json!(stop.gains.map(|[_, best]| best));
         }
+        if arguments.frames - index <= arguments.held_out {
+            let name = format!("{HELD_OUT}/{index:02}.npy");
+            held_out::write(&arguments.out.join(&name), &scene)?;
+            truth["camera_mm"] = json!(scene.eye().to_array());
+            truth["light_mm"] = json!(scene.ideal_light().place.to_array());
+            truth["exposure"] = json!(own.as_ref().map_or(1.0, |own| own.exposure));
+            truth["heldout"] = json!({ "file": name });
+        }
         if let Some(own) = own {
-            truth["light_mm"] = json!(scene.light.to_array());
+            truth["light_mm"] = json!(scene.ideal_light().place.to_array());
             truth["faults"] = json!(own);
         }
         truths.push(truth);

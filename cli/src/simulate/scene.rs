@@ -7,6 +7,7 @@ use svbrdf::calibration::{Patch, Target};
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::random::Random;
 
+use super::light::Light;
 use super::surface::Surface;
 
 /// Distance of the first camera, mm.
@@ -64,26 +65,61 @@ pub struct Scene<'a> {
     pub camera: Camera,
     pub pose: Pose,
     pub elevation_mm: f64,
-    /// Flash, board frame, mm.
-    pub light: DVec3,
+    /// Board frame.
+    pub light: Light,
     /// Of the sample's texels: three planes.
     pub radiance: Vec<f32>,
 }
 
 impl<'a> Scene<'a> {
-    /// Lights the sample by a flash at `flash_mm` in the camera frame.
+    /// Lights the sample by a flash at `flash_mm` in the camera frame whose strength goes with a power
+    /// of the cosine to the camera's axis, and by so much of a room.
     pub fn new(
         surface: &'a Surface<'a>,
         target: Target,
         pose: Pose,
         elevation_mm: f64,
-        flash_mm: DVec3,
+        (flash_mm, exponent): (DVec3, f64),
+        room: f64,
     ) -> Self {
-        let light = pose.to_board(flash_mm);
-        let up = DVec3::Z * elevation_mm;
-        let radiance = surface.radiance(pose.camera_centre() - up, light - up, power_mm2());
+        let axis = pose.rotation.transpose() * DVec3::Z;
+        let place = pose.to_board(flash_mm);
+        let light = Light { place, axis, exponent, power_mm2: power_mm2(), room };
         let camera = camera();
-        Self { surface, target, camera, pose, elevation_mm, light, radiance }
+        let mut scene =
+            Self { surface, target, camera, pose, elevation_mm, light, radiance: Vec::new() };
+        scene.radiance = surface.radiance(scene.eye(), &scene.above(&light));
+        scene
+    }
+
+    /// The camera relative to the plane of the sample's border.
+    pub fn eye(&self) -> DVec3 {
+        self.pose.camera_centre() - DVec3::Z * self.elevation_mm
+    }
+
+    /// A light relative to that plane.
+    fn above(&self, light: &Light) -> Light {
+        Light { place: light.place - DVec3::Z * self.elevation_mm, ..*light }
+    }
+
+    /// The light of an ideal photograph: the flash alone, alike to all sides, relative to that plane.
+    pub fn ideal_light(&self) -> Light {
+        Light { exponent: 0.0, room: 0.0, ..self.above(&self.light) }
+    }
+
+    /// What an ideal photograph shows from the top, `side * side` texels, row by row.
+    pub fn ideal(&self, side: usize) -> Vec<[f64; 3]> {
+        let radiance = self.surface.radiance(self.eye(), &self.ideal_light());
+        let size = DVec2::from(self.surface.sample_mm.map(f64::from));
+        let part = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;
+        let place = |i: usize| size * DVec2::new(part(i % side), -part(i / side));
+        (0..side * side).map(|i| self.seen_at(&radiance, place(i))).collect()
+    }
+
+    /// What lies behind a point of the border's plane, relative to that plane.
+    fn seen_at(&self, radiance: &[f32], p: DVec2) -> [f64; 3] {
+        let eye = self.eye();
+        self.surface.sample(radiance, self.surface.hit(eye, p.extend(0.0) - eye, 0.0))
     }
 
     /// Radiance from where a ray from the camera ends: sample, its sides, or the board.
@@ -100,11 +136,10 @@ impl<'a> Scene<'a> {
         let p = at(0.0);
         let target = &self.target;
         let albedo = printed_albedo(target, p);
-        let to_light = self.light - p.extend(0.0);
-        let squared = to_light.length_squared();
-        let cosine = (to_light.z / squared.sqrt()).max(0.0);
-        let flash = cosine * power_mm2() / (PI * squared);
-        [albedo * (flash + self.surface.ambient); 3]
+        let ground = p.extend(0.0);
+        let cosine = (self.light.place - ground).normalize().z.max(0.0);
+        let flash = cosine * self.light.irradiance(ground) / PI;
+        [albedo * (flash + self.light.room); 3]
     }
 
     /// Mean radiance over a pixel; the distortion is taken as constant within it.
@@ -128,9 +163,7 @@ impl<'a> Scene<'a> {
     /// What a rectified photograph shows at the point of the border's plane that it takes for `p`:
     /// the surface behind it.
     pub fn rectified(&self, p: DVec2) -> [f64; 3] {
-        let eye = self.pose.camera_centre();
-        let hit = self.surface.hit(eye, p.extend(0.0) - eye, 0.0);
-        self.surface.sample(&self.radiance, hit)
+        self.seen_at(&self.radiance, p)
     }
 }
 

@@ -8,6 +8,7 @@ use svbrdf::comparison::{Differences, compare};
 use svbrdf::export::{read_maps, resized};
 use svbrdf::{Result, Svbrdf};
 
+use crate::artifacts::{self, Artifacts};
 use crate::clock::{Seconds, timed};
 use crate::streaming::{Setup, Variant, capture_folders, push, withhold_camera};
 
@@ -44,6 +45,7 @@ pub enum CameraUse {
 pub struct Row {
     pub photos: usize,
     pub differences: Differences,
+    pub artifacts: Artifacts,
     /// Mean log-L1 of the fit.
     pub loss: f32,
     /// Taken by these photographs, from reading on.
@@ -62,8 +64,8 @@ pub fn errors(
     let session = setup.session(capture, variant)?;
     let mut seconds = Seconds::default();
     let mut rows = Vec::new();
-    let mut accepted = 0;
-    for frame in &capture.frames {
+    let mut accepted = Vec::new();
+    for (index, frame) in capture.frames.iter().enumerate() {
         if variant == Variant::First {
             session.pause();
         }
@@ -79,16 +81,20 @@ pub fn errors(
             eprintln!("{}: {reason}", frame.path.display());
             continue;
         }
-        accepted += 1;
-        if variant == Variant::First || counts.contains(&accepted) {
+        accepted.push(index);
+        let photos = accepted.len();
+        if variant == Variant::First || counts.contains(&photos) {
+            let maps = session.snapshot()?;
+            let places = artifacts::places(&session, capture, &accepted);
             rows.push(Row {
-                photos: accepted,
-                differences: compare(&*session.snapshot()?, truth)?,
+                photos,
+                differences: compare(&*maps, truth)?,
+                artifacts: Artifacts::of(&maps, Some(truth), capture.sample_mm, &places),
                 loss: session.progress().loss,
                 seconds,
             });
         }
-        if variant == Variant::First || counts.iter().all(|&n| n <= accepted) {
+        if variant == Variant::First || counts.iter().all(|&n| n <= photos) {
             break;
         }
     }

@@ -1,6 +1,7 @@
 //! Evaluation: captures and photographs that predict others, known materials (the tables and
 //! figures of Gao et al. 2019), and whether a change of the code makes anything worse.
 
+mod artifacts;
 mod captures;
 mod clock;
 mod confidence;
@@ -51,6 +52,8 @@ struct Arguments {
 enum Command {
     /// Errors of the maps of captures whose true maps are known
     Captures(captures::Arguments),
+    /// Whether maps lean and have highlights printed into their gloss
+    Artifacts(artifacts::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
     /// Whether the stated deviations of the maps match their errors
@@ -138,6 +141,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         .map_err(|e| Error::Internal(format!("no threads: {e}")))?;
     let setup = setup(threads);
     match &arguments.command {
+        Command::Artifacts(of) => artifacts::run(of)?,
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
         Command::Confidence(of) => confidence::run(of, &setup)?,
@@ -168,7 +172,8 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Resolution { materials: of, sides, photos } => {
             experiments::resolution(of, setup, sides, *photos)
         }
-        Command::Captures(_)
+        Command::Artifacts(_)
+        | Command::Captures(_)
         | Command::Heldout(_)
         | Command::Confidence(_)
         | Command::NextView(_)

@@ -7,12 +7,18 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use svbrdf::{Error, Result};
 
+use super::summary;
+use crate::artifacts::Artifacts;
+
 /// Value of `format`.
 const FORMAT: &str = "svbrdf-gate/1";
 /// A group's geometric mean may be so much larger than the baseline's.
 const ERROR_LIMIT: f64 = 1.01;
-/// The same for time.
+/// The same for time and for artifacts, ...
 const TIME_LIMIT: f64 = 1.05;
+const ARTIFACT_LIMIT: f64 = 1.05;
+/// ... whose means may always grow by so much: degrees, degrees, log F0, roughness.
+const ARTIFACT_GROWTH: [f64; 4] = [0.05, 0.1, 0.003, 0.001];
 
 /// Errors by group and case, times by group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,6 +27,9 @@ pub struct Figures {
     /// Threads of the fit.
     pub threads: usize,
     pub errors: BTreeMap<String, BTreeMap<String, f64>>,
+    /// By group and case, where maps are of one sample.
+    #[serde(default)]
+    pub artifacts: BTreeMap<String, BTreeMap<String, Artifacts>>,
     /// Processor time of a photograph, seconds.
     pub seconds: BTreeMap<String, f64>,
 }
@@ -29,7 +38,7 @@ pub struct Figures {
 pub struct Verdict {
     /// Markdown.
     pub table: String,
-    /// Errors that grew too much, cases that are gone.
+    /// Errors and artifacts that grew too much, cases that are gone.
     pub worse: Vec<String>,
     /// Times that grew too much.
     pub slower: Vec<String>,
@@ -38,13 +47,24 @@ pub struct Verdict {
 impl Figures {
     /// Without any.
     pub fn new(threads: usize) -> Self {
-        let (errors, seconds) = (BTreeMap::new(), BTreeMap::new());
-        Self { format: FORMAT.to_owned(), threads, errors, seconds }
+        Self {
+            format: FORMAT.to_owned(),
+            threads,
+            errors: BTreeMap::new(),
+            artifacts: BTreeMap::new(),
+            seconds: BTreeMap::new(),
+        }
     }
 
     /// Adds an error.
     pub fn add(&mut self, group: &str, case: String, error: f64) {
         self.errors.entry(group.to_owned()).or_default().insert(case, error);
+    }
+
+    /// Adds an error, and artifacts of the maps that have it.
+    pub fn add_maps(&mut self, group: &str, case: String, error: f64, artifacts: Artifacts) {
+        self.artifacts.entry(group.to_owned()).or_default().insert(case.clone(), artifacts);
+        self.add(group, case, error);
     }
 
     /// Reads what [`Figures::to_json`] wrote.
@@ -103,18 +123,38 @@ impl Figures {
         }
         if let Some(baseline) = baseline {
             verdict.worse.extend(self.gone(baseline, groups));
+            verdict.worse.extend(self.more_artifacts(baseline));
             if baseline.threads != self.threads {
                 let (now, old) = (self.threads, baseline.threads);
                 verdict.slower.push(format!("{now} threads cannot be compared with {old}"));
             }
         }
+        verdict.table.push('\n');
+        verdict.table.push_str(&summary::table(self, baseline));
         verdict
+    }
+
+    /// Means of artifacts of a group that grew.
+    fn more_artifacts(&self, baseline: &Self) -> Vec<String> {
+        let mut more = Vec::new();
+        for (group, cases) in &self.artifacts {
+            let Some(before) = baseline.artifacts.get(group) else { continue };
+            let both = || cases.iter().filter_map(|(case, now)| Some((*now, *before.get(case)?)));
+            let now = Artifacts::mean(both().map(|(now, _)| now)).numbers();
+            let old = Artifacts::mean(both().map(|(_, old)| old)).numbers();
+            for (i, name) in summary::ARTIFACTS.iter().enumerate() {
+                if now[i] > (ARTIFACT_LIMIT * old[i]).max(old[i] + ARTIFACT_GROWTH[i]) {
+                    more.push(format!("{group}: {name} {:.3}, {:.3} before", now[i], old[i]));
+                }
+            }
+        }
+        more
     }
 
     /// Cases that the baseline has and this has not, or that are not numbers.
     fn gone(&self, baseline: &Self, groups: &[String]) -> Vec<String> {
         let mut gone = Vec::new();
-        for (group, cases) in baseline.errors.iter().filter(|(group, _)| groups.contains(group)) {
+        for (group, cases) in baseline.errors.iter().filter(|(g, _)| asked(g, groups)) {
             for case in cases.keys() {
                 match self.errors.get(group).and_then(|cases| cases.get(case)) {
                     Some(error) if error.is_finite() => {}
@@ -125,6 +165,11 @@ impl Figures {
         }
         gone
     }
+}
+
+/// Whether a group, or one that it is a part of (`fresh` of `fresh, boards`), was asked for.
+fn asked(group: &str, groups: &[String]) -> bool {
+    groups.iter().any(|asked| group.split(',').next() == Some(asked))
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
@@ -182,6 +227,30 @@ mod tests {
             assert_eq!(!verdict.worse.is_empty(), fails, "{:?}", verdict.worse);
             assert!(verdict.slower.is_empty());
         }
+    }
+
+    /// Lean and highlights fail where their mean grew by more than the limits, not below.
+    #[test]
+    fn more_artifacts_fail() {
+        let with = |tilt: f64, baked_f0: f64| {
+            let mut figures = baseline();
+            for case in ["a", "b"] {
+                let artifacts = Artifacts { tilt, baked_f0, ..Artifacts::default() };
+                figures.add_maps("captures", case.to_owned(), 0.1, artifacts);
+            }
+            figures
+        };
+        let old = with(2.0, 0.01);
+        let worse = |now: Figures| now.compare(Some(&old), &groups()).worse;
+        assert!(worse(with(2.09, 0.0125)).is_empty());
+        assert_eq!(worse(with(2.2, 0.01)), ["captures: tilt 2.200, 2.000 before"]);
+        assert_eq!(worse(with(1.0, 0.02)), ["captures: baked log F0 0.020, 0.010 before"]);
+    }
+
+    #[test]
+    fn parts_of_a_group_belong_to_it() {
+        assert!(asked("fresh, boards", &["real".to_owned(), "fresh".to_owned()]));
+        assert!(asked("real", &groups()) && !asked("fresh, boards", &groups()));
     }
 
     #[test]

@@ -5,18 +5,23 @@ use std::process::Command;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use sha2::{Digest, Sha256};
+use svbrdf::capture::FILE_NAME;
 use svbrdf::export::{read_maps, write_maps};
 use svbrdf::random::Random;
-use svbrdf::{Error, Result};
+use svbrdf::{Error, Result, Svbrdf};
 
+use super::made::{self, Kind};
 use crate::protocol::{SIDE, crop};
 use crate::streaming::name;
 
-/// Captures of a seed: as many of a board as rectified ones.
+/// Captures of a seed of a board, and as many rectified ones.
 const CAPTURES: usize = 12;
-/// Photographs of each: seven are fitted, two predicted.
+/// Of three materials, so many are generated.
+const GENERATED: usize = 1;
+/// Photographs of each, and how many of them are predicted.
 const FRAMES: usize = 9;
-/// Room light of boards in turn, as a share of the flash.
+const HELD_OUT: usize = 2;
+/// Room light of boards, as a share of the flash, one of these.
 const ROOMS: [f32; 3] = [0.0, 0.02, 0.05];
 /// Share of the materials of `training/` that no network has seen, by a hash of their names
 /// (`training/data.py`).
@@ -55,30 +60,71 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Makes the captures of a seed in a folder: each of a random piece of another material, with faults as
-/// real photographs have them (`svbrdf simulate --real`), boards in rooms of different brightness.
-pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut random = Random::new(seed);
-    let mut materials = materials(data)?;
-    for i in 0..materials.len() {
-        let other = i + (random.uniform() * (materials.len() - i) as f64) as usize;
-        materials.swap(i, other);
+/// A material of a capture.
+enum Material {
+    /// A random piece of a texture.
+    Texture(PathBuf),
+    Generated(Kind),
+}
+
+impl Material {
+    fn name(&self) -> String {
+        match self {
+            Self::Texture(path) => name(path),
+            Self::Generated(kind) => kind.name().to_owned(),
+        }
     }
-    let mut captures = Vec::with_capacity(CAPTURES);
-    for i in 0..CAPTURES {
-        let material = &materials[i % materials.len()];
-        let maps = read_maps(material)?;
+
+    fn maps(&self, random: &mut Random) -> Result<Svbrdf> {
+        let path = match self {
+            Self::Texture(path) => path,
+            Self::Generated(kind) => return Ok(made::maps(*kind, SIDE, random)),
+        };
+        let maps = read_maps(path)?;
         let (w, h) = (maps.width(), maps.height());
         let side = SIDE.min(w).min(h);
         let mut place = |size: usize| (random.uniform() * (size - side + 1) as f64) as usize;
-        let piece = crop(&maps, [place(w), place(h)], side)?;
-        let room = (i % 2 == 0).then(|| ROOMS[i / 2 % ROOMS.len()]);
-        let kind = if room.is_some() { "board" } else { "rectified" };
-        let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", name(material)));
-        let piece_folder = folder.join(format!("{i:02}"));
-        write_maps(&piece_folder, &piece)?;
-        simulate(&piece_folder, &capture, seed.wrapping_mul(100) + i as u64, room)?;
-        captures.push(capture);
+        crop(&maps, [place(w), place(h)], side)
+    }
+}
+
+fn shuffle<T>(list: &mut [T], random: &mut Random) {
+    for i in 0..list.len() {
+        list.swap(i, i + (random.uniform() * (list.len() - i) as f64) as usize);
+    }
+}
+
+/// Makes the captures of a seed in a folder, boards and rectified ones: each of another material, with
+/// faults as real photographs have them (`svbrdf simulate --real`), boards in rooms of different
+/// brightness. Captures already there stay.
+pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 2]> {
+    let mut random = Random::new(seed);
+    let mut textures = materials(data)?;
+    shuffle(&mut textures, &mut random);
+    let generated = 2 * CAPTURES * GENERATED / 3;
+    let mut materials: Vec<Material> = (0..2 * CAPTURES)
+        .map(|i| match i.checked_sub(generated) {
+            None => Material::Generated(Kind::ALL[i % Kind::ALL.len()]),
+            Some(i) => Material::Texture(textures[i % textures.len()].clone()),
+        })
+        .collect();
+    shuffle(&mut materials, &mut random);
+    let mut captures = [Vec::new(), Vec::new()];
+    for (i, material) in materials.iter().enumerate() {
+        let own = seed.wrapping_mul(100) + i as u64;
+        let mut random = Random::new(own);
+        let (kind, room) = if i < CAPTURES {
+            ("board", Some(ROOMS[(random.uniform() * ROOMS.len() as f64) as usize]))
+        } else {
+            ("rectified", None)
+        };
+        let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", material.name()));
+        if !capture.join(FILE_NAME).is_file() {
+            let piece = folder.join(format!("maps-{i:02}"));
+            write_maps(&piece, &material.maps(&mut random)?)?;
+            simulate(&piece, &capture, own, room)?;
+        }
+        captures[i / CAPTURES].push(capture);
     }
     Ok(captures)
 }
@@ -90,7 +136,10 @@ fn simulate(maps: &Path, capture: &Path, seed: u64, room: Option<f32>) -> Result
     let program = own.with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(&program);
     command.arg("simulate").arg(maps).arg("--out").arg(capture).arg("--real");
-    command.arg("--frames").arg(FRAMES.to_string()).arg("--seed").arg(seed.to_string());
+    for (option, value) in [("--frames", FRAMES), ("--held-out", HELD_OUT)] {
+        command.arg(option).arg(value.to_string());
+    }
+    command.arg("--seed").arg(seed.to_string());
     match room {
         Some(share) => command.arg("--ambient").arg(share.to_string()),
         None => command.arg("--rectified"),

@@ -15,11 +15,11 @@ use crate::streaming::{Setup, Variant, capture_folders, name};
 use crate::{captures, heldout};
 
 /// Photographs of captures after which errors count.
-const CAPTURE_PHOTOS: [usize; 4] = [1, 2, 4, 8];
+const CAPTURE_PHOTOS: [usize; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 /// The same of synthetic photographs of known materials.
 const MATERIAL_PHOTOS: [usize; 3] = [1, 2, 5];
 /// The same of captures that predict others.
-const FITTED: [usize; 5] = [1, 2, 3, 5, 7];
+const FITTED: [usize; 7] = [1, 2, 3, 4, 5, 6, 7];
 /// Orders of real photographs.
 const ORDERS: usize = 4;
 
@@ -61,7 +61,7 @@ fn known_captures(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result
         let rows = captures::errors(&capture, &truth, &CAPTURE_PHOTOS, Variant::Deep, setup)?;
         for row in &rows {
             let case = format!("{} N={}", name(&folder), row.photos);
-            figures.add("captures", case, row.differences.render);
+            figures.add_maps("captures", case, row.differences.render, row.artifacts);
         }
         if let Some(last) = rows.last() {
             total += last.seconds;
@@ -109,8 +109,12 @@ fn made(
     eprintln!("fresh: seed {seed}");
     let own = || std::env::temp_dir().join(format!("svbrdf-fresh-{}", std::process::id()));
     let folder = keep.map_or_else(own, Path::to_owned).join(seed.to_string());
-    let result = fresh::captures(data, seed, &folder)
-        .and_then(|captures| predictions(&captures, "fresh", 1, setup, figures));
+    let result = fresh::captures(data, seed, &folder).and_then(|captures| {
+        for (kind, captures) in ["fresh, boards", "fresh, rectified"].into_iter().zip(&captures) {
+            predictions(captures, kind, 1, setup, figures)?;
+        }
+        Ok(())
+    });
     if keep.is_none() {
         std::fs::remove_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
     }
@@ -126,9 +130,10 @@ fn predictions(
 ) -> Result<()> {
     let protocol = heldout::Protocol { fit: FITTED.to_vec(), orders, gain: true };
     for folder in captures {
-        let records = heldout::evaluate(folder, &protocol, Variant::Deep, setup, None)?;
-        for (row, error) in heldout::means(&records) {
-            figures.add(group, format!("{} {row}", name(folder)), error);
+        let kept = heldout::Kept::default();
+        let records = heldout::evaluate(folder, &protocol, Variant::Deep, setup, kept)?;
+        for (row, error, artifacts) in heldout::means(&records) {
+            figures.add_maps(group, format!("{} {row}", name(folder)), error, artifacts);
         }
     }
     Ok(())

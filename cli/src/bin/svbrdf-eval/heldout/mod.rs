@@ -25,6 +25,7 @@ use self::orders::{Part, Plan, plans};
 use self::score::HeldOut;
 pub use self::score::SIDE;
 pub use self::table::{Record, means};
+use crate::artifacts::{self, Artifacts, Place};
 use crate::streaming::{Setup, Variant, capture_folders, name, push};
 
 /// Arguments of `svbrdf-eval heldout`.
@@ -45,6 +46,10 @@ pub struct Arguments {
     /// Folder for pictures: photograph, prediction, difference (gray: none)
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Folder for the maps at each number of photographs (first order), and a sheet of them all:
+    /// normal, diffuse, F0, roughness; the last row is the truth where it is known
+    #[arg(long, value_name = "DIR")]
+    maps: Option<PathBuf>,
     /// File for the errors of every predicted photograph
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -54,7 +59,8 @@ const HELP: &str = "Errors are root-mean-square differences of values encoded wi
 [0, 1], at 256 texels a side. Rectified captures of four photographs and more are fitted in \
 several orders, each of which holds its last two out; of three photographs every one is held out \
 once, and the first alone predicts the others. Captures of a board are fitted in the order of the \
-file; those with truth/heldout predict its frames, others their last two.";
+file; those with truth/heldout predict its frames, others their last two. Artifacts are as \
+`svbrdf-eval artifacts` has them.";
 
 /// What is fitted and how predictions are compared.
 #[derive(Clone, clap::Args)]
@@ -81,8 +87,8 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     let setup = Setup { resolution: SIDE, ..setup.clone() };
     let mut all = Vec::new();
     for folder in capture_folders(&arguments.captures)? {
-        let out = arguments.out.as_deref();
-        let records = evaluate(&folder, &arguments.protocol, variant, &setup, out)?;
+        let kept = Kept { pictures: arguments.out.as_deref(), maps: arguments.maps.as_deref() };
+        let records = evaluate(&folder, &arguments.protocol, variant, &setup, kept)?;
         table::print(&records);
         all.extend(records);
     }
@@ -93,20 +99,80 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     Ok(())
 }
 
-/// Errors of every held-out photograph of a capture, with pictures of them in `out`.
+/// Folders for what is to be looked at.
+#[derive(Clone, Copy, Default)]
+pub struct Kept<'a> {
+    /// Predicted photographs.
+    pub pictures: Option<&'a Path>,
+    /// Maps.
+    pub maps: Option<&'a Path>,
+}
+
+/// Errors of every held-out photograph of a capture.
 pub fn evaluate(
     folder: &Path,
     protocol: &Protocol,
     variant: Variant,
     setup: &Setup,
-    out: Option<&Path>,
+    kept: Kept,
 ) -> Result<Vec<Record>> {
     let capture = Capture::load(folder)?;
-    let truth = truth::held_out(folder, &capture)?;
+    let (ideal, truth) = (truth::held_out(folder, &capture)?, artifacts::truth(folder)?);
+    let plans = courses(folder, &capture, ideal.as_deref(), protocol)?;
+    let ideal: Option<Vec<HeldOut>> =
+        ideal.map(|photographs| photographs.into_iter().map(|(_, photo)| photo).collect());
+    let mut records = Vec::new();
+    for (order, plan) in plans.iter().enumerate() {
+        let course = Course::run(&capture, plan, &protocol.fit, variant, setup)?;
+        if let (0, Some(out)) = (order, kept.maps) {
+            pictures::write_maps(out, &name(folder), &course.stages(), truth.as_ref())?;
+        }
+        let own = match &ideal {
+            None => course.photographs(&capture, plan)?,
+            Some(_) => Vec::new(),
+        };
+        let photographs = ideal.as_ref().unwrap_or(&own);
+        for stage in &course.stages {
+            let artifacts =
+                Artifacts::of(&stage.maps, truth.as_ref(), capture.sample_mm, &stage.places);
+            for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
+                // an ideal photograph has its true light, others what all photographs share
+                let view = match &ideal {
+                    Some(_) => photograph.view,
+                    None => stage.exposure.predict(&photograph.view),
+                };
+                let radiance = rendered(&stage.maps, &view, photograph.side);
+                let record = Record {
+                    capture: name(folder),
+                    variant,
+                    part: plan.part,
+                    fitted: stage.fitted,
+                    order,
+                    photograph: name(&capture.frames[frame].path),
+                    score: photograph.score(&radiance, protocol.gain),
+                    artifacts,
+                };
+                if let Some(out) = kept.pictures {
+                    pictures::write(out, &record, photograph, &radiance, protocol.gain)?;
+                }
+                records.push(record);
+            }
+        }
+    }
+    Ok(records)
+}
+
+/// What is fitted and predicted of a capture, some of whose frames may be known without faults.
+fn courses(
+    folder: &Path,
+    capture: &Capture,
+    ideal: Option<&[(usize, HeldOut)]>,
+    protocol: &Protocol,
+) -> Result<Vec<Plan>> {
     let count = capture.frames.len();
-    let plans = match (&truth, &capture.scene) {
-        (Some(truth), _) => {
-            let held_out: Vec<usize> = truth.iter().map(|(i, _)| *i).collect();
+    let plans = match (ideal, &capture.scene) {
+        (Some(ideal), _) => {
+            let held_out: Vec<usize> = ideal.iter().map(|(i, _)| *i).collect();
             let fitted = (0..count).filter(|i| !held_out.contains(i)).collect();
             vec![Plan { part: Part::Orders, fitted, held_out }]
         }
@@ -117,38 +183,7 @@ pub fn evaluate(
         let message = format!("{}: one photograph, two or more expected", folder.display());
         return Err(Error::argument("captures", message));
     }
-    let truth: Vec<HeldOut> = truth.into_iter().flatten().map(|(_, photo)| photo).collect();
-    let mut records = Vec::new();
-    for (order, plan) in plans.iter().enumerate() {
-        let course = Course::run(&capture, plan, &protocol.fit, variant, setup)?;
-        let own;
-        let photographs = if truth.is_empty() {
-            own = course.photographs(&capture, plan)?;
-            &own
-        } else {
-            &truth
-        };
-        for (fitted, maps, exposure) in &course.maps {
-            for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
-                let view = exposure.predict(&photograph.view);
-                let radiance = rendered(maps, &view, photograph.side);
-                let record = Record {
-                    capture: name(folder),
-                    variant,
-                    part: plan.part,
-                    fitted: *fitted,
-                    order,
-                    photograph: name(&capture.frames[frame].path),
-                    score: photograph.score(&radiance, protocol.gain),
-                };
-                if let Some(out) = out {
-                    pictures::write(out, &record, photograph, &radiance, protocol.gain)?;
-                }
-                records.push(record);
-            }
-        }
-    }
-    Ok(records)
+    Ok(plans)
 }
 
 fn rendered(maps: &Svbrdf, view: &View, side: usize) -> Vec<f32> {
@@ -163,8 +198,17 @@ struct Course {
     session: Session,
     /// Indices of accepted frames.
     accepted: Vec<usize>,
-    /// Number of photographs sent, maps then.
-    maps: Vec<(usize, Arc<Svbrdf>, Exposure)>,
+    stages: Vec<Stage>,
+}
+
+/// What a session knew on the way.
+struct Stage {
+    /// Number of photographs sent.
+    fitted: usize,
+    maps: Arc<Svbrdf>,
+    exposure: Exposure,
+    /// Of the photographs accepted.
+    places: Vec<Place>,
 }
 
 impl Course {
@@ -176,7 +220,7 @@ impl Course {
         setup: &Setup,
     ) -> Result<Self> {
         let session = setup.session(capture, variant)?;
-        let mut course = Self { session, accepted: Vec::new(), maps: Vec::new() };
+        let mut course = Self { session, accepted: Vec::new(), stages: Vec::new() };
         let most = counts.iter().copied().max().unwrap_or(0);
         for (i, &index) in plan.fitted.iter().enumerate().take(most) {
             let frame = &capture.frames[index];
@@ -189,10 +233,20 @@ impl Course {
             }
             if counts.contains(&(i + 1)) && !course.accepted.is_empty() {
                 let session = &course.session;
-                course.maps.push((i + 1, session.snapshot()?, session.exposure()));
+                course.stages.push(Stage {
+                    fitted: i + 1,
+                    maps: session.snapshot()?,
+                    exposure: session.exposure(),
+                    places: artifacts::places(session, capture, &course.accepted),
+                });
             }
         }
         Ok(course)
+    }
+
+    /// Maps by number of photographs.
+    fn stages(&self) -> Vec<(usize, &Svbrdf)> {
+        self.stages.iter().map(|stage| (stage.fitted, &*stage.maps)).collect()
     }
 
     /// The photographs to predict as they were taken.

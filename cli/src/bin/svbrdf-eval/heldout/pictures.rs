@@ -1,13 +1,15 @@
-//! Photograph, prediction and difference side by side.
+//! Photograph, prediction and difference side by side; maps of several numbers of photographs.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::{ImageFormat, Rgb, RgbImage};
-use svbrdf::export::write_atomic;
-use svbrdf::{Error, Result};
+use svbrdf::export::{self, resized, write_atomic};
+use svbrdf::frame::Encoding;
+use svbrdf::svbrdf::channel;
+use svbrdf::{Error, Result, Svbrdf};
 
-use super::score::HeldOut;
+use super::score::{HeldOut, SIDE};
 use super::table::Record;
 
 /// Black columns between the pictures.
@@ -33,18 +35,65 @@ pub fn write(
         record.order,
         record.photograph
     ));
+    save(&image, &path)
+}
+
+/// Writes maps by number of photographs into `CAPTURE-nN`, and all of them, with the true ones last,
+/// into the picture `CAPTURE.png`.
+pub fn write_maps(
+    out: &Path,
+    capture: &str,
+    maps: &[(usize, &Svbrdf)],
+    truth: Option<&Svbrdf>,
+) -> Result<()> {
+    for (fitted, maps) in maps {
+        export::write_maps(out.join(format!("{capture}-n{fitted}")), maps)?;
+    }
+    let rows: Vec<&Svbrdf> = maps.iter().map(|(_, maps)| *maps).chain(truth).collect();
+    save(&sheet(&rows), &out.join(format!("{capture}.png")))
+}
+
+fn save(image: &RgbImage, path: &Path) -> Result<()> {
     let mut bytes = Cursor::new(Vec::new());
     image
         .write_to(&mut bytes, ImageFormat::Png)
-        .map_err(|e| Error::Image { path: path.clone(), message: e.to_string() })?;
-    write_atomic(&path, bytes.get_ref())
+        .map_err(|e| Error::Image { path: path.to_owned(), message: e.to_string() })?;
+    write_atomic(path, bytes.get_ref())
+}
+
+/// A row for each maps: normal, diffuse, F0, roughness.
+fn sheet(rows: &[&Svbrdf]) -> RgbImage {
+    let step = SIDE + GAP;
+    let (width, height) = (4 * step - GAP, (rows.len() * step).saturating_sub(GAP));
+    let mut image = RgbImage::new(width as u32, height as u32);
+    for (row, maps) in rows.iter().enumerate() {
+        let maps = resized(maps, SIDE, SIDE);
+        for i in 0..SIDE * SIDE {
+            let (x, y) = (i % SIDE, i / SIDE);
+            let shown = |c: usize| Encoding::Srgb.encode(maps.plane(c)[i].into()) as f32;
+            let panels = [
+                maps.normal(x, y).map(|v| 0.5 * (v + 1.0)),
+                [0, 1, 2].map(|c| shown(channel::DIFFUSE + c)),
+                [0, 1, 2].map(|c| shown(channel::SPECULAR + c)),
+                [maps.plane(channel::ROUGHNESS)[i]; 3],
+            ];
+            for (panel, values) in panels.into_iter().enumerate() {
+                let at = [(panel * step + x) as u32, (row * step + y) as u32];
+                image.put_pixel(at[0], at[1], Rgb(values.map(byte)));
+            }
+        }
+    }
+    image
+}
+
+fn byte(v: f32) -> u8 {
+    (255.0 * v.clamp(0.0, 1.0)).round() as u8
 }
 
 /// Values in [0, 1] in three planes each; a difference of 0 is gray, one of 0.5 white or black.
 fn side_by_side(photograph: &[f32], predicted: &[f32], side: usize) -> RgbImage {
     let n = side * side;
     let width = 3 * side + 2 * GAP;
-    let byte = |v: f32| (255.0 * v.clamp(0.0, 1.0)).round() as u8;
     let mut image = RgbImage::new(width as u32, side as u32);
     for i in 0..n {
         let (x, y) = (i % side, i / side);
@@ -62,6 +111,24 @@ fn side_by_side(photograph: &[f32], predicted: &[f32], side: usize) -> RgbImage 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sheet_shows_four_maps_in_a_row() {
+        let mut tilted = Svbrdf::new(8, 8);
+        tilted.plane_mut(channel::SLOPE_X).fill(1.0);
+        let image = sheet(&[&Svbrdf::new(8, 8), &tilted]);
+        let (side, gap) = (SIDE as u32, GAP as u32);
+        assert_eq!(image.dimensions(), (4 * side + 3 * gap, 2 * side + gap));
+        let middle = |panel: u32, row: u32| {
+            let at = |k: u32| k * (side + gap) + side / 2;
+            image.get_pixel(at(panel), at(row)).0
+        };
+        assert_eq!(middle(0, 0), [128, 128, 255]);
+        // normal (1, 0, 1) / sqrt 2
+        assert_eq!(middle(0, 1), [218, 128, 218]);
+        // sRGB of 0.5 and 0.04
+        assert_eq!((middle(1, 0), middle(2, 0), middle(3, 0)), ([188; 3], [56; 3], [128; 3]));
+    }
 
     #[test]
     fn three_pictures_stand_side_by_side() {

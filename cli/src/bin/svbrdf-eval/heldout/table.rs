@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::orders::Part;
 use super::score::{HIGHLIGHT_DEGREES, Score, Squares};
+use crate::artifacts::Artifacts;
 use crate::streaming::Variant;
 
 /// Error of one predicted photograph.
@@ -20,6 +21,8 @@ pub struct Record {
     /// Name of the predicted photograph.
     pub photograph: String,
     pub score: Score,
+    /// Of the maps that predicted it.
+    pub artifacts: Artifacts,
 }
 
 impl Part {
@@ -40,12 +43,12 @@ impl Part {
     }
 }
 
-type Row<'a> = ((Part, usize), Vec<&'a Score>);
+type Row<'a> = ((Part, usize), Vec<&'a Record>);
 
 fn rows(records: &[Record]) -> Vec<Row<'_>> {
-    let mut rows: BTreeMap<(Part, usize), Vec<&Score>> = BTreeMap::new();
+    let mut rows: BTreeMap<(Part, usize), Vec<&Record>> = BTreeMap::new();
     for record in records {
-        rows.entry((record.part, record.fitted)).or_default().push(&record.score);
+        rows.entry((record.part, record.fitted)).or_default().push(record);
     }
     rows.into_iter().collect()
 }
@@ -55,10 +58,12 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// Mean error by row of the table of one capture: `N=1 → others`, `N=2`.
-pub fn means(records: &[Record]) -> Vec<(String, f64)> {
-    let row = |((part, fitted), scores): Row<'_>| {
-        (format!("N={}", part.label(fitted)), mean(scores.iter().map(|s| s.rms())))
+/// Mean error and artifacts by row of the table of one capture: `N=1 → others`, `N=2`.
+pub fn means(records: &[Record]) -> Vec<(String, f64, Artifacts)> {
+    let row = |((part, fitted), records): Row<'_>| {
+        let error = mean(records.iter().map(|r| r.score.rms()));
+        let artifacts = Artifacts::mean(records.iter().map(|r| r.artifacts));
+        (format!("N={}", part.label(fitted)), error, artifacts)
     };
     rows(records).into_iter().map(row).collect()
 }
@@ -70,19 +75,23 @@ pub fn print(records: &[Record]) {
     orders.dedup();
     println!("\n{}, {}, {} courses\n", first.capture, first.variant.name(), orders.len());
     let near = format!("below {HIGHLIGHT_DEGREES}°");
-    println!("| N | error | {near} | elsewhere | squared error {near} | area {near} |");
-    println!("|---|---|---|---|---|---|");
-    for ((part, fitted), scores) in rows(records) {
+    println!(
+        "| N | error | {near} | elsewhere | squared error {near} | area {near} | tilt | of parts | baked log F0 | baked roughness |"
+    );
+    println!("|{}", "---|".repeat(10));
+    for ((part, fitted), records) in rows(records) {
         let total = |part: fn(&Score) -> Squares| {
-            scores.iter().fold(Squares::default(), |sum, score| sum.plus(part(score)))
+            records.iter().fold(Squares::default(), |sum, r| sum.plus(part(&r.score)))
         };
+        let artifacts = Artifacts::mean(records.iter().map(|r| r.artifacts));
+        let [tilt, of_parts, f0, roughness] = artifacts.numbers();
         let (near, far) = (total(|s| s.highlight), total(|s| s.elsewhere));
         let all = near.plus(far);
         let percent = |share: f64| format!("{:.0} %", 100.0 * share);
         println!(
-            "| {} | {:.4} | {:.4} | {:.4} | {} | {} |",
+            "| {} | {:.4} | {:.4} | {:.4} | {} | {} | {tilt:.2}° | {of_parts:.2}° | {f0:.3} | {roughness:.3} |",
             part.label(fitted),
-            mean(scores.iter().map(|s| s.rms())),
+            mean(records.iter().map(|r| r.score.rms())),
             near.rms(),
             far.rms(),
             percent(near.sum / all.sum.max(f64::MIN_POSITIVE)),
@@ -140,6 +149,7 @@ pub fn json(records: &[Record]) -> String {
                 "error_elsewhere": r.score.elsewhere.rms(),
                 "highlight_area": r.score.highlight.count as f64
                     / r.score.highlight.plus(r.score.elsewhere).count.max(1) as f64,
+                "artifacts": r.artifacts,
             })
         })
         .collect();
