@@ -24,7 +24,9 @@ use svbrdf::rectification::elevation::RANGE_MM;
 use self::faults::{Faults, FrameFaults, JPEG_QUALITY};
 use self::path::{Path as HandPath, Walk};
 use self::reflectance::{Lobe, Reflectance};
-use self::scene::{GRAY_PRINTED, Scene, camera, pose, power_mm2};
+use self::scene::{
+    BLURRED_SUPERSAMPLING, GRAY_PRINTED, SUPERSAMPLING, Scene, camera, pose, power_mm2,
+};
 use self::sensor::{Picture, file};
 use self::surface::Surface;
 use self::tone::Tone;
@@ -244,7 +246,8 @@ fn picture(scene: &Scene, faults: Option<&FrameFaults>, rectified: bool) -> Pict
             scene.rectified(DVec2::new(size[0] * right, size[1] * up))
         })
     } else {
-        Picture::new(scene.camera.width, scene.camera.height, |x, y| scene.pixel(x, y))
+        let samples = if faults.is_some() { BLURRED_SUPERSAMPLING } else { SUPERSAMPLING };
+        Picture::new(scene.camera.width, scene.camera.height, |x, y| scene.pixel(x, y, samples))
     };
     match faults {
         Some(faults) => picture.with_faults(faults),

@@ -19,8 +19,9 @@ const SIDE_RADIANCE: f64 = 0.05;
 const SIDE_STEPS: u32 = 8;
 /// The gray patch prints darker than planned, as inks spread: true over planned albedo.
 pub const GRAY_PRINTED: f64 = 0.88;
-/// Samples along each side of a pixel.
-const SUPERSAMPLING: u32 = 3;
+/// Samples along each side of a pixel, and of one that is blurred.
+pub const SUPERSAMPLING: u32 = 3;
+pub const BLURRED_SUPERSAMPLING: u32 = 2;
 
 /// The camera of all photographs.
 pub fn camera() -> Camera {
@@ -142,14 +143,15 @@ impl<'a> Scene<'a> {
         [albedo * (flash + self.light.room); 3]
     }
 
-    /// Mean radiance over a pixel; the distortion is taken as constant within it.
-    pub fn pixel(&self, x: u32, y: u32) -> [f64; 3] {
+    /// Mean radiance over `samples * samples` places of a pixel; the distortion is taken as constant
+    /// within it.
+    pub fn pixel(&self, x: u32, y: u32, samples: u32) -> [f64; 3] {
         let centre = self.camera.undistort(DVec2::new(x.into(), y.into()));
         let origin = self.pose.camera_centre();
         let back = self.pose.rotation.transpose();
         let mut sum = [0.0; 3];
-        let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(SUPERSAMPLING) - 0.5;
-        for (i, j) in (0..SUPERSAMPLING).flat_map(|i| (0..SUPERSAMPLING).map(move |j| (i, j))) {
+        let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(samples) - 0.5;
+        for (i, j) in (0..samples).flat_map(|i| (0..samples).map(move |j| (i, j))) {
             let p = centre + DVec2::new(offset(i) / self.camera.fx, offset(j) / self.camera.fy);
             let ray = back * p.extend(1.0);
             if ray.z < -1e-9 {
@@ -157,7 +159,7 @@ impl<'a> Scene<'a> {
                 (0..3).for_each(|c| sum[c] += value[c]);
             }
         }
-        sum.map(|v| v / f64::from(SUPERSAMPLING * SUPERSAMPLING))
+        sum.map(|v| v / f64::from(samples * samples))
     }
 
     /// What a rectified photograph shows at the point of the border's plane that it takes for `p`:

@@ -31,9 +31,8 @@ pub struct Arguments {
 
 const HELP: &str = "tilt: angle between the mean normal and the true one, degrees, and the largest \
 of 4 x 4 parts. baked: of the errors of log F0 and roughness, averaged over 16 x 16 blocks, the \
-standard deviation of what the photographs' highlights explain beyond colour and beyond what they \
-explain of the same errors moved elsewhere. Without true maps the sample counts as flat and \
-each colour's gloss as even.";
+standard deviation of what the photographs' highlights explain beyond colour. Without true maps the \
+sample counts as flat and each colour's gloss as even.";
 
 /// The true maps of a capture, where it has them.
 pub fn truth(folder: &Path) -> Result<Option<Svbrdf>> {
