@@ -82,7 +82,8 @@ pub struct Arguments {
     /// Lobe of the faults [default: by the seed; nine in a row have each once]
     #[arg(long, value_enum, requires = "real")]
     lobe: Option<Lobe>,
-    /// For the last photographs, write what they would show without faults, to be predicted
+    /// For the last photographs, write what they would show without faults, to be predicted; every
+    /// other one shows the highlight
     #[arg(long, value_name = "N", default_value_t = 0)]
     held_out: u32,
     /// Take the photographs along the path of a hand [default: at random from all sides]
@@ -185,7 +186,11 @@ fn photographs(
     for index in 0..arguments.frames {
         let stop = walk.as_mut().map(|walk| walk.next(index)).transpose()?;
         let scene = {
-            let pose = stop.as_ref().map_or_else(|| pose(index, &mut random), |stop| stop.pose);
+            // of photographs to be predicted, every other one shows the highlight
+            let left = arguments.frames - index;
+            let near = left <= arguments.held_out && left % 2 == 0;
+            let pose =
+                stop.as_ref().map_or_else(|| pose(index, near, &mut random), |stop| stop.pose);
             let (target, up) = (arguments.target(), arguments.elevation);
             Scene::new(surface, target, pose, up, flash, arguments.ambient)
         };

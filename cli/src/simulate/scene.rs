@@ -41,10 +41,15 @@ pub fn power_mm2() -> f64 {
     PI * DISTANCE_MM * DISTANCE_MM
 }
 
-/// The first camera looks from above, the others from up to 45 degrees all round.
-pub fn pose(index: u32, random: &mut Random) -> Pose {
+/// The first camera looks from above, the others from up to 45 degrees all round; one that is to see the
+/// highlight `near` the middle of the sample from 2 to 9.
+pub fn pose(index: u32, near: bool, random: &mut Random) -> Pose {
     let golden = PI * (3.0 - 5.0f64.sqrt());
-    let polar = if index == 0 { 0.05 } else { (10.0 + 35.0 * random.uniform()).to_radians() };
+    let polar = match (index, near) {
+        (0, _) => 0.05,
+        (_, true) => (2.0 + 7.0 * random.uniform()).to_radians(),
+        (_, false) => (10.0 + 35.0 * random.uniform()).to_radians(),
+    };
     let azimuth = golden * f64::from(index) + 0.4 * random.uniform();
     let distance = DISTANCE_MM * (1.0 + 0.12 * (index.min(1) as f64) * random.uniform());
     let outwards =
@@ -149,6 +154,7 @@ impl<'a> Scene<'a> {
         let centre = self.camera.undistort(DVec2::new(x.into(), y.into()));
         let origin = self.pose.camera_centre();
         let back = self.pose.rotation.transpose();
+        let samples = if self.is_plain(origin, back * centre.extend(1.0)) { 1 } else { samples };
         let mut sum = [0.0; 3];
         let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(samples) - 0.5;
         for (i, j) in (0..samples).flat_map(|i| (0..samples).map(move |j| (i, j))) {
@@ -160,6 +166,15 @@ impl<'a> Scene<'a> {
             }
         }
         sum.map(|v| v / f64::from(samples * samples))
+    }
+
+    /// Whether a ray from the camera ends well outside the board, where a pixel shows one albedo.
+    fn is_plain(&self, eye: DVec3, ray: DVec3) -> bool {
+        let p = (eye - ray * (eye.z / ray.z)).truncate();
+        let (rows, cols) = (f64::from(self.target.rows), f64::from(self.target.cols));
+        let beyond = p.abs() - 0.5 * self.target.square_mm * DVec2::new(cols, rows);
+        !self.target.patches
+            && beyond.max_element() > self.target.square_mm + self.elevation_mm.abs()
     }
 
     /// What a rectified photograph shows at the point of the border's plane that it takes for `p`:
