@@ -188,7 +188,7 @@ fn photographs(
         let scene = {
             // of photographs to be predicted, every other one shows the highlight
             let left = arguments.frames - index;
-            let near = left <= arguments.held_out && left % 2 == 0;
+            let near = left <= arguments.held_out && left.is_multiple_of(2);
             let pose =
                 stop.as_ref().map_or_else(|| pose(index, near, &mut random), |stop| stop.pose);
             let (target, up) = (arguments.target(), arguments.elevation);

@@ -88,7 +88,7 @@ pub fn errors(
             let places = artifacts::places(&session, capture, &accepted);
             rows.push(Row {
                 photos,
-                differences: compare(&*maps, truth)?,
+                differences: compare(&maps, truth)?,
                 artifacts: Artifacts::of(&maps, Some(truth), capture.sample_mm, &places),
                 loss: session.progress().loss,
                 seconds,
