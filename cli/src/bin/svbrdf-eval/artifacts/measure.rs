@@ -54,6 +54,9 @@ impl AddAssign for Artifacts {
 }
 
 impl Artifacts {
+    /// Names of [`Artifacts::numbers`].
+    pub const NAMES: [&str; 4] = ["tilt", "tilt of parts", "baked log F0", "baked roughness"];
+
     /// In the order of the fields.
     pub fn numbers(&self) -> [f64; 4] {
         [self.tilt, self.tilt_of_parts, self.baked_f0, self.baked_roughness]

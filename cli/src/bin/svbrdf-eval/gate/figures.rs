@@ -7,7 +7,6 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use svbrdf::{Error, Result};
 
-use super::summary;
 use crate::artifacts::Artifacts;
 
 /// Value of `format`.
@@ -129,8 +128,6 @@ impl Figures {
                 verdict.slower.push(format!("{now} threads cannot be compared with {old}"));
             }
         }
-        verdict.table.push('\n');
-        verdict.table.push_str(&summary::table(self, baseline));
         verdict
     }
 
@@ -142,7 +139,7 @@ impl Figures {
             let both = || cases.iter().filter_map(|(case, now)| Some((*now, *before.get(case)?)));
             let now = Artifacts::mean(both().map(|(now, _)| now)).numbers();
             let old = Artifacts::mean(both().map(|(_, old)| old)).numbers();
-            for (i, name) in summary::ARTIFACTS.iter().enumerate() {
+            for (i, name) in Artifacts::NAMES.iter().enumerate() {
                 if now[i] > (ARTIFACT_LIMIT * old[i]).max(old[i] + ARTIFACT_GROWTH[i]) {
                     more.push(format!("{group}: {name} {:.3}, {:.3} before", now[i], old[i]));
                 }

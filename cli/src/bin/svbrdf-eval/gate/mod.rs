@@ -85,6 +85,7 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<bool> {
     }
     let verdict = figures.compare(baseline.as_ref(), &arguments.groups);
     println!("{}", verdict.table);
+    println!("{}", summary::table(&figures, baseline.as_ref()));
     println!("{:.0} s, {:.0} s of processor time", taken.wall, taken.processor);
     let mut worse = verdict.worse;
     if !arguments.ignore_time {

@@ -6,8 +6,6 @@ use std::fmt::Write;
 use super::figures::Figures;
 use crate::artifacts::Artifacts;
 
-/// Names of [`Artifacts::numbers`].
-pub const ARTIFACTS: [&str; 4] = ["tilt", "tilt of parts", "baked log F0", "baked roughness"];
 /// What maps of a flat sample should have at most of each.
 const LIMITS: [f64; 4] = [1.0, 3.0, 0.06, 0.02];
 
@@ -22,7 +20,7 @@ fn photographs(case: &str) -> Option<(&str, usize)> {
 /// number of photographs before; means of the artifacts, the baseline's in parentheses; cases in
 /// which one of them is beyond its limit.
 pub fn table(figures: &Figures, baseline: Option<&Figures>) -> String {
-    let heads = ARTIFACTS.join(" | ");
+    let heads = Artifacts::NAMES.join(" | ");
     let mut table = format!(
         "| group | N | cases | error | baseline | ratio | rise | {heads} | beyond limits |\n"
     );
