@@ -17,7 +17,7 @@ use svbrdf::Svbrdf;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
-use svbrdf::estimate::{Estimator, Method, Phase};
+use svbrdf::estimate::{Estimator, Method};
 use svbrdf::frame::{Encoding, Photo, Plane, Rotation, YuvMatrix};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::network::Workspace;
@@ -274,20 +274,11 @@ fn phases(
         estimator.correct_lights(free_lights);
         for (i, observation) in observations.iter().enumerate() {
             estimator.add(observation.clone())?;
-            let mut times: Vec<(Phase, f64, usize)> = Vec::new();
             // Fraction done and time after each step.
             let mut course = Vec::new();
             let start = Instant::now();
             loop {
-                let begun = Instant::now();
                 let step = estimator.step()?;
-                let seconds = begun.elapsed().as_secs_f64();
-                if let Some(phase) = step.phase {
-                    match times.iter_mut().find(|(p, ..)| *p == phase) {
-                        Some((_, sum, count)) => (*sum, *count) = (*sum + seconds, *count + 1),
-                        None => times.push((phase, seconds, 1)),
-                    }
-                }
                 course.push([f64::from(step.fraction), start.elapsed().as_secs_f64()]);
                 if step.done {
                     break;
@@ -303,8 +294,9 @@ fn phases(
             let range = shown_left
                 .iter()
                 .fold([f64::MAX, 0.0], |[a, b]: [f64; 2], v| [a.min(*v), b.max(*v)]);
-            let shown = times.iter().map(|(phase, sum, count)| {
-                format!("{phase:?} {:.1} ({count})", 1e3 * sum / *count as f64)
+            let shown = estimator.reports().iter().map(|report| {
+                let mean = report.milliseconds / report.steps.max(1) as f32;
+                format!("{} {mean:.1} ({})", report.name, report.steps)
             });
             let shown = shown.collect::<Vec<_>>().join(", ");
             println!("{:>3}: {total:.2} s: {shown}", i + 1);

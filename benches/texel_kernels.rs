@@ -48,10 +48,10 @@ fn step_of_the_maps(start: &Svbrdf, observations: &[Observation]) -> f64 {
     for observation in observations {
         estimator.add(observation.clone()).expect("one size");
     }
-    while estimator.step().expect("photographs").phase != Some(Phase::Maps) {}
+    while estimator.step().expect("photographs").phase != Some(Phase::Refine) {}
     let start = Instant::now();
     let step = estimator.step().expect("photographs");
-    assert_eq!(step.phase, Some(Phase::Maps));
+    assert_eq!(step.phase, Some(Phase::Refine));
     start.elapsed().as_secs_f64()
 }
 

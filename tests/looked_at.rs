@@ -281,7 +281,7 @@ fn the_photograph_that_contradicts_the_others_is_named() {
         phases.extend(session.progress().phase);
         seen = session.wait_for_change(seen).unwrap();
     }
-    assert!(phases.contains(&Phase::Baseline), "{phases:?}");
+    assert!(phases.contains(&Phase::Fit), "{phases:?}");
     assert_eq!(session.progress().phase, None);
     let fits = session.frame_fits().unwrap();
     println!("{fits:?}");

@@ -59,12 +59,12 @@ fn steps_allocate_no_buffers() {
         estimator.correct_lights(false);
         estimator.start_from(start.clone());
         observations.iter().for_each(|o| estimator.add(o.clone()).unwrap());
-        while estimator.step().unwrap().phase != Some(Phase::Maps) {}
+        while estimator.step().unwrap().phase != Some(Phase::Refine) {}
         for _ in 0..3 {
             let mut phase = None;
             let step = allocations::during(|| phase = estimator.step().unwrap().phase);
             println!("a step of the maps: {} allocations, {} bytes", step.calls, step.bytes);
-            assert_eq!(phase, Some(Phase::Maps));
+            assert_eq!(phase, Some(Phase::Refine));
             assert!(step.bytes < limit, "{step:?}");
         }
     });

@@ -175,16 +175,8 @@ enum class State : svbrdf_state {
 enum class Phase : svbrdf_phase {
     none = SVBRDF_PHASE_NONE,
     other = SVBRDF_PHASE_OTHER,
-    latent = SVBRDF_PHASE_LATENT,
-    widths = SVBRDF_PHASE_WIDTHS,
-    pool_gloss = SVBRDF_PHASE_POOL_GLOSS,
-    held_lights = SVBRDF_PHASE_HELD_LIGHTS,
-    turning_lights = SVBRDF_PHASE_TURNING_LIGHTS,
-    maps = SVBRDF_PHASE_MAPS,
-    slopes = SVBRDF_PHASE_SLOPES,
-    classes = SVBRDF_PHASE_CLASSES,
-    network = SVBRDF_PHASE_NETWORK,
-    baseline = SVBRDF_PHASE_BASELINE,
+    fit = SVBRDF_PHASE_FIT,
+    refine = SVBRDF_PHASE_REFINE,
 };
 
 /// How much a log line matters.

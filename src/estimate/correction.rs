@@ -1,12 +1,8 @@
 //! What photographs tell of their lights and of the maps as a whole: corrections of what was given.
 
 use crate::observation::{Falloff, View};
-use crate::svbrdf::CHANNELS;
-use crate::{Error, Result, Svbrdf};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-
-use super::options::{LightOptions, ScheduleOptions};
-use super::prior::{from_coordinate, to_coordinate};
 
 /// Largest logarithm of what is mirrored.
 pub(super) const MAX_MIRRORED: f64 = 2.0;
@@ -133,81 +129,12 @@ impl Correction {
         self.apply(given, usize::MAX)
     }
 
-    /// That of some photographs, in their order.
-    pub(super) fn of(&self, which: &[usize]) -> Self {
-        let gain = |i: &usize| self.exposure.gains.get(*i).copied().unwrap_or_default();
-        Self {
-            turns: which.iter().map(|i| self.turn(*i)).collect(),
-            mirrored: which.iter().map(|i| self.mirrored(*i)).collect(),
-            exposure: Exposure { gains: which.iter().map(gain).collect(), ..self.exposure.clone() },
-            ..self.clone()
-        }
-    }
-
-    /// With what that of some photographs has become; light and what is mirrored of all others stay.
-    pub(super) fn with(&self, which: &[usize], some: &Self) -> Self {
-        let mut all = Self { ambient: some.ambient, ..self.clone() };
-        let count = which.last().map_or(0, |last| last + 1);
-        all.turns.resize(count.max(all.turns.len()), [0.0; 2]);
-        all.mirrored.resize(count.max(all.mirrored.len()), 0.0);
-        for (j, &i) in which.iter().enumerate() {
-            (all.turns[i], all.mirrored[i]) = (some.turn(j), some.mirrored(j));
-        }
-        all
-    }
-
     fn turn(&self, index: usize) -> [f64; 2] {
         self.turns.get(index).copied().unwrap_or_default()
     }
 
     fn mirrored(&self, index: usize) -> f64 {
         self.mirrored.get(index).copied().unwrap_or_default()
-    }
-
-    /// Largest difference to another, in units of the options' sigmas.
-    pub fn distance(&self, other: &Self, options: &LightOptions) -> f64 {
-        let turns = self.turns.iter().enumerate().flat_map(|(i, turn)| {
-            let before = other.turn(i);
-            [turn[0] - before[0], turn[1] - before[1]]
-        });
-        let turns = turns.fold(0.0f64, |m, d| m.max(d.abs())) / options.direction_sigma;
-        let mirrored = self.mirrored.iter().enumerate().map(|(i, m)| m - other.mirrored(i));
-        let mirrored = mirrored.fold(0.0f64, |m, d| m.max(d.abs())) / options.mirrored_sigma;
-        turns.max(mirrored).max((self.ambient - other.ambient).abs() / options.ambient_sigma)
-    }
-
-    /// Whether the latent fit was misled by lights that were `before`. A room leads lobes astray less
-    /// than a light: it does not count.
-    pub(super) fn misled(
-        &self,
-        before: &Self,
-        lights: &LightOptions,
-        schedule: &ScheduleOptions,
-    ) -> bool {
-        let before = Self { mirrored: self.mirrored.clone(), ..before.clone() };
-        self.distance(&before, lights) > schedule.misled_by
-    }
-}
-
-/// By how much an estimate's coordinates (slopes, square roots of albedos, roughness) are off
-/// everywhere: what wrong lights did to it, they did to all texels.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Offset(pub [f64; CHANNELS]);
-
-impl Offset {
-    /// The estimate without it.
-    pub fn applied(&self, maps: &Svbrdf) -> Svbrdf {
-        let mut maps = maps.clone();
-        if *self == Self::default() {
-            return maps;
-        }
-        for (c, by) in self.0.into_iter().enumerate() {
-            for value in maps.plane_mut(c) {
-                *value = from_coordinate(c, to_coordinate(c, *value) + by as f32);
-            }
-        }
-        maps.clamp();
-        maps
     }
 }
 

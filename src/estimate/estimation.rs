@@ -1,22 +1,18 @@
-//! An estimate in progress: photographs, latent code, belief, and where in the schedule it is.
+//! An estimate in progress: photographs, latent code, and the phases that are left.
 
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::baseline::Baseline;
 use super::belief::Belief;
-use super::budget::{Meter, Shown, Trend};
-use super::correction::{Correction, Exposure};
+use super::budget::Meter;
+use super::correction::Exposure;
 use super::finer::interpolated;
 use super::latent::LatentFit;
-use super::lights::LightFit;
 use super::options::{EstimateOptions, NoiseOptions};
+use super::phases::{Context, Phase, PhaseReport, Schedule};
 use super::photographs::Photographs;
-use super::schedule::{LightsKnown, Part, Phase, Position, Row, Situation, rows};
-use super::solver::Solver;
-use super::structured::WidthTrials;
-use super::updates::{ClassTrials, FitRecord};
+use super::relief::FitRecord;
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::render;
@@ -95,37 +91,15 @@ pub(crate) struct Task {
 pub(super) enum Stage {
     /// Nothing is left to do; no maps before the first photograph.
     Settled(Option<Svbrdf>),
-    /// The latent code is fitted; its maps are shown.
-    Latent {
-        /// Whether this is once more, with these photographs' corrected lights.
-        again: bool,
-        /// The maps before the latest step.
-        previous: Option<Shown>,
-    },
-    /// The posterior of every texel, along the schedule.
-    Texels(Box<Texels>),
-    /// Inverse rendering without a prior.
-    Baseline { maps: Svbrdf, run: Option<(Baseline, Trend)> },
+    /// Phases are left.
+    Running(Box<Run>),
 }
 
-/// The posterior of every texel, on its way along the schedule.
-pub(super) struct Texels {
-    pub belief: Belief,
-    pub at: Position,
-    pub work: Work,
-    /// The correction of the lights when the latent fit ended.
-    pub lights_before: Correction,
-    /// Whether the latent fit was done once more.
-    pub again: bool,
-}
-
-/// The part in progress. One that has not begun needs nothing.
-pub(super) enum Work {
-    Pending,
-    Maps(Box<Solver>, Trend),
-    Widths(Box<WidthTrials>),
-    Lights(Box<LightFit>),
-    Classes(Box<ClassTrials>),
+/// Phases that are left, and what they work on.
+pub(super) struct Run {
+    schedule: Schedule,
+    /// Maps and prior; none while the latent code is fitted, whose maps are shown then.
+    belief: Option<Belief>,
 }
 
 /// An estimate of all photographs so far, in steps.
@@ -143,11 +117,9 @@ pub(crate) struct Estimation {
     fraction: f32,
     /// What ended it before its time.
     pub(super) cut: Option<Cut>,
-    /// Whether the structured prior was chosen for these photographs.
-    pub(super) structured: bool,
-    /// Mean of absolute log residuals that texels leave which share their gloss; 0 where not known.
-    pub(super) texel_residual: f32,
-    /// Whether to keep what the learned prior begins with.
+    /// Phases of the photographs so far that have ended.
+    reports: Vec<PhaseReport>,
+    /// Whether to keep what the network is asked about.
     pub(super) keep_record: bool,
     pub(super) record: Option<FitRecord>,
 }
@@ -166,8 +138,7 @@ impl Estimation {
             loss: 0.0,
             fraction: 0.0,
             cut: None,
-            structured: false,
-            texel_residual: 0.0,
+            reports: Vec::new(),
             keep_record: false,
             record: None,
         }
@@ -238,7 +209,6 @@ impl Estimation {
         }
         self.photographs.add(observation)?;
         self.set_contradictions_aside()?;
-        self.texel_residual = 0.0;
         self.expect_noise();
         if self.task.method == Method::Deep {
             if self.latent.is_none() {
@@ -250,7 +220,7 @@ impl Estimation {
                 latent.add_photograph(added)?;
             }
         }
-        (self.cut, self.structured, self.record) = (None, false, None);
+        (self.cut, self.record) = (None, None);
         self.measure();
         self.begin();
         Ok(())
@@ -279,40 +249,26 @@ impl Estimation {
 
     /// Begins the fit of the photographs so far.
     pub(super) fn begin(&mut self) {
-        self.fraction = 0.0;
-        self.stage = match std::mem::replace(&mut self.stage, Stage::Settled(None)) {
-            Stage::Settled(Some(maps)) if self.task.method == Method::Classic => {
-                Stage::Baseline { maps, run: None }
-            }
-            Stage::Settled(Some(_)) => Stage::Latent { again: false, previous: None },
-            stage => stage,
-        };
-    }
-
-    /// Begins the schedule round the maps of the latent code.
-    pub(super) fn begin_texels(&mut self, again: bool) {
-        let Some(latent) = &self.latent else { return };
-        self.stage = match Position::default().settled(&self.rows()) {
-            Some(at) => Stage::Texels(Box::new(Texels {
-                belief: Belief::new(latent.maps(), &self.options),
-                at,
-                work: Work::Pending,
-                lights_before: self.photographs.correction().clone(),
-                again,
-            })),
-            None => Stage::Settled(Some(self.full_size(latent.maps()))),
-        };
+        (self.fraction, self.reports) = (0.0, Vec::new());
+        let Stage::Settled(maps) = &mut self.stage else { return };
+        // The baseline goes on with the maps, all others with the latent code.
+        let maps = maps.take().filter(|_| self.task.method == Method::Classic);
+        let belief = maps.map(|maps| Belief::new(maps, &self.options));
+        let coarse = self.photographs.thinning() > 0;
+        let schedule = Schedule::new(self.task, self.photographs.len(), coarse, &self.options);
+        self.stage = Stage::Running(Box::new(Run { schedule, belief }));
     }
 
     /// Ends what is in progress, its maps being the latest.
     pub(super) fn settle(&mut self, cut: Option<Cut>) {
         self.cut = self.cut.or(cut);
-        let stage = std::mem::replace(&mut self.stage, Stage::Settled(None));
-        let maps = match stage {
+        let maps = match std::mem::replace(&mut self.stage, Stage::Settled(None)) {
             Stage::Settled(maps) => maps,
-            Stage::Latent { .. } => self.latent.as_ref().map(LatentFit::maps),
-            Stage::Texels(texels) => Some(texels.belief.maps),
-            Stage::Baseline { maps, .. } => Some(maps),
+            Stage::Running(run) => {
+                self.reports = run.schedule.reports;
+                let latent = || self.latent.as_ref().map(LatentFit::maps);
+                run.belief.map(|belief| belief.maps).or_else(latent)
+            }
         };
         self.stage = Stage::Settled(maps.map(|maps| self.full_size(maps)));
     }
@@ -321,9 +277,18 @@ impl Estimation {
     pub(super) fn shown(&self) -> Option<Cow<'_, Svbrdf>> {
         match &self.stage {
             Stage::Settled(maps) => maps.as_ref().map(Cow::Borrowed),
-            Stage::Latent { .. } => self.latent.as_ref().map(|latent| Cow::Owned(latent.maps())),
-            Stage::Texels(texels) => Some(Cow::Borrowed(&texels.belief.maps)),
-            Stage::Baseline { maps, .. } => Some(Cow::Borrowed(maps)),
+            Stage::Running(run) => match &run.belief {
+                Some(belief) => Some(Cow::Borrowed(&belief.maps)),
+                None => self.latent.as_ref().map(|latent| Cow::Owned(latent.maps())),
+            },
+        }
+    }
+
+    /// What each phase has done for the photographs so far, in their order.
+    pub fn reports(&self) -> &[PhaseReport] {
+        match &self.stage {
+            Stage::Settled(_) => &self.reports,
+            Stage::Running(run) => &run.schedule.reports,
         }
     }
 
@@ -352,82 +317,43 @@ impl Estimation {
         Ok(self.full_size(maps.into_owned()))
     }
 
-    /// The schedule for the photographs so far.
-    pub(super) fn rows(&self) -> Vec<Row> {
-        if !self.task.refine {
-            return Vec::new();
-        }
-        let situation = Situation {
-            photographs: self.photographs.len(),
-            lights: self.lights_known(),
-            structured: self.structured,
-            coarse: self.photographs.thinning() > 0,
-        };
-        rows(&situation, &self.options.schedule)
-    }
-
-    fn lights_known(&self) -> LightsKnown {
-        let min = self.options.schedule.min_surround;
-        if self.task.free_lights {
-            LightsKnown::Roughly
-        } else if self.photographs.given().iter().any(|view| view.ambient[1] > min) {
-            LightsKnown::InRoom
-        } else {
-            LightsKnown::Well
-        }
-    }
-
     /// One step, counted on the meter where it is an optimiser's.
     ///
     /// # Errors
     /// When a network is broken or a loss is not finite.
     pub fn step(&mut self, meter: &mut Meter) -> Result<Step> {
-        let is_over = meter.exhausted(1.0);
-        let phase = match &self.stage {
-            Stage::Settled(_) => None,
-            Stage::Latent { .. } => {
-                self.latent_step(meter)?;
-                Some(Phase::Latent)
-            }
-            Stage::Texels(texels) => {
-                let row = self.rows()[texels.at.row];
-                let is_phase = texels.at.part == Part::Phase;
-                if is_over {
-                    self.settle(Some(Cut::Budget))
-                } else {
-                    self.texels_step(row, meter)?
-                }
-                Some(if is_phase { row.phase } else { Phase::Maps })
-            }
-            Stage::Baseline { .. } => {
-                if is_over {
-                    self.settle(Some(Cut::Budget))
-                } else {
-                    self.baseline_step(meter)?
-                }
-                Some(Phase::Baseline)
-            }
+        let Stage::Running(run) = &mut self.stage else { return Ok(self.taken(None)) };
+        let phase = run.schedule.phase();
+        // The latent code ends by itself.
+        let ended = if run.belief.is_some() && meter.exhausted(1.0) {
+            self.cut = self.cut.or(Some(Cut::Budget));
+            true
+        } else {
+            let context = &mut Context {
+                networks: &self.networks,
+                options: &self.options,
+                task: self.task,
+                photographs: &mut self.photographs,
+                latent: &mut self.latent,
+                belief: &mut run.belief,
+                meter,
+                loss: &mut self.loss,
+                cut: &mut self.cut,
+                record: self.keep_record.then_some(&mut self.record),
+            };
+            run.schedule.step(context)?
         };
-        self.fraction = if self.is_done() { 1.0 } else { self.fraction.max(self.fraction_done()) };
-        Ok(Step { phase, loss: self.loss, fraction: self.fraction, done: self.is_done() })
-    }
-
-    /// Whether lights have misled the latent fit.
-    pub(super) fn is_misled(&self, texels: &Texels) -> bool {
-        let EstimateOptions { lights, schedule, .. } = &self.options;
-        self.photographs.correction().misled(&texels.lights_before, lights, schedule)
-    }
-
-    /// After the last part: the latent code is fitted once more where lights have misled it.
-    pub(super) fn finish(&mut self, meter: &Meter) -> Result<()> {
-        let Stage::Texels(texels) = &self.stage else { return Ok(()) };
-        let again = !texels.again && self.is_misled(texels) && !meter.exhausted(1.0);
-        self.settle(None);
-        if let (true, Some(latent)) = (again, &mut self.latent) {
-            latent.begin_again()?;
-            self.stage = Stage::Latent { again: true, previous: None };
+        self.fraction = self.fraction.max(run.schedule.fraction());
+        if ended {
+            self.settle(None);
+            self.measure();
         }
-        Ok(())
+        Ok(self.taken(phase))
+    }
+
+    /// A step that was taken.
+    fn taken(&self, phase: Option<Phase>) -> Step {
+        Step { phase, loss: self.loss, fraction: self.fraction(), done: self.is_done() }
     }
 
     /// Goes on with an estimate that was cut short, if the budget allows it now; whether there is
@@ -438,13 +364,9 @@ impl Estimation {
             Some(Cut::Budget) => !meter.exhausted(1.0),
             Some(Cut::Invisible) => !meter.budget.stop_when_invisible && !meter.exhausted(1.0),
         };
-        if !allowed {
-            return false;
-        }
-        (self.cut, self.structured) = (None, false);
-        self.begin();
-        if self.latent.as_ref().is_some_and(LatentFit::is_settled) {
-            self.begin_texels(false);
+        if allowed {
+            self.cut = None;
+            self.begin();
         }
         !self.is_done()
     }

@@ -8,7 +8,8 @@ use super::correction::Exposure;
 use super::estimation::{Addition, Estimation, Method, Step, Task, first_maps};
 use super::options::EstimateOptions;
 use super::outlook::Place;
-use super::updates::FitRecord;
+use super::phases::PhaseReport;
+use super::relief::FitRecord;
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
@@ -52,9 +53,14 @@ impl Estimator {
         self.estimation.task.free_lights = correct;
     }
 
-    /// Keeps what the learned prior begins with, see [`Estimator::record`].
+    /// Keeps what the network is asked about, see [`Estimator::record`].
     pub fn keep_record(&mut self) {
         self.estimation.keep_record = true;
+    }
+
+    /// What each phase has done for the photographs so far, in their order.
+    pub fn reports(&self) -> &[PhaseReport] {
+        self.estimation.reports()
     }
 
     /// Adds a photograph; the first sets the size.
@@ -75,9 +81,8 @@ impl Estimator {
         self.estimation.exposure()
     }
 
-    /// What the learned prior began with at last: recorded fits are what its network learns from.
-    /// `None` where it was not asked for the photographs so far: of one, or with the structured
-    /// prior.
+    /// What the network was asked about at last, if that is kept: recorded fits are what it learns from. `None` where it was not
+    /// asked for the photographs so far, of which there is one.
     pub fn record(&self) -> Option<&FitRecord> {
         self.estimation.record.as_ref()
     }

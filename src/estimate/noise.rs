@@ -44,17 +44,7 @@ impl NoiseOptions {
     /// What is expected where the board's squares are off their model by `log_sigma`: the model of light
     /// and lens is seen to fail there, and the model of the material fails with it.
     pub(super) fn calibrated(&self, log_sigma: f32) -> Self {
-        self.grown(log_sigma / self.squares)
-    }
-
-    /// What is expected without a board, where texels that share their gloss leave `residual`.
-    pub(super) fn uncalibrated(&self, residual: f32) -> Self {
-        self.grown(residual / self.texels)
-    }
-
-    /// What is expected of a deviation in units of the largest one of exact photographs.
-    fn grown(&self, deviation: f32) -> Self {
-        let grown = self.expected * deviation.max(1.0).powf(self.growth);
+        let grown = self.expected * (log_sigma / self.squares).max(1.0).powf(self.growth);
         Self { expected: grown.min(self.most_expected.max(self.expected)), ..*self }
     }
 
@@ -78,13 +68,8 @@ mod tests {
         // Without squares, and of exact ones, nothing changes.
         assert_eq!(options.calibrated(0.0), options);
         assert_eq!(expected(options.squares), options.expected);
-        assert_eq!(options.uncalibrated(options.texels), options);
         // The third power beyond, up to the most.
         assert!((expected(0.003) / options.expected - 8.0).abs() < 1e-3);
-        assert!(
-            (options.uncalibrated(2.0 * options.texels).expected / options.expected - 8.0).abs()
-                < 1e-3
-        );
         assert_eq!(expected(0.1), options.most_expected);
         let rising = (0..60).map(|i| expected(0.0001 * i as f32)).collect::<Vec<_>>();
         assert!(rising.is_sorted());

@@ -52,13 +52,9 @@ impl Estimation {
         EstimateOptions { noise: self.least_noise, ..self.options.clone() }
     }
 
-    /// Expects as much noise as the photographs' calibration shows, or without one the texels.
+    /// Expects as much noise as the photographs' calibration shows.
     pub(super) fn expect_noise(&mut self) {
-        let least = self.least_noise;
-        self.options.noise = match self.photographs.log_sigma() {
-            0.0 => least.uncalibrated(self.texel_residual),
-            log_sigma => least.calibrated(log_sigma),
-        };
+        self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
     }
 
     /// Looks for parts of photographs that contradict the others, and leaves them out of the fit.

@@ -28,8 +28,6 @@ pub(crate) struct SavedEstimate {
     correction: Correction,
     /// What contradicts others in each photograph.
     contradictions: Vec<Option<Contradiction>>,
-    structured: bool,
-    texel_residual: f32,
     /// Whether the schedule is to be gone through from its beginning.
     unfinished: bool,
     cut: Option<Cut>,
@@ -54,8 +52,6 @@ impl Estimation {
             maps: if classic { self.shown().map(Cow::into_owned) } else { None },
             correction: self.photographs.correction().clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
-            structured: self.structured,
-            texel_residual: self.texel_residual,
             unfinished: !self.is_done(),
             cut: self.cut,
             loss: self.loss,
@@ -89,7 +85,6 @@ impl Estimation {
             found.as_ref().map_or(Ok(()), Contradiction::check)?;
             estimation.photographs.set_aside(index, found);
         }
-        estimation.texel_residual = saved.texel_residual;
         estimation.expect_noise();
         let begun = estimation.frames() > 0;
         let maps = saved.maps.or(shown);
@@ -98,7 +93,6 @@ impl Estimation {
             || saved.latent.is_some() != (begun && task.method == Method::Deep)
             || (saved.unfinished && !begun)
             || !saved.loss.is_finite()
-            || !(0.0..=f32::MAX).contains(&saved.texel_residual)
         {
             return Err(Error::argument("estimate", "photographs and maps do not fit each other"));
         }
@@ -109,7 +103,6 @@ impl Estimation {
             estimation.latent = Some(fit);
         }
         estimation.stage = Stage::Settled(maps);
-        estimation.structured = saved.structured;
         (estimation.cut, estimation.loss) = (saved.cut, saved.loss);
         if saved.unfinished {
             estimation.begin();

@@ -48,13 +48,6 @@ pub(super) struct Summary {
     pub noise: [f32; 3],
 }
 
-impl Summary {
-    /// Mean of the colours' noise.
-    pub fn mean_noise(&self) -> f32 {
-        self.noise.iter().sum::<f32>() / 3.0
-    }
-}
-
 /// Steps in progress on maps that the caller keeps.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Solver {
@@ -191,9 +184,7 @@ impl Solver {
 }
 
 /// Takes `steps` steps at once.
-///
-/// # Errors
-/// As [`Solver::new`] and [`Solver::step`].
+#[cfg(test)]
 pub(super) fn solve(
     maps: &mut Svbrdf,
     mean: &Svbrdf,

@@ -32,7 +32,7 @@ pub use self::reports::{
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
-pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase};
+pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 pub use crate::initial_estimate::Networks;

@@ -10,7 +10,7 @@ use super::survey::{NextView, Survey};
 use super::{Session, memory};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
-use crate::estimate::{Evidence, Exposure, FrameFit};
+use crate::estimate::{Evidence, Exposure, FrameFit, PhaseReport};
 use crate::frame::{Photo, ToneCurve};
 use crate::geometry::Camera;
 use crate::rectification::elevation::ElevationEstimate;
@@ -29,6 +29,14 @@ impl Session {
     /// distance, offset of the flash. None where a board determines them, and while they are unknown.
     pub fn exposure(&self) -> Exposure {
         self.fit.shared.lock().exposure.clone()
+    }
+
+    /// What each phase of the fit has done for the photographs so far, in their order.
+    ///
+    /// # Errors
+    /// When the fit has failed or was cancelled.
+    pub fn phase_reports(&self) -> Result<Vec<PhaseReport>> {
+        self.fit.ask(|fit| Ok(fit.estimation.reports().to_vec()))
     }
 
     /// State of the fit.

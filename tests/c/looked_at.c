@@ -213,7 +213,7 @@ static void phases(void)
     int seen = 0;
 
     CHECK(rgb != NULL && strcmp(svbrdf_phase_name(SVBRDF_PHASE_NONE), "none") == 0);
-    CHECK(strcmp(svbrdf_phase_name(SVBRDF_PHASE_HELD_LIGHTS), "held_lights") == 0);
+    CHECK(strcmp(svbrdf_phase_name(SVBRDF_PHASE_REFINE), "refine") == 0);
     CHECK(strcmp(svbrdf_phase_name(4711), "unknown") == 0);
     rectified_options(&options);
     OK(svbrdf_session_create(&options, &session));
@@ -230,7 +230,7 @@ static void phases(void)
     OK(push_gray(session, 90));
     while (progress.frames == 0 || progress.settled == 0) {
         OK(svbrdf_session_progress(session, &progress));
-        seen |= progress.phase == SVBRDF_PHASE_LATENT;
+        seen |= progress.phase == SVBRDF_PHASE_FIT;
         CHECK(svbrdf_session_wait(session, 1) >= 0);
     }
     CHECK(seen && progress.phase == SVBRDF_PHASE_NONE);

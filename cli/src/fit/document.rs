@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use svbrdf::export::write_atomic;
-use svbrdf::session::Session;
+use svbrdf::session::{PhaseReport, Session};
 
 use super::held_out::Errors;
 use super::photographs::Fit;
@@ -58,6 +58,7 @@ impl Document {
             "tone_curve": tone,
             "resolution": resolution,
             "method": method,
+            "phases": phases(session),
             "seconds_total": begun.elapsed().as_secs_f64(),
             "peak_memory_mib": peak_memory_mib(),
         });
@@ -84,6 +85,16 @@ fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value
             "exposure_exponent": exposure.exponent,
         })
     })
+}
+
+/// What each phase of the fit has done for the latest photograph.
+fn phases(session: &Session) -> Vec<Value> {
+    let number = |value: f64| value.is_finite().then_some(value);
+    let phase = |report: &PhaseReport| {
+        json!({ "name": report.name, "steps": report.steps, "cost": report.cost.map(number),
+                "milliseconds": report.milliseconds, "result": report.result })
+    };
+    session.phase_reports().unwrap_or_default().iter().map(phase).collect()
 }
 
 /// Largest resident memory so far, where the system tells.

@@ -21,7 +21,7 @@ impl Problem {
         state: &State,
         deviations: [&[Coordinates]; K],
     ) -> Vec<[f64; K]> {
-        let mut costs = self.of_residuals::<K, true>(state, deviations);
+        let mut costs = self.of_residuals(state, deviations);
         parallel::parts(costs.chunks_mut(CHUNK), |chunk, costs| {
             for (cost, t) in costs.iter_mut().zip(chunk * CHUNK..) {
                 for (cost, deviations) in cost.iter_mut().zip(deviations) {
@@ -33,24 +33,8 @@ impl Problem {
         costs
     }
 
-    /// Mean of absolute log residuals.
-    pub fn mean_residual(&self, state: &State) -> f64 {
-        let sums = self.of_residuals::<1, false>(state, [&state.deviations]);
-        let residuals = 3.0 * self.photographs_per_texel() * self.sample.texels() as f64;
-        sums.iter().map(|[sum]| sum).sum::<f64>() / residuals.max(1e-12)
-    }
-
-    /// The same of each texel, the median over texels.
-    pub fn median_residual(&self, state: &State) -> f64 {
-        let mut sums = self.of_residuals::<1, false>(state, [&state.deviations]);
-        let middle = sums.len() / 2;
-        let [median] = *sums.select_nth_unstable_by(middle, |a, b| a[0].total_cmp(&b[0])).1;
-        median / (3.0 * self.photographs_per_texel()).max(1e-12)
-    }
-
-    /// Sums over each texel's residuals, for each of `K` values of its deviations: of what they cost,
-    /// or else of their sizes.
-    fn of_residuals<const K: usize, const COST: bool>(
+    /// Cost of each texel's residuals, for each of `K` values of its deviations.
+    fn of_residuals<const K: usize>(
         &self,
         state: &State,
         deviations: [&[Coordinates]; K],
@@ -71,7 +55,7 @@ impl Problem {
                     }
                     lanes
                 });
-                let block = Block::<K, COST> { problem: self, views: &views, texels, natural };
+                let block = Block::<K> { problem: self, views: &views, texels, natural };
                 let of_eight = dispatch(block);
                 for (lane, sums) in sums.iter_mut().enumerate() {
                     *sums = of_eight.map(|lanes| f64::from(lanes[lane]));
@@ -83,7 +67,7 @@ impl Problem {
 }
 
 /// Eight texels, or the last few.
-struct Block<'a, const K: usize, const COST: bool> {
+struct Block<'a, const K: usize> {
     problem: &'a Problem,
     views: &'a [(TexelView, &'a Photograph)],
     texels: std::ops::Range<usize>,
@@ -91,7 +75,7 @@ struct Block<'a, const K: usize, const COST: bool> {
 }
 
 // Loops instead of closures: those may stay calls, outside of the kernel's features.
-impl<const K: usize, const COST: bool> Kernel for Block<'_, K, COST> {
+impl<const K: usize> Kernel for Block<'_, K> {
     type Output = [[f32; LANES]; K];
 
     #[inline(always)]
@@ -118,7 +102,7 @@ impl<const K: usize, const COST: bool> Kernel for Block<'_, K, COST> {
                     let radiance = V::load(&plane[self.texels.clone()], 0.0);
                     let seen = Seen { noise: *noise, radiance, weight };
                     let residual = Residual::of(&lobes, material, view, c, &seen);
-                    *sum += if COST { residual.cost } else { residual.loss };
+                    *sum += residual.cost;
                 }
             }
         }

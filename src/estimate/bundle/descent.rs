@@ -46,10 +46,10 @@ pub(in crate::estimate) struct Limits {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Progress {
     pub state: State,
+    /// Negative logarithm of the posterior.
+    pub cost: f64,
     pub damping: f64,
     pub steps: usize,
-    /// Whether a step has descended.
-    pub changed: bool,
     pub done: bool,
 }
 
@@ -64,7 +64,8 @@ pub(in crate::estimate) struct Descent {
 impl Descent {
     pub fn new(problem: Problem, state: State, limits: Limits) -> Self {
         let done = limits.steps == 0;
-        let progress = Progress { state, damping: FIRST_DAMPING, steps: 0, changed: false, done };
+        let cost = problem.cost(&state);
+        let progress = Progress { state, cost, damping: FIRST_DAMPING, steps: 0, done };
         Self { problem, progress, limits }
     }
 
@@ -84,7 +85,7 @@ impl Descent {
         }
         progress.steps += 1;
         progress.done = progress.steps >= limits.steps;
-        let before = problem.cost(&progress.state);
+        let before = progress.cost;
         let Some((shared, steps)) = problem.step(&progress.state, progress.damping) else {
             progress.done = true;
             return;
@@ -94,7 +95,7 @@ impl Descent {
         match tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((next, cost)) if cost < before => {
                 progress.damping = (progress.damping * EASE).max(least);
-                (progress.state, progress.changed) = (next, true);
+                (progress.state, progress.cost) = (next, cost);
                 progress.done |= before - cost < limits.converged * before;
             }
             _ => {

@@ -1,8 +1,7 @@
 //! Texels and what they share, fitted together.
 //!
-//! Exposure, place of the flash, directions of the lights and ambient light concern all texels; so do
-//! the gloss of a material class and the offset of an estimate. Texels would slowly follow what is
-//! wrong there if each were fitted in turn. So a grid of them is fitted together with what they share,
+//! Exposure, place of the flash, directions of the lights and ambient light concern all texels; so does
+//! the gloss of a material class. Texels would slowly follow what is wrong there if each were fitted in turn. So a grid of them is fitted together with what they share,
 //! as in bundle adjustment: Levenberg and Marquardt on the posterior of [`super`] by reweighted least
 //! squares, each texel's nine deviations from its prior mean eliminated (Schur complement).
 
@@ -18,7 +17,6 @@ mod sums;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use descent::Progress;
 pub(super) use descent::{Descent, Limits};
 pub(super) use light::{Lit, Radiance, by_coordinate, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};

@@ -95,15 +95,6 @@ impl Problem {
         std::array::from_fn(|c| clamped(c, mean[c] + deviations[c]))
     }
 
-    /// The state whose texels have these coordinates.
-    pub fn at(&self, mut state: State, coordinates: &[Coordinates]) -> State {
-        for (t, x) in coordinates.iter().enumerate() {
-            let mean = self.mean(t, &state);
-            state.deviations[t] = std::array::from_fn(|c| x[c] - mean[c]);
-        }
-        state
-    }
-
     /// Corrected views of the photographs that are fitted, for kernels.
     pub(super) fn views(&self, correction: &Correction) -> Vec<(TexelView, &Photograph)> {
         let photographs = self.photographs().enumerate();
@@ -115,12 +106,6 @@ impl Problem {
     pub fn cost(&self, state: &State) -> f64 {
         let costs = self.texel_costs(state, [&state.deviations]);
         costs.iter().map(|[cost]| cost).sum::<f64>() + self.shared_cost(state)
-    }
-
-    /// Photographs that show a texel, on average.
-    pub fn photographs_per_texel(&self) -> f64 {
-        let weights = self.photographs().flat_map(|p| &p.weight);
-        weights.map(|w| f64::from(*w)).sum::<f64>() / self.sample.texels() as f64
     }
 
     /// Of what texels share.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
 use crate::confidence::Confidence;
-use crate::estimate::estimation::Estimation;
+use crate::estimate::estimation::{Estimation, Method};
 use crate::estimate::noise::Noise;
 use crate::estimate::posterior::{Spread, spread};
 use crate::estimate::prior::is_albedo;
@@ -42,7 +42,7 @@ const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
 /// | | term |
 /// |---|---|
 /// | 0 | 1 |
-/// | 1 | logarithm of the posterior's deviation, noise as the residuals show it; of the structured prior, which lets no texel follow, with its error of the model |
+/// | 1 | logarithm of the posterior's deviation, noise as the residuals show it; of the joint solve, which lets no texel follow, with its error of the model |
 /// | 2 | 1 for one photograph, otherwise 0 |
 /// | 3 | logarithm of the number of photographs N |
 /// | 4 | logarithm of the texel's mean residual, times 1 - 1/N: one photograph is always explained |
@@ -52,12 +52,13 @@ const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
 /// | 8 | logarithm of the sample's roughness |
 /// | 9 | logarithm of the map's own variation over the sample |
 /// | 10 | logarithm of how far the map has gone from that of the latent code, round the texel |
-/// | 11 | logarithm of N/2 with the structured prior, otherwise 0 |
-/// | 12 | logarithm of the noise that squares or texels show, in units of that of exact photographs |
+/// | 11 | logarithm of N/2 with the joint solve, otherwise 0 |
+/// | 12 | logarithm of the noise that squares show, in units of that of exact photographs |
 pub struct Evidence {
     maps: Svbrdf,
     photographs: usize,
-    structured: bool,
+    /// Whether the maps are those of the joint solve.
+    joint: bool,
     /// Noise expected of the photographs, in units of that of exact ones.
     noise: f32,
     /// Of each map.
@@ -111,7 +112,7 @@ impl Estimation {
         });
         Ok(Evidence {
             photographs: photographs.len(),
-            structured: self.structured,
+            joint: self.is_joint(),
             noise: self.options.noise.expected / self.least_noise.expected,
             planes,
             hidden,
@@ -123,10 +124,15 @@ impl Estimation {
         })
     }
 
+    /// Whether the maps are those of the joint solve, or soon will be.
+    fn is_joint(&self) -> bool {
+        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
+    }
+
     /// The noise that the residuals show.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
-        if self.structured {
-            return Noise::of_model(self.options.structured.noise as f32);
+        if self.is_joint() {
+            return Noise::of_model(self.options.joint.noise as f32);
         }
         let photographs = self.photographs.full();
         let weight: f64 = photographs.iter().map(Observation::total_weight).sum();
@@ -144,11 +150,6 @@ impl Evidence {
     /// The same, without the evidence.
     pub fn into_maps(self) -> Svbrdf {
         self.maps
-    }
-
-    /// Whether the structured prior was chosen.
-    pub fn is_structured(&self) -> bool {
-        self.structured
     }
 
     /// The terms of a map (0 normal, 1 diffuse, 2 specular, 3 roughness) at a texel.
@@ -172,7 +173,7 @@ impl Evidence {
             ln(self.roughness, MIN_ROUGHNESS),
             ln(planes.variation, MIN_VALUE),
             ln(planes.change[texel], MIN_CHANGE),
-            flag(self.structured) * (0.5 * self.photographs as f32).ln(),
+            flag(self.joint) * (0.5 * self.photographs as f32).ln(),
             ln(self.noise, 1.0),
         ]
     }

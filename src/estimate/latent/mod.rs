@@ -3,8 +3,8 @@
 //! The objective of the paper (Section 5), `argmin_z sum_i L(I_i, R(D(z), C_i))`, with two
 //! additions. What the decoder cannot express of the start is kept as a fixed detail,
 //! `maps = D(z) + (start - D(E(start)))` in encoded space, so that the fit begins exactly at the
-//! start and moves it within what materials do. Each photograph begins with gains of the maps
-//! as a whole; and a prior, weaker with every photograph, holds the slopes to the start's.
+//! start and moves it within what materials do. Each photograph begins with gains of the maps as a whole. A prior, weaker with every photograph, holds the slopes to the
+//! start's.
 //!
 //! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
 //! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
@@ -157,7 +157,7 @@ impl LatentFit {
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let averages = photographs.averaged();
         let observations = chosen(&averages, &photographs.drawn(done));
-        if done == 0 && options.gains {
+        if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
         // A restored fit may have done more than what one photograph asks for.

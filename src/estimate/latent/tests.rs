@@ -69,15 +69,15 @@ fn the_fit_begins_at_the_start_and_lowers_the_loss_over_all_photographs() {
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     let start = networks.photo_maps(&top).unwrap();
     let before = render::loss(&start, std::slice::from_ref(&top));
-    let options =
-        LatentOptions { first_steps: 40, steps: 40, gains: false, ..LatentOptions::default() };
+    let options = LatentOptions { first_steps: 40, steps: 40, ..LatentOptions::default() };
     let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
     for (a, b) in fit.maps().planes().iter().zip(start.planes()) {
         // through the square-root encoding and back
         assert!((a - b).abs() < 1e-5);
     }
     let first = fit.step();
-    assert!((first.loss - before).abs() < 1e-3 * before);
+    // Gains of the maps as a whole come first.
+    assert!(first.loss < 1.001 * before);
     assert!(!first.settled && fit.latent.work() == [1, 40]);
     fit.settle();
     let after = render::loss(&fit.maps(), std::slice::from_ref(&top));
@@ -172,8 +172,7 @@ fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
     let truth = material(32);
     let (top, side) = (photograph(&truth, TOP), photograph(&truth, SIDE));
     let start = networks.photo_maps(&top).unwrap();
-    let options =
-        LatentOptions { first_steps: 5, steps: 3, gains: false, ..LatentOptions::default() };
+    let options = LatentOptions { first_steps: 5, steps: 3, ..LatentOptions::default() };
     let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
     fit.add(&side).unwrap();
     assert_eq!(fit.settle(), 5 + 3, "two came at once");
@@ -192,7 +191,7 @@ fn averages_move_and_the_detail_of_the_start_stays() {
     let truth = material(256);
     let [top, side] = [TOP, SIDE].map(|place| photograph(&truth, place));
     let start = networks.photo_maps(&top).unwrap();
-    let options = LatentOptions { first_steps: 5, gains: false, ..LatentOptions::default() };
+    let options = LatentOptions { first_steps: 5, ..LatentOptions::default() };
     let mut fit = Fit::new(networks, &start, &top, &options).unwrap();
     for (found, expected) in fit.maps().planes().iter().zip(start.planes()) {
         assert!((found - expected).abs() < 1e-5);

@@ -10,35 +10,7 @@ use crate::parallel;
 use crate::reflectance::Directions;
 use crate::render::{self, BAND_ROWS, Prepared, find_directions};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, bands, channel};
-
-/// Parameters of gloss: roughness, roots of specular albedo.
-pub(in crate::estimate) const GLOSS: [usize; 4] =
-    [channel::ROUGHNESS, channel::SPECULAR, channel::SPECULAR + 1, channel::SPECULAR + 2];
-
-/// What photographs tell of the gloss of each texel.
-pub(in crate::estimate) struct GlossInformation {
-    texels: usize,
-    /// Precisions, cost.
-    planes: Vec<f32>,
-}
-
-impl GlossInformation {
-    /// Precisions that they give roughness and the roots of the three specular albedos, whatever
-    /// the other parameters are.
-    pub fn precision(&self) -> [&[f32]; GLOSS.len()] {
-        std::array::from_fn(|i| self.plane(i))
-    }
-
-    /// Negative logarithm of the texel's posterior, apart from a constant.
-    pub fn cost(&self) -> &[f32] {
-        self.plane(GLOSS.len())
-    }
-
-    fn plane(&self, i: usize) -> &[f32] {
-        &self.planes[i * self.texels..(i + 1) * self.texels]
-    }
-}
+use crate::svbrdf::{CHANNELS, bands};
 
 /// Where the posterior is looked at: maps, the prior's mean and widths, and the noise.
 #[derive(Clone, Copy)]
@@ -47,27 +19,6 @@ pub(in crate::estimate) struct At<'a> {
     pub mean: &'a Svbrdf,
     pub prior: &'a Prior,
     pub noise: Noise,
-}
-
-/// Information on gloss.
-///
-/// # Panics
-/// When sizes differ.
-pub(in crate::estimate) fn gloss_information(
-    at: At,
-    observations: &[Observation],
-) -> GlossInformation {
-    let planes = planes(at, observations, |planes| Out::Gloss(planes));
-    GlossInformation { texels: at.maps.texels(), planes }
-}
-
-/// Precisions of each texel's slopes, the prior's included, whatever its other parameters are:
-/// planes of xx, xy, yy.
-///
-/// # Panics
-/// When sizes differ.
-pub(in crate::estimate) fn slope_precision(at: At, observations: &[Observation]) -> Vec<f32> {
-    planes(at, observations, |planes| Out::Slopes(planes))
 }
 
 /// Covariance of each texel's coordinates given the photographs, in sigmas of the prior.
@@ -172,10 +123,6 @@ fn planes<const PLANES: usize>(
 // One a band: its size is nothing beside them.
 #[allow(clippy::large_enum_variant)]
 enum Out<'a> {
-    /// Precisions of gloss, cost.
-    Gloss([&'a mut [f32]; 5]),
-    /// Precision of slopes.
-    Slopes([&'a mut [f32]; 3]),
     /// The covariance.
     All([&'a mut [f32]; PAIRS]),
     /// Variances, weight, loss.
@@ -197,10 +144,7 @@ impl Kernel for Band<'_> {
         let Self { posterior, at, first_row, mut out } = self;
         let width = at.maps.width();
         let mut directions = vec![Directions::none(); posterior.observations.len()];
-        let (Out::Gloss([first, ..])
-        | Out::Slopes([first, ..])
-        | Out::All([first, ..])
-        | Out::Spread([first, ..])) = &out;
+        let (Out::All([first, ..]) | Out::Spread([first, ..])) = &out;
         for r in 0..first.len() / width {
             let row = first_row + r;
             for column in (0..width).step_by(LANES) {
@@ -212,18 +156,9 @@ impl Kernel for Band<'_> {
                 };
                 let (x, mean) = (load(at.maps), load(at.mean));
                 find_directions(posterior.observations, column, row, &mut directions);
-                let (equations, (cost, [red, green, blue])) =
+                let (equations, (_, [red, green, blue])) =
                     NormalEquations::new(posterior, &x, &mean, &directions, texels.clone());
                 match &mut out {
-                    Out::Gloss([out @ .., cost_out]) => {
-                        cost.store(&mut cost_out[here.clone()]);
-                        let variances = equations.gloss_variances();
-                        for ((variance, out), c) in variances.into_iter().zip(out).zip(GLOSS) {
-                            let all = variance.max(V::splat(1e-9)).reciprocal();
-                            let prior = V::splat(posterior.precision[c]);
-                            (all - prior).max(V::splat(0.0)).store(&mut out[here.clone()]);
-                        }
-                    }
                     Out::All(out) => {
                         for (value, out) in equations.covariance().into_iter().zip(out) {
                             value.store(&mut out[here.clone()]);
@@ -244,11 +179,6 @@ impl Kernel for Band<'_> {
                         weight.store(&mut weight_out[here.clone()]);
                         let loss = (red + green + blue) * V::splat(1.0 / 3.0);
                         loss.store(&mut loss_out[here.clone()]);
-                    }
-                    Out::Slopes(out) => {
-                        for (value, out) in equations.slope_precision().into_iter().zip(out) {
-                            value.store(&mut out[here.clone()]);
-                        }
                     }
                 }
             }

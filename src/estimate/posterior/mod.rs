@@ -15,10 +15,7 @@ mod model;
 mod normal_equations;
 mod residual;
 
-pub(super) use information::{
-    At, Covariance, GLOSS, GlossInformation, Spread, covariance, gloss_information,
-    slope_precision, spread,
-};
+pub(super) use information::{At, Covariance, Spread, covariance, spread};
 pub(super) use model::Posterior;
 pub(super) use normal_equations::{NormalEquations, PAIRS, SHAPE, cost};
 pub(super) use residual::{Appearance, Line, Residual, Seen};

@@ -208,37 +208,6 @@ impl<V: Lanes> NormalEquations<V> {
         [inverse[0], inverse[3]]
     }
 
-    /// Precision of the slopes (xx, xy, yy) under the quadratic model, whatever the rest is.
-    #[inline(always)]
-    pub fn slope_precision(&self) -> [V; 3] {
-        let mut a = self.shape;
-        for c in 0..3 {
-            self.eliminate(c, V::splat(1.0), &mut a);
-        }
-        let [pp, pq, pr, qq, qr, rr] = a;
-        let scale = rr.max(self.shape[5] * V::splat(1e-6)).reciprocal();
-        [pp - pr * pr * scale, pq - pr * qr * scale, qq - qr * qr * scale]
-    }
-
-    /// Variances of roughness and of the roots of specular albedo under the quadratic posterior.
-    #[inline(always)]
-    pub fn gloss_variances(&self) -> [V; 4] {
-        let mut a = self.shape;
-        let mut eliminated = [([V::splat(0.0); 3], [[V::splat(0.0); 3]; 2]); 3];
-        for (c, eliminated) in eliminated.iter_mut().enumerate() {
-            *eliminated = self.eliminate(c, V::splat(1.0), &mut a);
-        }
-        let i = inverse(a);
-        let mut variances = [i[5]; 4];
-        for (variance, (own, [_, [x, y, z]])) in variances[1..].iter_mut().zip(eliminated) {
-            let ix = i[0].mul_add(x, i[1].mul_add(y, i[2] * z));
-            let iy = i[1].mul_add(x, i[3].mul_add(y, i[4] * z));
-            let iz = i[2].mul_add(x, i[4].mul_add(y, i[5] * z));
-            *variance = own[2] + x.mul_add(ix, y.mul_add(iy, z * iz));
-        }
-        variances
-    }
-
     /// The whole covariance under the quadratic model: upper triangle by rows.
     #[inline(always)]
     pub fn covariance(&self) -> [V; PAIRS] {

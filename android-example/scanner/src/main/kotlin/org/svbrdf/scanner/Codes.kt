@@ -180,16 +180,12 @@ enum class Phase(internal val code: Int) {
 
     /** Something that a newer library may do. */
     OTHER(1),
-    LATENT(2),
-    WIDTHS(3),
-    POOL_GLOSS(4),
-    HELD_LIGHTS(5),
-    TURNING_LIGHTS(6),
-    MAPS(7),
-    SLOPES(8),
-    CLASSES(9),
-    NETWORK(11),
-    BASELINE(12);
+
+    /** Looks for maps that explain all photographs. */
+    FIT(2),
+
+    /** Brings back the detail of every texel. */
+    REFINE(3);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER

@@ -1,0 +1,206 @@
+//! The problem that the joint solve minimises.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::estimate::bundle::{
+    Descent, Groups, Limits, MIRRORED, Parameter, Problem, Sample, Shared, State,
+};
+use crate::estimate::clusters::Clusters;
+use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::noise::Noise;
+use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
+use crate::estimate::prior::Coordinates;
+use crate::svbrdf::{CHANNELS, channel};
+
+/// Share of the colour seen that is diffuse, in the prior's mean.
+pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
+/// Relative gain of a step that is not worth another.
+const CONVERGED: f64 = 1e-4;
+/// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm, of a turn in radians.
+const MAX_STEPS: [f64; 4] = [1.0, 0.2, 15.0, 0.06];
+/// Longest turn of a light, radians: the model is one of small angles.
+const MAX_TURN: f64 = 0.3;
+/// Largest ambient fraction: beyond it a capture is no flash capture.
+const MAX_AMBIENT: f64 = 0.4;
+/// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample shows that
+/// a room is not uniform.
+const MIN_SURROUND: f32 = 0.01;
+
+/// Coordinates that classes share.
+pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
+
+/// Coordinates of the diffuse albedo.
+pub(super) const DIFFUSE: Range<usize> = channel::DIFFUSE..channel::DIFFUSE + 3;
+
+impl JointPrior {
+    /// Standard deviations of texels' coordinates.
+    pub(super) fn sigmas(&self) -> Coordinates {
+        std::array::from_fn(|c| match c {
+            channel::SLOPE_X | channel::SLOPE_Y => self.slope,
+            channel::ROUGHNESS => self.roughness,
+            _ if c < channel::SPECULAR => self.diffuse,
+            _ => self.specular,
+        })
+    }
+}
+
+/// A descent from the prior's mean, with nothing corrected.
+pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
+    let count = problem.which.len();
+    let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
+    let correction = Correction {
+        exposure: Exposure::as_given(views),
+        turns: vec![[0.0; 2]; count],
+        mirrored: vec![0.0; count],
+        ..Correction::default()
+    };
+    let start = problem.start(correction);
+    Descent::new(problem, start, Limits { steps, converged: CONVERGED })
+}
+
+/// The most probable state near the prior's mean.
+pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
+    descent(problem, steps).run()
+}
+
+/// What the prior refers to: classes of colour and the texels' prior means.
+#[derive(Debug, Clone)]
+pub(super) struct Setup {
+    pub classes: Clusters,
+    shares: Vec<f32>,
+    /// Prior means of texels, but for gloss: what is added to that of the classes.
+    mean: Vec<Coordinates>,
+    class_means: Vec<Coordinates>,
+}
+
+impl Setup {
+    /// Of some photographs, on a share of the slopes of an `estimate`.
+    pub fn new(
+        sample: &Sample,
+        which: &[usize],
+        prior: &JointPrior,
+        estimate: &[Coordinates],
+        options: &JointOptions,
+    ) -> Self {
+        let colours = sample.colours(which);
+        let classes = Clusters::find(&colours, prior.classes, None);
+        let mut shares = vec![0.0; colours.len() * classes.len()];
+        for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len().max(1))) {
+            classes.shares(colour, out);
+        }
+        let root = f64::from(DIFFUSE_FRACTION.sqrt());
+        let mean = colours.iter().zip(estimate).map(|(colour, estimate)| {
+            let mut mean = [0.0; CHANNELS];
+            for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+                mean[c] = prior.relief * estimate[c];
+            }
+            for c in 0..3 {
+                mean[channel::DIFFUSE + c] = root * f64::from(colour[c]);
+            }
+            mean
+        });
+        let [root, roughness] = options.class_mean;
+        let mut class_mean = [0.0; CHANNELS];
+        class_mean[GLOSS].copy_from_slice(&[root, root, root, roughness]);
+        let class_means = vec![class_mean; classes.len()];
+        Self { mean: mean.collect(), classes, shares, class_means }
+    }
+
+    /// Round an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share of each
+    /// texel's deviation from that.
+    pub fn around(mut self, estimate: &[Coordinates], own: f64) -> Self {
+        let count = self.classes.len();
+        let mut totals = vec![1e-9; count];
+        self.class_means.fill([0.0; CHANNELS]);
+        for (x, shares) in estimate.iter().zip(self.shares.chunks_exact(count)) {
+            for ((mean, total), share) in self.class_means.iter_mut().zip(&mut totals).zip(shares) {
+                *total += f64::from(*share);
+                GLOSS.for_each(|c| mean[c] += f64::from(*share) * x[c]);
+            }
+        }
+        for (mean, total) in self.class_means.iter_mut().zip(totals) {
+            mean.iter_mut().for_each(|m| *m /= total);
+        }
+        for ((mean, x), shares) in
+            self.mean.iter_mut().zip(estimate).zip(self.shares.chunks_exact(count))
+        {
+            mean[DIFFUSE].copy_from_slice(&x[DIFFUSE]);
+            for c in GLOSS {
+                let of_classes = shares.iter().zip(&self.class_means);
+                let of_classes: f64 = of_classes.map(|(s, m)| f64::from(*s) * m[c]).sum();
+                mean[c] = own * (x[c] - of_classes);
+            }
+        }
+        self
+    }
+
+    /// The problem of these photographs; `board`: whether a board has shown the lights.
+    pub fn problem(
+        self,
+        sample: &Arc<Sample>,
+        which: Vec<usize>,
+        prior: &JointPrior,
+        board: bool,
+        options: &EstimateOptions,
+    ) -> Problem {
+        let EstimateOptions { joint: options, noise, .. } = options;
+        // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
+        let scale = sample.texels() as f64 / options.independent_texels;
+        let of_class = scale / self.classes.len().max(1) as f64;
+        let [root, roughness] = options.class_sigma.map(|s| of_class / (s * s));
+        let precision =
+            std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
+        Problem {
+            shared: shared(sample, &which, board, scale, &options.shared),
+            sample: sample.clone(),
+            which,
+            mean: self.mean,
+            precision: prior.sigmas().map(|s| s.powi(-2)),
+            groups: Groups {
+                coordinates: GLOSS,
+                range: [0.0, 1.0],
+                shares: self.shares,
+                mean: self.class_means,
+                precision,
+            },
+            noise: Noise { scale: options.noise as f32, huber: noise.huber },
+        }
+    }
+}
+
+/// What all texels share: exposure of each photograph and place of the flash; with a board what a smooth
+/// sample mirrors of the room, without one ambient light and, of many photographs, the direction of each light.
+fn shared(
+    sample: &Sample,
+    which: &[usize],
+    board: bool,
+    scale: f64,
+    sigmas: &SharedOptions,
+) -> Vec<Shared> {
+    let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
+    let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
+    let photographs = 0..which.len();
+    let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
+    let flash = (0..3).map(|axis| new(Parameter::Flash(axis), sigmas.offset_mm, of_flash));
+    let exponent = new(Parameter::Exponent, sigmas.exponent, of_exponent);
+    let mut all: Vec<Shared> = gains.chain([exponent]).chain(flash).collect();
+    if !board {
+        let ambient = new(Parameter::Ambient, sigmas.ambient, f64::INFINITY);
+        all.push(ambient.within(0.0, MAX_AMBIENT));
+        if which.len() >= sigmas.turns_from {
+            all.extend(photographs.flat_map(|i| {
+                [0, 1].map(|axis| {
+                    new(Parameter::Turn(i, axis), sigmas.turn, of_turn).within(-MAX_TURN, MAX_TURN)
+                })
+            }));
+        }
+    } else if which.iter().any(|&i| sample.photographs[i].view.ambient[1] > MIN_SURROUND) {
+        let [low, high] = MIRRORED;
+        all.extend(
+            photographs
+                .map(|i| new(Parameter::Mirrored(i), sigmas.mirrored, 1.0).within(low, high)),
+        );
+    }
+    all
+}

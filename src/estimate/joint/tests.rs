@@ -1,0 +1,250 @@
+use super::*;
+use crate::estimate::correction::Exposure;
+use crate::estimate::options::EstimateOptions;
+use crate::observation::{Falloff, Observation, View};
+use crate::random::Random;
+use crate::svbrdf::{CHANNELS, channel};
+use crate::test_support::{photograph, view_from};
+
+const SIDE: usize = 32;
+
+/// Two colours of one gloss on a sheet that is flat, or bumpy.
+fn material(bumps: f32) -> Svbrdf {
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    let mut random = Random::new(5);
+    for t in 0..SIDE * SIDE {
+        let dark = (t % SIDE / 4 + t / SIDE / 4).is_multiple_of(2);
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[t] = if dark { 0.1 } else { [0.4, 0.3, 0.2][c] };
+            maps.plane_mut(channel::SPECULAR + c)[t] = 0.05;
+        }
+        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
+            maps.plane_mut(c)[t] = bumps * (2.0 * random.uniform() as f32 - 1.0);
+        }
+        maps.plane_mut(channel::ROUGHNESS)[t] = 0.35;
+    }
+    maps
+}
+
+fn place(i: usize) -> [f32; 3] {
+    let angle = 2.4 * i as f32;
+    [50.0 * angle.sin(), 50.0 * angle.cos(), 140.0 + 12.0 * (i % 3) as f32]
+}
+
+fn given(i: usize) -> View {
+    let falloff = Falloff::InverseSquare { power_mm2: [6e4; 3] };
+    View { falloff, ..view_from(place(i)) }
+}
+
+/// Photographs with lights moved, exposures changed and radiances spoiled; their views as given.
+fn photographs(truth: &Svbrdf, count: usize, exposure: &Exposure, noise: f32) -> Photographs {
+    let mut all = Photographs::new();
+    let mut random = Random::new(8);
+    let correction = Correction { exposure: exposure.clone(), ..Correction::default() };
+    for i in 0..count {
+        let taken = photograph(truth, correction.apply(&given(i), i));
+        let (mut radiance, weight) = taken.planes();
+        radiance.iter_mut().for_each(|v| *v *= 1.0 + noise * random.bell() as f32);
+        let observation = Observation::new(SIDE, SIDE, given(i), &radiance, &weight).unwrap();
+        all.add(observation).unwrap();
+    }
+    all
+}
+
+fn planted() -> Exposure {
+    let views: Vec<View> = (0..6).map(given).collect();
+    let gains = vec![0.05, -0.04, 0.03, 0.0, -0.05, 0.02];
+    let offset_mm = [6.0, -9.0, 3.0];
+    Exposure { gains, exponent: 1.5, offset_mm, ..Exposure::as_given(views.iter()) }
+}
+
+fn options() -> EstimateOptions {
+    EstimateOptions::default()
+}
+
+/// A joint solve, to its end.
+fn fit(photographs: &mut Photographs, prior: JointPrior, board: bool) -> Belief {
+    let options = options();
+    let mut belief = Belief::new(Svbrdf::new(SIDE, SIDE), &options);
+    let mut fit = JointFit::new(photographs, &belief.maps, prior, board, &options);
+    while !fit.is_done() {
+        fit.step();
+    }
+    fit.finish(photographs, &mut belief);
+    belief
+}
+
+/// Gains and exponent share what they explain as their priors say: their sum is compared.
+#[test]
+fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
+    for exposure in [planted(), Exposure::default()] {
+        let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
+        let belief = fit(&mut photographs, options().joint.candidates[1], true);
+        let found = &photographs.correction().exposure;
+        for (a, b) in found.offset_mm.iter().zip(exposure.offset_mm).take(2) {
+            // A tenth of a degree at this distance is 0.25 mm.
+            assert!((a - b).abs() < 1.5, "{found:?}");
+        }
+        let logs = |exposure: &Exposure| -> Vec<f64> {
+            let all: Vec<f64> = (0..6).map(|i| exposure.factor(&given(i), Some(i)).ln()).collect();
+            let mean = all.iter().sum::<f64>() / all.len() as f64;
+            all.into_iter().map(|v| v - mean).collect()
+        };
+        for (a, b) in logs(found).iter().zip(logs(&exposure)) {
+            assert!((a - b).abs() < 0.03, "{found:?}");
+        }
+        let roughness = belief.mean.plane(channel::ROUGHNESS);
+        let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
+        assert!((mean - 0.35).abs() < 0.05, "{mean}");
+        assert_eq!(belief.fixed_noise, Some(options().joint.noise as f32));
+    }
+}
+
+/// Without a board, lights that are off by four degrees and ambient light that is not stated are found: most of
+/// both.
+#[test]
+fn wrong_lights_are_corrected() {
+    let turn = |i: usize| [0.07 * (2.1 * i as f64).sin(), 0.07 * (2.1 * i as f64).cos()];
+    let turns: Vec<[f64; 2]> = (0..8).map(turn).collect();
+    let planted = Correction { turns, ambient: 0.05, ..Correction::default() };
+    let mut photographs = Photographs::new();
+    for i in 0..8 {
+        let taken = photograph(&material(0.0), planted.apply(&given(i), i));
+        let (radiance, weight) = taken.planes();
+        let stated = Observation::new(SIDE, SIDE, given(i), &radiance, &weight).unwrap();
+        photographs.add(stated).unwrap();
+    }
+    let places = |correction: &Correction| -> Vec<glam::Vec3> {
+        (0..8).map(|i| correction.apply(&given(i), i).light_mm.into()).collect()
+    };
+    let (truth, as_given) = (places(&planted), places(&Correction::default()));
+    fit(&mut photographs, options().joint.candidates[1], false);
+    let found = places(photographs.correction());
+    let error = |places: &[glam::Vec3]| -> f32 {
+        places.iter().zip(&truth).map(|(a, b)| a.angle_between(*b).powi(2)).sum::<f32>().sqrt()
+    };
+    assert!(error(&found) < 0.5 * error(&as_given), "{} {}", error(&found), error(&as_given));
+    let ambient = photographs.correction().ambient;
+    assert!((ambient - 0.05).abs() < 0.025, "{ambient}");
+}
+
+fn chosen(photographs: &Photographs, maps: &Svbrdf) -> JointPrior {
+    let mut choice = PriorChoice::new(photographs, maps, true, &options());
+    while !choice.is_done() {
+        choice.step();
+    }
+    choice.chosen().unwrap()
+}
+
+/// Learned slopes that photographs bear out are taken over; those that a fit has made up are not.
+#[test]
+fn learned_slopes_are_taken_where_they_predict() {
+    for bumps in [0.0, 0.2] {
+        let photographs = photographs(&material(bumps), 6, &Exposure::default(), 0.02);
+        let right = chosen(&photographs, &material(bumps));
+        let made_up = chosen(&photographs, &material(0.2 - bumps));
+        if bumps > 0.0 {
+            assert!(right.relief > 0.95, "{right:?}");
+        } else {
+            assert!(made_up.relief < 0.05 && made_up.slope < 0.05, "{made_up:?}");
+        }
+    }
+}
+
+fn undone() -> PriorChoice {
+    let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
+    PriorChoice::new(&flat, &material(0.0), true, &options())
+}
+
+/// Candidates that predict alike have a mean; one that predicts far better is taken as it is.
+#[test]
+fn the_prior_is_a_mean_weighted_by_predictions() {
+    let mut choice = undone();
+    let candidates = options().joint.candidates;
+    assert_eq!(choice.chosen(), None, "none has predicted");
+    choice.errors.fill(0.01);
+    let slopes = candidates.iter().map(|prior| prior.slope.ln()).sum::<f64>();
+    let mean = (slopes / candidates.len() as f64).exp();
+    let found = choice.chosen().unwrap();
+    assert!((found.slope / mean - 1.0).abs() < 1e-9 && (1..=8).contains(&found.classes));
+    assert!((found.relief - 4.0 / 6.0).abs() < 1e-9, "{found:?}");
+    let (folds, better) = (choice.folds.len(), 3);
+    choice.errors[better * folds..][..folds].fill(0.004);
+    let found = choice.chosen().unwrap();
+    assert_eq!((found.classes, found.relief), (candidates[better].classes, 1.0));
+    assert!((found.slope / candidates[better].slope - 1.0).abs() < 1e-9, "{found:?}");
+}
+
+/// Predictions end when no further one could change the choice: against tables of all errors, drawn at
+/// random.
+#[test]
+fn predictions_that_are_left_out_change_no_choice() {
+    let mut random = Random::new(11);
+    let (mut done, mut all) = (0, 0);
+    let mut choice = undone();
+    let open = choice.errors.clone();
+    for case in 0..600 {
+        let mut value = |low: f64, high: f64| low + (high - low) * random.uniform();
+        let table: Vec<f64> = open.iter().map(|_| value(-2.0, 2.0).exp()).collect();
+        choice.errors.clone_from(&table);
+        let expected = choice.chosen();
+        choice.errors.clone_from(&open);
+        while let Some(next) = choice.next() {
+            assert!(choice.errors[next].is_nan());
+            choice.errors[next] = table[next];
+            done += 1;
+        }
+        assert_eq!(choice.chosen(), expected, "{case}: {table:?}");
+        all += table.len();
+    }
+    assert!(10 * done < 9 * all, "{done} of {all}");
+}
+
+/// Predictions whose errors are no numbers are made like others, and choose nothing.
+#[test]
+fn errors_that_are_no_numbers_end_the_choice() {
+    for error in [f64::NAN, f64::INFINITY] {
+        let mut choice = undone();
+        for _ in 0..choice.errors.len() {
+            if let Some(next) = choice.next() {
+                choice.record(next, error);
+            }
+        }
+        assert!(choice.is_done(), "{:?}", choice.errors);
+        assert!(choice.errors.iter().all(|e| !e.is_infinite()));
+    }
+}
+
+/// With all of its own deviations an estimate is its own mean: nothing is lost between classes and
+/// texels.
+#[test]
+fn classes_and_all_own_deviations_make_up_the_estimate() {
+    let mut estimate = material(0.0);
+    let mut random = Random::new(3);
+    for c in GLOSS {
+        let plane = estimate.plane_mut(c).iter_mut();
+        plane.for_each(|v| *v *= 0.8 + 0.4 * random.uniform() as f32);
+    }
+    let photographs = photographs(&material(0.0), 2, &Exposure::default(), 0.0);
+    let options = options();
+    let sample = Arc::new(Sample::new(&photographs, SIDE, SIDE));
+    let coordinates = sample.coordinates(&estimate);
+    let prior = JointPrior { classes: 4, ..options.joint.few };
+    let setup = Setup::new(&sample, &[0, 1], &prior, &coordinates, &options.joint);
+    let setup = setup.around(&coordinates, 1.0);
+    let classes = setup.classes.clone();
+    let problem = setup.problem(&sample, vec![0, 1], &prior, true, &options);
+    let state = problem.start(Correction::default());
+    for (t, estimate) in coordinates.iter().enumerate() {
+        let mean = problem.mean(t, &state);
+        for c in channel::DIFFUSE..CHANNELS {
+            // shares are in single precision
+            assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
+        }
+    }
+    let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4] };
+    let maps = gloss.maps(&estimate, Some(1.0), &photographs);
+    for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+}

@@ -1,0 +1,73 @@
+//! The latent code.
+
+use super::{Context, Done, Work};
+use crate::Result;
+use crate::estimate::belief::Belief;
+use crate::estimate::budget::{Shown, predicted_change};
+use crate::estimate::estimation::Cut;
+use crate::estimate::latent::LatentFit;
+
+/// Fraction of a budget that it may take: a step of the texels gains more.
+const FRACTION: f32 = 0.5;
+
+/// Steps of the latent code.
+#[derive(Default)]
+pub struct Phase {
+    /// The maps before the latest step.
+    previous: Option<Shown>,
+    fraction: f32,
+}
+
+impl Work for Phase {
+    fn name(&self) -> &'static str {
+        "latent"
+    }
+
+    fn cost(&self, photographs: usize) -> f32 {
+        let steps = if photographs == 1 { 8.0 } else { 30.0f32.min(90.0 / photographs as f32) };
+        (if photographs == 3 { 2.0 } else { 1.0 }) * steps * (8.0 + 0.5 * photographs as f32)
+    }
+
+    fn fraction(&self) -> f32 {
+        self.fraction
+    }
+
+    fn step(&mut self, context: &mut Context) -> Result<Done> {
+        let Some(latent) = context.latent else { return Ok(Done::silent(true)) };
+        let before = f64::from(*context.loss);
+        let ended = if latent.is_settled() {
+            true
+        } else if context.meter.exhausted(if context.task.refine { FRACTION } else { 1.0 }) {
+            *context.cut = Some(Cut::Budget);
+            true
+        } else {
+            let report = latent.step(context.photographs)?;
+            context.meter.count();
+            *context.loss = report.loss as f32;
+            let invisible = !report.settled
+                && context.meter.budget.stop_when_invisible
+                && is_still(latent, &mut self.previous);
+            if invisible {
+                *context.cut = Some(Cut::Invisible);
+                latent.count_as_fitted();
+            }
+            report.settled || invisible
+        };
+        let [done, all] = latent.work();
+        self.fraction = done as f32 / all.max(1) as f32;
+        if ended {
+            latent.refresh()?;
+            *context.belief = Some(Belief::new(latent.maps(), context.options));
+        }
+        Ok(Done::new(ended, [before, f64::from(*context.loss)]))
+    }
+}
+
+/// Whether nothing visible is left to do, `previous` being the maps before the latest step.
+fn is_still(latent: &LatentFit, previous: &mut Option<Shown>) -> bool {
+    let [done, steps] = latent.work();
+    let now = Shown::of(latent.averages());
+    let change = previous.as_ref().map(|before| now.visible_change(before));
+    *previous = Some(now);
+    change.is_some_and(|c| predicted_change(c, done as u32, steps as u32) < 1.0)
+}

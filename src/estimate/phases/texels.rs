@@ -1,0 +1,101 @@
+//! Steps of the texels.
+
+use super::{Context, Done, Phase as Shown, Work};
+use crate::Result;
+use crate::estimate::budget::Trend;
+use crate::estimate::estimation::Cut;
+use crate::estimate::solver::Solver;
+
+/// Last steps, at most.
+const STEPS: usize = 8;
+
+/// So many steps of the texels.
+pub(super) struct Steps {
+    solver: Option<Solver>,
+    trend: Trend,
+    steps: usize,
+    /// Whether they end where nothing visible is left to gain, whatever the budget says.
+    may_end: bool,
+}
+
+impl Steps {
+    pub fn new(steps: usize, may_end: bool) -> Self {
+        Self { solver: None, trend: Trend::new(steps, 1), steps, may_end }
+    }
+
+    pub fn fraction(&self) -> f32 {
+        let done = self.solver.as_ref().map_or(0, |solver| solver.state.steps);
+        done as f32 / self.steps.max(1) as f32
+    }
+
+    /// A step with some of the photographs.
+    pub fn step(&mut self, which: &[usize], context: &mut Context) -> Result<Done> {
+        let Context { belief: Some(belief), photographs, options, meter, .. } = context else {
+            return Ok(Done::silent(true));
+        };
+        let observations = &photographs.like(&belief.maps).some(which)[..];
+        let solver = match &mut self.solver {
+            Some(solver) => solver,
+            None => {
+                let (maps, prior) = (&mut belief.maps, &belief.prior);
+                let solver = Solver::new(maps, observations, prior, &options.noise)?;
+                self.solver.insert(solver.with_noise(belief.fixed_noise))
+            }
+        };
+        let before = f64::from(*context.loss);
+        let loss = solver.step(&mut belief.maps, &belief.mean, observations)?;
+        let summary = solver.summary();
+        belief.found = summary.prior;
+        belief.noise = summary.noise.iter().sum::<f32>() / 3.0;
+        *context.loss = loss as f32;
+        meter.count();
+        let step = summary.steps;
+        let invisible = meter.budget.stop_when_invisible;
+        let is_flat = self.trend.is_flat(step, loss) && (self.may_end || invisible);
+        if is_flat && step < self.steps && invisible {
+            *context.cut = context.cut.or(Some(Cut::Invisible));
+        }
+        Ok(Done::new(is_flat || step >= self.steps, [before, loss]))
+    }
+}
+
+/// The last steps, of every texel with all photographs.
+pub struct Phase {
+    steps: Steps,
+    begun: bool,
+}
+
+impl Default for Phase {
+    fn default() -> Self {
+        // At full size steps are expensive, and they begin close to their end.
+        Self { steps: Steps::new(STEPS, true), begun: false }
+    }
+}
+
+impl Work for Phase {
+    fn name(&self) -> &'static str {
+        "texels"
+    }
+
+    fn phase(&self) -> Shown {
+        Shown::Refine
+    }
+
+    fn cost(&self, photographs: usize) -> f32 {
+        STEPS as f32 * (5.0 + 2.0 * photographs as f32)
+    }
+
+    fn fraction(&self) -> f32 {
+        self.steps.fraction()
+    }
+
+    fn step(&mut self, context: &mut Context) -> Result<Done> {
+        if !std::mem::replace(&mut self.begun, true)
+            && let Some(belief) = context.belief
+        {
+            belief.refine(context.photographs);
+        }
+        let all: Vec<usize> = (0..context.photographs.len()).collect();
+        self.steps.step(&all, context)
+    }
+}
