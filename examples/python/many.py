@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import sys
 import tempfile
 import time
@@ -57,9 +56,13 @@ class Place:
         self.files.get(self.path(name) + "/", str(below / name) + "/", recursive=True)
         return below / name
 
+    def make(self, *names: str) -> None:
+        self.files.makedirs(self.path(*names), exist_ok=True)
+
     def publish(self, folder: Path, name: str) -> None:
         """Puts a complete folder here. Readers see all of it, or no record."""
         if self.is_store:
+            self.make(name)
             rest = [path for path in folder.iterdir() if path.name != RECORD]
             for path in [*rest, folder / RECORD]:
                 self.files.put_file(str(path), self.path(name, path.name))
@@ -92,10 +95,13 @@ def fit(captures: str, out: str, name: str, settings: Row) -> Row:
     begun = time.monotonic()
     with tempfile.TemporaryDirectory(prefix=".fit-", dir=target.scratch()) as work:
         below = Path(work)
+        capture = source.fetch(name, below / "in")
         try:
             # One thread: several fits with one thread each use a computer better than one fit with several.
-            maps = svbrdf.fit(source.fetch(name, below / "in"), threads=1, **settings)
-        except (svbrdf.RejectedError, svbrdf.FieldError, svbrdf.ArgumentError, svbrdf.MemoryLimitError) as fault:
+            maps = svbrdf.fit(capture, threads=1, **settings)
+        except (svbrdf.RejectedError, svbrdf.FieldError, svbrdf.FileError) as fault:
+            # Not of the capture: a disk that cannot be read at the moment.
+            os.listdir(capture)
             return {"capture": name, "status": "faulty", "message": str(fault)}
         rms = [p.reprojection_rms_px for p in maps.photographs if p.reprojection_rms_px is not None]
         row: Row = {
@@ -121,7 +127,7 @@ def fit(captures: str, out: str, name: str, settings: Row) -> Row:
 
 def write_table(out: Place, rows: list[Row]) -> None:
     import pyarrow as pa
-    import pyarrow.parquet as parquet
+    from pyarrow import parquet
 
     texts, counts = ["capture", "status", "message"], ["photographs", "used", "process"]
     numbers = ["largest_reprojection_rms_px", "seconds"]
@@ -202,8 +208,7 @@ def main() -> int:
     from distributed import Client, LocalCluster
 
     given = arguments()
-    if "://" not in given.out:
-        Path(given.out).mkdir(parents=True, exist_ok=True)
+    Place(given.out).make()
     # A fit cannot be moved to a disk: a worker goes on until it reaches its limit, and is then begun anew.
     memory = {f"distributed.worker.memory.{share}": False for share in ("target", "spill", "pause")}
     with dask.config.set({**memory, "distributed.worker.memory.terminate": 0.95}):
