@@ -32,7 +32,9 @@ fn stand_ins(dir: &Path, name: &str, more: &str, flags: &[&str]) -> PathBuf {
     let folder = dir.join(name);
     fs::create_dir(&folder).unwrap();
     let versions = folder.join("c.map");
-    let map = "LIBC { malloc; local: *; }; LIBC_O { mblen; } LIBC; LIBC_P { getrandom; } LIBC_O;";
+    let map = "LIBC { global: malloc; local: *; };\n\
+               LIBC_O { global: mblen; } LIBC;\n\
+               LIBC_P { global: getrandom; } LIBC_O;\n";
     fs::write(&versions, map).unwrap();
     let script = format!("-Wl,--version-script={}", versions.display());
     let libc = "void malloc(void) {} void mblen(void) {} void getrandom(void) {}\n";
