@@ -45,7 +45,7 @@ cli() {
     *-windows-*) flags=(-C target-feature=+crt-static) suffix=.exe ;;
   esac
   notices
-  cargo rustc --locked --profile "$profile" --target "$target" -p svbrdf-cli --bin svbrdf -- "${flags[@]}"
+  cargo rustc --locked --profile "$profile" --target "$target" -p svbrdf-cli --bin svbrdf -- ${flags[@]+"${flags[@]}"}
   local binary=$built/$target/$profile/svbrdf$suffix folder=$work/$name
   mkdir -p "$folder"
   cp "$binary" README.md LICENSE-MIT LICENSE-APACHE "$work/notices/THIRD-PARTY.txt" "$folder"
