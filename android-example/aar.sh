@@ -2,6 +2,7 @@
 # Packs `scanner` as an AAR with POM and sources, laid out as a Maven repository, without Gradle:
 #
 #   android-example/aar.sh OUT [ABI=FOLDER]... [--notices FILE]
+#   android-example/aar.sh check ABI=FOLDER...       only looks at the libraries; needs readelf alone
 #
 # OUT gets org/svbrdf/scanner/VERSION/scanner-VERSION.aar, .pom and -sources.jar: name it to Gradle by
 # `maven { url = uri("OUT") }` and depend on `org.svbrdf:scanner:VERSION`.
@@ -12,10 +13,13 @@
 #
 # Needs a JDK of 17 or later and a Kotlin compiler: KOTLIN_HOME, or what tests/android-tools.sh gets.
 set -euo pipefail
-usage() { sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+usage() { sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 [ $# -ge 1 ] || usage
-mkdir -p "$1"
-out=$(cd "$1" && pwd)
+out=
+if [ "$1" != check ]; then
+  mkdir -p "$1"
+  out=$(cd "$1" && pwd)
+fi
 shift
 notices=
 libraries=()
@@ -26,15 +30,76 @@ while [ $# -gt 0 ]; do
     *) usage ;;
   esac
 done
+[ -n "$out" ] || [ ${#libraries[@]} -gt 0 ] || usage
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(dirname "$here")
+export LC_ALL=C
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# What keeps a library from being loaded on a device, or ends the app there, said here instead.
+readonly api=26
+check() {
+  local file=$1 machine=$2 name alignment dynamic symbols faults=0
+  name=$(basename "$file")
+  fault() { echo "$file: $1" >&2; faults=1; }
+  [ -f "$file" ] || { echo "$file: no such file" >&2; exit 1; }
+  dynamic=$(readelf -dW "$file")
+  readelf -hW "$file" | grep -q "Machine:.*$machine" || fault "not for $machine"
+  grep -q "SONAME.*\[$name\]" <<< "$dynamic" || fault "its SONAME is another"
+  ! grep NEEDED <<< "$dynamic" | grep -Evq '\[(libsvbrdf|libc|libm|libdl|liblog)\.so\]' ||
+    fault "it needs what Android does not have"
+  ! grep -q TEXTREL <<< "$dynamic" || fault "its code would be changed while it is loaded (TEXTREL)"
+  # Threads end after `dlclose`, with destructors in the library.
+  grep -q 'FLAGS_1.*NODELETE' <<< "$dynamic" || fault "it can be unloaded (-z nodelete is missing)"
+  # Devices may have pages of 16 KB.
+  for alignment in $(readelf -lW "$file" | awk '$1 == "LOAD" { print $NF }'); do
+    [ $((alignment)) -ge 16384 ] || fault "a segment is not aligned to 16 KB"
+  done
+  symbols=$(readelf --dyn-syms -W "$file" | awk '$7 == "UND" && $5 == "GLOBAL" && $8 != "" { print $8 }')
+  # Android's libraries name the release that a symbol came with: LIBC, LIBC_N (API 24), LIBC_O (API 26), LIBC_P (28).
+  for symbol in $symbols; do
+    case $symbol in
+      *@LIBC | *@LIBC_N | *@LIBC_O | *@LIBLOG | *@LIBLOG_[LMO]) ;;
+      svbrdf_*) [ "$name" != libsvbrdf.so ] || fault "$symbol is missing" ;;
+      *) fault "$symbol is not in API $api" ;;
+    esac
+  done
+  exports "$file" > "$work/exported"
+  case $name in
+    libsvbrdf.so) grep '^svbrdf_' "$root/ffi/symbols.txt" | sort > "$work/expected" ;;
+    *) echo JNI_OnLoad > "$work/expected" ;;
+  esac
+  for symbol in $(comm -23 "$work/exported" "$work/expected"); do fault "$symbol is exported"; done
+  for symbol in $(comm -13 "$work/exported" "$work/expected"); do fault "$symbol is not exported"; done
+  [ $faults = 0 ] || exit 1
+}
+exports() {
+  readelf --dyn-syms -W "$1" |
+    awk '$1 ~ /^[0-9]+:$/ && $7 != "UND" && $7 != "ABS" && $5 != "LOCAL" { sub(/@.*/, "", $8); print $8 }' | sort
+}
+
+each() {
+  local given abi folder machine name
+  for given in "${libraries[@]}"; do
+    abi=${given%%=*} folder=${given#*=}
+    case $abi in arm64-v8a) machine=AArch64 ;; x86_64) machine=X86-64 ;; esac
+    for name in libsvbrdf.so libsvbrdf_jni.so; do
+      check "$folder/$name" "$machine"
+      [ -z "$out" ] || install -D -m 644 "$folder/$name" "$aar/jni/$abi/$name"
+    done
+  done
+}
+if [ -z "$out" ]; then
+  each
+  echo "fine for API $api: ${libraries[*]}"
+  exit 0
+fi
 kotlin=${KOTLIN_HOME:-${CARGO_TARGET_DIR:-$root/target}/android-tools/kotlinc}
 [ -f "$kotlin/lib/kotlin-compiler.jar" ] || { echo "no Kotlin compiler in $kotlin: set KOTLIN_HOME" >&2; exit 1; }
 value() { sed -n "s/^$2 = \"\(.*\)\"/\1/p" "$1" | head -n 1; }
 version=$(value "$root/Cargo.toml" version)
 main=$here/scanner/src/main
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
 aar=$work/aar
 mkdir -p "$aar/META-INF/com/android/build/gradle" "$aar/META-INF/licenses/svbrdf" "$work/classes"
 # Entries of archives get one time, so that the same input gives the same bytes.
@@ -46,7 +111,7 @@ build() {
   (cd "$root" && cargo ndk -t "$abi" --platform 26 -o "$work/built" build --profile dist -p svbrdf-ffi)
   "$ndk"/toolchains/llvm/prebuilt/*/bin/"$arch"-linux-android26-clang -std=c11 -O2 -fPIC -shared \
     -fvisibility=hidden -I "$root/include" "$main"/cpp/*.c -L "$work/built/$abi" -lsvbrdf \
-    -Wl,-soname,libsvbrdf_jni.so -Wl,-z,max-page-size=16384 -Wl,--no-undefined -s \
+    -Wl,-soname,libsvbrdf_jni.so -Wl,-z,max-page-size=16384 -Wl,-z,nodelete -Wl,--no-undefined -s \
     -o "$work/built/$abi/libsvbrdf_jni.so"
   libraries+=("$abi=$work/built/$abi")
 }
@@ -54,30 +119,7 @@ if [ ${#libraries[@]} = 0 ]; then
   build arm64-v8a aarch64
   build x86_64 x86_64
 fi
-
-# What keeps a library from being loaded on a device, said here instead of there.
-check() {
-  local file=$1 machine=$2 alignment faults=0
-  fault() { echo "$file: $1" >&2; faults=1; }
-  readelf -h "$file" | grep -q "Machine:.*$machine" || fault "not for $machine"
-  readelf -d "$file" | grep -q "SONAME.*\[$(basename "$file")\]" || fault "its SONAME is another"
-  ! readelf -d "$file" | grep NEEDED | grep -Evq '\[(libsvbrdf|libc|libm|libdl|liblog)\.so\]' ||
-    fault "it needs what Android does not have"
-  # Devices may have pages of 16 KB.
-  for alignment in $(readelf -lW "$file" | awk '$1 == "LOAD" { print $NF }'); do
-    [ $((alignment)) -ge 16384 ] || fault "a segment is not aligned to 16 KB"
-  done
-  [ $faults = 0 ] || exit 1
-}
-for given in "${libraries[@]}"; do
-  abi=${given%%=*} folder=${given#*=}
-  case $abi in arm64-v8a) machine=AArch64 ;; x86_64) machine=X86-64 ;; esac
-  mkdir -p "$aar/jni/$abi"
-  for name in libsvbrdf.so libsvbrdf_jni.so; do
-    check "$folder/$name" "$machine"
-    cp "$folder/$name" "$aar/jni/$abi/"
-  done
-done
+each
 
 # Metadata of an older version is read by the compilers of more apps. The compiler ends before it pays to optimise it.
 java -Xmx1g -XX:TieredStopAtLevel=1 -XX:+UseSerialGC -cp "$kotlin/lib/kotlin-compiler.jar" org.jetbrains.kotlin.cli.jvm.K2JVMCompiler \

@@ -1,4 +1,5 @@
-//! Names the shared library's major version inside it, and leaves symbols out that nobody asked for.
+//! Names the shared library's major version inside it, keeps it loaded until the process ends, and leaves symbols
+//! out that nobody asked for.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -18,6 +19,11 @@ fn main() {
         }
         _ => false,
     };
+    // Threads that have called the library run destructors of its thread-local values when they end, also after
+    // `dlclose`. Android's C library does not keep the code for them as glibc does.
+    if elf {
+        link("-z,nodelete");
+    }
     // The profile's own `strip` would take the names out of the tests' backtraces as well. With debug
     // information (`dist-debug`, CARGO_PROFILE_RELEASE_DEBUG) everything stays.
     if elf && target("PROFILE") == "release" && target("DEBUG") == "false" {

@@ -14,7 +14,7 @@
 #
 # SVBRDF_JOBS: fits at once, one thread each (default: cores). SVBRDF: the command. SVBRDF_SHARES and
 # SVBRDF_SHARE: do one share of the captures, counted from 0; known without them in a Slurm array
-# (sbatch --array=0-7 fit-all.sh CAPTURES OUT) and, but for the number, in a Kubernetes Job.
+# (sbatch --array=0-7 --cpus-per-task=4 fit-all.sh CAPTURES OUT) and, but for the number, in a Kubernetes Job.
 set -u
 if [ $# -lt 2 ]; then
   sed -n '5,18s/^# \{0,1\}//p' "$0" >&2

@@ -1,7 +1,12 @@
 #!/usr/bin/env python3
 """Packs the extension with wheels for one or several systems: build.py OUT.zip WHEEL...
 
-The wheels have to be of the extension's version; systems without one are left out of the manifest."""
+The wheels have to be of the extension's version; systems without one are left out of the manifest. They are packed
+as they are, byte by byte. Blender's extension platform takes wheels of the Python index alone:
+
+    pip download --no-deps --only-binary :all: --platform manylinux_2_28_x86_64 -d wheels svbrdf==VERSION
+
+The add-on is GPL-3.0-or-later, as the platform and Blender's Python interface ask; the wheels keep their licences."""
 import pathlib
 import sys
 import tomllib
@@ -45,8 +50,7 @@ def main():
     tomllib.loads(manifest)
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("blender_manifest.toml", manifest)
-        for name in ("LICENSE-MIT", "LICENSE-APACHE"):
-            archive.write(HERE.parents[1] / name, name)
+        archive.write(folder / "LICENSE", "LICENSE")
         for source in sorted(folder.glob("*.py")):
             archive.write(source, source.name)
         for wheel in wheels:

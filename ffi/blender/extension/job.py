@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Work that takes a while, on a thread of its own. Nothing here knows of Blender."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Materials of exported maps: the nodes are built by the script that the library writes beside its textures."""
 
 import runpy

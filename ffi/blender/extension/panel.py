@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What the user sees: properties, operators and the panel in the sidebar of the 3D view."""
 
 import os

@@ -4,28 +4,48 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::common::{has, library, root, run};
-use crate::{class_path, example, kotlin, native, tools};
+use crate::common::{has, library, run};
+use crate::{class_path, example, kotlin, tools};
 
-/// Libraries that stand in for those of a device, which only the NDK links: named, aligned and
-/// depending on others as those are.
-fn stand_ins(dir: &Path, alignment: u32) -> PathBuf {
-    let folder = dir.join(format!("aligned-{alignment}"));
+/// How the linker is told to make libraries that devices load.
+const LOADED: [&str; 2] = ["-Wl,-z,max-page-size=16384", "-Wl,-z,nodelete"];
+
+/// Links a shared library without the desktop's own.
+fn link(folder: &Path, name: &str, source: &str, flags: &[&str]) {
+    let file = folder.join(format!("{name}.c"));
+    fs::write(&file, source).unwrap();
+    run(Command::new("gcc")
+        .args(["-shared", "-fPIC", "-nostdlib", "-fno-builtin", "-Wl,--no-as-needed"])
+        .arg(format!("-Wl,-soname,lib{name}.so"))
+        .arg(&file)
+        .arg("-L")
+        .arg(folder)
+        .args(flags)
+        .arg("-o")
+        .arg(folder.join(format!("lib{name}.so"))));
+}
+
+/// Libraries that stand in for those of a device, which only the NDK links: named and aligned as those are, with
+/// their exports, and depending on a C library whose symbols name their release as Android's do. `more` is added
+/// to the source of libsvbrdf.
+fn stand_ins(dir: &Path, name: &str, more: &str, flags: &[&str]) -> PathBuf {
+    let folder = dir.join(name);
     fs::create_dir(&folder).unwrap();
-    let source = folder.join("stand-in.c");
-    fs::write(&source, "int stand_in(void) { return 0; }\n").unwrap();
-    for (name, depends) in [("svbrdf", None), ("svbrdf_jni", Some("-lsvbrdf"))] {
-        run(Command::new("gcc")
-            .args(["-shared", "-fPIC", "-nostdlib", "-Wl,--no-as-needed"])
-            .arg(format!("-Wl,-soname,lib{name}.so"))
-            .arg(format!("-Wl,-z,max-page-size={alignment}"))
-            .arg(&source)
-            .arg("-L")
-            .arg(&folder)
-            .args(depends)
-            .arg("-o")
-            .arg(folder.join(format!("lib{name}.so"))));
-    }
+    let versions = folder.join("c.map");
+    let map = "LIBC { global: malloc; local: *; };\n\
+               LIBC_O { global: mblen; } LIBC;\n\
+               LIBC_P { global: getrandom; } LIBC_O;\n";
+    fs::write(&versions, map).unwrap();
+    let script = format!("-Wl,--version-script={}", versions.display());
+    let libc = "void malloc(void) {} void mblen(void) {} void getrandom(void) {}\n";
+    link(&folder, "c", libc, &[&script]);
+    let symbols = include_str!("../../symbols.txt").lines().filter(|s| s.starts_with("svbrdf_"));
+    let mut source: String = symbols.map(|s| format!("void {s}(void) {{}}\n")).collect();
+    source += "void malloc(void); void mblen(void); void getrandom(void);\n\
+               __attribute__((visibility(\"hidden\"))) void uses(void) { malloc(); mblen(); }\n";
+    link(&folder, "svbrdf", &(source + more), &[flags, &["-lc"]].concat());
+    let jni = "void svbrdf_version(void); void JNI_OnLoad(void) { svbrdf_version(); }\n";
+    link(&folder, "svbrdf_jni", jni, &[flags, &["-lsvbrdf", "-lc"]].concat());
     folder
 }
 
@@ -52,7 +72,7 @@ fn the_scanner_is_packed_for_gradle() {
     let Some(tools) = tools() else { return };
     let dir = tempfile::tempdir().unwrap();
     let (dir, out) = (dir.path(), dir.path().join("repository"));
-    let folder = stand_ins(dir, 16384);
+    let folder = stand_ins(dir, "good", "", &LOADED);
     let packed = pack(&out, &tools, &[("x86_64", &folder)]);
     assert!(packed.status.success(), "{}", String::from_utf8_lossy(&packed.stderr));
     let version = env!("CARGO_PKG_VERSION");
@@ -165,31 +185,72 @@ fn clients_compile(dir: &Path, tools: &Path, classes: &Path) {
 
 #[test]
 fn libraries_that_no_device_loads_are_refused() {
-    let Some(tools) = tools() else { return };
-    if !has("readelf") {
+    if !has("readelf") || !has("gcc") {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let (dir, out) = (dir.path(), dir.path().join("repository"));
-    let refused = |abi: &str, folder: &Path, why: &str| {
-        let packed = pack(&out, &tools, &[(abi, folder)]);
-        let said = String::from_utf8_lossy(&packed.stderr).into_owned();
-        assert!(!packed.status.success() && said.contains(why), "{why}: {said}");
-        assert!(!out.join("org").exists(), "nothing is packed");
+    let dir = dir.path();
+    let check = |abi: &str, folder: &Path| {
+        let given = format!("{abi}={}", folder.display());
+        Command::new(example().join("aar.sh")).args(["check", &given]).output().unwrap()
     };
-    let good = stand_ins(dir, 16384);
+    let refused = |abi: &str, folder: &Path, why: &str| {
+        let looked = check(abi, folder);
+        let said = String::from_utf8_lossy(&looked.stderr).into_owned();
+        assert!(!looked.status.success() && said.contains(why), "{why}: {said}");
+    };
+    let good = stand_ins(dir, "good", "", &LOADED);
+    let looked = check("x86_64", &good);
+    assert!(looked.status.success(), "{}", String::from_utf8_lossy(&looked.stderr));
     refused("arm64-v8a", &good, "not for AArch64");
-    refused("x86_64", &stand_ins(dir, 4096), "16 KB");
+    let hidden = "__attribute__((visibility(\"hidden\")))";
+    for (name, more, flags, why) in [
+        ("pages", "", &["-Wl,-z,nodelete", "-Wl,-z,max-page-size=4096"][..], "16 KB"),
+        ("unloaded", "", &LOADED[..1], "nodelete is missing"),
+        (
+            "newer",
+            &format!("{hidden} void more(void) {{ getrandom(); }}\n"),
+            &LOADED,
+            "getrandom@LIBC_P is not in API 26",
+        ),
+        (
+            "nowhere",
+            &format!("void gone(void); {hidden} void more(void) {{ gone(); }}\n"),
+            &LOADED,
+            "gone is not in API 26",
+        ),
+        ("exports", "void more(void) {}\n", &LOADED, "more is exported"),
+        (
+            "relocated",
+            "__asm__(\".text\\n.quad svbrdf_version\");\n",
+            &[LOADED[0], LOADED[1], "-Wl,-z,notext"],
+            "TEXTREL",
+        ),
+    ] {
+        refused("x86_64", &stand_ins(dir, name, more, flags), why);
+    }
+    // One of ours is missing.
+    let renamed = [LOADED[0], LOADED[1], "-Dsvbrdf_version=JNI_OnLoad"];
+    refused("x86_64", &stand_ins(dir, "renamed", "", &renamed), "svbrdf_version is not exported");
     // The desktop's own.
     let desktop = dir.join("desktop");
     fs::create_dir(&desktop).unwrap();
     for name in ["libsvbrdf.so", "libsvbrdf.so.0"] {
         fs::copy(library(), desktop.join(name)).unwrap();
     }
-    native(&desktop);
     refused("x86_64", &desktop, "SONAME");
-    fs::copy(good.join("libsvbrdf.so"), desktop.join("libsvbrdf.so")).unwrap();
     refused("x86_64", &desktop, "it needs what Android does not have");
-    let usage = Command::new(example().join("aar.sh")).current_dir(root()).output().unwrap();
-    assert_eq!(usage.status.code(), Some(2));
+    for arguments in [&[][..], &["check"]] {
+        let usage = Command::new(example().join("aar.sh")).args(arguments).output().unwrap();
+        assert_eq!(usage.status.code(), Some(2));
+    }
+}
+
+#[test]
+fn nothing_is_packed_of_libraries_that_no_device_loads() {
+    let Some(tools) = tools() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (dir, out) = (dir.path(), dir.path().join("repository"));
+    let packed = pack(&out, &tools, &[("x86_64", &stand_ins(dir, "unloaded", "", &LOADED[..1]))]);
+    assert!(!packed.status.success() && !out.join("org").exists());
 }

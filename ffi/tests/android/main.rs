@@ -100,7 +100,7 @@ fn native(dir: &Path) {
     let mut command = Command::new("gcc");
     command
         .args(["-std=c11", "-O1", "-g", "-fPIC", "-shared", "-fvisibility=hidden"])
-        .args(["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror"])
+        .args(["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror", "-Wl,-z,nodelete"])
         .arg("-I")
         .arg(&include)
         .arg("-I")

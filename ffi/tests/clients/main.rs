@@ -207,4 +207,23 @@ fn only_the_headers_functions_are_exported() {
     let dynamic = run(Command::new("readelf").arg("-d").arg(library()));
     let dynamic = String::from_utf8_lossy(&dynamic.stdout).into_owned();
     assert!(dynamic.contains("[libsvbrdf.so.0]"), "{dynamic}");
+    assert!(dynamic.contains("NODELETE"), "{dynamic}");
+}
+
+/// Loaded by hand and unloaded while threads that called it go on.
+#[test]
+fn the_library_outlives_its_unloading() {
+    if !has("gcc") {
+        return;
+    }
+    let dir = workplace();
+    let program = dir.path().join("unload");
+    run(Command::new("gcc")
+        .args(["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror", "-I"])
+        .arg(root().join("include"))
+        .arg(root().join("ffi/tests/clients/unload.c"))
+        .args(["-ldl", "-lpthread", "-o"])
+        .arg(&program));
+    let capture = root().join("examples/captures/tile");
+    run(Command::new(program).arg(dir.path().join("libsvbrdf.so")).arg(capture));
 }

@@ -38,6 +38,15 @@ class CameraChoice private constructor(
     /** Size of the preview: the same shape. */
     val previewSize: Size
 
+    /**
+     * Strength of the lamp that every picture is taken with: the maker's usual one, but none of the topmost quarter, where
+     * lamps are likely to grow hot and to be dimmed. Null: the phone gives no choice to an open camera (before Android 15).
+     */
+    val torchLevel: Int? = named<Int>(characteristics, "android.flash.torchStrengthMaxLevel")?.takeIf { it > 1 }?.let {
+        val usual = named<Int>(characteristics, "android.flash.torchStrengthDefaultLevel") ?: it
+        usual.coerceIn(1, max(1, 3 * it / 4))
+    }
+
     init {
         val sizes = characteristics[CameraCharacteristics.SCALER_STREAM_CONFIGURATION_MAP]!!
         val yuv = sizes.getOutputSizes(ImageFormat.YUV_420_888)
@@ -152,6 +161,14 @@ class CameraChoice private constructor(
             camera.keys.firstOrNull { it.name == name }?.let { camera.get(it) as T? }
     }
 }
+
+/** Strength of the lamp, from 1 on. */
+const val TORCH_LEVEL = "android.flash.strengthLevel"
+
+/** Strength of the lamp in a photo; null where the phone does not tell it (before Android 15). */
+fun TotalCaptureResult.torchLevel(): Int? = keys.firstOrNull { it.name == TORCH_LEVEL }?.let { get(it) as Int? }
+
+fun TotalCaptureResult.isLampOn() = get(CaptureResult.FLASH_STATE) == CaptureResult.FLASH_STATE_FIRED
 
 /** Sensitivity that is added behind the sensor, percent. Raw values do not have it. */
 const val BOOST = "android.control.postRawSensitivityBoost"

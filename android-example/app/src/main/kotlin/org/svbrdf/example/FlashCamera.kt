@@ -94,6 +94,9 @@ class FlashCamera(
     private val ended = CountDownLatch(1)
 
     @Volatile private var locked: Settings? = null
+
+    /** Whether the camera keeps the exposure that it found, since its lamp goes out when an app sets one. */
+    @Volatile private var exposureHeld = false
     @Volatile private var stops = 0f
     @Volatile private var focusShift = 0f
 
@@ -104,6 +107,9 @@ class FlashCamera(
     /** Since when a lock is wanted, ms. */
     private var lockSince: Long? = null
 
+    /** Whether the lamp was on before the lock, and pictures since then without it. */
+    private var lampSeen = false
+    private var dark = 0
     /** Number of the photo that is awaited; null: none. */
     private var awaited: Int? = null
     private var shots = 0
@@ -201,13 +207,30 @@ class FlashCamera(
 
     private fun seen(result: TotalCaptureResult) {
         tryToLock(result)
+        watchLamp(result)
         if (!choice.isManual && awaited != null) {
             result[CaptureResult.SENSOR_TIMESTAMP]?.let { results[it] = result; pair(it) }
         }
     }
 
+    /** On some phones the lamp goes out with exposures that an app sets: then the camera measures, and holds its own. */
+    private fun watchLamp(result: TotalCaptureResult) {
+        val settings = locked ?: return
+        if (!settings.isLinear || exposureHeld || !lampSeen) {
+            return
+        }
+        dark = if (result.isLampOn()) 0 else dark + 1
+        if (dark < DARK_PICTURES) return
+        exposureHeld = true
+        locked = null
+        stops = 0f
+        lockSince = SystemClock.elapsedRealtime()
+        repeat()
+    }
+
     private fun fill(request: CaptureRequest.Builder) {
         request[CaptureRequest.FLASH_MODE] = CameraMetadata.FLASH_MODE_TORCH
+        choice.torchLevel?.let { level -> choice.requestKey<Int>(TORCH_LEVEL)?.let { request[it] = level } }
         // They move the picture against the board, or the lens.
         request[CaptureRequest.CONTROL_VIDEO_STABILIZATION_MODE] =
             CameraMetadata.CONTROL_VIDEO_STABILIZATION_MODE_OFF
@@ -225,17 +248,9 @@ class FlashCamera(
             request[CaptureRequest.CONTROL_AE_EXPOSURE_COMPENSATION] = compensation()
             return
         }
-        request[CaptureRequest.CONTROL_AE_MODE] = CameraMetadata.CONTROL_AE_MODE_OFF
+        setExposure(request, settings)
         request[CaptureRequest.CONTROL_AF_MODE] = CameraMetadata.CONTROL_AF_MODE_OFF
         request[CaptureRequest.CONTROL_AWB_MODE] = CameraMetadata.CONTROL_AWB_MODE_OFF
-        val times = characteristics[CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE]!!
-        // Short enough for the hand.
-        val longest = min(times.upper, 33_000_000L)
-        val exposure = (settings.exposureNs * 2f.pow(stops).toDouble()).roundToLong()
-        request[CaptureRequest.SENSOR_EXPOSURE_TIME] =
-            exposure.coerceIn(times.lower, max(times.lower, longest))
-        request[CaptureRequest.SENSOR_SENSITIVITY] = settings.sensitivity
-        choice.requestKey<Int>(BOOST)?.let { request[it] = settings.boost }
         val nearest = characteristics[CameraCharacteristics.LENS_INFO_MINIMUM_FOCUS_DISTANCE] ?: 0f
         request[CaptureRequest.LENS_FOCUS_DISTANCE] =
             (settings.focus + focusShift).coerceIn(0f, nearest)
@@ -254,14 +269,32 @@ class FlashCamera(
         request[CaptureRequest.BLACK_LEVEL_LOCK] = true
     }
 
+    private fun setExposure(request: CaptureRequest.Builder, settings: Settings) {
+        if (exposureHeld) {
+            request[CaptureRequest.CONTROL_AE_MODE] = CameraMetadata.CONTROL_AE_MODE_ON
+            request[CaptureRequest.CONTROL_AE_LOCK] = true
+            request[CaptureRequest.CONTROL_AE_EXPOSURE_COMPENSATION] = compensation()
+            return
+        }
+        request[CaptureRequest.CONTROL_AE_MODE] = CameraMetadata.CONTROL_AE_MODE_OFF
+        val times = characteristics[CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE]!!
+        // Short enough for the hand.
+        val longest = min(times.upper, 33_000_000L)
+        val exposure = (settings.exposureNs * 2f.pow(stops).toDouble()).roundToLong()
+        request[CaptureRequest.SENSOR_EXPOSURE_TIME] =
+            exposure.coerceIn(times.lower, max(times.lower, longest))
+        request[CaptureRequest.SENSOR_SENSITIVITY] = settings.sensitivity
+        choice.requestKey<Int>(BOOST)?.let { request[it] = settings.boost }
+    }
+
     /** Steps of automatic exposure: highlights need room above what it aims at. */
     private fun compensation(): Int {
         val step = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_STEP]?.toDouble() ?: 0.0
         val range = characteristics[CameraCharacteristics.CONTROL_AE_COMPENSATION_RANGE]
-        if (choice.isManual || step <= 0.0 || range == null) {
+        if (choice.isManual && !exposureHeld || step <= 0.0 || range == null) {
             return 0
         }
-        return ((stops - 1) / step).roundToLong().toInt().coerceIn(range.lower, range.upper)
+        return ((if (choice.isManual) stops else stops - 1) / step).roundToLong().toInt().coerceIn(range.lower, range.upper)
     }
 
     /** Fixes exposure, focus and white balance as soon as all have settled; [Listener.onLocked] follows. */
@@ -279,6 +312,8 @@ class FlashCamera(
         locked = found
         stops = if (found.isLinear) -1f else 0f
         focusShift = 0f
+        lampSeen = result.isLampOn()
+        dark = 0
         if (!found.isLinear) {
             holdFocus()
         }
@@ -456,6 +491,9 @@ class FlashCamera(
         const val PATIENCE_MS = 3000L
         const val SHOT_MS = 3000L
         const val CLOSE_MS = 2000L
+
+        /** Pictures without the lamp after which it counts as out: those on their way when the settings changed do not. */
+        const val DARK_PICTURES = 10
 
         /** Pictures of the preview held while their results are awaited. */
         const val HELD = 2

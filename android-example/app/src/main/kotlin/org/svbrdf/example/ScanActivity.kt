@@ -406,7 +406,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         maps.export(folder)
         val archive = File(target, "material.zip")
         ZipOutputStream(archive.outputStream().buffered()).use { zip ->
-            for (file in folder.listFiles().orEmpty().sorted()) {
+            for (file in folder.listFiles().orEmpty().sorted() + listOf(model.record).filter { it.isFile }) {
                 zip.putNextEntry(ZipEntry(file.name))
                 file.inputStream().use { it.copyTo(zip) }
                 zip.closeEntry()

@@ -62,6 +62,9 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
     // Of `work`.
     private var firstExposure = 0.0
 
+    /** Exposure and strength of the lamp of each photo in the scan, a line each, goes with what is shared. */
+    val record get() = File(files, "photos.csv")
+
     init {
         later { restore() }
     }
@@ -114,6 +117,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
             // Of another version, or damaged: a new scan then.
             Log.w(TAG, "restore", fault)
             saved.delete()
+            record.delete()
         }
     }
 
@@ -122,6 +126,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
         scanner = null
         firstExposure = 0.0
         saved.delete()
+        record.delete()
         main.post(then)
     }
 
@@ -164,15 +169,17 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
         if (firstExposure == 0.0) {
             firstExposure = exposure
         }
-        val lamp = when (shot.result[CaptureResult.FLASH_STATE]) {
-            CaptureResult.FLASH_STATE_FIRED -> Flash.TORCH
-            else -> Flash.UNKNOWN
-        }
+        val level = shot.result.torchLevel()
+        // A lamp whose strength is not known may have been dimmed: the library measures the light of each photo by the board.
+        val lamp = if (level != null && shot.result.isLampOn()) Flash.TORCH else Flash.UNKNOWN
         val info = PhotoInfo(
             (exposure / firstExposure).toFloat(), lamp, shot.image.timestamp,
             focal35mm = choice.focal35Mm(),
         )
         val pushed = session.push(shot.photo(), info)
+        if (pushed is Pushed.Accepted) {
+            note(pushed.index, exposure, level, shot.result[CaptureResult.FLASH_STATE])
+        }
         if (pushed is Pushed.Rejected) {
             session.beginGuide()
             if (session.progress.photos == 0) {
@@ -181,6 +188,13 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
         }
         val camera = choice.intrinsics() ?: session.camera?.camera
         tell { onPushed(pushed, camera) }
+    }
+
+    private fun note(index: Int, exposure: Double, torchLevel: Int?, flashState: Int?) {
+        val earlier = if (record.isFile) record.readLines().drop(1).take(index) else emptyList()
+        val line = "${index + 1},$exposure,${torchLevel ?: "unknown"},${flashState ?: "unknown"}"
+        record.writeText((listOf("photo,exposure,torch_level,flash_state") + earlier + line).joinToString("\n", postfix = "\n"))
+        Log.i(TAG, "photo,exposure,torch_level,flash_state: $line")
     }
 
     /** Tells that the photo asked for was not taken. */
