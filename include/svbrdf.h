@@ -307,13 +307,18 @@ typedef struct svbrdf_progress {
     uint32_t frames;
     /** 1 when the fit has finished on all photos so far. */
     uint32_t settled;
-    /** Share of the work on the photos so far that is done, 0 to 1. */
+    /**
+     * Fraction of the work that is done, 0 to 1. On photos announced by svbrdf_session_announce() it never
+     * falls before they have come; without, it is that of the latest photo and begins at 0 with each. It also
+     * begins anew where a photo is taken back or a larger budget takes the fit up again, unless announced
+     * photos are still to come.
+     */
     float fraction;
     /** Mean error (log-L1 of renderings) before the fit of the latest photo. */
     float loss_before;
     /** Mean error now. */
     float loss;
-    /** Estimated seconds left; negative when not known. */
+    /** Estimated seconds left on the photos so far; negative when not known. */
     float seconds_left;
     /** 0. */
     uint32_t reserved;
@@ -1150,6 +1155,16 @@ svbrdf_status svbrdf_progress_init(struct svbrdf_progress *progress, size_t size
 /** State of the fit. Returns at once, also for a failed or cancelled session. */
 svbrdf_status svbrdf_session_progress(const struct svbrdf_session *session,
                                       struct svbrdf_progress *progress);
+
+/**
+ * Announces that so many photos are still to come: from then on svbrdf_progress.fraction is that of the
+ * work on all of them together, and never falls before they have come. Each photo pushed takes one of them
+ * away, whether it is accepted or rejected; one that a push answers with another status does not. If fewer
+ * or more come after all, say so by another call. Without it, where nobody knows how many there will be,
+ * the fraction is that of each photo.
+ */
+svbrdf_status svbrdf_session_announce(struct svbrdf_session *session,
+                                      uint32_t photos);
 
 /**
  * Waits until the fit has settled on all photos so far, at most `timeout_ms` milliseconds (negative: no

@@ -11,12 +11,14 @@ use svbrdf::estimate::{Estimator, Method, Place};
 use svbrdf::export::{read_maps, write_assessed_maps};
 use svbrdf::initial_estimate::Networks;
 use svbrdf::observation::Observation;
-use svbrdf::session::{Assessed, RestoreOptions, Session, Settings};
+use svbrdf::session::{Assessed, Driver, RestoreOptions, Session, Settings};
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Svbrdf};
 
+/// Driven from here: photographs come at the same moments of the fit.
 fn session() -> Session {
-    let settings = Settings { sample_mm: [100.0; 2], threads: 2, ..Settings::default() };
+    let (sample_mm, driver) = ([100.0; 2], Driver::Caller);
+    let settings = Settings { sample_mm, threads: 2, driver, ..Settings::default() };
     Session::new(scene(), settings).unwrap()
 }
 

@@ -82,6 +82,41 @@ fn questions_are_answered_between_two_steps() {
     assert!(restored.step().unwrap());
 }
 
+/// A photograph that comes early takes nothing back: the fraction goes from 0 to 1 over all that were announced.
+#[test]
+fn the_fraction_of_announced_photographs_never_falls() {
+    let (capture, photos) = photos(3);
+    let session = session(&capture, Driver::Caller, Some(12));
+    let mut told = vec![session.progress().fraction];
+    let mut tell = |session: &Session| told.push(session.progress().fraction);
+    session.announce(photos.len() + 1);
+    // The second comes when the fit has settled, the third in its middle.
+    for (photo, steps) in photos.iter().zip([usize::MAX, 5, usize::MAX]) {
+        accepted(&session, photo);
+        tell(&session);
+        let mut left = steps;
+        while left > 0 && session.step().unwrap() {
+            tell(&session);
+            left -= 1;
+        }
+    }
+    assert!(session.progress().settled && session.progress().fraction == 0.75);
+    let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
+    assert!(matches!(session.push(&black), Ok(Pushed::Rejected(_))));
+    tell(&session);
+    assert!(told.is_sorted(), "{told:?}");
+    assert_eq!([told[0], *told.last().unwrap()], [0.0, 1.0]);
+    assert!(told.iter().filter(|&&f| f > 0.0 && f < 1.0).count() > 10, "{told:?}");
+
+    // More than were announced: of each photograph again, from its push on.
+    accepted(&session, &photos[0]);
+    assert_eq!(session.progress().fraction, 0.0);
+    session.wait().unwrap();
+    assert_eq!(session.progress().fraction, 1.0);
+    session.remove_frame(3).unwrap();
+    assert_eq!(session.progress().fraction, 0.0);
+}
+
 #[test]
 fn pauses_and_ends_are_told() {
     let (capture, photos) = photos(1);

@@ -2,10 +2,14 @@
 
 use std::sync::{Arc, Mutex};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use svbrdf::observation::Falloff;
 use svbrdf::session::{RectifiedFalloff, Scene, Session, Settings};
 use svbrdf::threads::{Role, set_start_hook};
+
+/// How long a busy machine may take to run a thread.
+const PATIENCE: Duration = Duration::from_secs(600);
 
 #[test]
 fn every_thread_of_a_session_calls_the_hook_first() {
@@ -26,11 +30,10 @@ fn every_thread_of_a_session_calls_the_hook_first() {
     // Those that pools start run the hook in their own time.
     let wait = |count: usize| {
         let of_session = |(name, _): &&(String, Role)| !name.starts_with("svbrdf-global");
-        for _ in 0..1000 {
-            if seen.lock().unwrap().iter().filter(of_session).count() >= count {
-                break;
-            }
-            thread::sleep(std::time::Duration::from_millis(5));
+        let begun = Instant::now();
+        while seen.lock().unwrap().iter().filter(of_session).count() < count {
+            assert!(begun.elapsed() < PATIENCE, "{:?}", seen.lock().unwrap());
+            thread::sleep(Duration::from_millis(1));
         }
         let mut found: Vec<_> = seen.lock().unwrap().iter().filter(of_session).cloned().collect();
         found.sort_by(|a, b| a.0.cmp(&b.0));
@@ -41,10 +44,14 @@ fn every_thread_of_a_session_calls_the_hook_first() {
     let work = |i: usize| (format!("svbrdf-{i}"), Role::Work);
     let expected = [work(0), work(1), work(2), ("svbrdf-fit".to_owned(), Role::Fit)];
     assert_eq!(wait(4), expected);
+    // The threads of what runs outside of sessions.
+    let begun = Instant::now();
+    while !seen.lock().unwrap().iter().any(|(name, _)| name == "svbrdf-global-0") {
+        assert!(begun.elapsed() < PATIENCE, "{:?}", seen.lock().unwrap());
+        thread::sleep(Duration::from_millis(1));
+    }
     set_start_hook(None);
     drop(start());
     drop(session);
     assert_eq!(wait(4), expected, "nobody is called any more");
-    // The threads of what runs outside of sessions.
-    assert!(seen.lock().unwrap().iter().any(|(name, _)| name == "svbrdf-global-0"));
 }

@@ -15,6 +15,18 @@ import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
 import kotlinx.coroutines.withTimeoutOrNull
 
+/** For what others do in their own time, on a busy machine. */
+const val PATIENCE_NS = 600_000_000_000
+
+/** Waits until it is so. */
+fun eventually(what: String, condition: () -> Boolean) {
+    val deadline = System.nanoTime() + PATIENCE_NS
+    while (!condition()) {
+        verify(System.nanoTime() < deadline) { what }
+        Thread.sleep(1)
+    }
+}
+
 fun callbacksThatMisbehave() {
     // Exceptions go to the thread's handler; closing inside a callback is fine.
     val uncaught = ConcurrentLinkedQueue<Throwable>()
@@ -39,7 +51,7 @@ fun callbacksThatMisbehave() {
     // The callbacks may close it before the call has returned.
     val pushed = runCatching { scanner.pushRectified(gray(), above, above) }
     verify(pushed.getOrNull() is Pushed.Accepted) { "$pushed" }
-    verify(closed.await(60, TimeUnit.SECONDS)) { "no callback" }
+    verify(closed.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
     Thread.sleep(50)
     Thread.setDefaultUncaughtExceptionHandler(before)
     verify(uncaught.any() && uncaught.all { it.message == "mine" }) { "$uncaught" }
@@ -59,7 +71,7 @@ fun callbacksThatMisbehave() {
     Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
     MaterialScanner(small, slow).use { other ->
         other.pushRectified(gray(), above, above)
-        verify(inside.await(60, TimeUnit.SECONDS)) { "no callback" }
+        verify(inside.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
     }
     Thread.setDefaultUncaughtExceptionHandler(before)
     verify(uncaught.isEmpty()) { "closing was reported as a fault: $uncaught" }
@@ -115,9 +127,7 @@ fun flows(): Unit = runBlocking {
         scanner.pause()
         scanner.pushRectified(gray(), above, above)
         verify(!scanner.awaitSuspending(150)) { "a fit that is held" }
-        val begun = System.nanoTime()
-        val left = withTimeoutOrNull(200) { scanner.awaitSuspending() }
-        verify(left == null && System.nanoTime() - begun < 5_000_000_000) { "$left" }
+        verify(withTimeoutOrNull(200) { scanner.awaitSuspending() } == null) { "a fit that is held" }
     }
 }
 
@@ -129,7 +139,7 @@ fun forgotten() {
         scanner.snapshot()
         WeakReference(scanner)
     }
-    val deadline = System.nanoTime() + 30_000_000_000
+    val deadline = System.nanoTime() + PATIENCE_NS
     while (Handle.open > 0 && System.nanoTime() < deadline) {
         System.gc()
         Thread.sleep(20)
@@ -186,10 +196,17 @@ fun pushedWithoutWaiting() {
     val dark = came.take().first as Pushed.Rejected
     verify(dark.reason == Rejection.LIGHT_NOT_VISIBLE && dark.timestampNs == 8L) { "$dark" }
     throws<IllegalArgumentException>("focal") { push(0, 9, PhotoInfo(focal35mm = Float.NaN)) }
-    // As many as are taken, until one is refused; each gets its callback when it is closed.
-    var sent = 0
-    val busy = runCatching { repeat(100) { push(1, it.toLong()); sent++ } }.exceptionOrNull()
-    verify((busy as ScannerException).fault == Fault.BUSY && sent >= 3) { "$busy" }
+    // As many as are taken, until one is refused: nothing moves on while the first one's callback is held up. Each
+    // gets its callback when the scanner is closed.
+    val refused = CountDownLatch(1)
+    scanner.pushAsync(photo(1)) { pushed, fault ->
+        refused.await()
+        came.add(pushed to fault)
+    }
+    var sent = 1
+    val busy = runCatching { repeat(5) { push(1, it.toLong()); sent++ } }.exceptionOrNull()
+    verify((busy as ScannerException).fault == Fault.BUSY && sent in 3..4) { "$busy after $sent" }
+    refused.countDown()
     scanner.close()
     verify(came.size == sent) { "${came.size} of $sent" }
     for ((pushed, fault) in came) {
@@ -230,7 +247,10 @@ fun ofTheLibrary() {
     verify(lines.any { it.startsWith("INFO session") } && lines.any { "accepted" in it }) { "$lines" }
     Library.setThreadHook(null)
     Library.setLogListener(null)
-    val (threads, logged) = roles.size to lines.size
+    // Threads that share work may still be starting; the others have ended.
+    val own = listOf(ThreadRole.FIT, ThreadRole.CALLBACK, ThreadRole.PUSH)
+    val logged = lines.size
     run()
-    verify(roles.size == threads && lines.size == logged) { "called after the end" }
+    verify(own.all { role -> roles.count { it == role } == 1 }) { "called after the end: $roles" }
+    verify(lines.size == logged) { "told after the end" }
 }

@@ -154,6 +154,7 @@ fun captureToMaps() {
         val wrong = scanner.push(gray()) as Pushed.Rejected
         verify(wrong.reason == Rejection.WRONG_SIZE && wrong.advice.contains("2016x1512")) { "$wrong" }
         verify(scanner.await()) { "no end without a limit" }
+        eventually("no callback") { progressed.get() > 0 && mapped.get() > 0 }
         val progress = scanner.progress
         verify(progress.settled && progress.photos == 2 && progress.state == ScanState.READY) {
             "$progress"
@@ -198,7 +199,6 @@ fun captureToMaps() {
         verify(scanner.progress.state == ScanState.CANCELLED) { "${scanner.progress}" }
         verify(scanner.snapshot() != null) { "maps stay" }
     }
-    verify(progressed.get() > 0 && mapped.get() > 0) { "$progressed $mapped callbacks" }
     verify(threads.toSet().size == 1 && threads.all { it.isDaemon }) { "${threads.toSet()}" }
     verify(lines.any { it.startsWith("WARNING") }) { "$lines" }
     for (file in listOf("normal", "diffuse", "specular", "roughness", "preview")) {
@@ -330,7 +330,7 @@ fun savedAndRestored() {
         scanner.save(file)
         scanner.snapshot()!!.use { it.floats(MapKind.DIFFUSE) }
     }
-    val called = CountDownLatch(2)
+    val called = CountDownLatch(1)
     val listener = object : MaterialScanner.Listener {
         override fun onMaps(scanner: MaterialScanner) {
             // Usable even when it comes at once.
@@ -339,14 +339,18 @@ fun savedAndRestored() {
         }
     }
     MaterialScanner.restore(file, listener).use { scanner ->
-        verify(scanner.progress.photos == 1) { "${scanner.progress}" }
+        verify(scanner.progress.photos == 1 && scanner.progress.fraction == 1f) { "${scanner.progress}" }
+        // This one and one more are to come.
+        scanner.announce(2)
+        throws<IllegalArgumentException>("photos") { scanner.announce(-1) }
         val after = scanner.snapshot()!!.use { it.floats(MapKind.DIFFUSE) }
         verify(before == after) { "other maps" }
         verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "goes on" }
         scanner.await()
-        verify(scanner.progress.photos == 2) { "${scanner.progress}" }
-        called.await(5, TimeUnit.SECONDS)
-        verify(called.count < 2) { "no maps told" }
+        verify(scanner.progress.photos == 2 && scanner.progress.fraction == 0.5f) { "${scanner.progress}" }
+        scanner.announce(0)
+        verify(scanner.progress.fraction == 1f) { "${scanner.progress}" }
+        verify(called.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no maps told" }
     }
     throws<IOException>("") { MaterialScanner.restore(File(out, "missing")) }
     file.writeBytes(file.readBytes().copyOf(1000))

@@ -22,7 +22,7 @@ pub enum Log {
 pub struct Progress {
     quiet: bool,
     log: Log,
-    /// The piece of work that is shown.
+    /// The work that is shown.
     bar: Option<ProgressBar>,
     /// Fraction at the latest event.
     reported: f32,
@@ -34,7 +34,7 @@ impl Progress {
         Self { quiet, log, bar: None, reported: 0.0 }
     }
 
-    /// Shows how far a piece of work is.
+    /// Shows how far the work is.
     pub fn show(&mut self, fraction: f32, message: String) {
         if self.quiet {
             return;
@@ -54,9 +54,13 @@ impl Progress {
         bar.set_position((STEPS as f32 * fraction) as u64);
     }
 
-    /// Takes the bar off the terminal: the piece of work is done.
+    /// Takes the bar off the terminal: the work is done.
     pub fn done(&mut self) {
         self.reported = 0.0;
+        self.clear();
+    }
+
+    fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
@@ -64,7 +68,7 @@ impl Progress {
 
     /// Says a line in place of the bar.
     pub fn say(&mut self, line: &str) {
-        self.done();
+        self.clear();
         if !self.quiet && self.log == Log::Text {
             eprintln!("{line}");
         }
@@ -82,6 +86,6 @@ impl Progress {
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.done();
+        self.clear();
     }
 }

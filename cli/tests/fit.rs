@@ -202,3 +202,20 @@ fn tone_mapped_photographs_are_told() {
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("Tone-mapped photographs") && page.contains("estimated and undone"));
 }
+
+/// One bar for all photographs, however many of them can be used.
+#[test]
+fn the_fraction_of_a_fit_never_falls() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    std::fs::write(capture.join("frames/00.png"), b"no picture").unwrap();
+    let out = dir.path().join("out");
+    let fit = ["fit", text(&capture), "--out", text(&out), "--no-report", "--log", "json"];
+    let events: Vec<Value> =
+        succeed(&fit).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let told = events.iter().filter(|event| event["event"] == "progress");
+    let told: Vec<f64> = told.map(|event| event["fraction"].as_f64().unwrap()).collect();
+    println!("{told:?}");
+    // A fast fit tells little of it.
+    assert!(told.is_sorted() && told.iter().all(|f| (0.0..=1.0).contains(f)), "{told:?}");
+}

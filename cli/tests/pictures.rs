@@ -408,21 +408,27 @@ fn photographs_are_taken_as_they_arrive() {
         Written::default().save(&path, shot);
         fs::read(path).unwrap()
     };
-    fs::write(incoming.join("one.jpg"), photo("one.jpg", &shots[0])).unwrap();
+    // Each in one piece: what stands still for a moment while it is written counts as a whole file.
+    let put = |name: &str, bytes: &[u8]| {
+        let whole = dir.path().join("whole");
+        fs::write(&whole, bytes).unwrap();
+        fs::rename(whole, incoming.join(name)).unwrap();
+    };
+    put("one.jpg", &photo("one.jpg", &shots[0]));
     assert_eq!(until("photo")["status"], "accepted");
     assert_eq!(until("maps")["photographs"], 1);
     let first = fs::read(out.join("maps.exr")).unwrap();
     // Somebody tidies up; a picture of another format, under another name.
     let aside = dir.path().join("aside.jpg");
     fs::rename(incoming.join("one.jpg"), &aside).unwrap();
-    fs::write(incoming.join("x.jpg"), b"\0\0\0\x18ftypavif\0\0\0\0mif1avif").unwrap();
+    put("x.jpg", b"\0\0\0\x18ftypavif\0\0\0\0mif1avif");
     let left_out = until("left_out");
     assert!(left_out["reason"].as_str().unwrap().contains("an AVIF picture"), "{left_out}");
     // A file that stands still halfway is refused, and taken when the rest has come.
     let bytes = photo("two.jpg", &shots[1]);
-    fs::write(incoming.join("two.jpg"), &bytes[..bytes.len() / 2]).unwrap();
+    put("two.jpg", &bytes[..bytes.len() / 2]);
     assert_eq!(until("photo")["reason"], "unreadable");
-    fs::write(incoming.join("two.jpg"), &bytes).unwrap();
+    put("two.jpg", &bytes);
     assert_eq!(until("photo")["status"], "accepted");
     assert_eq!(until("maps")["photographs"], 2);
     let process = child.id().to_string();

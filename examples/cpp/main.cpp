@@ -80,6 +80,7 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
     int used = 0;
     // Rejected photos are looked at again after an interruption; they are few.
     for (std::uint32_t i = session.progress().frames; i < capture.frames(); i++) {
+        session.announce(capture.frames() - i);  // Some may not be readable.
         const std::string name = "photo " + std::to_string(i + 1);
         std::string hints;
         try {

@@ -4,7 +4,6 @@ use std::ffi::{c_char, c_void};
 use std::slice;
 
 use engine::Rejection;
-use engine::session::Pushed;
 
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_transfer;
@@ -189,7 +188,7 @@ pub unsafe extern "C" fn svbrdf_session_push_encoded(
         let bytes = unsafe { content(bytes, length) }?;
         let (photo, known) = read::decode(bytes, &options)?;
         let pushed = match options.flash {
-            SVBRDF_FLASH_OFF => Pushed::Rejected(Rejection::LightNotVisible),
+            SVBRDF_FLASH_OFF => live.session.reject(Rejection::LightNotVisible),
             _ => live.session.push(&photo)?,
         };
         drop(photo);

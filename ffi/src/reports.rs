@@ -328,13 +328,16 @@ pub struct svbrdf_progress {
     pub frames: u32,
     /// 1 when the fit has finished on all photos so far.
     pub settled: u32,
-    /// Share of the work on the photos so far that is done, 0 to 1.
+    /// Fraction of the work that is done, 0 to 1. On photos announced by svbrdf_session_announce() it never
+    /// falls before they have come; without, it is that of the latest photo and begins at 0 with each. It also
+    /// begins anew where a photo is taken back or a larger budget takes the fit up again, unless announced
+    /// photos are still to come.
     pub fraction: f32,
     /// Mean error (log-L1 of renderings) before the fit of the latest photo.
     pub loss_before: f32,
     /// Mean error now.
     pub loss: f32,
-    /// Estimated seconds left; negative when not known.
+    /// Estimated seconds left on the photos so far; negative when not known.
     pub seconds_left: f32,
     /// 0.
     pub reserved: u32,

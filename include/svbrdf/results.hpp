@@ -75,7 +75,8 @@ struct Progress {
     std::uint32_t frames;
     /// Whether the fit has finished on all photos so far.
     bool settled;
-    /// Share of the work on the photos so far that is done, 0 to 1.
+    /// Fraction of the work that is done, 0 to 1: on the photos announced, without on the latest one. See
+    /// svbrdf_progress.
     float fraction;
     /// Mean error (log-L1 of renderings) before the fit of the latest photo, and now.
     float loss_before, loss;

@@ -169,6 +169,9 @@ public:
         check(status);
         return true;
     }
+    /// Announces that so many photos are still to come: Progress::fraction is then that of the work on all
+    /// of them together, and never falls before they have come. Without it, it is that of each photo.
+    void announce(std::uint32_t photos) { check(svbrdf_session_announce(get(), photos)); }
     Progress progress() const {
         svbrdf_progress progress = make(svbrdf_progress_init);
         check(svbrdf_session_progress(get(), &progress));

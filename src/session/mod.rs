@@ -23,7 +23,7 @@ use web_time::Instant;
 
 pub use self::advice::Hint;
 use self::capture::{Board, Capture, Placed, Remake, Taken};
-use self::fit::{Fit, FitHandle};
+use self::fit::{Fit, FitHandle, Group};
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
@@ -171,6 +171,30 @@ impl Session {
         Ok(())
     }
 
+    /// Announces that so many photographs are still to come: from then on [`Progress::fraction`] is that of the work
+    /// on all of them together, and never falls before they have come. Each push takes one of them away, whether the
+    /// photograph is accepted or rejected. If fewer or more come after all, say so by another call.
+    ///
+    /// Without it, where nobody knows how many there will be, the fraction is that of each photograph.
+    pub fn announce(&self, photographs: usize) {
+        let mut shared = self.fit.shared.lock();
+        let settled = shared.progress.settled;
+        let changed = shared.regroup(|group| group.announce(photographs, settled));
+        drop(shared);
+        if changed {
+            self.fit.shared.notify();
+        }
+    }
+
+    /// Counts a photograph that cannot be used for a reason that is known without looking at it as rejected.
+    pub fn reject(&self, why: Rejection) -> Pushed {
+        let changed = self.fit.shared.lock().regroup(Group::reject);
+        if changed {
+            self.fit.shared.notify();
+        }
+        Pushed::Rejected(why)
+    }
+
     /// Calibrates, rectifies and adds a photograph of a board. When this returns, the maps include the
     /// photograph; the fit continues on a thread of the session.
     ///
@@ -206,7 +230,7 @@ impl Session {
                 let accepted = self.accept(capture, taken, &mut remade, begun)?;
                 Ok(Pushed::Accepted(accepted))
             }
-            Err(rejection) => Ok(Pushed::Rejected(rejection)),
+            Err(rejection) => Ok(self.reject(rejection)),
         }
     }
 
@@ -246,8 +270,9 @@ impl Session {
                 shared.publish(start.clone());
             }
             shared.next = next;
-            shared.progress.settled = false;
+            (shared.progress.settled, shared.progress.seconds_left) = (false, None);
             shared.progress.frames += 1;
+            shared.regroup(Group::accept);
             shared.progress.frames - 1
         };
         self.fit.shared.notify();

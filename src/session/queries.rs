@@ -266,7 +266,7 @@ mod tests {
         std::thread::scope(|scope| {
             session.pool.install(|| {
                 scope.spawn(|| tell.send(session.probe(&photo).map(|p| p.pose.is_some())));
-                let probed = told.recv_timeout(std::time::Duration::from_secs(60));
+                let probed = told.recv_timeout(std::time::Duration::from_secs(600));
                 assert!(matches!(probed, Ok(Ok(true))), "{probed:?}");
             });
         });

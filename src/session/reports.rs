@@ -137,13 +137,16 @@ pub struct Assessed {
 pub struct Progress {
     /// Accepted photographs.
     pub frames: usize,
-    /// Share of the work on the photographs so far that is done, 0 to 1.
+    /// Fraction of the work that is done, 0 to 1: on the photographs announced by
+    /// [`Session::announce`](super::Session::announce), during which it never falls; without, on the latest
+    /// photograph, with each of which it begins at 0. It begins anew as well where a photograph is taken back or a
+    /// larger budget takes the fit up again, unless announced photographs are still to come.
     pub fraction: f32,
     /// Mean log-L1 before the fit of the latest photograph.
     pub loss_before: f32,
     /// Mean log-L1 now.
     pub loss: f32,
-    /// Estimated seconds left, if known.
+    /// Estimated seconds left on the photographs so far, if known.
     pub seconds_left: Option<f32>,
     /// Whether the fit has finished on all photographs so far.
     pub settled: bool,

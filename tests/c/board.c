@@ -2,6 +2,7 @@
 #include "check.h"
 
 #include <math.h>
+#include <pthread.h>
 
 picture read_ppm(const char *folder, const char *name)
 {
@@ -25,13 +26,34 @@ typedef struct {
     float last_fraction;
 } counts;
 
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+
+static void count(int *what)
+{
+    CHECK(pthread_mutex_lock(&lock) == 0);
+    ++*what;
+    CHECK(pthread_mutex_unlock(&lock) == 0);
+}
+
+/* Whether the callbacks have told the end of the fit and its maps. */
+static int told(const counts *c)
+{
+    int all;
+    CHECK(pthread_mutex_lock(&lock) == 0);
+    all = c->progress > 0 && c->maps > 0 && c->log >= 4 && c->last_fraction >= 1.0f;
+    CHECK(pthread_mutex_unlock(&lock) == 0);
+    return all;
+}
+
 static void on_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress)
 {
     counts *c = user;
     svbrdf_progress now;
     CHECK(progress->size == sizeof *progress);
-    c->progress++;
+    count(&c->progress);
+    CHECK(pthread_mutex_lock(&lock) == 0);
     c->last_fraction = progress->fraction;
+    CHECK(pthread_mutex_unlock(&lock) == 0);
     /* Callbacks may call every function. */
     OK(svbrdf_progress_init(&now, sizeof now));
     CHECK(svbrdf_session_progress(session, &now) != SVBRDF_INVALID_ARGUMENT);
@@ -41,14 +63,14 @@ static void on_maps(void *user, svbrdf_session *session)
 {
     svbrdf_maps *maps = NULL;
     if (svbrdf_session_snapshot_maps(session, &maps) == SVBRDF_OK) {
-        ((counts *)user)->maps++;
+        count(&((counts *)user)->maps);
         OK(svbrdf_maps_destroy(maps));
     }
 }
 
 static void on_log(void *user, svbrdf_log_level level, const char *message)
 {
-    ((counts *)user)->log++;
+    count(&((counts *)user)->log);
     CHECK(level >= SVBRDF_LOG_ERROR && level <= SVBRDF_LOG_INFO);
     CHECK(message[0] != '\0');
     printf("log: %s\n", message);
@@ -179,8 +201,8 @@ void test_board(const char *folder)
     /* A file stands where the folder should be. */
     CHECK(snprintf(out, sizeof out, "%s/00.ppm", folder) < (int)sizeof out);
     export_maps(session, out, SVBRDF_IO);
+    EVENTUALLY(told(&c));
     OK(svbrdf_session_destroy(session));
-    CHECK(c.progress > 0 && c.maps > 0 && c.log >= 4 && c.last_fraction > 0.0f);
 }
 
 static float linear(unsigned char v)

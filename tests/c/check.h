@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "svbrdf.h"
 
@@ -25,6 +26,16 @@
             exit(1);                                                                             \
         }                                                                                        \
         CHECK((status_ == SVBRDF_OK) == (svbrdf_last_error_message()[0] == '\0'));               \
+    } while (0)
+
+/* Waits for what another thread does in its own time: for minutes, then that is a fault. */
+#define EVENTUALLY(condition)                                                                    \
+    do {                                                                                         \
+        int left_ = 600000;                                                                      \
+        while (!(condition) && left_-- > 0) {                                                    \
+            usleep(1000);                                                                        \
+        }                                                                                        \
+        CHECK(left_ > 0);                                                                        \
     } while (0)
 
 #define OK(call) EXPECT(call, SVBRDF_OK)
@@ -66,6 +77,7 @@ void test_faults(const char *folder);
 void test_feedback(const char *folder);
 void test_races(const char *folder);
 void test_looked_at(const char *folder);
+void test_progress(const char *folder);
 void test_inputs(const char *folder);
 void test_outputs(const char *folder);
 void test_flow(const char *folder);

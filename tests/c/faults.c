@@ -128,7 +128,7 @@ static void damaged_models(const char *folder)
 
 static void *destroy_soon(void *session)
 {
-    usleep(300000);
+    usleep(100000);
     OK(svbrdf_session_destroy(session));
     return NULL;
 }
@@ -144,6 +144,9 @@ static void ended_in_mid_fit(void)
         pthread_t thread;
         rectified_options(&options);
         OK(svbrdf_session_create(&options, &session));
+        if (round == 0) {
+            OK(svbrdf_session_pause(session)); /* else it might settle before */
+        }
         OK(push_gray(session, 100));
         CHECK(pthread_create(&thread, NULL, destroy_soon, session) == 0);
         if (round == 0) {

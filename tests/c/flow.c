@@ -14,7 +14,7 @@ static struct {
     svbrdf_frame_report report;
     char message[256];
 } came[MOST];
-static int arrived, held, started[8], lines;
+static int arrived, pushed, held, started[8], lines;
 
 static void wait_for(const int *what, int value)
 {
@@ -68,6 +68,7 @@ static void destroy_on_pushed(void *user, svbrdf_session *session, svbrdf_status
                               const svbrdf_frame_report *report)
 {
     CHECK(user == &arrived && report->timestamp_ns >= 0);
+    wait_for(&pushed, 3);
     CHECK(status == (now(&arrived) == 0 ? SVBRDF_OK : SVBRDF_CANCELLED));
     EXPECT(svbrdf_session_destroy(session),
            now(&arrived) == 0 ? SVBRDF_OK : SVBRDF_INVALID_HANDLE);
@@ -285,6 +286,7 @@ void test_flow(const char *folder)
     OK(push(session, &photo, 1, SVBRDF_FLASH_FIRED, destroy_on_pushed));
     OK(push(session, &photo, 2, SVBRDF_FLASH_FIRED, destroy_on_pushed));
     OK(push(session, &photo, 3, SVBRDF_FLASH_FIRED, destroy_on_pushed));
+    add(&pushed, 3);
     wait_for(&arrived, 3);
     EXPECT(svbrdf_session_pause(session), SVBRDF_INVALID_HANDLE);
 

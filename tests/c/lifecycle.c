@@ -2,7 +2,6 @@
 #include "check.h"
 
 #include <pthread.h>
-#include <unistd.h>
 
 static void on_progress_destroy(void *user, svbrdf_session *session,
                                 const svbrdf_progress *progress)
@@ -35,10 +34,19 @@ static void on_log_slowly(void *user, svbrdf_log_level level, const char *messag
     CHECK(pthread_mutex_lock(&log->lock) == 0);
     log->entered = 1;
     CHECK(pthread_mutex_unlock(&log->lock) == 0);
-    usleep(200000);
+    usleep(50000);
     CHECK(pthread_mutex_lock(&log->lock) == 0);
     CHECK(!log->ended);
     CHECK(pthread_mutex_unlock(&log->lock) == 0);
+}
+
+static int has_entered(slow_log *log)
+{
+    int entered;
+    CHECK(pthread_mutex_lock(&log->lock) == 0);
+    entered = log->entered;
+    CHECK(pthread_mutex_unlock(&log->lock) == 0);
+    return entered;
 }
 
 static void *push_one(void *user)
@@ -53,19 +61,13 @@ static void destroyed_while_logging(void)
     static slow_log log = {PTHREAD_MUTEX_INITIALIZER, NULL, 0, 0};
     svbrdf_session_options options;
     pthread_t pusher;
-    int entered = 0;
     rectified_options(&options);
     options.on_log = on_log_slowly;
     options.user_data = &log;
     OK(svbrdf_session_create(&options, &log.session));
     OK(svbrdf_session_pause(log.session));
     CHECK(pthread_create(&pusher, NULL, push_one, &log) == 0);
-    while (!entered) {
-        usleep(1000);
-        CHECK(pthread_mutex_lock(&log.lock) == 0);
-        entered = log.entered;
-        CHECK(pthread_mutex_unlock(&log.lock) == 0);
-    }
+    EVENTUALLY(has_entered(&log));
     OK(svbrdf_session_destroy(log.session));
     CHECK(pthread_mutex_lock(&log.lock) == 0);
     log.ended = 1;
@@ -92,6 +94,7 @@ void test_lifecycle(const char *folder)
     svbrdf_session_options options;
     svbrdf_session *session = NULL, *keeper = NULL;
     svbrdf_progress progress;
+    svbrdf_budget few;
     svbrdf_maps *maps = NULL;
     volatile int called = 0;
     long before = 0;
@@ -132,17 +135,25 @@ void test_lifecycle(const char *folder)
     EXPECT(svbrdf_session_wait(keeper, 50), SVBRDF_TIMEOUT);
     OK(svbrdf_session_progress(keeper, &progress));
     CHECK(progress.state == SVBRDF_STATE_PAUSED && progress.settled == 0);
+    OK(svbrdf_budget_init(&few, sizeof few));
+    few.max_steps = 2;
+    OK(svbrdf_session_set_budget(keeper, &few));
     OK(svbrdf_session_resume(keeper));
+    OK(svbrdf_session_resume(keeper));
+    OK(svbrdf_session_wait(keeper, -1));
+    /* Held, so that it has not settled when it is ended. */
+    OK(svbrdf_session_pause(keeper));
+    OK(push_gray(keeper, 90));
     OK(svbrdf_session_cancel(keeper));
     OK(svbrdf_session_cancel(keeper));
     EXPECT(svbrdf_session_wait(keeper, -1), SVBRDF_CANCELLED);
     EXPECT(push_gray(keeper, 100), SVBRDF_CANCELLED);
     OK(svbrdf_session_progress(keeper, &progress));
-    CHECK(progress.state == SVBRDF_STATE_CANCELLED && progress.frames == 1);
+    CHECK(progress.state == SVBRDF_STATE_CANCELLED && progress.frames == 2);
     OK(svbrdf_session_snapshot_maps(keeper, &maps)); /* maps stay available */
     OK(svbrdf_maps_destroy(maps));
+    EVENTUALLY(called > 0);
     OK(svbrdf_session_destroy(keeper));
-    CHECK(called > 0);
 
     /* Destroyed by its own callback. */
     called = 0;
@@ -151,10 +162,7 @@ void test_lifecycle(const char *folder)
     options.user_data = (void *)&called;
     OK(svbrdf_session_create(&options, &session));
     (void)push_gray(session, 100);
-    for (i = 0; i < 6000 && !called; i++) {
-        usleep(10000);
-    }
-    CHECK(called);
+    EVENTUALLY(called);
     EXPECT(svbrdf_session_pause(session), SVBRDF_INVALID_HANDLE);
     destroyed_while_logging();
 }

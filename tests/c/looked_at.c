@@ -210,7 +210,7 @@ static void phases(void)
     svbrdf_image image;
     svbrdf_probe probe;
     unsigned char *rgb = malloc(3 * SIDE * SIDE);
-    int seen = 0;
+    int seen = 0, i;
 
     CHECK(rgb != NULL && strcmp(svbrdf_phase_name(SVBRDF_PHASE_NONE), "none") == 0);
     CHECK(strcmp(svbrdf_phase_name(SVBRDF_PHASE_REFINE), "refine") == 0);
@@ -227,13 +227,17 @@ static void phases(void)
     OK(svbrdf_budget_init(&budget, sizeof budget));
     budget.max_steps = 40;
     OK(svbrdf_session_set_budget(session, &budget));
-    OK(push_gray(session, 90));
-    while (progress.frames == 0 || progress.settled == 0) {
+    /* Who is slow may miss it: the next photo goes through it again. */
+    for (i = 0; i < 50 && !seen; i++) {
+        OK(push_gray(session, 90));
+        do {
+            OK(svbrdf_session_progress(session, &progress));
+            seen |= progress.phase == SVBRDF_PHASE_FIT;
+        } while (svbrdf_session_wait(session, 1) == SVBRDF_TIMEOUT);
         OK(svbrdf_session_progress(session, &progress));
-        seen |= progress.phase == SVBRDF_PHASE_FIT;
-        CHECK(svbrdf_session_wait(session, 1) >= 0);
+        CHECK(progress.settled == 1 && progress.phase == SVBRDF_PHASE_NONE);
     }
-    CHECK(seen && progress.phase == SVBRDF_PHASE_NONE);
+    CHECK(seen);
     OK(svbrdf_session_destroy(session));
 }
 

@@ -72,6 +72,10 @@ async function download(page, name) {
 
 /** The example's first photographs: as the command line fits them. */
 async function exampleAsNative(page, frames) {
+  await page.evaluate(() => {
+    window.told = [];
+    window.svbrdfPage.scan.addEventListener('progress', ({ detail }) => window.told.push(detail.fraction));
+  });
   const begun = Date.now();
   await page.click('#example');
   await page.waitForSelector('#result:not([hidden])');
@@ -79,6 +83,10 @@ async function exampleAsNative(page, frames) {
   await settled(page, frames);
   const all = (Date.now() - begun) / 1000;
   assert.deepEqual((await photographs(page)).map((p) => p.state), Array(frames).fill('accepted'));
+  // One bar for all of them, which never goes back.
+  const told = await page.evaluate(() => window.told);
+  assert.deepEqual(told, [...told].sort((a, b) => a - b));
+  assert.ok(told[0] < 1.001 / frames && told.at(-1) === 1, `${told}`);
   const bytes = await page.evaluate(() => window.svbrdfPage.scan.bytes);
   const native = path.join(work, `native-${frames}`);
   const start = Date.now();

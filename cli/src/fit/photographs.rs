@@ -100,6 +100,7 @@ impl<'a> Fit<'a> {
                 self.cut = true;
                 break;
             }
+            self.announce();
             let index = self.next;
             self.next += 1;
             let next = if self.options.hold_out == 0 { Some(index) } else { self.hold(index)? };
@@ -107,6 +108,7 @@ impl<'a> Fit<'a> {
                 self.add(next)?;
             }
         }
+        self.announce();
         if self.options.at_once && self.fitted() > 0 && !self.cut {
             self.session.resume();
             self.settle("all photos")?;
@@ -117,6 +119,12 @@ impl<'a> Fit<'a> {
         self.record()?;
         self.progress.done();
         Ok(())
+    }
+
+    /// Tells the session how many photographs it will still get, if all can be used.
+    fn announce(&self) {
+        let left = self.frames.len() - self.next + self.waiting.len();
+        self.session.announce(left.saturating_sub(self.options.hold_out));
     }
 
     /// Whether the fit was ended before its time.

@@ -103,11 +103,11 @@ impl Rejected {
 pub struct Progress {
     /// Accepted photographs.
     photographs: usize,
-    /// Share of the work on the photographs so far that is done, 0 to 1.
+    /// Fraction of the work that is done, 0 to 1: on the photographs of ``Session.announce``, without on the latest one.
     fraction: f32,
     /// Mean difference of the logarithms of photographs and renderings.
     loss: f32,
-    /// Estimated seconds left, if known.
+    /// Estimated seconds left on the photographs so far, if known.
     seconds_left: Option<f32>,
     /// Whether the fit has finished on all photographs so far.
     settled: bool,

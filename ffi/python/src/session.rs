@@ -260,6 +260,13 @@ impl Session {
         Ok(Maps::of(py, assessed.maps, confidence, self.native().settings().sample_mm))
     }
 
+    /// Announces that so many photographs are still to come: ``Progress.fraction`` is then that of the work on all of them
+    /// together, and never falls before they have come. Each push takes one of them away, whether the photograph is accepted or
+    /// rejected. If fewer or more come after all, say so by another call. Without it the fraction is that of each photograph.
+    fn announce(&self, photographs: usize) {
+        self.native().announce(photographs);
+    }
+
     /// State of the fit.
     #[getter]
     fn progress(&self) -> Progress {

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
+import signal
+import threading
 
 import numpy as np
 import pytest
@@ -71,6 +74,7 @@ def test_what_is_known_is_told(described: svbrdf.Capture, photos: Rows) -> None:
 
 def test_a_cancelled_session_keeps_its_maps(described: svbrdf.Capture, photos: Rows) -> None:
     session = svbrdf.Session.of_capture(described)
+    session.pause()
     session.push(photos[0])
     assert not session.wait(0)
     session.cancel()
@@ -78,6 +82,53 @@ def test_a_cancelled_session_keeps_its_maps(described: svbrdf.Capture, photos: R
     for call in (lambda: session.push(photos[1]), session.wait, session.save):
         with pytest.raises(svbrdf.CancelledError):
             call()
+
+
+def test_python_runs_while_a_session_waits_and_signals_end_the_waiting(
+    described: svbrdf.Capture, photos: Rows
+) -> None:
+    # Shells start what runs in the background with interrupts ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with svbrdf.Session.of_capture(described) as session:
+        session.set_budget(steps=STEPS)
+        session.pause()
+        session.push(photos[0])
+        # Only a signal ends this: the fit is held.
+        interrupt = threading.Thread(target=lambda: os.kill(os.getpid(), signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):
+            interrupt.start()
+            session.wait()
+        interrupt.join()
+        # Only another thread of Python ends this.
+        resume = threading.Timer(0.05, session.resume)
+        resume.start()
+        assert session.wait(600)
+        resume.join()
+
+
+def test_announced_photographs_are_one_piece_of_work(
+    described: svbrdf.Capture, photos: Rows
+) -> None:
+    with svbrdf.Session.of_capture(described) as session:
+        session.set_budget(steps=STEPS)
+        for photo in photos:
+            session.pause()
+            session.push(photo)
+            assert session.progress.fraction == 0
+            session.resume()
+            session.wait()
+            assert session.progress.fraction == 1
+        session.announce(3)
+        assert session.progress.fraction == 0
+        session.push(photos[0])
+        session.wait()
+        assert session.progress.fraction == pytest.approx(1 / 3)
+        session.push(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
+        assert session.progress.fraction == 0.5
+        session.announce(0)
+        assert session.progress.fraction == 1
+        with pytest.raises(OverflowError):
+            session.announce(-1)
 
 
 def test_rectified_photographs_are_explained() -> None:

@@ -82,7 +82,7 @@ unsafe fn push(
             )
         };
         let pushed = if info.flash == SVBRDF_FLASH_OFF {
-            Pushed::Rejected(Rejection::LightNotVisible)
+            live.session.reject(Rejection::LightNotVisible)
         } else {
             // SAFETY: as above.
             let photo = unsafe { info.photo(&image) }?;

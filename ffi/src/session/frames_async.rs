@@ -3,7 +3,6 @@
 use std::ffi::c_void;
 use std::sync::atomic::Ordering;
 
-use engine::session::Pushed;
 use engine::{Error, Rejection};
 
 use super::frames::outcome;
@@ -96,7 +95,7 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
             let status = held.act(|live| {
                 let pushed = match &frame {
                     Some(frame) => live.session.push(&frame.photo()?)?,
-                    None => Pushed::Rejected(Rejection::LightNotVisible),
+                    None => live.session.reject(Rejection::LightNotVisible),
                 };
                 let result;
                 (result, report) = outcome(live, &pushed, timestamp_ns);

@@ -8,6 +8,22 @@ use crate::handles::svbrdf_session;
 use crate::live::{SESSIONS, act};
 use crate::status::{entry, svbrdf_status};
 
+/// Announces that so many photos are still to come: from then on svbrdf_progress.fraction is that of the
+/// work on all of them together, and never falls before they have come. Each photo pushed takes one of them
+/// away, whether it is accepted or rejected; one that a push answers with another status does not. If fewer
+/// or more come after all, say so by another call. Without it, where nobody knows how many there will be,
+/// the fraction is that of each photo.
+#[unsafe(no_mangle)]
+pub extern "C" fn svbrdf_session_announce(
+    session: *mut svbrdf_session,
+    photos: u32,
+) -> svbrdf_status {
+    act(session, |live| {
+        live.session.announce(photos as usize);
+        Ok(())
+    })
+}
+
 /// Pauses the fit after the step in progress; photos are still taken in.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_session_pause(session: *mut svbrdf_session) -> svbrdf_status {

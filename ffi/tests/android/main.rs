@@ -144,7 +144,7 @@ fn the_binding_works_on_the_desktop_jvm() {
 
     let out = dir.join("maps");
     let mut java = Command::new("timeout");
-    java.args(["900", "java", "-Xcheck:jni", "-Xmx512m", "-cp"])
+    java.args(["3600", "java", "-Xcheck:jni", "-Xmx512m", "-cp"])
         .arg(class_path(&[&classes, stdlib, coroutines]))
         .arg(format!("-Djava.library.path={}", dir.display()))
         // else file names are ASCII

@@ -133,6 +133,7 @@ fn sanitizers_find_nothing() {
                 "lifecycle",
                 "threads",
                 "races",
+                "progress",
                 "state",
                 "capture",
             ][..],

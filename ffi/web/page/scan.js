@@ -79,7 +79,9 @@ export class Scan extends EventTarget {
     try {
       const bytes = await photograph.file.arrayBuffer();
       if (this.pushing !== photograph) return;
-      this.worker.postMessage({ type: 'push', id: photograph.id, name: photograph.name, bytes }, [bytes]);
+      // With this one.
+      const announced = 1 + this.photographs.filter((p) => p.state === 'waiting').length;
+      this.worker.postMessage({ type: 'push', id: photograph.id, name: photograph.name, bytes, announced }, [bytes]);
     } catch (fault) {
       this.refuse(photograph, `the file cannot be read: ${fault.message}`);
     }

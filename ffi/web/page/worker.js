@@ -95,7 +95,8 @@ const actions = {
     scan = new Scan(models, resolution, description);
     models.prepare(resolution);
   },
-  push({ id, name, bytes }) {
+  push({ id, name, bytes, announced }) {
+    scan.announce(announced);
     const row = JSON.parse(scan.push(name, new Uint8Array(bytes)));
     const small = scan.small();
     const accepted = row.status === 'accepted';

@@ -150,6 +150,12 @@ impl Scan {
         Ok(false)
     }
 
+    /// Announces that so many photographs are still to come: the share done is that of the work on all of them
+    /// together, and never falls before they have come.
+    pub fn announce(&self, photographs: usize) {
+        self.session.announce(photographs);
+    }
+
     /// State of the fit: photographs, share done, loss, seconds left, whether it has settled, and
     /// how often the maps have changed.
     pub fn progress(&self) -> String {

@@ -44,7 +44,7 @@ pub fn call(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
                     fault => fault,
                 }
             }
-            5 | 6 => {
+            5 => {
                 let mut buffer = ptr::null_mut();
                 let status = svbrdf_session_save_state(world.pick(bytes), &raw mut buffer);
                 if status == SVBRDF_OK {
@@ -53,6 +53,7 @@ pub fn call(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
                 world.add(status, buffer);
                 status
             }
+            6 => svbrdf_session_announce(world.pick(bytes), bytes.u32()),
             7 => svbrdf_session_wait(world.pick(bytes), 0),
             8 => svbrdf_session_pause(world.pick(bytes)),
             9 => svbrdf_session_cancel(world.pick(bytes)),

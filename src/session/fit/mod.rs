@@ -1,8 +1,10 @@
 //! The fit of a session: an estimate, and the jobs that it does between two steps.
 
 mod driver;
+mod group;
 mod shared;
 mod turns;
 
 pub(super) use driver::FitHandle;
+pub(super) use group::Group;
 pub(super) use turns::{Fit, Milestone};

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use web_time::Instant;
 
+use super::group::Group;
 use crate::estimate::{Budget, Exposure};
 use crate::session::reports::{Progress, Revision};
 use crate::session::survey::{NextView, Survey};
@@ -27,6 +28,8 @@ pub struct State {
     /// What was found of exposure and flash with these maps.
     pub exposure: Exposure,
     pub progress: Progress,
+    /// What its fraction is one of.
+    pub group: Group,
     /// Accepted photographs the fit has taken over.
     pub fitted: usize,
     /// How long the fit may work.
@@ -48,6 +51,19 @@ impl State {
     pub fn publish(&mut self, maps: Option<Arc<Svbrdf>>) {
         self.maps = maps;
         self.revision.maps += 1;
+    }
+
+    /// Whether the fit has taken all photographs over.
+    pub fn is_current(&self) -> bool {
+        self.fitted == self.progress.frames
+    }
+
+    /// Changes what progress is told of; whether that changes its fraction.
+    pub fn regroup(&mut self, change: impl FnOnce(&mut Group)) -> bool {
+        let before = self.progress.fraction;
+        change(&mut self.group);
+        self.progress.fraction = self.group.fraction();
+        self.progress.fraction != before
     }
 }
 

@@ -114,12 +114,13 @@ impl Fit {
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
             frames,
-            fraction: if frames > 0 { estimation.fraction() } else { 0.0 },
             loss_before,
             loss: estimation.loss(),
             settled: estimation.is_done(),
             ..Progress::default()
         };
+        let share = if frames > 0 { estimation.fraction() } else { 0.0 };
+        state.regroup(|group| group.anew(frames, share));
     }
 
     /// One turn; faults end up in [`Shared`].
@@ -189,7 +190,7 @@ impl Fit {
         state.fitted += 1;
         state.cut = false;
         let loss = self.estimation.loss();
-        state.progress = Progress { fraction: 0.0, loss_before: loss, loss, ..state.progress };
+        state.progress = Progress { loss_before: loss, loss, ..state.progress };
         drop(state);
         self.shared.notify();
         Ok(())
@@ -246,8 +247,11 @@ impl Fit {
         let mut state = self.shared.lock();
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
+            let share = self.estimation.fraction();
+            let frames = state.fitted;
+            state.regroup(|group| group.anew(frames, share));
         } else {
-            state.progress.settled = state.fitted == state.progress.frames;
+            state.progress.settled = state.is_current();
         }
         drop(state);
         self.shared.notify();
@@ -267,10 +271,14 @@ impl Fit {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
         let mut state = self.shared.lock();
-        state.progress.fraction = step.fraction;
+        // Work that a photograph pushed meanwhile adds to is not told of any more.
+        let is_current = state.is_current();
+        if is_current {
+            state.regroup(|group| group.work(step.fraction));
+        }
         state.progress.phase = if step.done { None } else { step.phase };
         state.progress.loss = step.loss;
-        state.progress.seconds_left = (step.fraction > 0.02)
+        state.progress.seconds_left = (is_current && step.fraction > 0.02)
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(Some(Arc::new(maps)));
@@ -281,7 +289,9 @@ impl Fit {
             (self.busy, self.begun) = (false, None);
             state.cut = estimation.is_cut();
             // A photograph pushed meanwhile is still on its way.
-            state.progress.settled = state.fitted == state.progress.frames;
+            let waiting = state.progress.frames - state.fitted;
+            state.regroup(|group| group.settle(waiting));
+            state.progress.settled = is_current;
             state.progress.seconds_left = None;
         }
         drop(state);

@@ -3,8 +3,8 @@ use crate::Error;
 use crate::estimate::options::ScheduleOptions;
 use crate::estimate::{Addition, Meter, Method, Task, first_maps};
 use crate::observation::{Observation, View};
-use crate::session::RestoreOptions;
 use crate::session::capture::Photograph;
+use crate::session::{Driver, RestoreOptions};
 use crate::test_support::{photograph, two_tones, view_from};
 use proptest::prelude::*;
 use std::sync::OnceLock;
@@ -23,7 +23,8 @@ fn example() -> &'static [u8] {
         let Scene::Board { target, .. } = capture.scene else { panic!("no board") };
         let scene =
             Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
-        let settings = Settings { sample_mm: capture.sample_mm, threads: 2, ..Settings::default() };
+        let (sample_mm, driver) = (capture.sample_mm, Driver::Caller);
+        let settings = Settings { sample_mm, threads: 2, driver, ..Settings::default() };
         let session = Session::with_networks(scene, settings, networks()).unwrap();
         let budget = Budget { steps: Some(4), ..Budget::default() };
         session.set_budget(budget).unwrap();

@@ -53,7 +53,7 @@ class FitProgress:
     photograph: int
     #: Photographs there are.
     photographs: int
-    #: Share of all work that is done, 0 to 1.
+    #: Fraction of all work that is done, 0 to 1; it never falls.
     fraction: float
     #: Mean difference of the logarithms of photographs and renderings; 0 before the first fit.
     loss: float
@@ -176,23 +176,23 @@ def _run(
     """Pushes one photograph after the other and waits for the fit of each."""
     told: list[Photograph] = []
 
-    def tell(number: int, share: float) -> None:
+    def tell(at: int) -> None:
         if on_progress is not None:
             now = session.progress
-            whole = (number + share) / len(photographs)
-            at = number + 1
-            on_progress(
-                FitProgress(at, len(photographs), whole, now.loss, now.seconds_left, tuple(told))
-            )
+            whole, left = now.fraction, now.seconds_left
+            on_progress(FitProgress(at, len(photographs), whole, now.loss, left, tuple(told)))
 
     for number, photograph in enumerate(photographs):
-        tell(number, 0.0)
+        # Anew each time: one that cannot be read is not pushed.
+        session.announce(len(photographs) - number)
+        tell(number + 1)
         told.append(_push(session, number, photograph))
         if told[-1].accepted:
             while not session.wait(_LOOK):
-                tell(number, session.progress.fraction)
+                tell(number + 1)
         yield told[-1]
-    tell(len(photographs) - 1, 1.0)
+    session.announce(0)
+    tell(len(photographs))
 
 
 def _push(session: Session, number: int, photograph: Frame | Photo) -> Photograph:

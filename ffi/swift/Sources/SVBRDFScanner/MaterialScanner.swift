@@ -147,6 +147,14 @@ public actor MaterialScanner {
         return view.known == 1 ? NextView(view) : nil
     }
 
+    /// Announces that so many photos are still to come: `Progress.fraction` is then that of the work on all of
+    /// them together, and never falls before they have come. Each push takes one of them away, whether the photo
+    /// is accepted or rejected. If fewer or more come after all, say so by another call. Without it, in a live
+    /// capture, the fraction is that of each photo.
+    public func announce(_ photos: Int) throws {
+        try check(svbrdf_session_announce(session.handle, UInt32(clamping: photos)))
+    }
+
     public func progress() throws -> Progress {
         var progress = try filled(svbrdf_progress(), svbrdf_progress_init)
         try check(svbrdf_session_progress(session.handle, &progress))

@@ -207,6 +207,7 @@ public struct Progress: Hashable, Sendable {
     public let state: State
     public let photos: Int
     public let settled: Bool
+    /// Fraction of the work that is done, 0 to 1: on the photos of `MaterialScanner.announce`, else on the latest.
     public let fraction: Float
     /// What the fit does, in a word of English; empty where nothing is done.
     public let phase: String

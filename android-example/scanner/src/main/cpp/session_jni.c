@@ -144,6 +144,12 @@ static jboolean session_wait(JNIEnv *env, jclass class, jobject owner, jlong han
     return JNI_TRUE;
 }
 
+static void session_announce(JNIEnv *env, jclass class, jobject owner, jlong handle, jint photos)
+{
+    (void)class, (void)owner;
+    throw_status(env, svbrdf_session_announce(HANDLE(svbrdf_session, handle), (uint32_t)photos));
+}
+
 static void session_progress(JNIEnv *env, jclass class, jobject owner, jlong handle,
                              jdoubleArray out)
 {
@@ -337,6 +343,7 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionCreate", "([I[F[D[B[D[DDJ[B" OWNER "JJ)J", session_create),
     METHOD("sessionDestroy", "(J)V", session_destroy),
     METHOD("sessionWait", "(" OWNER "JJ)Z", session_wait),
+    METHOD("sessionAnnounce", "(" OWNER "JI)V", session_announce),
     METHOD("sessionProgress", "(" OWNER "J[D)V", session_progress),
     METHOD("sessionLight", "(" OWNER "J[D)V", session_light),
     METHOD("sessionNextView", "(" OWNER "J[D)V", session_next_view),

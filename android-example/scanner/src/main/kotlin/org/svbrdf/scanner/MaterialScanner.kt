@@ -158,6 +158,17 @@ class MaterialScanner private constructor(
     @JvmOverloads
     fun await(limitMillis: Long = -1): Boolean = Native.sessionWait(this, handle.now, limitMillis)
 
+    /**
+     * Announces that so many photos are still to come: [Progress.fraction] is then that of the work on all of
+     * them together, and never falls before they have come. Each push takes one of them away, whether the photo
+     * is accepted or rejected. If fewer or more come after all, say so by another call. Without it, in a live
+     * capture, the fraction is that of each photo.
+     */
+    fun announce(photos: Int) {
+        require(photos >= 0) { "photos: $photos given; at least 0 expected" }
+        Native.sessionAnnounce(this, handle.now, photos)
+    }
+
     /** State of the fit. */
     val progress: Progress
         get() {

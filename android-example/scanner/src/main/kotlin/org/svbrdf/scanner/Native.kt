@@ -65,6 +65,7 @@ internal object Native {
     @JvmStatic external fun sessionRemove(owner: Any, handle: Long, index: Int)
     @JvmStatic external fun sessionFrameFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
+    @JvmStatic external fun sessionAnnounce(owner: Any, handle: Long, photos: Int)
     @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionLight(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun sessionNextView(owner: Any, handle: Long, out: DoubleArray)

@@ -180,7 +180,7 @@ data class Progress(
     val photos: Int,
     /** Whether the fit has finished on all photos so far. */
     val settled: Boolean,
-    /** Share of the work on the photos so far that is done, 0 to 1. */
+    /** Fraction of the work that is done, 0 to 1: on the photos of [MaterialScanner.announce], else on the latest. */
     val fraction: Float,
     /** Mean error before the fit of the latest photo. */
     val lossBefore: Float,
