@@ -19,13 +19,13 @@ const SIGNALS: [i32; 2] = [SIGINT, SIGTERM];
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens to SIGINT, SIGTERM and SIGHUP from now on, except those that whoever started the command
-    /// has it ignore, such as `nohup`. The first one is noted here; a second one ends the process at once
-    /// with status 130.
+    /// Listens to SIGINT, SIGTERM and SIGHUP from now on, the last unless `nohup` has it ignored. The first
+    /// one is noted here; a second one ends the process at once with status 130.
     pub fn listen() -> Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
-        let ignored = ignored();
-        for signal in SIGNALS.into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0) {
+        // SIGINT is ignored in whatever scripts start in the background, which is to end by it all the same.
+        let is_heard = |signal: &i32| [SIGINT, SIGTERM].contains(signal) || !is_ignored(*signal);
+        for signal in SIGNALS.into_iter().filter(is_heard) {
             // In this order: the first signal finds the flag unset, and sets it.
             flag::register_conditional_shutdown(signal, 130, asked.clone())
                 .and_then(|_| flag::register(signal, asked.clone()))
@@ -40,9 +40,10 @@ impl Interrupt {
     }
 }
 
-/// Signals that are ignored, bit 0 for signal 1, where the system tells.
-fn ignored() -> u64 {
+/// Whether a signal is ignored, where the system tells.
+fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

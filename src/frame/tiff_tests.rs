@@ -40,17 +40,19 @@ impl Sheet {
     }
 }
 
+fn number(value: u64, bytes: usize, big_endian: bool) -> Vec<u8> {
+    let little = value.to_le_bytes();
+    let mut number = little[..bytes].to_vec();
+    if big_endian {
+        number.reverse();
+    }
+    number
+}
+
 /// A file of uncompressed pages, each in a strip; `below`: the last one is below the first instead of
 /// behind it.
 fn file(pages: &[Sheet], big_tiff: bool, big_endian: bool, below: bool) -> Vec<u8> {
-    let number = |value: u64, bytes: usize| {
-        let little = value.to_le_bytes();
-        let mut number = little[..bytes].to_vec();
-        if big_endian {
-            number.reverse();
-        }
-        number
-    };
+    let number = |value: u64, bytes: usize| number(value, bytes, big_endian);
     let offset = if big_tiff { 8 } else { 4 };
     let mut out = if big_endian { b"MM".to_vec() } else { b"II".to_vec() };
     out.extend(number(if big_tiff { 43 } else { 42 }, 2));
