@@ -160,7 +160,7 @@ impl Texture {
                 *out = if self.curved(channel) {
                     table.encode(v)
                 } else if dithered[channel] {
-                    (v * 255.0 + threshold(x, y, channel)) as u8
+                    dithered_byte(v, threshold(x, y, channel))
                 } else {
                     (v * 255.0 + 0.5) as u8
                 };
@@ -231,6 +231,15 @@ impl Texture {
             .map_err(encoding_fault)?;
         Ok(bytes)
     }
+}
+
+/// One of the two nearest bytes: the upper one as often as thresholds from 0 to 1 say. What is a byte but for
+/// rounding stays one.
+fn dithered_byte(value: f32, threshold: f32) -> u8 {
+    const ROUNDING: f32 = 1.0 / 256.0;
+    let scaled = value * 255.0;
+    let is_byte = (scaled - scaled.round()).abs() < ROUNDING;
+    (scaled + if is_byte { 0.5 } else { threshold }) as u8
 }
 
 /// From 0 to 1, evenly spread over the texels of any neighbourhood: the additive recurrence of the plastic
@@ -305,7 +314,7 @@ mod tests {
     }
 
     /// Slopes of 0.03 over 1024 texels have eight values of 8 bits. A step is half a value off at its
-    /// edges; means over 8 x 8 texels, and so mip maps, are a sixteenth of that off.
+    /// edges; means over 8 x 8 texels, and so mip maps, are a seventh of that off at most.
     #[test]
     fn smooth_normals_and_roughness_have_no_steps() {
         let (w, h) = (1024, 64);
@@ -327,7 +336,7 @@ mod tests {
                 worst
             };
             let (dithered, nearest) = (worst(&texture.bytes(true)), worst(&texture.bytes(false)));
-            assert!(dithered < 0.04 && nearest > 0.4, "{channels}: {dithered} {nearest}");
+            assert!(dithered < 0.07 && nearest > 0.4, "{channels}: {dithered} {nearest}");
         }
         // What has one value, or one that a byte holds, stays as it is.
         let flat = Texture::data(w, h, |i| [0.5, 51.0 / 255.0, if i == 0 { 0.0 } else { 1.0 }]);

@@ -116,7 +116,7 @@ mod tests {
             photo("b", "2024:02:29 18:40:00.25", Some(-270)),
         ];
         sort(&mut all);
-        assert_eq!(names(&all), ["a", "c", "b"]);
+        assert_eq!(names(&all), ["a", "b", "c"]);
         all.push(photo("d", "2024:02:29 20:00:00.", None));
         sort(&mut all);
         assert_eq!(names(&all), ["b", "d", "a", "c"]);
