@@ -199,8 +199,9 @@ mod tests {
             let found = find(&[dir.path().to_owned()], &inside).unwrap();
             let names = |path: &PathBuf| path.file_name().unwrap().to_owned();
             assert_eq!(found.pictures.iter().map(names).collect::<Vec<_>>(), ["b.jpg", "c.mpo"]);
-            let [link] = &found.foreign[..] else { panic!("{:?}", found.foreign) };
+            let [link, folder] = &found.foreign[..] else { panic!("{:?}", found.foreign) };
             assert!(link.path.ends_with("a.jpg") && link.reason.contains("not there"));
+            assert!(folder.path.ends_with("empty.jpg") && folder.reason.contains("a folder"));
         }
     }
 
