@@ -108,7 +108,7 @@ pack() { (cd "$2" && jar --create --no-manifest --date=2000-01-01T00:00:00Z --fi
 # Both libraries for an ABI with the NDK, into a folder.
 build() {
   local abi=$1 arch=$2 ndk=${ANDROID_NDK_HOME:?"name libraries (ABI=FOLDER), or set ANDROID_NDK_HOME"}
-  (cd "$root" && cargo ndk -t "$abi" --platform 26 -o "$work/built" build --profile dist -p svbrdf-ffi)
+  (cd "$root" && cargo ndk -t "$abi" --platform 26 -o "$work/built" build --profile dist -p svbrdf-ffi --features jxl)
   "$ndk"/toolchains/llvm/prebuilt/*/bin/"$arch"-linux-android26-clang -std=c11 -O2 -fPIC -shared \
     -fvisibility=hidden -I "$root/include" "$main"/cpp/*.c -L "$work/built/$abi" -lsvbrdf \
     -Wl,-soname,libsvbrdf_jni.so -Wl,-z,max-page-size=16384 -Wl,-z,nodelete -Wl,--no-undefined -s \

@@ -831,6 +831,10 @@ typedef uint32_t svbrdf_remarks;
 #define SVBRDF_REMARK_NO_EXPOSURE 8
 /** It says that the flash did not fire (a torch does not count as a flash). */
 #define SVBRDF_REMARK_NO_FLASH 16
+/** Its end marker is missing, and nothing else. */
+#define SVBRDF_REMARK_END_MISSING 32
+/** It is gray, and so will the maps be. */
+#define SVBRDF_REMARK_GRAY 64
 
 /** What the file of a photo says of how it was taken. */
 typedef struct svbrdf_file_info {
@@ -857,8 +861,8 @@ typedef struct svbrdf_file_info {
     /** Factor of the digital zoom; 1: none, or not known. */
     float digital_zoom;
     /**
-     * Remarks: an OR of SVBRDF_REMARK_ values. Those about colours are known only when the photo is
-     * pushed.
+     * Remarks: an OR of SVBRDF_REMARK_ values. Those about colours and the end of the file are known
+     * only when the photo is pushed.
      */
     svbrdf_remarks remarks;
     /**

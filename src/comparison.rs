@@ -1,6 +1,10 @@
 //! How far apart two sets of maps are, in their values and in what they look like.
 
+mod colour_difference;
+
 use std::f32::consts::PI;
+
+pub use colour_difference::{delta_e_2000, lab};
 
 use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
@@ -18,7 +22,7 @@ pub const LIMIT_DEGREES: f64 = 70.0;
 /// Distance of camera and light in sizes of the sample: far, so that directions are one each.
 const DISTANCE: f64 = 1e3;
 
-/// Root-mean-square differences of two sets of maps.
+/// Differences of two sets of maps: root mean squares, unless a field says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Differences {
     /// Components of the unit normals.
@@ -33,6 +37,12 @@ pub struct Differences {
     /// hemisphere up to [`LIMIT_DEGREES`], without fall-off, clipped to [0, 1]. The directions are
     /// always the same.
     pub render: f64,
+    /// Mean angle between the normals, degrees.
+    pub normal_deg: f64,
+    /// Mean CIEDE2000 of the diffuse albedo, as colours under D65.
+    pub diffuse_delta_e: f64,
+    /// Mean CIEDE2000 of the specular albedo.
+    pub specular_delta_e: f64,
 }
 
 /// Compares maps of one size.
@@ -50,7 +60,28 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         specular: planes(a, b, channel::SPECULAR, 3),
         roughness: planes(a, b, channel::ROUGHNESS, 1),
         render: renderings(a, b),
+        normal_deg: mean_angle(a, b).to_degrees(),
+        diffuse_delta_e: colours(a, b, channel::DIFFUSE),
+        specular_delta_e: colours(a, b, channel::SPECULAR),
     })
+}
+
+/// Mean angle between the normals, from the distance of their tips: exact for small ones too.
+fn mean_angle(a: &Svbrdf, b: &Svbrdf) -> f64 {
+    let mut sum = 0.0;
+    for y in 0..a.height() {
+        for x in 0..a.width() {
+            let chord = squares(&a.normal(x, y), &b.normal(x, y)).sqrt();
+            sum += 2.0 * (0.5 * chord).min(1.0).asin();
+        }
+    }
+    sum / a.texels() as f64
+}
+
+/// Mean CIEDE2000 of three planes.
+fn colours(a: &Svbrdf, b: &Svbrdf, first: usize) -> f64 {
+    let colour = |maps: &Svbrdf, i: usize| [0, 1, 2].map(|c| f64::from(maps.plane(first + c)[i]));
+    colour_difference::mean(a.texels(), |i| Some([colour(a, i), colour(b, i)]))
 }
 
 fn rms(sum: f64, count: usize) -> f64 {
@@ -110,6 +141,8 @@ const UNSATURATED: f64 = 0.95;
 pub struct Prediction {
     /// Root-mean-square difference over all texels seen, in gamma 2.2 on [0, 1].
     pub error: f64,
+    /// Mean CIEDE2000 over the same texels.
+    pub delta_e: f64,
     /// Factor on the predicted radiances that explains the photograph best: its brightness.
     pub brightness: f64,
     /// The photograph: three planes in gamma 2.2 on [0, 1]; 0 where it does not show the sample.
@@ -161,8 +194,13 @@ pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
         sum += f64::from(*p - measured[i]).powi(2);
     }
     let count = 3 * seen.iter().filter(|seen| **seen).count();
+    let colour = |of: &[f32], i: usize| [0, 1, 2].map(|c| f64::from(of[c * n + i].powf(GAMMA)));
+    let delta_e = colour_difference::mean(n, |i| {
+        seen[i].then(|| [colour(&predicted, i), colour(&measured, i)])
+    });
     Ok(Prediction {
         error: rms(sum, count.max(1)),
+        delta_e,
         brightness: factor.powf(f64::from(GAMMA)),
         photograph: measured,
         predicted,
@@ -240,6 +278,24 @@ mod tests {
     fn same_maps_do_not_differ() {
         let d = compare(&flat(0.4), &flat(0.4)).unwrap();
         assert_eq!([d.normal, d.diffuse, d.specular, d.roughness, d.render], [0.0; 5]);
+        assert_eq!([d.normal_deg, d.diffuse_delta_e, d.specular_delta_e], [0.0; 3]);
+    }
+
+    /// Half of the texels tilted by 10 degrees, and grays of L* 50 and 60: differences of lightness
+    /// count 1 / S_L each.
+    #[test]
+    fn angles_and_colour_differences_are_means() {
+        let (a, mut b) = (flat(0.184_187), flat(0.184_187));
+        let half = b.texels() / 2;
+        b.plane_mut(channel::SLOPE_X)[..half].fill(10f32.to_radians().tan());
+        for c in 0..3 {
+            b.plane_mut(channel::DIFFUSE + c)[half..].fill(0.281_233);
+        }
+        let d = compare(&a, &b).unwrap();
+        assert!((d.normal_deg - 5.0).abs() < 1e-4, "{}", d.normal_deg);
+        let sl = 1.0 + 0.015 * 25.0 / 45f64.sqrt();
+        assert!((d.diffuse_delta_e - 5.0 / sl).abs() < 1e-3, "{}", d.diffuse_delta_e);
+        assert_eq!(d.specular_delta_e, 0.0);
     }
 
     /// Lambertian surfaces differ by the difference of their albedos times the cosine of the light,

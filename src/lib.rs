@@ -62,6 +62,7 @@
 //!   it, everything but the fit works: boards, calibration, rendering, comparison, export.
 //! * `files` (default), `heic` (default): read encoded photographs with their metadata and colours (module
 //!   `files`), and HEIC among them.
+//! * `jxl`: reads DNG with JPEG XL inside (newer iPhones and Samsung phones).
 //!
 //! # Stability
 //! Versions follow semantic versioning for everything on these pages. Public modules that they do not show are

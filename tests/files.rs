@@ -14,11 +14,14 @@ use glam::{DMat3, DVec3};
 use image::{DynamicImage, ImageFormat, RgbImage};
 use moxcms::ColorProfile;
 use negatives::{Negative, Storage, Values};
-use photos::{Written, delta_e, lab, to_display_p3};
+use photos::{Written, to_display_p3};
 use svbrdf::Error;
+use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::files::{Kind, Limits, Metadata, Options, Remark, decode};
 use svbrdf::frame::{Encoding, Photo, Primaries};
 
+/// What messages name besides formats that are always read.
+const HEIC: &str = if cfg!(feature = "heic") { "HEIC" } else { "OpenEXR" };
 /// Pixels along a side of a block of one colour, and blocks along a side of the picture.
 const BLOCK: u32 = 16;
 const BLOCKS: u32 = 4;
@@ -183,7 +186,7 @@ fn one_scene_comes_through_every_format() {
         assert!(decoded.remarks.is_empty(), "{name}: {:?}", decoded.remarks);
         let mut worst = 0.0f64;
         for (block, mean) in (0..).zip(means(&decoded.photo)) {
-            worst = worst.max(delta_e(lab(mean.map(|v| v / scale)), lab(colour(block))));
+            worst = worst.max(delta_e_2000(lab(mean.map(|v| v / scale)), lab(colour(block))));
         }
         println!("{name}: ΔE00 {worst:.3} at worst");
         // 8 bits are some tenths in the darkest blocks. Files of luma and chroma round twice: a level of
@@ -282,6 +285,28 @@ fn mirroring_tags_are_honoured_and_said() {
     }
 }
 
+#[test]
+fn a_missing_end_and_gray_values_are_said() {
+    let whole = written(&Written::default(), "a.jpg", &srgb());
+    let cut = |end: usize| decode(&whole[..whole.len() - end], &options());
+    let known = decode(&whole, &options()).unwrap();
+    assert!(known.remarks.is_empty());
+    for end in [1, 2] {
+        let decoded = cut(end).unwrap();
+        assert_eq!(decoded.remarks, [Remark::EndMissing]);
+        assert_eq!(decoded.photo.to_linear(), known.photo.to_linear());
+    }
+    for end in [60, 120] {
+        let said = cut(end).unwrap_err().to_string();
+        assert!(said.contains("truncated"), "{end}: {said}");
+    }
+    let gray = DynamicImage::ImageLuma8(DynamicImage::ImageRgb8(srgb()).into_luma8());
+    for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff] {
+        let decoded = decode(&encoded(&gray, format), &options()).unwrap();
+        assert_eq!(decoded.remarks, [Remark::Gray], "{format:?}");
+    }
+}
+
 /// A deflate stream of so many zeros, as zlib wraps it: matches of 258 bytes at distance 1.
 fn zeros(count: u64) -> Vec<u8> {
     let (mut out, mut hold, mut bits) = (vec![0x78, 0x01], 0u64, 0);
@@ -346,6 +371,7 @@ fn limits_hold_before_anything_is_allocated() {
         let few = Limits { pixels: 1 << 20, ..Limits::default() };
         let said = decode(&bytes, &limited(few)).unwrap_err().to_string();
         assert!(said.contains("4000 x 4000 px; 1 to 1048576"), "{said}");
+        assert!(said.contains("half the size"), "{said}");
         let little = Limits { memory_bytes: 16 << 20, ..Limits::default() };
         let fault = decode(&bytes, &limited(little)).unwrap_err();
         assert!(matches!(fault, Error::MemoryLimit { limit, .. } if limit == 16 << 20), "{fault}");
@@ -366,7 +392,9 @@ fn formats_that_are_not_read_are_named_with_what_to_do() {
         (b"RIFF\x10\0\0\0WEBPVP8 ".to_vec(), "WebP", "JPEG"),
         (b"II*\0\x10\0\0\0CR\x02\0".to_vec(), "raw file of a camera maker", "DNG"),
         (b"\0\0\0\x14ftypcrx \0\0\0\x01crx ".to_vec(), "raw file of a camera maker", "DNG"),
-        (b"hello".to_vec(), "not a picture", ""),
+        (b"P6 640 480 255\n".to_vec(), "PPM", HEIC),
+        (b"\0\0\0\x14ftypqt  \0\0\0\0qt  ".to_vec(), "video", "photograph"),
+        (b"hello".to_vec(), "not a picture", HEIC),
         (Vec::new(), "empty", ""),
     ];
     // Nikon's and Sony's files are TIFF inside, with raw values that nothing is said about.

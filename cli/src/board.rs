@@ -6,10 +6,13 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::board_sheet::{BoardSheet, Paper, SheetFormat};
 use svbrdf::calibration::{Target, TargetKind, TopLeft};
+use svbrdf::capture::LEAST_SQUARE_MM;
 use svbrdf::export::write_atomic;
 
 use crate::board_text::targets;
 use crate::failure::{Failure, Result};
+use crate::place;
+use crate::terminal;
 
 /// Write the board to print at 100 %
 #[derive(clap::Args)]
@@ -38,6 +41,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let target = target(&arguments.board)?;
+    place::file("--out", &arguments.out)?;
     let paper = if arguments.paper == "letter" { Paper::Letter } else { Paper::A4 };
     let sheet = BoardSheet::new(&target, paper).map_err(|error| match error {
         Error::Argument { message, .. } => fault(&arguments.board, &message),
@@ -56,8 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     let bytes = sheet.encode(format)?;
     write_atomic(&arguments.out, &bytes)?;
-    println!("{}", json!({ "board": description(&target) }));
-    Ok(())
+    terminal::print(&format!("{}\n", json!({ "board": description(&target) })))
 }
 
 fn fault(board: &str, message: &str) -> Failure {
@@ -69,6 +72,10 @@ pub fn target(text: &str) -> Result<Target> {
     let target = targets(text)?.swap_remove(0);
     if target.hole.row_start == target.hole.row_end {
         return Err(fault(text, "it has no hole for the sample; expected ring or charuco-ring"));
+    }
+    if target.square_mm < LEAST_SQUARE_MM {
+        let mm = target.square_mm;
+        return Err(fault(text, &format!("squares of {mm} mm: lengths are in mm, not in metres")));
     }
     if let Some((field, expected)) = target.print_fault() {
         return Err(fault(text, &format!("{field}: {expected} expected")));

@@ -14,6 +14,8 @@ use svbrdf::files;
 
 use crate::board_text::targets;
 use crate::failure::{Failure, Result};
+use crate::place;
+use crate::terminal;
 
 /// Calibrate a camera from photographs of a printed board
 #[derive(clap::Args)]
@@ -64,6 +66,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     {
         return Err(Failure::Input(format!("--focal {focal}: a positive number of px expected")));
     }
+    if let Some(out) = &arguments.out {
+        place::file("--out", out)?;
+    }
+    if let Some(folder) = arguments.images.iter().find(|path| path.is_dir()) {
+        let folder = folder.display();
+        return Err(Failure::Input(format!(
+            "{folder}: a folder; expected photographs, such as {folder}/*.jpg"
+        )));
+    }
     let mut images =
         arguments.images.iter().map(|path| look(path, &targets)).collect::<Result<Vec<_>>>()?;
     let size = usual_size(&images);
@@ -100,11 +111,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         write_atomic(out, format!("{text}\n").as_bytes())?;
     }
     if arguments.json {
-        println!("{text}");
+        terminal::print(&format!("{text}\n"))
     } else {
-        print!("{}", summary(&value, &estimate));
+        terminal::print(&summary(&value, &estimate))
     }
-    Ok(())
 }
 
 /// Finds the board in a photo. Only a file that is not there is a fault.

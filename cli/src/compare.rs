@@ -7,8 +7,10 @@ use svbrdf::comparison;
 use svbrdf::export::{read_maps, resized};
 
 use crate::failure::{Failure, Result};
+use crate::terminal;
 
-/// Compare two sets of maps: root-mean-square differences of the maps and of 100 renderings
+/// Compare two sets of maps: root-mean-square differences of the maps and of 100 renderings, mean angle
+/// of the normals (degrees), mean colour difference of the albedos (CIEDE2000)
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  svbrdf compare maps truth --json")]
 pub struct Arguments {
@@ -33,15 +35,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ("specular", d.specular),
         ("roughness", d.roughness),
         ("render", d.render),
+        ("normal_deg", d.normal_deg),
+        ("diffuse_delta_e00", d.diffuse_delta_e),
+        ("specular_delta_e00", d.specular_delta_e),
     ];
     if arguments.json {
         let object: serde_json::Map<_, _> =
             results.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
-        println!("{}", serde_json::Value::Object(object));
+        terminal::print(&format!("{}\n", serde_json::Value::Object(object)))
     } else {
-        for (name, value) in results {
-            println!("{name:<10} {value:.6}");
-        }
+        let lines = results.map(|(name, value)| format!("{name:<18} {value:.6}\n"));
+        terminal::print(&lines.concat())
     }
-    Ok(())
 }

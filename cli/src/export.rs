@@ -7,7 +7,9 @@ use svbrdf::export::{ExportOptions, Format, TextureFormat, export, read_maps, re
 use svbrdf::{Error, Svbrdf};
 
 use crate::failure::{Failure, Result};
+use crate::place;
 use crate::render::{length, sample_size};
+use crate::terminal;
 
 /// Export maps to glTF, USD, MaterialX, Unreal, Unity and Blender
 #[derive(clap::Args)]
@@ -49,6 +51,7 @@ pub fn format(name: &str) -> std::result::Result<Format, String> {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let dir = &arguments.maps;
+    place::folder("--out", &arguments.out)?;
     let maps = read_maps(dir).map_err(Failure::input)?;
     let options = ExportOptions {
         formats: arguments.format.clone(),
@@ -77,7 +80,10 @@ fn sample_mm(dir: &Path, maps: &Svbrdf, longer: Option<f32>) -> Result<[f32; 2]>
     if let Some(stated) = read_sample_mm(dir).map_err(Failure::input)? {
         return Ok(stated);
     }
-    eprintln!("{}: the maps do not state their size; 100 mm taken (--sample-mm)", dir.display());
+    terminal::say(format!(
+        "{}: the maps do not state their size; 100 mm taken (--sample-mm)",
+        dir.display()
+    ));
     Ok(sample_size(maps, 100.0))
 }
 

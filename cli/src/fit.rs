@@ -20,6 +20,7 @@ use self::output::Output;
 use self::photographs::{Fit, Options};
 use crate::failure::{Failure, Result};
 use crate::interrupt::Interrupt;
+use crate::place;
 use crate::progress::Progress;
 
 /// Runs the command.
@@ -40,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn fit(arguments: &Arguments) -> Result<()> {
     let begun = Instant::now();
     let mut progress = Progress::new(arguments.quiet, arguments.log);
+    place::folder("--out", &arguments.out)?;
     if arguments.skip_existing && output::is_complete(arguments) {
         progress.say(&format!("{} is complete: nothing to do", arguments.out.display()));
         progress.event("skipped", json!({ "out": arguments.out.to_string_lossy() }));
@@ -85,7 +87,7 @@ fn session(arguments: &Arguments, capture: &Capture) -> Result<Session> {
         resolution: arguments.resolution.parse().expect("one of four numbers"),
         method: if arguments.method == "classic" { Method::Classic } else { Method::Deep },
         refine: !arguments.no_refine,
-        threads: arguments.threads,
+        threads: arguments.threads as usize,
         ..Settings::default()
     };
     let session = Session::new(capture.scene.clone(), settings)?;

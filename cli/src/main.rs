@@ -10,10 +10,12 @@ mod failure;
 mod fit;
 mod interrupt;
 mod pictures;
+mod place;
 mod progress;
 mod render;
 mod report;
 mod simulate;
+mod terminal;
 
 use std::process::ExitCode;
 
@@ -50,7 +52,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{failure}");
+            terminal::say(&failure);
             ExitCode::from(failure.status())
         }
     }

@@ -5,6 +5,8 @@ use std::io::Write;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
+use crate::terminal;
+
 const STEPS: u64 = 1000;
 /// Smallest step of progress that is an event, as a fraction.
 const EVENT_STEP: f32 = 0.05;
@@ -70,7 +72,7 @@ impl Progress {
     pub fn say(&mut self, line: &str) {
         self.clear();
         if !self.quiet && self.log == Log::Text {
-            eprintln!("{line}");
+            terminal::say(line);
         }
     }
 

@@ -7,6 +7,7 @@ use svbrdf::export::{read_maps, write_exr_image, write_png16_image};
 use svbrdf::observation::{Falloff, View};
 
 use crate::failure::{Failure, Result};
+use crate::place;
 
 /// Render maps from above under one light, as the fit does
 #[derive(clap::Args)]
@@ -52,6 +53,7 @@ pub fn sample_size(maps: &svbrdf::Svbrdf, longer_mm: f32) -> [f32; 2] {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    place::file("--out", &arguments.out)?;
     let extension = arguments.out.extension().and_then(|e| e.to_str()).unwrap_or_default();
     let float = match extension.to_ascii_lowercase().as_str() {
         "png" => false,

@@ -117,9 +117,8 @@ fn shares_of_an_array_do_each_capture_once() {
 fn what_is_not_the_captures_fault_asks_for_another_try() {
     let dir = tempfile::tempdir().unwrap();
     let (captures, out) = (captures(dir.path()), dir.path().join("out"));
-    // A file where the maps should go.
-    fs::create_dir(&out).unwrap();
-    fs::write(out.join(NAMES[0]), "").unwrap();
+    // A folder where a map should go.
+    fs::create_dir_all(out.join(NAMES[0]).join("normal.png")).unwrap();
     let output = fit_all(&captures, &out, &[]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("2 of 4 captures are done"), "{}", said(&output));

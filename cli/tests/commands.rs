@@ -99,7 +99,9 @@ fn compare_measures_differences() {
         serde_json::from_str(&succeed(&["compare", text(a), text(b), "--json"])).unwrap()
     };
     let same = compare(a.path(), a.path());
-    for key in ["normal", "diffuse", "specular", "roughness", "render"] {
+    let keys = ["normal", "diffuse", "specular", "roughness", "render"];
+    let added = ["normal_deg", "diffuse_delta_e00", "specular_delta_e00"];
+    for key in keys.into_iter().chain(added) {
         assert_eq!(same[key].as_f64(), Some(0.0), "{key}");
     }
     let other = compare(a.path(), b.path());
@@ -109,6 +111,9 @@ fn compare_measures_differences() {
     assert!(is("normal", 0.0) && is("specular", 0.0), "{other}");
     let render = other["render"].as_f64().unwrap();
     assert!(render > 0.005 && render < 0.1, "{other}");
+    // From (0.2, 0.5, 0.5) or (0.6, 0.5, 0.5) to red ones that are 0.1 brighter: some units.
+    let seen = other["diffuse_delta_e00"].as_f64().unwrap();
+    assert!((2.0..20.0).contains(&seen), "{other}");
     assert_eq!(compare(a.path(), b.path()), other);
     // Another size is resampled.
     write_maps(b.path(), &maps(16).upsampled()).unwrap();

@@ -14,8 +14,9 @@ use common::{failure, maps, picture, run, succeed, text};
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use moxcms::ColorProfile;
-use photos::{Written, changed, delta_e, lab, to_display_p3};
+use photos::{Written, changed, to_display_p3};
 use serde_json::Value;
+use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::svbrdf::channel;
 
 const FAST: [&str; 8] =
@@ -168,20 +169,6 @@ fn a_linear_png_is_read_as_linear() {
     assert!(mean < 0.1 && worst < 1.0, "{mean} {worst}");
 }
 
-/// The published pairs that tell the parts of the formula apart.
-#[test]
-fn colour_differences_are_those_of_the_standard() {
-    for (a, b, expected) in [
-        ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
-        ([50.0, 2.5, 0.0], [50.0, 3.2592, 0.3350], 1.0),
-        ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
-        ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
-        ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
-    ] {
-        assert!((delta_e(a, b) - expected).abs() < 1e-4, "{}", delta_e(a, b));
-    }
-}
-
 /// Mean and largest difference of two diffuse maps, averaged over 4 x 4 texels.
 fn difference(a: &Path, b: &Path) -> (f64, f64) {
     let [a, b] = [a, b].map(|dir| svbrdf::export::read_maps(dir).unwrap());
@@ -195,7 +182,7 @@ fn difference(a: &Path, b: &Path) -> (f64, f64) {
                 f64::from(sum) / 16.0
             })
         };
-        each.push(delta_e(lab(mean(&a)), lab(mean(&b))));
+        each.push(delta_e_2000(lab(mean(&a)), lab(mean(&b))));
     }
     (each.iter().sum::<f64>() / each.len() as f64, each.iter().copied().fold(0.0, f64::max))
 }
@@ -382,6 +369,50 @@ fn a_cut_photograph_is_left_out_and_a_complete_fit_is_skipped() {
     assert_eq!(skip(&["--resolution", "512"]).status.code(), Some(2));
     fs::remove_file(out.join("normal.png")).unwrap();
     assert_eq!(skip(&[]).status.code(), Some(2));
+}
+
+/// A file that another one takes the place of is read again, and its first photo is taken back.
+#[test]
+fn overwritten_photographs_are_read_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let (incoming, out) = (dir.path().join("incoming"), dir.path().join("out"));
+    fs::create_dir(&incoming).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_svbrdf"))
+        .args(["fit", "--watch", text(&incoming), "--out", text(&out), "--log", "json"])
+        .args(&FAST[..7])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let mut until = |name: &str| loop {
+        let event: Value = serde_json::from_str(&lines.next().unwrap().unwrap()).unwrap();
+        if event["event"] == name {
+            break event;
+        }
+    };
+    let mut first = None;
+    for shot in [&SHOTS[0], &SHOTS[2]] {
+        let aside = dir.path().join("shot.jpg");
+        Written::default().save(&aside, shot);
+        fs::rename(&aside, incoming.join("shot.jpg")).unwrap();
+        assert_eq!(until("photo")["status"], "accepted");
+        assert_eq!(until("maps")["photographs"], 1);
+        let maps = fs::read(out.join("maps.exr")).unwrap();
+        assert_ne!(first.replace(maps.clone()), Some(maps));
+    }
+    fs::create_dir(incoming.join("100APPLE")).unwrap();
+    assert!(until("left_out")["image"].as_str().unwrap().ends_with("100APPLE"));
+    let process = child.id().to_string();
+    assert!(Command::new("kill").args(["-s", "INT", &process]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let report = json(&out.join("report.json"));
+    let rows = report["frames"].as_array().unwrap();
+    assert_eq!((&rows[0]["reason"], &rows[1]["status"]), (&"replaced".into(), &"accepted".into()));
+    assert_eq!(json(&out.join("capture.json"))["frames"].as_array().unwrap().len(), 1);
+    // The maps are those of the second photograph alone.
+    let alone = dir.path().join("alone");
+    succeed(&[&["fit", text(&out), "--out", text(&alone)][..], &FAST[2..7]].concat());
+    assert_eq!(Some(fs::read(alone.join("maps.exr")).unwrap()), first);
 }
 
 #[test]

@@ -125,6 +125,8 @@ fn photographs_held_out_are_predicted_and_not_fitted() {
         assert!((mean - each.iter().sum::<f64>() / 2.0).abs() < 1e-12, "{row}");
         // Stripes of albedo 0.2 and 0.6 predicted by their mean would err by 0.15.
         assert!(each.iter().all(|e| (0.001..0.12).contains(e)), "{each:?}");
+        // Such errors are some units of colour difference.
+        assert!((0.05..20.0).contains(&a["delta_e00"].as_f64().unwrap()), "{row}");
     }
     // Simulated exposures are equal: the factor on brightness has little to do.
     for factor in found["brightness"].as_array().unwrap() {

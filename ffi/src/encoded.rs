@@ -26,6 +26,10 @@ pub const SVBRDF_REMARK_MIRRORED: svbrdf_remarks = 4;
 pub const SVBRDF_REMARK_NO_EXPOSURE: svbrdf_remarks = 8;
 /// It says that the flash did not fire (a torch does not count as a flash).
 pub const SVBRDF_REMARK_NO_FLASH: svbrdf_remarks = 16;
+/// Its end marker is missing, and nothing else.
+pub const SVBRDF_REMARK_END_MISSING: svbrdf_remarks = 32;
+/// It is gray, and so will the maps be.
+pub const SVBRDF_REMARK_GRAY: svbrdf_remarks = 64;
 
 /// Bytes of the texts in svbrdf_file_info, with the NUL at the end.
 pub const SVBRDF_TEXT: usize = 64;
@@ -109,8 +113,8 @@ pub struct svbrdf_file_info {
     pub focal_35mm: f32,
     /// Factor of the digital zoom; 1: none, or not known.
     pub digital_zoom: f32,
-    /// Remarks: an OR of SVBRDF_REMARK_ values. Those about colours are known only when the photo is
-    /// pushed.
+    /// Remarks: an OR of SVBRDF_REMARK_ values. Those about colours and the end of the file are known
+    /// only when the photo is pushed.
     pub remarks: svbrdf_remarks,
     /// Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
     /// zoom or size need sessions, or cameras, of their own.
@@ -281,6 +285,8 @@ mod read {
                 Remark::ProfileUnusable(_) => SVBRDF_REMARK_PROFILE_UNUSABLE,
                 Remark::GainMap => SVBRDF_REMARK_GAIN_MAP,
                 Remark::Mirrored => SVBRDF_REMARK_MIRRORED,
+                Remark::EndMissing => SVBRDF_REMARK_END_MISSING,
+                Remark::Gray => SVBRDF_REMARK_GRAY,
                 _ => 0,
             };
         }

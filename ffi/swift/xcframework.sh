@@ -18,7 +18,7 @@ targets=(aarch64-apple-ios aarch64-apple-ios-sim x86_64-apple-ios aarch64-apple-
   x86_64-apple-darwin)
 rustup target add "${targets[@]}"
 for target in "${targets[@]}"; do
-  cargo build -p svbrdf-ffi --profile dist --target "$target" "$@"
+  cargo build -p svbrdf-ffi --features jxl --profile dist --target "$target" "$@"
 done
 library() { echo "$target_dir/$1/dist/libsvbrdf.a"; }
 

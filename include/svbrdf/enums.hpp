@@ -151,6 +151,8 @@ enum class Remark : svbrdf_remarks {
     mirrored = SVBRDF_REMARK_MIRRORED,
     no_exposure = SVBRDF_REMARK_NO_EXPOSURE,
     no_flash = SVBRDF_REMARK_NO_FLASH,
+    end_missing = SVBRDF_REMARK_END_MISSING,
+    gray = SVBRDF_REMARK_GRAY,
 };
 
 /// What the user is to do.

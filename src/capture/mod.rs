@@ -1,6 +1,7 @@
 //! A capture folder: `capture.json` and its photographs.
 
 mod document;
+mod lengths;
 mod unknown;
 
 use std::path::{Path, PathBuf};
@@ -18,6 +19,7 @@ use crate::rectification::elevation;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
 use document::{Node, parse_json, read_json};
+pub use lengths::LEAST_SQUARE_MM;
 
 /// Version of the format read: the value of `format`.
 pub const FORMAT: &str = "svbrdf-capture/1";
@@ -38,7 +40,8 @@ pub struct Capture {
     pub scene: Scene,
     /// The photographs in the order of the file; at least one.
     pub frames: Vec<Frame>,
-    /// Fields of the file that are not known, hence ignored: a sentence each.
+    /// Fields of the file that are not known, hence ignored, and lengths that are rarely meant: a sentence
+    /// each.
     pub warnings: Vec<String>,
 }
 
@@ -158,7 +161,10 @@ impl Capture {
         if frames.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
-        let warnings = unknown::warnings(file, value);
+        let mut warnings = unknown::warnings(file, value);
+        if let Scene::Board { target, .. } = &scene {
+            warnings.extend(lengths::warning(file, target, sample_mm));
+        }
         Ok(Self { sample_mm, scene, frames, warnings })
     }
 }
@@ -215,7 +221,9 @@ fn fits_hole(sample: &Node, target: &Target) -> Result<()> {
 }
 
 fn board_scene(root: &Node, given: Option<Camera>) -> Result<Scene> {
-    let target = target(&root.get("board"))?;
+    let board = root.get("board");
+    let target = target(&board)?;
+    lengths::check(&board, &target)?;
     let camera = match (given, root.get("camera").optional()) {
         (Some(camera), _) => Some(camera),
         (None, Some(node)) => Some(camera(&node)?),

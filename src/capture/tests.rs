@@ -268,3 +268,30 @@ fn unknown_fields_are_warned_about() {
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].contains("`frames[1].exposre`") && warnings[0].contains("`exposure`"));
 }
+
+#[test]
+fn other_units_are_asked_about() {
+    // Metres and inches: no camera sees such squares.
+    for square in [0.01, 0.0115, 0.39] {
+        let scaled = |mm: f64| json!(mm * square / 10.0);
+        let metres = with(board_capture(), "/board/square_mm", json!(square));
+        let metres = with(metres, "/sample/width_mm", scaled(100.0));
+        let metres = with(metres, "/sample/height_mm", scaled(80.0));
+        let fault = load(&metres).unwrap_err().to_string();
+        assert!(fault.contains("`board.square_mm`") && fault.contains("in mm"), "{fault}");
+        assert!(fault.contains(&format!("squares of {square} mm")), "{fault}");
+    }
+    let centimetres = with(board_capture(), "/board/square_mm", json!(1.0));
+    let centimetres = with(centimetres, "/sample/width_mm", json!(10));
+    let centimetres = with(centimetres, "/sample/height_mm", json!(8));
+    let warnings = load(&centimetres).unwrap().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("centimetres"), "{warnings:?}");
+    // Of the sample alone.
+    let sample = with(board_capture(), "/sample/width_mm", json!(10));
+    let sample = with(sample, "/sample/height_mm", json!(8));
+    let warnings = load(&sample).unwrap().warnings;
+    assert!(warnings[0].contains("10 x 8 mm in a hole of 120 x 130 mm"), "{warnings:?}");
+    // What is measured without a board has no squares.
+    let rectified = with(rectified_capture(), "/sample/width_mm", json!(0.1));
+    assert!(load(&rectified).unwrap().warnings.is_empty());
+}

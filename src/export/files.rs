@@ -1,14 +1,15 @@
 //! Writing files whole, and single pictures.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageBuffer};
 
 use super::floats::encode_channels;
+use super::temporary;
 use crate::{Error, Result};
 
 /// Writes a file under a temporary name in the same folder, then renames it, so that nothing
@@ -18,7 +19,7 @@ use crate::{Error, Result};
 /// [`Error::Io`] naming `path`; what stood there before is untouched.
 pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
-    let temporary = temporary_name(path);
+    let temporary = temporary::name(path);
     let written = fs::File::create(&temporary)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&temporary, path));
@@ -31,6 +32,10 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 
 /// Writes several files below `dir`, all of them or none: first under temporary names, then renamed.
 /// Folders are made if missing. Names are relative, with `/` between folders.
+///
+/// The last file seals the others: it is removed before any of them is replaced, and comes last. A
+/// process that is killed meanwhile leaves it neither beside files of another set nor beside a part of
+/// its own.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file that cannot be written; files that stood there before are untouched
@@ -55,6 +60,8 @@ struct Made {
 
 impl Made {
     fn write(&mut self, dir: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
+        let places = files.iter().filter_map(|(name, _)| Some(dir.join(name).parent()?.to_owned()));
+        places.collect::<BTreeSet<_>>().iter().for_each(|place| temporary::sweep(place));
         self.folder(dir)?;
         let mut names = Vec::with_capacity(files.len());
         for (name, bytes) in files {
@@ -64,12 +71,15 @@ impl Made {
                 let taken = std::io::Error::other("a folder has this name");
                 return Err(Error::io(path, taken));
             }
-            let temporary = temporary_name(&path);
+            let temporary = temporary::name(&path);
             self.files.push(temporary.clone());
             fs::File::create(&temporary)
                 .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
                 .map_err(|e| Error::io(&path, e))?;
             names.push((temporary, path));
+        }
+        if let Some((_, seal)) = names.last().filter(|(_, seal)| names.len() > 1 && seal.exists()) {
+            fs::remove_file(seal).map_err(|e| Error::io(seal, e))?;
         }
         for (temporary, path) in names {
             let new = !path.exists();
@@ -103,34 +113,28 @@ impl Made {
     }
 }
 
-/// Creates a folder if it is missing and checks that files can be made in it.
+/// Creates a folder if it is missing, removes temporary files that killed processes have left in it, and
+/// checks that files can be made there.
 ///
 /// # Errors
 /// [`Error::Io`] naming the folder.
 pub fn check_writable(dir: impl AsRef<Path>) -> Result<()> {
     let dir = dir.as_ref();
-    let probe = temporary_name(&dir.join("probe"));
+    let probe = temporary::name(&dir.join("probe"));
+    temporary::sweep(dir);
     fs::create_dir_all(dir)
         .and_then(|()| fs::File::create(&probe))
         .and_then(|_| fs::remove_file(&probe))
         .map_err(|e| Error::io(dir, e))
 }
 
-/// A hidden name beside `path` that nobody else uses.
-fn temporary_name(path: &Path) -> PathBuf {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let (process, count) = (std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{process}-{count}.tmp"))
-}
-
-/// Encodes a picture as PNG and writes it.
-pub(super) fn write_png(path: &Path, picture: &DynamicImage) -> Result<()> {
+/// The bytes of a picture as PNG.
+pub(super) fn encode_png(picture: &DynamicImage) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     picture
         .write_with_encoder(PngEncoder::new(&mut bytes))
-        .map_err(|e| Error::Image { path: path.to_owned(), message: e.to_string() })?;
-    write_atomic(path, &bytes)
+        .map_err(|e| Error::Internal(format!("a picture could not be encoded: {e}")))?;
+    Ok(bytes)
 }
 
 /// A 16-bit RGB picture whose pixel `i` has the channels `value(i)`, each clipped to [0, 1].
@@ -167,7 +171,8 @@ pub fn write_png16_image(
 ) -> Result<()> {
     check_planes(width, height, rgb)?;
     let n = width * height;
-    write_png(path.as_ref(), &rgb16(width, height, |i| [rgb[i], rgb[n + i], rgb[2 * n + i]]))
+    let picture = rgb16(width, height, |i| [rgb[i], rgb[n + i], rgb[2 * n + i]]);
+    write_atomic(path, &encode_png(&picture)?)
 }
 
 /// Writes three planes (R, G, B) of linear values as a float EXR picture.

@@ -24,6 +24,7 @@ mod preview;
 mod resample;
 mod stack;
 mod template;
+mod temporary;
 mod textures;
 mod tile;
 mod tile_picture;
@@ -37,7 +38,7 @@ pub use maps::{
 };
 pub use occlusion::occlusion;
 pub use package::{ExportOptions, Format, Package, export};
-pub use preview::{Relit, relit, write_preview};
+pub use preview::{Relit, encode_preview, relit, write_preview};
 pub use resample::resized;
 pub use textures::TextureFormat;
 

@@ -53,6 +53,11 @@ fn half_step(texture: TextureFormat) -> f32 {
     0.5 / if texture == TextureFormat::Png8 { 255.0 } else { 65535.0 } + 2e-6
 }
 
+/// The same of a linear channel, which is dithered in 8 bits: a whole step.
+fn linear_step(texture: TextureFormat) -> f32 {
+    if texture == TextureFormat::Png8 { 2.0 * half_step(texture) } else { half_step(texture) }
+}
+
 /// Checks that a stored colour is the nearest to a linear value.
 fn check_colour(stored: f32, expected: f32, texture: TextureFormat, what: &str) {
     let encoded = Encoding::Srgb.encode(f64::from(expected.clamp(0.0, 1.0))) as f32;
@@ -117,9 +122,9 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
                 let (plain_kd, plain_f0) = (0.96 * (1.0 - m) * b, m * b + 0.04 * (1.0 - m));
                 assert!((plain_kd - kd).abs() < 0.04 && (plain_f0 - f0).abs() < 0.04, "{i}");
                 let n = maps.normal(i % 9, i / 9)[c];
-                assert!((2.0 * normal[i][c] - 1.0 - n).abs() <= 2.0 * half_step(texture));
+                assert!((2.0 * normal[i][c] - 1.0 - n).abs() <= 2.0 * linear_step(texture));
             }
-            assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() <= half_step(texture));
+            assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() <= linear_step(texture));
         }
     }
 }
@@ -190,7 +195,7 @@ fn unity_s_textures_are_its_formulas() {
         let f0 = [0, 1, 2].map(|c| maps.plane(channel::SPECULAR + c)[i]);
         let largest = f0.into_iter().fold(0.0, f32::max);
         for smoothness in [mask[i][3], specular[i][3]] {
-            assert!((smoothness - (1.0 - roughness)).abs() <= half_step(texture));
+            assert!((smoothness - (1.0 - roughness)).abs() <= linear_step(texture));
         }
         assert_eq!(mask[i][2], 1.0);
         for c in 0..3 {

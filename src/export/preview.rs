@@ -6,7 +6,7 @@ use std::path::Path;
 use image::{DynamicImage, Rgb, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
-use super::files::write_png;
+use super::files::{encode_png, write_atomic};
 use super::resample::resized;
 use super::textures::srgb_byte as srgb;
 use crate::observation::{Falloff, View};
@@ -157,6 +157,14 @@ fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
 /// # Errors
 /// When the file cannot be written.
 pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
+    write_atomic(path, &encode_preview(maps, sample_mm)?)
+}
+
+/// The bytes of the file of [`write_preview`].
+///
+/// # Errors
+/// None that a caller could cause.
+pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let relit = relit(maps, sample_mm, CELL);
     let maps = at_most(maps, CELL);
     let w = maps.width();
@@ -171,7 +179,7 @@ pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2])
     for (column, lit) in relit.iter().enumerate() {
         sheet.put(column, 1, lit.label, |i| lit.rgb.as_chunks::<3>().0[i]);
     }
-    write_png(path.as_ref(), &DynamicImage::ImageRgb8(sheet.pixels))
+    encode_png(&DynamicImage::ImageRgb8(sheet.pixels))
 }
 
 /// Two rows of four captioned pictures.

@@ -134,7 +134,7 @@ impl Texture {
     /// The bytes of a file, see [`Texture::format`].
     pub fn encode(&self, wanted: TextureFormat, density: Option<Density>) -> Result<Vec<u8>> {
         match self.format(wanted) {
-            TextureFormat::Png8 => self.png(png::BitDepth::Eight, &self.bytes(), density),
+            TextureFormat::Png8 => self.png(png::BitDepth::Eight, &self.bytes(true), density),
             TextureFormat::Png16 => self.png(png::BitDepth::Sixteen, &self.words(), density),
             TextureFormat::Jpeg => self.jpeg(density),
         }
@@ -145,19 +145,35 @@ impl Texture {
         self.colour && channel < 3
     }
 
-    /// 8-bit values: the nearest, by the distance of encoded values.
-    fn bytes(&self) -> Vec<u8> {
+    /// 8-bit values: the nearest, by the distance of encoded values; or else, of linear channels, one of
+    /// the two nearest such that means over some texels are right. Normals and roughness of smooth glossy
+    /// maps would show steps otherwise.
+    fn bytes(&self, dithered: bool) -> Vec<u8> {
         let mut bytes = vec![0; self.values.len()];
         let row = self.width * self.channels;
         let table = SrgbBytes::get();
+        let dithered = [0, 1, 2, 3].map(|channel| dithered && self.is_to_dither(channel));
         let parts = bytes.chunks_mut(row).zip(self.values.chunks(row));
-        parallel::parts(parts, |_, (out, values)| {
+        parallel::parts(parts, |y, (out, values)| {
             for (i, (out, &v)) in out.iter_mut().zip(values).enumerate() {
-                let curved = self.curved(i % self.channels);
-                *out = if curved { table.encode(v) } else { (v * 255.0 + 0.5) as u8 };
+                let (x, channel) = (i / self.channels, i % self.channels);
+                *out = if self.curved(channel) {
+                    table.encode(v)
+                } else if dithered[channel] {
+                    dithered_byte(v, threshold(x, y, channel))
+                } else {
+                    (v * 255.0 + 0.5) as u8
+                };
             }
         });
         bytes
+    }
+
+    /// Whether a channel is linear and has no single value, in which there would be no steps.
+    fn is_to_dither(&self, channel: usize) -> bool {
+        let mut values = self.values.iter().skip(channel).step_by(self.channels);
+        let first = values.next();
+        channel < self.channels && !self.curved(channel) && values.any(|v| Some(v) != first)
     }
 
     /// 16-bit values, high byte first.
@@ -210,9 +226,28 @@ impl Texture {
             })
         };
         let (width, height) = (size(self.width)?, size(self.height)?);
-        encoder.encode(&self.bytes(), width.into(), height.into(), kind).map_err(encoding_fault)?;
+        encoder
+            .encode(&self.bytes(false), width.into(), height.into(), kind)
+            .map_err(encoding_fault)?;
         Ok(bytes)
     }
+}
+
+/// One of the two nearest bytes: the upper one as often as thresholds from 0 to 1 say. What is a byte but for
+/// rounding stays one.
+fn dithered_byte(value: f32, threshold: f32) -> u8 {
+    const ROUNDING: f32 = 1.0 / 256.0;
+    let scaled = value * 255.0;
+    let is_byte = (scaled - scaled.round()).abs() < ROUNDING;
+    (scaled + if is_byte { 0.5 } else { threshold }) as u8
+}
+
+/// From 0 to 1, evenly spread over the texels of any neighbourhood: the additive recurrence of the plastic
+/// number (Roberts 2018). Channels have patterns of their own.
+fn threshold(x: usize, y: usize, channel: usize) -> f32 {
+    const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
+    let place = STEPS[0] * x as f64 + STEPS[1] * y as f64 + channel as f64 / 3.0;
+    place.fract() as f32
 }
 
 /// A fault of an encoder, which writes to memory: none that a caller could cause.
@@ -276,6 +311,38 @@ mod tests {
             assert!((f64::from(table.encode(v)) - encoded).abs() < 0.5 + 1e-4, "{v}");
         }
         assert_eq!([-1.0, f32::NAN, 2.0].map(|v| table.encode(v)), [0, 0, 255]);
+    }
+
+    /// Slopes of 0.03 over 1024 texels have eight values of 8 bits. A step is half a value off at its
+    /// edges; means over 8 x 8 texels, and so mip maps, are a seventh of that off at most.
+    #[test]
+    fn smooth_normals_and_roughness_have_no_steps() {
+        let (w, h) = (1024, 64);
+        let value = |i: usize| 0.5 + 0.015 * ((i % w) as f32 / w as f32 * 2.0 - 1.0);
+        for channels in [1, 3, 4] {
+            let texture = match channels {
+                1 => Texture::gray(w, h, value),
+                3 => Texture::data(w, h, |i| [value(i); 3]),
+                _ => Texture::rgba(w, h, true, |i| [0.5, 0.5, 0.5, value(i)]),
+            };
+            let linear = if channels == 4 { 3 } else { 0 };
+            let worst = |bytes: &[u8]| {
+                let mut worst = 0.0f32;
+                for (x, y) in (0..w - 7).flat_map(|x| [(x, 0), (x, 31), (x, 56)]) {
+                    let block = (0..64).map(|i| (y + i / 8) * w + x + i % 8);
+                    let of = |i: usize| f32::from(bytes[channels * i + linear]) - 255.0 * value(i);
+                    worst = worst.max((block.map(of).sum::<f32>() / 64.0).abs());
+                }
+                worst
+            };
+            let (dithered, nearest) = (worst(&texture.bytes(true)), worst(&texture.bytes(false)));
+            assert!(dithered < 0.07 && nearest > 0.4, "{channels}: {dithered} {nearest}");
+        }
+        // What has one value, or one that a byte holds, stays as it is.
+        let flat = Texture::data(w, h, |i| [0.5, 51.0 / 255.0, if i == 0 { 0.0 } else { 1.0 }]);
+        let bytes = flat.bytes(true);
+        assert_eq!(bytes[..6], [128, 51, 0, 128, 51, 255]);
+        assert_eq!(bytes[6..], [128, 51, 255].repeat(w * h - 2));
     }
 
     #[test]

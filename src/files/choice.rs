@@ -1,10 +1,10 @@
 //! Which photographs belong together, in which order, and how they were exposed.
 
-use std::cmp::{Ordering, Reverse};
-use std::ffi::OsStr;
+use std::cmp::Reverse;
 use std::path::PathBuf;
 
 use super::metadata::Metadata;
+use super::order;
 
 /// Focal lengths that are the same lens', relative.
 const SAME_FOCAL: f64 = 0.02;
@@ -53,6 +53,8 @@ pub struct Choice {
     reference: Option<f64>,
     /// How far most photographs are turned to stand upright.
     upright_deg: Option<u32>,
+    /// Whether a flash is said to have fired.
+    flashed: bool,
     /// Photographs of the camera.
     pub chosen: Vec<Chosen>,
     /// The others.
@@ -78,8 +80,9 @@ impl CameraKey {
     /// What tells a photograph's camera from this one, which most photographs have: the end of a
     /// sentence. What either does not know tells nothing.
     pub fn difference(&self, other: &Self) -> Option<String> {
+        // "Google" and "google" are one maker.
         let differs = |a: &Option<String>, b: &Option<String>| {
-            a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| a != b)
+            a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| !a.eq_ignore_ascii_case(b))
         };
         if differs(&self.make, &other.make) || differs(&self.model, &other.model) {
             return Some(format!("taken with {}, most with {}", other.name(), self.name()));
@@ -136,9 +139,7 @@ impl CameraKey {
 
     fn name(&self) -> String {
         match (&self.make, &self.model) {
-            (Some(make), Some(model)) if !model.starts_with(make.as_str()) => {
-                format!("{make} {model}")
-            }
+            (Some(make), Some(model)) if !begins_with(model, make) => format!("{make} {model}"),
             (_, Some(name)) | (Some(name), None) => name.clone(),
             (None, None) => "another camera".into(),
         }
@@ -156,10 +157,10 @@ impl CameraKey {
 
 impl Choice {
     /// Adds photographs behind those that are there. Those come first that were taken first, then
-    /// by name; those without a time last. The first call decides about the camera: the one that
+    /// by name (9 before 10); those without a time last. The first call decides about the camera: the one that
     /// took most photographs, the first of several that took equally many.
     pub fn add(&mut self, mut photographs: Vec<(Metadata, PathBuf)>) {
-        photographs.sort_by(order);
+        order::sort(&mut photographs);
         if self.camera.is_none() {
             self.camera = most_frequent(&photographs);
         }
@@ -179,8 +180,10 @@ impl Choice {
             if relative.is_none() {
                 silent.push(path.clone());
             }
-            if known.flash_fired == Some(false) {
-                dark.push(path.clone());
+            match known.flash_fired {
+                Some(false) => dark.push(path.clone()),
+                Some(true) => self.flashed = true,
+                None => (),
             }
             // Flash and lens are fixed to the camera, however it is held; a phone that looks down
             // on a table hardly knows which way is up.
@@ -210,15 +213,19 @@ impl Choice {
             self.remarks.push(text);
         }
         if !dark.is_empty() {
-            self.remarks.push(format!("{}: the flash did not fire, say the metadata", names(dark)));
+            // A torch is no flash that fires.
+            let so = match self.flashed {
+                false => "right if the torch was on",
+                true => "in others it did: use the same light for all photos",
+            };
+            let text = format!("{}: the flash did not fire, say the metadata; {so}", names(dark));
+            self.remarks.push(text);
         }
     }
 }
 
-fn order((a, path): &(Metadata, PathBuf), (b, other): &(Metadata, PathBuf)) -> Ordering {
-    let time = |known: &Metadata| (known.taken.is_none(), known.taken.clone());
-    let place = |path: &PathBuf| (path.file_name().map(OsStr::to_owned), path.clone());
-    time(a).cmp(&time(b)).then_with(|| place(path).cmp(&place(other)))
+fn begins_with(text: &str, start: &str) -> bool {
+    text.get(..start.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(start))
 }
 
 /// The camera that agrees with most photographs, of which none states what it leaves open: a silent
@@ -298,6 +305,38 @@ mod tests {
         assert_eq!(kept, [("1", 1.0), ("2", 2.0), ("3", 0.5)]);
         assert_eq!(choice.left_out[0].reason, "taken with A, most with B");
         assert_eq!(choice.left_out.len(), 1);
+    }
+
+    #[test]
+    fn makers_are_the_same_in_any_case() {
+        let with = |make: &str| Metadata {
+            make: Some(make.into()),
+            model: Some("Google Pixel".into()),
+            ..Metadata::default()
+        };
+        let known = CameraKey::of(&with("Google"));
+        assert_eq!(known.difference(&CameraKey::of(&with("google"))), None);
+        let said = known.difference(&CameraKey::of(&with("Other"))).unwrap();
+        assert_eq!(said, "taken with Other Google Pixel, most with Google Pixel");
+        assert_eq!(CameraKey::of(&with("google")).name(), "Google Pixel");
+    }
+
+    #[test]
+    fn a_torch_is_no_flash_that_fires() {
+        let with = |name: &str, fired| {
+            let (known, path) = shot(name, None, "", 1.0);
+            (Metadata { flash_fired: fired, ..known }, path)
+        };
+        let said = chosen(vec![with("a", Some(false)), with("b", Some(false)), with("c", None)]);
+        assert_eq!(
+            said.remarks,
+            ["a and b: the flash did not fire, say the metadata; right if the torch was on"]
+        );
+        let said = chosen(vec![with("a", Some(false)), with("b", Some(true))]).remarks;
+        assert!(
+            said[0].starts_with("a: ") && said[0].ends_with("use the same light for all photos")
+        );
+        assert!(chosen(vec![with("a", None), with("b", Some(true))]).remarks.is_empty());
     }
 
     #[test]

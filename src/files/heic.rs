@@ -1,11 +1,11 @@
 //! HEIC: HEVC pictures in HEIF, as iPhones and some Android phones write them.
 
-use std::panic::catch_unwind;
 use std::path::Path;
 
 use heic_decoder::{ColorInfo, DecodedImage, RgbOptions};
 
 use super::colours::Colours;
+use super::guard;
 use crate::frame::{Encoding, Limits, Photo};
 use crate::{Error, Result};
 
@@ -97,10 +97,6 @@ impl Heic {
     }
 }
 
-/// The decoder is young: what it might stumble over is a damaged file, not the end of the program.
 fn guarded<T>(body: impl FnOnce() -> heic_decoder::Result<T>) -> std::result::Result<T, String> {
-    match catch_unwind(std::panic::AssertUnwindSafe(body)) {
-        Ok(done) => done.map_err(|fault| format!("HEIC: {fault}")),
-        Err(_) => Err("HEIC: damaged in a way that the decoder does not know".into()),
-    }
+    guard::guarded("HEIC", body)
 }

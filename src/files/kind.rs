@@ -1,6 +1,7 @@
 //! What a file is, by its content: names lie.
 
 use super::dng;
+use crate::frame::is_tiff;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,12 +26,18 @@ pub enum Kind {
     WebP,
     /// A camera maker's own raw format: CR2, CR3, NEF, ARW, ORF, RW2, RAF, PEF and the like.
     MakerRaw,
+    /// Portable any-map: PPM, PGM, PBM, PAM, PFM.
+    NetPbm,
+    /// Radiance HDR.
+    Radiance,
+    /// A film: MOV, MP4, AVI, Matroska.
+    Video,
     /// A picture of another kind: GIF, BMP, Photoshop, JPEG 2000.
     Other,
 }
 
 /// Beginnings of files, at byte 0, that tell a format at once.
-const BEGINNINGS: [(&[u8], Kind); 15] = [
+const BEGINNINGS: [(&[u8], Kind); 18] = [
     (&[0xFF, 0xD8, 0xFF], Kind::Jpeg),
     (b"\x89PNG\r\n\x1a\n", Kind::Png),
     (&[0x76, 0x2F, 0x31, 0x01], Kind::OpenExr),
@@ -43,6 +50,9 @@ const BEGINNINGS: [(&[u8], Kind); 15] = [
     (b"IIU\0", Kind::MakerRaw),
     (b"FUJIFILMCCD-RAW", Kind::MakerRaw),
     (b"FOVb", Kind::MakerRaw),
+    (b"#?RADIANCE", Kind::Radiance),
+    (b"#?RGBE", Kind::Radiance),
+    (&[0x1A, 0x45, 0xDF, 0xA3], Kind::Video),
     (b"GIF8", Kind::Other),
     (b"8BPS", Kind::Other),
     (b"\0\0\0\x0CjP  \r\n\x87\n", Kind::Other),
@@ -66,10 +76,17 @@ impl Kind {
         if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
             return Some(Self::Other);
         }
-        if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-            return Some(Self::WebP);
+        if bytes.starts_with(b"RIFF") {
+            return match bytes.get(8..12)? {
+                b"WEBP" => Some(Self::WebP),
+                b"AVI " => Some(Self::Video),
+                _ => None,
+            };
         }
-        if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
+        if is_net_pbm(bytes) {
+            return Some(Self::NetPbm);
+        }
+        if is_tiff(bytes) {
             return Some(match dng::content(bytes) {
                 dng::Content::Negative => Self::Dng,
                 dng::Content::OtherRaw => Self::MakerRaw,
@@ -92,6 +109,9 @@ impl Kind {
             Self::JpegXl => "a JPEG XL picture",
             Self::WebP => "a WebP picture",
             Self::MakerRaw => "a raw file of a camera maker",
+            Self::NetPbm => "a PPM picture",
+            Self::Radiance => "a Radiance HDR picture",
+            Self::Video => "a video",
             Self::Other => "a picture of another format",
         }
     }
@@ -110,9 +130,27 @@ impl Kind {
                 "convert it to JPEG or TIFF (iPhones write JPEG with Settings, Camera, Formats, Most Compatible)"
             }
             Self::MakerRaw => "convert it to DNG, with Adobe's DNG Converter for example",
+            Self::Video => "photograph the sample with the flash instead",
+            _ if cfg!(feature = "heic") => "convert it to JPEG, PNG, TIFF, OpenEXR, HEIC or DNG",
             _ => "convert it to JPEG, PNG, TIFF, OpenEXR or DNG",
         }
     }
+
+    /// The formats that this build reads, for messages.
+    pub fn all_read() -> &'static str {
+        if cfg!(feature = "heic") {
+            "JPEG, PNG, TIFF, OpenEXR, HEIC or DNG"
+        } else {
+            "JPEG, PNG, TIFF, OpenEXR or DNG"
+        }
+    }
+}
+
+/// Whether a file begins with the letter and digit of a portable any-map, and then a number or a
+/// remark.
+fn is_net_pbm(bytes: &[u8]) -> bool {
+    let &[b'P', b'1'..=b'7' | b'F' | b'f', space, next, ..] = bytes else { return false };
+    space.is_ascii_whitespace() && (next.is_ascii_digit() || [b'#', b'W'].contains(&next))
 }
 
 /// Formats that are made of boxes begin with a list of brands.
@@ -133,6 +171,10 @@ fn boxed(bytes: &[u8]) -> Option<Kind> {
         Some(Kind::JpegXl)
     } else if has(&[b"mif1", b"msf1"]) {
         Some(Kind::Other)
+    } else if has(&[
+        b"qt  ", b"isom", b"iso2", b"mp41", b"mp42", b"avc1", b"M4V ", b"3gp4", b"3gp5",
+    ]) {
+        Some(Kind::Video)
     } else {
         None
     }
@@ -168,10 +210,24 @@ mod tests {
             (b"II*\0\x10\0\0\0CR\x02\0".to_vec(), Kind::MakerRaw),
             (b"FUJIFILMCCD-RAW 0201".to_vec(), Kind::MakerRaw),
             (b"II*\0\x08\0\0\0\0\0".to_vec(), Kind::Tiff),
+            (b"MM\0+\0\x08\0\0".to_vec(), Kind::Tiff),
+            (ftyp(&[b"qt  "]), Kind::Video),
+            (ftyp(&[b"isom", b"iso2", b"avc1", b"mp41"]), Kind::Video),
+            (b"RIFF\0\0\0\0AVI LIST".to_vec(), Kind::Video),
+            (b"P6\n640 480 255\n".to_vec(), Kind::NetPbm),
+            (b"P5 # by a scanner\n".to_vec(), Kind::NetPbm),
+            (b"#?RADIANCE\nFORMAT".to_vec(), Kind::Radiance),
         ] {
             assert_eq!(Kind::of(&bytes), Some(kind), "{bytes:?}");
         }
-        for other in [&b"hello"[..], b"", b"RIFF\0\0\0\0WAVE", &ftyp(&[b"qt  "]), b"\0\0\0\0ftyp"] {
+        for other in [
+            &b"hello"[..],
+            b"",
+            b"RIFF\0\0\0\0WAVE",
+            &ftyp(&[b"M4A "]),
+            b"\0\0\0\0ftyp",
+            b"P6 was here",
+        ] {
             assert_eq!(Kind::of(other), None, "{other:?}");
         }
     }

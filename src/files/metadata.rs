@@ -48,8 +48,10 @@ pub struct Metadata {
     pub exposure: Option<f64>,
     /// Whether the flash fired.
     pub flash_fired: Option<bool>,
-    /// When the shutter opened, in digits whose order is that of time.
+    /// When the shutter opened, in digits whose order is that of time, by the camera's clock.
     pub taken: Option<String>,
+    /// How far that clock is ahead of universal time, minutes.
+    pub utc_offset_min: Option<i32>,
     /// Whether the colours are said to be those of Adobe RGB (1998).
     pub adobe_rgb: bool,
 }
@@ -105,6 +107,7 @@ impl Metadata {
             exposure: exposure(exif),
             flash_fired: number(exif, Tag::Flash).map(|bits| bits as u32 & 1 == 1),
             taken: taken(exif),
+            utc_offset_min: utc_offset_min(exif),
             adobe_rgb: text(exif, Tag::InteroperabilityIndex).is_some_and(|index| index == "R03"),
         }
     }
@@ -181,4 +184,18 @@ fn taken(exif: &Exif) -> Option<String> {
         .filter(|t| t.starts_with(|c: char| c.is_ascii_digit()))?;
     let fraction = text(exif, Tag::SubSecTimeOriginal).unwrap_or_default();
     Some(format!("{time}.{fraction}"))
+}
+
+/// `+02:00`
+fn utc_offset_min(exif: &Exif) -> Option<i32> {
+    let stated = text(exif, Tag::OffsetTimeOriginal).or_else(|| text(exif, Tag::OffsetTime))?;
+    let (sign, rest) = match stated.as_bytes().first()? {
+        b'+' => (1, &stated[1..]),
+        b'-' => (-1, &stated[1..]),
+        _ => return None,
+    };
+    let (hours, minutes) = rest.split_once(':')?;
+    let minutes =
+        60 * i32::from(hours.parse::<u8>().ok()?) + i32::from(minutes.parse::<u8>().ok()?);
+    Some(sign * minutes)
 }

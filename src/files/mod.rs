@@ -8,11 +8,14 @@
 mod choice;
 mod colours;
 mod dng;
+#[cfg(any(feature = "heic", feature = "jxl"))]
+mod guard;
 #[cfg(feature = "heic")]
 mod heic;
 mod jpeg;
 mod kind;
 mod metadata;
+mod order;
 mod png_colours;
 mod profile;
 mod read;
@@ -21,6 +24,7 @@ mod remark;
 pub use choice::{CameraKey, Choice, Chosen, LeftOut};
 pub use kind::{HEAD_BYTES, Kind};
 pub use metadata::Metadata;
+pub use order::by_name;
 pub use read::{Decoded, Options, decode, read};
 pub use remark::Remark;
 

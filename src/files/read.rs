@@ -70,7 +70,9 @@ pub fn decode(bytes: &[u8], options: &Options) -> Result<Decoded> {
 fn of_bytes(path: &Path, bytes: &[u8], options: &Options) -> Result<Decoded> {
     options.limits.check_file(path, bytes.len() as u64)?;
     let image = |message: String| Error::Image { path: path.to_owned(), message };
-    let kind = Kind::of(bytes).ok_or_else(|| image("not a picture of a known format".into()))?;
+    let kind = Kind::of(bytes).ok_or_else(|| {
+        image(format!("not a picture of a known format; expected {}", Kind::all_read()))
+    })?;
     if !kind.is_read() {
         return Err(image(format!("{}, which is not read: {}", kind.name(), kind.advice())));
     }
@@ -123,6 +125,12 @@ fn picture(
     remarks: &mut Vec<Remark>,
 ) -> Result<Photo> {
     let mut picture = decode_picture(path, bytes, &options.limits)?;
+    if picture.end_missing {
+        remarks.push(Remark::EndMissing);
+    }
+    if is_gray(&picture) {
+        remarks.push(Remark::Gray);
+    }
     let photo = |picture, encoding| Photo::from_picture(path, picture, encoding, exposure);
     match options.encoding {
         None | Some(Encoding::Srgb) => (),
@@ -192,6 +200,11 @@ fn coloured(
             Ok(photo.with_focal_35mm(focal))
         }
     }
+}
+
+fn is_gray(picture: &Picture) -> bool {
+    use image::ColorType::{L8, L16, La8, La16};
+    matches!(picture.image.color(), L8 | La8 | L16 | La16)
 }
 
 /// Smallest stored value that counts as clipped; `None` of floats.

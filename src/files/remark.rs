@@ -14,6 +14,10 @@ pub enum Remark {
     /// Its orientation tag mirrors it, as front cameras do: what it shows is real only if what was
     /// stored is not.
     Mirrored,
+    /// Its end marker is missing, and nothing else.
+    EndMissing,
+    /// It is gray, and so are the maps.
+    Gray,
 }
 
 impl Remark {
@@ -23,6 +27,8 @@ impl Remark {
             Self::ProfileUnusable(_) => "profile_unusable",
             Self::GainMap => "gain_map",
             Self::Mirrored => "mirrored",
+            Self::EndMissing => "end_missing",
+            Self::Gray => "gray",
         }
     }
 }
@@ -36,6 +42,12 @@ impl fmt::Display for Remark {
             ),
             Self::Mirrored => f.write_str(
                 "its orientation tag mirrors it; if the sample comes out mirrored, the tag is wrong",
+            ),
+            Self::EndMissing => f.write_str(
+                "its end marker is missing; the picture is whole: it may have been copied before it was complete",
+            ),
+            Self::Gray => f.write_str(
+                "it is a gray picture, so the maps will be gray: use the colour photo if there is one",
             ),
         }
     }

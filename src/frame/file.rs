@@ -6,12 +6,13 @@ use std::path::Path;
 use image::codecs::jpeg::JpegDecoder;
 use image::codecs::openexr::OpenExrDecoder;
 use image::codecs::png::PngDecoder;
-use image::codecs::tiff::TiffDecoder;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat};
 
 use super::encoding::Encoding;
 use super::exif;
+use super::jpeg;
 use super::photo::{MAX_PIXELS, Photo};
+use super::tiff;
 use crate::{Error, Result};
 
 /// What a file without a name is called.
@@ -62,8 +63,7 @@ impl Limits {
         let [width, height] = size;
         let (pixels, most) = (u64::from(width) * u64::from(height), self.pixels.min(MAX_PIXELS));
         if pixels == 0 || pixels > most {
-            let message = format!("{width} x {height} px; 1 to {most} pixels are supported");
-            return Err(Error::Image { path: path.to_owned(), message });
+            return Err(Error::Image { path: path.to_owned(), message: size_fault(size, most) });
         }
         let needed = pixels.saturating_mul(bytes);
         if needed > self.memory_bytes {
@@ -83,6 +83,16 @@ impl Limits {
     }
 }
 
+/// What is wrong with a size, and what to do about it.
+pub(crate) fn size_fault([width, height]: [u32; 2], most: u64) -> String {
+    let advice = if width == 0 || height == 0 {
+        ""
+    } else {
+        ": let the camera take photos of 12 to 50 megapixels, or scale all of them to half the size"
+    };
+    format!("{width} x {height} px; 1 to {most} pixels are supported{advice}")
+}
+
 /// A decoded picture, upright.
 pub(crate) struct Picture {
     pub image: DynamicImage,
@@ -90,11 +100,14 @@ pub(crate) struct Picture {
     /// The ICC profile inside, as it is.
     #[cfg_attr(not(feature = "files"), expect(dead_code))]
     pub profile: Option<Vec<u8>>,
+    /// Whether its file lacks its end marker, and nothing else.
+    #[cfg_attr(not(feature = "files"), expect(dead_code))]
+    pub end_missing: bool,
 }
 
 impl Photo {
-    /// Reads a PNG, JPEG, TIFF (8 or 16 bits, or float) or OpenEXR file, upright as its
-    /// orientation tag says. Gray pictures become RGB, alpha is dropped. Float files are linear by
+    /// Reads a PNG, JPEG, TIFF (integers of 8, 16 or 32 bits, or floats; the largest page) or OpenEXR
+    /// file, upright as its orientation tag says. Gray pictures become RGB, alpha is dropped. Float files are linear by
     /// nature and never count as saturated. What the file says of its colours is not looked at:
     /// `files` does that.
     ///
@@ -166,16 +179,23 @@ pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Pictu
         }
         e => fault(e.to_string()),
     };
-    let mut decoder = decoder(bytes, limits)
-        .map_err(fault_of)?
-        .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))?;
+    let open = |bytes| {
+        decoder(bytes, limits)
+            .map_err(fault_of)?
+            .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))
+    };
+    let mended;
+    let mut decoder = open(bytes)?;
     let size = decoder.dimensions();
     let pixel = u64::from(decoder.color_type().bytes_per_pixel());
     // As stored, turned upright, and as RGB.
     limits.check_picture(path, size.into(), 2 * pixel + 3 * pixel.div_ceil(4).max(1))?;
-    // The decoder fills what is missing with gray instead of complaining.
-    if bytes.starts_with(&[0xFF, 0xD8]) && !jpeg_is_complete(bytes) {
-        return Err(fault("the file is truncated: its end marker is missing".into()));
+    let end_missing = bytes.starts_with(&[0xFF, 0xD8]) && !jpeg::is_complete(bytes);
+    mended = if end_missing { jpeg::with_end(bytes, jpeg_pixels) } else { None };
+    if let Some(mended) = &mended {
+        decoder = open(mended)?;
+    } else if end_missing {
+        return Err(fault("the file is truncated: its end is missing".into()));
     }
     let orientation = decoder.orientation().map_err(fault_of)?;
     // Metadata that cannot be read is no reason to refuse the picture.
@@ -184,7 +204,12 @@ pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Pictu
     let profile = decoder.icc_profile().ok().flatten();
     let mut image = DynamicImage::from_decoder(decoder).map_err(fault_of)?;
     image.apply_orientation(orientation);
-    Ok(Picture { image, focal_35mm, profile })
+    Ok(Picture { image, focal_35mm, profile, end_missing })
+}
+
+fn jpeg_pixels(bytes: &[u8]) -> Option<Vec<u8>> {
+    let decoder = JpegDecoder::new(Cursor::new(bytes)).ok()?;
+    Some(DynamicImage::from_decoder(decoder).ok()?.into_bytes())
 }
 
 /// A decoder of the formats that are read by content; `None` of any other.
@@ -199,12 +224,12 @@ fn decoder<'a>(
     };
     let reader = Cursor::new(bytes);
     let mut decoder: Box<dyn ImageDecoder + 'a> = match image::guess_format(bytes).ok() {
+        _ if tiff::is_tiff(bytes) => tiff::decoder(bytes, limits.memory_bytes)?,
         // Chunks beside the pixels are unpacked before anyone asks for them.
         Some(ImageFormat::Png) => {
             Box::new(PngDecoder::with_limits(reader, allowed(MAX_CHUNK_BYTES))?)
         }
         Some(ImageFormat::Jpeg) => Box::new(JpegDecoder::new(reader)?),
-        Some(ImageFormat::Tiff) => Box::new(TiffDecoder::new(reader)?),
         Some(ImageFormat::OpenExr) => Box::new(OpenExrDecoder::new(reader)?),
         _ => return Ok(None),
     };
@@ -218,33 +243,6 @@ pub(crate) fn look_at(bytes: &[u8]) -> Option<([u32; 2], bool)> {
     let decoder = decoder(bytes, &Limits::default()).ok()??;
     let is_float = matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F);
     Some((decoder.dimensions().into(), is_float))
-}
-
-/// Whether the markers of a JPEG file lead to its end-of-image marker. Segments are skipped by
-/// their lengths, so that the end of an embedded thumbnail is not taken for the file's.
-fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let mut at = 2;
-    loop {
-        // Entropy-coded data and fill bytes run up to the next marker; FF00 is a stuffed FF.
-        while bytes
-            .get(at)
-            .zip(bytes.get(at + 1))
-            .is_some_and(|(&a, &b)| a != 0xFF || b == 0x00 || b == 0xFF)
-        {
-            at += 1;
-        }
-        match bytes.get(at + 1) {
-            None => return false,
-            Some(0xD9) => return true,
-            Some(0x01 | 0xD0..=0xD8) => at += 2,
-            Some(_) => match (bytes.get(at + 2), bytes.get(at + 3)) {
-                (Some(&high), Some(&low)) => {
-                    at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2);
-                }
-                _ => return false,
-            },
-        }
-    }
 }
 
 #[cfg(test)]

@@ -7,17 +7,21 @@ mod camera_buffer;
 mod encoding;
 mod exif;
 mod file;
+mod jpeg;
 mod photo;
 mod plane;
 mod primaries;
 mod reduced;
 mod stored;
+mod tiff;
 mod tone;
 mod turn;
 
 pub(crate) use file::read_picture;
 #[cfg(feature = "files")]
-pub(crate) use file::{MEMORY, Picture, decode, look_at};
+pub(crate) use file::{MEMORY, Picture, decode, look_at, size_fault};
+#[cfg(feature = "files")]
+pub(crate) use tiff::is_tiff;
 pub(crate) use tone::{Lift, LogCurve, ToneTable};
 
 pub use camera_buffer::{Bayer, BayerPattern, Interleaved, YuvMatrix};

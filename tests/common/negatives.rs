@@ -11,7 +11,13 @@ pub enum Storage {
     Tiles(u32, u32),
     /// Tiles of a size as lossless JPEG with a predictor and a number of components.
     Jpeg(u32, u32, u8, u32),
+    /// Tiles of a size with a value of `Compression`, which an encoder makes of rows of values, bits and
+    /// channels.
+    Coded(u32, u32, u16, Encoder),
 }
+
+/// Rows of values, bits, and values of a pixel to the bytes of a tile.
+pub type Encoder = fn(&[Vec<u16>], u32, u32) -> Vec<u8>;
 
 /// Values of a field.
 #[derive(Clone)]
@@ -67,7 +73,11 @@ impl Negative {
             counts.push(block.len() as u32);
             file.extend(block);
         }
-        let compression = if matches!(self.storage, Storage::Jpeg(..)) { 7 } else { 1 };
+        let compression = match self.storage {
+            Storage::Jpeg(..) => 7,
+            Storage::Coded(_, _, compression, _) => compression,
+            _ => 1,
+        };
         let mut raw = vec![
             (256, Values::Longs(vec![w])),
             (257, Values::Longs(vec![h])),
@@ -82,7 +92,7 @@ impl Negative {
                 (278, Values::Longs(vec![rows])),
                 (279, Values::Longs(counts)),
             ],
-            Storage::Tiles(w, h) | Storage::Jpeg(w, h, ..) => vec![
+            Storage::Tiles(w, h) | Storage::Jpeg(w, h, ..) | Storage::Coded(w, h, ..) => vec![
                 (322, Values::Longs(vec![w])),
                 (323, Values::Longs(vec![h])),
                 (324, Values::Longs(offsets)),
@@ -90,7 +100,7 @@ impl Negative {
             ],
         });
         let of_raw = |tag: &u16| {
-            [256, 257, 258, 259, 262, 33421, 33422, 50829, 51009].contains(tag)
+            [256, 257, 258, 259, 262, 33421, 33422, 50829, 50975, 51009, 52547].contains(tag)
                 || (50711..=50720).contains(tag)
         };
         let mut camera = Vec::new();
@@ -163,7 +173,7 @@ impl Negative {
         let [width, height] = self.size;
         let (w, h) = match self.storage {
             Storage::Strips(rows) => (width, rows),
-            Storage::Tiles(w, h) | Storage::Jpeg(w, h, ..) => (w, h),
+            Storage::Tiles(w, h) | Storage::Jpeg(w, h, ..) | Storage::Coded(w, h, ..) => (w, h),
         };
         let mut blocks = Vec::new();
         for y0 in (0..height).step_by(h as usize) {
@@ -182,6 +192,7 @@ impl Negative {
                     Storage::Jpeg(_, _, predictor, components) => {
                         jpeg(&rows, self.bits, predictor, components as usize)
                     }
+                    Storage::Coded(_, _, _, encoder) => encoder(&rows, self.bits, self.channels),
                     _ => rows.iter().flat_map(|row| self.packed(row)).collect(),
                 });
             }

@@ -19,7 +19,7 @@ use crate::progress::Log;
 Without capture.json, exposure, order and camera are read from the metadata of the photographs, and
 colours from their ICC profiles. The resulting capture.json is written beside the maps.
 
-Ctrl-C ends the fit: the current maps are written, and the exit status is 130.")]
+Ctrl-C, SIGTERM or a closed terminal end the fit: the current maps are written, and the exit status is 130.")]
 pub struct Arguments {
     /// Folder with capture.json, or photographs: files, or a folder of them
     #[arg(required = true, value_name = "CAPTURE|PHOTOS")]
@@ -65,9 +65,9 @@ pub struct Arguments {
     /// Do not write report.html
     #[arg(long)]
     pub no_report: bool,
-    /// Number of threads; 0: one per core, at most 4
-    #[arg(long, default_value_t = 0)]
-    pub threads: usize,
+    /// Number of threads, at most 64; 0: one per core, at most 4
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=64))]
+    pub threads: u32,
     /// Camera to use instead of that of the capture (JSON, as `camera` in capture.json)
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use svbrdf::export::write_atomic;
+use sha2::{Digest, Sha256};
 use svbrdf::session::{PhaseReport, Session};
 
 use super::held_out::Errors;
@@ -65,13 +65,30 @@ impl Document {
         Self { value }
     }
 
-    /// Writes `report.json` into a folder.
-    pub fn write(&self, dir: &Path) -> Result<()> {
+    /// The file that says all this of the files beside it, and that these are they.
+    pub fn seal(mut self, files: &[(String, Vec<u8>)]) -> Result<(String, Vec<u8>)> {
+        let list = files.iter().map(|(name, bytes)| (name.clone(), fingerprint(bytes)));
+        self.value["files"] = Value::Object(list.collect());
         let text =
             serde_json::to_string_pretty(&self.value).map_err(|e| Failure::Other(e.to_string()))?;
-        write_atomic(dir.join(FILE_NAME), format!("{text}\n").as_bytes())?;
-        Ok(())
+        Ok((FILE_NAME.into(), format!("{text}\n").into_bytes()))
     }
+}
+
+/// Whether the files beside a report are those that it names.
+pub fn is_intact(report: &Value, dir: &Path) -> bool {
+    let is_same = |(name, known): (&String, &Value)| {
+        let path = dir.join(name);
+        std::fs::metadata(&path).is_ok_and(|found| known["bytes"] == found.len())
+            && std::fs::read(path).is_ok_and(|bytes| *known == fingerprint(&bytes))
+    };
+    report["files"].as_object().is_some_and(|files| files.iter().all(is_same))
+}
+
+/// What tells a file from others.
+fn fingerprint(bytes: &[u8]) -> Value {
+    let hash: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    json!({ "bytes": bytes.len(), "sha256": hash })
 }
 
 /// What the fit corrected of the lights of rectified photographs.

@@ -38,6 +38,8 @@ pub struct Errors {
     pub indices: Vec<usize>,
     /// Photographs fitted, and the error for each one held out.
     pub after: Vec<(usize, Vec<f64>)>,
+    /// Mean CIEDE2000 of all of them after each stage.
+    delta_e: Vec<f64>,
     /// Predictions of the last stage.
     pub predictions: Vec<Prediction>,
 }
@@ -48,24 +50,26 @@ impl Errors {
         let indices = held_out.iter().map(|h| h.index).collect();
         let mut after: Vec<(usize, Vec<f64>)> =
             stages.iter().map(|s| (s.photographs, Vec::new())).collect();
-        let mut predictions = Vec::new();
+        let (mut predictions, mut delta_e) = (Vec::new(), vec![0.0; stages.len()]);
+        let count = held_out.len().max(1) as f64;
         for HeldOut { observed, .. } in held_out {
             let mut photograph = observed.observation;
             while photograph.width() > TEXELS {
                 photograph = photograph.downsampled();
             }
             let mut latest = None;
-            for (stage, (_, errors)) in stages.iter().zip(&mut after) {
+            for ((stage, (_, errors)), delta_e) in stages.iter().zip(&mut after).zip(&mut delta_e) {
                 let given = photograph.view;
                 photograph.view = stage.exposure.predict(&given);
                 let prediction = predict(&stage.maps, &photograph)?;
                 photograph.view = given;
                 errors.push(prediction.error);
+                *delta_e += prediction.delta_e / count;
                 latest = Some(prediction);
             }
             predictions.extend(latest);
         }
-        Ok(Self { indices, after, predictions })
+        Ok(Self { indices, after, delta_e, predictions })
     }
 
     /// Mean error of each stage.
@@ -79,7 +83,10 @@ impl Errors {
             .after
             .iter()
             .zip(self.means())
-            .map(|((fitted, each), (_, mean))| json!({ "fitted": fitted, "error": mean, "each": each }))
+            .zip(&self.delta_e)
+            .map(|(((fitted, each), (_, mean)), delta_e)| {
+                json!({ "fitted": fitted, "error": mean, "each": each, "delta_e00": delta_e })
+            })
             .collect();
         let brightness: Vec<f64> = self.predictions.iter().map(|p| p.brightness).collect();
         json!({ "photographs": self.indices, "brightness": brightness, "after": after })

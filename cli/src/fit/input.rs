@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use svbrdf::calibration::Target;
 use svbrdf::capture::{Capture, FILE_NAME, Frame, read_camera};
-use svbrdf::export::{check_writable, write_atomic};
+use svbrdf::export::check_writable;
 use svbrdf::files::{Choice, Chosen, LeftOut, Metadata};
 use svbrdf::frame::{Encoding, Rotation};
 
@@ -113,10 +113,10 @@ impl Input {
         }
         let (choice, watch) = if arguments.watch {
             progress.say("waiting for photographs; Ctrl-C ends");
-            let (choice, watch) = await_first(inputs, interrupt, progress)?;
+            let (choice, watch) = await_first(inputs, &arguments.out, interrupt, progress)?;
             (choice, Some(watch))
         } else {
-            let found = pictures::find(inputs)?;
+            let found = pictures::find(inputs, &arguments.out)?;
             if found.pictures.len() > MOST && arguments.frames.is_none() {
                 return Err(too_many(found.pictures.len()));
             }
@@ -149,15 +149,14 @@ impl Photographs {
         Ok(capture)
     }
 
-    /// Writes the description of those photographs that `keep` holds for.
-    pub fn write(&self, out: &Path, keep: impl Fn(&Path) -> bool) -> Result<()> {
+    /// The description of those photographs that `keep` holds for, for a file in folder `out`.
+    pub fn encode(&self, out: &Path, keep: impl Fn(&Path) -> bool) -> Result<Vec<u8>> {
         let chosen = self.choice.chosen.iter().filter(|chosen| keep(&chosen.path));
         let chosen: Vec<Chosen> = chosen.cloned().collect();
         let description = pictures::describe(&self.setup, &chosen, out)?;
         let text = serde_json::to_string_pretty(&description)
             .map_err(|e| Failure::Other(e.to_string()))?;
-        write_atomic(out.join(FILE_NAME), format!("{text}\n").as_bytes())?;
-        Ok(())
+        Ok(format!("{text}\n").into_bytes())
     }
 
     /// For `report.json`.
@@ -188,6 +187,7 @@ pub fn tell(left_out: &[LeftOut], remarks: &[String], progress: &mut Progress) {
 /// Waits for the first photographs of a folder.
 fn await_first(
     inputs: &[PathBuf],
+    out: &Path,
     interrupt: &Interrupt,
     progress: &mut Progress,
 ) -> Result<(Choice, Watch)> {
@@ -196,7 +196,7 @@ fn await_first(
     };
     let mut watch = Watch::new(folder);
     loop {
-        let arrived = watch.arrived()?;
+        let arrived = watch.arrived()?.sorted_out(out);
         tell(&arrived.foreign, &[], progress);
         if !arrived.pictures.is_empty() {
             return Ok((choose(arrived.pictures), watch));

@@ -1,33 +1,28 @@
 //! What a fit writes.
 
+use std::io::ErrorKind;
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use svbrdf::Svbrdf;
+use svbrdf::capture;
 use svbrdf::confidence::{Confidence, MapDeviations};
-use svbrdf::export::{
-    ExportOptions, export, write_assessed_maps, write_atomic, write_preview, write_sized_maps,
-};
+use svbrdf::export::{ExportOptions, encode_maps, encode_preview, export, write_files};
 use svbrdf::session::Session;
+use svbrdf::{Error, Svbrdf};
 
 use super::arguments::Arguments;
-use super::document::{Document, FILE_NAME};
+use super::document::{self, Document};
 use super::held_out::Errors;
 use super::input::Input;
 use super::photographs::Fit;
 use crate::failure::Result;
 use crate::report::{self, Subject};
 
-/// Maps and what lies beside them.
-const FILES: [&str; 7] = [
-    "normal.png",
-    "diffuse.png",
-    "specular.png",
-    "roughness.png",
-    "maps.exr",
-    "preview.png",
-    FILE_NAME,
-];
+/// Maps and what lies beside them, but for the report.
+const FILES: [&str; 6] =
+    ["normal.png", "diffuse.png", "specular.png", "roughness.png", "maps.exr", PREVIEW];
+const PREVIEW: &str = "preview.png";
 const PAGE: &str = "report.html";
 
 /// Writes maps, preview and report.
@@ -38,7 +33,8 @@ pub struct Output<'a> {
 }
 
 impl Output<'_> {
-    /// Writes everything as it is now; at least one photograph is in the fit.
+    /// Writes everything as it is now, report.json last; at least one photograph is in the fit. Whenever
+    /// the process is killed, no report lies beside maps of another fit.
     pub fn write(&self, input: &Input, fit: &mut Fit) -> Result<()> {
         let (arguments, session) = (self.arguments, self.session);
         let (out, sample_mm) = (&arguments.out, input.capture.sample_mm);
@@ -46,14 +42,12 @@ impl Output<'_> {
         // A fit that was interrupted is not asked any more.
         let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
         let confidence = assessed.map(|assessed| assessed.confidence);
-        match &confidence {
-            Some(confidence) => write_assessed_maps(out, &maps, confidence, sample_mm)?,
-            None => write_sized_maps(out, &maps, sample_mm)?,
-        }
-        self.write_exports(&maps, sample_mm, fit.fitted())?;
-        write_preview(out.join("preview.png"), &maps, sample_mm)?;
+        let mut files = encode_maps(&maps, confidence.as_ref(), Some(sample_mm))?;
+        files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
+        files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
-            photographs.write(out, |path| !fit.is_unreadable(path))?;
+            let description = photographs.encode(out, |path| !fit.is_unreadable(path))?;
+            files.push((capture::FILE_NAME.into(), description));
         }
         let held_out = fit.held_out()?;
         let errors = Errors::measure(&fit.stages, held_out)?;
@@ -66,8 +60,9 @@ impl Output<'_> {
             document.value["photographs"] = photographs.json();
         }
         document.value["warnings"] = json!(input.capture.warnings);
-        document.write(out)?;
-        if !arguments.no_report {
+        if arguments.no_report {
+            remove_page(out)?;
+        } else {
             let subject = Subject {
                 report: &document.value,
                 capture: &input.capture,
@@ -78,17 +73,24 @@ impl Output<'_> {
                 name: input.name.clone(),
             };
             let page = report::page(&subject, &fit.recorder)?;
-            write_atomic(out.join(PAGE), page.as_bytes())?;
+            files.push((PAGE.into(), page.into_bytes()));
         }
+        files.push(document.seal(&files)?);
+        write_files(out, &files)?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())
     }
 
-    /// Writes the formats of `--export` beside the maps.
-    fn write_exports(&self, maps: &Svbrdf, sample_mm: [f32; 2], photographs: usize) -> Result<()> {
+    /// The files of `--export`.
+    fn exports(
+        &self,
+        maps: &Svbrdf,
+        sample_mm: [f32; 2],
+        photographs: usize,
+    ) -> Result<Vec<(String, Vec<u8>)>> {
         if self.arguments.export.is_empty() {
-            return Ok(());
+            return Ok(Vec::new());
         }
         let options = ExportOptions {
             formats: self.arguments.export.clone(),
@@ -96,7 +98,16 @@ impl Output<'_> {
             photographs: u32::try_from(photographs).ok(),
             ..ExportOptions::default()
         };
-        Ok(export(maps, &options)?.write(&self.arguments.out)?)
+        Ok(export(maps, &options)?.files)
+    }
+}
+
+/// Removes the page of an earlier fit, which would lie beside maps of this one.
+fn remove_page(out: &Path) -> Result<()> {
+    let page = out.join(PAGE);
+    match std::fs::remove_file(&page) {
+        Err(fault) if fault.kind() != ErrorKind::NotFound => Err(Error::io(page, fault).into()),
+        _ => Ok(()),
     }
 }
 
@@ -106,16 +117,16 @@ fn deviations(confidence: &Confidence) -> Value {
     json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 
-/// Whether a fit as asked for has been here before, and came to its end.
+/// Whether a fit as asked for has been here before, came to its end, and has left all its files as they
+/// are now.
 pub fn is_complete(arguments: &Arguments) -> bool {
     let out = &arguments.out;
-    let page = (!arguments.no_report).then_some(PAGE);
-    if !FILES.into_iter().chain(page).all(|name| out.join(name).is_file()) {
-        return false;
-    }
-    let report = std::fs::read(out.join(FILE_NAME)).unwrap_or_default();
+    let report = std::fs::read(out.join(document::FILE_NAME)).unwrap_or_default();
     let report: Value = serde_json::from_slice(&report).unwrap_or_default();
-    report["interrupted"] == false
+    let page = (!arguments.no_report).then_some(PAGE);
+    FILES.into_iter().chain(page).all(|name| report["files"][name].is_object())
+        && document::is_intact(&report, out)
+        && report["interrupted"] == false
         && report["resolution"].as_u64() == arguments.resolution.parse().ok()
         && report["method"] == arguments.method.as_str()
 }

@@ -19,6 +19,8 @@ use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::report::Recorder;
 
+/// Reason of a photograph whose file was overwritten.
+const REPLACED: &str = "replaced";
 /// Code of the hint about a photograph that contradicts the others.
 const CONTRADICTS: &str = "contradicts_others";
 /// The least residual, and how many times the usual one, that is called so: a false word is worse than
@@ -368,6 +370,34 @@ impl<'a> Fit<'a> {
         }
     }
 
+    /// Takes a photograph back whose file is another one now, and says whether the new one may take its
+    /// place.
+    pub fn make_way(&mut self, path: &Path) -> bool {
+        let mut fitted = self.rows.iter().enumerate().filter(|(_, row)| is_fitted(row));
+        let known = fitted.clone().position(|(_, row)| self.path(row) == path);
+        let Some((place, (index, _))) = known.and_then(|n| Some((n, fitted.nth(n)?))) else {
+            return true;
+        };
+        let path = path.display();
+        if let Err(why) = self.session.remove_frame(place) {
+            self.progress
+                .say(&format!("note: {path}: overwritten, but the first photo stays: {why}"));
+            return false;
+        }
+        let row = &mut self.rows[index];
+        row["status"] = json!("rejected");
+        row["reason"] = json!(REPLACED);
+        row["hint"] = json!("the file was overwritten; what it holds now is taken instead");
+        self.recorded = self.recorded.min(self.session.progress().frames);
+        self.progress.say(&format!("note: {path}: overwritten, read again"));
+        true
+    }
+
+    /// How many photographs were taken back because their files were overwritten.
+    pub fn replaced(&self) -> usize {
+        self.rows.iter().filter(|row| row["reason"] == REPLACED).count()
+    }
+
     /// The file of a row.
     pub fn path(&self, row: &Value) -> &Path {
         &self.frames[row["index"].as_u64().unwrap_or(0) as usize].path
@@ -434,9 +464,13 @@ fn add_part(row: &mut Value, part: &Part, told: &mut Vec<Value>) {
     }
 }
 
+fn is_fitted(row: &Value) -> bool {
+    row["status"] == "accepted" && row["held_out"] != true
+}
+
 /// Rows of the photographs in the fit, in their order.
 fn fitted(rows: &mut [Value]) -> impl Iterator<Item = &mut Value> {
-    rows.iter_mut().filter(|row| row["status"] == "accepted" && row["held_out"] != true)
+    rows.iter_mut().filter(|row| is_fitted(row))
 }
 
 fn rejected(index: usize, reason: &str, hint: String, begun: Instant) -> Value {

@@ -13,15 +13,16 @@ use crate::pictures::Folder;
 
 /// Takes photographs until interrupted, and writes everything after each.
 pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interrupt) -> Result<()> {
-    let mut written = 0;
+    let mut written = (0, 0);
     loop {
         refuse_unreadable(input, fit);
-        if fit.fitted() > written && !interrupt.is_set() {
+        let now = (fit.fitted(), fit.replaced());
+        if now.0 > 0 && now != written && !interrupt.is_set() {
             output.write(input, fit)?;
-            written = fit.fitted();
-            let out = output.arguments.out.display();
+            written = now;
+            let (out, fitted) = (output.arguments.out.display(), now.0);
             fit.progress.say(&format!(
-                "{out} holds the maps so far, photos in the fit: {written}; waiting for more, Ctrl-C ends"
+                "{out} holds the maps so far, photos in the fit: {fitted}; waiting for more, Ctrl-C ends"
             ));
         }
         let arrived = loop {
@@ -29,13 +30,14 @@ pub fn run(input: &mut Input, fit: &mut Fit, output: &Output, interrupt: &Interr
                 return Ok(());
             }
             std::thread::sleep(LOOK);
-            let arrived = arrived(input)?;
+            let arrived = arrived(input)?.sorted_out(&output.arguments.out);
             input::tell(&arrived.foreign, &[], &mut fit.progress);
             leave_out(input, arrived.foreign);
             if !arrived.pictures.is_empty() {
                 break arrived.pictures;
             }
         };
+        let arrived = arrived.into_iter().filter(|path| fit.make_way(path)).collect();
         add(input, fit, arrived);
         fit.run()?;
     }

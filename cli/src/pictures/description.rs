@@ -54,6 +54,12 @@ pub fn describe(setup: &Setup, photographs: &[Chosen], dir: &Path) -> Result<Val
     Ok(capture)
 }
 
+/// Whether the description in folder `dir` can name a file: its text is Unicode.
+pub fn can_name(file: &Path, dir: &Path) -> bool {
+    let paths = absolute(file).ok().zip(absolute(dir).ok());
+    paths.is_some_and(|(file, dir)| relative(&file, &dir).to_str().is_some())
+}
+
 /// The path from the root on; a file may have been moved away meanwhile.
 fn absolute(path: &Path) -> Result<PathBuf> {
     let fault = |e| Failure::Input(format!("{}: {e}", path.display()));

@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use svbrdf::files::{HEAD_BYTES, Kind, LeftOut};
+use svbrdf::files::{HEAD_BYTES, Kind, LeftOut, by_name};
 
+use super::description::can_name;
 use crate::failure::{Failure, Result};
 
 /// Endings of the names of pictures.
@@ -68,13 +69,39 @@ pub fn look_into(folder: &Path) -> Result<Folder> {
             None => (),
         }
     }
-    found.pictures.sort();
-    found.foreign.sort_by(|a, b| a.path.cmp(&b.path));
+    found.pictures.sort_by(|a, b| by_name(a, b));
+    found.folders.sort_by(|a, b| by_name(a, b));
+    found.foreign.sort_by(|a, b| by_name(&a.path, &b.path));
     Ok(found)
 }
 
-/// All pictures that files and folders name, each once.
-pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
+impl Folder {
+    /// Without what cannot be used for a capture that is described in folder `out`: each file and folder
+    /// of that kind is among the foreign ones then, with its reason.
+    pub fn sorted_out(self, out: &Path) -> Self {
+        let whole = |path: &Path| path.canonicalize().ok();
+        let Self { pictures, mut foreign, folders } = self;
+        let (pictures, nameless): (Vec<_>, Vec<_>) =
+            pictures.into_iter().partition(|path| can_name(path, out));
+        let left_out = |path, reason: &str| LeftOut { path, reason: reason.into() };
+        foreign.extend(
+            nameless
+                .into_iter()
+                .map(|path| left_out(path, "its name is not valid Unicode: rename it")),
+        );
+        let others = folders.into_iter().filter(|f| whole(f).is_none_or(|f| Some(f) != whole(out)));
+        foreign.extend(others.map(|path| {
+            left_out(
+                path,
+                "a folder, which is not looked into: name it if its photographs belong to these",
+            )
+        }));
+        Self { pictures, foreign, folders: Vec::new() }
+    }
+}
+
+/// All pictures that files and folders name, each once, for a capture that is described in folder `out`.
+pub fn find(inputs: &[PathBuf], out: &Path) -> Result<Folder> {
     let mut all = Folder::default();
     for input in inputs {
         if input.is_dir() {
@@ -100,6 +127,10 @@ pub fn find(inputs: &[PathBuf]) -> Result<Folder> {
     if all.pictures.is_empty() {
         return Err(none(inputs, &all));
     }
+    let all = all.sorted_out(out);
+    if all.pictures.is_empty() {
+        return Err(none(inputs, &all));
+    }
     Ok(all)
 }
 
@@ -119,7 +150,7 @@ fn none(inputs: &[PathBuf], Folder { foreign, folders, .. }: &Folder) -> Failure
             folder.display()
         );
     }
-    Failure::Input(text + "\nexpected JPEG, PNG, TIFF, OpenEXR or DNG files")
+    Failure::Input(format!("{text}\nexpected {} files", Kind::all_read()))
 }
 
 /// Most files that a message names.
@@ -157,7 +188,7 @@ mod tests {
         std::fs::create_dir(&inside).unwrap();
         std::fs::create_dir(dir.path().join("empty.jpg")).unwrap();
         std::fs::write(inside.join("Größe 1.JPG"), b"\xFF\xD8\xFF\xE0").unwrap();
-        let said = find(&[dir.path().to_owned()]).err().unwrap().to_string();
+        let said = find(&[dir.path().to_owned()], Path::new("out")).err().unwrap().to_string();
         assert!(said.contains("100APPLE: has photographs") && !said.contains("empty"), "{said}");
         #[cfg(unix)]
         {
@@ -165,11 +196,12 @@ mod tests {
             std::os::unix::fs::symlink(inside.join("Größe 1.JPG"), dir.path().join("b.jpg"))
                 .unwrap();
             std::fs::write(dir.path().join("c.mpo"), b"\xFF\xD8\xFF\xE1").unwrap();
-            let found = find(&[dir.path().to_owned()]).unwrap();
+            let found = find(&[dir.path().to_owned()], &inside).unwrap();
             let names = |path: &PathBuf| path.file_name().unwrap().to_owned();
             assert_eq!(found.pictures.iter().map(names).collect::<Vec<_>>(), ["b.jpg", "c.mpo"]);
-            let [link] = &found.foreign[..] else { panic!("{:?}", found.foreign) };
+            let [link, folder] = &found.foreign[..] else { panic!("{:?}", found.foreign) };
             assert!(link.path.ends_with("a.jpg") && link.reason.contains("not there"));
+            assert!(folder.path.ends_with("empty.jpg") && folder.reason.contains("a folder"));
         }
     }
 
@@ -190,6 +222,11 @@ mod tests {
             ("i.txt", b"notes"),
             ("j.png", b"notes"),
             ("k.cr2", b"II*\0\x10\0\0\0CR\x02\0"),
+            ("m.mov", b"\0\0\0\x14ftypqt  \0\0\0\0qt  "),
+            ("n.ppm", b"P6\n8 8\n255\n"),
+            ("o.hdr", b"#?RADIANCE\n"),
+            ("p10.jpg", jpeg),
+            ("p9.jpg", jpeg),
             (".l.jpg", jpeg),
         ] {
             std::fs::write(dir.path().join(name), bytes).unwrap();
@@ -197,14 +234,41 @@ mod tests {
         let found = look_into(dir.path()).unwrap();
         let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
         let pictures: Vec<String> = found.pictures.iter().map(name).collect();
-        assert_eq!(pictures, ["a.jpg", "b.heic", "e", "j.png"]);
+        assert_eq!(pictures, ["a.jpg", "b.heic", "e", "j.png", "p9.jpg", "p10.jpg"]);
         let foreign: Vec<String> = found.foreign.iter().map(|l| name(&l.path)).collect();
-        assert_eq!(foreign, ["c.JPG", "d.avif", "f.jxl", "g.pic", "k.cr2"]);
-        for (i, said) in ["an AVIF", "an AVIF", "a JPEG XL", "rename it", "DNG Converter"]
-            .into_iter()
-            .enumerate()
-        {
+        assert_eq!(
+            foreign,
+            ["c.JPG", "d.avif", "f.jxl", "g.pic", "k.cr2", "m.mov", "n.ppm", "o.hdr"]
+        );
+        let said = ["an AVIF", "an AVIF", "a JPEG XL", "rename it", "DNG Converter"];
+        let said = said.into_iter().chain(["a video", "a PPM", "a Radiance HDR"]);
+        for (i, said) in said.enumerate() {
             assert!(found.foreign[i].reason.contains(said), "{}", found.foreign[i].reason);
+        }
+    }
+
+    #[test]
+    fn folders_and_nameless_files_are_named_one_by_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        ["maps", "more"].iter().for_each(|name| std::fs::create_dir(at(name)).unwrap());
+        std::fs::write(at("a.jpg"), b"\xFF\xD8\xFF\xE0").unwrap();
+        let look = || find(&[dir.path().to_owned()], &at("maps")).unwrap();
+        let [more] = &look().foreign[..] else { panic!("{:?}", look().foreign) };
+        assert!(more.path.ends_with("more") && more.reason.contains("not looked into"));
+        #[cfg(target_os = "linux")]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let nameless = dir.path().join(std::ffi::OsStr::from_bytes(b"b\xFF.jpg"));
+            std::fs::write(&nameless, b"\xFF\xD8\xFF\xE0").unwrap();
+            let found = look();
+            assert_eq!(found.pictures, [at("a.jpg")]);
+            assert!(
+                found.foreign[0].path == nameless && found.foreign[0].reason.contains("Unicode")
+            );
+            std::fs::remove_file(at("a.jpg")).unwrap();
+            let said = find(&[nameless], &at("maps")).err().unwrap().to_string();
+            assert!(said.contains("not valid Unicode"), "{said}");
         }
     }
 }

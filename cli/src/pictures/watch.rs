@@ -1,6 +1,6 @@
 //! A folder into which photographs arrive.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -25,19 +25,22 @@ enum State {
 pub struct Watch {
     folder: PathBuf,
     files: HashMap<PathBuf, State>,
+    folders: HashSet<PathBuf>,
 }
 
 impl Watch {
     /// Looks into a folder from now on.
     pub fn new(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), files: HashMap::new() }
+        Self { folder: folder.to_owned(), files: HashMap::new(), folders: HashSet::new() }
     }
 
-    /// Pictures that look as they did at the last look, and were not handed out before.
+    /// Pictures that look as they did at the last look, and were not handed out as they are before; and
+    /// folders that are new.
     pub fn arrived(&mut self) -> Result<Folder> {
         let mut found = look_into(&self.folder)?;
         found.pictures.retain(|path| self.stays(path));
         found.foreign.retain(|left_out| self.stays(&left_out.path));
+        found.folders.retain(|folder| self.folders.insert(folder.clone()));
         Ok(found)
     }
 
@@ -46,8 +49,9 @@ impl Watch {
         // A file may be gone again.
         let Some(stamp) = stamp(path).filter(|(size, _)| *size > 0) else { return false };
         let state = match self.files.get(path) {
-            Some(State::Taken(_)) => return false,
-            Some(State::Refused(before)) if *before == stamp => return false,
+            Some(State::Taken(before) | State::Refused(before)) if *before == stamp => {
+                return false;
+            }
             Some(State::Seen(before)) if *before == stamp => State::Taken(stamp),
             _ => State::Seen(stamp),
         };
@@ -94,9 +98,25 @@ mod tests {
         assert!(arrived().is_empty());
         write(b"half and more, and the rest");
         assert!(arrived().is_empty());
+        assert_eq!(arrived(), std::slice::from_ref(&path));
+        assert!(arrived().is_empty());
+        // Another one has its name now.
+        write(b"another picture");
+        assert!(arrived().is_empty());
         assert_eq!(arrived(), [path]);
         assert!(arrived().is_empty());
     }
+
+    #[test]
+    fn a_folder_is_named_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut watch = Watch::new(dir.path());
+        let mut folders = || watch.arrived().unwrap().folders.len();
+        assert_eq!(folders(), 0);
+        std::fs::create_dir(dir.path().join("100APPLE")).unwrap();
+        assert_eq!([folders(), folders()], [1, 0]);
+    }
+
     #[test]
     fn a_picture_that_cannot_be_read_is_named_once() {
         let dir = tempfile::tempdir().unwrap();

@@ -1,6 +1,8 @@
 //! Figures of a fit, ready to be read.
 
 use serde_json::{Value, json};
+use svbrdf::Svbrdf;
+use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::session::Scene;
 use svbrdf::svbrdf::channel;
 
@@ -107,15 +109,31 @@ fn material(subject: &Subject) -> Option<Value> {
 /// How far the maps may be off.
 fn confidence(subject: &Subject) -> Option<Value> {
     let of = |map: &str| subject.report["confidence"][map].as_f64();
+    // Of two tilts with one deviation, the angle between them has this mean.
+    let angle = |v: f64| (v * (0.5 * std::f64::consts::PI).sqrt()).atan().to_degrees();
     group(
         "Standard deviations",
         vec![
-            of("normal").map(|v| ("Normal, each tilt", format!("{:.1}°", v.atan().to_degrees()))),
-            of("diffuse").map(|v| ("Diffuse", format!("{v:.3}"))),
+            of("normal").map(|v| {
+                let each = v.atan().to_degrees();
+                ("Normal, each tilt", format!("{each:.1}° (mean angle {:.1}°)", angle(v)))
+            }),
+            of("diffuse")
+                .map(|v| ("Diffuse", format!("{v:.3} (ΔE00 {:.1})", brighter(subject.maps, v)))),
             of("specular").map(|v| ("F0", format!("{v:.3}"))),
             of("roughness").map(|v| ("Roughness", format!("{v:.3}"))),
         ],
     )
+}
+
+/// CIEDE2000 of the mean diffuse albedo and one that is brighter by so much.
+fn brighter(maps: &Svbrdf, by: f64) -> f64 {
+    let mean = |c: usize| {
+        let plane = maps.plane(channel::DIFFUSE + c);
+        plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
+    };
+    let colour = [0, 1, 2].map(mean);
+    delta_e_2000(lab(colour), lab(colour.map(|v| v + by)))
 }
 
 fn camera(subject: &Subject) -> Option<Value> {

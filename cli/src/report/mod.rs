@@ -173,6 +173,7 @@ fn predictions(predictions: &[(usize, &Prediction)]) -> Result<Vec<Value>> {
             Ok(json!({
                 "index": index,
                 "error": p.error,
+                "delta_e": p.delta_e,
                 "brightness": p.brightness,
                 "picture": pictures::jpeg(3 * side, side, &rgb)?,
             }))

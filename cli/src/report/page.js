@@ -215,7 +215,7 @@ if (data.predictions.length) {
     make('figure', {},
       make('div', { class: 'three' }, ['the photograph', 'its prediction', 'the difference'].map((what) =>
         make('img', { src: p.picture, alt: `Photo ${p.index + 1}: ${what}` }))),
-      make('figcaption', {}, `Photo ${p.index + 1}: error ${digits(p.error)}, brightness ×${p.brightness.toFixed(2)}`))));
+      make('figcaption', {}, `Photo ${p.index + 1}: error ${digits(p.error)}, ΔE00 ${p.delta_e.toFixed(1)}, brightness ×${p.brightness.toFixed(2)}`))));
 }
 
 /** For programs that look at the page. */

@@ -5,6 +5,8 @@
 //! picture that it knows, which those of Android's cameras, behind colour filters, are not.
 
 mod colour;
+#[cfg(feature = "jxl")]
+mod jpeg_xl;
 mod linear;
 mod lossless_jpeg;
 mod raw;
@@ -16,9 +18,9 @@ use crate::frame::{Bayer, Photo, Plane, Rotation};
 use self::raw::{Area, Raw};
 use self::tiff::{Directory, Tiff};
 
-/// Memory for a pixel while it is developed: sensor values, their bytes, floats with a mark, gains,
-/// and the result twice.
-pub const BYTES_PER_PIXEL: u64 = 6 + 2 + 5 + 4 + 2 * 12;
+/// Memory for a pixel while it is developed: sensor values, twice where they are put in order, their
+/// bytes, floats with a mark, gains, and the result twice.
+pub const BYTES_PER_PIXEL: u64 = 2 * 6 + 2 + 5 + 4 + 2 * 12;
 const PHOTOMETRIC: u16 = 262;
 const ORIENTATION: u16 = 274;
 const SUB_DIRECTORIES: u16 = 330;

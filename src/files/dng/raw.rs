@@ -1,7 +1,11 @@
 //! Sensor values as strips or tiles hold them.
 
-use crate::frame::MAX_PIXELS;
+use crate::frame::{MAX_PIXELS, size_fault};
+use crate::parallel;
 
+use super::colour::WHITE;
+#[cfg(feature = "jxl")]
+use super::jpeg_xl;
 use super::lossless_jpeg;
 use super::tiff::{Directory, Tiff};
 
@@ -20,6 +24,12 @@ const TILE_BYTES: u16 = 325;
 const PLANAR: u16 = 284;
 const SAMPLE_FORMAT: u16 = 339;
 const LINEARIZATION: u16 = 50712;
+const INTERLEAVES: [u16; 2] = [52547, 50975];
+/// Values of `Compression`.
+const UNCOMPRESSED: u32 = 1;
+const LOSSLESS_JPEG: u32 = 7;
+const LOSSY_JPEG: u32 = 34892;
+const JPEG_XL: u32 = 52546;
 
 /// Part of a picture, px.
 #[derive(Clone, Copy)]
@@ -52,7 +62,7 @@ pub fn size(directory: &Directory) -> Result<[u32; 2], String> {
     let [w, h] = [WIDTH, HEIGHT].map(|tag| directory.whole(tag));
     let (w, h) = (w?.unwrap_or(0), h?.unwrap_or(0));
     if w == 0 || h == 0 || u64::from(w) * u64::from(h) > MAX_PIXELS {
-        return Err(format!("{w} x {h} px; 1 to {MAX_PIXELS} pixels are supported"));
+        return Err(size_fault([w, h], MAX_PIXELS));
     }
     Ok([w, h])
 }
@@ -73,39 +83,97 @@ pub fn read(tiff: &Tiff, directory: &Directory, channels: usize) -> Result<Raw, 
             "{samples} values of {bits} bits a pixel; {channels} side by side, whole numbers of 8 to 16 bits, are expected"
         ));
     }
-    let compression = number(COMPRESSION, 1)?;
-    if ![1, 7].contains(&compression) {
-        let name = match compression {
-            34892 => " (lossy JPEG)",
-            52546 => " (JPEG XL)",
-            _ => "",
-        };
-        return Err(format!(
-            "compression {compression}{name} is not read; uncompressed (1) and lossless JPEG (7) are: convert it with Adobe's DNG Converter"
-        ));
-    }
+    let compression = number(COMPRESSION, UNCOMPRESSED)?;
+    check_compression(compression)?;
+    let bits = if compression == JPEG_XL { jpeg_xl_bits(directory, bits)? } else { bits };
     let blocks = Blocks::read(directory, size)?;
     let [width, height] = size.map(|n| n as usize);
-    let mut out = vec![0; channels * width * height];
     let across = width.div_ceil(blocks.size[0]);
-    for (i, (offset, bytes)) in blocks.offsets.iter().zip(&blocks.bytes).enumerate() {
-        let (x, y) = (i % across * blocks.size[0], i / across * blocks.size[1]);
-        let rows = if blocks.padded { blocks.size[1] } else { blocks.size[1].min(height - y) };
-        let truncated = || format!("truncated: block {i} of the raw picture lies behind the end");
-        let data = tiff.range(*offset as usize, *bytes as usize).ok_or_else(truncated)?;
-        let line = channels * blocks.size[0];
-        let values = match compression {
-            1 => unpacked(data, [line, rows], bits, tiff.is_big_endian())?,
-            _ => lossless_jpeg::decode(data, line * rows)?,
-        };
-        let inside = line.min(channels * (width - x));
-        for (row, values) in values.chunks_exact(line).take(height - y).enumerate() {
-            let start = channels * ((y + row) * width + x);
-            out[start..start + inside].copy_from_slice(&values[..inside]);
+    let row = channels * width * blocks.size[1];
+    let mut out = vec![0; channels * width * height];
+    // The blocks beside each other at once, so that not all of them are in memory twice.
+    for (down, out) in out.chunks_mut(row).enumerate() {
+        let rows = out.len() / (channels * width);
+        let decoded = parallel::map(across, |i| {
+            let seen = [blocks.size[0].min(width - i * blocks.size[0]), rows];
+            let coded = Coded { compression, bits, channels, big_endian: tiff.is_big_endian() };
+            coded.decode(blocks.data(tiff, down * across + i)?, blocks.stored(rows), seen)
+        });
+        for (i, block) in decoded.into_iter().enumerate() {
+            let (line, values) = block?;
+            let x = i * blocks.size[0];
+            let inside = channels * blocks.size[0].min(width - x);
+            for (values, out) in
+                values.chunks_exact(line).zip(out.chunks_exact_mut(channels * width))
+            {
+                out[channels * x..channels * x + inside].copy_from_slice(&values[..inside]);
+            }
         }
     }
+    let mut out = deinterleaved(directory, out, [width, height], channels)?;
     linearize(directory, &mut out)?;
     Ok(Raw { size, bits, samples: out })
+}
+
+fn check_compression(compression: u32) -> Result<(), String> {
+    let jpeg_xl = cfg!(feature = "jxl").then_some(JPEG_XL);
+    if [UNCOMPRESSED, LOSSLESS_JPEG].into_iter().chain(jpeg_xl).any(|read| read == compression) {
+        return Ok(());
+    }
+    let name = match compression {
+        LOSSY_JPEG => " (lossy JPEG)",
+        JPEG_XL => " (JPEG XL)",
+        _ => "",
+    };
+    let jpeg_xl = jpeg_xl.map_or("", |_| ", JPEG XL (52546)");
+    Err(format!(
+        "compression {compression}{name} is not read; uncompressed (1), lossless JPEG (7){jpeg_xl} are: convert it with Adobe's DNG Converter"
+    ))
+}
+
+/// Bits of values that come out of JPEG XL, which has values from 0 to 1: Adobe's library takes 16,
+/// whatever is stored, and so the levels of most files are meant. Where levels or table are for the bits
+/// that are stored, these.
+fn jpeg_xl_bits(directory: &Directory, stored: u32) -> Result<u32, String> {
+    let largest = match directory.numbers(LINEARIZATION)? {
+        Some(table) => table.len().saturating_sub(1) as f64,
+        None => directory.numbers(WHITE)?.unwrap_or_default().into_iter().fold(0.0, f64::max),
+    };
+    let is_of_stored = largest > 0.0 && largest < f64::from(1u32 << stored);
+    Ok(if is_of_stored { stored } else { 16 })
+}
+
+/// How the values of a block are coded.
+struct Coded {
+    compression: u32,
+    bits: u32,
+    channels: usize,
+    big_endian: bool,
+}
+
+impl Coded {
+    /// The values of a block of `size` pixels, of which those inside the picture are `seen`, and how many
+    /// there are in a line.
+    fn decode(
+        &self,
+        data: &[u8],
+        size: [usize; 2],
+        #[cfg_attr(not(feature = "jxl"), expect(unused_variables))] seen: [usize; 2],
+    ) -> Result<(usize, Vec<u16>), String> {
+        let line = self.channels * size[0];
+        match self.compression {
+            UNCOMPRESSED => {
+                Ok((line, unpacked(data, [line, size[1]], self.bits, self.big_endian)?))
+            }
+            #[cfg(feature = "jxl")]
+            JPEG_XL => {
+                let (width, values) =
+                    jpeg_xl::decode(data, [size, seen], self.channels, self.bits)?;
+                Ok((self.channels * width, values))
+            }
+            _ => Ok((line, lossless_jpeg::decode(data, line * size[1])?)),
+        }
+    }
 }
 
 impl Blocks {
@@ -136,6 +204,52 @@ impl Blocks {
         bytes.truncate(count);
         Ok(Self { size: size.map(|n| n as usize), padded: tile.is_some(), offsets, bytes })
     }
+
+    fn data<'a>(&self, tiff: &Tiff<'a>, block: usize) -> Result<&'a [u8], String> {
+        let (start, count) = (self.offsets[block] as usize, self.bytes[block] as usize);
+        let truncated =
+            || format!("truncated: block {block} of the raw picture lies behind the end");
+        tiff.range(start, count).ok_or_else(truncated)
+    }
+
+    /// Size of a block that shows so many rows.
+    fn stored(&self, rows: usize) -> [usize; 2] {
+        [self.size[0], if self.padded { self.size[1] } else { rows }]
+    }
+}
+
+/// Puts rows and columns into their order: some files hold every second one first, so that behind
+/// colour filters all pixels of one colour are side by side.
+fn deinterleaved(
+    directory: &Directory,
+    stored: Vec<u16>,
+    size: [usize; 2],
+    channels: usize,
+) -> Result<Vec<u16>, String> {
+    let mut sources = [Vec::new(), Vec::new()];
+    let mut is_in_order = true;
+    for (axis, tag) in INTERLEAVES.into_iter().enumerate() {
+        let (count, fields) = (size[axis], directory.whole(tag)?.unwrap_or(1) as usize);
+        if fields == 0 || fields > count {
+            return Err(format!("tag {tag} is {fields}; 1 to {count} fields are expected"));
+        }
+        is_in_order &= fields == 1;
+        // Each field has a share of the rows, the first ones those that are left over.
+        let start = |field: usize| field * (count / fields) + field.min(count % fields);
+        sources[axis] = (0..count).map(|i| start(i % fields) + i / fields).collect();
+    }
+    if is_in_order {
+        return Ok(stored);
+    }
+    let [columns, rows] = &sources;
+    let mut out = Vec::with_capacity(stored.len());
+    for row in rows {
+        for column in columns {
+            let at = channels * (row * size[0] + column);
+            out.extend_from_slice(&stored[at..at + channels]);
+        }
+    }
+    Ok(out)
 }
 
 /// Uncompressed values; rows begin at whole bytes. Those of 16 bits are in the file's byte order,

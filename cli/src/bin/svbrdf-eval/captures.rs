@@ -120,7 +120,8 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
         println!("method    N  render  normal  diffuse  specular  roughness  loss  seconds");
         for &variant in &arguments.methods {
             for row in errors(&capture, &truth, &arguments.photos, variant, &setup)? {
-                let Differences { normal, diffuse, specular, roughness, render } = row.differences;
+                let Differences { normal, diffuse, specular, roughness, render, .. } =
+                    row.differences;
                 println!(
                     "{:<8} {:>2}  {render:.4}  {normal:.4}  {diffuse:.4}   {specular:.4}    {roughness:.4}  {:.4}  {:6.1}",
                     variant.name(),

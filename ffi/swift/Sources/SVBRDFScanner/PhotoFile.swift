@@ -67,6 +67,10 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
     public static let noExposure = Self(rawValue: UInt32(SVBRDF_REMARK_NO_EXPOSURE))
     /// It says that the flash did not fire.
     public static let noFlash = Self(rawValue: UInt32(SVBRDF_REMARK_NO_FLASH))
+    /// Its end marker is missing, and nothing else.
+    public static let endMissing = Self(rawValue: UInt32(SVBRDF_REMARK_END_MISSING))
+    /// It is gray, and so will the maps be.
+    public static let gray = Self(rawValue: UInt32(SVBRDF_REMARK_GRAY))
 }
 
 /// What a photo's file says of how it was taken; what is not known is 0 or empty. Photos that differ in

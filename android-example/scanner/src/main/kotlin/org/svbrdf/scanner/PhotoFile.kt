@@ -63,6 +63,10 @@ enum class FileRemark(internal val bit: Int) {
     NO_EXPOSURE(8),
     /** It says that the flash did not fire. */
     NO_FLASH(16),
+    /** Its end marker is missing, and nothing else. */
+    END_MISSING(32),
+    /** It is gray, and so will the maps be. */
+    GRAY(64),
 }
 
 /**

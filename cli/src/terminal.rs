@@ -1,0 +1,22 @@
+//! Standard output and standard error, which may be closed or full.
+
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
+
+use crate::failure::{Failure, Result};
+
+/// Says a line on standard error. That nobody can read it is no reason to end.
+pub fn say(line: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// Writes what a command has found on standard output. A reader that has gone away has read enough.
+pub fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(fault) if fault.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::Other(format!("standard output: {fault}")))
+        }
+        _ => Ok(()),
+    }
+}
