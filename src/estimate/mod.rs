@@ -1,55 +1,38 @@
 //! The estimator: maps from rectified photographs whose cameras and lights are known.
 //!
-//! # Objective
+//! # Model
 //! Per texel, `x` are nine coordinates: two slopes, square roots of diffuse and specular albedo (three
-//! each), roughness. All phases work on one objective, the negative logarithm of the posterior
+//! each), roughness. One model, the negative logarithm of a posterior, stands behind all phases:
 //!
 //! ```text
-//! E(x, m, Λ, σ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ_c      residuals over noise
-//!                    + Σ texels                     ½ (x − m)ᵀ Λ (x − m)         prior of the maps
-//!                    + lights and hyper-parameters                               their own priors
+//! E(x, m, Λ, v) =   Σ photographs i, colours c   w_i · huber(r_ic) / σ_c      residuals over noise
+//!                 + Σ texels                     ½ (x − m)ᵀ Λ (x − m)         prior of the texels
+//!                 + gloss of classes, what all texels share                   their own priors
 //!
 //! r_ic = ln(R(x; v_i)_c + 0.01) − ln(I_ic + 0.01)
 //! ```
 //!
 //! with the renderer `R` ([`crate::render`]), the radiance `I` of photograph `i` and its weight `w`
 //! (foreshortening, validity; one-sided where saturated), its view `v` (camera, light, ambient
-//! light), the noise `σ` of each colour, and a prior whose mean `m` is
+//! light) and the noise `σ` of each colour. The latent code minimises the mean of `|r|` alone; the relief phase
+//! holds `x` to the latent maps, with `σ` from the residuals; the joint solve and the last steps hold `x` to
 //!
 //! ```text
-//! m = D(z)           maps of the latent code                  latent/
-//!   + offset         what all texels are off                  lights/    (with bundle/)
-//!   + groups         pooled gloss, classes                   updates/pooling, classes
-//!   + regression     slopes by slopes and colours             updates/slopes
-//!   + network        what fits are known to leave open        updates/network
+//! m = learned slopes  +  gloss of classes  +  colour of the photographs       joint/
 //! ```
 //!
-//! and whose widths `Λ^-½` are those of [`Prior`], narrower where the material shows it
-//! (`updates/widths`), wider where slopes do (`solver`).
-//!
-//! # Phases
-//! Each changes one of these, all others held, in the order of `schedule`:
-//!
-//! | phase | changes | by |
-//! |---|---|---|
-//! | latent code | `z` | Adam on the mean log-L1 through decoder and renderer (Gao et al. 2019, Section 5) |
-//! | maps | `x`, and `σ`, width of slopes | Levenberg-Marquardt per texel, reweighted; `σ` from residuals; evidence (MacKay 1992) |
-//! | widths | `m`, `Λ`, `v` | likelihood ratio, leave-one-out cross-validation; classes, exposure and flash as for lights |
-//! | lights | `v`, offset | bundle adjustment (`bundle`): Levenberg-Marquardt, texels eliminated |
-//! | pool gloss | `m` | precision-weighted means of groups of like colour (empirical Bayes) |
-//! | material classes | `m`, `x` | mixture model, expectation maximisation |
-//! | slopes | `m`, `x` | linear regression by marginal likelihood |
-//! | learned prior | `m`, `x`, `Λ` | network; widths by evidence |
-//!
-//! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
-//! twelve photographs in a step (`photographs`); last steps of the maps follow at full size, with all (`finer`).
-//!
-//! `docs/method.md` has the equations, a diagram and a glossary.
+//! with sigmas `Λ^-½` that predict photographs left out, and one `σ` for noise and the error of the lobe.
 //!
 //! # Files
-//! [`options`] holds every tuned number, `schedule` the one table of phases, `estimation` the stages of an
-//! estimate and what is known in each, `steps` one step of each phase. Phases that move the prior's mean are in
-//! `updates`: each makes a belief of photographs and a belief.
+//! `phases` has the phases and their order, [`options`] the numbers of the model, `estimation` the state of an
+//! estimate. `latent` is the latent code, `solver` and `posterior` are steps of single texels, `relief` is the
+//! network that completes them, `joint` is the joint solve and the choice of its prior, `bundle` its engine.
+//! `contradiction`, `confidence` and `outlook` read the result.
+//!
+//! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
+//! twelve photographs in a step (`photographs`); the last steps see all photographs at full size (`finer`).
+//!
+//! `docs/method.md` has a diagram and a glossary.
 
 mod adam;
 mod baseline;
