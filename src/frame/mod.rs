@@ -9,9 +9,11 @@ mod exif;
 mod file;
 mod photo;
 mod plane;
+mod plateau;
 mod primaries;
 mod reduced;
 mod stored;
+mod surround;
 mod tone;
 mod turn;
 
@@ -26,4 +28,5 @@ pub use file::Limits;
 pub use photo::{MAX_PIXELS, Photo};
 pub use plane::{Plane, Rotation};
 pub use primaries::Primaries;
+pub use surround::Surround;
 pub use tone::ToneCurve;
