@@ -104,7 +104,7 @@ fn left_out(subject: &Subject) -> Warning {
         })
         .collect();
     let rest = if out.len() > SHOWN { " More are in report.json." } else { "" };
-    let title = format!("Left out, from another camera: {}", out.len());
+    let title = format!("Left out: {}", out.len());
     (!out.is_empty()).then(|| (title, format!("{}{rest}", each.join(" "))))
 }
 
