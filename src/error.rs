@@ -161,7 +161,7 @@ pub enum Rejection {
     BoardDiffers(BoardDifference),
     /// The corners do not fit the board seen by the given camera, but by one of another focal length.
     #[error(
-        "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom?"
+        "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom, or cropped?"
     )]
     OtherCamera {
         /// The focal length that fits over that of the camera.
@@ -225,6 +225,25 @@ pub enum Rejection {
     /// The flash is missing: white squares do not show its fall-off, or it is behind the sample.
     #[error("the flash does not light the board: switch it on")]
     LightNotVisible,
+    /// Bright and dark stripes run along its rows or columns.
+    #[error(
+        "bright and dark stripes (of {:.0} %) run across the photo: the light flickers; use the flash instead of the torch, or a longer exposure",
+        amplitude * 100.0
+    )]
+    Flickers {
+        /// Relative amplitude of the stripes.
+        amplitude: f32,
+    },
+    /// Black is not what the print has: the contrast was changed.
+    #[error(
+        "the black squares are {black:.3} of white, not {usual:.3} as printed: the contrast was changed; use the photo as the camera wrote it, not an edited one"
+    )]
+    Edited {
+        /// Black over white as the file has them.
+        black: f32,
+        /// The same of most photographs, or of the board described.
+        usual: f32,
+    },
     /// Values that are not numbers.
     #[error("the photo contains values that are not finite")]
     NotFinite,
@@ -260,6 +279,26 @@ pub enum BoardDifference {
     MarkersUnknown {
         /// Markers that were read.
         count: u32,
+    },
+    /// White and black squares are exchanged, and the markers with them.
+    #[error(
+        "white and black squares are exchanged (as OpenCV before 4.6 prints boards with markers): it was used as it is; state `top_left`"
+    )]
+    ColoursExchanged,
+    /// Its white squares hold markers, and the description is of a board without.
+    #[error(
+        "its white squares hold markers: it was used by its squares alone; describe it as a `charuco-ring`"
+    )]
+    MarkersNotDescribed,
+    /// Its markers are those of a dictionary, counted otherwise.
+    #[error(
+        "its markers are of {inner} x {inner} modules and begin with number {first}, not as described: it was used by its squares alone"
+    )]
+    MarkersShifted {
+        /// Id of its first marker.
+        first: i32,
+        /// Modules along a marker's side without the border.
+        inner: u32,
     },
     /// Its markers are mirrored.
     #[error("its markers are mirrored: the photo, or the print, was flipped")]
@@ -318,6 +357,8 @@ impl Rejection {
             Self::TooGrazing { .. } => "too_grazing",
             Self::SampleOutside { .. } => "sample_outside",
             Self::LightNotVisible => "light_not_visible",
+            Self::Flickers { .. } => "flickers",
+            Self::Edited { .. } => "edited",
             Self::NotFinite => "not_finite",
         }
     }

@@ -70,6 +70,7 @@ const TABLE: &[(&str, &[&str])] = &[
             "network",
             "observation",
             "rectification",
+            "render",
             "svbrdf",
             "threads",
         ],

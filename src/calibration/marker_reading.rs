@@ -281,6 +281,60 @@ impl Print {
     }
 }
 
+/// Markers in the white squares of a board whose corners are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct MarkersRead {
+    /// Id of the marker where the board of a description that counts from 0 has the first, if most agree.
+    pub first: Option<i32>,
+    /// Modules along a side without the border; 0 where none was read.
+    pub inner: u32,
+    /// Markers read.
+    pub count: usize,
+}
+
+/// Shares of squares that markers are printed with, tried where they are unknown.
+const SHARES: [f64; 5] = [0.5, 0.6, 0.7, 0.75, 0.8];
+/// Dictionaries that are tried, the largest of each size.
+const DICTIONARIES: [&str; 4] = ["DICT_4X4_250", "DICT_5X5_250", "DICT_6X6_250", "DICT_7X7_250"];
+
+/// Reads the markers of a board of which `grid` points (column, row) lie at `px`, of whichever dictionary: the one that names most.
+pub(crate) fn read_markers(
+    image: &LumaImage,
+    target: &Target,
+    grid: &[DVec2],
+    px: &[DVec2],
+) -> MarkersRead {
+    let none = MarkersRead { first: None, inner: 0, count: 0 };
+    let Some(model) = BoardModel::fit((image.width, image.height), grid, px) else {
+        return none;
+    };
+    let of = |name: &str, share: f64| {
+        let dictionary = Dictionary::named(name);
+        let print = Print { dictionary, share };
+        let mut offsets: Vec<i32> = Vec::new();
+        let mut id = 0;
+        for row in 0..i64::from(target.rows) {
+            for col in (0..i64::from(target.cols)).filter(|col| target.is_white(row, *col)) {
+                let corner = DVec2::new(col as f64, row as f64);
+                let found = target
+                    .has_square(row, col)
+                    .then(|| read(image, |p| model.project(corner + p), &print))
+                    .flatten()
+                    .and_then(|bits| dictionary.id(bits));
+                offsets.extend(found.map(|found| found as i32 - id));
+                id += 1;
+            }
+        }
+        offsets.sort_unstable();
+        let usual = offsets.get(offsets.len() / 2).copied();
+        let agree = offsets.iter().filter(|o| Some(**o) == usual).count();
+        let first = usual.filter(|_| 2 * agree > offsets.len());
+        MarkersRead { first, inner: dictionary.inner, count: offsets.len() }
+    };
+    let all = DICTIONARIES.into_iter().flat_map(|name| SHARES.map(|share| of(name, share)));
+    all.max_by_key(|read| read.count).filter(|read| read.count > 0).unwrap_or(none)
+}
+
 /// Bits of the marker in a square, row by row; `at` maps (0..1, 0..1) to pixels. `None` unless the
 /// border is black and what surrounds it white.
 fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, print: &Print) -> Option<u64> {

@@ -79,6 +79,11 @@ impl Dictionary {
         self.bits.get(id).map(|&bits| Marker { bits, inner: self.inner })
     }
 
+    /// The marker that modules as read are exactly.
+    pub fn id(&self, bits: u64) -> Option<usize> {
+        self.bits.iter().position(|known| *known == bits)
+    }
+
     /// Whether modules as read are exactly some marker's.
     pub fn contains(&self, bits: u64) -> bool {
         self.bits.contains(&bits)

@@ -48,6 +48,7 @@ pub use camera_estimation::{
 pub use detector::{Corner, Detection, detect};
 pub(crate) use detector::{Sighting, sight};
 pub use luma::LumaImage;
+pub(crate) use marker_reading::{MarkersRead, read_markers};
 pub use markers::Marker;
 pub use paper::{Paper, PaperEstimate};
 pub(crate) use pose::likeliest_pose;

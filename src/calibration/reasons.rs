@@ -2,6 +2,7 @@
 
 use super::camera_estimation::{CameraPrior, estimate_camera};
 use super::detector::Corner;
+use super::luma::LumaImage;
 use super::target::Target;
 use crate::Rejection;
 use crate::frame::Photo;
@@ -102,6 +103,49 @@ pub fn other_camera(
     (differs && better).then_some(Rejection::OtherCamera { focal_ratio: ratio as f32 })
 }
 
+/// Blocks of a picture along its sides, looked at for edges; the least contrast of one (of square roots), and how
+/// many of the sharpest may be something else than the board.
+const BLOCKS: usize = 12;
+const BLOCK_CONTRAST: f32 = 0.2;
+const SHARPEST: usize = 3;
+/// Edges of a board that is not found are too soft from here on, px.
+const SOFT_PX: f32 = 3.0;
+
+/// Whether a board is not found because it is out of focus: nowhere in the picture is an edge sharp. A step of a
+/// contrast whose steepest slope is `g` has a spread of `contrast / (sqrt(2 pi) g)`.
+pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> {
+    if !matches!(why, Rejection::BoardNotFound | Rejection::TooFewCorners { .. }) {
+        return None;
+    }
+    let (w, h) = (luma.width, luma.height);
+    let (block_w, block_h) = (w / BLOCKS, h / BLOCKS);
+    if block_w.min(block_h) < 16 {
+        return None;
+    }
+    let spread = |block: usize| {
+        let (x0, y0) = (block % BLOCKS * block_w, block / BLOCKS * block_h);
+        let (mut low, mut high, mut slope) = (f32::INFINITY, f32::NEG_INFINITY, 0.0_f32);
+        for y in y0 + 2..y0 + block_h - 2 {
+            for x in x0 + 2..x0 + block_w - 2 {
+                let at = |x: usize, y: usize| luma.data[y * w + x];
+                let value = at(x, y);
+                (low, high) = (low.min(value), high.max(value));
+                // Over four pixels: noise is no slope.
+                let across = at(x + 2, y) - at(x - 2, y);
+                let down = at(x, y + 2) - at(x, y - 2);
+                slope = slope.max(0.25 * across.hypot(down));
+            }
+        }
+        let contrast = high - low;
+        (contrast > BLOCK_CONTRAST && slope > 0.0)
+            .then(|| contrast / (std::f32::consts::TAU.sqrt() * slope))
+    };
+    let mut spreads: Vec<f32> = (0..BLOCKS * BLOCKS).filter_map(spread).collect();
+    spreads.sort_by(f32::total_cmp);
+    let blur_px = *spreads.get(SHARPEST)?;
+    (blur_px > SOFT_PX).then_some(Rejection::Blurred { blur_px, direction_deg: None })
+}
+
 /// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
 pub fn why_no_board(photo: &Photo) -> Rejection {
     const SAMPLES: u32 = 128;
@@ -150,6 +194,32 @@ mod tests {
         assert_eq!(soft.explained(lit).code(), "blurred");
         assert_eq!(soft.explained(Rejection::NotFinite), Rejection::NotFinite);
         assert_eq!(Softness::new(&corners(40.0), 0.8).unwrap().explained(lit), lit);
+    }
+
+    /// Without a single corner: a checkerboard is seen, and nowhere sharp.
+    #[test]
+    fn a_blurred_picture_says_so_though_no_board_is_found() {
+        let picture = |blur: f32, contrast: f32| {
+            let (width, height) = (600, 450);
+            let data = (0..width * height).map(|i| {
+                let (x, y) = ((i % width) as f32, (i / width) as f32);
+                // A blurred checkerboard of squares of 30 px: mostly its first harmonic.
+                let wave = |v: f32| {
+                    let edge = (std::f32::consts::PI * v / 30.0).sin();
+                    (edge * 19.0 / blur).tanh()
+                };
+                0.55 + 0.5 * contrast * wave(x) * wave(y)
+            });
+            LumaImage { width, height, data: data.collect() }
+        };
+        let why = Rejection::TooFewCorners { found: 0, expected: 108, needed: 20 };
+        for (blur, soft) in [(0.7, false), (1.5, false), (6.0, true), (9.0, true)] {
+            let said = too_soft_to_find(&picture(blur, 0.6), &why);
+            assert_eq!(said.is_some(), soft, "{blur}: {said:?}");
+        }
+        // Nothing is there that could be sharp.
+        assert_eq!(too_soft_to_find(&picture(6.0, 0.1), &why), None);
+        assert_eq!(too_soft_to_find(&picture(9.0, 0.6), &Rejection::NotFinite), None);
     }
 
     #[test]

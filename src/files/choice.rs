@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::metadata::Metadata;
 use super::order;
+use super::renditions;
 
 /// Focal lengths that are the same lens', relative.
 const SAME_FOCAL: f64 = 0.02;
@@ -159,7 +160,9 @@ impl Choice {
     /// Adds photographs behind those that are there. Those come first that were taken first, then
     /// by name (9 before 10); those without a time last. The first call decides about the camera: the one that
     /// took most photographs, the first of several that took equally many.
-    pub fn add(&mut self, mut photographs: Vec<(Metadata, PathBuf)>) {
+    pub fn add(&mut self, photographs: Vec<(Metadata, PathBuf)>) {
+        let (mut photographs, copies) = renditions::once(photographs);
+        self.left_out.extend(copies);
         order::sort(&mut photographs);
         if self.camera.is_none() {
             self.camera = most_frequent(&photographs);

@@ -20,6 +20,7 @@ mod png_colours;
 mod profile;
 mod read;
 mod remark;
+mod renditions;
 
 pub use choice::{CameraKey, Choice, Chosen, LeftOut};
 pub use kind::{HEAD_BYTES, Kind};

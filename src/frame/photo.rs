@@ -1,6 +1,7 @@
 //! A photograph's pixels as they are stored, looked at as linear RGB.
 
 use super::encoding::Encoding;
+use super::plateau::plateau;
 use crate::parallel;
 use crate::{Error, Result};
 
@@ -60,7 +61,7 @@ impl Photo {
     }
 
     /// Copies rows of `stride` bytes with three 8-bit channels a pixel; 254 and 255 count as
-    /// clipped.
+    /// clipped, and a lower value at which highlights were cut off.
     ///
     /// # Errors
     /// When the sizes do not fit or the exposure is not positive.
@@ -135,7 +136,8 @@ impl Photo {
         exposure: f32,
     ) -> Result<Self> {
         let table = encoding.table8();
-        let saturation = table[usize::from(SATURATED_8)];
+        let saturated = plateau(&data).unwrap_or(SATURATED_8);
+        let saturation = table[usize::from(saturated)];
         Self::new(width, height, Pixels::U8(data, table), exposure, saturation, true)
     }
 
@@ -217,6 +219,11 @@ impl Photo {
     /// With other pixels, everything else as here.
     pub(super) fn with_pixels(&self, width: u32, height: u32, pixels: Pixels) -> Self {
         Self { width, height, pixels, ..*self }
+    }
+
+    /// With other linear values, everything else as here.
+    pub(super) fn with_linear(&self, rgb: Vec<f32>) -> Self {
+        self.with_pixels(self.width, self.height, Pixels::F32(rgb))
     }
 
     /// Whether every value is a finite number.

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::Photo;
+use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 
 /// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
@@ -17,6 +17,8 @@ pub(crate) struct Part {
     pub photo: Photo,
     /// Its first pixel in the whole photograph.
     pub corner: [u32; 2],
+    /// The whole photograph, widely blurred.
+    pub surround: Surround,
 }
 
 impl Part {
@@ -44,8 +46,9 @@ impl Part {
         let low = (low - margin).floor().clamp(DVec2::ZERO, size - 1.0);
         let high = (high + margin).ceil().clamp(low + 1.0, size);
         let (corner, extent) = (low.as_uvec2(), (high - low).as_uvec2());
+        let surround = Surround::of(photo);
         let photo = photo.cropped(corner.x, corner.y, extent.x, extent.y);
-        Self { photo, corner: corner.to_array() }
+        Self { photo, corner: corner.to_array(), surround }
     }
 
     /// The camera that took this part.

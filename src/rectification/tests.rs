@@ -9,6 +9,7 @@ fn unit_radiometry() -> Radiometry {
     Radiometry {
         gain: [1.0; 3],
         tone: ToneCurve::default(),
+        veil: 0.0,
         vignetting: Vignetting::default(),
         lobe: Lobe::default(),
         flash_offset_mm: DVec3::ZERO,
@@ -349,6 +350,7 @@ fn an_improved_radiometry_can_be_applied_afterwards() {
     let new = Radiometry {
         gain: [1.5, 0.8, 1.1],
         tone: ToneCurve::default(),
+        veil: 0.0,
         vignetting: Vignetting { exponent: 4.0, curvature: 1.0 },
         lobe: Lobe { exponent: 3.0, pattern: [0.3, -0.2] },
         flash_offset_mm: DVec3::new(5.0, 9.0, 0.0),

@@ -1,10 +1,9 @@
-//! What a camera app can tell its user about an accepted photograph.
+//! What one photograph alone tells its user: its view and its values.
 
-use crate::Rejection;
+use super::hint::Hint;
 use crate::calibration::Target;
-use crate::calibration::photometry::{Photometry, patch_values};
-use crate::frame::Photo;
-use crate::geometry::{Camera, Pose};
+use crate::calibration::photometry::{Photometry, Squares};
+use crate::geometry::Pose;
 
 /// A view less than this from an earlier one, seen from the sample, shows nothing new, degrees.
 const NEW_DEGREES: f64 = 2.0;
@@ -14,56 +13,6 @@ const NEW_DISTANCE: f64 = 0.1;
 const BLACK_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.006..=0.2;
 /// Gray patch over white one. As printed with the sRGB curve it is 0.21; printers differ widely.
 const GRAY_OVER_WHITE: std::ops::RangeInclusive<f64> = 0.08..=0.4;
-
-/// Something to tell about a photograph that was accepted.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Hint {
-    /// An earlier photograph has nearly the same view.
-    #[error("photo {} has nearly the same view: move the camera", index + 1)]
-    NothingNew {
-        /// Its number among the accepted ones, from 0.
-        index: usize,
-    },
-    /// The board's grays do not come out as linear values of a print do.
-    #[error("the pixel values are not linear ({what} is {ratio:.3} of white): {}", remedy(*undone))]
-    NotLinear {
-        /// What was looked at: `black` or `gray`.
-        what: &'static str,
-        /// Its value, as the file has it, over that of white.
-        ratio: f32,
-        /// Whether a tone curve that explains it was found and undone; the photograph is then as good
-        /// as a linear one, or nearly so.
-        undone: bool,
-    },
-    /// What is known better now asks for an earlier photograph to be rectified anew, and it cannot be.
-    #[error("photo {} stays rectified as it was: {rejection}", index + 1)]
-    NotRemade {
-        /// Its number among the accepted ones, from 0.
-        index: usize,
-        /// What speaks against it.
-        rejection: Rejection,
-    },
-}
-
-fn remedy(undone: bool) -> &'static str {
-    if undone {
-        "the camera's tone curve was estimated and undone"
-    } else {
-        "no tone curve could be found that explains it; turn tone mapping off, check `encoding`"
-    }
-}
-
-impl Hint {
-    /// Stable name for programs.
-    pub fn code(&self) -> &'static str {
-        match self {
-            Self::NothingNew { .. } => "nothing_new",
-            Self::NotLinear { .. } => "not_linear",
-            Self::NotRemade { .. } => "not_remade",
-        }
-    }
-}
 
 /// The earlier photograph with nearly the same view.
 pub(super) fn nothing_new(earlier: &[Pose], new: &Pose) -> Option<Hint> {
@@ -85,10 +34,8 @@ pub(super) fn nothing_new(earlier: &[Pose], new: &Pose) -> Option<Hint> {
 /// Whether black squares and the gray patch have the values of linear photographs, or have them now
 /// that the camera's tone curve is undone.
 pub(super) fn linearity(
-    photo: &Photo,
+    squares: &Squares,
     target: &Target,
-    camera: &Camera,
-    pose: &Pose,
     photometry: &Photometry,
 ) -> Option<Hint> {
     let nominal = target.black_albedo / target.white_albedo;
@@ -102,12 +49,9 @@ pub(super) fn linearity(
         return hint("black", black, false);
     }
     // The patches are not seen where they are out of view or covered, or the board was printed without them.
-    let linear = |value: [f64; 3]| {
-        let linear = photometry.tone.undone(value.map(|v| v as f32));
-        linear.into_iter().map(f64::from).sum::<f64>()
-    };
-    let [_, gray, white] =
-        patch_values(photo, target, camera, pose).unwrap_or_default().map(linear);
+    let linear =
+        |value: [f32; 3]| photometry.tone.undone(value).into_iter().map(f64::from).sum::<f64>();
+    let [_, gray, white] = squares.patches.unwrap_or_default().map(linear);
     let ratio = gray / white;
     if gray > 0.0 && white > 0.0 && !GRAY_OVER_WHITE.contains(&ratio) {
         return hint("gray", ratio, false);
@@ -119,7 +63,7 @@ pub(super) fn linearity(
 mod tests {
     use super::*;
     use crate::calibration::photometry::tests::pose;
-    use crate::frame::{Encoding, ToneCurve};
+    use crate::frame::{Encoding, Photo, ToneCurve};
     use glam::{DVec2, DVec3};
 
     #[test]
@@ -163,10 +107,16 @@ mod tests {
             flash_offset_sigma_mm: DVec3::ZERO,
             reference_mm: 400.0,
             log_scale: vec![[0.0; 3]],
+            log_gain: vec![[0.0; 2]],
+            turned: vec![false],
+            veil: 0.0,
+            veil_sigma: 0.0,
+            local_tone: 0.0,
             photo_sigma: vec![0.01],
             black_ratio: [ratio; 3],
             sigma: 0.01,
         };
+        let measured = |photo: &Photo| Squares::measure(photo, &target, &camera, &pose).unwrap();
         let hint = |curve: &dyn Fn(f64) -> f64| {
             let rgb = photograph(&camera, &pose, 2, |p, _| {
                 let to_light = light - p.extend(0.0);
@@ -175,7 +125,7 @@ mod tests {
             });
             let rgb = rgb.into_iter().map(|v| curve(f64::from(v)) as f32).collect();
             let photo = Photo::from_linear(camera.width, camera.height, rgb, 1.0, 9.0).unwrap();
-            linearity(&photo, &target, &camera, &pose, &known(1.0)).map(|h| h.to_string())
+            linearity(&measured(&photo), &target, &known(1.0)).map(|h| h.to_string())
         };
         assert_eq!(hint(&|v| v), None);
         // Encoded values taken for linear ones: the gray of 0.2 becomes one of 0.5.
@@ -192,20 +142,20 @@ mod tests {
         let tone = ToneCurve { log_slopes: [2.2_f64.ln(); 3], unknown_from: 0.0 };
         let curved = Photometry { tone, ..known(1.0) };
         let encoded = photo(rgb(&|v| v.powf(1.0 / 2.2)));
-        let said = linearity(&encoded, &target, &camera, &pose, &curved).unwrap();
+        let said = linearity(&measured(&encoded), &target, &curved).unwrap();
         // 0.0625 as the file has it.
         let Hint::NotLinear { what: "black", ratio, undone: true } = said else { panic!("{said}") };
         assert!((ratio - 0.0625_f32.powf(1.0 / 2.2)).abs() < 0.002, "{ratio}");
         assert!(said.to_string().contains("estimated and undone"), "{said}");
         // A curve that does not: linear values look like those of another curve then.
-        let said = linearity(&photo(rgb(&|v| v)), &target, &camera, &pose, &curved).unwrap();
+        let said = linearity(&measured(&photo(rgb(&|v| v))), &target, &curved).unwrap();
         assert!(matches!(said, Hint::NotLinear { undone: false, .. }), "{said}");
         // Black squares alone tell it too: 0.0625 as printed.
         let plain = Target { patches: false, ..target.clone() };
         for (ratio, odd) in [(1.0, false), (4.0, true), (0.05, true)] {
             let known = known(ratio);
-            let photo = Photo::from_linear(1, 1, vec![0.5; 3], 1.0, 9.0).unwrap();
-            let said = linearity(&photo, &plain, &camera, &pose, &known);
+            let squares = Squares { patches: None, ..measured(&encoded) };
+            let said = linearity(&squares, &plain, &known);
             assert_eq!(said.is_some(), odd, "{ratio}");
         }
     }

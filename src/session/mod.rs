@@ -5,7 +5,9 @@
 
 mod advice;
 mod capture;
+mod diagnosis;
 mod fit;
+mod hint;
 mod memory;
 mod preview;
 mod queries;
@@ -21,9 +23,9 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, bounded};
 use web_time::Instant;
 
-pub use self::advice::Hint;
 use self::capture::{Board, Capture, Placed, Remake, Taken};
-use self::fit::{Fit, FitHandle, Group};
+use self::fit::{Fit, FitHandle};
+pub use self::hint::{Group, Hint};
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
@@ -188,7 +190,7 @@ impl Session {
 
     /// Counts a photograph that cannot be used for a reason that is known without looking at it as rejected.
     pub fn reject(&self, why: Rejection) -> Pushed {
-        let changed = self.fit.shared.lock().regroup(Group::reject);
+        let changed = self.fit.shared.lock().regroup(fit::Group::reject);
         if changed {
             self.fit.shared.notify();
         }
@@ -247,7 +249,14 @@ impl Session {
         let photographs = self.fit.shared.lock().progress.frames + 1;
         let kept = known.board().map_or(0, Board::kept_bytes);
         self.check_memory(photographs, memory::while_pushed(photo, kept))?;
-        self.pool.install(|| known.with(photo, placed))
+        self.pool.install(|| {
+            let with = known.with(photo, placed)?;
+            Ok(with.map(|(capture, mut taken)| {
+                let hints = capture.board().map(diagnosis::of_latest).unwrap_or_default();
+                taken.observed.hints.splice(0..0, hints);
+                (capture, taken)
+            }))
+        })
     }
 
     fn accept(
@@ -272,7 +281,7 @@ impl Session {
             shared.next = next;
             (shared.progress.settled, shared.progress.seconds_left) = (false, None);
             shared.progress.frames += 1;
-            shared.regroup(Group::accept);
+            shared.regroup(fit::Group::accept);
             shared.progress.frames - 1
         };
         self.fit.shared.notify();

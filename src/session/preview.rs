@@ -62,10 +62,13 @@ impl Board {
         let Placed { camera, pose, rms_px, rejection } = placed;
         probe.pose = Some(BoardPose { pose, reprojection_rms_px: rms_px * f64::from(step) });
         probe.refuse(rejection.map(|rejection| at_full_size(rejection, step)));
+        let mut squares = None;
         if lit {
-            let (light, rejection) = self.light(&small, &camera, &pose);
+            let measured = Squares::measure(&small, &self.target, &camera, &pose);
+            let (light, rejection) = self.light(&small, &pose, &measured);
             probe.light = light;
             probe.refuse(rejection);
+            squares = measured.ok();
         }
         let view = self.view(&small, &camera, &pose, step, next);
         let (seen, clipped) = (view.sample_seen, view.sample_clipped);
@@ -76,7 +79,7 @@ impl Board {
             probe.refuse(Some(Rejection::Clipped { share: clipped }));
         }
         probe.view = Some(view);
-        probe.hints = self.hints(&small, &camera, &pose, lit);
+        probe.hints = self.hints(&pose, squares.as_ref());
         probe
     }
 
@@ -138,19 +141,19 @@ impl Board {
     fn light(
         &self,
         small: &Photo,
-        camera: &Camera,
         pose: &Pose,
+        squares: &Result<Squares, Rejection>,
     ) -> (Option<ProbedLight>, Option<Rejection>) {
         let light = |white_level, clipped_share| Some(ProbedLight { white_level, clipped_share });
-        let squares = match Squares::measure(small, &self.target, camera, pose) {
+        let squares = match squares {
             Ok(squares) => squares,
             Err(rejection) => {
-                let light = match rejection {
+                let light = match *rejection {
                     Rejection::TooDark { level } => light(level, 0.0),
                     Rejection::Clipped { share } => light(1.0, share),
                     _ => None,
                 };
-                return (light, Some(rejection));
+                return (light, Some(*rejection));
             }
         };
         let full = if small.saturation().is_finite() { small.saturation() } else { 1.0 };
@@ -163,8 +166,7 @@ impl Board {
         let mut levels: Vec<f32> = whites.map(|s| level(s.value)).collect();
         levels.sort_by(f32::total_cmp);
         let middle = levels.get(levels.len() / 2);
-        let lit = self.photometer().is_lit(&squares, pose);
-        let rejection = (!lit).then_some(Rejection::LightNotVisible);
+        let rejection = self.photometer().fault(squares, pose);
         (middle.and_then(|&middle| light(middle, squares.clipped_share)), rejection)
     }
 

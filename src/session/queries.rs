@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::capture::{Board, Photograph};
 use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
-use super::{Session, memory};
+use super::{Hint, Session, diagnosis, memory};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
 use crate::estimate::{Evidence, Exposure, FrameFit, PhaseReport};
@@ -110,6 +110,19 @@ impl Session {
     pub fn frame_fits(&self) -> Result<Vec<FrameFit>> {
         // Without photographs there is nothing to tell.
         self.fit.ask(|fit| Ok(fit.estimation.residuals().unwrap_or_default()))
+    }
+
+    /// What there is to tell about each accepted photograph with all that is known now: hints given when it came
+    /// may hold no longer, and others may. Computed when asked for; meaningful once the fit has settled. Empty for
+    /// rectified photographs but for contradictions. Waits for a step of the fit.
+    ///
+    /// # Errors
+    /// When the session has failed or was cancelled.
+    pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
+        let (_intake, capture) = self.settled()?;
+        let fits = self.frame_fits()?;
+        let maps = self.snapshot().ok();
+        Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
     }
 
     /// The maps of the moment with the standard deviation of each at every texel. Computed when asked

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::advice::Hint;
+use super::hint::Hint;
 use crate::calibration::Corner;
 use crate::confidence::Confidence;
 use crate::estimate::Phase;

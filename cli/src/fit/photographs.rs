@@ -8,7 +8,6 @@ use serde_json::{Value, json};
 use svbrdf::Error;
 use svbrdf::Rejection;
 use svbrdf::capture::Frame;
-use svbrdf::estimate::Part;
 use svbrdf::files::Remark;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
@@ -21,14 +20,6 @@ use crate::report::Recorder;
 
 /// Reason of a photograph whose file was overwritten.
 const REPLACED: &str = "replaced";
-/// Code of the hint about a photograph that contradicts the others.
-const CONTRADICTS: &str = "contradicts_others";
-/// The least residual, and how many times the usual one, that is called so: a false word is worse than
-/// none, and photographs that agree leave some hundredths, glossy ones more.
-const CONTRADICTING_RESIDUAL: f32 = 0.08;
-const CONTRADICTING_TIMES: f32 = 2.5;
-/// The same of a part of it.
-const PART_CONTRADICTS: &str = "part_contradicts_others";
 
 /// How photographs are gone through.
 pub struct Options {
@@ -322,51 +313,52 @@ impl<'a> Fit<'a> {
         self.rows.sort_by_key(|row| row["index"].as_u64());
     }
 
-    /// Adds how the maps explain each photograph, and names those that contradict the others.
+    /// Adds how the maps explain each photograph, and what there is to tell about it in the end: hints of earlier
+    /// states are withdrawn.
     fn add_residuals(&mut self) {
         let fits = self.session.frame_fits().unwrap_or_default();
-        let mut usual: Vec<f32> = fits.iter().map(|fit| fit.residual).collect();
-        usual.sort_by(f32::total_cmp);
-        let usual = usual.get(usual.len() / 2).copied().unwrap_or(0.0);
-        let mut contradicting = Vec::new();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
             row["weight"] = json!(fit.weight);
-            let outlier = fit.outlier
-                && (fit.weight == 0.0
-                    || fit.residual > CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual));
-            row["contradicts"] = json!(outlier);
             row["contradicting_part"] = json!(
                 fit.part.map(|p| json!({ "share": p.share, "centre": p.centre, "ratio": p.ratio }))
             );
-            let part = fit.part.filter(|_| !outlier);
-            // Later photographs may have decided otherwise.
-            if let Some(hints) = row["hints"].as_array_mut() {
-                hints.retain(|hint| outlier || hint["code"] != CONTRADICTS);
-                hints.retain(|hint| part.is_some() || hint["code"] != PART_CONTRADICTS);
-            }
-            if let Some(part) = part {
-                add_part(row, &part, &mut contradicting);
-            }
-            let Some(hints) = row["hints"].as_array_mut().filter(|_| outlier) else { continue };
-            // Said already, where photographs still arrive.
-            if hints.iter().all(|hint| hint["code"] != CONTRADICTS) {
-                let hint = format!(
-                    "it contradicts the other photos (residual {:.3}, usually {usual:.3}): is it mirrored, of \
-                     another sample, with a hand, a shadow or other light in it, or \
-                     tone-mapped? Fit again without it",
-                    fit.residual
-                );
-                hints.push(json!({ "code": CONTRADICTS, "hint": hint }));
-                contradicting.push(row.clone());
+        }
+        let Ok(hints) = self.session.hints() else { return };
+        let mut told: Vec<(String, Vec<usize>)> = Vec::new();
+        for (row, hints) in fitted(&mut self.rows).zip(&hints) {
+            row["contradicts"] =
+                json!(hints.iter().any(|hint| matches!(hint, Hint::Contradicts { .. })));
+            let Some(said) = row["hints"].as_array_mut() else { continue };
+            let before: Vec<Value> = std::mem::take(said);
+            let new = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
+            said.extend(new.clone());
+            // What the session does not tell: of the file, and of what could not be done.
+            let is_of_files = |hint: &&Value| {
+                let code = hint["code"].as_str().unwrap_or_default();
+                !Hint::CODES.contains(&code) || code == "not_remade"
+            };
+            said.extend(before.iter().filter(is_of_files).cloned());
+            let index = row["index"].as_u64().unwrap_or(0) as usize;
+            for hint in new.filter(|hint| before.iter().all(|old| old["code"] != hint["code"])) {
+                let text = hint["hint"].as_str().unwrap_or_default().to_owned();
+                match told.iter_mut().find(|(other, _)| *other == text) {
+                    Some((_, photos)) => photos.push(index),
+                    None => told.push((text, vec![index])),
+                }
             }
         }
-        for row in contradicting {
-            let hint = row["hints"].as_array().and_then(|hints| hints.last()).cloned();
-            let text = hint.unwrap_or_default()["hint"].as_str().unwrap_or_default().to_owned();
-            let path = self.path(&row).display().to_string();
-            self.progress.say(&format!("note: {path}: {text}"));
-            self.progress.event("note", json!({ "text": text, "image": path }));
+        for (text, photos) in told {
+            let paths: Vec<String> =
+                photos.iter().map(|i| self.frames[*i].path.display().to_string()).collect();
+            let which = match paths.as_slice() {
+                [one] => one.clone(),
+                [first, rest @ ..] => format!("{first} and {} more", rest.len()),
+                [] => continue,
+            };
+            self.progress.say(&format!("note: {which}: {text}"));
+            self.progress
+                .event("note", json!({ "text": text, "images": paths, "image": paths[0] }));
         }
     }
 
@@ -439,28 +431,6 @@ impl<'a> Fit<'a> {
             _ => String::new(),
         };
         format!("{place}: accepted, {losses}{:.1} s{hints}", number("seconds"))
-    }
-}
-
-/// Adds a hint about a part that contradicts the other photographs, once.
-fn add_part(row: &mut Value, part: &Part, told: &mut Vec<Value>) {
-    let place = |k: usize, low: &'static str, high: &'static str| match part.centre[k] {
-        v if v < 0.33 => low,
-        v if v > 0.67 => high,
-        _ => "",
-    };
-    let place = [place(1, "upper", "lower"), place(0, "left", "right")].join(" ");
-    let place = if place.trim().is_empty() { "middle" } else { place.trim() };
-    let hint = format!(
-        "a part of it ({:.0} % of the sample, {place}) is {:.2} times as bright as the other photos explain: \
-         sun, a shadow, a hand or glare? That part is left out",
-        100.0 * part.share,
-        part.ratio
-    );
-    let Some(hints) = row["hints"].as_array_mut() else { return };
-    if hints.iter().all(|hint| hint["code"] != PART_CONTRADICTS) {
-        hints.push(json!({ "code": PART_CONTRADICTS, "hint": hint }));
-        told.push(row.clone());
     }
 }
 

@@ -4,20 +4,29 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use svbrdf::confidence::{Confidence, MapDeviations};
-use svbrdf::session::Session;
+use svbrdf::session::{Hint, Session};
 
 /// The report: `rows` of the photographs with what is known of them now.
 pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
     let mut rows = rows.to_vec();
     let fits = session.frame_fits().unwrap_or_default();
+    let hints = session.hints().unwrap_or_default();
     let accepted = rows.iter_mut().filter(|row| row["status"] == "accepted");
-    for ((row, known), fit) in accepted.zip(session.poses()).zip(&fits) {
+    for (((row, known), fit), hints) in accepted.zip(session.poses()).zip(&fits).zip(&hints) {
         let pose = known.pose;
         row["rotation"] = json!(pose.rotation.transpose().to_cols_array_2d());
         row["translation_mm"] = json!(pose.translation.to_array());
         row["reprojection_rms_px"] = json!(known.reprojection_rms_px);
         row["residual"] = json!(fit.residual);
-        row["contradicts"] = json!(fit.outlier);
+        row["contradicts"] = json!(hints.iter().any(|h| matches!(h, Hint::Contradicts { .. })));
+        // Those of earlier states are withdrawn; what the file tells stays.
+        let of_file =
+            |hint: &Value| !hint["code"].as_str().is_some_and(|code| Hint::CODES.contains(&code));
+        if let Some(said) = row["hints"].as_array_mut() {
+            said.retain(of_file);
+            let now = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
+            said.splice(0..0, now);
+        }
     }
     for row in rows.iter_mut().filter_map(Value::as_object_mut) {
         row.remove("small");

@@ -4,9 +4,8 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
 use super::lobe::Lobe;
-use super::model::{Ink, Model, Problem, Sample, parameter};
+use super::model::{Ink, Model, Problem, Sample, Shot, parameter};
 use crate::frame::{LogCurve, ToneCurve};
-use crate::geometry::Pose;
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
 
 /// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
@@ -23,8 +22,6 @@ const BLACK_SIGMA: f64 = 0.3;
 const GRAY_SIGMA: f64 = 0.3;
 /// Largest step of a tone curve's logarithmic slopes.
 const TONE_STEP: f64 = 0.4;
-/// Exposure metadata is rounded and flashes repeat to about this.
-const SCALE_SIGMA: f64 = 0.02;
 /// Least standard deviation of a square's log value that is believed: paper is not Lambertian and
 /// lies not quite flat.
 const MIN_SIGMA: f64 = 0.004;
@@ -40,8 +37,8 @@ const CHANNEL_CORRELATION: f64 = 3.0;
 const HUBER: f64 = 1.345;
 /// Ordinary samples from which their spread is taken; fewer leave it to all.
 const PLAIN_MIN: usize = 24;
-/// Ambient share below which light from elsewhere still leaves a flash to be seen.
-const AMBIENT_MAX: f64 = 0.98;
+/// Largest share of a veil that is looked for.
+const VEIL_MAX: f64 = 0.3;
 /// Spread of log values before any is known.
 const START_SIGMA: f64 = 0.05;
 
@@ -58,6 +55,12 @@ pub(super) struct Solution {
     pub ambient_share_sigma: [f64; 3],
     /// Per photo and channel: log of value / (exposure * albedo) on the axis at the reference.
     pub log_scale: Vec<[f64; 3]>,
+    /// How many times as bright as its exposure states each photo is: logarithm and standard deviation.
+    pub log_gain: Vec<[f64; 2]>,
+    /// Share of a veil, and its standard deviation.
+    pub veil: [f64; 2],
+    /// Exponent by which places are darkened whose surroundings are bright.
+    pub local_tone: f64,
     pub offset_mm: DVec3,
     pub offset_sigma_mm: DVec3,
     /// True over nominal albedo of black squares.
@@ -66,7 +69,7 @@ pub(super) struct Solution {
     pub tone: [f64; 3],
     pub tone_covariance: [[f64; 3]; 3],
     /// Everything that was found, as the fit has it.
-    theta: DVector<f64>,
+    pub theta: DVector<f64>,
     /// Robust standard deviation of the residuals of log values.
     pub sigma: f64,
     /// The same for each photo; NaN for a photo without samples.
@@ -96,8 +99,16 @@ const STEP_MIN: f64 = 1e-7;
 
 /// Gauss-Newton with Huber weights on the squares, Cauchy weights on the photos' scales (a wrong
 /// exposure in the metadata must not pull the others) and Gaussian priors elsewhere.
-pub(super) fn solve(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Solution {
-    let (fit, theta) = Fit::new(samples, poses, problem);
+///
+/// Begins where `start` says, or else at what is expected.
+pub(super) fn solve(
+    samples: &[Sample],
+    shots: &[Shot],
+    problem: &Problem,
+    start: Option<&DVector<f64>>,
+) -> Solution {
+    let (fit, expected) = Fit::new(samples, shots, problem);
+    let theta = start.map_or(expected, |start| fit.fixed(start));
     let (State { theta, sigma, covariance }, _) = minimise(&fit, State::new(theta), &REFINEMENT);
     fit.solution(&theta, sigma, &covariance)
 }
@@ -130,12 +141,12 @@ impl Solution {
 /// the posterior but for a constant, squares having so large a standard deviation.
 pub(super) fn misfit(
     samples: &[Sample],
-    poses: &[Pose],
+    shots: &[Shot],
     problem: &Problem,
     solution: &Solution,
     sigma: f64,
 ) -> f64 {
-    let (fit, _) = Fit::new(samples, poses, problem);
+    let (fit, _) = Fit::new(samples, shots, problem);
     let mut theta = solution.theta.clone();
     if problem.tone_sigma == 0.0 {
         // Left out of the fit of linear values, to which it has nothing to say.
@@ -169,7 +180,7 @@ impl State {
 /// The problem with its data.
 struct Fit<'a> {
     samples: &'a [Sample],
-    poses: &'a [Pose],
+    shots: &'a [Shot],
     problem: &'a Problem,
     /// Prior mean and standard deviation; infinite: free, zero: fixed.
     prior: Vec<(f64, f64)>,
@@ -184,29 +195,31 @@ struct Equations {
 
 impl<'a> Fit<'a> {
     /// The problem and where its solution is looked for first.
-    fn new(samples: &'a [Sample], poses: &'a [Pose], problem: &'a Problem) -> (Self, DVector<f64>) {
+    fn new(samples: &'a [Sample], shots: &'a [Shot], problem: &'a Problem) -> (Self, DVector<f64>) {
         use parameter::{
-            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOG_SCALE, OFFSET, PATTERN,
-            TONE,
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOCAL, LOG_SCALE, OFFSET,
+            PATTERN, TONE, VEIL,
         };
-        let n = FRAMES + 3 * poses.len();
+        let n = FRAMES + 3 * shots.len();
         let mut theta = DVector::zeros(n);
         theta[EXPONENT] = EXPONENT_MEAN;
         theta[LOBE] = EXPONENT_MEAN;
         for (k, v) in problem.offset_mm.to_array().into_iter().enumerate() {
             theta[OFFSET + k] = v;
         }
-        let mut prior = vec![(0.0, SCALE_SIGMA); n];
+        let mut prior = vec![(0.0, problem.gain_width); n];
         prior[EXPONENT] = (EXPONENT_MEAN, EXPONENT_SIGMA);
         prior[LOBE] = (EXPONENT_MEAN, EXPONENT_SIGMA);
         prior[CURVATURE] = (0.0, CURVATURE_SIGMA);
         prior[PATTERN..PATTERN + 2].fill((0.0, PATTERN_SIGMA));
         prior[GRAY] = (0.0, GRAY_SIGMA);
+        prior[VEIL] = (0.0, problem.veil_sigma);
+        prior[LOCAL] = (0.0, problem.local_sigma);
         prior[TONE..TONE + 3].fill((0.0, problem.tone_sigma));
         // Channels of a print are one error: with a curve it must not count three times.
         let black_sigma = BLACK_SIGMA * if problem.tone_sigma > 0.0 { 3.0_f64.sqrt() } else { 1.0 };
         let start = theta.clone();
-        let model = Model::new(poses, problem, &start);
+        let model = Model::new(shots, problem, &start);
         for c in 0..3 {
             prior[AMBIENT + c] = (0.0, problem.ambient_sigma);
             prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
@@ -226,7 +239,7 @@ impl<'a> Fit<'a> {
                 theta[LOG_SCALE + c] = median(&mut list);
             }
         }
-        (Self { samples, poses, problem, prior }, theta)
+        (Self { samples, shots, problem, prior }, theta)
     }
 
     /// The gray patch's ratio that its samples ask for, as a logarithm.
@@ -245,7 +258,8 @@ impl<'a> Fit<'a> {
             if sigma == 0.0 || sigma.is_infinite() {
                 return 0.0;
             }
-            let squared = ((theta[i] - mean) / sigma).powi(2);
+            let off = theta[i] - mean;
+            let squared = (off / self.prior_sigma(i, off)).powi(2);
             match i {
                 // Wrong exposures and bright rooms are no wonder.
                 _ if i >= FRAMES || (AMBIENT..AMBIENT + 3).contains(&i) => {
@@ -260,8 +274,24 @@ impl<'a> Fit<'a> {
         self.prior.iter().enumerate().map(term).sum()
     }
 
+    /// Standard deviation of a parameter's prior on the side of its mean that it is on.
+    fn prior_sigma(&self, parameter: usize, off: f64) -> f64 {
+        match parameter {
+            parameter::EXPONENT | parameter::LOBE if off < 0.0 => self.problem.exponent_sigma_below,
+            _ => self.prior[parameter].1,
+        }
+    }
+
+    /// Parameters with those that the problem fixes at their means.
+    fn fixed(&self, theta: &DVector<f64>) -> DVector<f64> {
+        let at = |(i, &(mean, sigma)): (usize, &(f64, f64))| {
+            if sigma == 0.0 { mean } else { theta[i] }
+        };
+        DVector::from_iterator(theta.len(), self.prior.iter().enumerate().map(at))
+    }
+
     fn model<'b>(&'b self, theta: &'b DVector<f64>) -> Model<'b> {
-        Model::new(self.poses, self.problem, theta)
+        Model::new(self.shots, self.problem, theta)
     }
 
     /// Robust standard deviation of the residuals of ordinary squares.
@@ -292,7 +322,7 @@ impl<'a> Fit<'a> {
                 continue;
             }
             let off = theta[i] - mean;
-            let mut precision = sigma.powi(-2);
+            let mut precision = self.prior_sigma(i, off).powi(-2);
             if i >= parameter::FRAMES {
                 precision /= 1.0 + off * off * precision;
             }
@@ -303,7 +333,8 @@ impl<'a> Fit<'a> {
 
     fn solution(&self, theta: &DVector<f64>, sigma: f64, covariance: &DMatrix<f64>) -> Solution {
         use parameter::{
-            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOG_SCALE, OFFSET, PATTERN, TONE,
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, LOBE, LOCAL, LOG_SCALE, OFFSET, PATTERN,
+            TONE, VEIL,
         };
         let model = self.model(theta);
         let free = |i: usize, j: usize| {
@@ -312,7 +343,7 @@ impl<'a> Fit<'a> {
         let spread =
             |i: usize| if self.prior[i].1 == 0.0 { 0.0 } else { covariance[(i, i)].sqrt() };
         let three = |i: usize| -> [f64; 3] { std::array::from_fn(|c| theta[i + c]) };
-        let frames = 0..self.poses.len();
+        let frames = 0..self.shots.len();
         let photo_sigma = |frame: usize| {
             let used = self.samples.iter().filter(|s| s.frame == frame);
             let mut list: Vec<f64> =
@@ -321,6 +352,10 @@ impl<'a> Fit<'a> {
         };
         let log_scale =
             |f: usize| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]);
+        let log_gain = |f: usize| {
+            let own = FRAMES + 3 * f;
+            [(0..3).map(|c| theta[own + c]).sum::<f64>() / 3.0, spread(own + 1)]
+        };
         Solution {
             exponent: theta[EXPONENT],
             curvature: theta[CURVATURE],
@@ -328,6 +363,9 @@ impl<'a> Fit<'a> {
             ambient_share: three(AMBIENT),
             ambient_share_sigma: std::array::from_fn(|c| spread(AMBIENT + c)),
             log_scale: frames.clone().map(log_scale).collect(),
+            log_gain: frames.clone().map(log_gain).collect(),
+            veil: [theta[VEIL], spread(VEIL)],
+            local_tone: theta[LOCAL],
             black_ratio: three(BLACK).map(f64::exp),
             tone: three(TONE),
             tone_covariance: std::array::from_fn(|i| std::array::from_fn(|j| free(i, j))),
@@ -390,8 +428,9 @@ impl LeastSquares for Fit<'_> {
         }
         for c in 0..3 {
             let ambient = &mut theta[parameter::AMBIENT + c];
-            *ambient = ambient.clamp(0.0, AMBIENT_MAX);
+            *ambient = ambient.clamp(0.0, self.problem.ambient_max);
         }
+        theta[parameter::VEIL] = theta[parameter::VEIL].clamp(0.0, VEIL_MAX);
         let covariance = normal.clone().cholesky()?.inverse();
         Some(State { theta, sigma: *sigma, covariance })
     }

@@ -2,9 +2,8 @@
 
 use glam::DVec3;
 
-use super::fit;
-use super::model::{Ink, Problem, Sample};
-use crate::geometry::Pose;
+use super::model::{Ink, Problem, Sample, Shot};
+use super::{exposure, fit, turned};
 
 /// Formal standard deviations at which the ambient counts as seen. Errors of paper come in large
 /// patches (a bow, a gradient of the print), so that two or three of them mean little.
@@ -13,43 +12,79 @@ const AMBIENT_SIGNIFICANCE: f64 = 4.0;
 /// degree), and no further off the expected than this many of them, is taken to be there.
 const OFFSET_SIGMA_MAX_MM: f64 = 5.0;
 const OFFSET_SIGNIFICANCE: f64 = 2.0;
-/// A tone curve counts as seen where it lowers the misfit by this (three standard deviations: a print
+/// A tone curve or a veil counts as seen where it lowers the misfit by this (three standard deviations: a print
 /// may be off by two), and by this share of what it leaves: what is wrong with paper and light can
 /// look a little like a curve.
 const TONE_EVIDENCE: f64 = 9.0;
 const TONE_EVIDENCE_SHARE: f64 = 0.5;
+/// Rounds in which turned photographs are looked for.
+const TURNS_MAX: usize = 4;
+/// A veil counts as seen too where it is as large as this and as so many formal standard deviations, and hardly
+/// anything is left of the squares (deviation): a little of it hides behind unknown blacks.
+const VEIL_LEAST: f64 = 0.02;
+const VEIL_SIGNIFICANCE: f64 = 5.0;
+const VEIL_SIGMA_MAX: f64 = 0.008;
 
 /// What the squares tell.
 pub(super) struct Light {
     pub solution: fit::Solution,
     /// Ambient light before it was decided whether it is seen, and its standard deviation.
     pub ambient_raw: [(f64, f64); 3],
+    /// The photographs, with those found turned.
+    pub shots: Vec<Shot>,
 }
 
 impl Light {
-    /// Of photographs that may have a tone curve, which is taken where linear values clearly explain
-    /// the squares worse.
-    pub fn of_capture(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Self {
+    /// Of photographs that may be turned, and may have a tone curve or be taken through a dirty lens: that
+    /// is believed where linear values clearly explain the squares worse.
+    pub fn of_capture(samples: &[Sample], shots: Vec<Shot>, problem: &Problem) -> Self {
         // Left to a curve: without one the gray patch says nothing about the light.
         let plain: Vec<_> = samples.iter().copied().filter(|s| s.ink != Ink::Gray).collect();
-        let linear = Self::of_squares(&plain, poses, problem);
+        let mut linear = Self::of_squares(&plain, shots, problem);
+        // A light that is found without one turned photograph shows the next.
+        for _ in 0..TURNS_MAX {
+            let found = turned::find(&plain, &linear.shots, problem, &linear.solution);
+            let Some(shots) = found else { break };
+            linear = Self::of_squares(&plain, shots, problem);
+        }
         let misfit = |light: &Self, problem: &Problem, sigma: f64| {
-            fit::misfit(samples, poses, problem, &light.solution, sigma)
+            fit::misfit(samples, &light.shots, problem, &light.solution, sigma)
         };
         if misfit(&linear, problem, fit::TONE_MIN_SIGMA) < TONE_EVIDENCE {
             return linear;
         }
-        let problem_curved = problem.with_tone_curve();
-        let curved = Self::of_squares(samples, poses, &problem_curved);
-        let sigma = curved.solution.sigma;
-        let explained = misfit(&curved, &problem_curved, sigma);
-        let gain = misfit(&linear, problem, sigma) - explained;
-        if gain > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * explained { curved } else { linear }
+        let curved_problem = problem.with_tone_curve();
+        let curved = Self::of_squares(samples, linear.shots.clone(), &curved_problem);
+        // From the light that is known: a rough look is enough to see what does not explain the squares.
+        let [veiled, local] = [problem.with_veil(), problem.with_local_tone()].map(|other| {
+            let start = Some(&linear.solution.theta);
+            (fit::solve(&plain, &linear.shots, &other, start), other)
+        });
+        let sigma = [&veiled.0, &local.0, &curved.solution].map(|solution| solution.sigma);
+        let sigma = sigma.into_iter().fold(f64::MAX, f64::min).max(fit::TONE_MIN_SIGMA);
+        let left = |solution: &fit::Solution, problem: &Problem| {
+            fit::misfit(samples, &linear.shots, problem, solution, sigma)
+        };
+        let before = left(&linear.solution, problem);
+        let clear = |left: f64| before - left > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left;
+        let by_curve = left(&curved.solution, &curved_problem);
+        let best =
+            [veiled, local].map(|(solution, other)| (left(&solution, &other), solution, other));
+        let best = best.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((left, solution, other))
+                if left < by_curve && (clear(left) || is_veiled(&solution)) =>
+            {
+                Self::of_squares(&plain, linear.shots, &other)
+            }
+            _ if clear(by_curve) => curved,
+            _ => linear,
+        }
     }
 
     /// After what they cannot tell was taken as expected.
-    fn of_squares(samples: &[Sample], poses: &[Pose], problem: &Problem) -> Self {
-        let mut solution = fit::solve(samples, poses, problem);
+    fn of_squares(samples: &[Sample], shots: Vec<Shot>, problem: &Problem) -> Self {
+        let mut solution = exposure::solve(samples, &shots, problem);
         let share = solution.ambient_share;
         let ambient_raw = std::array::from_fn(|c| {
             // q / (1 - q): from a share of all light to a ratio to the flash's.
@@ -60,7 +95,7 @@ impl Light {
         let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
         let mut problem = Problem { ambient_sigma, ..*problem };
         if ambient_sigma == 0.0 {
-            solution = fit::solve(samples, poses, &problem);
+            solution = fit::solve(samples, &shots, &problem, Some(&solution.theta));
         }
         let off = (solution.offset_mm - problem.offset_mm).abs();
         let spread = solution.offset_sigma_mm;
@@ -68,9 +103,15 @@ impl Light {
             && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
         {
             problem = Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
-            solution = fit::solve(samples, poses, &problem);
+            solution = fit::solve(samples, &shots, &problem, Some(&solution.theta));
             solution.offset_sigma_mm = spread;
         }
-        Self { solution, ambient_raw }
+        Self { solution, ambient_raw, shots }
     }
+}
+
+/// Whether a lens is clearly dirty.
+fn is_veiled(solution: &fit::Solution) -> bool {
+    let [share, deviation] = solution.veil;
+    share > VEIL_LEAST.max(VEIL_SIGNIFICANCE * deviation) && solution.sigma < VEIL_SIGMA_MAX
 }

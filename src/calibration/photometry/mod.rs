@@ -14,7 +14,7 @@
 //! for a dark sample: their true albedo is one more unknown per channel.
 //!
 //! Photographs that a camera has tone-mapped have one curve more, the same for all of a capture, see
-//! [`ToneCurve`]: with the same light on black, gray and white, and white under light that falls off,
+//! [`ToneCurve`](crate::frame::ToneCurve): with the same light on black, gray and white, and white under light that falls off,
 //! they tell it. It is looked for in all captures and believed where values cannot be linear.
 //!
 //! # What the squares can and cannot tell
@@ -27,35 +27,50 @@
 //! * A power of all values looks like a print whose blacks are off and a lens that falls off more:
 //!   from one photo it is known no better than the print.
 
+mod examination;
+mod exposure;
 mod fit;
 mod light;
 mod lobe;
 mod model;
+mod radiometry;
 mod squares;
+mod turned;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::{Photo, ToneCurve};
+use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 
 use light::Light;
-use model::{Ink, Problem, Sample};
+use model::{Ink, Problem, Sample, Shot};
 
+pub(crate) use examination::{Examination, LitPlaces, examine};
 pub use lobe::Lobe;
-pub(crate) use squares::patch_values;
+pub use radiometry::{Photometry, Radiometry, Vignetting};
+pub(crate) use squares::edited;
 pub use squares::{Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
 const AMBIENT_SIGMA: f64 = 0.1;
-/// Share of the ambient (less two standard deviations) above which the flash counts as missing.
+/// Share of the ambient above which the flash counts as missing, and the largest that is tried.
 const MAX_AMBIENT: f64 = 0.5;
+const ANY_AMBIENT: f64 = 0.98;
+/// How much better (misfit) a photograph must be explained by more ambient light than that.
+const NO_FLASH_EVIDENCE: f64 = 9.0;
+/// Share of white squares that are clipped which leaves too little to tell the light.
+const MAX_CLIPPED: f32 = 0.4;
+/// Standard deviation of a lens' or a flash's exponent below its mean, where the question is whether there is
+/// a flash: below 0 there is hardly any.
+const SOUND_LENS_SIGMA: f64 = 1.0;
 /// Residual of log values (robust sigma) that no point light explains.
 const MAX_SIGMA: f64 = 0.25;
 /// Squares this close to the mirror direction (half vector to normal) may glare.
 const GLARE_DEGREES: f64 = 8.0;
+/// The same for printed ones, where a little glare weighs sixteen times.
+const INK_GLARE_DEGREES: f64 = 16.0;
 const GLARE_SIGMA: f64 = 4.0;
 /// Standard deviation of a printed square relative to a white one's.
 const INK_SIGMA: f64 = 5.0;
@@ -72,98 +87,6 @@ pub enum FlashOffset {
         /// Standard deviation of that per axis, mm; zero keeps an axis.
         sigma_mm: DVec3,
     },
-}
-
-/// Relative response of the lens over the photo.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Vignetting {
-    /// `m` of `ln V = -(m u + k u²)`, `u = -ln cos(angle to the optical axis)`.
-    pub exponent: f64,
-    /// `k`.
-    pub curvature: f64,
-}
-
-impl Vignetting {
-    /// Response at squared tangent `tan²(angle)`; 1 on the axis.
-    pub fn at(&self, tan2: f64) -> f64 {
-        let u = 0.5 * (1.0 + tan2).ln();
-        (-u * (self.exponent + u * self.curvature)).exp()
-    }
-}
-
-/// How a photo's values become radiance, and the light they were taken under.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Radiometry {
-    /// Radiance in the units of [`View`](crate::observation::View) of a pixel value of 1 on the
-    /// optical axis, per channel, the tone curve undone; includes the photo's exposure. Divide by the
-    /// vignetting and the lobe.
-    pub gain: [f64; 3],
-    /// What the camera's tone curve has to be undone by before anything else.
-    pub tone: ToneCurve,
-    /// Response over the photo.
-    pub vignetting: Vignetting,
-    /// How the flash's intensity depends on direction.
-    pub lobe: Lobe,
-    /// Flash in the camera frame, mm.
-    pub flash_offset_mm: DVec3,
-    /// Intensity per channel such that irradiance is `power_mm2 / d²`: pi * reference distance²
-    /// for all photos of a capture.
-    pub power_mm2: [f32; 3],
-    /// Radiance of the uniform surround, units as above, raised by the lobe at the sample's centre:
-    /// a [`View`](crate::observation::View) knows no lobe, so that values are divided by it.
-    pub ambient: [f32; 3],
-    /// Robust standard deviation of the logarithms of the photo's squares from this model, all inks: what
-    /// light, lens, paper and file have that the model has not. 0 where there are no squares.
-    pub log_sigma: f32,
-}
-
-impl Radiometry {
-    /// Whether a light and a lens may be like this.
-    pub(crate) fn is_plausible(&self) -> bool {
-        let Self { gain, tone, vignetting, lobe, flash_offset_mm, power_mm2, ambient, log_sigma } =
-            self;
-        let shape = [vignetting.exponent, vignetting.curvature, lobe.exponent];
-        shape.iter().chain(&lobe.pattern).all(|v| v.is_finite())
-            && gain.iter().all(|v| v.is_finite() && *v > 0.0)
-            && flash_offset_mm.is_finite()
-            && power_mm2.iter().all(|v| v.is_finite() && *v > 0.0)
-            && ambient.iter().all(|v| v.is_finite())
-            && (0.0..=f32::MAX).contains(log_sigma)
-            && tone.is_plausible()
-    }
-}
-
-/// What is known of light and camera from the photos so far.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Photometry {
-    /// What undoes the camera's tone curve, all photos; of values that are linear the identity.
-    pub tone: ToneCurve,
-    /// Standard deviations of its logarithmic slopes; zero where values are linear.
-    pub tone_sigma: [f64; 3],
-    /// Response over the photo, all photos.
-    pub vignetting: Vignetting,
-    /// How the flash's intensity depends on direction.
-    pub lobe: Lobe,
-    /// Radiance of the surround per channel; as irradiance relative to the flash's, facing it at
-    /// the reference distance, it is the same number. 0 where the photos cannot tell.
-    pub ambient: [f64; 3],
-    /// Estimate before that decision and its standard deviation, per channel.
-    pub ambient_raw: [(f64, f64); 3],
-    /// Flash in the camera frame, mm.
-    pub flash_offset_mm: DVec3,
-    /// Standard deviation of the offset, mm; zero where it is known.
-    pub flash_offset_sigma_mm: DVec3,
-    /// Reference distance, mm: from the first photo's light to the sample's centre.
-    pub reference_mm: f64,
-    /// Log of the value per exposure of a white surface of albedo 1 facing the flash on the axis
-    /// at the reference distance: one for each photo and channel.
-    pub log_scale: Vec<[f64; 3]>,
-    /// True over nominal albedo of the black squares, per channel.
-    pub black_ratio: [f64; 3],
-    /// Robust standard deviation of the squares' log values from the model.
-    pub sigma: f64,
-    /// The same for each photo; NaN for a photo without squares.
-    pub photo_sigma: Vec<f64>,
 }
 
 /// Collects white squares and estimates the light anew with every photo.
@@ -189,9 +112,34 @@ impl PhotometricCalibrator {
         Self { target, flash, frames: Vec::new(), photometry: None }
     }
 
-    /// Whether one photo's squares, taken alone, leave room for the flash.
-    pub(crate) fn is_lit(&self, squares: &Squares, pose: &Pose) -> bool {
-        self.shows_flash(&Frame { pose: *pose, squares: squares.clone() })
+    /// What speaks against one photo's light, taken alone.
+    pub(crate) fn fault(&self, squares: &Squares, pose: &Pose) -> Option<Rejection> {
+        let frame = Frame { pose: *pose, squares: squares.clone() };
+        (!self.shows_flash(&frame)).then(|| self.why_unlit(&frame))
+    }
+
+    /// Why a photo does not look lit by a flash.
+    fn why_unlit(&self, frame: &Frame) -> Rejection {
+        let alone = Self { frames: vec![frame.clone()], photometry: None, ..self.clone() };
+        if !frame.pose.to_board(self.expected_offset()).is_finite()
+            || frame.pose.to_board(self.expected_offset()).z <= 0.0
+        {
+            return Rejection::LightNotVisible;
+        }
+        let known = alone.estimate();
+        let light = examine(&self.target, &[(frame.pose, &frame.squares)], &known).photos[0];
+        if let Some(amplitude) = light.stripes {
+            return Rejection::Flickers { amplitude: amplitude as f32 };
+        }
+        if frame.squares.clipped_share > MAX_CLIPPED {
+            return Rejection::Clipped { share: frame.squares.clipped_share };
+        }
+        let tone = self.photometry.as_ref().map(|known| known.tone).unwrap_or_default();
+        let earlier = self.frames.iter().map(|frame| &frame.squares);
+        match edited(&frame.squares, earlier, &self.target, &tone) {
+            Some([black, usual]) => Rejection::Edited { black, usual },
+            None => Rejection::LightNotVisible,
+        }
     }
 
     /// The same with photos measured before, which the next one is calibrated together with.
@@ -228,14 +176,14 @@ impl PhotometricCalibrator {
     pub fn push_squares(&mut self, squares: Squares, pose: &Pose) -> Result<Radiometry, Rejection> {
         let frame = Frame { pose: *pose, squares };
         if !self.shows_flash(&frame) {
-            return Err(Rejection::LightNotVisible);
+            return Err(self.why_unlit(&frame));
         }
         self.frames.push(frame);
         let photometry = self.estimate();
         let sigma = photometry.photo_sigma.last().copied().unwrap_or(f64::NAN);
         if sigma.is_nan() || sigma > MAX_SIGMA {
-            self.frames.pop();
-            return Err(Rejection::LightNotVisible);
+            let frame = self.frames.pop();
+            return Err(frame.map_or(Rejection::LightNotVisible, |frame| self.why_unlit(&frame)));
         }
         self.photometry = Some(photometry);
         self.radiometry(self.frames.len() - 1).ok_or(Rejection::LightNotVisible)
@@ -265,13 +213,16 @@ impl PhotometricCalibrator {
         let (p, frame) = (self.photometry.as_ref()?, self.frames.get(index)?);
         let power = std::f64::consts::PI * p.reference_mm * p.reference_mm;
         // Direction of the sample's centre from the flash, camera frame.
-        let lobe = p.lobe.at(frame.pose.translation - p.flash_offset_mm);
+        let shot = Shot { pose: frame.pose, turned: p.turned[index] };
+        let flash_offset_mm = shot.offset(p.flash_offset_mm);
+        let lobe = p.lobe.at(frame.pose.translation - flash_offset_mm);
         Some(Radiometry {
             gain: p.log_scale[index].map(|s| (-s).exp() / f64::from(frame.squares.exposure)),
             tone: p.tone,
+            veil: p.veil,
             vignetting: p.vignetting,
             lobe: p.lobe,
-            flash_offset_mm: p.flash_offset_mm,
+            flash_offset_mm,
             power_mm2: [power as f32; 3],
             ambient: p.ambient.map(|v| (v / lobe) as f32),
             log_sigma: p.photo_sigma.get(index).map_or(0.0, |sigma| *sigma as f32),
@@ -283,12 +234,14 @@ impl PhotometricCalibrator {
             FlashOffset::Known(offset) => (offset, DVec3::ZERO),
             FlashOffset::Estimated { prior_mm, sigma_mm } => (prior_mm, sigma_mm),
         };
+        let ambient_sigma = AMBIENT_SIGMA;
         Problem {
             reference_mm,
             offset_mm,
             offset_sigma_mm,
-            ambient_sigma: AMBIENT_SIGMA,
-            tone_sigma: 0.0,
+            ambient_sigma,
+            ambient_max: MAX_AMBIENT,
+            ..Problem::default()
         }
     }
 
@@ -304,13 +257,19 @@ impl PhotometricCalibrator {
         let camera = frame.pose.camera_centre();
         let exposure = f64::from(frame.squares.exposure);
         let (white_albedo, black_albedo) = (self.target.white_albedo, self.target.black_albedo);
+        let log_surround = |surround: &[f64; 3]| surround.iter().sum::<f64>().max(1e-9).ln();
+        let around = frame.squares.squares.iter();
+        let around = around.map(|s| log_surround(&s.surround.map(f64::from)));
+        let middle = around.sum::<f64>() / frame.squares.squares.len().max(1) as f64;
         let sample = move |square: &Square, ink: Ink, albedo: f64| {
             let board_mm = square.board_mm.extend(0.0);
             let half = (light - board_mm).normalize() + (camera - board_mm).normalize();
-            let glares = half.normalize().z > GLARE_DEGREES.to_radians().cos();
+            let degrees = if ink == Ink::None { GLARE_DEGREES } else { INK_GLARE_DEGREES };
+            let glares = half.normalize().z > degrees.to_radians().cos();
             let sigma = if glares { GLARE_SIGMA } else { 1.0 }
                 * if ink == Ink::None { 1.0 } else { INK_SIGMA };
             let value = square.value.map(|v| v.map(f64::from));
+            let surround = square.surround.map(f64::from);
             (0..3).filter_map(move |channel| {
                 let value = value[channel]?;
                 Some(Sample {
@@ -321,6 +280,8 @@ impl PhotometricCalibrator {
                     log_value: (value / albedo).ln(),
                     board_mm,
                     sigma,
+                    surround: surround[channel] / albedo,
+                    log_surround: log_surround(&surround) - middle,
                 })
             })
         };
@@ -343,12 +304,26 @@ impl PhotometricCalibrator {
             return false;
         }
         let samples: Vec<_> = self.samples(0, frame).collect();
-        // No opinion on the ambient: a share between 0 and 1 is all that is known.
-        let problem = Problem { ambient_sigma: 1.0, ..self.problem(light.length()) };
+        let shots = [Shot { pose: frame.pose, turned: false }];
+        // No opinion on the ambient: a share between 0 and 1 is all that is known. No lens brightens the
+        // border of a photo, and no flash.
+        let problem = Problem {
+            ambient_sigma: 1.0,
+            exponent_sigma_below: SOUND_LENS_SIGMA,
+            ..self.problem(light.length())
+        };
         let leaves_room = |problem: &Problem| {
-            let alone = fit::solve(&samples, &[frame.pose], problem);
-            let least = (0..3).map(|c| alone.ambient_share[c] - 2.0 * alone.ambient_share_sigma[c]);
-            alone.sigma.is_finite() && least.fold(f64::INFINITY, f64::min) < MAX_AMBIENT
+            let any = Problem { ambient_max: ANY_AMBIENT, ..*problem };
+            let even = fit::solve(&samples, &shots, &any, None);
+            if even.ambient_share.iter().all(|share| *share <= MAX_AMBIENT) {
+                return even.sigma.is_finite();
+            }
+            let flash = fit::solve(&samples, &shots, problem, None);
+            let sigma = even.sigma.max(fit::TONE_MIN_SIGMA);
+            let misfit = |solution: &fit::Solution, problem: &Problem| {
+                fit::misfit(&samples, &shots, problem, solution, sigma)
+            };
+            misfit(&flash, problem) - misfit(&even, &any) < NO_FLASH_EVIDENCE
         };
         // Tone mapping makes the light look more even than it is.
         leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
@@ -359,9 +334,9 @@ impl PhotometricCalibrator {
         let reference_mm = self.frames[0].pose.to_board(self.expected_offset()).length();
         let samples: Vec<_> =
             self.frames.iter().enumerate().flat_map(|(i, f)| self.samples(i, f)).collect();
-        let poses: Vec<_> = self.frames.iter().map(|f| f.pose).collect();
+        let shots = self.frames.iter().map(|f| Shot { pose: f.pose, turned: false }).collect();
         let problem = self.problem(reference_mm);
-        let Light { solution, ambient_raw } = Light::of_capture(&samples, &poses, &problem);
+        let Light { solution, ambient_raw, shots } = Light::of_capture(&samples, shots, &problem);
         let share = solution.ambient_share;
         Photometry {
             tone: solution.tone_curve(&samples),
@@ -378,6 +353,11 @@ impl PhotometricCalibrator {
                 .iter()
                 .map(|s| std::array::from_fn(|c| s[c] + (1.0 - share[c]).ln()))
                 .collect(),
+            log_gain: solution.log_gain,
+            turned: shots.iter().map(|shot| shot.turned).collect(),
+            veil: solution.veil[0],
+            veil_sigma: solution.veil[1],
+            local_tone: solution.local_tone,
             black_ratio: solution.black_ratio,
             sigma: solution.sigma,
             photo_sigma: solution.photo_sigma,
@@ -385,6 +365,8 @@ impl PhotometricCalibrator {
     }
 }
 
+#[cfg(test)]
+mod fault_tests;
 #[cfg(test)]
 pub(crate) mod tests;
 #[cfg(test)]

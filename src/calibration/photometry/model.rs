@@ -19,7 +19,29 @@ pub(super) mod parameter {
     pub const PATTERN: usize = 15;
     pub const GRAY: usize = 17;
     pub const TONE: usize = 18;
-    pub const FRAMES: usize = 21;
+    pub const VEIL: usize = 21;
+    pub const LOCAL: usize = 22;
+    pub const FRAMES: usize = 23;
+}
+
+/// Where a photograph sees the board from, and which way up its pixels are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shot {
+    pub pose: Pose,
+    /// Turned by 180 degrees after it was taken: the flash lies on the other side.
+    pub turned: bool,
+}
+
+impl Shot {
+    /// Sign of the flash offset along the photograph's axes.
+    fn sign(&self) -> DVec3 {
+        if self.turned { DVec3::new(-1.0, -1.0, 1.0) } else { DVec3::ONE }
+    }
+
+    /// The flash in the frame of this photograph's camera, of an offset that photographs share.
+    pub fn offset(&self, shared: DVec3) -> DVec3 {
+        self.sign() * shared
+    }
 }
 
 /// What is printed on a square.
@@ -44,6 +66,10 @@ pub(super) struct Sample {
     pub board_mm: DVec3,
     /// Standard deviation relative to an ordinary square's.
     pub sigma: f64,
+    /// What the photograph shows far round the square, in the units of the value; 0: unknown.
+    pub surround: f64,
+    /// Logarithm of that relative to the photograph's middle.
+    pub log_surround: f64,
 }
 
 /// What is estimated and how firmly.
@@ -59,15 +85,58 @@ pub(super) struct Problem {
     pub ambient_sigma: f64,
     /// Standard deviation of the prior of the tone curve's parameters, towards none; zero fixes it.
     pub tone_sigma: f64,
+    /// Largest share of the ambient that is believed.
+    pub ambient_max: f64,
+    /// Width of the prior of a photograph's gain (a Cauchy distribution), logarithm.
+    pub gain_width: f64,
+    /// Standard deviation of the prior of the veil's share, towards 0; zero fixes it at 0.
+    pub veil_sigma: f64,
+    /// Standard deviation of the prior of the exponent by which places are darkened whose surroundings are bright;
+    /// zero fixes it at 0.
+    pub local_sigma: f64,
+    /// Standard deviation below the mean of the exponents of lens and flash.
+    pub exponent_sigma_below: f64,
+}
+
+impl Default for Problem {
+    /// A flash at the camera's centre, linear values through a clean lens.
+    fn default() -> Self {
+        Self {
+            reference_mm: 1.0,
+            offset_mm: DVec3::ZERO,
+            offset_sigma_mm: DVec3::ZERO,
+            ambient_sigma: 0.1,
+            tone_sigma: 0.0,
+            ambient_max: 0.5,
+            gain_width: 0.02,
+            veil_sigma: 0.0,
+            local_sigma: 0.0,
+            exponent_sigma_below: 2.0,
+        }
+    }
 }
 
 /// Curves of cameras have slopes of 1/2 to 2, in highlights more.
 const TONE_SIGMA: f64 = 0.5;
+/// Fingerprints and screen protectors veil some per cent.
+const VEIL_SIGMA: f64 = 0.05;
+/// HDR and night modes even out a part of the contrast of large areas.
+const LOCAL_SIGMA: f64 = 0.2;
 
 impl Problem {
     /// The same where values may not be linear.
     pub fn with_tone_curve(&self) -> Self {
         Self { tone_sigma: TONE_SIGMA, ..*self }
+    }
+
+    /// The same where the camera may have mapped tones of each place by its surroundings.
+    pub fn with_local_tone(&self) -> Self {
+        Self { local_sigma: LOCAL_SIGMA, ..*self }
+    }
+
+    /// The same where the lens may be dirty.
+    pub fn with_veil(&self) -> Self {
+        Self { veil_sigma: VEIL_SIGMA, ..*self }
     }
 }
 
@@ -102,9 +171,11 @@ fn quadrupole(from: DVec3, point: DVec3) -> ([f64; 2], [DVec3; 2]) {
     (values, [gradient(0), gradient(1)])
 }
 
-/// Most parameters that a residual depends on, and how many of them are not the tone curve's.
-const OWN: usize = 15;
-const LIGHT: usize = 12;
+/// Most parameters that a residual depends on, how many of them are not the tone curve's, and how
+/// many not the veil's either.
+const OWN: usize = 17;
+const LIGHT: usize = 14;
+const VEILED: usize = 13;
 
 /// How far a sample is from the model, in logarithms of stored values.
 pub(super) struct Residual {
@@ -122,7 +193,7 @@ impl Residual {
 
 /// The model with its parameters.
 pub(super) struct Model<'a> {
-    poses: &'a [Pose],
+    shots: &'a [Shot],
     problem: &'a Problem,
     theta: &'a DVector<f64>,
     /// `None`: values are linear.
@@ -130,11 +201,11 @@ pub(super) struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    pub fn new(poses: &'a [Pose], problem: &'a Problem, theta: &'a DVector<f64>) -> Self {
+    pub fn new(shots: &'a [Shot], problem: &'a Problem, theta: &'a DVector<f64>) -> Self {
         let log_slopes = std::array::from_fn(|k| theta[parameter::TONE + k]);
         let curve = ToneCurve { log_slopes, ..ToneCurve::default() };
         let curve = (problem.tone_sigma > 0.0).then(|| LogCurve::new(curve));
-        Self { poses, problem, theta, curve }
+        Self { shots, problem, theta, curve }
     }
 
     /// Residual of a sample and its non-zero derivatives; `None` for a light behind the board.
@@ -143,12 +214,14 @@ impl<'a> Model<'a> {
     /// stored values, and a curve that made all radiances alike would not make it smaller.
     pub fn residual(&self, sample: &Sample) -> Option<Residual> {
         use parameter::{
-            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOG_SCALE, OFFSET, PATTERN,
-            TONE,
+            AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOCAL, LOG_SCALE, OFFSET,
+            PATTERN, TONE, VEIL,
         };
         let Self { problem, theta, .. } = self;
-        let (c, pose) = (sample.channel, &self.poses[sample.frame]);
+        let (c, shot) = (sample.channel, &self.shots[sample.frame]);
+        let pose = &shot.pose;
         let offset = DVec3::new(theta[OFFSET], theta[OFFSET + 1], theta[OFFSET + 2]);
+        let offset = shot.offset(offset);
         let (g, by_light) =
             irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
         let by_light = pose.rotation * by_light; // of the light's position in the camera frame
@@ -171,10 +244,12 @@ impl<'a> Model<'a> {
             Ink::Gray => (GRAY, 1.0),
         };
         let model = theta[LOG_SCALE + c] + theta[frame] + inked * theta[ink] + total.ln()
-            - u * (theta[EXPONENT] + u * theta[CURVATURE]);
+            - u * (theta[EXPONENT] + u * theta[CURVATURE])
+            - theta[LOCAL] * sample.log_surround;
         let by_pattern = share * live / pattern;
         let by_offset = share * (by_light / g - theta[LOBE] * u_by_light)
             + by_pattern * (theta[PATTERN] * along_by + theta[PATTERN + 1] * across_by);
+        let by_offset = shot.sign() * by_offset;
         let mut residual = Residual {
             value: model - sample.log_value,
             derivatives: [
@@ -190,12 +265,17 @@ impl<'a> Model<'a> {
                 (PATTERN, by_pattern * along),
                 (PATTERN + 1, by_pattern * across),
                 (frame, 1.0),
+                (LOCAL, -sample.log_surround),
+                (VEIL, 0.0),
                 (TONE, 0.0),
                 (TONE + 1, 0.0),
                 (TONE + 2, 0.0),
             ],
-            used: LIGHT,
+            used: VEILED,
         };
+        if problem.veil_sigma > 0.0 && sample.surround > 0.0 {
+            residual.veil(model, theta[VEIL], sample);
+        }
         if let Some(curve) = &self.curve {
             residual.put_on(&curve.at(sample.log_stored));
         }
@@ -204,6 +284,19 @@ impl<'a> Model<'a> {
 }
 
 impl Residual {
+    /// With a share of the surroundings' light instead of the square's.
+    fn veil(&mut self, model: f64, share: f64, sample: &Sample) {
+        self.used = LIGHT;
+        let clear = model.exp();
+        let veiled = (1.0 - share) * clear + share * sample.surround;
+        let kept = (1.0 - share) * clear / veiled;
+        for (_, derivative) in &mut self.derivatives[..VEILED] {
+            *derivative *= kept;
+        }
+        self.derivatives[VEILED].1 = (sample.surround - clear) / veiled;
+        self.value = veiled.ln() - sample.log_value;
+    }
+
     fn put_on(&mut self, lift: &Lift) {
         self.used = OWN;
         for (k, by) in lift.by_parameters.into_iter().enumerate() {
@@ -224,31 +317,51 @@ mod tests {
     /// The derivatives by which the fit steps, against central differences.
     #[test]
     fn derivatives_match_finite_differences() {
-        let poses = [Pose {
+        let pose = Pose {
             rotation: DMat3::from_rotation_x(std::f64::consts::PI - 0.4),
             translation: DVec3::new(4.0, -3.0, 250.0),
-        }];
+        };
         let mut theta = DVector::zeros(parameter::FRAMES + 3);
         let values = [
             3.0, -1.0, 0.1, 0.05, 0.2, 0.4, 0.2, 0.1, 8.0, -5.0, 1.0, 0.0, 0.1, 0.0, 1.7, 0.4,
-            -0.3, 0.2, 0.4, -0.3, 0.6, 0.0, 0.02, 0.0,
+            -0.3, 0.2, 0.4, -0.3, 0.6, 0.05, 0.1, 0.0, 0.02, 0.0,
         ];
         for (i, v) in values.into_iter().enumerate() {
             theta[i] = v;
         }
-        for (ink, tone_sigma) in [(Ink::Black, 0.0), (Ink::None, 0.5), (Ink::Gray, 0.5)] {
+        for (ink, tone_sigma, veil_sigma, turned) in [
+            (Ink::Black, 0.0, 0.1, false),
+            (Ink::None, 0.5, 0.0, true),
+            (Ink::Gray, 0.5, 0.1, false),
+            (Ink::None, 0.0, 0.1, true),
+        ] {
+            let shots = [Shot { pose, turned }];
             let problem = Problem {
                 reference_mm: 240.0,
                 offset_mm: DVec3::ZERO,
                 offset_sigma_mm: DVec3::ONE,
                 ambient_sigma: 0.1,
                 tone_sigma,
+                veil_sigma,
+                local_sigma: 0.1,
+                ..Problem::default()
             };
             let at = |theta: &DVector<f64>, log_value| {
                 let board_mm = DVec3::new(-60.0, 45.0, 0.0);
                 let (frame, channel, log_stored, sigma) = (0, 1, -1.3, 1.0);
-                let sample = Sample { frame, channel, ink, log_stored, log_value, board_mm, sigma };
-                Model::new(&poses, &problem, theta).residual(&sample).unwrap()
+                let surround = 0.4;
+                let sample = Sample {
+                    frame,
+                    channel,
+                    ink,
+                    log_stored,
+                    log_value,
+                    board_mm,
+                    sigma,
+                    surround,
+                    log_surround: 0.3,
+                };
+                Model::new(&shots, &problem, theta).residual(&sample).unwrap()
             };
             // Where the residual is 0: what the curve's slope adds to its derivatives is left out.
             let (a, b) = (at(&theta, 0.0).value, at(&theta, 1.0).value);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
-use crate::frame::Photo;
+use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
 
 /// Squares narrower than this on the photo hold no pixel free of their neighbours.
@@ -24,6 +24,14 @@ const MAX_SPREAD: f32 = 0.12;
 const MAX_CLIPPED: f32 = 0.01;
 /// A patch over the next brighter one: at most this, whatever tone curve is on.
 const PATCH_STEP: f64 = 0.8;
+/// Black over white that no ink on paper goes below, and share of black squares that may be all 0.
+const MIN_BLACK: f64 = 0.015;
+const MAX_VOID: f32 = 0.3;
+/// Logarithm of black over white that differs from that of most photographs, and photographs that make most.
+const OTHER_BLACK: f64 = 0.3;
+const MIN_OTHERS: usize = 2;
+/// White squares so near are beside a black one, squares.
+const NEIGHBOUR_SQUARES: f64 = 1.6;
 /// Squares needed for a scale that one odd square cannot upset.
 const MIN_SQUARES: usize = 4;
 /// White level (share of full scale) below which 8-bit codes are too coarse.
@@ -36,8 +44,12 @@ pub struct Square {
     pub white: bool,
     /// Centre of the square, mm, board frame (z = 0).
     pub board_mm: DVec2,
+    /// The same in the photograph, px.
+    pub px: DVec2,
     /// Linear value divided by the photo's exposure, per channel; `None` where clipped.
     pub value: [Option<f32>; 3],
+    /// What the photograph shows far round it, in the same units.
+    pub surround: [f32; 3],
 }
 
 /// The squares of one photograph.
@@ -47,10 +59,17 @@ pub struct Squares {
     pub squares: Vec<Square>,
     /// The gray patch where it is printed, and seen unclipped.
     pub gray: Option<Square>,
+    /// Linear values of the black, the gray and the white patch; `None` where they are not seen: out of
+    /// view, covered, clipped, or not printed.
+    pub patches: Option<[[f32; 3]; 3]>,
     /// Relative exposure of the photograph.
     pub exposure: f32,
     /// Share of the visible white squares that are clipped in some channel.
     pub clipped_share: f32,
+    /// Share of the visible black squares that have no value above 0.
+    pub void_share: f32,
+    /// Centres of squares that are not plain, mm, board frame: a shadow's edge, glare, dirt, a finger.
+    pub uneven_mm: Vec<DVec2>,
 }
 
 impl Squares {
@@ -58,11 +77,44 @@ impl Squares {
     pub(crate) fn is_plausible(&self) -> bool {
         let is_positive = |v: &f32| v.is_finite() && *v > 0.0;
         let is_square = |square: &Square| {
-            square.board_mm.is_finite() && square.value.iter().flatten().all(is_positive)
+            square.board_mm.is_finite()
+                && square.px.is_finite()
+                && square.value.iter().flatten().all(is_positive)
+                && square.surround.iter().all(|v| v.is_finite())
         };
         is_positive(&self.exposure)
             && self.clipped_share.is_finite()
+            && self.void_share.is_finite()
+            && self.uneven_mm.iter().all(|p| p.is_finite())
             && self.squares.iter().chain(&self.gray).all(is_square)
+    }
+
+    /// Black squares over the white ones beside them, median, without the camera's tone curve. 0 where most black
+    /// ones have no value; `None` where there are too few of either.
+    fn black_over_white(&self, target: &Target, tone: &ToneCurve) -> Option<f64> {
+        if self.void_share > MAX_VOID {
+            return Some(0.0);
+        }
+        let value = |square: &Square| {
+            let [r, g, b] = square.value;
+            let stored = [r?, g?, b?].map(|v| v * self.exposure);
+            Some(tone.undone(stored).into_iter().map(f64::from).sum::<f64>())
+        };
+        let reach = NEIGHBOUR_SQUARES * target.square_mm;
+        let ratio = |black: &Square| {
+            let near = self
+                .squares
+                .iter()
+                .filter(|s| s.white && s.board_mm.distance_squared(black.board_mm) < reach * reach);
+            let (sum, count) =
+                near.filter_map(value).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+            (count > 0.0).then_some(())?;
+            Some(value(black)? * count / sum)
+        };
+        let black = self.squares.iter().filter(|s| !s.white);
+        let mut ratios: Vec<f64> = black.filter_map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        (ratios.len() >= MIN_SQUARES).then(|| ratios[ratios.len() / 2])
     }
 
     /// Measures every square that lies wholly inside the photo.
@@ -77,8 +129,11 @@ impl Squares {
         pose: &Pose,
     ) -> Result<Self, Rejection> {
         let mut scratch = Scratch::default();
-        let (mut squares, mut levels) = (Vec::new(), Vec::new());
-        let (mut visible, mut clipped) = (0_usize, 0_usize);
+        let surround = Surround::of(photo);
+        let around =
+            |px: DVec2| surround.at(px.x as f32, px.y as f32).map(|v| v / photo.exposure());
+        let (mut squares, mut levels, mut uneven_mm) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut visible, mut clipped, mut black, mut void) = (0_usize, 0, 0, 0);
         for row in 0..i64::from(target.rows) {
             for col in 0..i64::from(target.cols) {
                 if !target.has_square(row, col) {
@@ -93,7 +148,10 @@ impl Squares {
                     continue;
                 }
                 visible += usize::from(white);
+                black += usize::from(!white);
+                void += usize::from(!white && scratch.is_void());
                 let Some(measured) = scratch.channels(photo.saturation(), place.quantile) else {
+                    uneven_mm.push(place.centre);
                     continue;
                 };
                 clipped += usize::from(white && measured.clipped);
@@ -102,7 +160,8 @@ impl Squares {
                 }
                 if measured.value.iter().any(Option::is_some) {
                     let value = measured.value.map(|v| v.map(|v| v / photo.exposure()));
-                    squares.push(Square { white, board_mm: place.centre, value });
+                    let (board_mm, px) = (place.centre, place.px);
+                    squares.push(Square { white, board_mm, px, value, surround: around(px) });
                 }
             }
         }
@@ -120,22 +179,57 @@ impl Squares {
         {
             return Err(Rejection::TooDark { level });
         }
-        let gray = gray_patch(photo, target, camera, pose);
-        Ok(Self { squares, gray, exposure: photo.exposure(), clipped_share })
+        let void_share = void as f32 / black.max(1) as f32;
+        // Where the patches are not printed, there is something else.
+        let patches = patch_values(photo, target, camera, pose);
+        let gray = patches.and_then(|_| gray_patch(photo, target, camera, pose, around));
+        let patches = patches.map(|each| each.map(|value| value.map(|v| v as f32)));
+        let exposure = photo.exposure();
+        Ok(Self { squares, gray, patches, exposure, clipped_share, void_share, uneven_mm })
     }
 }
 
+/// Black over white of a photograph whose contrast was changed, and what it should be: it is the print's, the same in
+/// all photographs, and no ink is blacker than a limit.
+pub(crate) fn edited<'a>(
+    photo: &Squares,
+    others: impl Iterator<Item = &'a Squares>,
+    target: &Target,
+    tone: &ToneCurve,
+) -> Option<[f32; 2]> {
+    if target.black_albedo <= 0.0 {
+        return None;
+    }
+    let own = photo.black_over_white(target, tone)?;
+    let mut usual: Vec<f64> =
+        others.filter_map(|other| other.black_over_white(target, tone)).collect();
+    usual.sort_by(f64::total_cmp);
+    let known = usual.len() >= MIN_OTHERS;
+    let usual =
+        if known { usual[usual.len() / 2] } else { target.black_albedo / target.white_albedo };
+    let differs = known && (own.max(1e-6) / usual.max(1e-6)).ln().abs() > OTHER_BLACK;
+    (own < MIN_BLACK || differs).then_some([own as f32, usual as f32])
+}
+
 /// The gray patch as a square; `None` where it is not printed, or not seen.
-fn gray_patch(photo: &Photo, target: &Target, camera: &Camera, pose: &Pose) -> Option<Square> {
+fn gray_patch(
+    photo: &Photo,
+    target: &Target,
+    camera: &Camera,
+    pose: &Pose,
+    around: impl Fn(DVec2) -> [f32; 3],
+) -> Option<Square> {
     let [_, gray, _] = target.patches.then(|| target.patches())?;
     let value = patch_value(photo, camera, pose, &gray)?;
     let value = value.map(|v| (v > 0.0).then(|| (v / f64::from(photo.exposure())) as f32));
-    Some(Square { white: false, board_mm: gray.centre_mm, value })
+    let board_mm = gray.centre_mm;
+    let px = camera.project(pose.transform(board_mm.extend(0.0)))?;
+    Some(Square { white: false, board_mm, px, value, surround: around(px) })
 }
 
 /// Mean stored values of the black, the gray and the white patch in linear light; `None` where they
 /// are not seen: out of view, covered, clipped, or the board was printed without them.
-pub(crate) fn patch_values(
+fn patch_values(
     photo: &Photo,
     target: &Target,
     camera: &Camera,
@@ -179,6 +273,8 @@ struct Placed {
     row: f64,
     col: f64,
     centre: DVec2,
+    /// The same in the photograph, px.
+    px: DVec2,
     /// Samples along each side, about one per pixel.
     samples: (u32, u32),
     /// Margin to the square's edges, in squares, along columns and rows.
@@ -236,6 +332,7 @@ impl Placed {
             row,
             col,
             centre: target.grid_mm(row + 0.5, col + 0.5),
+            px: at(0.5, 0.5)?,
             samples: (count(across.length()), count(down.length())),
             margin,
             marker,
@@ -305,6 +402,12 @@ impl Scratch {
                 }
             }
         }
+    }
+
+    /// Whether most values are 0 in some channel.
+    fn is_void(&self) -> bool {
+        let most = |list: &Vec<f32>| 2 * list.iter().filter(|v| **v <= 0.0).count() > list.len();
+        self.values.iter().any(most)
     }
 
     /// Robust mean of each channel: values within 2.5 robust sigma of the quantile. `None` when

@@ -58,6 +58,7 @@ impl Detail {
         let plain = Radiometry {
             gain: [1.0; 3],
             tone: ToneCurve::default(),
+            veil: 0.0,
             vignetting: Vignetting::default(),
             lobe: Lobe::default(),
             flash_offset_mm: DVec3::ZERO,

@@ -7,24 +7,28 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::photograph::{
-    Conditions, Details, Measured, Photograph, Rectified, Remake, Taken, steepest,
+    Conditions, Details, Measured, Photograph, Rectified, Remake, Taken, Veiled, steepest,
 };
+use super::printed::{self, Printed};
 use crate::calibration::photometry::{
     FlashOffset, PhotometricCalibrator, Photometry, Radiometry, Squares,
 };
-use crate::calibration::reasons::{Softness, other_camera, same_lens, why_no_board};
+use crate::calibration::reasons::{
+    Softness, other_camera, same_lens, too_soft_to_find, why_no_board,
+};
 use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
     PoseEstimate, Target,
 };
-use crate::frame::Photo;
+use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 use crate::rectification::Part;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
-use crate::session::advice::{self, Hint};
+use crate::session::advice;
+use crate::session::hint::Hint;
 use crate::session::reports::{BoardPose, Observed};
 use crate::session::survey::{self, Candidate, NextView};
-use crate::{Error, Rejection};
+use crate::{BoardDifference, Error, Rejection};
 
 /// Where the flash of an unknown camera may be, mm: in the plane of its lens.
 const FLASH_SIGMA_MM: DVec3 = DVec3::new(30.0, 30.0, 0.0);
@@ -42,6 +46,11 @@ const SETTLING_PHOTOS: std::ops::RangeInclusive<usize> = 4..=8;
 /// the scene, the settings and the photographs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Board {
+    #[serde(skip)]
+    described: Target,
+    /// How the print differs from that.
+    printed: Printed,
+    /// The board as printed.
     #[serde(skip)]
     pub target: Target,
     #[serde(skip)]
@@ -96,15 +105,17 @@ impl Board {
         let stated = elevation_mm.is_some();
         let elevation = elevation_mm.map(|mm| ElevationEstimate { mm, sigma_mm: 0.0 });
         let elevation = elevation.unwrap_or_default();
-        let fixed = Self { target, flash_offset_mm, given, stated, ..Self::default() };
+        let described = target.clone();
+        let fixed = Self { described, target, flash_offset_mm, given, stated, ..Self::default() };
         Ok(Self { sample_mm, resolution, elevation, ..fixed })
     }
 
     /// This board without photographs, with what was saved of another of the same scene.
     pub fn resumed(self, saved: Self) -> Self {
-        let Self { estimate, paper, photographs, .. } = saved;
+        let Self { printed, estimate, paper, photographs, .. } = saved;
+        let target = printed.target(&self.described);
         let elevation = if self.stated { self.elevation } else { saved.elevation };
-        let mut board = Self { estimate, paper, elevation, photographs, ..self };
+        let mut board = Self { printed, target, estimate, paper, elevation, photographs, ..self };
         board.photometry = board.calibrator().estimated();
         board
     }
@@ -167,17 +178,21 @@ impl Board {
 
     /// The board with another photograph, calibrated and rectified.
     pub fn with(&self, photo: &Photo) -> Result<(Self, Taken), Rejection> {
-        let Detection { corners, blur_px } = self.detect(photo)?;
+        let fitting = self.of_known_size(photo);
+        let photo = fitting.as_ref().unwrap_or(photo);
+        let (printed, Detection { corners, blur_px }) = self.detect(photo)?;
         let blur = Softness::new(&corners, blur_px)?;
         let prior = CameraPrior::of_photo(photo);
         same_lens(self.photographs.first().map(|p| &p.measured.prior), &prior)?;
-        let mut board = Self { refused: Vec::new(), ..self.clone() };
+        let target = printed.target(&self.described);
+        let mut board = Self { printed, target, refused: Vec::new(), ..self.clone() };
+        let target = board.target.clone();
         let (camera, place) = board.locate(&prior, &corners).map_err(|rejection| {
-            let other = |known| other_camera(&self.target, &known, &corners, rejection);
+            let other = |known| other_camera(&target, &known, &corners, rejection);
             self.camera().and_then(other).unwrap_or(rejection)
         })?;
         let PoseEstimate { pose, rms_px, .. } = place;
-        let measured = Squares::measure(photo, &self.target, &camera, &pose);
+        let measured = Squares::measure(photo, &target, &camera, &pose);
         let lit = measured.and_then(|squares| Ok((board.lit(&squares, &pose)?, squares)));
         let (light, squares) = lit.map_err(|rejection| blur.explained(rejection))?;
         let measured = Measured { corners, prior, squares };
@@ -187,27 +202,34 @@ impl Board {
         let edge_px = blur_px.hypot(rms_px).hypot(PLACED_PX) as f32;
         let (mut photograph, restart) = board.add(measured, camera, place, part, edge_px, light);
         let size = [self.resolution; 2];
-        let rectified = Rectified::new(photograph.wanted, photo, &camera, self.sample_mm, size)?;
+        let veiled = Veiled { surround: &Surround::of(photo), corner: [0; 2] };
+        let wanted = photograph.wanted;
+        let rectified = Rectified::new(wanted, photo, veiled, &camera, self.sample_mm, size)?;
         let observation = rectified.observation().clone();
         photograph.rectified = Some(rectified);
-        let mut hints = board.hints(photo, &camera, &pose, true);
         let refused = self.refused.iter();
-        hints.extend(refused.map(|&(index, rejection)| Hint::NotRemade { index, rejection }));
+        let refused = refused.map(|&(index, rejection)| Hint::NotRemade { index, rejection });
         let earlier = board.photographs.iter_mut().enumerate();
         let remakes = earlier.filter_map(|(index, earlier)| earlier.remake(index)).collect();
         board.photographs.push(photograph);
         board.settle();
+        let hints = refused.collect();
         let pose = Some(BoardPose { pose, reprojection_rms_px: rms_px });
         let observed = Observed { observation, pose, hints };
         Ok((board, Taken { observed, remakes, restart }))
     }
 
-    /// What there is to tell about a photograph, `lit` by the light that is known.
-    pub fn hints(&self, photo: &Photo, camera: &Camera, pose: &Pose, lit: bool) -> Vec<Hint> {
-        let light = self.photometry.as_ref().filter(|_| lit);
+    /// What there is to tell about a photograph that is only looked at, if its squares are known.
+    pub fn hints(&self, pose: &Pose, squares: Option<&Squares>) -> Vec<Hint> {
+        let light = self.photometry.as_ref().zip(squares);
         let linearity =
-            light.and_then(|light| advice::linearity(photo, &self.target, camera, pose, light));
+            light.and_then(|(light, squares)| advice::linearity(squares, &self.target, light));
         advice::nothing_new(&self.poses(), pose).into_iter().chain(linearity).collect()
+    }
+
+    /// Height of the sample, whether the caller has said it.
+    pub fn is_height_stated(&self) -> bool {
+        self.stated
     }
 
     /// The board as if a photograph had never come: all others are taken in again, in their order, from
@@ -304,7 +326,7 @@ impl Board {
     }
 
     /// The board in a photograph of the size that is known.
-    fn detect(&self, photo: &Photo) -> Result<Detection, Rejection> {
+    fn detect(&self, photo: &Photo) -> Result<(Printed, Detection), Rejection> {
         if let Some(camera) = self.camera()
             && (photo.width(), photo.height()) != (camera.width, camera.height)
         {
@@ -316,10 +338,29 @@ impl Board {
             });
         }
         let luma = LumaImage::from_photo(photo);
-        match calibration::detect(&luma, &self.target) {
-            Err(Rejection::BoardNotFound) => Err(why_no_board(photo)),
-            found => found,
-        }
+        calibration::detect(&luma, &self.target).map(|found| (self.printed, found)).or_else(|why| {
+            let other = (self.photographs.is_empty() && printed::may_explain(&why))
+                .then(|| printed::look(&luma, &self.described));
+            other.flatten().ok_or_else(|| match too_soft_to_find(&luma, &why) {
+                Some(blurred) => blurred,
+                None if why == Rejection::BoardNotFound => why_no_board(photo),
+                None => why,
+            })
+        })
+    }
+
+    /// A photograph at the size of the camera known, where it is a multiple of that: of the same sensor at full
+    /// resolution.
+    fn of_known_size(&self, photo: &Photo) -> Option<Photo> {
+        let camera = self.camera()?;
+        let step = photo.width() / camera.width;
+        let fits = (photo.width(), photo.height()) == (step * camera.width, step * camera.height);
+        (fits && step > 1).then(|| photo.reduced(step))
+    }
+
+    /// How the print differs from the board described.
+    pub fn difference(&self) -> Option<BoardDifference> {
+        self.printed.difference(&self.described)
     }
 
     /// Estimates the height of the sample from details of all photographs. Those of a new one.

@@ -4,6 +4,7 @@
 
 mod board;
 mod photograph;
+mod printed;
 
 use std::f32::consts::PI;
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::Rejection;
 use crate::calibration::photometry::{Radiometry, Squares};
 use crate::calibration::{CameraPrior, Corner};
-use crate::frame::Photo;
+use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
 use crate::rectification::elevation::Detail;
@@ -36,8 +36,10 @@ impl Conditions {
     /// These, where a photograph is to be seen in a better light; `latest` altogether, where its part is
     /// kept and the sample lies elsewhere or stored values mean something else.
     pub(super) fn improved(&self, latest: &Self, kept: bool, sample_mm: [f32; 2]) -> Self {
-        let tone = self.radiometry.tone != latest.radiometry.tone;
-        if kept && (tone || self.moves(latest, sample_mm)) {
+        if kept
+            && (self.radiometry.reads_otherwise(&latest.radiometry)
+                || self.moves(latest, sample_mm))
+        {
             *latest
         } else {
             Self { radiometry: latest.radiometry, ..*self }
@@ -180,6 +182,14 @@ impl Remake {
     }
 }
 
+/// What a veil over a photograph is made of: the surround of the whole photograph, and the first pixel of
+/// the part there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Veiled<'a> {
+    pub surround: &'a Surround,
+    pub corner: [u32; 2],
+}
+
 impl Rectified {
     /// Rectifies a photograph that `camera` took, or a part of one.
     ///
@@ -188,6 +198,7 @@ impl Rectified {
     pub(super) fn new(
         conditions: Conditions,
         photo: &Photo,
+        veiled: Veiled,
         camera: &Camera,
         sample_mm: [f32; 2],
         [width, height]: [usize; 2],
@@ -195,6 +206,9 @@ impl Rectified {
         let Conditions { pose, radiometry, elevation_mm, edge_px, .. } = &conditions;
         let (height_mm, edge_px) = (*elevation_mm as f32, *edge_px);
         let top = TopView { sample_mm, height_mm, width, height, edge_px };
+        let clear = (radiometry.veil > 0.0)
+            .then(|| photo.without_veil(radiometry.veil as f32, veiled.surround, veiled.corner));
+        let photo = clear.as_ref().unwrap_or(photo);
         let observation = rectification::rectify_raised(photo, camera, pose, radiometry, top)?;
         Ok(Self { conditions, observation })
     }
@@ -222,13 +236,14 @@ impl Rectified {
         if old == *wanted {
             return Ok(());
         }
-        let tone = old.radiometry.tone != wanted.radiometry.tone;
+        let otherwise = old.radiometry.reads_otherwise(&wanted.radiometry);
         match part {
-            Some(part) if from_pixels || tone || !old.same_geometry(wanted) => {
+            Some(part) if from_pixels || otherwise || !old.same_geometry(wanted) => {
                 let size = [self.observation.width(), self.observation.height()];
                 let (sample_mm, camera) =
                     (self.observation.view.sample_mm, part.camera(&wanted.camera));
-                *self = Self::new(*wanted, &part.photo, &camera, sample_mm, size)?;
+                let veiled = Veiled { surround: &part.surround, corner: part.corner };
+                *self = Self::new(*wanted, &part.photo, veiled, &camera, sample_mm, size)?;
             }
             _ => {
                 let Conditions { camera, pose, radiometry, elevation_mm, .. } = &old;
@@ -272,6 +287,7 @@ mod tests {
         Radiometry {
             gain: [gain; 3],
             tone: ToneCurve::default(),
+            veil: 0.0,
             vignetting: Vignetting { exponent: 2.0, curvature: 0.5 },
             lobe: Lobe { exponent: 1.5, pattern: [-0.2, 0.1] },
             flash_offset_mm: DVec3::new(5.0, 2.0, 0.0),
@@ -293,15 +309,28 @@ mod tests {
         Photo::from_linear(camera.width, camera.height, rgb, 1.0, 10.0).unwrap()
     }
 
+    fn made(conditions: Conditions) -> Result<Rectified, Rejection> {
+        let (photo, camera) = (picture(), conditions.camera);
+        let veiled = Veiled { surround: &Surround::of(&photo), corner: [0; 2] };
+        Rectified::new(conditions, &photo, veiled, &camera, SAMPLE_MM, [64; 2])
+    }
+
     /// A photograph accepted with these conditions, its part kept.
     fn accepted(conditions: Conditions) -> Photograph {
         let Conditions { camera, pose, .. } = &conditions;
         let part = Part::new(&picture(), camera, pose, SAMPLE_MM, elevation::RANGE_MM);
-        let squares =
-            Squares { squares: Vec::new(), gray: None, exposure: 1.0, clipped_share: 0.0 };
+        let squares = Squares {
+            squares: Vec::new(),
+            gray: None,
+            patches: None,
+            exposure: 1.0,
+            clipped_share: 0.0,
+            void_share: 0.0,
+            uneven_mm: Vec::new(),
+        };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };
-        let rectified = Rectified::new(conditions, &picture(), camera, SAMPLE_MM, [64; 2]).unwrap();
+        let rectified = made(conditions).unwrap();
         let (part, pose, wanted) = (Some(Arc::new(part)), *pose, conditions);
         let (rms_px, details, rectified) = (0.1, None, Some(rectified));
         Photograph { measured, pose, rms_px, part, details, wanted, rectified }
@@ -320,7 +349,7 @@ mod tests {
     fn assert_rectified(photograph: &Photograph, conditions: &Conditions) {
         let Rectified { conditions: found, observation } = photograph.rectified.as_ref().unwrap();
         assert_eq!((found, &photograph.wanted), (conditions, conditions));
-        let whole = Rectified::new(*conditions, &picture(), &conditions.camera, SAMPLE_MM, [64; 2]);
+        let whole = made(*conditions);
         assert_close(observation, &whole.unwrap().observation);
     }
 

@@ -75,5 +75,6 @@ fn is_inside(part: &Part, whole: &Camera) -> bool {
     let fits =
         |from: u32, count: u32, size: u32| from.checked_add(count).is_some_and(|end| end <= size);
     let ([x, y], photo) = (part.corner, &part.photo);
-    fits(x, photo.width(), whole.width) && fits(y, photo.height(), whole.height)
+    let plausible = part.surround.is_plausible();
+    plausible && fits(x, photo.width(), whole.width) && fits(y, photo.height(), whole.height)
 }

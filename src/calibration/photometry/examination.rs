@@ -1,0 +1,300 @@
+//! What is wrong with the light of photographs: what their squares show that the model of light has not.
+//!
+//! Each kind of fault has a model of its own, and is named where that explains the squares much better:
+//! stripes along a photograph's rows or columns, light that lies on places of the board whatever the camera
+//! does, light that does not move with the camera at all.
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+use nalgebra::{DMatrix, DVector};
+
+use super::fit;
+use super::model::Shot;
+use super::radiometry::Photometry;
+use super::squares::{Square, Squares};
+use crate::calibration::Target;
+use crate::geometry::Pose;
+
+/// Stripes: their number along a photograph's side, at most; the least that stripes are, amplitude and share of the
+/// squares' variance that they explain.
+const MOST_STRIPES: usize = 12;
+const LEAST_STRIPES: f64 = 1.2;
+const STRIPE_AMPLITUDE: f64 = 0.04;
+const STRIPE_SHARE: f64 = 0.7;
+/// Squares that tell of stripes or of the whole light.
+const SQUARES_MIN: usize = 24;
+/// Light on places of the board: logarithm of its brightness, standard deviations of the mean over the
+/// photographs, and share of the board.
+const PLACE_LOG: f64 = 0.07;
+const PLACE_SIGMAS: f64 = 4.0;
+const PLACE_SHARE: f64 = 0.03;
+const PLACE_PHOTOS: usize = 3;
+/// Light that stands still explains the squares so much better (robust deviation) than a flash, whose place must have
+/// changed by so much, mm.
+const STANDS_STILL: f64 = 0.6;
+const MOVED_MM: f64 = 40.0;
+/// Squares within this of the mirror direction may glare, degrees.
+const GLARE_DEG: f64 = 10.0;
+/// Black squares so much brighter (logarithm) do; so many, and such a share of those near the mirror direction, make
+/// it the print's fault, unless elsewhere squares are odd as well.
+const GLARE_LOG: f64 = 0.3;
+const GLARE_MIN: f64 = 4.0;
+const GLARE_SHARE: f64 = 0.3;
+const GLARE_ELSEWHERE: f64 = 0.3;
+
+/// What is odd about the light of a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Examination {
+    /// Photographs one by one.
+    pub photos: Vec<PhotoLight>,
+    /// Squares that are brighter than the flash explains in all photographs.
+    pub lit_places: Option<LitPlaces>,
+    /// How much better light that stands still explains the squares, as a ratio of deviations, where it does.
+    pub stands_still: Option<f64>,
+    /// Share of the squares near the mirrored flash that glare, where they do.
+    pub glare: Option<f64>,
+}
+
+/// What is odd about one photograph's light.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct PhotoLight {
+    /// Amplitude of bright and dark stripes, relative, where there are any.
+    pub stripes: Option<f64>,
+}
+
+/// Squares of the board that are lit by something else as well.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct LitPlaces {
+    /// Share of the white squares seen.
+    pub share: f64,
+    /// How many times as bright as the flash explains they are.
+    pub ratio: f64,
+    /// Their middle, mm.
+    pub board_mm: DVec2,
+}
+
+/// A square against the model of light.
+struct Residual {
+    white: bool,
+    board_mm: DVec2,
+    px: DVec2,
+    /// Logarithm of measured over expected value, mean of the channels.
+    log: f64,
+    /// Logarithm of the measured value over the albedo, the curve undone, and of the lens' and surroundings' part.
+    log_value: f64,
+    /// `-ln cos` of the angle to the optical axis.
+    u: f64,
+    /// Angle between the half vector and the board's normal, degrees.
+    half_deg: f64,
+}
+
+/// Examines photographs whose light is known.
+pub(crate) fn examine(
+    target: &Target,
+    photos: &[(Pose, &Squares)],
+    known: &Photometry,
+) -> Examination {
+    let all: Vec<Vec<Residual>> = photos
+        .iter()
+        .enumerate()
+        .map(|(i, (pose, squares))| residuals(target, i, pose, squares, known))
+        .collect();
+    let photo = |residuals: &Vec<Residual>| PhotoLight { stripes: stripes(residuals) };
+    Examination {
+        photos: all.iter().map(photo).collect(),
+        lit_places: lit_places(&all),
+        stands_still: stands_still(&all, photos, known),
+        glare: glare(&all, photos, known),
+    }
+}
+
+fn residuals(
+    target: &Target,
+    index: usize,
+    pose: &Pose,
+    squares: &Squares,
+    known: &Photometry,
+) -> Vec<Residual> {
+    let shot = Shot { pose: *pose, turned: known.turned[index] };
+    let offset = shot.offset(known.flash_offset_mm);
+    let (light, eye) = (pose.to_board(offset), pose.camera_centre());
+    let exposure = f64::from(squares.exposure);
+    let of = |square: &Square| {
+        let board = square.board_mm.extend(0.0);
+        let to_light = light - board;
+        let point = pose.transform(board);
+        let tan2 = (point.truncate() / point.z).length_squared();
+        let d = to_light.length();
+        let flash =
+            known.reference_mm.powi(2) * to_light.z / d.powi(3) * known.lobe.at(point - offset);
+        let albedo = if square.white { target.white_albedo } else { target.black_albedo };
+        let undone = known.tone.undone(square.value.map(|v| v.unwrap_or(0.5) * squares.exposure));
+        let (mut log, mut log_value, mut count) = (0.0, 0.0, 0.0);
+        for c in (0..3).filter(|c| square.value[*c].is_some()) {
+            let ink = if square.white { 1.0 } else { known.black_ratio[c] };
+            let clear = known.log_scale[index][c].exp()
+                * (flash + known.ambient[c])
+                * known.vignetting.at(tan2)
+                * albedo
+                * ink;
+            let expected = (1.0 - known.veil) * clear + known.veil * f64::from(square.surround[c]);
+            let value = f64::from(undone[c]) / exposure;
+            log += (value / expected).ln();
+            log_value += (value / albedo).ln();
+            count += 1.0;
+        }
+        (count > 0.0 && albedo > 0.0).then_some(Residual {
+            white: square.white,
+            board_mm: square.board_mm,
+            px: square.px,
+            log: log / count,
+            log_value: log_value / count,
+            u: 0.5 * (1.0 + tan2).ln(),
+            half_deg: half_deg(light, eye, square.board_mm),
+        })
+    };
+    squares.squares.iter().filter_map(of).filter(|r| r.log.is_finite()).collect()
+}
+
+/// Amplitude of a sine along rows or columns that explains most of what the squares deviate by.
+fn stripes(residuals: &[Residual]) -> Option<f64> {
+    let white: Vec<&Residual> = residuals.iter().filter(|r| r.white).collect();
+    if white.len() < SQUARES_MIN {
+        return None;
+    }
+    let values = DVector::from_iterator(white.len(), white.iter().map(|r| r.log));
+    let explained = |along: fn(&Residual) -> f64, stripes: f64| {
+        let (low, high) = white
+            .iter()
+            .fold((f64::MAX, f64::MIN), |(low, high), r| (low.min(along(r)), high.max(along(r))));
+        let rows = DMatrix::from_fn(white.len(), 3, |i, k| {
+            let phase = 2.0 * PI * stripes * (along(white[i]) - low) / (high - low).max(1.0);
+            [1.0, phase.cos(), phase.sin()][k]
+        });
+        let found = (rows.transpose() * &rows).try_inverse()? * (rows.transpose() * &values);
+        let left = (&values - rows * &found).norm_squared();
+        Some((left, found[1].hypot(found[2])))
+    };
+    let mean = values.mean();
+    let all = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+    let counts = (0..)
+        .map(|i| LEAST_STRIPES + 0.2 * f64::from(i))
+        .take_while(|stripes| *stripes <= MOST_STRIPES as f64);
+    let axes: [fn(&Residual) -> f64; 2] = [|r| r.px.x, |r| r.px.y];
+    let tried = counts.flat_map(|count| axes.map(|along| explained(along, count)));
+    let (left, amplitude) = tried.flatten().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (amplitude > STRIPE_AMPLITUDE && left < (1.0 - STRIPE_SHARE) * all).then_some(amplitude)
+}
+
+/// Places of the board that are brighter than the flash explains in all photographs.
+fn lit_places(photos: &[Vec<Residual>]) -> Option<LitPlaces> {
+    let mut places: Vec<(DVec2, Vec<f64>)> = Vec::new();
+    for residual in photos.iter().flatten().filter(|r| r.white) {
+        match places.iter_mut().find(|(at, _)| at.distance_squared(residual.board_mm) < 1e-6) {
+            Some((_, logs)) => logs.push(residual.log),
+            None => places.push((residual.board_mm, vec![residual.log])),
+        }
+    }
+    let seen: Vec<_> = places.iter().filter(|(_, logs)| logs.len() >= PLACE_PHOTOS).collect();
+    let lit: Vec<(DVec2, f64)> = seen
+        .iter()
+        .filter_map(|(at, logs)| {
+            let count = logs.len() as f64;
+            let mean = logs.iter().sum::<f64>() / count;
+            let variance = logs.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
+            let least = logs.iter().copied().fold(f64::INFINITY, f64::min);
+            let clear = mean > PLACE_LOG.max(PLACE_SIGMAS * (variance / count).sqrt());
+            (clear && least > 0.0).then_some((*at, mean))
+        })
+        .collect();
+    let share = lit.len() as f64 / seen.len().max(1) as f64;
+    let middle = lit.iter().map(|(at, _)| *at).sum::<DVec2>() / lit.len().max(1) as f64;
+    let ratio = median(lit.iter().map(|(_, mean)| *mean).collect())?.exp();
+    (share > PLACE_SHARE && lit.len() > 1).then_some(LitPlaces { share, ratio, board_mm: middle })
+}
+
+/// Whether the white squares are as bright as a light has them that does not move with the camera.
+fn stands_still(
+    photos: &[Vec<Residual>],
+    views: &[(Pose, &Squares)],
+    known: &Photometry,
+) -> Option<f64> {
+    let lights = || views.iter().map(|(pose, _)| pose.to_board(known.flash_offset_mm));
+    let moved = lights().any(|a| lights().any(|b: DVec3| a.distance(b) > MOVED_MM));
+    let white: Vec<(usize, &Residual)> = photos
+        .iter()
+        .enumerate()
+        .flat_map(|(i, photo)| photo.iter().filter(|r| r.white).map(move |r| (i, r)))
+        .collect();
+    if !moved || white.len() < SQUARES_MIN * photos.len().min(2) {
+        return None;
+    }
+    // A common scale for each photograph, a smooth field on the board, a lens.
+    let columns = photos.len() + 7;
+    let row = |&(photo, r): &(usize, &Residual)| {
+        let p = r.board_mm / 100.0;
+        let field = [p.x, p.y, p.x * p.x, p.x * p.y, p.y * p.y, r.u, r.u * r.u];
+        let own = (0..photos.len()).map(move |i| f64::from(u8::from(i == photo)));
+        own.chain(field).collect::<Vec<f64>>()
+    };
+    let rows: Vec<Vec<f64>> = white.iter().map(row).collect();
+    let mut found = DVector::zeros(columns);
+    let mut sigma = f64::INFINITY;
+    for _ in 0..6 {
+        let (mut normal, mut right) =
+            (DMatrix::identity(columns, columns) * 1e-6, DVector::zeros(columns));
+        for (row, (_, r)) in rows.iter().zip(&white) {
+            let off = r.log_value - row.iter().zip(found.iter()).map(|(a, b)| a * b).sum::<f64>();
+            let weight = if sigma.is_finite() { (1.5 * sigma / off.abs()).min(1.0) } else { 1.0 };
+            for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+                right[j] += weight * a * r.log_value;
+                for (k, b) in row.iter().enumerate() {
+                    normal[(j, k)] += weight * a * b;
+                }
+            }
+        }
+        found = normal.cholesky()?.solve(&right);
+        let off = rows.iter().zip(&white).map(|(row, (_, r))| {
+            (r.log_value - row.iter().zip(found.iter()).map(|(a, b)| a * b).sum::<f64>()).abs()
+        });
+        sigma = 1.4826 * median(off.collect())?;
+    }
+    let flash = 1.4826 * median(white.iter().map(|(_, r)| r.log.abs()).collect())?;
+    let ratio = sigma.max(fit::TONE_MIN_SIGMA) / flash.max(fit::TONE_MIN_SIGMA);
+    (ratio < STANDS_STILL).then_some(ratio.recip())
+}
+
+/// How many of the squares near the mirror direction glare: black ones that are much too bright, and all that are not
+/// plain; where elsewhere hardly any are.
+fn glare(photos: &[Vec<Residual>], views: &[(Pose, &Squares)], known: &Photometry) -> Option<f64> {
+    let (mut near, mut far) = ([0.0_f64; 2], [0.0_f64; 2]);
+    let mut count = |half_deg: f64, odd: bool| {
+        let to = if half_deg < GLARE_DEG { &mut near } else { &mut far };
+        if half_deg < GLARE_DEG || half_deg > 2.0 * GLARE_DEG {
+            *to = [to[0] + 1.0, to[1] + f64::from(u8::from(odd))];
+        }
+    };
+    for (i, (photo, (pose, squares))) in photos.iter().zip(views).enumerate() {
+        photo.iter().for_each(|r| count(r.half_deg, !r.white && r.log > GLARE_LOG));
+        let shot = Shot { pose: *pose, turned: known.turned[i] };
+        let light = pose.to_board(shot.offset(known.flash_offset_mm));
+        let eye = pose.camera_centre();
+        squares.uneven_mm.iter().for_each(|at| count(half_deg(light, eye, *at), true));
+    }
+    let [near, far] = [near, far].map(|[all, odd]| (odd, odd / f64::max(all, 1.0)));
+    (near.0 >= GLARE_MIN && near.1 > GLARE_SHARE && far.1 < GLARE_ELSEWHERE * near.1)
+        .then_some(near.1)
+}
+
+/// Angle between the half vector at a place of the board and the board's normal, degrees.
+fn half_deg(light: DVec3, eye: DVec3, board_mm: DVec2) -> f64 {
+    let board = board_mm.extend(0.0);
+    let half = (light - board).normalize() + (eye - board).normalize();
+    half.normalize().z.clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

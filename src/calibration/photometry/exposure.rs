@@ -1,0 +1,56 @@
+//! How bright photographs are, against what is stated of their exposures.
+//!
+//! A stated exposure is a prior. Only the fall-off inside photographs tells where the flash is, so that a
+//! wrong exposure must not move it: where the light found is far from the expected one, or photographs are
+//! not as bright as stated, the light is also looked for with gains of which nothing is known, and the
+//! likelier of both is taken.
+
+use nalgebra::DVector;
+
+use super::fit::{self, Solution};
+use super::model::{Problem, Sample, Shot, parameter};
+
+/// Gains that nothing is known of: width of their prior, logarithm.
+const FREE: f64 = 1.0;
+/// Gains, in widths of their prior, and places of the flash, in standard deviations, that are looked into.
+const DOUBTFUL_GAIN: f64 = 3.0;
+const DOUBTFUL_OFFSET: f64 = 1.5;
+
+/// The light, exposures being as stated unless photographs outvote that.
+pub(super) fn solve(samples: &[Sample], shots: &[Shot], problem: &Problem) -> Solution {
+    let stated = fit::solve(samples, shots, problem, None);
+    if shots.len() < 2 || !is_doubtful(&stated, problem) {
+        return stated;
+    }
+    let free = Problem { gain_width: FREE, ..*problem };
+    let free = fit::solve(samples, shots, &free, None);
+    let start = with_most_as_stated(&free.theta, shots.len(), problem.gain_width);
+    let outvoted = fit::solve(samples, shots, problem, Some(&start));
+    let sigma = stated.sigma.min(outvoted.sigma);
+    let misfit = |solution| fit::misfit(samples, shots, problem, solution, sigma);
+    if misfit(&outvoted) < misfit(&stated) { outvoted } else { stated }
+}
+
+fn is_doubtful(solution: &Solution, problem: &Problem) -> bool {
+    let gain =
+        solution.log_gain.iter().any(|[log, _]| log.abs() > DOUBTFUL_GAIN * problem.gain_width);
+    let off = (solution.offset_mm - problem.offset_mm).abs();
+    gain || off.cmpgt(DOUBTFUL_OFFSET * problem.offset_sigma_mm).any()
+}
+
+/// The same light with the common scale so that as many gains as possible are nearly none.
+fn with_most_as_stated(theta: &DVector<f64>, photos: usize, width: f64) -> DVector<f64> {
+    let mut theta = theta.clone();
+    for c in 0..3 {
+        let own = |f: usize| parameter::FRAMES + 3 * f + c;
+        let gains: Vec<f64> = (0..photos).map(|f| theta[own(f)]).collect();
+        let cost = |common: f64| {
+            gains.iter().map(|g| (1.0 + ((g - common) / width).powi(2)).ln()).sum::<f64>()
+        };
+        let common = gains.iter().copied().min_by(|a, b| cost(*a).total_cmp(&cost(*b)));
+        let common = common.unwrap_or(0.0);
+        theta[parameter::LOG_SCALE + c] += common;
+        (0..photos).for_each(|f| theta[own(f)] -= common);
+    }
+    theta
+}

@@ -1,0 +1,60 @@
+//! How the maps explain photographs: contradictions, and materials outside the model.
+
+use super::material;
+use crate::Svbrdf;
+use crate::estimate::FrameFit;
+use crate::observation::Observation;
+use crate::session::capture::Board;
+use crate::session::hint::{Group, Hint};
+
+/// The least residual, and how many times the usual one, that is called a contradiction: a false word is worse
+/// than none, and photographs that agree leave some hundredths, glossy ones more.
+const CONTRADICTING_RESIDUAL: f32 = 0.08;
+const CONTRADICTING_TIMES: f32 = 2.5;
+/// A height known worse than this may explain parts that contradict the others, mm.
+const HEIGHT_SIGMA_MM: f64 = 2.0;
+
+/// Adds what the residuals of the maps tell.
+pub(super) fn tell(
+    board: Option<&Board>,
+    maps: Option<&Svbrdf>,
+    photographs: &[Observation],
+    fits: &[FrameFit],
+    group: Option<Group>,
+    hints: &mut [Vec<Hint>],
+) {
+    if fits.len() != photographs.len() {
+        return;
+    }
+    if let Some(group) = group {
+        let members = (0..hints.len()).filter(|i| group.contains(*i));
+        members.for_each(|i| hints[i].push(Hint::TwoGroups { group }));
+        return;
+    }
+    // A wrong light contradicts everything.
+    if hints.iter().flatten().any(|hint| matches!(hint, Hint::LightStays { .. })) {
+        return;
+    }
+    let mut usual: Vec<f32> = fits.iter().map(|fit| fit.residual).collect();
+    usual.sort_by(f32::total_cmp);
+    let usual = usual.get(usual.len() / 2).copied().unwrap_or(0.0);
+    let limit = CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
+    let contradicts = |fit: &FrameFit| fit.outlier && (fit.weight == 0.0 || fit.residual > limit);
+    let odd = fits.iter().any(|fit| contradicts(fit));
+    if let Some(material) = maps.filter(|_| odd).and_then(|maps| material::find(maps, photographs))
+    {
+        hints.iter_mut().for_each(|hints| hints.push(material));
+        return;
+    }
+    let height_unknown = board.is_some_and(|board| {
+        !board.is_height_stated() && board.elevation.sigma_mm > HEIGHT_SIGMA_MM
+    });
+    for (fit, hints) in fits.iter().zip(hints) {
+        let residual = fit.residual;
+        if contradicts(fit) {
+            hints.push(Hint::Contradicts { residual, usual });
+        } else if let Some(part) = fit.part {
+            hints.push(Hint::PartContradicts { part, height_unknown });
+        }
+    }
+}

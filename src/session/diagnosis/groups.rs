@@ -1,0 +1,186 @@
+//! Photographs that fall into two groups: of two samples, or of one that lies elsewhere, or turned, on the board.
+//!
+//! The fine detail of log radiance is, in a texel, its own albedo and its own slopes in the direction of the light:
+//! over a sample, details of two photographs `i`, `j` have the covariance `a² + s² t_i . t_j`, with `t` the
+//! horizontal part of the light's direction, whatever the sample, if it is the same texels that both show. Of
+//! other texels they have none. The labels are looked for that explain the correlations of all pairs best.
+
+use crate::observation::Observation;
+use crate::parallel;
+use crate::session::hint::Group;
+
+/// Photographs in a group, at least: a single one is a matter of contradictions.
+const LEAST: usize = 2;
+/// Photographs up to which all divisions are tried; of more, those in their order.
+const ALL_DIVISIONS: usize = 10;
+/// What a division must leave of the misfit of correlations without one.
+const LEFT: f64 = 0.4;
+/// Correlations inside groups, at least, and those between them in relation to these, at most.
+const INSIDE: f64 = 0.15;
+const BETWEEN: f64 = 0.45;
+/// Radius of what counts as detail, part of the sample's side.
+const DETAIL: f32 = 0.03;
+/// Half vectors nearer to the normal show a highlight, which is no albedo, degrees.
+const HIGHLIGHT_DEG: f32 = 14.0;
+/// Texels that two photographs must share.
+const SHARED: usize = 2000;
+
+/// The smaller of two groups that contradict each other, if there are.
+pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
+    let n = photographs.len();
+    if n < 2 * LEAST {
+        return None;
+    }
+    let details = parallel::map(n, |i| Detail::of(&photographs[i]));
+    let mut pairs = Vec::new();
+    for i in 0..n {
+        for j in 0..i {
+            if let Some(correlation) = correlation(&details[i], &details[j]) {
+                let [a, b] = [i, j].map(|k| details[k].towards_light);
+                let lights = f64::from(a[0] * b[0] + a[1] * b[1]);
+                pairs.push(Pair { members: [i, j], correlation, lights });
+            }
+        }
+    }
+    let whole = misfit(&pairs, 0);
+    let masks: Vec<u64> = if n <= ALL_DIVISIONS {
+        (1..1 << (n - 1)).collect()
+    } else {
+        (1..n).map(|k| (1 << k) - 1).collect()
+    };
+    let sizes = |mask: u64| {
+        let inside = mask.count_ones() as usize;
+        inside.min(n - inside)
+    };
+    let tried = masks.into_iter().filter(|mask| sizes(*mask) >= LEAST);
+    let (left, mask) =
+        tried.map(|mask| (misfit(&pairs, mask), mask)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mean = |same: bool| {
+        let each = pairs.iter().filter(|p| p.is_inside(mask) == same);
+        let (sum, count) = each.fold((0.0, 0.0), |(s, n), p| (s + p.correlation, n + 1.0));
+        sum / f64::max(count, 1.0)
+    };
+    let (inside, between) = (mean(true), mean(false));
+    let divided = left < LEFT * whole && inside > INSIDE && between < BETWEEN * inside;
+    let members = (0..n).filter(|i| mask >> i & 1 == 1);
+    let others = (0..n).filter(|i| mask >> i & 1 == 0);
+    let smaller = 2 * (mask.count_ones() as usize) < n
+        || (2 * (mask.count_ones() as usize) == n && mask & 1 == 0);
+    divided.then(|| if smaller { Group::of(members) } else { Group::of(others) })
+}
+
+/// How alike the details of two photographs are.
+struct Pair {
+    members: [usize; 2],
+    correlation: f64,
+    /// Product of the horizontal parts of the directions of their lights.
+    lights: f64,
+}
+
+impl Pair {
+    fn is_inside(&self, mask: u64) -> bool {
+        let [a, b] = self.members.map(|i| mask >> i & 1);
+        a == b
+    }
+}
+
+/// Mean square of what albedo and slopes leave of the correlations, those between groups being none.
+fn misfit(pairs: &[Pair], mask: u64) -> f64 {
+    let inside = || pairs.iter().filter(|p| p.is_inside(mask));
+    let sum = |f: &dyn Fn(&Pair) -> f64| inside().map(f).sum::<f64>();
+    let (n, t, tt) = (sum(&|_| 1.0), sum(&|p| p.lights), sum(&|p| p.lights * p.lights));
+    let (r, rt) = (sum(&|p| p.correlation), sum(&|p| p.correlation * p.lights));
+    let determinant = n * tt - t * t;
+    let both = (determinant > 1e-9 * n * tt)
+        .then(|| [(r * tt - rt * t) / determinant, (n * rt - t * r) / determinant]);
+    let least = |v: f64| v.max(0.0);
+    // Variances: where one would be negative, it is none.
+    let [albedo, slopes] = match both {
+        Some([a, s]) if a >= 0.0 && s >= 0.0 => [a, s],
+        Some([a, _]) if a < 0.0 && tt > 0.0 => [0.0, least(rt / tt)],
+        _ => [if n > 0.0 { least(r / n) } else { 0.0 }, 0.0],
+    };
+    let left = |p: &Pair| {
+        let expected = if p.is_inside(mask) { albedo + slopes * p.lights } else { 0.0 };
+        (p.correlation - expected).powi(2)
+    };
+    pairs.iter().map(left).sum::<f64>() / pairs.len().max(1) as f64
+}
+
+/// Fine detail of a photograph.
+struct Detail {
+    /// Log radiance less its mean around; `None` where a highlight is, or nothing is seen.
+    values: Vec<Option<f32>>,
+    /// Horizontal part of the direction of the light over its vertical part.
+    towards_light: [f32; 2],
+}
+
+impl Detail {
+    fn of(photograph: &Observation) -> Self {
+        let (w, h) = (photograph.width(), photograph.height());
+        let view = &photograph.view;
+        let limit = HIGHLIGHT_DEG.to_radians().cos();
+        let log = |t: usize| {
+            if photograph.weight(t) <= 0.0 {
+                return None;
+            }
+            let [x, y] = view.texel_mm(w, h, t % w, t / w);
+            let unit = |p: [f32; 3]| {
+                let d = [p[0] - x, p[1] - y, p[2]];
+                let length = d.iter().map(|v| v * v).sum::<f32>().sqrt();
+                d.map(|v| v / length)
+            };
+            let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
+            let half: [f32; 3] = std::array::from_fn(|k| a[k] + b[k]);
+            let glossy = half[2] > limit * half.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let sum: f32 = (0..3).map(|c| photograph.radiance(c, t)).sum();
+            (!glossy && sum > 1e-4).then(|| sum.ln())
+        };
+        let logs: Vec<Option<f32>> = (0..w * h).map(log).collect();
+        let radius = (DETAIL * w.max(h) as f32).ceil() as usize;
+        let means = box_means(&logs, w, h, radius);
+        let values =
+            logs.iter().zip(means).map(|(v, mean)| v.zip(mean).map(|(v, m)| v - m)).collect();
+        let [x, y, z] = view.light_mm;
+        Self { values, towards_light: [x / z, y / z] }
+    }
+}
+
+/// Means over squares round each texel of what is there; `None` where most is not.
+fn box_means(values: &[Option<f32>], w: usize, h: usize, radius: usize) -> Vec<Option<f32>> {
+    let stride = w + 1;
+    let mut sums = vec![[0.0_f64; 2]; stride * (h + 1)];
+    for y in 0..h {
+        let mut row = [0.0; 2];
+        for x in 0..w {
+            if let Some(v) = values[y * w + x] {
+                row = [row[0] + f64::from(v), row[1] + 1.0];
+            }
+            let above = sums[y * stride + x + 1];
+            sums[(y + 1) * stride + x + 1] = [above[0] + row[0], above[1] + row[1]];
+        }
+    }
+    let mean = |i: usize| {
+        let (x, y) = (i % w, i / w);
+        let (x0, x1) = (x.saturating_sub(radius), (x + radius + 1).min(w));
+        let (y0, y1) = (y.saturating_sub(radius), (y + radius + 1).min(h));
+        let at = |x: usize, y: usize| sums[y * stride + x];
+        let of = |k: usize| at(x1, y1)[k] - at(x0, y1)[k] - at(x1, y0)[k] + at(x0, y0)[k];
+        let (sum, count) = (of(0), of(1));
+        (2.0 * count > ((x1 - x0) * (y1 - y0)) as f64).then(|| (sum / count) as f32)
+    };
+    (0..w * h).map(mean).collect()
+}
+
+/// `None` where too little is seen in both.
+fn correlation(a: &Detail, b: &Detail) -> Option<f64> {
+    let (mut ab, mut aa, mut bb, mut count) = (0.0_f64, 0.0, 0.0, 0);
+    for (a, b) in a.values.iter().zip(&b.values) {
+        if let (Some(a), Some(b)) = (a, b) {
+            // No speck of dust counts more than a texture.
+            let (a, b) = (f64::from(a.clamp(-0.5, 0.5)), f64::from(b.clamp(-0.5, 0.5)));
+            (ab, aa, bb, count) = (ab + a * b, aa + a * a, bb + b * b, count + 1);
+        }
+    }
+    (count >= SHARED && aa > 0.0 && bb > 0.0).then(|| ab / (aa * bb).sqrt())
+}

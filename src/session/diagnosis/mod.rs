@@ -1,0 +1,55 @@
+//! What is wrong with photographs, as it holds with all that is known: each kind of fault by a model of its own.
+//! Hints given when a photograph came are those of that moment; these take their place.
+
+mod fits;
+mod geometry;
+mod groups;
+mod highlights;
+mod light;
+mod material;
+
+use super::capture::{Board, Capture};
+use super::hint::Hint;
+use crate::Svbrdf;
+use crate::estimate::FrameFit;
+
+/// What there is to tell about the latest photograph of a board, without the maps.
+pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
+    of_board(board).pop().unwrap_or_default()
+}
+
+/// What there is to tell about each photograph of a capture, and how the maps explain it.
+pub(super) fn of_capture(
+    capture: &Capture,
+    maps: Option<&Svbrdf>,
+    fits: &[FrameFit],
+) -> Vec<Vec<Hint>> {
+    let photographs = capture.observations();
+    let mut all = match capture.board() {
+        Some(board) => of_board(board),
+        None => vec![Vec::new(); photographs.len()],
+    };
+    let board = capture.board();
+    if board.is_some() {
+        geometry::of_capture(capture, &mut all);
+    }
+    let group = board.and_then(|_| groups::find(&photographs));
+    fits::tell(board, maps, &photographs, fits, group, &mut all);
+    highlights::tell(&photographs, &mut all);
+    all
+}
+
+fn of_board(board: &Board) -> Vec<Vec<Hint>> {
+    let poses = board.poses();
+    let mut all: Vec<Vec<Hint>> = (0..poses.len())
+        .map(|i| super::advice::nothing_new(&poses[..i], &poses[i]).into_iter().collect())
+        .collect();
+    light::tell(board, &mut all);
+    if let Some(difference) = board.difference() {
+        all.iter_mut().for_each(|hints| hints.push(Hint::BoardDiffers(difference)));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests;

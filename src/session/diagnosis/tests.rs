@@ -1,0 +1,148 @@
+//! Each fault is found in photographs of known maps, and none in good ones.
+
+use super::*;
+use crate::observation::{Falloff, Observation, View};
+use crate::render::render;
+use crate::svbrdf::channel;
+use crate::test_support::noise;
+
+const SIDE: usize = 128;
+
+/// A bumpy and speckled material.
+fn material(seed: u64, bumps: f32, specks: f32) -> Svbrdf {
+    let mut random = noise(seed);
+    let mut maps = Svbrdf::new(SIDE, SIDE);
+    for t in 0..SIDE * SIDE {
+        let tone = 0.3 * (specks * (random() - 0.5)).exp();
+        maps.plane_mut(channel::SLOPE_X)[t] = bumps * (random() - 0.5);
+        maps.plane_mut(channel::SLOPE_Y)[t] = bumps * (random() - 0.5);
+        maps.plane_mut(channel::ROUGHNESS)[t] = 0.5;
+        for c in 0..3 {
+            maps.plane_mut(channel::DIFFUSE + c)[t] = tone;
+            maps.plane_mut(channel::SPECULAR + c)[t] = 0.04;
+        }
+    }
+    maps
+}
+
+fn view(i: usize) -> View {
+    let (sin, cos) = (2.1 * i as f32).sin_cos();
+    let away = 25.0 * i as f32;
+    let camera_mm = [away * cos, away * sin, 270.0];
+    View {
+        sample_mm: [100.0; 2],
+        camera_mm,
+        light_mm: [camera_mm[0] + 9.0, camera_mm[1] - 6.0, 270.0],
+        falloff: Falloff::InverseSquare { power_mm2: [3e5; 3] },
+        ambient: [0.0; 3],
+        mirrored: 1.0,
+    }
+}
+
+/// A photograph with some noise, each radiance changed by the angle off the normal that it is seen at.
+fn photograph(maps: &Svbrdf, i: usize, change: impl Fn(f32) -> f32) -> Observation {
+    let mut random = noise(100 + i as u64);
+    let mut planes = vec![0.0; 3 * SIDE * SIDE];
+    let view = view(i);
+    render(maps, &view, &mut planes);
+    for (k, value) in planes.iter_mut().enumerate() {
+        let t = k % (SIDE * SIDE);
+        let [x, y] = view.texel_mm(SIDE, SIDE, t % SIDE, t / SIDE);
+        let [cx, cy, cz] = view.camera_mm;
+        let degrees = (cx - x).hypot(cy - y).atan2(cz).to_degrees();
+        *value *= change(degrees) * (1.0 + 0.1 * (random() - 0.5));
+    }
+    Observation::new(SIDE, SIDE, view, &planes, &vec![1.0; SIDE * SIDE]).unwrap()
+}
+
+fn same(_: f32) -> f32 {
+    1.0
+}
+
+/// The maps moved by so many texels.
+fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
+    let mut out = maps.clone();
+    for c in channel::SLOPE_X..=channel::ROUGHNESS {
+        let plane = maps.plane(c);
+        let at = |t: usize| plane[t / SIDE * SIDE + (t % SIDE + by) % SIDE];
+        let shifted: Vec<f32> = (0..SIDE * SIDE).map(at).collect();
+        out.plane_mut(c).copy_from_slice(&shifted);
+    }
+    out
+}
+
+#[test]
+fn two_samples_and_a_moved_one_are_two_groups() {
+    for (bumps, specks) in [(0.6, 0.0), (0.0, 0.5), (0.3, 0.3)] {
+        let (one, other) = (material(1, bumps, specks), material(2, bumps, specks));
+        for (second, members) in
+            [(&[2, 3, 4, 5][..], "1 and 2"), (&[3, 4, 5], "4, 5 and 6"), (&[1, 4], "2 and 5")]
+        {
+            for maps in [&other, &moved(&one, 3)] {
+                let shown = |i: usize| if second.contains(&i) { maps } else { &one };
+                let photographs: Vec<_> = (0..6).map(|i| photograph(shown(i), i, same)).collect();
+                let group = groups::find(&photographs).map(|group| group.to_string());
+                let what = format!("{bumps} {specks} {second:?}");
+                assert_eq!(group, Some(format!("photos {members}")), "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn photographs_of_one_sample_are_no_two_groups() {
+    for (bumps, specks) in [(0.6, 0.0), (0.0, 0.5), (0.3, 0.3), (0.05, 0.02), (0.0, 0.0)] {
+        let maps = material(3, bumps, specks);
+        for count in 2..9 {
+            let photographs: Vec<_> = (0..count).map(|i| photograph(&maps, i, same)).collect();
+            assert_eq!(groups::find(&photographs), None, "{bumps} {specks}, {count}");
+        }
+        // One of another sample is a matter of contradictions.
+        let other = material(4, bumps, specks);
+        let odd = |i: usize| photograph(if i == 3 { &other } else { &maps }, i, same);
+        let photographs: Vec<_> = (0..5).map(odd).collect();
+        assert_eq!(groups::find(&photographs), None);
+    }
+}
+
+#[test]
+fn a_sheen_is_the_fault_of_the_material() {
+    let maps = material(5, 0.2, 0.2);
+    let sheen = |degrees: f32| 0.8 + 0.6 * (degrees / 35.0).powi(2);
+    let photographs: Vec<_> = (0..6).map(|i| photograph(&maps, i, sheen)).collect();
+    let found = material::find(&maps, &photographs);
+    assert!(matches!(found, Some(Hint::OtherMaterial { .. })), "{found:?}");
+    // Not so the photographs that are as the maps have them, and one that is brighter by itself.
+    let good: Vec<_> = (0..6).map(|i| photograph(&maps, i, same)).collect();
+    assert_eq!(material::find(&maps, &good), None);
+    for bad in [0, 3, 5] {
+        let odd = |i: usize| photograph(&maps, i, |_| if i == bad { 1.6 } else { 1.0 });
+        let photographs: Vec<_> = (0..6).map(odd).collect();
+        assert_eq!(material::find(&maps, &photographs), None, "photo {bad}");
+    }
+}
+
+#[test]
+fn saturated_peaks_are_told() {
+    let maps = material(6, 0.0, 0.1);
+    let view = View { camera_mm: [0.0, 0.0, 270.0], light_mm: [8.0, 0.0, 270.0], ..view(0) };
+    let good = photograph(&maps, 0, same);
+    let mut planes = vec![0.0; 3 * SIDE * SIDE];
+    render(&maps, &view, &mut planes);
+    // Round the middle, where the flash is mirrored, nothing has a value.
+    let weight = |t: usize| {
+        let [x, y] = view.texel_mm(SIDE, SIDE, t % SIDE, t / SIDE);
+        if (x - 4.0).hypot(y) < 14.0 { 0.0 } else { 1.0 }
+    };
+    let weights: Vec<f32> = (0..SIDE * SIDE).map(weight).collect();
+    let saturated = Observation::new(SIDE, SIDE, view, &planes, &weights).unwrap();
+    let told = |photographs: &[Observation]| {
+        let mut hints = vec![Vec::new(); photographs.len()];
+        highlights::tell(photographs, &mut hints);
+        hints
+    };
+    let hints = told(std::slice::from_ref(&saturated));
+    assert!(matches!(hints[0][..], [Hint::Saturated { .. }]), "{hints:?}");
+    // Another photograph shows the peak.
+    assert_eq!(told(&[saturated, good]), [vec![], vec![]]);
+}
