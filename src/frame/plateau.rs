@@ -7,6 +7,10 @@ const LOOKED_AT: usize = 400_000;
 const SHARE: f64 = 0.003;
 const TIMES: u32 = 3;
 const ABOVE: f64 = 0.35;
+/// Values a little below, in relation to the plateau: light fades up to where it is cut off. White paper under an even
+/// light has one value, and nothing beside it.
+const BELOW: f64 = 0.15;
+const FADING: std::ops::Range<usize> = 4..18;
 /// Neighbours on each side: a contrast that was stretched leaves gaps between frequent values.
 const NEIGHBOURS: usize = 4;
 /// Plateaus are looked for from here to where full scale is near.
@@ -25,7 +29,9 @@ pub(super) fn plateau(data: &[u8]) -> Option<u8> {
         let own = counts[*code];
         let beside = (1..=NEIGHBOURS).flat_map(|d| [counts[code - d], counts[code + d]]);
         let above = counts[code + 1..].iter().sum::<u32>();
+        let below = FADING.map(|d| counts[code - d]).sum::<u32>();
         f64::from(own) > SHARE * all
+            && f64::from(below) > BELOW * f64::from(own)
             && beside.max().is_some_and(|most| own > TIMES * most)
             && f64::from(above) < ABOVE * f64::from(own)
     };
@@ -68,5 +74,8 @@ mod tests {
         assert_eq!(plateau(&picture(255.0, 255.0, 1.0)), None);
         assert_eq!(plateau(&picture(1e9, 0.8e9, 1.0)), None);
         assert_eq!(plateau(&picture(1e9, 0.5e9, 1.7)), None);
+        // White and black squares under an even light.
+        let even = (0..90_000).map(|i| if i / 3000 % 2 == 0 { 192 } else { 50 });
+        assert_eq!(plateau(&even.collect::<Vec<u8>>()), None);
     }
 }
