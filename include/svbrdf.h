@@ -276,26 +276,10 @@ typedef uint32_t svbrdf_phase;
 #define SVBRDF_PHASE_NONE 0
 /** Something that this version of the header does not know. */
 #define SVBRDF_PHASE_OTHER 1
-/** Fits the latent code. */
-#define SVBRDF_PHASE_LATENT 2
-/** Decides how far texels may differ from each other, and whether there are only few materials. */
-#define SVBRDF_PHASE_WIDTHS 3
-/** Pools the gloss of texels that look alike. */
-#define SVBRDF_PHASE_POOL_GLOSS 4
-/** Corrects ambient light, or reflections of the room. */
-#define SVBRDF_PHASE_HELD_LIGHTS 5
-/** Corrects the lights as well. */
-#define SVBRDF_PHASE_TURNING_LIGHTS 6
-/** Refines the maps texel by texel. */
-#define SVBRDF_PHASE_MAPS 7
-/** Regresses slopes. */
-#define SVBRDF_PHASE_SLOPES 8
-/** Infers material classes. */
-#define SVBRDF_PHASE_CLASSES 9
-/** Applies the learned prior. */
-#define SVBRDF_PHASE_NETWORK 11
-/** SVBRDF_METHOD_CLASSIC: inverse rendering on the maps themselves. */
-#define SVBRDF_PHASE_BASELINE 12
+/** Looks for maps that explain all photographs. */
+#define SVBRDF_PHASE_FIT 2
+/** Brings back the detail of every texel. */
+#define SVBRDF_PHASE_REFINE 3
 
 /** State of a fit. */
 typedef struct svbrdf_progress {
@@ -1178,7 +1162,7 @@ svbrdf_status svbrdf_session_wait(struct svbrdf_session *session,
                                   int64_t timeout_ms);
 
 /**
- * The name of a phase in lower case, e.g. "held_lights"; "unknown" for other numbers. Static,
+ * The name of a phase in lower case, e.g. "refine"; "unknown" for other numbers. Static,
  * never NULL.
  */
 const char *svbrdf_phase_name(svbrdf_phase phase);

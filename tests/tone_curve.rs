@@ -88,6 +88,7 @@ fn curves_known_later_are_undone_afterwards() {
         power_mm2: [1e5; 3],
         ambient: [0.0; 3],
         log_sigma: 0.0,
+        veil: 0.0,
     };
     let curves = [[0.0; 3], [0.1, -0.4, 0.9], [-0.2, 0.1, 0.3]];
     for (from, to) in [(0, 1), (1, 2), (2, 0)] {

@@ -1,6 +1,7 @@
 //! Raw photographs.
 
 mod common;
+#[allow(dead_code)] // a part of what it writes
 #[path = "../../tests/common/negatives.rs"]
 mod negatives;
 

@@ -173,6 +173,7 @@ impl Capture {
             power_mm2: [power as f32; 3],
             ambient: self.true_ambient().map(|v| (v / lobe) as f32),
             log_sigma: 0.0,
+            veil: 0.0,
         }
     }
 
