@@ -203,10 +203,10 @@ mod tests {
             let (width, height) = (600, 450);
             let data = (0..width * height).map(|i| {
                 let (x, y) = ((i % width) as f32, (i / width) as f32);
-                // A blurred checkerboard of squares of 30 px: mostly its first harmonic.
+                // A checkerboard of squares of 30 px whose edges are as steep as blurred ones.
                 let wave = |v: f32| {
                     let edge = (std::f32::consts::PI * v / 30.0).sin();
-                    (edge * 19.0 / blur).tanh()
+                    (edge * 7.6 / blur).tanh()
                 };
                 0.55 + 0.5 * contrast * wave(x) * wave(y)
             });

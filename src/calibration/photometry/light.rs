@@ -17,6 +17,8 @@ const OFFSET_SIGNIFICANCE: f64 = 2.0;
 /// look a little like a curve.
 const TONE_EVIDENCE: f64 = 9.0;
 const TONE_EVIDENCE_SHARE: f64 = 0.5;
+/// Photographs from which on what surrounds squares is told from what is wrong with paper and lens.
+const SURROUNDINGS_FROM: usize = 3;
 /// Rounds in which turned photographs are looked for.
 const TURNS_MAX: usize = 4;
 /// A veil counts as seen too where it is as large as this and as so many formal standard deviations, and hardly
@@ -55,6 +57,12 @@ impl Light {
         }
         let curved_problem = problem.with_tone_curve();
         let curved = Self::of_squares(samples, linear.shots.clone(), &curved_problem);
+        if linear.shots.len() < SURROUNDINGS_FROM {
+            let sigma = curved.solution.sigma;
+            let left = misfit(&curved, &curved_problem, sigma);
+            let gain = misfit(&linear, problem, sigma) - left;
+            return if gain > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left { curved } else { linear };
+        }
         // From the light that is known: a rough look is enough to see what does not explain the squares.
         let [veiled, local] = [problem.with_veil(), problem.with_local_tone()].map(|other| {
             let start = Some(&linear.solution.theta);

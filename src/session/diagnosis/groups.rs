@@ -55,12 +55,15 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
     let tried = masks.into_iter().filter(|mask| sizes(*mask) >= LEAST);
     let (left, mask) =
         tried.map(|mask| (misfit(&pairs, mask), mask)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mean = |same: bool| {
-        let each = pairs.iter().filter(|p| p.is_inside(mask) == same);
+    let mean = |of: &dyn Fn([u64; 2]) -> bool| {
+        let each = pairs.iter().filter(|p| of(p.members.map(|i| mask >> i & 1)));
         let (sum, count) = each.fold((0.0, 0.0), |(s, n), p| (s + p.correlation, n + 1.0));
         sum / f64::max(count, 1.0)
     };
-    let (inside, between) = (mean(true), mean(false));
+    // Each group by itself shows one texture: seen from above, relief shows none.
+    let inside = [0, 1].map(|group| mean(&|[a, b]| a == group && b == group));
+    let inside = inside.into_iter().fold(f64::INFINITY, f64::min);
+    let between = mean(&|[a, b]| a != b);
     let divided = left < LEFT * whole && inside > INSIDE && between < BETWEEN * inside;
     let members = (0..n).filter(|i| mask >> i & 1 == 1);
     let others = (0..n).filter(|i| mask >> i & 1 == 0);

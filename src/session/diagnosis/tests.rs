@@ -73,7 +73,8 @@ fn moved(maps: &Svbrdf, by: usize) -> Svbrdf {
 
 #[test]
 fn two_samples_and_a_moved_one_are_two_groups() {
-    for (bumps, specks) in [(0.6, 0.0), (0.0, 0.5), (0.3, 0.3)] {
+    // Relief alone shows nothing where the light comes along the view from above.
+    for (bumps, specks) in [(0.1, 0.8), (0.0, 0.5), (0.3, 0.8)] {
         let (one, other) = (material(1, bumps, specks), material(2, bumps, specks));
         for (second, members) in
             [(&[2, 3, 4, 5][..], "1 and 2"), (&[3, 4, 5], "4, 5 and 6"), (&[1, 4], "2 and 5")]
