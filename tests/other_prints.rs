@@ -25,7 +25,7 @@ fn photo(printed: &Target) -> Photo {
     let distance = camera.fy * side / (0.85 * f64::from(camera.height));
     let pose = looking_at(14.0, 70.0, 20.0, distance);
     let scene = Scene::new(printed.clone(), camera, pose, 5);
-    let mut rgb = scene.linear();
+    let mut rgb: Vec<f32> = scene.linear().into_iter().flat_map(|v| [v; 3]).collect();
     let eye = pose.camera_centre();
     for (i, pixel) in rgb.as_chunks_mut::<3>().0.iter_mut().enumerate() {
         let px = DVec2::new((i % 1440) as f64, (i / 1440) as f64);

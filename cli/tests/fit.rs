@@ -149,13 +149,18 @@ fn a_capture_of_bad_photos_only_exits_with_2_and_leaves_no_maps() {
 fn a_metal_in_an_uneven_room_is_told_from_the_room() {
     let dir = tempfile::tempdir().unwrap();
     let mut known = maps(256);
+    // Two metals, each of a colour of its own.
+    let is_smooth = |i: usize| (i / 256 / 32 + i % 256 / 32).is_multiple_of(2);
+    let mut fill = |c: usize, smooth: f32, rough: f32| {
+        for (i, v) in known.plane_mut(c).iter_mut().enumerate() {
+            *v = if is_smooth(i) { smooth } else { rough };
+        }
+    };
     for c in 0..3 {
-        known.plane_mut(channel::DIFFUSE + c).fill(0.03);
-        known.plane_mut(channel::SPECULAR + c).fill(0.6);
+        fill(channel::DIFFUSE + c, 0.02, 0.05);
+        fill(channel::SPECULAR + c, 0.6, 0.6);
     }
-    for (i, r) in known.plane_mut(channel::ROUGHNESS).iter_mut().enumerate() {
-        *r = if (i / 256 / 32 + i % 256 / 32) % 2 == 0 { 0.3 } else { 0.45 };
-    }
+    fill(channel::ROUGHNESS, 0.3, 0.45);
     let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
     svbrdf::export::write_maps(&source, &known).unwrap();
     let room = ["--frames", "4", "--ambient", "0.08"];

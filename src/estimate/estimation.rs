@@ -1,6 +1,5 @@
 //! An estimate in progress: photographs, latent code, and the phases that are left.
 
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -13,20 +12,11 @@ use super::options::{EstimateOptions, NoiseOptions};
 use super::phases::{Context, Phase, PhaseReport, Schedule};
 use super::photographs::Photographs;
 use super::relief::FitRecord;
+use super::task::{Cut, Method, Task};
 use crate::initial_estimate::Networks;
 use crate::observation::Observation;
 use crate::render;
 use crate::{Error, Result, Svbrdf};
-
-/// How maps are found from photographs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Method {
-    /// Latent code of the auto-encoder, then the posterior of every texel.
-    #[default]
-    Deep,
-    /// Inverse rendering directly on the maps from the same start: the baseline.
-    Classic,
-}
 
 /// Maps of the first photograph at its own resolution, before any optimisation.
 pub(crate) fn first_maps(networks: &Networks, observation: &Observation) -> Result<Svbrdf> {
@@ -51,15 +41,6 @@ pub struct Step {
     pub done: bool,
 }
 
-/// Why an estimate ended early.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Cut {
-    /// Time or steps were used up.
-    Budget,
-    /// What was left could not be seen.
-    Invisible,
-}
-
 /// A photograph for an estimate, and what it changes about earlier ones.
 #[derive(Debug, Clone)]
 pub(crate) struct Addition<I> {
@@ -75,16 +56,6 @@ impl Addition<[(usize, Observation); 0]> {
     pub fn new(observation: Observation) -> Self {
         Self { observation, replaced: [], restart: false }
     }
-}
-
-/// What an estimate is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Task {
-    pub method: Method,
-    /// Whether maps are refined after the latent fit.
-    pub refine: bool,
-    /// Whether lights are only roughly known: they and ambient light are corrected.
-    pub free_lights: bool,
 }
 
 /// Where an estimate is, with the maps that it shows there.

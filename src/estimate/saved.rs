@@ -7,10 +7,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::correction::Correction;
-use super::estimation::{Cut, Estimation, Method, Stage, Task};
+use super::estimation::{Estimation, Stage};
 use super::latent::{LatentFit, SavedFit};
 use super::options::EstimateOptions;
 use super::parts::Contradiction;
+use super::task::{Cut, Method, Task};
 use crate::initial_estimate::Networks;
 use crate::network::Workspace;
 use crate::observation::Observation;

@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
 use crate::confidence::Confidence;
-use crate::estimate::estimation::{Estimation, Method};
+use crate::estimate::estimation::Estimation;
 use crate::estimate::noise::Noise;
 use crate::estimate::posterior::{Spread, spread};
 use crate::estimate::prior::is_albedo;
+use crate::estimate::task::Method;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
@@ -132,7 +133,7 @@ impl Estimation {
     /// The noise that the residuals show.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
         if self.is_joint() {
-            return Noise::of_model(self.options.joint.noise as f32);
+            return Noise::of_model(self.options.joint.few.noise as f32);
         }
         let photographs = self.photographs.full();
         let weight: f64 = photographs.iter().map(Observation::total_weight).sum();

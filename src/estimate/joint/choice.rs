@@ -115,6 +115,7 @@ impl PriorChoice {
             diffuse: sigma(|prior| prior.diffuse),
             specular: sigma(|prior| prior.specular),
             roughness: sigma(|prior| prior.roughness),
+            noise: sigma(|prior| prior.noise),
         })
     }
 

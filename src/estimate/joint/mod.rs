@@ -46,7 +46,6 @@ pub(super) struct JointFit {
     /// Share of the texels' own deviations of gloss in the prior's mean, of too few photographs to leave one
     /// out.
     own: Option<f64>,
-    noise: f32,
 }
 
 impl JointFit {
@@ -69,8 +68,7 @@ impl JointFit {
         }
         let classes = setup.classes.clone();
         let problem = setup.problem(&sample, which, &prior, board, options);
-        let noise = options.joint.noise as f32;
-        Self { descent: descent(problem, STEPS), prior, classes, own, noise }
+        Self { descent: descent(problem, STEPS), prior, classes, own }
     }
 
     /// One step.
@@ -110,7 +108,7 @@ impl JointFit {
     /// Corrects the photographs by what all texels share; the prior of the last steps is the one found: the
     /// gloss of the classes, learned slopes, the sigmas chosen.
     pub fn finish(self, photographs: &mut Photographs, belief: &mut Belief) {
-        let Self { descent, prior, classes, own, noise } = self;
+        let Self { descent, prior, classes, own } = self;
         let (problem, state) = (descent.problem, descent.progress.state);
         let mut values = state.groups;
         for (class, mean) in values.iter_mut().zip(&problem.groups.mean) {
@@ -122,7 +120,7 @@ impl JointFit {
         belief.mean = Gloss { classes, values }.maps(&slopes, own, photographs);
         belief.maps.clone_from(&belief.mean);
         belief.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
-        belief.fixed_noise = Some(noise);
+        belief.fixed_noise = Some(prior.noise as f32);
         photographs.correct(state.correction);
     }
 }

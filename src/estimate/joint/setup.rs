@@ -164,7 +164,7 @@ impl Setup {
                 mean: self.class_means,
                 precision,
             },
-            noise: Noise { scale: options.noise as f32, huber: noise.huber },
+            noise: Noise { scale: prior.noise as f32, huber: noise.huber },
         }
     }
 }

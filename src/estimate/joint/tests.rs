@@ -96,7 +96,7 @@ fn planted_exposure_and_flash_are_found_and_none_where_there_is_none() {
         let roughness = belief.mean.plane(channel::ROUGHNESS);
         let mean = roughness.iter().sum::<f32>() / roughness.len() as f32;
         assert!((mean - 0.35).abs() < 0.05, "{mean}");
-        assert_eq!(belief.fixed_noise, Some(options().joint.noise as f32));
+        assert_eq!(belief.fixed_noise, Some(options().joint.few.noise as f32));
     }
 }
 
@@ -167,7 +167,7 @@ fn the_prior_is_a_mean_weighted_by_predictions() {
     let mean = (slopes / candidates.len() as f64).exp();
     let found = choice.chosen().unwrap();
     assert!((found.slope / mean - 1.0).abs() < 1e-9 && (1..=8).contains(&found.classes));
-    assert!((found.relief - 4.0 / 6.0).abs() < 1e-9, "{found:?}");
+    assert!((found.relief - 5.0 / 7.0).abs() < 1e-9, "{found:?}");
     let (folds, better) = (choice.folds.len(), 3);
     choice.errors[better * folds..][..folds].fill(0.004);
     let found = choice.chosen().unwrap();

@@ -10,9 +10,6 @@ pub struct JointOptions {
     pub few: JointPrior,
     /// The priors that predict photographs left out; the mean of those that predict well is used.
     pub candidates: Vec<JointPrior>,
-    /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
-    /// 15 % off, alike over a sample.
-    pub noise: f64,
     /// Texels that count as independent where something shared is weighed against its prior: errors of
     /// the model are alike all over a sample. Tuned.
     pub independent_texels: f64,
@@ -63,17 +60,18 @@ impl Default for JointOptions {
     fn default() -> Self {
         let classes = JointPrior::default();
         let one = JointPrior { classes: 1, specular: 0.002, roughness: 0.001, ..classes };
+        let free = JointPrior { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes };
         Self {
             few: JointPrior { diffuse: 0.1, ..classes },
             candidates: vec![
                 classes,
                 one,
                 JointPrior { slope: 0.1, ..classes },
-                JointPrior { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes },
+                free,
+                JointPrior { noise: 0.1, ..free },
                 JointPrior { relief: 0.0, ..classes },
                 JointPrior { relief: 0.0, ..one },
             ],
-            noise: 0.3,
             independent_texels: 14.0,
             class_sigma: [0.3, 0.4],
             class_mean: [0.2, 0.5],
@@ -98,11 +96,22 @@ pub struct JointPrior {
     pub specular: f64,
     /// Sigma of roughness within a class.
     pub roughness: f64,
+    /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
+    /// 15 % off, alike over a sample.
+    pub noise: f64,
 }
 
 impl Default for JointPrior {
     /// Eight classes of gloss on the learned slopes.
     fn default() -> Self {
-        Self { classes: 8, relief: 1.0, slope: 0.01, diffuse: 0.3, specular: 0.02, roughness: 0.01 }
+        Self {
+            classes: 8,
+            relief: 1.0,
+            slope: 0.01,
+            diffuse: 0.3,
+            specular: 0.02,
+            roughness: 0.01,
+            noise: 0.3,
+        }
     }
 }

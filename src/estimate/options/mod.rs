@@ -114,9 +114,9 @@ mod tests {
 
     #[test]
     fn a_file_names_what_differs_only() {
-        let text = r#"{ "joint": { "noise": 0.2 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
+        let text = r#"{ "joint": { "independent_texels": 20 }, "prior": { "sigma": [1,1,1,1,1,1,1,1,1] } }"#;
         let options: EstimateOptions = serde_json::from_str(text).unwrap();
-        assert_eq!(options.joint.noise, 0.2);
+        assert_eq!(options.joint.independent_texels, 20.0);
         assert_eq!(options.joint.shared, SharedOptions::default());
         assert_eq!(options.noise, NoiseOptions::default());
         let all = serde_json::to_string(&options).unwrap();

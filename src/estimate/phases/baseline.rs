@@ -1,10 +1,10 @@
 //! The baseline: inverse rendering without a prior.
 
-use super::{Context, Done, Work};
+use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::baseline::{Baseline, STEPS};
 use crate::estimate::budget::Trend;
-use crate::estimate::estimation::Cut;
+use crate::estimate::task::Cut;
 
 /// Iterations of the baseline.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! The choice of a prior and the joint solve.
 
-use super::{Context, Done, Work};
+use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::joint::{JointFit, PriorChoice, STEPS, flattened};
 use crate::estimate::options::JointPrior;
@@ -45,10 +45,11 @@ impl Work for Choice {
     }
 
     fn result(&self) -> Option<String> {
-        let JointPrior { classes, relief, slope, diffuse: _, specular, roughness } = self.chosen?;
+        let JointPrior { classes, relief, slope, diffuse: _, specular, roughness, noise } =
+            self.chosen?;
         Some(format!(
             "{classes} classes, {relief:.2} of the relief, sigmas of slopes {slope:.3}, specular {specular:.3}, \
-             roughness {roughness:.3}"
+             roughness {roughness:.3}, noise {noise:.2}"
         ))
     }
 }

@@ -1,11 +1,11 @@
 //! The latent code.
 
-use super::{Context, Done, Work};
+use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::belief::Belief;
 use crate::estimate::budget::{Shown, predicted_change};
-use crate::estimate::estimation::Cut;
 use crate::estimate::latent::LatentFit;
+use crate::estimate::task::Cut;
 
 /// Fraction of a budget that it may take: a step of the texels gains more.
 const FRACTION: f32 = 0.5;

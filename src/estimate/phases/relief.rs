@@ -1,7 +1,7 @@
 //! Learned relief: steps of the texels, completed by a network.
 
 use super::texels::Steps;
-use super::{Context, Done, Work};
+use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::relief::FitRecord;
 

@@ -1,10 +1,10 @@
 //! Steps of the texels.
 
-use super::{Context, Done, Phase as Shown, Work};
+use super::work::{Context, Done, Phase as Shown, Work};
 use crate::Result;
 use crate::estimate::budget::Trend;
-use crate::estimate::estimation::Cut;
 use crate::estimate::solver::Solver;
+use crate::estimate::task::Cut;
 
 /// Last steps, at most.
 const STEPS: usize = 8;
