@@ -103,7 +103,7 @@ impl Light {
         let ambient_sigma = if ambient_raw.iter().any(seen) { problem.ambient_sigma } else { 0.0 };
         let mut problem = Problem { ambient_sigma, ..*problem };
         if ambient_sigma == 0.0 {
-            solution = fit::solve(samples, &shots, &problem, Some(&solution.theta));
+            solution = exposure::solve(samples, &shots, &problem);
         }
         let off = (solution.offset_mm - problem.offset_mm).abs();
         let spread = solution.offset_sigma_mm;
@@ -111,7 +111,7 @@ impl Light {
             && off.cmple(OFFSET_SIGNIFICANCE * spread).all()
         {
             problem = Problem { offset_sigma_mm: DVec3::ZERO, ..problem };
-            solution = fit::solve(samples, &shots, &problem, Some(&solution.theta));
+            solution = exposure::solve(samples, &shots, &problem);
             solution.offset_sigma_mm = spread;
         }
         Self { solution, ambient_raw, shots }

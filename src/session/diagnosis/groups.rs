@@ -58,12 +58,12 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
     let mean = |of: &dyn Fn([u64; 2]) -> bool| {
         let each = pairs.iter().filter(|p| of(p.members.map(|i| mask >> i & 1)));
         let (sum, count) = each.fold((0.0, 0.0), |(s, n), p| (s + p.correlation, n + 1.0));
-        sum / f64::max(count, 1.0)
+        (count > 0.0).then(|| sum / count)
     };
-    // Each group by itself shows one texture: seen from above, relief shows none.
+    // Each group by itself shows one texture, as far as it is told: seen from above, relief shows none.
     let inside = [0, 1].map(|group| mean(&|[a, b]| a == group && b == group));
-    let inside = inside.into_iter().fold(f64::INFINITY, f64::min);
-    let between = mean(&|[a, b]| a != b);
+    let inside = inside.into_iter().flatten().reduce(f64::min)?;
+    let between = mean(&|[a, b]| a != b)?;
     let divided = left < LEFT * whole && inside > INSIDE && between < BETWEEN * inside;
     let members = (0..n).filter(|i| mask >> i & 1 == 1);
     let others = (0..n).filter(|i| mask >> i & 1 == 0);
