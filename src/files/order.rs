@@ -40,7 +40,8 @@ fn natural(a: &str, b: &str) -> Ordering {
                 x.len().cmp(&y.len()).then_with(|| x.cmp(&y))
             }
             (x, y) => {
-                (left.next(), right.next());
+                left.next();
+                right.next();
                 x.cmp(&y)
             }
         };

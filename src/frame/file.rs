@@ -184,6 +184,8 @@ pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Pictu
             .map_err(fault_of)?
             .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))
     };
+    // Outlives the decoder that reads it.
+    #[allow(clippy::needless_late_init)]
     let mended;
     let mut decoder = open(bytes)?;
     let size = decoder.dimensions();

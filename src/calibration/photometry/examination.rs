@@ -271,7 +271,7 @@ fn glare(photos: &[Vec<Residual>], views: &[(Pose, &Squares)], known: &Photometr
     let (mut near, mut far) = ([0.0_f64; 2], [0.0_f64; 2]);
     let mut count = |half_deg: f64, odd: bool| {
         let to = if half_deg < GLARE_DEG { &mut near } else { &mut far };
-        if half_deg < GLARE_DEG || half_deg > 2.0 * GLARE_DEG {
+        if !(GLARE_DEG..=2.0 * GLARE_DEG).contains(&half_deg) {
             *to = [to[0] + 1.0, to[1] + f64::from(u8::from(odd))];
         }
     };

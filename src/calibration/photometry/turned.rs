@@ -63,7 +63,9 @@ impl Wish {
             .filter(|(_, value)| value.abs() < odd)
             .collect();
         let count = rows.len().max(1) as f64;
-        let mean = |f: &dyn Fn(&([f64; 2], f64)) -> f64| rows.iter().map(f).sum::<f64>() / count;
+        /// Derivatives by the offset's axes, and the residual, in standard deviations.
+        type Row = ([f64; 2], f64);
+        let mean = |f: &dyn Fn(&Row) -> f64| rows.iter().map(f).sum::<f64>() / count;
         let value = mean(&|row| row.1);
         let shared = light.offset_mm.to_array();
         let mut wish = Self { mm: [shared[0], shared[1]], information: [0.0; 2] };

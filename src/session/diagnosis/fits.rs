@@ -40,7 +40,7 @@ pub(super) fn tell(
     let usual = usual.get(usual.len() / 2).copied().unwrap_or(0.0);
     let limit = CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
     let contradicts = |fit: &FrameFit| fit.outlier && (fit.weight == 0.0 || fit.residual > limit);
-    let odd = fits.iter().any(|fit| contradicts(fit));
+    let odd = fits.iter().any(contradicts);
     if let Some(material) = maps.filter(|_| odd).and_then(|maps| material::find(maps, photographs))
     {
         hints.iter_mut().for_each(|hints| hints.push(material));

@@ -47,7 +47,7 @@ fn of_photo(known: &Photometry, index: usize) -> Vec<Hint> {
 
 /// What concerns all photographs alike.
 fn of_all(board: &Board, known: &Photometry, found: &Examination) -> Vec<Hint> {
-    let veil = (known.veil > VEIL).then(|| Hint::Veiled { share: known.veil as f32 });
+    let veil = (known.veil > VEIL).then_some(Hint::Veiled { share: known.veil as f32 });
     let stays = found.stands_still.map(|times| Hint::LightStays { times: times as f32 });
     let glare = found.glare.map(|share| Hint::GlossyBoard { share: share as f32 });
     let size = board.target.square_mm;
@@ -61,6 +61,6 @@ fn of_all(board: &Board, known: &Photometry, found: &Examination) -> Vec<Hint> {
     });
     // Glare looks a little like it.
     let local = known.local_tone.abs() > LOCAL && found.glare.is_none();
-    let local = local.then(|| Hint::LocalTone { exponent: known.local_tone as f32 });
+    let local = local.then_some(Hint::LocalTone { exponent: known.local_tone as f32 });
     veil.into_iter().chain(local).chain(stays).chain(lit).chain(glare).collect()
 }

@@ -218,7 +218,7 @@ mod tests {
         let mut maps = Svbrdf::new(SIDE, SIDE);
         let mut random = Random::new(5);
         for i in 0..SIDE * SIDE {
-            let dark = (i % SIDE / 40 + i / SIDE / 40) % 2 == 0;
+            let dark = (i % SIDE / 40 + i / SIDE / 40).is_multiple_of(2);
             let stray = 1.0 + 0.1 * random.bell() as f32;
             for c in 0..3 {
                 maps.plane_mut(channel::DIFFUSE + c)[i] = if dark { 0.1 } else { 0.4 };
