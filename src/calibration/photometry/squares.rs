@@ -180,9 +180,8 @@ impl Squares {
             return Err(Rejection::TooDark { level });
         }
         let void_share = void as f32 / black.max(1) as f32;
-        // Where the patches are not printed, there is something else.
         let patches = patch_values(photo, target, camera, pose);
-        let gray = patches.and_then(|_| gray_patch(photo, target, camera, pose, around));
+        let gray = gray_patch(photo, target, camera, pose, around);
         let patches = patches.map(|each| each.map(|value| value.map(|v| v as f32)));
         let exposure = photo.exposure();
         Ok(Self { squares, gray, patches, exposure, clipped_share, void_share, uneven_mm })

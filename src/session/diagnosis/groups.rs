@@ -21,9 +21,9 @@ const BETWEEN: f64 = 0.45;
 /// Radius of what counts as detail, part of the sample's side.
 const DETAIL: f32 = 0.03;
 /// Half vectors nearer to the normal show a highlight, which is no albedo, degrees.
-const HIGHLIGHT_DEG: f32 = 14.0;
+const HIGHLIGHT_DEG: f32 = 10.0;
 /// Texels that two photographs must share.
-const SHARED: usize = 2000;
+const SHARED: usize = 500;
 
 /// The smaller of two groups that contradict each other, if there are.
 pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
@@ -60,9 +60,9 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
         let (sum, count) = each.fold((0.0, 0.0), |(s, n), p| (s + p.correlation, n + 1.0));
         (count > 0.0).then(|| sum / count)
     };
-    // Each group by itself shows one texture, as far as it is told: seen from above, relief shows none.
+    // Each group by itself shows one texture: seen from above, relief shows none.
     let inside = [0, 1].map(|group| mean(&|[a, b]| a == group && b == group));
-    let inside = inside.into_iter().flatten().reduce(f64::min)?;
+    let inside = inside[0]?.min(inside[1]?);
     let between = mean(&|[a, b]| a != b)?;
     let divided = left < LEFT * whole && inside > INSIDE && between < BETWEEN * inside;
     let members = (0..n).filter(|i| mask >> i & 1 == 1);
