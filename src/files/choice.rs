@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::metadata::Metadata;
 use super::order;
-use super::renditions;
+use super::renditions::{self, LeftOut};
 
 /// Focal lengths that are the same lens', relative.
 const SAME_FOCAL: f64 = 0.02;
@@ -34,15 +34,6 @@ pub struct Chosen {
     pub turn_deg: u32,
     /// Whether its values are linear: floats and raw ones are.
     pub is_linear: bool,
-}
-
-/// A photograph that does not belong to the others.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LeftOut {
-    /// The file as it was named.
-    pub path: PathBuf,
-    /// Why, a sentence's end.
-    pub reason: String,
 }
 
 /// Photographs of one camera, in the order in which they were taken.

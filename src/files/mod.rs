@@ -22,11 +22,12 @@ mod read;
 mod remark;
 mod renditions;
 
-pub use choice::{CameraKey, Choice, Chosen, LeftOut};
+pub use choice::{CameraKey, Choice, Chosen};
 pub use kind::{HEAD_BYTES, Kind};
 pub use metadata::Metadata;
 pub use order::by_name;
 pub use read::{Decoded, Options, decode, read};
 pub use remark::Remark;
+pub use renditions::LeftOut;
 
 pub use crate::frame::Limits;

@@ -3,8 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::choice::LeftOut;
 use super::metadata::Metadata;
+
+/// A photograph that does not belong to the others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    /// The file as it was named.
+    pub path: PathBuf,
+    /// Why, a sentence's end.
+    pub reason: String,
+}
 
 type Photograph = (Metadata, PathBuf);
 
