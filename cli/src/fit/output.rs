@@ -102,13 +102,22 @@ impl Output<'_> {
     }
 }
 
-/// Removes the page of an earlier fit, which would lie beside maps of this one.
+/// Removes the page of an earlier fit, which would lie beside maps of this one; first its report, which names
+/// the page.
 fn remove_page(out: &Path) -> Result<()> {
     let page = out.join(PAGE);
-    match std::fs::remove_file(&page) {
-        Err(fault) if fault.kind() != ErrorKind::NotFound => Err(Error::io(page, fault).into()),
-        _ => Ok(()),
+    if !page.exists() {
+        return Ok(());
     }
+    for file in [out.join(document::FILE_NAME), page] {
+        match std::fs::remove_file(&file) {
+            Err(fault) if fault.kind() != ErrorKind::NotFound => {
+                return Err(Error::io(file, fault).into());
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// Standard deviation of each map.
