@@ -112,8 +112,8 @@ impl Recorder<'_> {
         !self.path(stem, "truth").exists()
     }
 
-    /// Fits photographs one by one; `roughly` says how well their lights are known. Where the
-    /// structured prior is taken there is nothing to record.
+    /// Fits photographs one by one; `roughly` says how well their lights are known. Of one
+    /// photograph there is nothing to record.
     fn record(
         &self,
         stem: &str,

@@ -13,7 +13,7 @@ pub struct Overrides {
     /// JSON file with the options to change, nested as they are; others keep their defaults
     #[arg(long = "options", global = true, value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Option to change, by its path: solver.max_step=0.2; may be repeated, goes before --options
+    /// Option to change, by its path: noise.huber=0.03; may be repeated, goes before --options
     #[arg(long = "set", global = true, value_name = "PATH=VALUE", value_parser = assignment)]
     set: Vec<(String, Value)>,
 }
