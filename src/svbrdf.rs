@@ -22,6 +22,26 @@ pub mod channel {
     pub const ROUGHNESS: usize = 8;
 }
 
+/// Number of parameters of the optional lobes of a texel.
+pub const LOBES: usize = 4;
+
+/// Index of each parameter plane of the optional lobes, [`Svbrdf::lobes`].
+pub mod lobe {
+    /// Anisotropy of the specular lobe: `ln(alpha along / alpha across)` times the cosine of twice the
+    /// angle of the direction of the larger alpha, counter-clockwise from X. `roughness²` is the
+    /// geometric mean of both alphas.
+    pub const ANISOTROPY_X: usize = 0;
+    /// The same times the sine.
+    pub const ANISOTROPY_Y: usize = 1;
+    /// Weight of a coat, 0 to 1: a dielectric of F0 .04 above everything else.
+    pub const COAT: usize = 2;
+    /// Roughness of the coat.
+    pub const COAT_ROUGHNESS: usize = 3;
+}
+
+/// Parameters of lobes that are not there.
+pub const NO_LOBES: [f64; LOBES] = [0.0, 0.0, 0.0, 0.2];
+
 /// Smallest roughness that is rendered: below it the highlight of a point light is thinner than
 /// any pixel and `f32` loses the GGX denominator.
 pub const MIN_ROUGHNESS: f32 = 0.02;
@@ -30,7 +50,8 @@ pub const MIN_ROUGHNESS: f32 = 0.02;
 ///
 /// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal
 /// (`n.x / n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear,
-/// 0 to 1), roughness (0 to 1).
+/// 0 to 1), roughness (0 to 1). Materials that show them have four planes of optional
+/// [lobes](Self::lobes) as well.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SavedMaps")]
 pub struct Svbrdf {
@@ -38,6 +59,9 @@ pub struct Svbrdf {
     height: usize,
     #[serde(with = "crate::little_endian")]
     data: Vec<f32>,
+    /// Empty where there are none.
+    #[serde(with = "crate::little_endian")]
+    lobes: Vec<f32>,
 }
 
 /// Maps that somebody may have written.
@@ -47,6 +71,8 @@ struct SavedMaps {
     height: usize,
     #[serde(with = "crate::little_endian")]
     data: Vec<f32>,
+    #[serde(with = "crate::little_endian", default)]
+    lobes: Vec<f32>,
 }
 
 /// Iterations of the baseline leave some roughness below [`MIN_ROUGHNESS`], though not as little as this.
@@ -59,11 +85,12 @@ impl TryFrom<SavedMaps> for Svbrdf {
     type Error = Error;
 
     fn try_from(saved: SavedMaps) -> Result<Self> {
-        let SavedMaps { width, height, data } = saved;
+        let SavedMaps { width, height, data, lobes } = saved;
         if width.max(height) > MAX_SAVED_SIDE {
             return Err(Error::argument("maps", format!("{width}x{height} texels")));
         }
         let mut maps = Self::from_planes(width, height, data)?;
+        maps.set_lobes(lobes)?;
         maps.clamp_with(BASELINE_ROUGHNESS);
         Ok(maps)
     }
@@ -77,7 +104,7 @@ impl Svbrdf {
         data[channel::DIFFUSE * n..channel::SPECULAR * n].fill(0.5);
         data[channel::SPECULAR * n..channel::ROUGHNESS * n].fill(0.04);
         data[channel::ROUGHNESS * n..].fill(0.5);
-        Self { width, height, data }
+        Self { width, height, data, lobes: Vec::new() }
     }
 
     /// Takes nine planes in the order of [`channel`].
@@ -91,7 +118,7 @@ impl Svbrdf {
                 format!("{} values given, {CHANNELS} * {width} * {height} expected", data.len()),
             ));
         }
-        Ok(Self { width, height, data })
+        Ok(Self { width, height, data, lobes: Vec::new() })
     }
 
     /// Texels in a row.
@@ -131,6 +158,30 @@ impl Svbrdf {
         &mut self.data[channel * n..(channel + 1) * n]
     }
 
+    /// The planes of the optional lobes, one after the other in the order of [`lobe`]; empty where the
+    /// material has none.
+    pub fn lobes(&self) -> &[f32] {
+        &self.lobes
+    }
+
+    /// One plane of the optional lobes, see [`lobe`]; `None` where the material has none.
+    pub fn lobe(&self, lobe: usize) -> Option<&[f32]> {
+        self.lobes.chunks_exact(self.texels()).nth(lobe)
+    }
+
+    /// Takes planes of optional lobes in the order of [`lobe`]; none where `planes` is empty.
+    ///
+    /// # Errors
+    /// When `planes` does not hold `4 * width * height` values.
+    pub fn set_lobes(&mut self, planes: Vec<f32>) -> Result<()> {
+        if !planes.is_empty() && planes.len() != LOBES * self.texels() {
+            let [n, expected] = [planes.len(), LOBES * self.texels()];
+            return Err(Error::argument("lobes", format!("{n} values given, {expected} expected")));
+        }
+        self.lobes = planes;
+        Ok(())
+    }
+
     /// Unit normal of a texel.
     pub fn normal(&self, x: usize, y: usize) -> [f32; 3] {
         let i = y * self.width + x;
@@ -158,6 +209,13 @@ impl Svbrdf {
                 *v = if v.is_finite() { v.clamp(low, high) } else { defaults[c] };
             }
         });
+        parallel::parts(self.lobes.chunks_exact_mut(width), |row, values| {
+            let c = row / rows;
+            let (low, high) = LOBE_RANGE[c];
+            for v in values {
+                *v = if v.is_finite() { v.clamp(low, high) } else { NO_LOBES[c] as f32 };
+            }
+        });
     }
 }
 
@@ -176,6 +234,10 @@ pub const RANGE: [(f32, f32); CHANNELS] = [
     (0.0, 1.0),
     (MIN_ROUGHNESS, 1.0),
 ];
+
+/// Physical range of each parameter of the optional lobes: ratios of alpha up to 20.
+pub const LOBE_RANGE: [(f32, f32); LOBES] =
+    [(-3.0, 3.0), (-3.0, 3.0), (0.0, 1.0), (MIN_ROUGHNESS, 1.0)];
 
 /// The encoding in which networks see maps: every channel in [-1, 1].
 ///
@@ -221,32 +283,15 @@ pub mod encoding {
 impl Svbrdf {
     /// Twice the resolution by bilinear interpolation with texel centres aligned; borders repeat.
     pub fn upsampled(&self) -> Self {
-        let (w, h) = (self.width, self.height);
-        let (w2, h2) = (2 * w, 2 * h);
-        let mut data = vec![0.0; CHANNELS * w2 * h2];
-        // Two rows of the result lie round each source row.
-        parallel::parts_with(
-            data.chunks_mut(2 * w2),
-            || vec![0.0; w],
-            |mixed, pair, out| {
-                let (plane, y) = (pair / h, pair % h);
-                let row = |y: usize| &self.data[(plane * h + y) * w..][..w];
-                let (above, below) = (row(y.saturating_sub(1)), row((y + 1).min(h - 1)));
-                for (other, out) in [above, below].into_iter().zip(out.chunks_exact_mut(w2)) {
-                    for ((m, near), far) in mixed.iter_mut().zip(row(y)).zip(other) {
-                        *m = near + 0.25 * (far - near);
-                    }
-                    double_row(mixed, out);
-                }
-            },
-        );
-        Self { width: w2, height: h2, data }
+        self.resampled([2 * self.width, 2 * self.height], |planes| {
+            doubled(planes, self.width, self.height)
+        })
     }
 
     /// One of `2^times` texels along each side, as it is.
     pub(crate) fn thinned(&self, times: u32) -> Self {
-        let data = thinned(&self.data, self.width, times);
-        Self { width: self.width >> times, height: self.height >> times, data }
+        let size = [self.width >> times, self.height >> times];
+        self.resampled(size, |planes| thinned(planes, self.width, times))
     }
 
     /// Half the resolution by averaging 2x2 texels. Sizes must be even.
@@ -256,17 +301,11 @@ impl Svbrdf {
     pub fn downsampled(&self) -> Self {
         let (w, h) = (self.width, self.height);
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
-        let mut data = vec![0.0; CHANNELS * w * h / 4];
-        // Planes have even heights, so pairs of rows do not cross them.
-        let parts = data.chunks_mut(w / 2).zip(self.data.chunks(2 * w));
-        parallel::parts(parts, |_, (out, pair)| {
-            let (above, below) = pair.split_at(w);
-            let pairs = above.chunks_exact(2).zip(below.chunks_exact(2));
-            for (out, (a, b)) in out.iter_mut().zip(pairs) {
-                *out = 0.25 * (a[0] + a[1] + b[0] + b[1]);
-            }
-        });
-        Self { width: w / 2, height: h / 2, data }
+        self.resampled([w / 2, h / 2], |planes| averaged(planes, w))
+    }
+
+    fn resampled(&self, [width, height]: [usize; 2], planes: impl Fn(&[f32]) -> Vec<f32>) -> Self {
+        Self { width, height, data: planes(&self.data), lobes: planes(&self.lobes) }
     }
 
     /// The maps halved `level` times by averaging 2x2 texels, slopes among them: normals stay unit
@@ -285,6 +324,42 @@ impl Svbrdf {
         }
         Ok(halved(self, level, Self::downsampled))
     }
+}
+
+/// Twice the texels of planes of `w * h` values.
+fn doubled(planes: &[f32], w: usize, h: usize) -> Vec<f32> {
+    let mut data = vec![0.0; 4 * planes.len()];
+    // Two rows of the result lie round each source row.
+    parallel::parts_with(
+        data.chunks_mut(4 * w),
+        || vec![0.0; w],
+        |mixed, pair, out| {
+            let (plane, y) = (pair / h, pair % h);
+            let row = |y: usize| &planes[(plane * h + y) * w..][..w];
+            let (above, below) = (row(y.saturating_sub(1)), row((y + 1).min(h - 1)));
+            for (other, out) in [above, below].into_iter().zip(out.chunks_exact_mut(2 * w)) {
+                for ((m, near), far) in mixed.iter_mut().zip(row(y)).zip(other) {
+                    *m = near + 0.25 * (far - near);
+                }
+                double_row(mixed, out);
+            }
+        },
+    );
+    data
+}
+
+/// Means of 2x2 texels of planes of `w` columns and an even number of rows.
+fn averaged(planes: &[f32], w: usize) -> Vec<f32> {
+    let mut data = vec![0.0; planes.len() / 4];
+    let parts = data.chunks_mut(w / 2).zip(planes.chunks(2 * w));
+    parallel::parts(parts, |_, (out, pair)| {
+        let (above, below) = pair.split_at(w);
+        let pairs = above.chunks_exact(2).zip(below.chunks_exact(2));
+        for (out, (a, b)) in out.iter_mut().zip(pairs) {
+            *out = 0.25 * (a[0] + a[1] + b[0] + b[1]);
+        }
+    });
+    data
 }
 
 /// Of planes of so many columns one of `2^times` values along each side. Columns and rows are

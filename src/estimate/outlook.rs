@@ -15,8 +15,8 @@ use crate::loss::EPSILON;
 use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::random::Random;
-use crate::svbrdf::CHANNELS;
 use crate::svbrdf::halved;
+use crate::svbrdf::{CHANNELS, NO_LOBES};
 use crate::{Error, Result, Svbrdf};
 
 type Coordinates = SVector<f64, CHANNELS>;
@@ -228,6 +228,6 @@ fn foreshortening(view: &View, place: [f64; 2]) -> f64 {
 /// Radiances of a texel and their derivatives by its coordinates.
 fn radiance(light: &Lit, at: &Coordinates, place: [f64; 2]) -> ([f64; 3], Jacobian) {
     let x: [f64; CHANNELS] = (*at).into();
-    let Radiance { value, jacobian, .. } = light.radiance(&natural(&x), place);
+    let Radiance { value, jacobian, .. } = light.radiance(&natural(&x), &NO_LOBES, place);
     (value, Jacobian::from_fn(|c, p| jacobian[c][p] * by_coordinate(&x, p)))
 }

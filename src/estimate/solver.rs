@@ -142,6 +142,7 @@ impl Solver {
             observations: &prepared,
             noise: self.state.noise,
             precision: self.precision(),
+            lobes: mean,
         };
         let damping = bands::<1, _>(&mut self.state.damping, width, height, BAND_ROWS);
         let parts = bands::<CHANNELS, _>(maps.planes_mut(), width, height, BAND_ROWS).zip(damping);

@@ -15,11 +15,21 @@
 //! on the diffuse part. All cosines are held at [`MIN_COSINE`] or above, with derivative zero
 //! below it; roughness at [`MIN_ROUGHNESS`](crate::svbrdf::MIN_ROUGHNESS) or above, likewise.
 //!
+//! Two lobes are optional ([`lobe`](crate::svbrdf::lobe)). **Anisotropy** stretches the half vector's part across
+//! the normal, (t, b) along tangent and bitangent: NoH² (a² - 1) + 1 becomes NoH² a² + t² / r + r b² for a
+//! direction along the tangent and the ratio r of the two alphas, a² being their product. A **coat** of weight w
+//! adds w D G F / (4 NoL NoV) of its own with F0 = .04, and lets 1 - w F of everything below it through:
+//! the formulas of glTF's `KHR_materials_anisotropy` and `KHR_materials_clearcoat`.
+//!
 //! [`reflect`] is plain `f64`: the reference for the eight-lane version that `render` and
 //! `refinement` use.
 
+mod directions;
 mod lanes;
+mod microfacets;
+mod optional;
 mod scalar;
 
-pub(crate) use lanes::{ByLight, Directions, Lobes, Material, TexelView};
-pub use scalar::{FRESNEL, MIN_COSINE, Reflection, reflect};
+pub(crate) use directions::{Directions, TexelView};
+pub(crate) use lanes::{ByLight, Lobes, Material};
+pub use scalar::{COAT_F0, FRESNEL, MIN_COSINE, Reflection, reflect};

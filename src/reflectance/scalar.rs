@@ -1,6 +1,6 @@
 //! The reflection of one texel in double precision, with its partial derivatives.
 
-use crate::svbrdf::{CHANNELS, MIN_ROUGHNESS, channel};
+use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, channel, lobe};
 use std::f64::consts::PI;
 
 /// Smallest cosine used: keeps surfaces lit and seen from behind finite.
@@ -8,6 +8,9 @@ pub const MIN_COSINE: f32 = 1e-3;
 
 /// Coefficients of Schlick's Fresnel term as a power of two: `2^((a VoH + b) VoH)`.
 pub const FRESNEL: [f32; 2] = [-5.55473, -6.98316];
+
+/// Specular albedo of a coat: a dielectric of refractive index 1.5.
+pub const COAT_F0: f32 = 0.04;
 
 /// `BRDF * NoL` of one texel with its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,12 +20,20 @@ pub struct Reflection {
     /// Derivative of each colour channel with respect to each parameter, see
     /// [`channel`].
     pub jacobian: [[f64; CHANNELS]; 3],
+    /// Derivative of each colour channel with respect to each parameter of the optional lobes, see
+    /// [`lobe`].
+    pub by_lobes: [[f64; LOBES]; 3],
 }
 
 /// Reflects light from direction `light` towards `view` (unit vectors from the texel, board frame)
-/// for natural parameters in the order of [`channel`].
+/// for natural parameters in the order of [`channel`] and optional lobes in the order of [`lobe`].
 #[inline(always)]
-pub fn reflect(parameters: &[f64; CHANNELS], light: [f64; 3], view: [f64; 3]) -> Reflection {
+pub fn reflect(
+    parameters: &[f64; CHANNELS],
+    lobes: &[f64; LOBES],
+    light: [f64; 3],
+    view: [f64; 3],
+) -> Reflection {
     let [p, q] = [parameters[channel::SLOPE_X], parameters[channel::SLOPE_Y]];
     let length = (1.0 + p * p + q * q).sqrt();
     let normal = [p / length, q / length, 1.0 / length];
@@ -38,45 +49,122 @@ pub fn reflect(parameters: &[f64; CHANNELS], light: [f64; 3], view: [f64; 3]) ->
     let min_roughness = MIN_ROUGHNESS as f64;
     let live = parameters[channel::ROUGHNESS] > min_roughness;
     let roughness = parameters[channel::ROUGHNESS].max(min_roughness);
-    let alpha = roughness * roughness;
-    let alpha2 = alpha * alpha;
-    let k = 0.5 * alpha;
 
     let fresnel = ((FRESNEL[0] as f64 * vh + FRESNEL[1] as f64) * vh).exp2();
-    let den = nh * nh * (alpha2 - 1.0) + 1.0;
-    let shadow_light = nl * (1.0 - k) + k;
-    let shadow_view = nv * (1.0 - k) + k;
+    let stretched =
+        stretched(&[lobes[lobe::ANISOTROPY_X], lobes[lobe::ANISOTROPY_Y]], normal, half);
+    let sin2 = if dnh > 0.0 { stretched.value } else { 1.0 - nh * nh };
     // S = D G / (4 NoL NoV); its logarithmic derivatives follow.
-    let s = alpha2 / (4.0 * PI * den * den * shadow_light * shadow_view);
-    let s_nl = -(1.0 - k) / shadow_light;
-    let s_nv = -(1.0 - k) / shadow_view;
-    let s_nh = -4.0 * nh * (alpha2 - 1.0) / den;
-    let s_alpha2 = 1.0 / alpha2 - 2.0 * nh * nh / den;
-    let s_k = -(1.0 - nl) / shadow_light - (1.0 - nv) / shadow_view;
-    let s_roughness = if live { s_alpha2 * 4.0 * roughness * alpha + s_k * roughness } else { 0.0 };
+    let base = Lobe::new(roughness * roughness, sin2, [nl, nv, nh]);
+    let by_roughness = if live { base.by_alpha * 2.0 * roughness } else { 0.0 };
 
-    let mut value = [0.0; 3];
-    let mut jacobian = [[0.0; CHANNELS]; 3];
+    let coat_roughness = lobes[lobe::COAT_ROUGHNESS].max(min_roughness);
+    let coat_live = lobes[lobe::COAT_ROUGHNESS] > min_roughness;
+    let coat = Lobe::new(coat_roughness * coat_roughness, 1.0 - nh * nh, [nl, nv, nh]);
+    let coat_fresnel = COAT_F0 as f64 + (1.0 - COAT_F0 as f64) * fresnel;
+    let weight = lobes[lobe::COAT];
+    let (through, over) = (1.0 - weight * coat_fresnel, weight * coat_fresnel * coat.value);
+
+    let mut reflection =
+        Reflection { value: [0.0; 3], jacobian: [[0.0; CHANNELS]; 3], by_lobes: [[0.0; LOBES]; 3] };
     for c in 0..3 {
         let (kd, ks) = (parameters[channel::DIFFUSE + c], parameters[channel::SPECULAR + c]);
         let f = ks + (1.0 - ks) * fresnel;
-        let brdf = kd / PI + s * f;
-        value[c] = brdf * nl;
+        let (s, below) = (through * base.value, kd / PI + base.value * f);
+        let brdf = through * below + over;
+        reflection.value[c] = brdf * nl;
         // Derivative with respect to the normal, then through n = (p, q, 1) / length.
-        let by_nl = (brdf + nl * s * f * s_nl) * dnl;
-        let by_nv = nl * s * f * s_nv * dnv;
-        let by_nh = nl * s * f * s_nh * dnh;
-        let by_normal: [f64; 3] =
-            std::array::from_fn(|i| by_nl * light[i] + by_nv * view[i] + by_nh * half[i]);
+        let [by_nl, by_nv, by_nh] =
+            [0, 1, 2].map(|i| nl * (s * f * base.by_cosines[i] + over * coat.by_cosines[i]));
+        let (by_nl, by_nv) = ((brdf + by_nl) * dnl, by_nv * dnv);
+        let by_sin2 = nl * s * f * base.by_sin2 * dnh;
+        // For the coat, sin² is 1 - NoH².
+        let by_nh = (by_nh - nl * over * coat.by_sin2 * 2.0 * nh) * dnh;
+        let by_normal: [f64; 3] = std::array::from_fn(|i| {
+            by_nl * light[i] + by_nv * view[i] + by_nh * half[i] + by_sin2 * stretched.by_normal[i]
+        });
         let along = dot(by_normal, normal);
-        let row = &mut jacobian[c];
+        let row = &mut reflection.jacobian[c];
         row[channel::SLOPE_X] = (by_normal[0] - along * normal[0]) / length;
         row[channel::SLOPE_Y] = (by_normal[1] - along * normal[1]) / length;
-        row[channel::DIFFUSE + c] = nl / PI;
+        row[channel::DIFFUSE + c] = nl * through / PI;
         row[channel::SPECULAR + c] = nl * s * (1.0 - fresnel);
-        row[channel::ROUGHNESS] = nl * s * f * s_roughness;
+        row[channel::ROUGHNESS] = nl * s * f * by_roughness;
+        let row = &mut reflection.by_lobes[c];
+        row[lobe::ANISOTROPY_X] = by_sin2 * stretched.by_anisotropy[0];
+        row[lobe::ANISOTROPY_Y] = by_sin2 * stretched.by_anisotropy[1];
+        row[lobe::COAT] = nl * coat_fresnel * (coat.value - below);
+        let by_roughness = coat.by_alpha * 2.0 * coat_roughness;
+        row[lobe::COAT_ROUGHNESS] = if coat_live { nl * over * by_roughness } else { 0.0 };
     }
-    Reflection { value, jacobian }
+    reflection
+}
+
+/// D G / (4 NoL NoV) of a lobe, with the derivatives of its logarithm.
+struct Lobe {
+    value: f64,
+    by_alpha: f64,
+    by_sin2: f64,
+    /// By NoL, NoV and NoH, sin² held.
+    by_cosines: [f64; 3],
+}
+
+impl Lobe {
+    /// With `sin2` in place of 1 - NoH².
+    #[inline(always)]
+    fn new(alpha: f64, sin2: f64, [nl, nv, nh]: [f64; 3]) -> Self {
+        let (alpha2, k) = (alpha * alpha, 0.5 * alpha);
+        let den = nh * nh * alpha2 + sin2;
+        let (light, view) = (nl * (1.0 - k) + k, nv * (1.0 - k) + k);
+        let by_k = -(1.0 - nl) / light - (1.0 - nv) / view;
+        let by_alpha2 = 1.0 / alpha2 - 2.0 * nh * nh / den;
+        Self {
+            value: alpha2 / (4.0 * PI * den * den * light * view),
+            by_alpha: by_alpha2 * 2.0 * alpha + 0.5 * by_k,
+            by_sin2: -2.0 / den,
+            by_cosines: [-(1.0 - k) / light, -(1.0 - k) / view, -4.0 * nh * alpha2 / den],
+        }
+    }
+}
+
+/// The square of the half vector's part across the normal, stretched by anisotropy.
+struct Stretched {
+    value: f64,
+    by_normal: [f64; 3],
+    by_anisotropy: [f64; 2],
+}
+
+/// See [`lobe::ANISOTROPY_X`]; the tangent is the X axis, made orthogonal to the normal.
+#[inline(always)]
+fn stretched([u, v]: &[f64; 2], n: [f64; 3], h: [f64; 3]) -> Stretched {
+    let r2 = 1.0 / (1.0 - n[0] * n[0]);
+    let r = r2.sqrt();
+    let nh = dot(n, h);
+    let [t, b] = [(h[0] - n[0] * nh) * r, (n[2] * h[1] - n[1] * h[2]) * r];
+    let m2 = u * u + v * v;
+    let m = m2.sqrt();
+    let cosh = m.cosh();
+    // sinh(m) / m and its derivative by m, over m.
+    let [sinhc, slope] = if m < 1e-3 {
+        [1.0 + m2 / 6.0, 1.0 / 3.0]
+    } else {
+        [m.sinh() / m, (cosh - m.sinh() / m) / m2]
+    };
+    let (square, difference, product) = (t * t + b * b, t * t - b * b, 2.0 * t * b);
+    let turned = u * difference + v * product;
+    let by_t = 2.0 * (cosh * t - sinhc * (u * t + v * b));
+    let by_b = 2.0 * (cosh * b + sinhc * (u * b - v * t));
+    let along = (by_t * t + by_b * b) * n[0] * r2;
+    Stretched {
+        value: cosh * square - sinhc * turned,
+        by_normal: [
+            -by_t * r * (nh + n[0] * h[0]) + along,
+            -by_t * r * n[0] * h[1] - by_b * r * h[2],
+            -by_t * r * n[0] * h[2] + by_b * r * h[1],
+        ],
+        by_anisotropy: [[*u, difference], [*v, product]]
+            .map(|[u, own]| sinhc * u * square - slope * u * turned - sinhc * own),
+    }
 }
 
 /// Clamped cosine, and 1 where it is not clamped, else 0.
@@ -110,6 +198,14 @@ mod tests {
     }
 
     prop_compose! {
+        /// Ratios of alpha up to 7, directions all round, any coat.
+        fn optional()(anisotropy in [-1.4..1.4, -1.4..1.4], weight in 0.0..1.0_f64,
+            roughness in 0.1..0.9_f64) -> [f64; LOBES] {
+            [anisotropy[0], anisotropy[1], weight, roughness]
+        }
+    }
+
+    prop_compose! {
         /// Down to 1.1 degrees above the surface.
         fn any_direction()(cos in 0.02..1.0_f64, azimuth in 0.0..6.3_f64) -> [f64; 3] {
             direction(cos, azimuth)
@@ -129,32 +225,33 @@ mod tests {
         /// relative to the value's scale; rounding is 1e-16 / h = 1e-10 of the value.
         #[test]
         fn every_partial_derivative_matches_finite_differences(
-            parameters in material(), light in any_direction(), view in any_direction(),
+            parameters in material(), lobes in optional(), light in any_direction(),
+            view in any_direction(),
         ) {
             prop_assume!(!near_clamp(&parameters, light, view));
-            check_derivatives(&parameters, light, view)?;
+            check_derivatives(&parameters, &lobes, light, view)?;
         }
 
         /// The same near the mirror direction, where narrow highlights are.
         #[test]
         fn derivatives_hold_inside_highlights(
-            mut parameters in material(), view in any_direction(),
+            mut parameters in material(), lobes in optional(), view in any_direction(),
             offset in [-0.05..0.05, -0.05..0.05],
         ) {
             parameters[0] = offset[0];
             parameters[1] = offset[1];
             let light = [-view[0], -view[1], view[2]];
             prop_assume!(!near_clamp(&parameters, light, view));
-            check_derivatives(&parameters, light, view)?;
+            check_derivatives(&parameters, &lobes, light, view)?;
         }
 
         /// Schlick's shadowing is a product of the same function of either direction, so light
         /// and camera may be swapped.
         #[test]
-        fn reciprocal(parameters in material(), a in any_direction(), b in any_direction()) {
+        fn reciprocal(parameters in material(), lobes in optional(), a in any_direction(), b in any_direction()) {
             let flat = { let mut m = parameters; m[0] = 0.0; m[1] = 0.0; m };
-            let forth = reflect(&flat, a, b).value.map(|v| v / a[2]);
-            let back = reflect(&flat, b, a).value.map(|v| v / b[2]);
+            let forth = reflect(&flat, &lobes, a, b).value.map(|v| v / a[2]);
+            let back = reflect(&flat, &lobes, b, a).value.map(|v| v / b[2]);
             for c in 0..3 {
                 prop_assert!((forth[c] - back[c]).abs() <= 1e-12 * forth[c]);
             }
@@ -163,21 +260,27 @@ mod tests {
 
     fn check_derivatives(
         parameters: &[f64; CHANNELS],
+        lobes: &[f64; LOBES],
         light: [f64; 3],
         view: [f64; 3],
     ) -> std::result::Result<(), TestCaseError> {
-        let here = reflect(parameters, light, view);
+        let here = reflect(parameters, lobes, light, view);
         let h = 1e-6;
-        for i in 0..CHANNELS {
+        for i in 0..CHANNELS + LOBES {
             let moved = |d: f64| {
-                let mut m = *parameters;
-                m[i] += d;
-                reflect(&m, light, view).value
+                let (mut m, mut lobes) = (*parameters, *lobes);
+                if i < CHANNELS {
+                    m[i] += d
+                } else {
+                    lobes[i - CHANNELS] += d
+                }
+                reflect(&m, &lobes, light, view).value
             };
             let (plus, minus) = (moved(h), moved(-h));
             for c in 0..3 {
                 let numeric = (plus[c] - minus[c]) / (2.0 * h);
-                let analytic = here.jacobian[c][i];
+                let row = [here.jacobian[c].as_slice(), &here.by_lobes[c]].concat();
+                let analytic = row[i];
                 let tolerance = 1e-5 * analytic.abs() + 1e-4 * here.value[c] + 1e-8;
                 prop_assert!(
                     (numeric - analytic).abs() < tolerance,
@@ -202,7 +305,7 @@ mod tests {
                     let cos = ((i as f64 + 0.5) / steps as f64).sqrt();
                     for j in 0..steps {
                         let azimuth = 2.0 * PI * (j as f64 + 0.5) / steps as f64;
-                        sum += reflect(&m, direction(cos, azimuth), view).value[0] / cos;
+                        sum += reflect(&m, &NO_LOBES, direction(cos, azimuth), view).value[0] / cos;
                     }
                 }
                 let albedo = PI * sum / (steps * steps) as f64;
@@ -216,7 +319,7 @@ mod tests {
     fn a_lambertian_texel_reflects_its_albedo_over_pi() {
         let m = [0.0, 0.0, 0.8, 0.5, 0.2, 0.0, 0.0, 0.0, 1.0];
         let up = [0.0, 0.0, 1.0];
-        let value = reflect(&m, up, up).value;
+        let value = reflect(&m, &NO_LOBES, up, up).value;
         for c in 0..3 {
             // F(VoH = 1) = 2^-12.54 is all that is left of the specular lobe: 1.7e-4 / (4 pi).
             let left = (FRESNEL[0] as f64 + FRESNEL[1] as f64).exp2() / (4.0 * PI);
@@ -229,7 +332,7 @@ mod tests {
     fn the_peak_of_the_lobe_has_its_closed_form() {
         let up = [0.0, 0.0, 1.0];
         let m = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.3];
-        let peak = reflect(&m, up, up).value[0];
+        let peak = reflect(&m, &NO_LOBES, up, up).value[0];
         assert!((peak * 4.0 * PI * 0.3_f64.powi(4) - 1.0).abs() < 1e-12);
     }
 }

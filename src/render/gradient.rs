@@ -1,14 +1,13 @@
 //! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
 //! Jacobians are stored.
 
-use super::prepared::{BAND_ROWS, Prepared, find_directions, load_texels};
+use super::prepared::{BAND_ROWS, Prepared, find_directions, load_lobes, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
-use std::f32::consts::FRAC_1_PI;
 
 /// Log-L1 loss: mean over photographs, texels and channels of
 /// `|ln(rendered + 0.01) - ln(observed + 0.01)|`, weighted by each observation's `weight`;
@@ -108,7 +107,8 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
                 let end = (column + LANES).min(width);
                 let texels = row * width + column..row * width + end;
                 let parameters = load_texels(self.maps, texels.start, texels.end);
-                let mut gradient = Gradient::new(&parameters);
+                let lobes = load_lobes(self.maps, texels.start, texels.end);
+                let mut gradient = Gradient::new(Material::new(&parameters, lobes));
                 find_directions(self.observations, column, row, &mut directions);
                 for (observation, directions) in self.observations.iter().zip(&directions) {
                     let [l, w] = gradient.add::<S>(observation, directions, texels.clone());
@@ -139,10 +139,10 @@ struct Gradient<V> {
 
 impl<V: Lanes> Gradient<V> {
     #[inline(always)]
-    fn new(parameters: &[V; CHANNELS]) -> Self {
+    fn new(material: Material<V>) -> Self {
         let zero = V::splat(0.0);
         Self {
-            material: Material::new(parameters),
+            material,
             by_normal: [zero; 3],
             by_diffuse: [zero; 3],
             by_specular: [zero; 3],
@@ -182,7 +182,7 @@ impl<V: Lanes> Gradient<V> {
             let [a, b, c] = [pairs[0].rendered, pairs[1].rendered, pairs[2].rendered];
             let all = (a * b * c).reciprocal() * weight;
             let inverse = [all * b * c, all * a * c, all * a * b];
-            let (mut by_irradiance, mut by_lobe) = (zero, zero);
+            let (mut by_irradiance, mut by_lobe, mut all_brdf) = (zero, zero, zero);
             for c in 0..3 {
                 let by_radiance = pairs[c].sign() * inverse[c];
                 let (brdf, fresnel) = brdfs[c];
@@ -192,7 +192,8 @@ impl<V: Lanes> Gradient<V> {
                 let by_mirrored = by_radiance * V::splat(view.mirrored[c]);
                 by_irradiance = by_power.mul_add(brdf, by_irradiance);
                 by_lobe = by_brdf.mul_add(fresnel, by_lobe);
-                self.by_diffuse[c] += by_brdf.mul_add(V::splat(FRAC_1_PI), by_ambient);
+                all_brdf += by_brdf;
+                self.by_diffuse[c] += by_brdf.mul_add(lobes.diffuse, by_ambient);
                 self.by_specular[c] +=
                     by_brdf.mul_add(lobes.specular * lobes.one_minus_fresnel, by_mirrored);
             }
@@ -200,6 +201,11 @@ impl<V: Lanes> Gradient<V> {
             let by_normal = lobes.by_normal(material, directions, by_log_lobe, by_irradiance);
             for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
                 *sum += g;
+            }
+            if let Some(by_normal) = lobes.coat_by_normal(material, directions) {
+                for (sum, g) in self.by_normal.iter_mut().zip(by_normal) {
+                    *sum = all_brdf.mul_add(g, *sum);
+                }
             }
             self.by_roughness =
                 by_log_lobe.mul_add(lobes.log_specular_by_roughness(material), self.by_roughness);

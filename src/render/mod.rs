@@ -9,7 +9,9 @@ mod gradient;
 mod prepared;
 
 pub use gradient::{loss, loss_and_gradient};
-pub(crate) use prepared::{BAND_ROWS, Prepared, check_observations, find_directions, load_texels};
+pub(crate) use prepared::{
+    BAND_ROWS, Prepared, check_observations, find_directions, load_lobes, load_texels,
+};
 
 use crate::observation::View;
 use crate::parallel;
@@ -45,8 +47,10 @@ impl Kernel for RenderBand<'_> {
             let row = self.first_row + r;
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
-                let at = row * width;
-                let material = Material::new(&load_texels(self.maps, at + column, at + end));
+                let (at, begin) = (row * width, self.first_row * width);
+                let (first, end) = (at + column, at + end);
+                let lobes = load_lobes(self.maps, first, end);
+                let material = Material::new(&load_texels(self.maps, first, end), lobes);
                 let directions = Directions::<V>::new(self.view, column, row);
                 let lobes = Lobes::new(&material, &directions);
                 for c in 0..3 {
@@ -55,7 +59,7 @@ impl Kernel for RenderBand<'_> {
                         + V::splat(self.view.mirrored[c]) * material.specular[c];
                     let radiance =
                         brdf.mul_add(lobes.irradiance * V::splat(self.view.power[c]), ambient);
-                    radiance.store(&mut self.out[c][r * width + column..r * width + end]);
+                    radiance.store(&mut self.out[c][first - begin..end - begin]);
                 }
             }
         }

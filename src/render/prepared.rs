@@ -3,7 +3,7 @@
 use crate::observation::{FULL_WEIGHT, LEAST_WEIGHT, Observation, Packed};
 use crate::reflectance::{Directions, TexelView};
 use crate::simd::Lanes;
-use crate::svbrdf::{CHANNELS, Svbrdf};
+use crate::svbrdf::{CHANNELS, LOBES, Svbrdf};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -93,4 +93,18 @@ pub(crate) fn load_texels<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> 
         *p = V::load(&planes[c * n + first..c * n + end], 0.0);
     }
     parameters
+}
+
+/// Loads the optional lobes of the same texels; `None` where the material has none.
+#[inline(always)]
+pub(crate) fn load_lobes<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> Option<[V; LOBES]> {
+    let (n, planes) = (maps.texels(), maps.lobes());
+    if planes.is_empty() {
+        return None;
+    }
+    let mut parameters = [V::splat(0.0); LOBES];
+    for (c, p) in parameters.iter_mut().enumerate() {
+        *p = V::load(&planes[c * n + first..c * n + end], 0.0);
+    }
+    Some(parameters)
 }

@@ -1,6 +1,6 @@
 //! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
 
-use super::light::natural;
+use super::light::{natural, splatted};
 use super::problem::{Problem, State};
 use super::sample::Photograph;
 use crate::estimate::posterior::{Residual, Seen};
@@ -8,7 +8,7 @@ use crate::estimate::prior::Coordinates;
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::CHANNELS;
+use crate::svbrdf::{CHANNELS, LOBES};
 
 /// Texels of a task: a sample of 32 a side keeps several threads busy.
 const CHUNK: usize = 128;
@@ -55,7 +55,13 @@ impl Problem {
                     }
                     lanes
                 });
-                let block = Block::<K> { problem: self, views: &views, texels, natural };
+                let block = Block::<K> {
+                    problem: self,
+                    lobes: state.lobes,
+                    views: &views,
+                    texels,
+                    natural,
+                };
                 let of_eight = dispatch(block);
                 for (lane, sums) in sums.iter_mut().enumerate() {
                     *sums = of_eight.map(|lanes| f64::from(lanes[lane]));
@@ -69,6 +75,7 @@ impl Problem {
 /// Eight texels, or the last few.
 struct Block<'a, const K: usize> {
     problem: &'a Problem,
+    lobes: Option<[f64; LOBES]>,
     views: &'a [(TexelView, &'a Photograph)],
     texels: std::ops::Range<usize>,
     natural: [[[f32; LANES]; CHANNELS]; K],
@@ -83,13 +90,13 @@ impl<const K: usize> Kernel for Block<'_, K> {
         let Problem { sample, noise, .. } = self.problem;
         let (n, zero) = (sample.texels(), V::splat(0.0));
         let [x, y] = sample.eight_places::<V>(self.texels.clone());
-        let mut materials = [Material::new(&[zero; CHANNELS]); K];
+        let mut materials = [Material::new(&[zero; CHANNELS], None); K];
         for (material, natural) in materials.iter_mut().zip(&self.natural) {
             let mut lanes = [zero; CHANNELS];
             for (to, from) in lanes.iter_mut().zip(natural) {
                 *to = V::from_array(*from);
             }
-            *material = Material::new(&lanes);
+            *material = Material::new(&lanes, splatted(self.lobes));
         }
         let mut sums = [zero; K];
         for (view, photograph) in self.views {

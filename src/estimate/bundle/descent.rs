@@ -115,7 +115,7 @@ impl Problem {
         damping: f64,
     ) -> Option<(DVector<f64>, Vec<TexelStep>)> {
         let size = self.groups.coordinates.len() * state.groups.len() + self.shared.len();
-        let linear = self.linear(&state.correction);
+        let linear = self.linear(state);
         let n = self.sample.texels();
         let chunks: Vec<usize> = (0..n).step_by(CHUNK).collect();
         let parts: Vec<(Reduced, Vec<Eliminated>)> =
@@ -159,7 +159,7 @@ impl Problem {
         let first = sum.gradient.len() - self.shared.len();
         let mut step = sum.matrix.clone().cholesky()?.solve(&-&sum.gradient);
         let beyond = |(a, shared): (usize, &Shared)| {
-            let value = shared.parameter.get(&state.correction);
+            let value = shared.parameter.get(state);
             let to = value + step[first + a];
             let bound = to.clamp(shared.range[0], shared.range[1]);
             (bound != to).then_some((first + a, bound - value))
@@ -202,8 +202,8 @@ impl Problem {
         }
         for (s, by) in self.shared.iter().zip(shared.rows_range(first..).iter()) {
             let by = (length * by).clamp(-s.max_step, s.max_step);
-            let to = (s.parameter.get(&state.correction) + by).clamp(s.range[0], s.range[1]);
-            s.parameter.set(&mut next.correction, to);
+            let to = (s.parameter.get(state) + by).clamp(s.range[0], s.range[1]);
+            s.parameter.set(&mut next, to);
         }
         let trials = TEXEL_LENGTHS.map(|own| {
             let deviations = |(t, step): (usize, &TexelStep)| {

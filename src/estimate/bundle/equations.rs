@@ -39,7 +39,7 @@ impl Problem {
         let coordinates: Vec<Coordinates> =
             texels.clone().map(|t| self.coordinates(t, state)).collect();
         let first = self.groups.coordinates.len() * state.groups.len();
-        let sums = self.sums(texels.clone(), &coordinates, linear, sum, first);
+        let sums = self.sums(texels.clone(), &coordinates, state.lobes, linear, sum, first);
         let (mut free, mut gradient) = ([[0.0; LANES]; CHANNELS], [[0.0; LANES]; CHANNELS]);
         for (lane, (t, x)) in texels.clone().zip(&coordinates).enumerate() {
             let of_prior: Coordinates =
@@ -107,7 +107,7 @@ impl Problem {
         let (moving, g) = (self.groups.coordinates.clone(), self.groups.coordinates.len());
         for (k, (group, mean)) in state.groups.iter().zip(&self.groups.mean).enumerate() {
             for (i, c) in moving.clone().enumerate() {
-                let precision = self.groups.precision[c];
+                let precision = self.groups.precision[k][c];
                 sum.matrix[(g * k + i, g * k + i)] += precision;
                 sum.gradient[g * k + i] += precision * (group[c] - mean[c]);
             }
@@ -115,7 +115,8 @@ impl Problem {
         let first = g * state.groups.len();
         for (a, shared) in self.shared.iter().enumerate() {
             sum.matrix[(first + a, first + a)] += shared.precision;
-            sum.gradient[first + a] += shared.precision * shared.parameter.get(&state.correction);
+            let from_mean = shared.parameter.get(state) - shared.mean;
+            sum.gradient[first + a] += shared.precision * from_mean;
         }
     }
 }

@@ -5,7 +5,8 @@ use glam::DVec3;
 use crate::estimate::prior::{Coordinates, is_albedo, range};
 use crate::observation::{Falloff, View};
 use crate::reflectance::reflect;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::simd::Lanes;
+use crate::svbrdf::{CHANNELS, LOBES, channel};
 
 /// A view in double precision.
 #[derive(Debug, Clone, Copy)]
@@ -54,17 +55,27 @@ impl Lit {
     }
 
     /// Radiances alone: with [`Lit::radiance`] inlined, what only derivatives need is left out.
-    pub fn value(&self, natural: &[f64; CHANNELS], place: [f64; 2]) -> [f64; 3] {
-        self.radiance(natural, place).value
+    pub fn value(
+        &self,
+        natural: &[f64; CHANNELS],
+        lobes: &[f64; LOBES],
+        place: [f64; 2],
+    ) -> [f64; 3] {
+        self.radiance(natural, lobes, place).value
     }
 
     #[inline(always)]
-    pub fn radiance(&self, natural: &[f64; CHANNELS], [x, y]: [f64; 2]) -> Radiance {
+    pub fn radiance(
+        &self,
+        natural: &[f64; CHANNELS],
+        lobes: &[f64; LOBES],
+        [x, y]: [f64; 2],
+    ) -> Radiance {
         let at = DVec3::new(x, y, 0.0);
         let (to_light, to_camera) = (self.light - at, self.camera - at);
         let irradiance = self.irradiance(to_light);
         let (l, v) = (to_light.normalize().to_array(), to_camera.normalize().to_array());
-        let mut reflection = reflect(natural, l, v);
+        let mut reflection = reflect(natural, lobes, l, v);
         for c in 0..3 {
             let e = irradiance * self.power[c];
             reflection.jacobian[c].iter_mut().for_each(|d| *d *= e);
@@ -82,6 +93,16 @@ impl Lit {
 /// Natural parameters of coordinates.
 pub(in crate::estimate) fn natural(x: &Coordinates) -> [f64; CHANNELS] {
     std::array::from_fn(|c| if is_albedo(c) { x[c] * x[c] } else { x[c] })
+}
+
+/// The optional lobes of all texels, in every lane.
+#[inline(always)]
+pub(super) fn splatted<V: Lanes>(lobes: Option<[f64; LOBES]>) -> Option<[V; LOBES]> {
+    let mut lanes = [V::splat(0.0); LOBES];
+    for (to, from) in lanes.iter_mut().zip(&lobes?) {
+        *to = V::splat(*from as f32);
+    }
+    Some(lanes)
 }
 
 /// Derivative of a natural parameter by its coordinate.

@@ -1,8 +1,10 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
+use super::problem::State;
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 use crate::reflectance::TexelView;
+use crate::svbrdf::NO_LOBES;
 
 /// A number of a correction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,13 +21,16 @@ pub(in crate::estimate) enum Parameter {
     Mirrored(usize),
     /// Ambient irradiance, a fraction of the flash's.
     Ambient,
+    /// A number of the optional lobes of all texels.
+    Lobe(usize),
 }
 
 /// A parameter that is free.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::estimate) struct Shared {
     pub parameter: Parameter,
-    /// Precision of its prior, round zero.
+    /// Mean and precision of its prior.
+    pub mean: f64,
     pub precision: f64,
     /// Longest step.
     pub max_step: f64,
@@ -34,9 +39,14 @@ pub(in crate::estimate) struct Shared {
 }
 
 impl Shared {
-    /// Without bounds.
+    /// Round zero, without bounds.
     pub fn new(parameter: Parameter, precision: f64, max_step: f64) -> Self {
-        Self { parameter, precision, max_step, range: [f64::NEG_INFINITY, f64::INFINITY] }
+        let range = [f64::NEG_INFINITY, f64::INFINITY];
+        Self { parameter, mean: 0.0, precision, max_step, range }
+    }
+
+    pub fn around(self, mean: f64) -> Self {
+        Self { mean, ..self }
     }
 
     pub fn within(self, low: f64, high: f64) -> Self {
@@ -48,6 +58,8 @@ impl Shared {
 pub(super) enum Derivative {
     /// The radiance times this.
     Factor(f64),
+    /// That of a number of the optional lobes.
+    OfLobe(usize),
     /// That of a change of the view.
     OfView(Change),
 }
@@ -79,9 +91,10 @@ impl Change {
 }
 
 impl Parameter {
-    pub fn get(self, correction: &Correction) -> f64 {
-        let Correction { turns, ambient, mirrored, exposure } = correction;
+    pub fn get(self, state: &State) -> f64 {
+        let Correction { turns, ambient, mirrored, exposure } = &state.correction;
         match self {
+            Self::Lobe(i) => state.lobes.unwrap_or(NO_LOBES)[i],
             Self::Gain(i) => exposure.gains[i],
             Self::Exponent => exposure.exponent,
             Self::Flash(axis) => exposure.offset_mm[axis],
@@ -91,9 +104,10 @@ impl Parameter {
         }
     }
 
-    pub fn set(self, correction: &mut Correction, value: f64) {
-        let Correction { turns, ambient, mirrored, exposure } = correction;
+    pub fn set(self, state: &mut State, value: f64) {
+        let Correction { turns, ambient, mirrored, exposure } = &mut state.correction;
         *match self {
+            Self::Lobe(i) => &mut state.lobes.get_or_insert(NO_LOBES)[i],
             Self::Gain(i) => &mut exposure.gains[i],
             Self::Exponent => &mut exposure.exponent,
             Self::Flash(axis) => &mut exposure.offset_mm[axis],
@@ -107,7 +121,7 @@ impl Parameter {
     fn concerns(self, index: usize) -> bool {
         match self {
             Self::Gain(i) | Self::Turn(i, _) | Self::Mirrored(i) => i == index,
-            Self::Exponent | Self::Flash(_) | Self::Ambient => true,
+            Self::Exponent | Self::Flash(_) | Self::Ambient | Self::Lobe(_) => true,
         }
     }
 
@@ -121,24 +135,24 @@ impl Parameter {
     }
 
     /// Its derivative in photograph `index`, with a view as given; `None` where it is zero.
-    pub(super) fn derivative(
-        self,
-        given: &View,
-        index: usize,
-        at: &Correction,
-    ) -> Option<Derivative> {
+    pub(super) fn derivative(self, given: &View, index: usize, at: &State) -> Option<Derivative> {
         if !self.concerns(index) {
             return None;
         }
         Some(match self {
             Self::Gain(_) => Derivative::Factor(1.0),
-            Self::Exponent => Derivative::Factor(log_distance(given) - at.exposure.log_distance),
+            Self::Exponent => {
+                Derivative::Factor(log_distance(given) - at.correction.exposure.log_distance)
+            }
+            Self::Lobe(i) => Derivative::OfLobe(i),
             _ => {
                 let by = self.difference();
                 let moved = |by: f64| {
-                    let mut correction = at.clone();
-                    self.set(&mut correction, self.get(at) + by);
-                    correction.apply(given, index)
+                    let correction = at.correction.clone();
+                    let mut state =
+                        State { deviations: vec![], groups: vec![], correction, lobes: None };
+                    self.set(&mut state, self.get(at) + by);
+                    state.correction.apply(given, index)
                 };
                 Derivative::OfView(Change::between(&moved(-by), &moved(by), by))
             }

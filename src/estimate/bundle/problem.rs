@@ -10,7 +10,7 @@ use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
 use crate::estimate::prior::Coordinates;
 use crate::reflectance::TexelView;
-use crate::svbrdf::CHANNELS;
+use crate::svbrdf::{CHANNELS, LOBES};
 
 /// All unknowns.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +20,9 @@ pub(crate) struct State {
     /// What each group adds to the prior means of its texels.
     pub groups: Vec<Coordinates>,
     pub correction: Correction,
+    /// Optional lobes of all texels, in the order of [`lobe`](crate::svbrdf::lobe); `None` where the
+    /// material has none.
+    pub lobes: Option<[f64; LOBES]>,
 }
 
 /// Groups of texels whose prior means move together.
@@ -33,7 +36,7 @@ pub(in crate::estimate) struct Groups {
     pub shares: Vec<f32>,
     /// Prior mean of each group, and precisions.
     pub mean: Vec<Coordinates>,
-    pub precision: Coordinates,
+    pub precision: Vec<Coordinates>,
 }
 
 /// A fit of some photographs of a sample.
@@ -55,7 +58,12 @@ impl Problem {
     /// Texels at the prior mean of their groups, the correction as given.
     pub fn start(&self, correction: Correction) -> State {
         let deviations = vec![[0.0; CHANNELS]; self.sample.texels()];
-        State { deviations, groups: self.groups.mean.clone(), correction }
+        let mut state =
+            State { deviations, groups: self.groups.mean.clone(), correction, lobes: None };
+        for shared in &self.shared {
+            shared.parameter.set(&mut state, shared.mean);
+        }
+        state
     }
 
     /// Photographs that are fitted.
@@ -110,12 +118,13 @@ impl Problem {
 
     /// Of what texels share.
     pub(super) fn shared_cost(&self, state: &State) -> f64 {
-        let parameter = |s: &Shared| s.precision * s.parameter.get(&state.correction).powi(2);
+        let parameter = |s: &Shared| s.precision * (s.parameter.get(state) - s.mean).powi(2);
         let parameters: f64 = self.shared.iter().map(parameter).sum();
         let mut groups = 0.0;
-        for (group, mean) in state.groups.iter().zip(&self.groups.mean) {
+        let Groups { mean, precision, .. } = &self.groups;
+        for ((group, mean), precision) in state.groups.iter().zip(mean).zip(precision) {
             for c in self.groups.coordinates.clone() {
-                groups += self.groups.precision[c] * (group[c] - mean[c]).powi(2);
+                groups += precision[c] * (group[c] - mean[c]).powi(2);
             }
         }
         0.5 * (parameters + groups)

@@ -4,16 +4,16 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::light::splatted;
 use super::parameters::Derivative;
-use super::problem::Problem;
+use super::problem::{Problem, State};
 use super::sample::Photograph;
-use crate::estimate::correction::Correction;
 use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
 use crate::estimate::prior::{Coordinates, from_coordinates};
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, LOBES, channel};
 
 /// A photograph's view, and derivatives by the parameters that concern it.
 pub(super) struct Linear<'a> {
@@ -47,16 +47,16 @@ pub(super) struct Sums {
 }
 
 impl Problem {
-    pub(super) fn linear(&self, correction: &Correction) -> Vec<Linear<'_>> {
+    pub(super) fn linear(&self, state: &State) -> Vec<Linear<'_>> {
         let photographs = self.photographs().enumerate();
         let linear = photographs.map(|(i, photograph)| {
             let of = |(a, shared): (usize, &super::Shared)| {
-                Some((a, shared.parameter.derivative(&photograph.view, i, correction)?))
+                Some((a, shared.parameter.derivative(&photograph.view, i, state)?))
             };
             let derivatives: Vec<_> = self.shared.iter().enumerate().filter_map(of).collect();
             Linear {
                 photograph,
-                view: TexelView::new(&correction.apply(&photograph.view, i), 1, 1),
+                view: TexelView::new(&state.correction.apply(&photograph.view, i), 1, 1),
                 by_view: derivatives.iter().any(|(_, d)| matches!(d, Derivative::OfView(_))),
                 derivatives,
             }
@@ -70,6 +70,7 @@ impl Problem {
         &self,
         texels: Range<usize>,
         coordinates: &[Coordinates],
+        lobes: Option<[f64; LOBES]>,
         linear: &[Linear],
         reduced: &mut Reduced,
         first: usize,
@@ -80,7 +81,7 @@ impl Problem {
                 lanes[lane] = *value as f32;
             }
         }
-        dispatch(Block { problem: self, texels, coordinates: lanes, linear, reduced, first })
+        dispatch(Block { problem: self, texels, coordinates: lanes, lobes, linear, reduced, first })
     }
 }
 
@@ -88,6 +89,7 @@ struct Block<'a> {
     problem: &'a Problem,
     texels: Range<usize>,
     coordinates: [[f32; LANES]; CHANNELS],
+    lobes: Option<[f64; LOBES]>,
     linear: &'a [Linear<'a>],
     reduced: &'a mut Reduced,
     first: usize,
@@ -106,7 +108,7 @@ impl Kernel for Block<'_> {
         for (to, from) in coordinates.iter_mut().zip(self.coordinates) {
             *to = V::from_array(from);
         }
-        let material = Material::new(&from_coordinates(&coordinates));
+        let material = Material::new(&from_coordinates(&coordinates), splatted(self.lobes));
         let mut equations = NormalEquations::none();
         let mut parameters = Parameters::new(shared.len(), self.linear);
         for linear in self.linear {
@@ -159,7 +161,7 @@ struct Parameters<V> {
     products: Vec<V>,
     gradients: Vec<V>,
     /// See [`across_light`].
-    across: [[V; 3]; 4],
+    across: [[V; 3]; 5],
 }
 
 impl<V: Lanes> Parameters<V> {
@@ -175,7 +177,7 @@ impl<V: Lanes> Parameters<V> {
             by: vec![zero; most],
             products: vec![zero; most * (most + 1) / 2],
             gradients: vec![zero; most],
-            across: [[zero; 3]; 4],
+            across: [[zero; 3]; 5],
         }
     }
 
@@ -195,8 +197,10 @@ impl<V: Lanes> Parameters<V> {
         let lobe = lobes.specular * *irradiance;
         let by_cosine = *brdf * directions.attenuation * V::splat(linear.view.power[c]);
         let by_fresnel = lobe * (V::splat(1.0) - specular);
+        let by_lobes = lobes.by_lobes(material, (*brdf, *fresnel));
         for (by, (_, derivative)) in self.by.iter_mut().zip(&linear.derivatives) {
             let of_radiance = match derivative {
+                Derivative::OfLobe(i) => by_lobes[*i] * *irradiance,
                 // The radiance, of which ln(rendered + 0.01) is by the inverse.
                 Derivative::Factor(factor) => {
                     let whole = V::splat(1.0) - residual.inverse * V::splat(EPSILON);
@@ -204,15 +208,16 @@ impl<V: Lanes> Parameters<V> {
                     continue;
                 }
                 Derivative::OfView(change) => {
-                    let mut moved = [V::splat(0.0); 4];
+                    let mut moved = [V::splat(0.0); 5];
                     for (moved, across) in moved.iter_mut().zip(&self.across) {
                         for (across, place) in across.iter().zip(change.place) {
                             *moved = across.mul_add(V::splat(place), *moved);
                         }
                     }
-                    let [cosine, log_specular, power, distance] = moved;
+                    let [cosine, log_specular, power, distance, coat] = moved;
                     cosine * by_cosine
                         + log_specular * *fresnel * lobe
+                        + coat * *irradiance
                         + power * by_fresnel
                         + distance * *brdf * *irradiance
                         + *brdf * lobes.irradiance * V::splat(change.power[c])
@@ -264,7 +269,7 @@ impl<V: Lanes> Parameters<V> {
 }
 
 /// Derivatives by the place of the light, 1/mm: of its cosine, of ln `specular`, of the Fresnel power,
-/// and of the logarithm of what falls off with its distance.
+/// of the logarithm of what falls off with its distance, and of what a coat reflects.
 #[inline(always)]
 fn across_light<V: Lanes>(
     by_light: &ByLight<V>,
@@ -272,10 +277,14 @@ fn across_light<V: Lanes>(
     view: &TexelView,
     x: V,
     y: V,
-) -> [[V; 3]; 4] {
+) -> [[V; 3]; 5] {
     let (l, inverse) = (directions.light, Directions::inverse_distance(view, x, y));
-    let mut out = [by_light.cosine, by_light.log_specular, by_light.fresnel, l];
-    for of in &mut out[..3] {
+    let ByLight { cosine, log_specular, fresnel, coat } = *by_light;
+    let mut out = [cosine, log_specular, fresnel, l, coat];
+    for (i, of) in out.iter_mut().enumerate() {
+        if i == 3 {
+            continue;
+        }
         let along = of[0].mul_add(l[0], of[1].mul_add(l[1], of[2] * l[2]));
         for i in 0..3 {
             of[i] = (of[i] - along * l[i]) * inverse;

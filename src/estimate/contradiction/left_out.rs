@@ -13,7 +13,7 @@ use crate::estimate::solver::Solver;
 use crate::loss::EPSILON;
 use crate::observation::{Observation, View};
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, NO_LOBES, channel};
 
 /// How far cells may be off the maps so far: what photographs show counts, not what was made of
 /// earlier ones.
@@ -191,7 +191,7 @@ fn coordinates(maps: &Svbrdf, texel: usize) -> [f64; CHANNELS] {
 fn highlight(lit: &Lit, at: &[f64; CHANNELS], place: [f64; 2]) -> f64 {
     let mut without = natural(at);
     without[channel::SPECULAR..][..3].fill(0.0);
-    let sum = |parameters| lit.radiance(parameters, place).value.iter().sum::<f64>();
+    let sum = |parameters| lit.radiance(parameters, &NO_LOBES, place).value.iter().sum::<f64>();
     1.0 - (sum(&without) / sum(&natural(at)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
@@ -204,7 +204,7 @@ fn logarithms(
     at: &[f64; CHANNELS],
     place: [f64; 2],
 ) -> ([f64; 3], SMatrix<f64, 3, CHANNELS>) {
-    let radiance = lit.radiance(&natural(at), place);
+    let radiance = lit.radiance(&natural(at), &NO_LOBES, place);
     let scale = radiance.value.map(|v| (v.max(0.0) + f64::from(EPSILON)).recip());
     let by = |c: usize, p: usize| radiance.jacobian[c][p] * by_coordinate(at, p) * scale[c];
     (radiance.value.map(|v| v.max(0.0)), SMatrix::from_fn(by))

@@ -25,8 +25,14 @@ const FOLDS: usize = 3;
 /// Weight, relative to the best candidate's, below which one counts for nothing.
 const MIN_WEIGHT: f64 = 0.01;
 
-/// Predictions in progress.
+/// Share of the weights that candidates with a lobe need: the lobe predicts better by more than chance.
+const LOBE_WEIGHT: f64 = 0.9;
+
+/// Predictions in progress: first with and without each optional lobe, then by each prior.
 pub(crate) struct PriorChoice {
+    /// Whether the optional lobes have been chosen.
+    lobes_chosen: bool,
+    pub(super) candidates: Vec<JointPrior>,
     options: EstimateOptions,
     sample: Arc<Sample>,
     estimate: Vec<Coordinates>,
@@ -51,13 +57,19 @@ impl PriorChoice {
         let count = photographs.len();
         let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
         let sample = Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS));
+        let neutral = options.joint.candidates.first().copied().unwrap_or_default();
+        let lobes = [[false, false], [true, false], [false, true], [true, true]];
+        let candidates =
+            lobes.map(|[anisotropic, coated]| JointPrior { anisotropic, coated, ..neutral });
         Self {
+            lobes_chosen: false,
+            candidates: candidates.to_vec(),
             estimate: sample.coordinates(maps),
             options: options.clone(),
             sample,
             board,
             which: photographs.drawn(0),
-            errors: vec![f64::NAN; options.joint.candidates.len() * folds.len()],
+            errors: vec![f64::NAN; lobes.len() * folds.len()],
             folds,
         }
     }
@@ -65,19 +77,47 @@ impl PriorChoice {
     /// Predictions made, and about how many there will be.
     pub fn work(&self) -> [usize; 2] {
         let done = self.errors.iter().filter(|e| !e.is_nan()).count();
-        [done, if self.is_done() { done } else { self.errors.len() }]
+        let priors = if self.lobes_chosen { 0 } else { self.options.joint.candidates.len() };
+        [done, if self.is_done() { done } else { self.errors.len() + priors * self.folds.len() }]
     }
 
     /// Whether no prediction can change the choice any more.
     pub fn is_done(&self) -> bool {
-        self.next().is_none()
+        self.lobes_chosen && self.next().is_none()
     }
 
     /// The next prediction.
     pub fn step(&mut self) {
-        let Some(next) = self.next() else { return };
-        let error = self.error(next);
-        self.record(next, error);
+        match self.next() {
+            Some(next) => {
+                let error = self.error(next);
+                self.record(next, error);
+            }
+            None if !self.lobes_chosen => self.choose_lobes(),
+            None => {}
+        }
+    }
+
+    /// Goes on with the priors that have the optional lobes that predict; the first of them has predicted.
+    fn choose_lobes(&mut self) {
+        let weights: Vec<f64> = self.candidates().map(|c| self.weight(self.sum(c))).collect();
+        let total: f64 = weights.iter().sum();
+        let share = |has: fn(&JointPrior) -> bool| {
+            let with = weights.iter().zip(&self.candidates).filter(|(_, prior)| has(prior));
+            with.map(|(weight, _)| weight).sum::<f64>() / total
+        };
+        let anisotropic = share(|prior| prior.anisotropic) > LOBE_WEIGHT;
+        let coated = share(|prior| prior.coated) > LOBE_WEIGHT;
+        let has = |prior: &JointPrior| [prior.anisotropic, prior.coated] == [anisotropic, coated];
+        let known = self.candidates.iter().position(has).map(|c| self.errors[self.of(c)].to_vec());
+        let priors = self.options.joint.candidates.iter();
+        self.candidates =
+            priors.map(|prior| JointPrior { anisotropic, coated, ..*prior }).collect();
+        self.errors = vec![f64::NAN; self.candidates.len() * self.folds.len()];
+        for (error, known) in self.errors.iter_mut().zip(known.unwrap_or_default()) {
+            *error = known;
+        }
+        self.lobes_chosen = true;
     }
 
     /// Keeps the error of a prediction; one that is no finite number is the largest, or the prediction would
@@ -93,13 +133,13 @@ impl PriorChoice {
     }
 
     fn candidates(&self) -> std::ops::Range<usize> {
-        0..self.options.joint.candidates.len()
+        0..self.candidates.len()
     }
 
     /// The mean of the candidates: of the logarithms of their sigmas, of their shares of relief. `None` where no
     /// candidate has predicted.
     pub fn chosen(&self) -> Option<JointPrior> {
-        let candidates = &self.options.joint.candidates;
+        let candidates = &self.candidates;
         let all = self.candidates().map(|c| self.weight(self.sum(c)));
         let weights: Vec<f64> =
             all.map(|weight| if weight < MIN_WEIGHT { 0.0 } else { weight }).collect();
@@ -109,13 +149,16 @@ impl PriorChoice {
         };
         let sigma = |sigma: fn(&JointPrior) -> f64| mean(&|prior| sigma(prior).ln()).exp();
         (total > 0.0).then(|| JointPrior {
-            classes: sigma(|prior| prior.classes as f64).round() as usize,
+            between: sigma(|prior| prior.between),
             relief: mean(&|prior| prior.relief),
             slope: sigma(|prior| prior.slope),
             diffuse: sigma(|prior| prior.diffuse),
             specular: sigma(|prior| prior.specular),
             roughness: sigma(|prior| prior.roughness),
             noise: sigma(|prior| prior.noise),
+            light: sigma(|prior| prior.light),
+            anisotropic: mean(&|prior| f64::from(prior.anisotropic)) > 0.5,
+            coated: mean(&|prior| f64::from(prior.coated)) > 0.5,
         })
     }
 
@@ -161,12 +204,12 @@ impl PriorChoice {
         let left_out = self.folds[prediction % folds];
         let (problem, state) = self.fitted(prediction / folds, left_out);
         let at = |t| problem.coordinates(t, &state);
-        prediction::error(&problem.sample, left_out, &state.correction, at)
+        prediction::error(&problem.sample, left_out, &state.correction, state.lobes, at)
     }
 
     /// A candidate fitted to all photographs but one.
     fn fitted(&self, candidate: usize, left_out: usize) -> (Problem, State) {
-        let prior = &self.options.joint.candidates[candidate];
+        let prior = &self.candidates[candidate];
         let which: Vec<usize> = self.which.iter().copied().filter(|&i| i != left_out).collect();
         let setup = Setup::new(&self.sample, &which, prior, &self.estimate, &self.options.joint);
         let problem = setup.problem(&self.sample, which, prior, self.board, &self.options);

@@ -114,10 +114,18 @@ impl JointFit {
         for (class, mean) in values.iter_mut().zip(&problem.groups.mean) {
             class.iter_mut().zip(mean).for_each(|(v, m)| *v -= own.unwrap_or(0.0) * m);
         }
+        let of_all = values.remove(0);
+        for class in &mut values {
+            class.iter_mut().zip(of_all).for_each(|(v, all)| *v += all);
+        }
         // Classes know every texel's colour.
         belief.refine(photographs);
         let slopes = flattened(&belief.maps, prior.relief as f32);
         belief.mean = Gloss { classes, values }.maps(&slopes, own, photographs);
+        let lobes = state.lobes.iter().flatten();
+        let texels = belief.mean.texels();
+        let planes = lobes.flat_map(|v| std::iter::repeat_n(*v as f32, texels)).collect();
+        belief.mean.set_lobes(planes).expect("four planes");
         belief.maps.clone_from(&belief.mean);
         belief.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
         belief.fixed_noise = Some(prior.noise as f32);

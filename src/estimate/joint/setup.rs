@@ -11,7 +11,7 @@ use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
 use crate::estimate::prior::Coordinates;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, channel, lobe};
 
 /// Share of the colour seen that is diffuse, in the prior's mean.
 pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
@@ -26,6 +26,11 @@ const MAX_AMBIENT: f64 = 0.4;
 /// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample shows that
 /// a room is not uniform.
 const MIN_SURROUND: f32 = 0.01;
+
+/// Greatest number of an anisotropy: the alphas differ by a factor of 12.
+const MAX_ANISOTROPY: f64 = 2.5;
+/// Roughness of a coat: below, no pixel shows its highlight; above, it is none.
+const COAT_ROUGHNESS: [f64; 2] = [0.08, 0.5];
 
 /// Coordinates that classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;
@@ -68,10 +73,12 @@ pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
 #[derive(Debug, Clone)]
 pub(super) struct Setup {
     pub classes: Clusters,
+    /// How much texels belong to all, and to each class.
     shares: Vec<f32>,
     /// Prior means of texels, but for gloss: what is added to that of the classes.
     mean: Vec<Coordinates>,
-    class_means: Vec<Coordinates>,
+    /// Prior means of the gloss of all and of what each class adds.
+    means: Vec<Coordinates>,
 }
 
 impl Setup {
@@ -84,10 +91,10 @@ impl Setup {
         options: &JointOptions,
     ) -> Self {
         let colours = sample.colours(which);
-        let classes = Clusters::find(&colours, prior.classes, None);
-        let mut shares = vec![0.0; colours.len() * classes.len()];
-        for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(classes.len().max(1))) {
-            classes.shares(colour, out);
+        let classes = Clusters::find(&colours, options.classes, None);
+        let mut shares = vec![1.0; colours.len() * (1 + classes.len())];
+        for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(1 + classes.len())) {
+            classes.shares(colour, &mut out[1..]);
         }
         let root = f64::from(DIFFUSE_FRACTION.sqrt());
         let mean = colours.iter().zip(estimate).map(|(colour, estimate)| {
@@ -100,34 +107,37 @@ impl Setup {
             }
             mean
         });
-        let [root, roughness] = options.class_mean;
-        let mut class_mean = [0.0; CHANNELS];
-        class_mean[GLOSS].copy_from_slice(&[root, root, root, roughness]);
-        let class_means = vec![class_mean; classes.len()];
-        Self { mean: mean.collect(), classes, shares, class_means }
+        let [root, roughness] = options.gloss;
+        let mut means = vec![[0.0; CHANNELS]; 1 + classes.len()];
+        means[0][GLOSS].copy_from_slice(&[root, root, root, roughness]);
+        Self { mean: mean.collect(), classes, shares, means }
     }
 
     /// Round an estimate: its diffuse albedo, its mean gloss of each class, and an `own` share of each
     /// texel's deviation from that.
     pub fn around(mut self, estimate: &[Coordinates], own: f64) -> Self {
-        let count = self.classes.len();
+        let count = self.means.len();
         let mut totals = vec![1e-9; count];
-        self.class_means.fill([0.0; CHANNELS]);
+        self.means.fill([0.0; CHANNELS]);
         for (x, shares) in estimate.iter().zip(self.shares.chunks_exact(count)) {
-            for ((mean, total), share) in self.class_means.iter_mut().zip(&mut totals).zip(shares) {
+            for ((mean, total), share) in self.means.iter_mut().zip(&mut totals).zip(shares) {
                 *total += f64::from(*share);
                 GLOSS.for_each(|c| mean[c] += f64::from(*share) * x[c]);
             }
         }
-        for (mean, total) in self.class_means.iter_mut().zip(totals) {
+        for (mean, total) in self.means.iter_mut().zip(totals) {
             mean.iter_mut().for_each(|m| *m /= total);
+        }
+        let of_all = self.means[0];
+        for mean in &mut self.means[1..] {
+            GLOSS.for_each(|c| mean[c] -= of_all[c]);
         }
         for ((mean, x), shares) in
             self.mean.iter_mut().zip(estimate).zip(self.shares.chunks_exact(count))
         {
             mean[DIFFUSE].copy_from_slice(&x[DIFFUSE]);
             for c in GLOSS {
-                let of_classes = shares.iter().zip(&self.class_means);
+                let of_classes = shares.iter().zip(&self.means);
                 let of_classes: f64 = of_classes.map(|(s, m)| f64::from(*s) * m[c]).sum();
                 mean[c] = own * (x[c] - of_classes);
             }
@@ -147,21 +157,24 @@ impl Setup {
         let EstimateOptions { joint: options, noise, .. } = options;
         // Errors of the model are alike all over a sample: what is shared is weighed by fewer texels.
         let scale = sample.texels() as f64 / options.independent_texels;
-        let of_class = scale / self.classes.len().max(1) as f64;
-        let [root, roughness] = options.class_sigma.map(|s| of_class / (s * s));
-        let precision =
+        let [root, roughness] = options.gloss_sigma.map(|s| scale / (s * s));
+        let of_all =
             std::array::from_fn(|c| if c == channel::ROUGHNESS { roughness } else { root });
+        let classes = self.classes.len();
+        let of_class = scale / classes.max(1) as f64 / (prior.between * prior.between);
+        let mut precision = vec![[of_class; CHANNELS]; 1 + classes];
+        precision[0] = of_all;
         Problem {
-            shared: shared(sample, &which, board, scale, &options.shared),
+            shared: shared(sample, &which, board, scale, prior, &options.shared),
             sample: sample.clone(),
             which,
             mean: self.mean,
             precision: prior.sigmas().map(|s| s.powi(-2)),
             groups: Groups {
                 coordinates: GLOSS,
-                range: [0.0, 1.0],
+                range: [-1.0, 1.0],
                 shares: self.shares,
-                mean: self.class_means,
+                mean: self.means,
                 precision,
             },
             noise: Noise { scale: prior.noise as f32, huber: noise.huber },
@@ -176,10 +189,13 @@ fn shared(
     which: &[usize],
     board: bool,
     scale: f64,
+    prior: &JointPrior,
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
     let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
-    let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
+    let of_material =
+        |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
+    let new = |parameter, sigma: f64, most| of_material(parameter, prior.light * sigma, most);
     let photographs = 0..which.len();
     let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
     let flash = (0..3).map(|axis| new(Parameter::Flash(axis), sigmas.offset_mm, of_flash));
@@ -201,6 +217,21 @@ fn shared(
             photographs
                 .map(|i| new(Parameter::Mirrored(i), sigmas.mirrored, 1.0).within(low, high)),
         );
+    }
+    if prior.anisotropic {
+        let [low, high] = [-MAX_ANISOTROPY, MAX_ANISOTROPY];
+        all.extend(
+            [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y]
+                .map(|i| of_material(Parameter::Lobe(i), sigmas.anisotropy, 0.5).within(low, high)),
+        );
+    }
+    if prior.coated {
+        let [weight, roughness] = sigmas.coat;
+        let weight = of_material(Parameter::Lobe(lobe::COAT), weight, 0.3).around(1.0);
+        let roughness = of_material(Parameter::Lobe(lobe::COAT_ROUGHNESS), roughness, 0.1);
+        let [least, most] = COAT_ROUGHNESS;
+        all.push(weight.within(0.0, 1.0));
+        all.push(roughness.around(sigmas.coat_roughness).within(least, most));
     }
     all
 }

@@ -13,10 +13,12 @@ pub struct JointOptions {
     /// Texels that count as independent where something shared is weighed against its prior: errors of
     /// the model are alike all over a sample. Tuned.
     pub independent_texels: f64,
-    /// Expected deviations of a class from [`class_mean`](Self::class_mean): root of F0, roughness.
-    pub class_sigma: [f64; 2],
-    /// Expected root of F0 and roughness of a class: a dielectric.
-    pub class_mean: [f64; 2],
+    /// Classes of gloss, at most.
+    pub classes: usize,
+    /// Expected root of F0 and roughness of a material: a dielectric.
+    pub gloss: [f64; 2],
+    /// Sigmas of a material's gloss round that.
+    pub gloss_sigma: [f64; 2],
     /// Sigmas of what all texels share.
     pub shared: SharedOptions,
 }
@@ -40,6 +42,12 @@ pub struct SharedOptions {
     pub ambient: f64,
     /// Logarithm of [`View::mirrored`](crate::observation::View::mirrored); with a board. Tuned.
     pub mirrored: f64,
+    /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X).
+    pub anisotropy: f64,
+    /// Weight of a coat, round 1, and its roughness, round [`coat_roughness`](Self::coat_roughness).
+    pub coat: [f64; 2],
+    /// Expected roughness of a coat.
+    pub coat_roughness: f64,
 }
 
 impl Default for SharedOptions {
@@ -52,6 +60,9 @@ impl Default for SharedOptions {
             turns_from: 8,
             ambient: 0.2,
             mirrored: 0.6,
+            anisotropy: 1.0,
+            coat: [0.5, 0.15],
+            coat_roughness: 0.2,
         }
     }
 }
@@ -59,22 +70,20 @@ impl Default for SharedOptions {
 impl Default for JointOptions {
     fn default() -> Self {
         let classes = JointPrior::default();
-        let one = JointPrior { classes: 1, specular: 0.002, roughness: 0.001, ..classes };
         let free = JointPrior { slope: 0.1, specular: 0.1, roughness: 0.12, ..classes };
+        let even = JointPrior { between: 0.03, specular: 0.002, roughness: 0.001, ..classes };
         Self {
-            few: JointPrior { diffuse: 0.1, ..classes },
+            few: JointPrior { between: 0.3, diffuse: 0.1, ..classes },
             candidates: vec![
                 classes,
-                one,
                 JointPrior { slope: 0.1, ..classes },
                 free,
-                JointPrior { noise: 0.1, ..free },
-                JointPrior { relief: 0.0, ..classes },
-                JointPrior { relief: 0.0, ..one },
+                JointPrior { relief: 0.0, ..even },
             ],
             independent_texels: 14.0,
-            class_sigma: [0.3, 0.4],
-            class_mean: [0.2, 0.5],
+            classes: 8,
+            gloss: [0.2, 0.5],
+            gloss_sigma: [0.3, 0.4],
             shared: SharedOptions::default(),
         }
     }
@@ -84,8 +93,8 @@ impl Default for JointOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointPrior {
-    /// Classes of gloss.
-    pub classes: usize,
+    /// Sigma of a class's gloss (root of specular albedo, roughness) round that of all classes.
+    pub between: f64,
     /// Share of the learned slopes in the mean: 0 is a flat sheet.
     pub relief: f64,
     /// Sigma of slopes.
@@ -99,19 +108,28 @@ pub struct JointPrior {
     /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
     /// 15 % off, alike over a sample.
     pub noise: f64,
+    /// Factor on the sigmas of what texels share: how far the light may differ from that stated.
+    pub light: f64,
+    /// Whether the specular lobe is anisotropic, alike at all texels.
+    pub anisotropic: bool,
+    /// Whether all texels have a coat.
+    pub coated: bool,
 }
 
 impl Default for JointPrior {
-    /// Eight classes of gloss on the learned slopes.
+    /// Classes of gloss on the learned slopes.
     fn default() -> Self {
         Self {
-            classes: 8,
+            between: 0.1,
             relief: 1.0,
             slope: 0.01,
             diffuse: 0.3,
             specular: 0.02,
             roughness: 0.01,
             noise: 0.3,
+            light: 1.0,
+            anisotropic: false,
+            coated: false,
         }
     }
 }

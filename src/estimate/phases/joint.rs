@@ -45,11 +45,23 @@ impl Work for Choice {
     }
 
     fn result(&self) -> Option<String> {
-        let JointPrior { classes, relief, slope, diffuse: _, specular, roughness, noise } =
-            self.chosen?;
+        let JointPrior {
+            between,
+            relief,
+            slope,
+            diffuse: _,
+            specular,
+            roughness,
+            noise,
+            light,
+            anisotropic,
+            coated,
+        } = self.chosen?;
         Some(format!(
-            "{classes} classes, {relief:.2} of the relief, sigmas of slopes {slope:.3}, specular {specular:.3}, \
-             roughness {roughness:.3}, noise {noise:.2}"
+            "{relief:.2} of the relief, sigmas between classes {between:.3}, of slopes {slope:.3}, specular {specular:.3}, \
+             roughness {roughness:.3}, noise {noise:.2}, light {light:.2}{}{}",
+            if anisotropic { ", anisotropic" } else { "" },
+            if coated { ", coated" } else { "" },
         ))
     }
 }

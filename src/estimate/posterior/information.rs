@@ -109,7 +109,7 @@ fn planes<const PLANES: usize>(
     out: impl for<'a> Fn([&'a mut [f32]; PLANES]) -> Out<'a> + Sync,
 ) -> Vec<f32> {
     let prepared = Prepared::new(at.maps, observations);
-    let posterior = Posterior::new(&prepared, [at.noise; 3], at.prior);
+    let posterior = Posterior::new(&prepared, [at.noise; 3], at.prior, at.maps);
     let (width, height) = (at.maps.width(), at.maps.height());
     let mut planes = vec![0.0; PLANES * at.maps.texels()];
     parallel::parts(bands::<PLANES, _>(&mut planes, width, height, BAND_ROWS), |band, planes| {

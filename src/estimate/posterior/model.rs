@@ -1,9 +1,13 @@
 //! What the posterior of a texel is made of.
 
 use crate::estimate::noise::Noise;
-use crate::estimate::prior::Prior;
-use crate::render::Prepared;
-use crate::svbrdf::CHANNELS;
+use std::ops::Range;
+
+use crate::estimate::prior::{Prior, from_coordinates};
+use crate::reflectance::Material;
+use crate::render::{self, Prepared};
+use crate::simd::Lanes;
+use crate::svbrdf::{CHANNELS, Svbrdf};
 
 /// The posterior of a texel, apart from its prior mean.
 pub(in crate::estimate) struct Posterior<'a> {
@@ -12,10 +16,24 @@ pub(in crate::estimate) struct Posterior<'a> {
     pub noise: [Noise; 3],
     /// 1 / sigma².
     pub precision: [f32; CHANNELS],
+    /// Maps with the texels' optional lobes, which are held.
+    pub lobes: &'a Svbrdf,
 }
 
 impl<'a> Posterior<'a> {
-    pub fn new(observations: &'a [Prepared<'a>], noise: [Noise; 3], prior: &Prior) -> Self {
-        Self { observations, noise, precision: prior.precision() }
+    pub fn new(
+        observations: &'a [Prepared<'a>],
+        noise: [Noise; 3],
+        prior: &Prior,
+        lobes: &'a Svbrdf,
+    ) -> Self {
+        Self { observations, noise, precision: prior.precision(), lobes }
+    }
+
+    /// The material of some texels, at most eight, at coordinates `x`.
+    #[inline(always)]
+    pub fn material<V: Lanes>(&self, x: &[V; CHANNELS], texels: &Range<usize>) -> Material<V> {
+        let lobes = render::load_lobes(self.lobes, texels.start, texels.end);
+        Material::new(&from_coordinates(x), lobes)
     }
 }

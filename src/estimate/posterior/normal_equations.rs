@@ -2,8 +2,7 @@
 
 use super::model::Posterior;
 use super::residual::{Appearance, Residual, Seen};
-use crate::estimate::prior::from_coordinates;
-use crate::reflectance::{Directions, Lobes, Material};
+use crate::reflectance::{Directions, Lobes};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
 use std::ops::Range;
@@ -54,7 +53,7 @@ pub(in crate::estimate) fn cost<V: Lanes>(
     directions: &[Directions<V>],
     texels: Range<usize>,
 ) -> (V, [V; 3]) {
-    let material = Material::new(&from_coordinates(x));
+    let material = posterior.material(x, &texels);
     let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [V::splat(0.0); 3]);
     for (observation, directions) in posterior.observations.iter().zip(directions) {
         let view = &observation.view;
@@ -82,7 +81,7 @@ impl<V: Lanes> NormalEquations<V> {
         texels: Range<usize>,
     ) -> (Self, (V, [V; 3])) {
         let zero = V::splat(0.0);
-        let material = Material::new(&from_coordinates(x));
+        let material = posterior.material(x, &texels);
         let mut equations = Self::of_prior(posterior, x, mean);
         let (mut cost, mut loss) = (prior_cost(posterior, x, mean), [zero; 3]);
         for (observation, directions) in posterior.observations.iter().zip(directions) {

@@ -6,7 +6,6 @@ use crate::loss::{EPSILON, OffsetPair};
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, channel};
-use std::f32::consts::FRAC_1_PI;
 
 /// What a photograph shows in one colour, and how sure that is.
 pub(in crate::estimate) struct Seen<V> {
@@ -73,6 +72,7 @@ pub(in crate::estimate) struct Appearance<V> {
     lobe_by_slopes: [V; 2],
     irradiance_by_slopes: [V; 2],
     lobe_by_roughness: V,
+    coat_by_slopes: Option<[V; 2]>,
 }
 
 /// A colour of a photograph at eight texels.
@@ -97,7 +97,11 @@ impl<V: Lanes> Appearance<V> {
         let by_normal = lobes.by_normal(material, directions, zero, one);
         let irradiance_by_slopes = material.by_slopes(by_normal);
         let lobe_by_roughness = lobes.log_specular_by_roughness(material);
-        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness }
+        let coat_by_slopes = match lobes.coat_by_normal(material, directions) {
+            Some(by_normal) => Some(material.by_slopes(by_normal)),
+            None => None,
+        };
+        Self { lobes, lobe_by_slopes, irradiance_by_slopes, lobe_by_roughness, coat_by_slopes }
     }
 
     /// A colour at coordinates `x`, which are those of the material.
@@ -123,13 +127,18 @@ impl<V: Lanes> Appearance<V> {
         // Derivatives of ln(rendered + 0.01).
         let lobe = fresnel * lobes.specular * irradiance * residual.inverse;
         let lit = brdf * power * residual.inverse;
-        let shape = [
+        let mut shape = [
             lobe.mul_add(self.lobe_by_slopes[0], lit * self.irradiance_by_slopes[0]),
             lobe.mul_add(self.lobe_by_slopes[1], lit * self.irradiance_by_slopes[1]),
             lobe * self.lobe_by_roughness,
         ];
+        if let Some(by_slopes) = self.coat_by_slopes {
+            for (shape, by) in shape.iter_mut().zip(by_slopes) {
+                *shape = (irradiance * residual.inverse).mul_add(by, *shape);
+            }
+        }
         let twice = residual.inverse * V::splat(2.0);
-        let by_diffuse = irradiance.mul_add(V::splat(FRAC_1_PI), ambient);
+        let by_diffuse = irradiance.mul_add(lobes.diffuse, ambient);
         let by_specular = irradiance.mul_add(lobes.specular * lobes.one_minus_fresnel, mirrored);
         let colour = [
             by_diffuse * twice * x[channel::DIFFUSE + c],
