@@ -24,7 +24,7 @@ pub struct GuideOptions {
 }
 
 impl Default for GuideOptions {
-    /// Those of `docs/research/54-guided-capture.md`.
+    /// Those of `docs/research/guided-capture.md`.
     fn default() -> Self {
         Self {
             worth: 0.8,
