@@ -97,7 +97,7 @@ const ROOTS: &[&str] = &[
     "ffi/python/src/lib.rs",
     "ffi/web/src/lib.rs",
     "cli/src/main.rs",
-    "cli/src/bin/svbrdf-eval/main.rs",
+    "benches/eval/src/main.rs",
 ];
 
 /// Most lines of a function, and of a file without its test modules.
