@@ -1,9 +1,7 @@
 //! The structure of the sources: imports point one way, between modules and between the files
 //! inside them; functions and files stay short; `unsafe` stays where it belongs.
 
-#[path = "structure/imports.rs"]
 mod imports;
-#[path = "structure/source.rs"]
 mod source;
 
 use std::collections::BTreeMap;
