@@ -18,6 +18,7 @@ use super::input::Input;
 use super::photographs::Fit;
 use crate::failure::Result;
 use crate::report::{self, Subject};
+use crate::terminal;
 
 /// Maps and what lies beside them, but for the report.
 const FILES: [&str; 6] =
@@ -98,7 +99,9 @@ impl Output<'_> {
             photographs: u32::try_from(photographs).ok(),
             ..ExportOptions::default()
         };
-        Ok(export(maps, &options)?.files)
+        let package = export(maps, &options)?;
+        package.remarks.iter().for_each(terminal::say);
+        Ok(package.files)
     }
 }
 
