@@ -68,19 +68,19 @@ impl Light {
         }
         let curved_problem = problem.with_tone_curve();
         let curved = Self::of_squares(samples, linear.shots.clone(), &curved_problem, None);
-        // A curve that is none has only found a better light.
-        if curved.solution.tone.iter().all(|slope| slope.abs() < STRAIGHT) {
+        let straight = curved.solution.tone.iter().all(|slope| slope.abs() < STRAIGHT);
+        let sigma = curved.solution.sigma;
+        let gain = misfit(&linear, problem, sigma) - misfit(&curved, &curved_problem, sigma);
+        // A curve that is none and explains more has only found a better light.
+        if straight && gain > TONE_EVIDENCE {
             let start = Some(&curved.solution.theta);
             linear = Self::of_squares(&plain, linear.shots, problem, start);
-            if linear.shots.len() < SURROUNDINGS_FROM {
-                return linear;
-            }
         }
         if linear.shots.len() < SURROUNDINGS_FROM {
-            let sigma = curved.solution.sigma;
             let left = misfit(&curved, &curved_problem, sigma);
             let gain = misfit(&linear, problem, sigma) - left;
-            return if gain > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left { curved } else { linear };
+            let clear = gain > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left;
+            return if clear && !straight { curved } else { linear };
         }
         // From the light that is known: a rough look is enough to see what does not explain the squares.
         let solve = |other: Problem| {
@@ -100,7 +100,6 @@ impl Light {
         let before = left(&linear.solution, problem);
         let clear = |left: f64| before - left > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left;
         let by_curve = left(&curved.solution, &curved_problem);
-        let straight = curved.solution.tone.iter().all(|slope| slope.abs() < STRAIGHT);
         let best =
             others.into_iter().map(|(solution, other)| (left(&solution, &other), solution, other));
         let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
