@@ -14,6 +14,7 @@ use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::options::{EstimateOptions, JointPrior};
 use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::Coordinates;
+use crate::svbrdf::NO_LOBES;
 
 /// Texels along the longer side that predictions are made at, at most, and of which those are taken as they are.
 const TEXELS: usize = 32;
@@ -204,7 +205,8 @@ impl PriorChoice {
         let left_out = self.folds[prediction % folds];
         let (problem, state) = self.fitted(prediction / folds, left_out);
         let at = |t| problem.coordinates(t, &state);
-        prediction::error(&problem.sample, left_out, &state.correction, state.lobes, at)
+        let lobes = |t| problem.lobes(t, &state).unwrap_or(NO_LOBES);
+        prediction::error(&problem.sample, left_out, &state.correction, lobes, at)
     }
 
     /// A candidate fitted to all photographs but one.

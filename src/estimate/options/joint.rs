@@ -42,8 +42,9 @@ pub struct SharedOptions {
     pub ambient: f64,
     /// Logarithm of [`View::mirrored`](crate::observation::View::mirrored); with a board. Tuned.
     pub mirrored: f64,
-    /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X).
-    pub anisotropy: f64,
+    /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X): of all
+    /// texels, and of a class round that.
+    pub anisotropy: [f64; 2],
     /// Weight of a coat, round 1, and its roughness, round [`coat_roughness`](Self::coat_roughness).
     pub coat: [f64; 2],
     /// Expected roughness of a coat.
@@ -60,7 +61,7 @@ impl Default for SharedOptions {
             turns_from: 8,
             ambient: 0.2,
             mirrored: 0.6,
-            anisotropy: 1.0,
+            anisotropy: [1.0, 0.5],
             coat: [0.5, 0.15],
             coat_roughness: 0.2,
         }
@@ -110,7 +111,7 @@ pub struct JointPrior {
     pub noise: f64,
     /// Factor on the sigmas of what texels share: how far the light may differ from that stated.
     pub light: f64,
-    /// Whether the specular lobe is anisotropic, alike at all texels.
+    /// Whether the specular lobe is anisotropic, alike in each class.
     pub anisotropic: bool,
     /// Whether all texels have a coat.
     pub coated: bool,
