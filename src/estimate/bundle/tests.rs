@@ -245,8 +245,9 @@ fn whole(sums: &Sums, lane: usize, reduced: &Reduced) -> Reduced {
 /// in single precision: of 6e-8 of what they say of a parameter there may be left a hundredth or less.
 #[test]
 fn eliminated_texels_step_as_in_the_whole_system() {
-    let (mut problem, state) = problem();
+    let (mut problem, mut state) = problem();
     // Five texels do not tell lobes from gloss: in single precision nothing would be left of their step.
+    state.lobes = None;
     problem.shared.retain(|shared| {
         !matches!(shared.parameter, Parameter::Anisotropy(..) | Parameter::Coat(_))
     });

@@ -194,9 +194,7 @@ fn shared(
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
     let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
-    let of_material =
-        |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
-    let new = |parameter, sigma: f64, most| of_material(parameter, prior.light * sigma, most);
+    let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
     let photographs = 0..which.len();
     let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
     let flash = (0..3).map(|axis| new(Parameter::Flash(axis), sigmas.offset_mm, of_flash));
@@ -225,14 +223,14 @@ fn shared(
         for group in 0..=classes {
             // A class is a part of the texels.
             let sigma = if group == 0 { of_all } else { of_class * (classes as f64).sqrt() };
-            let numbers = [0, 1].map(|i| of_material(Parameter::Anisotropy(group, i), sigma, 0.5));
+            let numbers = [0, 1].map(|i| new(Parameter::Anisotropy(group, i), sigma, 0.5));
             all.extend(numbers.map(|number| number.within(low, high)));
         }
     }
     if prior.coated {
         let [weight, roughness] = sigmas.coat;
-        let weight = of_material(Parameter::Coat(0), weight, 0.3).around(1.0);
-        let roughness = of_material(Parameter::Coat(1), roughness, 0.1);
+        let weight = new(Parameter::Coat(0), weight, 0.3).around(1.0);
+        let roughness = new(Parameter::Coat(1), roughness, 0.1);
         let [least, most] = COAT_ROUGHNESS;
         all.push(weight.within(0.0, 1.0));
         all.push(roughness.around(sigmas.coat_roughness).within(least, most));

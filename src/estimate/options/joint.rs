@@ -109,8 +109,6 @@ pub struct JointPrior {
     /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
     /// 15 % off, alike over a sample.
     pub noise: f64,
-    /// Factor on the sigmas of what texels share: how far the light may differ from that stated.
-    pub light: f64,
     /// Whether the specular lobe is anisotropic, alike in each class.
     pub anisotropic: bool,
     /// Whether all texels have a coat.
@@ -128,7 +126,6 @@ impl Default for JointPrior {
             specular: 0.02,
             roughness: 0.01,
             noise: 0.3,
-            light: 1.0,
             anisotropic: false,
             coated: false,
         }
