@@ -1,8 +1,9 @@
 //! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
 
-use super::light::{in_lanes, natural};
-use super::problem::{EightLobes, Problem, State};
+use super::light::natural;
+use super::problem::Problem;
 use super::sample::Photograph;
+use super::state::{EightLobes, State, in_lanes};
 use crate::estimate::posterior::{Residual, Seen};
 use crate::estimate::prior::Coordinates;
 use crate::parallel;

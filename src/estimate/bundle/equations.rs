@@ -5,7 +5,8 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::elimination::{Column, Eight, Eliminated, Equations, Totals};
-use super::problem::{Problem, State};
+use super::problem::Problem;
+use super::state::State;
 use super::sums::{Linear, Reduced, Sums};
 use crate::estimate::prior::{Coordinates, range};
 use crate::simd::LANES;

@@ -13,6 +13,7 @@ mod light;
 mod parameters;
 mod problem;
 mod sample;
+mod state;
 mod sums;
 #[cfg(test)]
 mod tests;
@@ -21,5 +22,5 @@ pub(super) use descent::{Descent, Limits};
 pub(super) use light::{Lit, Radiance, by_coordinate, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
 pub(super) use problem::{Groups, Problem};
-pub(crate) use problem::{SharedLobes, State};
 pub(super) use sample::{Sample, colours};
+pub(crate) use state::{SharedLobes, State};

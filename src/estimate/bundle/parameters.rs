@@ -1,6 +1,6 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
-use super::problem::{SharedLobes, State};
+use super::state::{SharedLobes, State};
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 use crate::reflectance::TexelView;

@@ -4,11 +4,10 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::elimination::Eight;
-use super::light::in_lanes;
 use super::parameters::Derivative;
-use super::problem::{EightLobes, Problem, State};
+use super::problem::Problem;
 use super::sample::Photograph;
+use super::state::{EightLobes, State, in_lanes};
 use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
 use crate::estimate::prior::{Coordinates, from_coordinates};
 use crate::loss::EPSILON;
@@ -72,7 +71,7 @@ impl Problem {
         texels: Range<usize>,
         coordinates: &[Coordinates],
         lobes: Option<EightLobes>,
-        shares: &[Eight],
+        shares: &[[f32; LANES]],
         linear: &[Linear],
         reduced: &mut Reduced,
         first: usize,
@@ -102,7 +101,7 @@ struct Block<'a> {
     coordinates: [[f32; LANES]; CHANNELS],
     lobes: Option<EightLobes>,
     /// How much the texels belong to each group.
-    shares: &'a [Eight],
+    shares: &'a [[f32; LANES]],
     linear: &'a [Linear<'a>],
     reduced: &'a mut Reduced,
     first: usize,
@@ -212,7 +211,7 @@ impl<V: Lanes> Parameters<V> {
         directions: &Directions<V>,
         lobes: &Lobes<V>,
         line: &Line<V>,
-        shares: &[Eight],
+        shares: &[[f32; LANES]],
     ) {
         let Line { brdf, fresnel, irradiance, residual, .. } = line;
         let (diffuse, specular) = (material.diffuse[c], material.specular[c]);

@@ -29,8 +29,9 @@ const MIN_SURROUND: f32 = 0.01;
 
 /// Greatest number of an anisotropy: the alphas differ by a factor of 12.
 const MAX_ANISOTROPY: f64 = 2.5;
-/// Roughness of a coat: below, no pixel shows its highlight; above, it is none.
-const COAT_ROUGHNESS: [f64; 2] = [0.08, 0.5];
+/// Roughness of a coat: a narrower highlight falls between the texels that are fitted, which then say
+/// nothing of it; a wider one is that of a rough base.
+const COAT_ROUGHNESS: [f64; 2] = [0.15, 0.35];
 
 /// Coordinates that classes share.
 pub(super) const GLOSS: Range<usize> = channel::SPECULAR..CHANNELS;

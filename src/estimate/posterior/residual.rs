@@ -97,6 +97,8 @@ impl<V: Lanes> Appearance<V> {
         let by_normal = lobes.by_normal(material, directions, zero, one);
         let irradiance_by_slopes = material.by_slopes(by_normal);
         let lobe_by_roughness = lobes.log_specular_by_roughness(material);
+        // A closure may stay a call, outside of the kernel's features.
+        #[allow(clippy::manual_map)]
         let coat_by_slopes = match lobes.coat_by_normal(material, directions) {
             Some(by_normal) => Some(material.by_slopes(by_normal)),
             None => None,
