@@ -104,6 +104,8 @@ typedef int32_t svbrdf_status;
 #define SVBRDF_NO_MAPS 3
 /** Three photos are waiting already: try again when one has been answered. */
 #define SVBRDF_BUSY 4
+/** The material does not show this lobe, so that there is no such map: see svbrdf_maps_lobes(). */
+#define SVBRDF_NO_LOBE 5
 /** An argument is NULL, not a number, out of range, or too small a buffer. */
 #define SVBRDF_INVALID_ARGUMENT -1
 /** The handle was destroyed, is NULL, or is of another kind. */
@@ -1228,6 +1230,21 @@ svbrdf_status svbrdf_maps_size(const struct svbrdf_maps *maps,
                                uint32_t *height,
                                float *sample_mm);
 
+/** Optional lobes of a material: an OR of SVBRDF_LOBE_ values. Some may be added. */
+typedef uint32_t svbrdf_lobes;
+
+/** The specular lobe is anisotropic: there is SVBRDF_MAP_ANISOTROPY. */
+#define SVBRDF_LOBE_ANISOTROPY 1
+/** There is a coat: SVBRDF_MAP_COAT. */
+#define SVBRDF_LOBE_COAT 2
+
+/**
+ * Which optional lobes the material shows, and so which further maps there are: an OR of SVBRDF_LOBE_
+ * values, 0 for most materials.
+ */
+svbrdf_status svbrdf_maps_lobes(const struct svbrdf_maps *maps,
+                                svbrdf_lobes *lobes);
+
 /** A map in memory of the library. */
 typedef struct svbrdf_map_view {
     /** Size of this struct. */
@@ -1262,11 +1279,23 @@ typedef uint32_t svbrdf_map;
 #define SVBRDF_MAP_SPECULAR 3
 /**
  * Roughness, GGX alpha = roughness²; 8 bits: R 255 (occlusion), G roughness, B 0 (metalness),
- * linear: glTF's occlusion-roughness-metalness.
+ * linear: glTF's occlusion-roughness-metalness. Where the material is anisotropic: of the smaller alpha.
  */
 #define SVBRDF_MAP_ROUGHNESS 4
 /** As SVBRDF_MAP_NORMAL with Y down (DirectX, Unreal). */
 #define SVBRDF_MAP_NORMAL_DIRECTX 5
+/**
+ * Anisotropy as glTF's KHR_materials_anisotropy states it. Three values: cosine and sine of the direction
+ * of the larger alpha, counter-clockwise from X, and strength. Alpha along the direction is
+ * mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; 8 bits: (cosine + 1) / 2,
+ * (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is isotropic.
+ */
+#define SVBRDF_MAP_ANISOTROPY 6
+/**
+ * A coat above everything else, as glTF's KHR_materials_clearcoat states it: a dielectric with F0 .04.
+ * Three values: weight, roughness, 0, linear. SVBRDF_NO_LOBE where the material has none.
+ */
+#define SVBRDF_MAP_COAT 7
 
 /** How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order. */
 typedef uint32_t svbrdf_map_format;
@@ -1312,6 +1341,49 @@ svbrdf_status svbrdf_maps_copy(const struct svbrdf_maps *maps,
 svbrdf_status svbrdf_maps_reduced(const struct svbrdf_maps *maps,
                                   uint32_t level,
                                   struct svbrdf_maps **out);
+
+/**
+ * Values of maps, each as svbrdf_maps_view() gives it with SVBRDF_MAP_FORMAT_F32: row by row without
+ * gaps. Needed during the call only.
+ */
+typedef struct svbrdf_maps_input {
+    /** Size of this struct. */
+    size_t size;
+    /** Texels in a row, 1 to 4096. */
+    uint32_t width;
+    /** Rows, 1 to 4096. */
+    uint32_t height;
+    /** Width and height of the sample, mm. Default: 100 x 100. */
+    float sample_mm[2];
+    /**
+     * SVBRDF_MAP_NORMAL: three floats a texel, Z above 0. Slopes are limited to 3 (71.6 degrees).
+     */
+    const float *normal;
+    /** SVBRDF_MAP_DIFFUSE: three floats a texel, 0 to 1. */
+    const float *diffuse;
+    /** SVBRDF_MAP_SPECULAR: three floats a texel, 0 to 1. */
+    const float *specular;
+    /** SVBRDF_MAP_ROUGHNESS: one float a texel, 0 to 1. */
+    const float *roughness;
+    /**
+     * SVBRDF_MAP_ANISOTROPY: three floats a texel, strength 0 to 1. Ratios of alpha are limited to 20.
+     * NULL, the default: isotropic.
+     */
+    const float *anisotropy;
+    /**
+     * SVBRDF_MAP_COAT: three floats a texel, 0 to 1; the third is not used. NULL, the default: none.
+     */
+    const float *coat;
+} svbrdf_maps_input;
+
+/** Fills values with defaults: pass sizeof(svbrdf_maps_input). */
+svbrdf_status svbrdf_maps_input_init(struct svbrdf_maps_input *input, size_t size);
+
+/**
+ * Maps of values in memory, to be rendered, reduced or exported. Free with svbrdf_maps_destroy().
+ */
+svbrdf_status svbrdf_maps_from_memory(const struct svbrdf_maps_input *input,
+                                      struct svbrdf_maps **out);
 
 /**
  * Camera and light of a rendering. Positions: mm from the sample's centre, X right, Y up, Z towards

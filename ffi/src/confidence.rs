@@ -119,7 +119,10 @@ pub unsafe extern "C" fn svbrdf_maps_deviations(
             SVBRDF_MAP_DIFFUSE => confidence.diffuse(),
             SVBRDF_MAP_SPECULAR => confidence.specular(),
             SVBRDF_MAP_ROUGHNESS => confidence.roughness(),
-            _ => return Err(Fault::argument(format!("map: {map} is not a known value"))),
+            _ => {
+                let message = format!("map: {map} given, deviations are known of 1 to 5 only");
+                return Err(Fault::argument(message));
+            }
         };
         // SAFETY: the caller vouches for the struct.
         let size = unsafe { versioned::needed_size("view", view) }?;

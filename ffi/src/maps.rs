@@ -10,7 +10,8 @@ use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
 use engine::svbrdf::channel;
 
 use crate::handles::Handles;
-use crate::status::{Fault, entry, svbrdf_status};
+use crate::lobes::{self, Glossiness, Shown};
+use crate::status::{Fault, SVBRDF_NO_LOBE, entry, svbrdf_status};
 use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
@@ -29,10 +30,25 @@ pub const SVBRDF_MAP_DIFFUSE: svbrdf_map = 2;
 /// Specular albedo F0, linear Rec. 709; 8 bits: with the sRGB curve.
 pub const SVBRDF_MAP_SPECULAR: svbrdf_map = 3;
 /// Roughness, GGX alpha = roughness²; 8 bits: R 255 (occlusion), G roughness, B 0 (metalness),
-/// linear: glTF's occlusion-roughness-metalness.
+/// linear: glTF's occlusion-roughness-metalness. Where the material is anisotropic: of the smaller alpha.
 pub const SVBRDF_MAP_ROUGHNESS: svbrdf_map = 4;
 /// As SVBRDF_MAP_NORMAL with Y down (DirectX, Unreal).
 pub const SVBRDF_MAP_NORMAL_DIRECTX: svbrdf_map = 5;
+/// Anisotropy as glTF's KHR_materials_anisotropy states it. Three values: cosine and sine of the direction
+/// of the larger alpha, counter-clockwise from X, and strength. Alpha along the direction is
+/// mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; 8 bits: (cosine + 1) / 2,
+/// (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is isotropic.
+pub const SVBRDF_MAP_ANISOTROPY: svbrdf_map = 6;
+/// A coat above everything else, as glTF's KHR_materials_clearcoat states it: a dielectric with F0 .04.
+/// Three values: weight, roughness, 0, linear. SVBRDF_NO_LOBE where the material has none.
+pub const SVBRDF_MAP_COAT: svbrdf_map = 7;
+
+/// Optional lobes of a material: an OR of SVBRDF_LOBE_ values. Some may be added.
+pub type svbrdf_lobes = u32;
+/// The specular lobe is anisotropic: there is SVBRDF_MAP_ANISOTROPY.
+pub const SVBRDF_LOBE_ANISOTROPY: svbrdf_lobes = 1;
+/// There is a coat: SVBRDF_MAP_COAT.
+pub const SVBRDF_LOBE_COAT: svbrdf_lobes = 2;
 
 /// A map in memory of the library.
 #[repr(C)]
@@ -92,12 +108,14 @@ struct Plane {
     bytes: usize,
 }
 
-const MAP_COUNT: usize = 5;
+const MAP_COUNT: usize = 7;
 
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
     confidence: Option<Confidence>,
+    /// Found when first asked for.
+    shown: OnceLock<Shown>,
     /// Made when first asked for.
     views: [[OnceLock<Plane>; FORMATS]; MAP_COUNT],
 }
@@ -124,7 +142,8 @@ fn insert(
     confidence: Option<Confidence>,
 ) -> *mut svbrdf_maps {
     let handle = Handles::<Maps>::reserve();
-    let maps = Maps { maps, sample_mm, confidence, views: Default::default() };
+    let (shown, views) = Default::default();
+    let maps = Maps { maps, sample_mm, confidence, shown, views };
     MAPS.insert(handle, Arc::new(maps));
     std::ptr::without_provenance_mut(handle)
 }
@@ -173,11 +192,17 @@ struct MapPicture<'a> {
 }
 
 impl<'a> MapPicture<'a> {
-    fn new(maps: &'a Svbrdf, map: svbrdf_map) -> Result<Self, Fault> {
-        if !(SVBRDF_MAP_NORMAL..=SVBRDF_MAP_NORMAL_DIRECTX).contains(&map) {
-            return Err(unknown("map", map));
+    fn new(maps: &'a Maps, map: svbrdf_map) -> Result<Self, Fault> {
+        let missing = |lobe| Fault::new(SVBRDF_NO_LOBE, format!("map: the material has no {lobe}"));
+        match map {
+            SVBRDF_MAP_NORMAL..=SVBRDF_MAP_NORMAL_DIRECTX => {}
+            SVBRDF_MAP_ANISOTROPY if maps.shown().anisotropy => {}
+            SVBRDF_MAP_COAT if maps.shown().coat => {}
+            SVBRDF_MAP_ANISOTROPY => return Err(missing("anisotropy")),
+            SVBRDF_MAP_COAT => return Err(missing("coat")),
+            _ => return Err(unknown("map", map)),
         }
-        Ok(Self { maps, map })
+        Ok(Self { maps: &maps.maps, map })
     }
 
     fn plane(&self, layout: &Layout) -> Plane {
@@ -206,7 +231,8 @@ impl Picture for MapPicture<'_> {
     fn coding(&self) -> Coding {
         match self.map {
             SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => Coding::Signed,
-            SVBRDF_MAP_ROUGHNESS => Coding::Linear,
+            SVBRDF_MAP_ROUGHNESS | SVBRDF_MAP_COAT => Coding::Linear,
+            SVBRDF_MAP_ANISOTROPY => Coding::Direction,
             _ => Coding::Srgb,
         }
     }
@@ -223,9 +249,27 @@ impl Picture for MapPicture<'_> {
                     *out = [r, up * g, b, 1.0];
                 }
             }
-            SVBRDF_MAP_ROUGHNESS => {
+            SVBRDF_MAP_ROUGHNESS if maps.lobes().is_empty() => {
                 for (out, roughness) in out.iter_mut().zip(plane(channel::ROUGHNESS)) {
                     *out = [1.0, *roughness, 0.0, 1.0];
+                }
+            }
+            SVBRDF_MAP_ROUGHNESS => {
+                for (out, texel) in out.iter_mut().zip(y * width..) {
+                    *out = [1.0, Glossiness::of(maps, texel).roughness, 0.0, 1.0];
+                }
+            }
+            SVBRDF_MAP_ANISOTROPY => {
+                for (out, texel) in out.iter_mut().zip(y * width..) {
+                    let Glossiness { direction: [cos, sin], strength, .. } =
+                        Glossiness::of(maps, texel);
+                    *out = [cos, sin, strength, 1.0];
+                }
+            }
+            SVBRDF_MAP_COAT => {
+                for (out, texel) in out.iter_mut().zip(y * width..) {
+                    let [weight, roughness] = lobes::coat(maps, texel);
+                    *out = [weight, roughness, 0.0, 1.0];
                 }
             }
             SVBRDF_MAP_DIFFUSE => interleave(three(channel::DIFFUSE), out),
@@ -235,6 +279,11 @@ impl Picture for MapPicture<'_> {
 }
 
 impl Maps {
+    /// Optional lobes that the material has.
+    fn shown(&self) -> Shown {
+        *self.shown.get_or_init(|| Shown::of(&self.maps))
+    }
+
     /// Standard deviations, where they were asked for.
     pub(crate) fn confidence(&self) -> Result<&Confidence, Fault> {
         self.confidence.as_ref().ok_or_else(|| {
@@ -272,6 +321,29 @@ pub unsafe extern "C" fn svbrdf_maps_size(
     })
 }
 
+/// Which optional lobes the material shows, and so which further maps there are: an OR of SVBRDF_LOBE_
+/// values, 0 for most materials.
+///
+/// # Safety
+/// `lobes` is NULL or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svbrdf_maps_lobes(
+    maps: *const svbrdf_maps,
+    lobes: *mut svbrdf_lobes,
+) -> svbrdf_status {
+    entry(|| {
+        let Shown { anisotropy, coat } = MAPS.get(maps.addr())?.shown();
+        if lobes.is_null() {
+            return Err(Fault::argument("lobes: NULL given"));
+        }
+        let bit = |shown: bool, value: svbrdf_lobes| if shown { value } else { 0 };
+        let found = bit(anisotropy, SVBRDF_LOBE_ANISOTROPY) | bit(coat, SVBRDF_LOBE_COAT);
+        // SAFETY: not NULL, and the caller vouches for the rest.
+        unsafe { lobes.write_unaligned(found) };
+        Ok(())
+    })
+}
+
 /// A map in memory of the library: made when first asked for, freed with the maps.
 ///
 /// # Safety
@@ -285,7 +357,7 @@ pub unsafe extern "C" fn svbrdf_maps_view(
 ) -> svbrdf_status {
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
-        let picture = MapPicture::new(&maps.maps, map)?;
+        let picture = MapPicture::new(&maps, map)?;
         let layout = Layout::new(format, &picture)?;
         // SAFETY: the caller vouches for the struct.
         let size = unsafe { versioned::needed_size("view", view) }?;
@@ -322,7 +394,7 @@ pub unsafe extern "C" fn svbrdf_maps_copy(
 ) -> svbrdf_status {
     entry(|| {
         let maps = MAPS.get(maps.addr())?;
-        let picture = MapPicture::new(&maps.maps, map)?;
+        let picture = MapPicture::new(&maps, map)?;
         // SAFETY: the caller vouches for the bytes.
         unsafe { Layout::new(format, &picture)?.copy(&picture, data, bytes, row_stride) }
     })

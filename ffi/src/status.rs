@@ -24,6 +24,8 @@ pub const SVBRDF_TIMEOUT: svbrdf_status = 2;
 pub const SVBRDF_NO_MAPS: svbrdf_status = 3;
 /// Three photos are waiting already: try again when one has been answered.
 pub const SVBRDF_BUSY: svbrdf_status = 4;
+/// The material does not show this lobe, so that there is no such map: see svbrdf_maps_lobes().
+pub const SVBRDF_NO_LOBE: svbrdf_status = 5;
 /// An argument is NULL, not a number, out of range, or too small a buffer.
 pub const SVBRDF_INVALID_ARGUMENT: svbrdf_status = -1;
 /// The handle was destroyed, is NULL, or is of another kind.
@@ -140,6 +142,7 @@ pub extern "C" fn svbrdf_status_name(status: svbrdf_status) -> *const c_char {
         SVBRDF_TIMEOUT => c"timeout",
         SVBRDF_NO_MAPS => c"no_maps",
         SVBRDF_BUSY => c"busy",
+        SVBRDF_NO_LOBE => c"no_lobe",
         SVBRDF_INVALID_ARGUMENT => c"invalid_argument",
         SVBRDF_INVALID_HANDLE => c"invalid_handle",
         SVBRDF_CANCELLED => c"cancelled",

@@ -34,6 +34,8 @@ pub(crate) enum Coding {
     Linear,
     /// -1 to 1.
     Signed,
+    /// Red and green -1 to 1, the others 0 to 1.
+    Direction,
     /// sRGB, clipped to 0 to 1.
     Srgb,
 }
@@ -101,6 +103,11 @@ impl Layout {
             (Sample::Byte, Coding::Linear) => each(texels, channels, out, |v| [unit_byte(v)]),
             (Sample::Byte, Coding::Signed) => {
                 each(texels, channels, out, |v| [unit_byte(0.5 * v + 0.5)]);
+            }
+            (Sample::Byte, Coding::Direction) => {
+                let unsigned = |[x, y, z, a]: &[f32; 4]| [0.5 * x + 0.5, 0.5 * y + 0.5, *z, *a];
+                let texels: Vec<_> = texels.iter().map(unsigned).collect();
+                each(&texels, channels, out, |v| [unit_byte(v)]);
             }
             (Sample::Byte, Coding::Srgb) => each(texels, channels, out, |v| [srgb::byte(v)]),
             (Sample::Half, _) => {

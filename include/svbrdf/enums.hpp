@@ -23,6 +23,7 @@ enum class StatusCode : svbrdf_status {
     timeout = SVBRDF_TIMEOUT,
     no_maps = SVBRDF_NO_MAPS,
     busy = SVBRDF_BUSY,
+    no_lobe = SVBRDF_NO_LOBE,
     invalid_argument = SVBRDF_INVALID_ARGUMENT,
     invalid_handle = SVBRDF_INVALID_HANDLE,
     cancelled = SVBRDF_CANCELLED,
@@ -195,6 +196,14 @@ enum class Map : svbrdf_map {
     specular = SVBRDF_MAP_SPECULAR,
     roughness = SVBRDF_MAP_ROUGHNESS,
     normal_directx = SVBRDF_MAP_NORMAL_DIRECTX,
+    anisotropy = SVBRDF_MAP_ANISOTROPY,
+    coat = SVBRDF_MAP_COAT,
+};
+
+/// Optional lobes of a material: bits. Some may be added.
+enum class Lobe : svbrdf_lobes {
+    anisotropy = SVBRDF_LOBE_ANISOTROPY,
+    coat = SVBRDF_LOBE_COAT,
 };
 
 /// How the texels of a map are laid out.

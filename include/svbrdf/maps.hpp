@@ -66,7 +66,19 @@ private:
 class Maps {
 public:
     explicit Maps(svbrdf_maps* maps) noexcept : owner_(maps) {}
+    /// Maps of values in memory, which are needed during the call only.
+    static Maps from_memory(const svbrdf_maps_input& input) {
+        svbrdf_maps* maps = nullptr;
+        check(svbrdf_maps_from_memory(&input, &maps));
+        return Maps(maps);
+    }
 
+    /// Whether the material shows an optional lobe. Without it, the map of the lobe is StatusCode::no_lobe.
+    bool has(Lobe lobe) const {
+        svbrdf_lobes lobes = 0;
+        check(svbrdf_maps_lobes(get(), &lobes));
+        return (lobes & to_c(lobe)) != 0;
+    }
     /// Linear values: three channels, one for roughness. Valid as long as these maps.
     MapView<float> floats(Map map) const {
         return view<float>(map, MapFormat::f32);

@@ -68,6 +68,7 @@ void board_options(svbrdf_session_options *options, svbrdf_board *board, svbrdf_
 void test_board(const char *folder);
 void test_layouts(const char *folder);
 void test_maps(const char *folder);
+void test_lobes(const char *folder);
 void test_bad_arguments(const char *folder);
 void test_lifecycle(const char *folder);
 void test_threads(const char *folder);

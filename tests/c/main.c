@@ -59,7 +59,8 @@ int main(int argc, char **argv)
         {"faults", test_faults},       {"feedback", test_feedback},
         {"races", test_races},         {"looked-at", test_looked_at},
         {"outputs", test_outputs},     {"flow", test_flow},
-        {"inputs", test_inputs},     {"progress", test_progress},
+        {"inputs", test_inputs},       {"progress", test_progress},
+        {"lobes", test_lobes},
     };
     size_t i;
     CHECK(argc == 3);

@@ -1,4 +1,5 @@
 // A C++17 client that does everything svbrdf.hpp offers: client TEST FOLDER.
+#include "check.hpp"
 #include "svbrdf.hpp"
 
 #include <array>
@@ -15,14 +16,6 @@
 #include <type_traits>
 #include <vector>
 
-#define CHECK(condition)                                                                       \
-    do {                                                                                       \
-        if (!(condition)) {                                                                    \
-            std::cerr << __FILE__ << ":" << __LINE__ << ": " #condition " does not hold\n";    \
-            std::exit(1);                                                                      \
-        }                                                                                      \
-    } while (0)
-
 using svbrdf::Hint;
 using svbrdf::Map;
 using svbrdf::MapFormat;
@@ -31,17 +24,6 @@ using svbrdf::StatusCode;
 using svbrdf::to_c;
 
 namespace {
-
-template <typename Call>
-svbrdf::StatusCode thrown(Call call) {
-    try {
-        call();
-    } catch (const svbrdf::Error& error) {
-        CHECK(error.what()[0] != '\0');
-        return error.status();
-    }
-    return StatusCode::ok;
-}
 
 /// Waits for what another thread does in its own time: for minutes, then that is a fault.
 template <typename Condition>
@@ -480,6 +462,8 @@ int main(int argc, char** argv) {
         board(folder);
     } else if (test == "handles") {
         handles(folder);
+    } else if (test == "lobes") {
+        lobes(folder);
     } else if (test == "state") {
         state(folder);
     } else if (test == "capture") {

@@ -1,11 +1,15 @@
 //! The module `svbrdf._native`: what the Python package `svbrdf` is made of. Work happens with the
 //! interpreter's lock released.
 
+extern crate svbrdf as engine;
+
 mod arrays;
 mod board;
 mod camera;
 mod capture;
 mod errors;
+#[path = "../../src/lobes.rs"]
+mod lobes;
 mod maps;
 mod photo;
 mod records;

@@ -1,4 +1,4 @@
-//! The four maps.
+//! The maps.
 
 use std::f32::consts::PI;
 use std::path::PathBuf;
@@ -16,11 +16,12 @@ use svbrdf::{Svbrdf, render};
 
 use crate::arrays::{array, floats, size};
 use crate::errors::{argument, choice, detached};
+use crate::lobes::{self, Glossiness, Shown};
 
 /// Normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
 /// Row 0 is the sample's +Y edge, column 0 its -X edge. Every access to ``normal``, ``diffuse``, ``specular``,
-/// ``roughness`` makes a new array of ``float32``.
+/// ``roughness``, ``anisotropy``, ``coat`` makes a new array of ``float32``.
 #[pyclass(frozen, module = "svbrdf")]
 pub struct Maps {
     maps: Arc<Svbrdf>,
@@ -46,10 +47,19 @@ impl Maps {
 
     /// Texel by texel from three planes.
     fn colours<'py>(&self, py: Python<'py>, first: usize) -> Bound<'py, PyArray3<f32>> {
-        let [height, width] = self.shape();
         let planes = [0, 1, 2].map(|c| self.maps.plane(first + c));
-        let values = (0..width * height).flat_map(|i| planes.map(|plane| plane[i])).collect();
-        array(py, Ix3(height, width, 3), values)
+        self.texels(py, |i| planes.map(|plane| plane[i]))
+    }
+
+    /// Texel by texel from its number.
+    fn texels<'py, const CHANNELS: usize>(
+        &self,
+        py: Python<'py>,
+        texel: impl FnMut(usize) -> [f32; CHANNELS],
+    ) -> Bound<'py, PyArray3<f32>> {
+        let [height, width] = self.shape();
+        let values = (0..width * height).flat_map(texel).collect();
+        array(py, Ix3(height, width, CHANNELS), values)
     }
 
     fn plane<'py>(&self, py: Python<'py>, values: &[f32]) -> Bound<'py, PyArray2<f32>> {
@@ -93,7 +103,9 @@ impl Maps {
 #[pymethods]
 impl Maps {
     /// Maps of arrays: ``normal`` (height, width, 3), unit vectors, Y up; ``diffuse`` and ``specular`` (height, width, 3),
-    /// linear, 0 to 1; ``roughness`` (height, width), 0 to 1. Slopes are limited to 3 (71.6 degrees).
+    /// linear, 0 to 1; ``roughness`` (height, width), 0 to 1. Slopes are limited to 3 (71.6 degrees). Optional lobes:
+    /// ``anisotropy`` (height, width, 3), cosine and sine of the direction and strength; ``coat`` (height, width, 2), weight
+    /// and roughness.
     ///
     /// >>> import numpy as np
     /// >>> flat = np.zeros((2, 2, 3)); flat[..., 2] = 1
@@ -103,7 +115,7 @@ impl Maps {
     /// array([[0.4, 0.4],
     ///        [0.4, 0.4]], dtype=float32)
     #[staticmethod]
-    #[pyo3(signature = (normal, diffuse, specular, roughness, *, sample_mm))]
+    #[pyo3(signature = (normal, diffuse, specular, roughness, *, sample_mm, anisotropy = None, coat = None))]
     fn from_arrays(
         py: Python<'_>,
         normal: &Bound<'_, PyAny>,
@@ -111,31 +123,18 @@ impl Maps {
         specular: &Bound<'_, PyAny>,
         roughness: &Bound<'_, PyAny>,
         sample_mm: (f32, f32),
+        anisotropy: Option<&Bound<'_, PyAny>>,
+        coat: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let optional = [anisotropy.map(|a| ("anisotropy", a, 3)), coat.map(|c| ("coat", c, 2))];
         let given = [
             ("normal", normal, 3),
             ("diffuse", diffuse, 3),
             ("specular", specular, 3),
             ("roughness", roughness, 1),
         ];
-        let mut first = None;
-        let mut read = Vec::new();
-        for (name, values, channels) in given {
-            let (shape, values) = floats(name, values)?;
-            let found = size(name, &shape, channels)?;
-            let [height, width] = *first.get_or_insert(found);
-            if found != [height, width] {
-                let message = format!("{found:?} texels given; {height} x {width} expected");
-                return Err(argument(name, message));
-            }
-            let allowed = if name == "normal" { -1.001..=1.001 } else { 0.0..=1.0 };
-            if let Some(value) = values.iter().find(|v| !allowed.contains(*v)) {
-                let (low, high) = (allowed.start().round(), allowed.end().round());
-                return Err(argument(name, format!("{value} given; {low} to {high} expected")));
-            }
-            read.push(values);
-        }
-        let [height, width] = first.expect("four arrays");
+        let given = given.into_iter().chain(optional.into_iter().flatten());
+        let ([height, width], read) = same_size(given)?;
         let normals = read[0].as_chunks::<3>().0;
         if normals.iter().any(|n| n[2] <= 0.0) {
             return Err(argument("normal", "normals that point up are expected: z > 0"));
@@ -149,9 +148,21 @@ impl Maps {
                 planes.extend(colours.iter().skip(c).step_by(3));
             }
         }
-        planes.extend(&read[3]);
+        let mut read = read.into_iter().skip(3);
+        let roughness = read.next().expect("four arrays");
+        let anisotropy = anisotropy.and_then(|_| read.next());
+        let coat = coat.and_then(|_| read.next());
+        let (roughness, lobes) = lobes::planes(
+            roughness,
+            anisotropy.as_ref().map(|values| values.as_chunks::<3>().0.iter().copied()),
+            coat.as_ref().map(|values| values.as_chunks::<2>().0.iter().copied()),
+        );
+        planes.extend(roughness);
         let sample_mm = lengths(sample_mm)?;
-        let maps = detached(py, || Svbrdf::from_planes(width, height, planes))?;
+        let maps = detached(py, || {
+            let mut maps = Svbrdf::from_planes(width, height, planes)?;
+            maps.set_lobes(lobes).map(|()| maps)
+        })?;
         Ok(Self::of(py, Arc::new(maps), None, sample_mm))
     }
 
@@ -192,9 +203,8 @@ impl Maps {
     /// Unit normals, (height, width, 3): X right, Y up, Z out of the sample.
     #[getter]
     fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        let [height, width] = self.shape();
-        let texels = (0..width * height).flat_map(|i| self.maps.normal(i % width, i / width));
-        array(py, Ix3(height, width, 3), texels.collect())
+        let width = self.maps.width();
+        self.texels(py, |i| self.maps.normal(i % width, i / width))
     }
 
     /// Diffuse albedo, (height, width, 3), linear RGB.
@@ -209,10 +219,42 @@ impl Maps {
         self.colours(py, channel::SPECULAR)
     }
 
-    /// Roughness, (height, width): GGX with alpha = roughness squared.
+    /// Roughness, (height, width): GGX with alpha = roughness squared. Where the material is anisotropic, of the smaller alpha.
     #[getter]
     fn roughness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
-        self.plane(py, self.maps.plane(channel::ROUGHNESS))
+        let texels = 0..self.maps.texels();
+        let of = |texel| Glossiness::of(&self.maps, texel).roughness;
+        self.plane(py, &texels.map(of).collect::<Vec<_>>())
+    }
+
+    /// Anisotropy, (height, width, 3), as glTF's ``KHR_materials_anisotropy``: cosine and sine of the direction of the larger
+    /// alpha, counter-clockwise from X, and strength; that alpha is alpha + (1 - alpha) * strength squared, with alpha =
+    /// roughness squared across it. ``None`` where the material is isotropic.
+    ///
+    /// >>> import numpy as np
+    /// >>> gray = np.full((2, 2, 3), 0.5)
+    /// >>> flat = np.zeros((2, 2, 3)); flat[..., 2] = 1
+    /// >>> brushed = np.zeros((2, 2, 3)); brushed[..., 1] = 1; brushed[..., 2] = 0.5
+    /// >>> maps = Maps.from_arrays(flat, gray, gray, np.full((2, 2), 0.25), sample_mm=(9, 9), anisotropy=brushed)
+    /// >>> bool(np.allclose(maps.anisotropy, brushed, atol=1e-6)), maps.coat is None
+    /// (True, True)
+    #[getter]
+    fn anisotropy<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
+        Shown::of(&self.maps).anisotropy.then(|| {
+            self.texels(py, |i| {
+                let Glossiness { direction: [cos, sin], strength, .. } =
+                    Glossiness::of(&self.maps, i);
+                [cos, sin, strength]
+            })
+        })
+    }
+
+    /// Weight and roughness of a coat, (height, width, 2), as glTF's ``KHR_materials_clearcoat``: a dielectric with F0 0.04 above
+    /// everything else. ``None`` where the material has none.
+    #[getter]
+    fn coat<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
+        let shown = Shown::of(&self.maps).coat;
+        shown.then(|| self.texels(py, |i| lobes::coat(&self.maps, i)))
     }
 
     /// Standard deviations, each (height, width), under ``normal`` (of each slope), ``diffuse``, ``specular`` (of each
@@ -332,6 +374,34 @@ impl Maps {
         let ([height, width], [x, y]) = (self.shape(), self.sample_mm);
         format!("<Maps of {width} x {height} texels, {x} x {y} mm>")
     }
+}
+
+/// Maps of the same size, with their name and number of channels: height and width, and values in their range.
+fn same_size<'a, 'py: 'a>(
+    given: impl Iterator<Item = (&'static str, &'a Bound<'py, PyAny>, usize)>,
+) -> PyResult<([usize; 2], Vec<Vec<f32>>)> {
+    let mut first = None;
+    let mut read = Vec::new();
+    for (name, values, channels) in given {
+        let (shape, values) = floats(name, values)?;
+        let found = size(name, &shape, channels)?;
+        let [height, width] = *first.get_or_insert(found);
+        if found != [height, width] {
+            let message = format!("{found:?} texels given; {height} x {width} expected");
+            return Err(argument(name, message));
+        }
+        // Directions have signs, strengths of anisotropy have none.
+        let signed = |i: usize| name == "normal" || name == "anisotropy" && i % 3 < 2;
+        for (i, value) in values.iter().enumerate() {
+            let allowed = if signed(i) { -1.001..=1.001 } else { 0.0..=1.0 };
+            if !allowed.contains(value) {
+                let (low, high) = (allowed.start().round(), allowed.end().round());
+                return Err(argument(name, format!("{value} given; {low} to {high} expected")));
+            }
+        }
+        read.push(values);
+    }
+    Ok((first.expect("four arrays"), read))
 }
 
 /// Width and height of a sample.

@@ -67,6 +67,71 @@ def test_wrong_arrays_are_named(arrays: dict[str, np.ndarray], name: str, change
         svbrdf.Maps.from_arrays(**arrays, sample_mm=(80, 60))
 
 
+@pytest.fixture()
+def brushed() -> np.ndarray:
+    angle = np.linspace(-1.5, 1.5, SHAPE[0] * SHAPE[1]).reshape(SHAPE)
+    return np.dstack([np.cos(angle), np.sin(angle), np.full(SHAPE, 0.4)])
+
+
+def test_optional_lobes_come_back_or_are_none(
+    arrays: dict[str, np.ndarray], brushed: np.ndarray
+) -> None:
+    plain = svbrdf.Maps.from_arrays(**arrays, sample_mm=(80, 60))
+    assert plain.anisotropy is None and plain.coat is None
+    coat = np.dstack([np.full(SHAPE, 0.5), np.full(SHAPE, 0.1)])
+    # Ratios of alpha up to 20 are kept.
+    arrays["roughness"] = np.maximum(arrays["roughness"], 0.2)
+    for given in ({"anisotropy": brushed}, {"coat": coat}, {"anisotropy": brushed, "coat": coat}):
+        maps = svbrdf.Maps.from_arrays(**arrays, **given, sample_mm=(80, 60))
+        assert np.allclose(maps.roughness, arrays["roughness"], atol=1e-5)
+        for name in ("anisotropy", "coat"):
+            found = getattr(maps, name)
+            assert (found is None) == (name not in given)
+            if found is not None:
+                assert found.dtype == np.float32
+                assert np.allclose(found, given[name], atol=1e-4), name
+    # A lobe that is nowhere there is not shown.
+    nothing = svbrdf.Maps.from_arrays(
+        **arrays, anisotropy=brushed * (1, 1, 0), coat=coat * (0, 1), sample_mm=(80, 60)
+    )
+    assert nothing.anisotropy is None and nothing.coat is None
+
+
+def test_highlights_are_longer_along_the_larger_alpha() -> None:
+    flat = np.zeros((1, 1, 3)) + (0, 0, 1)
+    metal = np.ones((1, 1, 3))
+    turned = np.zeros((1, 1, 3)) + (0.6, 0.8, 0.6)
+    maps = svbrdf.Maps.from_arrays(
+        flat, metal * 0, metal, np.full((1, 1), 0.25), sample_mm=(1, 1), anisotropy=turned
+    )
+    shown = [
+        maps.render(camera_mm=(0, 0, 100), light_mm=(x, y, 100)).mean()
+        for x, y in ((18, 24), (-18, -24), (-24, 18), (24, -18))
+    ]
+    along, across = shown[:2], shown[2:]
+    assert np.allclose(along, along[0], rtol=1e-4) and np.allclose(across, across[0], rtol=1e-4)
+    assert along[0] > 3 * across[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("anisotropy", lambda a: a[..., :2]),
+        ("anisotropy", lambda a: a * (1, 1, -1)),
+        ("anisotropy", lambda a: a * 2),
+        ("coat", lambda a: a),
+        ("coat", lambda a: a[:-1, :, :2]),
+        ("coat", lambda a: a[..., :2] - 2),
+    ],
+)
+def test_wrong_lobes_are_named(
+    arrays: dict[str, np.ndarray], brushed: np.ndarray, name: str, change: object
+) -> None:
+    lobe = {name: change(brushed)}  # type: ignore[operator]
+    with pytest.raises(svbrdf.ArgumentError, match=f"^{name}"):
+        svbrdf.Maps.from_arrays(**arrays, **lobe, sample_mm=(80, 60))
+
+
 def test_photographs_are_read_as_their_types_say() -> None:
     rng = np.random.default_rng(3)
     eight = rng.integers(0, 256, (5, 4, 3), np.uint8)

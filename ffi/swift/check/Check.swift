@@ -184,6 +184,33 @@ func float(_ bits: UInt16) -> Float {
     return bits >> 15 == 1 ? -value : value
 }
 
+/// Maps of values in memory, with and without anisotropy and a coat.
+func lobes() async throws {
+    func everywhere(_ texel: [Float]) -> [Float] { (0..<16).flatMap { _ in texel } }
+    var values = MapValues(
+        width: 4, height: 4, sampleMM: SIMD2(40, 30), normal: everywhere([0, 0, 1]),
+        diffuse: everywhere([0.2, 0.3, 0.4]), specular: everywhere([0.8, 0.7, 0.6]), roughness: everywhere([0.25])
+    )
+    let plain = try MaterialMaps(values)
+    try verify(plain.lobes.isEmpty && plain.width == 4 && plain.sampleMM == SIMD2(40, 30), "\(plain.lobes)")
+    try await expect(.noLobe) { try plain.texture(.coat) }
+    values.coat = everywhere([0.75, 0.1, 0])
+    try verify(MaterialMaps(values).lobes == .coat, "a coat alone")
+    values.anisotropy = everywhere([0.6, 0.8, 0.5])
+    let maps = try MaterialMaps(values)
+    try verify(maps.lobes == [.anisotropy, .coat], "\(maps.lobes)")
+    for (map, expected) in [(MapKind.anisotropy, [0.6, 0.8, 0.5, 1]), (.coat, [0.75, 0.1, 0, 1]), (.roughness, [1, 0.25, 0, 1])] as [(MapKind, [Float])] {
+        let found = try maps.texture(map, .rgba32Float).bytes.withUnsafeBytes { Array($0.bindMemory(to: Float.self)) }
+        try verify(found.indices.allSatisfy { abs(found[$0] - expected[$0 % 4]) < 1e-4 }, "\(map): \(found)")
+    }
+    try verify(maps.rendered().bytes != plain.rendered().bytes, "lobes are rendered")
+    try verify(maps.reduced(by: 1).lobes == maps.lobes, "of fewer texels")
+    values.roughness = [0.5]
+    try await expect(.invalidArgument, field: "MapValues") { try MaterialMaps(values) }
+    values.roughness = everywhere([1.5])
+    try await expect(.invalidArgument, field: "svbrdf_maps_input.roughness") { try MaterialMaps(values) }
+}
+
 func limits() async throws {
     var options = bundled()
     options.memoryLimit = 1
@@ -200,6 +227,7 @@ struct Check {
         let out = URL(fileURLWithPath: arguments[2])
         try FileManager.default.createDirectory(at: out, withIntermediateDirectories: true)
         try await limits()
+        try await lobes()
         try await capture(arguments[1], out)
         print("done")
     }

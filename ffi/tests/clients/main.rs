@@ -129,6 +129,7 @@ fn sanitizers_find_nothing() {
             &[
                 "bad-arguments",
                 "maps",
+                "lobes",
                 "inputs",
                 "lifecycle",
                 "threads",
@@ -140,8 +141,15 @@ fn sanitizers_find_nothing() {
         ),
         (
             SANITIZED_CPP,
-            &["bad-arguments", "handles", "state", "capture", "destroyed-inside", "pixel-formats"]
-                [..],
+            &[
+                "bad-arguments",
+                "handles",
+                "lobes",
+                "state",
+                "capture",
+                "destroyed-inside",
+                "pixel-formats",
+            ][..],
         ),
     ] {
         let program = build.program();

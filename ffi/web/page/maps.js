@@ -1,6 +1,8 @@
 /** The maps side by side, under a light, and after each number of photographs. */
 
 const KINDS = [['normal', 'Normal'], ['diffuse', 'Diffuse albedo'], ['specular', 'Specular albedo (F0)'], ['roughness', 'Roughness']];
+/** Only materials that show these lobes have their maps. */
+const LOBES = [['anisotropy', 'Anisotropy'], ['coat', 'Coat']];
 const LIGHTINGS = [
   { label: 'From above', light: [18, 24], view: [0, 0], exposure: 1 },
   { label: 'Raking', light: [-76, 10], view: [0, 0], exposure: 2.2 },
@@ -13,7 +15,7 @@ export class MapsView {
   constructor(shader) {
     this.shader = shader;
     this.moments = new Map();
-    this.cells = KINDS.map(([name, title]) => {
+    this.cells = [...KINDS, ...LOBES].map(([name, title]) => {
       const canvas = make('canvas', { role: 'img', 'aria-label': `${title} map`, id: `map-${name}` });
       const deviation = make('span', { class: 'quiet' });
       return { name, canvas, deviation, figure: make('figure', {}, make('div', { class: 'frame' }, canvas), make('figcaption', {}, title, deviation)) };
@@ -75,9 +77,12 @@ export class MapsView {
       this.stage.viewer.longer = Math.max(...maps.sampleMm);
       this.stage.viewer.load(maps);
     }
-    for (const { name, canvas } of this.cells) {
+    for (const { name, canvas, figure } of this.cells) {
+      const picture = maps[`${name}Picture`];
+      figure.hidden = !picture;
+      if (!picture) continue;
       [canvas.width, canvas.height] = [maps.width, maps.height];
-      const rgba = new Uint8ClampedArray(maps[`${name}Picture`]);
+      const rgba = new Uint8ClampedArray(picture);
       canvas.getContext('2d').putImageData(new ImageData(rgba, maps.width, maps.height), 0, 0);
     }
   }
@@ -90,7 +95,7 @@ export class MapsView {
       specular: `± ${of.specular.toFixed(3)}`,
       roughness: `± ${of.roughness.toFixed(2)}`,
     };
-    this.cells.forEach(({ name, deviation }) => (deviation.textContent = said ? said[name] : ''));
+    this.cells.forEach(({ name, deviation }) => (deviation.textContent = said?.[name] ?? ''));
     $('stated').hidden = !of;
   }
 }

@@ -57,7 +57,9 @@ function show(settled) {
     const [width, height] = scan.map_size();
     const maps = { width, height, sampleMm: [...scan.sample_mm()] };
     for (const name of ['shape', 'diffuse', 'specular']) maps[name] = scan.texture(name);
-    for (const name of ['normal', 'diffuse', 'specular', 'roughness']) maps[`${name}Picture`] = scan.picture(name);
+    const lobes = scan.lobes().split('\n').filter(Boolean);
+    if (lobes.length) maps.lobes = scan.texture('lobes');
+    for (const name of ['normal', 'diffuse', 'specular', 'roughness', ...lobes]) maps[`${name}Picture`] = scan.picture(name);
     const buffers = Object.values(maps).filter((v) => ArrayBuffer.isView(v)).map((v) => v.buffer);
     tell({ type: 'maps', maps, photographs: progress.photographs }, buffers);
     shown = { revision: progress.maps, at: performance.now() };

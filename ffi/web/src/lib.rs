@@ -3,6 +3,10 @@
 //! A [`Scan`] takes encoded photographs and is driven by its caller, [`Scan::go_on`] after
 //! [`Scan::go_on`], as a worker does between two messages. Answers with several parts are JSON.
 
+extern crate svbrdf as engine;
+
+#[path = "../../src/lobes.rs"]
+mod lobes;
 mod outline;
 mod photograph;
 mod pictures;
@@ -19,7 +23,7 @@ use svbrdf::calibration::Target;
 use svbrdf::capture::parse_scene;
 use svbrdf::export::{ExportOptions, Format, encode_maps, export};
 use svbrdf::files::Choice;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{Driver, Scene, Session, Settings};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
@@ -186,7 +190,17 @@ impl Scan {
         Ok(vec![maps.width() as u32, maps.height() as u32])
     }
 
-    /// A map as 8-bit RGBA for the screen: `normal`, `diffuse`, `specular` or `roughness`.
+    /// Which optional lobes the material shows: of `anisotropy` and `coat`, one a line.
+    ///
+    /// # Errors
+    /// Before the first photograph was accepted.
+    pub fn lobes(&self) -> Result<String, JsError> {
+        let maps = self.session.snapshot()?;
+        Ok(pictures::lobe_names(&maps).join("\n"))
+    }
+
+    /// A map as 8-bit RGBA for the screen: `normal`, `diffuse`, `specular`, `roughness`, or one of
+    /// [`Scan::lobes`] in glTF's encoding.
     ///
     /// # Errors
     /// Before the first photograph was accepted, and for another name.
@@ -196,8 +210,9 @@ impl Scan {
             .ok_or_else(|| JsError::new(&format!("there is no map `{name}`")))
     }
 
-    /// A texture of the viewer, four numbers a texel: `shape` (two slopes of the normal, roughness),
-    /// `diffuse` or `specular` (linear).
+    /// A texture of the viewer, four numbers a texel: `shape` (two slopes of the normal, roughness as the
+    /// geometric mean of both alphas has it), `diffuse` or `specular` (linear), or, where there are any,
+    /// `lobes` (the planes of `svbrdf::svbrdf::lobe`).
     ///
     /// # Errors
     /// As [`Scan::picture`].

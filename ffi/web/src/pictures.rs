@@ -4,20 +4,37 @@ use svbrdf::Svbrdf;
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::svbrdf::channel;
 
+use crate::lobes::{self, Glossiness, Shown};
+
 /// Longer side of a small picture at most, px.
 const SMALL: u32 = 480;
 
-/// A map in 8-bit RGBA; `None` for an unknown name.
+/// Names of the optional lobes that the material shows.
+pub fn lobe_names(maps: &Svbrdf) -> Vec<&'static str> {
+    let Shown { anisotropy, coat } = Shown::of(maps);
+    let named = [(anisotropy, "anisotropy"), (coat, "coat")];
+    named.into_iter().filter_map(|(shown, name)| shown.then_some(name)).collect()
+}
+
+/// A map in 8-bit RGBA; `None` for an unknown name and for a lobe that the material does not show.
 pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
     let colour = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
     let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
-    let roughness = maps.plane(channel::ROUGHNESS);
+    let shown = lobe_names(maps);
     let width = maps.width();
     let value: Box<dyn Fn(usize) -> [f32; 3]> = match name {
         "normal" => Box::new(|i| maps.normal(i % width, i / width).map(|v| 0.5 * v + 0.5)),
         "diffuse" => Box::new(|i| diffuse.map(|plane| srgb(plane[i]))),
         "specular" => Box::new(|i| specular.map(|plane| srgb(plane[i]))),
-        "roughness" => Box::new(|i| [roughness[i]; 3]),
+        "roughness" => Box::new(|i| [Glossiness::of(maps, i).roughness; 3]),
+        "anisotropy" if shown.contains(&name) => Box::new(|i| {
+            let Glossiness { direction: [cos, sin], strength, .. } = Glossiness::of(maps, i);
+            [0.5 * cos + 0.5, 0.5 * sin + 0.5, strength]
+        }),
+        "coat" if shown.contains(&name) => Box::new(|i| {
+            let [weight, roughness] = lobes::coat(maps, i);
+            [weight, roughness, 0.0]
+        }),
         _ => return None,
     };
     let texel = |i| {
@@ -29,6 +46,12 @@ pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
 
 /// A texture of the viewer; `None` for an unknown name.
 pub fn texture(maps: &Svbrdf, name: &str) -> Option<Vec<f32>> {
+    if name == "lobes" {
+        let planes = [0, 1, 2, 3].map(|lobe| maps.lobe(lobe));
+        let [Some(x), Some(y), Some(coat), Some(roughness)] = planes else { return None };
+        let texel = |i| [x[i], y[i], coat[i], roughness[i]];
+        return Some((0..maps.texels()).flat_map(texel).collect());
+    }
     let planes = match name {
         "shape" => [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS],
         "diffuse" => [0, 1, 2].map(|c| channel::DIFFUSE + c),

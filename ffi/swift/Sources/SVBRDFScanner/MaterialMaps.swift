@@ -5,6 +5,11 @@ public enum MapKind: Hashable, Sendable, CaseIterable {
     case normal, diffuse, specular, roughness
     /// Y down.
     case normalDirectX
+    /// Of materials with `Lobes.anisotropy`: cosine and sine of the direction of the larger alpha,
+    /// counter-clockwise from X, and strength, as glTF's KHR_materials_anisotropy.
+    case anisotropy
+    /// Of materials with `Lobes.coat`: weight, roughness, 0, as glTF's KHR_materials_clearcoat.
+    case coat
 
     var code: svbrdf_map {
         switch self {
@@ -13,8 +18,24 @@ public enum MapKind: Hashable, Sendable, CaseIterable {
         case .specular: svbrdf_map(SVBRDF_MAP_SPECULAR)
         case .roughness: svbrdf_map(SVBRDF_MAP_ROUGHNESS)
         case .normalDirectX: svbrdf_map(SVBRDF_MAP_NORMAL_DIRECTX)
+        case .anisotropy: svbrdf_map(SVBRDF_MAP_ANISOTROPY)
+        case .coat: svbrdf_map(SVBRDF_MAP_COAT)
         }
     }
+}
+
+/// What a material shows beside the maps that all have.
+public struct Lobes: OptionSet, Hashable, Sendable {
+    public let rawValue: UInt32
+
+    public init(rawValue: UInt32) {
+        self.rawValue = rawValue
+    }
+
+    /// The highlight is longer in one direction: `MapKind.anisotropy`.
+    public static let anisotropy = Self(rawValue: UInt32(SVBRDF_LOBE_ANISOTROPY))
+    /// A clear coat: `MapKind.coat`.
+    public static let coat = Self(rawValue: UInt32(SVBRDF_LOBE_COAT))
 }
 
 /// Texels as Metal takes them.
@@ -90,8 +111,20 @@ public final class MaterialMaps: @unchecked Sendable {
         (self.width, self.height, sampleMM, self.maps) = (Int(width), Int(height), sample, maps)
     }
 
+    /// Maps of values in memory, to be rendered, reduced or exported.
+    public convenience init(_ values: MapValues) throws {
+        try self.init(values.made())
+    }
+
     deinit {
         svbrdf_maps_destroy(maps)
+    }
+
+    /// Lobes that the material shows. Without one of them, its map is `ScanStatus.noLobe`.
+    public var lobes: Lobes {
+        var found: svbrdf_lobes = 0
+        svbrdf_maps_lobes(maps, &found)
+        return Lobes(rawValue: found)
     }
 
     /// A map as bytes of a texture; rows begin at multiples of `alignment` bytes.

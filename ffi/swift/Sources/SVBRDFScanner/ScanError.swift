@@ -14,6 +14,8 @@ public struct ScanStatus: RawRepresentable, Hashable, Sendable {
     public static let noMaps = Self(rawValue: SVBRDF_NO_MAPS)
     /// Three photos are on their way: push again when one has been answered.
     public static let busy = Self(rawValue: SVBRDF_BUSY)
+    /// The material does not show this lobe, so that there is no such map.
+    public static let noLobe = Self(rawValue: SVBRDF_NO_LOBE)
     public static let invalidArgument = Self(rawValue: SVBRDF_INVALID_ARGUMENT)
     public static let invalidHandle = Self(rawValue: SVBRDF_INVALID_HANDLE)
     public static let cancelled = Self(rawValue: SVBRDF_CANCELLED)

@@ -16,6 +16,60 @@ static void maps_size(JNIEnv *env, jclass class, jobject owner, jlong handle, jd
     }
 }
 
+static jint maps_lobes(JNIEnv *env, jclass class, jobject owner, jlong handle)
+{
+    svbrdf_lobes lobes = 0;
+    (void)class, (void)owner;
+    throw_status(env, svbrdf_maps_lobes(HANDLE(svbrdf_maps, handle), &lobes));
+    return (jint)lobes;
+}
+
+/* Maps of arrays in the order of MapValues.all(). */
+static jlong maps_from_memory(JNIEnv *env, jclass class, jint width, jint height, jfloat width_mm,
+                              jfloat height_mm, jobjectArray arrays)
+{
+    enum { MAPS = 6 };
+    static const jlong channels[MAPS] = {3, 3, 3, 1, 3, 3};
+    jfloatArray array[MAPS] = {NULL};
+    jfloat *data[MAPS] = {NULL};
+    svbrdf_maps_input input;
+    svbrdf_maps *maps = NULL;
+    int i, bad = 0;
+    (void)class;
+    for (i = 0; i < MAPS && !bad; i++) {
+        array[i] = (*env)->GetObjectArrayElement(env, arrays, i);
+        if (array[i] == NULL) {
+            continue;
+        }
+        if ((*env)->GetArrayLength(env, array[i]) != channels[i] * width * height) {
+            bad = throw_bad(env, "MapValues: width x height texels expected in every map");
+        } else {
+            data[i] = (*env)->GetFloatArrayElements(env, array[i], NULL);
+            bad = data[i] == NULL;
+        }
+    }
+    if (!bad) {
+        svbrdf_maps_input_init(&input, sizeof input);
+        input.width = (uint32_t)width;
+        input.height = (uint32_t)height;
+        input.sample_mm[0] = width_mm;
+        input.sample_mm[1] = height_mm;
+        input.normal = data[0];
+        input.diffuse = data[1];
+        input.specular = data[2];
+        input.roughness = data[3];
+        input.anisotropy = data[4];
+        input.coat = data[5];
+        throw_status(env, svbrdf_maps_from_memory(&input, &maps));
+    }
+    for (i = 0; i < MAPS; i++) {
+        if (data[i] != NULL) {
+            (*env)->ReleaseFloatArrayElements(env, array[i], data[i], JNI_ABORT);
+        }
+    }
+    return (jlong)(uintptr_t)maps;
+}
+
 static void maps_copy(JNIEnv *env, jclass class, jobject owner, jlong handle, jint map, jint format,
                       jobject buffer, jlong bytes)
 {
@@ -214,6 +268,8 @@ static void models_destroy(JNIEnv *env, jclass class, jlong handle)
 
 const JNINativeMethod maps_methods[] = {
     METHOD("mapsSize", "(" OWNER "J[D)V", maps_size),
+    METHOD("mapsLobes", "(" OWNER "J)I", maps_lobes),
+    METHOD("mapsFromMemory", "(IIFF[[F)J", maps_from_memory),
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
     METHOD("mapsReduced", "(" OWNER "JI)J", maps_reduced),
     METHOD("mapsRender", "(" OWNER "J[FII" BUFFER "J)V", maps_render),

@@ -73,11 +73,33 @@ enum class MapKind(internal val code: Int, internal val channels: Int) {
     /** Specular albedo F0, linear Rec. 709; 8 bits: sRGB. */
     SPECULAR(3, 3),
 
-    /** Roughness, GGX alpha = roughness²; 8 bits: glTF's occlusion, roughness, metalness. */
+    /**
+     * Roughness, GGX alpha = roughness²; 8 bits: glTF's occlusion, roughness, metalness. Where the
+     * material is anisotropic: of the smaller alpha.
+     */
     ROUGHNESS(4, 1),
 
     /** [NORMAL] with Y down (DirectX, Unreal). */
     NORMAL_DIRECTX(5, 3),
+
+    /**
+     * Of materials with [Lobe.ANISOTROPY] only, as glTF's KHR_materials_anisotropy: cosine and sine of
+     * the direction of the larger alpha, counter-clockwise from X, and strength; that alpha is
+     * mix(alpha, 1, strength²). 8 bits: (cosine + 1) / 2, (sine + 1) / 2, strength.
+     */
+    ANISOTROPY(6, 3),
+
+    /** Of materials with [Lobe.COAT] only: weight, roughness, 0, as glTF's KHR_materials_clearcoat. */
+    COAT(7, 3),
+}
+
+/** What a material may show beside the maps that all have. */
+enum class Lobe(internal val code: Int) {
+    /** The highlight is longer in one direction: [MapKind.ANISOTROPY]. */
+    ANISOTROPY(1),
+
+    /** A clear coat: [MapKind.COAT]. */
+    COAT(2),
 }
 
 /** How texels lie in memory; numbers of more than a byte in the machine's byte order. */
@@ -240,6 +262,9 @@ enum class Hint(internal val code: Int) {
 enum class Fault(internal val code: Int) {
     /** Three photos of [MaterialScanner.pushAsync] are on their way: try again when one is through. */
     BUSY(4),
+
+    /** The material does not show this [Lobe], so that there is no such map. */
+    NO_LOBE(5),
 
     /** The scanner was cancelled or closed meanwhile. */
     CANCELLED(-3),

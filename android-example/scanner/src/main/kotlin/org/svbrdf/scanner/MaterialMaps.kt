@@ -22,6 +22,10 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     /** Height of the sample, mm. */
     val heightMm: Float get() = size[3].toFloat()
 
+    /** What the material shows beside the maps that all have: without a lobe, its map is [Fault.NO_LOBE]. */
+    val lobes: Set<Lobe>
+        get() = Native.mapsLobes(this, handle.now).let { bits -> Lobe.entries.filter { bits and it.code != 0 }.toSet() }
+
     /** Linear values, row by row: three a texel, one for roughness. A copy. */
     fun floats(map: MapKind): FloatBuffer =
         texels(map, MapFormat.F32).order(ByteOrder.nativeOrder()).asFloatBuffer()
@@ -107,4 +111,12 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
 
     /** Frees the maps; copies stay. */
     override fun close() = handle.close()
+
+    companion object {
+        /** Maps of values in memory, to be rendered, reduced or exported. */
+        @JvmStatic
+        fun of(values: MapValues): MaterialMaps = MaterialMaps(
+            Native.mapsFromMemory(values.width, values.height, values.widthMm, values.heightMm, values.all()),
+        )
+    }
 }

@@ -84,6 +84,10 @@ internal object Native {
     @JvmStatic external fun sessionSave(owner: Any, handle: Long, path: ByteArray)
 
     @JvmStatic external fun mapsSize(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun mapsLobes(owner: Any, handle: Long): Int
+    @JvmStatic external fun mapsFromMemory(
+        width: Int, height: Int, widthMm: Float, heightMm: Float, maps: Array<FloatArray?>,
+    ): Long
     @JvmStatic external fun mapsCopy(
         owner: Any, handle: Long, map: Int, format: Int, out: ByteBuffer, bytes: Long,
     )
