@@ -7,6 +7,7 @@ use image::{DynamicImage, Rgb, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::files::{encode_png, write_atomic};
+use super::lobes;
 use super::resample::resized;
 use super::textures::srgb_byte as srgb;
 use crate::observation::{Falloff, View};
@@ -151,8 +152,9 @@ fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
     resized(maps, side(maps.width()), side(maps.height()))
 }
 
-/// Writes a sheet (8-bit sRGB PNG): normal, diffuse, specular and roughness in the first row, below
-/// them the material under the four lights of [`relit`]; each picture has its caption.
+/// Writes a sheet (8-bit sRGB PNG): normal, diffuse, specular and roughness in the first row; in the next one
+/// anisotropy (direction and strength as red, green and blue) and the weight of the coat, where the material has
+/// them; in the last one the material under the four lights of [`relit`]. Each picture has its caption.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -168,7 +170,9 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let relit = relit(maps, sample_mm, CELL);
     let maps = at_most(maps, CELL);
     let w = maps.width();
-    let mut sheet = Sheet::new(w, maps.height());
+    let (anisotropy, coat) = (lobes::anisotropy(&maps), maps.coat());
+    let lit = if anisotropy.is_some() || coat.is_some() { 2 } else { 1 };
+    let mut sheet = Sheet::new(w, maps.height(), lit + 1);
     let colour =
         |first: usize| move |m: &Svbrdf, i: usize| [0, 1, 2].map(|c| srgb(m.plane(first + c)[i]));
     let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
@@ -176,13 +180,22 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     sheet.put(1, 0, "Diffuse albedo", |i| diffuse(&maps, i));
     sheet.put(2, 0, "Specular albedo (F0)", |i| specular(&maps, i));
     sheet.put(3, 0, "Roughness", |i| [byte(maps.plane(channel::ROUGHNESS)[i]); 3]);
-    for (column, lit) in relit.iter().enumerate() {
-        sheet.put(column, 1, lit.label, |i| lit.rgb.as_chunks::<3>().0[i]);
+    if let Some(texels) = &anisotropy {
+        sheet.put(0, 1, "Anisotropy", |i| {
+            let [x, y] = lobes::direction(&texels[i], 1.0);
+            [x, y, texels[i].strength()].map(byte)
+        });
+    }
+    if let Some([weight, _]) = coat {
+        sheet.put(usize::from(anisotropy.is_some()), 1, "Coat", |i| [byte(weight[i]); 3]);
+    }
+    for (column, picture) in relit.iter().enumerate() {
+        sheet.put(column, lit, picture.label, |i| picture.rgb.as_chunks::<3>().0[i]);
     }
     encode_png(&DynamicImage::ImageRgb8(sheet.pixels))
 }
 
-/// Two rows of four captioned pictures.
+/// Rows of four captioned pictures.
 struct Sheet {
     pixels: RgbImage,
     width: usize,
@@ -194,11 +207,11 @@ struct Sheet {
 }
 
 impl Sheet {
-    fn new(width: usize, height: usize) -> Self {
+    fn new(width: usize, height: usize, rows: usize) -> Self {
         let enlarged = (CELL / width.max(height)).max(1);
         let longest = 24 * get_raster_width(FontWeight::Regular, FONT);
         let column = (width * enlarged).max(longest);
-        let sheet = [4 * column + 5 * GAP, 2 * (height * enlarged + CAPTION) + 3 * GAP];
+        let sheet = [4 * column + 5 * GAP, rows * (height * enlarged + CAPTION) + (rows + 1) * GAP];
         let pixels = RgbImage::from_pixel(sheet[0] as u32, sheet[1] as u32, Rgb(BACKGROUND));
         Self { pixels, width, height, enlarged, column }
     }
@@ -314,7 +327,7 @@ mod tests {
         }
         assert!(24 * width <= CELL);
         // Small and narrow maps leave room for captions too.
-        let sheet = Sheet::new(3, 40);
+        let sheet = Sheet::new(3, 40, 2);
         assert_eq!((sheet.enlarged, sheet.column), (6, 24 * width));
     }
 }

@@ -300,4 +300,15 @@ fn the_preview_shows_maps_and_renderings_with_captions() {
         assert!(any(0..24), "caption {column} {row}");
         assert!(any(24..144), "picture {column} {row}");
     }
+    // Lobes have a row between both.
+    write_preview(&path, &lobed(40, 20), [100.0, 50.0]).unwrap();
+    let sheet = picture(&path).into_rgb8();
+    assert_eq!(sheet.height(), 3 * (120 + 24) + 4 * 12);
+    let bright = |column: u32, row: u32| {
+        let pixels = (0..240).flat_map(|x| (24..144).map(move |y| (x, y)));
+        let at = |(x, y)| sheet.get_pixel(12 + column * 252 + x, 12 + row * 156 + y)[1];
+        pixels.filter(|pixel| at(*pixel) > 60).count()
+    };
+    assert!(bright(0, 1) > 9000 && bright(1, 1) > 9000 && bright(2, 1) == 0);
+    assert!((0..4).all(|column| bright(column, 2) > 1000));
 }

@@ -10,7 +10,7 @@ const { chromium } = require('playwright-core');
 const { PNG } = require('pngjs');
 
 const [svbrdf, maps, browserPath, pictures] = process.argv.slice(2);
-const address = pathToFileURL(path.resolve(maps, 'report.html')).href;
+const addressOf = (name) => pathToFileURL(path.resolve(maps, name)).href;
 
 /** Mean difference allowed between the viewer and the library, of 255. */
 const SAME = 2;
@@ -20,10 +20,10 @@ const INTERPOLATED = 6;
 const srgb = (v) => 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 
 /** What the library renders, sRGB at an exposure: rows of [r, g, b]. */
-function rendered(camera, light, sampleMm, exposure) {
+function rendered(camera, light, sampleMm, exposure, folder = maps) {
   const out = path.join(maps, 'rendered.png');
   const list = (v) => v.map((x) => x.toFixed(6)).join(',');
-  execFileSync(svbrdf, ['render', maps, '--camera-mm', list(camera), '--light-mm', list(light),
+  execFileSync(svbrdf, ['render', folder, '--camera-mm', list(camera), '--light-mm', list(light),
     '--sample-mm', String(Math.max(...sampleMm)), '--out', out]);
   const png = PNG.sync.read(fs.readFileSync(out), { skipRescale: true });
   const pixel = (x, y) => [0, 1, 2].map((c) => srgb(Math.min(1, (exposure * png.data[4 * (y * png.width + x) + c]) / 65535)));
@@ -31,7 +31,8 @@ function rendered(camera, light, sampleMm, exposure) {
 }
 
 /** A page that must not complain, and loads nothing but itself. */
-async function open(browser, options = {}, prepare = () => {}) {
+async function open(browser, options = {}, prepare = () => {}, name = 'report.html') {
+  const address = addressOf(name);
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: 'reduce', offline: true, ...options });
   // Drawing without a graphics card on a busy machine takes its time.
   context.setDefaultTimeout(180000);
@@ -54,7 +55,7 @@ const state = (page) => page.evaluate(() => {
 const settle = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 
 /** The viewer, one texel a pixel, against the library: a screenshot of what is on the screen. */
-async function sameAsLibrary(page, data) {
+async function sameAsLibrary(page, data, folder = maps) {
   const { width, height } = data.maps;
   await page.addStyleTag({ content: `#quad { position: fixed !important; inset: 0 auto auto 0 !important; z-index: 99; border-radius: 0 !important;
     width: ${width}px !important; height: ${height}px !important; }` });
@@ -68,7 +69,7 @@ async function sameAsLibrary(page, data) {
     await page.evaluate((s) => window.svbrdfReport.stage.viewer.set(s), { camera: camera_mm, light: light_mm, exposure, flat: true });
     await settle(page);
     const shot = PNG.sync.read(await page.screenshot({ clip: { x: 0, y: 0, width, height } }));
-    const truth = rendered(camera_mm, light_mm, data.sample_mm, exposure);
+    const truth = rendered(camera_mm, light_mm, data.sample_mm, exposure, folder);
     assert.deepEqual([truth.width, truth.height], [width, height]);
     let [sum, bright] = [0, 0];
     for (let y = 0; y < height; y++) {
@@ -122,6 +123,58 @@ async function samePlace(page, data) {
   const mean = sum / count;
   assert.ok(mean <= INTERPOLATED, `in perspective: mean difference ${mean.toFixed(2)} of 255`);
   return mean;
+}
+
+/**
+ * A page and a folder of maps like those of the fit, but with anisotropy and a coat: as `anisotropy.png` and
+ * `coat.png` state them, and as the page has them. Returns the names of both.
+ */
+function withLobes() {
+  const [angle, strength, weight, coat] = [0.6, 0.5, 0.8, 0.3];
+  const [page, folder] = ['report-lobes.html', path.join(maps, 'lobes')];
+  fs.mkdirSync(folder, { recursive: true });
+  for (const name of ['normal', 'diffuse', 'specular', 'roughness']) fs.copyFileSync(path.join(maps, `${name}.png`), path.join(folder, `${name}.png`));
+  const stored = PNG.sync.read(fs.readFileSync(path.join(maps, 'roughness.png')), { skipRescale: true });
+  const { width, height } = stored;
+  const picture = (texel) => {
+    const png = new PNG({ width, height });
+    for (let i = 0; i < width * height; i++) [...texel(i), 255].forEach((v, c) => (png.data[4 * i + c] = Math.round(v)));
+    return PNG.sync.write(png);
+  };
+  const direction = [Math.cos(angle), Math.sin(angle)].map((v) => 127.5 * (v + 1));
+  fs.writeFileSync(path.join(folder, 'anisotropy.png'), picture(() => [...direction, 255 * strength]));
+  fs.writeFileSync(path.join(folder, 'coat.png'), picture(() => [255 * weight, 255 * coat, 0]));
+  // Alphas along and across the direction of a texel.
+  const alphas = (i) => {
+    const across = (stored.data[4 * i] / 65535) ** 2;
+    return [across + (1 - across) * strength ** 2, across];
+  };
+  const uri = (png) => `data:image/png;base64,${png.toString('base64')}`;
+  const html = fs.readFileSync(path.join(maps, 'report.html'), 'utf8');
+  const [before, json, after] = html.split(/(?<=<script type="application\/json" id="data">)([^<]*)/);
+  const data = JSON.parse(json);
+  data.maps.roughness = uri(picture((i) => Array(3).fill(255 * (alphas(i)[0] * alphas(i)[1]) ** 0.25)));
+  data.maps.anisotropy = uri(picture((i) => {
+    const [along, across] = alphas(i);
+    const step = (127 / data.maps.scale) * Math.log(along / across);
+    return [128 + step * Math.cos(2 * angle), 128 + step * Math.sin(2 * angle), 0];
+  }));
+  data.maps.coat = uri(picture(() => [255 * weight, 255 * coat, 0]));
+  fs.writeFileSync(path.join(maps, page), before + JSON.stringify(data).replaceAll('<', '\\u003c') + after);
+  return { page, folder };
+}
+
+/** Lobes in the viewer and among the maps. */
+async function lobes(browser) {
+  const { page: name, folder } = withLobes();
+  const { page, close } = await open(browser, {}, () => {}, name);
+  assert.equal(await page.locator('#maps canvas').count(), 6);
+  await page.locator('#maps canvas').nth(4).hover({ position: { x: 20, y: 20 } });
+  assert.match(await page.locator('#maps figcaption').nth(4).innerText(), /^Anisotropy\s+\d+\.\d : 1, wider along 3[45]°$/);
+  assert.match(await page.locator('#maps figcaption').nth(5).innerText(), /^Coat\s+weight 0\.80, roughness 0\.30$/);
+  const worst = await sameAsLibrary(page, await page.evaluate(() => window.svbrdfReport.data), folder);
+  await close();
+  return worst;
 }
 
 /** Mouse, keys, sliders, lightings. */
@@ -214,6 +267,7 @@ async function main() {
   const mean = await sameAsLibrary(page, data);
   const inPlace = await samePlace(page, data);
   await close();
+  const withThem = await lobes(browser);
   for (const colorScheme of ['light', 'dark']) {
     for (const width of [1280, 390]) {
       const { page, close } = await open(browser, { viewport: { width, height: 900 }, colorScheme, bypassCSP: true });
@@ -238,7 +292,7 @@ async function main() {
   assert.ok(!(await without.page.locator('.sliders').isVisible()));
   await without.close();
   await browser.close();
-  console.log(`report.html: viewer within ${mean.toFixed(2)} of 255 of \`svbrdf render\` (${inPlace.toFixed(2)} in perspective), ${(fs.statSync(path.join(maps, 'report.html')).size / 1e6).toFixed(2)} MB`);
+  console.log(`report.html: viewer within ${mean.toFixed(2)} of 255 of \`svbrdf render\` (${inPlace.toFixed(2)} in perspective, ${withThem.toFixed(2)} with lobes), ${(fs.statSync(path.join(maps, 'report.html')).size / 1e6).toFixed(2)} MB`);
 }
 
 main().catch((fault) => {

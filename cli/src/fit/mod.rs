@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use serde_json::json;
 use svbrdf::capture::Capture;
+use svbrdf::export::LOBE_FILES;
 use svbrdf::session::{Budget, Method, Session, Settings};
 
 pub use self::arguments::Arguments;
@@ -69,8 +70,10 @@ fn fit(arguments: &Arguments) -> Result<()> {
     output.write(&input, &mut fit)?;
     let out = arguments.out.display();
     let first = if arguments.no_report { "preview.png" } else { "report.html" };
+    let lobes = LOBE_FILES.iter().filter(|name| arguments.out.join(name).is_file());
+    let lobes: String = lobes.map(|name| format!(", {name}")).collect();
     fit.progress.say(&format!(
-        "Look at {out}/{first}; the maps are {out}/normal.png, diffuse.png, specular.png and roughness.png (floats: maps.exr)."
+        "Look at {out}/{first}; the maps are {out}/normal.png, diffuse.png, specular.png, roughness.png{lobes} (floats: maps.exr)."
     ));
     if interrupt.is_set() {
         let (fitted, all) = (fit.fitted(), fit.frames.len());
