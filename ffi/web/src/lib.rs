@@ -195,7 +195,8 @@ impl Scan {
     /// # Errors
     /// Before the first photograph was accepted.
     pub fn lobes(&self) -> Result<String, JsError> {
-        Ok(pictures::lobe_names(&self.session.snapshot()?).join("\n"))
+        let maps = self.session.snapshot()?;
+        Ok(pictures::lobe_names(&maps).join("\n"))
     }
 
     /// A map as 8-bit RGBA for the screen: `normal`, `diffuse`, `specular`, `roughness`, or one of
