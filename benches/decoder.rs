@@ -4,7 +4,7 @@
 
 use std::time::Instant;
 
-use svbrdf::network::{Decoder, Workspace};
+use svbrdf::networks::{Decoder, Workspace};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Cargo adds `--bench`.

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 use svbrdf::estimate::{EstimateOptions, Estimator, Method};
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::{Svbrdf, render};
 

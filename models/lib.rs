@@ -5,7 +5,7 @@
 //! in `README.md`.
 #![no_std]
 
-/// Code to encoded maps: the container that `svbrdf::network` reads.
+/// Code to encoded maps: the container that `svbrdf::networks` reads.
 pub const DECODER: &[u8] = include_bytes!("decoder.bin");
 /// Encoded maps to their code: an ONNX graph.
 pub const ENCODER: &[u8] = include_bytes!("encoder.onnx");

@@ -85,15 +85,13 @@ pub mod files;
 pub mod frame;
 pub mod geometry;
 pub mod guide;
-#[doc(hidden)]
-pub mod initial_estimate;
 mod interpolation;
 mod least_squares;
 mod little_endian;
 #[doc(hidden)]
 pub mod loss;
 #[doc(hidden)]
-pub mod network;
+pub mod networks;
 pub mod observation;
 mod parallel;
 #[doc(hidden)]

@@ -5,6 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::parallel;
 use crate::{Error, Result};
 
+mod anisotropy;
+
+pub use anisotropy::Anisotropy;
+
 /// Number of parameters of a texel.
 pub const CHANNELS: usize = 9;
 
@@ -169,6 +173,18 @@ impl Svbrdf {
         self.lobes.chunks_exact(self.texels()).nth(lobe)
     }
 
+    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` where no texel is anisotropic.
+    pub fn anisotropy(&self) -> Option<[&[f32]; 2]> {
+        let planes = [self.lobe(lobe::ANISOTROPY_X)?, self.lobe(lobe::ANISOTROPY_Y)?];
+        planes.iter().any(|plane| plane.iter().any(|v| *v != 0.0)).then_some(planes)
+    }
+
+    /// The planes [`lobe::COAT`] and [`lobe::COAT_ROUGHNESS`]; `None` where no texel has a coat.
+    pub fn coat(&self) -> Option<[&[f32]; 2]> {
+        let planes = [self.lobe(lobe::COAT)?, self.lobe(lobe::COAT_ROUGHNESS)?];
+        planes[0].iter().any(|v| *v > 0.0).then_some(planes)
+    }
+
     /// Takes planes of optional lobes in the order of [`lobe`]; none where `planes` is empty.
     ///
     /// # Errors
@@ -283,7 +299,7 @@ pub mod encoding {
 impl Svbrdf {
     /// Twice the resolution by bilinear interpolation with texel centres aligned; borders repeat.
     pub fn upsampled(&self) -> Self {
-        self.resampled([2 * self.width, 2 * self.height], |planes| {
+        self.with_planes([2 * self.width, 2 * self.height], |planes| {
             doubled(planes, self.width, self.height)
         })
     }
@@ -291,7 +307,7 @@ impl Svbrdf {
     /// One of `2^times` texels along each side, as it is.
     pub(crate) fn thinned(&self, times: u32) -> Self {
         let size = [self.width >> times, self.height >> times];
-        self.resampled(size, |planes| thinned(planes, self.width, times))
+        self.with_planes(size, |planes| thinned(planes, self.width, times))
     }
 
     /// Half the resolution by averaging 2x2 texels. Sizes must be even.
@@ -301,10 +317,16 @@ impl Svbrdf {
     pub fn downsampled(&self) -> Self {
         let (w, h) = (self.width, self.height);
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
-        self.resampled([w / 2, h / 2], |planes| averaged(planes, w))
+        self.with_planes([w / 2, h / 2], |planes| averaged(planes, w))
     }
 
-    fn resampled(&self, [width, height]: [usize; 2], planes: impl Fn(&[f32]) -> Vec<f32>) -> Self {
+    /// Maps of so many columns and rows. `planes` makes theirs of any number of planes of these, one after
+    /// the other: it gets those of the maps, and those of the lobes, which may be none.
+    pub(crate) fn with_planes(
+        &self,
+        [width, height]: [usize; 2],
+        planes: impl Fn(&[f32]) -> Vec<f32>,
+    ) -> Self {
         Self { width, height, data: planes(&self.data), lobes: planes(&self.lobes) }
     }
 

@@ -9,7 +9,7 @@ use rectified::{POSITIONS, SIZE, material, observation, photo, scene, view};
 use svbrdf::confidence::MapDeviations;
 use svbrdf::estimate::{Estimator, Method, Place};
 use svbrdf::export::{read_maps, write_assessed_maps};
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::session::{Assessed, Driver, RestoreOptions, Session, Settings};
 use svbrdf::svbrdf::channel;

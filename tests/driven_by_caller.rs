@@ -5,7 +5,7 @@ use std::time::Duration;
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
 use svbrdf::session::{Budget, Driver, Pushed, RestoreOptions, Session, Settings};
-use svbrdf::{Error, initial_estimate::Networks};
+use svbrdf::{Error, networks::Networks};
 
 const CAPTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
 

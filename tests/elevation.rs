@@ -17,7 +17,7 @@ use svbrdf::capture::Capture;
 use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
 use svbrdf::frame::Photo;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{Method, Pushed, RestoreOptions, Scene, Session, Settings};
 
 const ALL: [Material; 5] =

@@ -22,7 +22,7 @@ if [ ! -x "$tools/venv/bin/python" ] || ! "$tools/venv/bin/python" -c 'import Ma
     skip "Python packages cannot be had"
 fi
 
-# Four uniform materials and captures' maps, each rendered by the library for every view.
+# Uniform materials and captures' maps, each rendered by the library for every view.
 captures=()
 if [ -n "${SVBRDF_TEST_DATA:-}" ]; then
   captures=("$SVBRDF_TEST_DATA"/captures/dev/{leather,tile}/truth)
@@ -34,7 +34,7 @@ tests/exports/cases.sh "$svbrdf" "$work/cases" "${captures[@]}"
 variant=0
 for options in "--metallic --texture png16" "--tile --texture jpeg --max-size 32"; do
   variant=$((variant + 1))
-  for maps in "$work"/cases.maps/{varnish,gold}; do
+  for maps in "$work"/cases.maps/{varnish,gold,carbon}; do
     # shellcheck disable=SC2086
     "$svbrdf" export "$maps" --format glb,usdz,materialx --sample-mm 76.2 $options \
       --out "$work/variants/$(basename "$maps")-$variant"

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use svbrdf::Error;
 use svbrdf::frame::Photo;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{RectifiedFalloff, Scene, Session, Settings};
 
 /// Resident memory, bytes: `VmRSS` now, `VmHWM` at most since [`forget_peak`].

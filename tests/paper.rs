@@ -6,7 +6,7 @@ use common::{Scene, looking_at, ring};
 use svbrdf::calibration::{Paper, PaperEstimate, Target, detect, estimate_pose};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{Method, Pushed, RestoreOptions, Scene as Shown, Session, Settings};
 
 fn camera() -> Camera {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rectified::{POSITIONS, material, scene};
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{
     Budget, Driver, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };

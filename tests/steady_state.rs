@@ -2,8 +2,7 @@
 //! matrices and the thread pool's own bookkeeping.
 
 use svbrdf::estimate::{EstimateOptions, Estimator, Method};
-use svbrdf::initial_estimate::Networks;
-use svbrdf::network::Workspace;
+use svbrdf::networks::{Networks, Workspace};
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::svbrdf::CHANNELS;
 use svbrdf::{Svbrdf, render};

@@ -11,7 +11,7 @@ use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
 use svbrdf::frame::{Encoding, Photo, ToneCurve};
 use svbrdf::geometry::{Camera, Pose};
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::rectification::{rectify, update_radiometry};
 use svbrdf::session::{

@@ -10,7 +10,7 @@ use crate::failure::{Failure, Result};
 use crate::terminal;
 
 /// Compare two sets of maps: root-mean-square differences of the maps and of 100 renderings, mean angle
-/// of the normals (degrees), mean colour difference of the albedos (CIEDE2000)
+/// of the normals (degrees), mean colour difference of the albedos (CIEDE2000), and of the lobes that both have
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  svbrdf compare maps truth --json")]
 pub struct Arguments {
@@ -29,7 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let b = read_maps(&arguments.b).map_err(Failure::input)?;
     let a = resized(&a, b.width(), b.height());
     let d = comparison::compare(&a, &b)?;
-    let results = [
+    let mut results = vec![
         ("normal", d.normal),
         ("diffuse", d.diffuse),
         ("specular", d.specular),
@@ -39,12 +39,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ("diffuse_delta_e00", d.diffuse_delta_e),
         ("specular_delta_e00", d.specular_delta_e),
     ];
+    let lobes =
+        [("anisotropy", d.anisotropy), ("coat", d.coat), ("coat_roughness", d.coat_roughness)];
+    results.extend(lobes.into_iter().filter_map(|(name, value)| Some((name, value?))));
     if arguments.json {
         let object: serde_json::Map<_, _> =
             results.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
         terminal::print(&format!("{}\n", serde_json::Value::Object(object)))
     } else {
-        let lines = results.map(|(name, value)| format!("{name:<18} {value:.6}\n"));
-        terminal::print(&lines.concat())
+        let lines = results.iter().map(|(name, value)| format!("{name:<18} {value:.6}\n"));
+        terminal::print(&lines.collect::<String>())
     }
 }

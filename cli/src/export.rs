@@ -69,6 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
         other => other.into(),
     })?;
+    package.remarks.iter().for_each(terminal::say);
     Ok(package.write(&arguments.out)?)
 }
 

@@ -1,69 +1,26 @@
 //! Commands in the documents: those of a first hour run as they stand; of all others, programs, files,
 //! targets, options and values exist.
 
+#[path = "../../tests/common/commands.rs"]
+mod commands;
 mod common;
 
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
+use commands::{commands, documents, understood};
 use common::{maps, succeed, text};
 
-/// Documents with commands of ours.
-const DOCUMENTS: [&str; 6] = [
-    "README.md",
-    "CONTRIBUTING.md",
-    "android-example/README.md",
-    "cli/README.md",
-    "ffi/packaging/README.md",
-    "docs",
-];
+/// Packages of the workspace.
+const PACKAGES: [&str; 6] =
+    ["svbrdf", "svbrdf-cli", "svbrdf-eval", "svbrdf-ffi", "svbrdf-models", "svbrdf-opencv-oracle"];
 /// Programs of others, which are taken as they are.
 const ELSEWHERE: [&str; 10] =
     ["cc", "cd", "cmake", "conan", "gradle", "python", "rustup", "sbatch", "vcpkg", "heif-convert"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
-}
-
-/// The commands of a document's `sh` blocks, without comments, continued lines joined.
-fn commands(text: &str) -> Vec<String> {
-    let blocks = text.split("```sh\n").skip(1).map(|rest| rest.split("```").next().unwrap());
-    let joined: Vec<String> = blocks.map(|block| block.replace("\\\n", " ")).collect();
-    let lines = joined.iter().flat_map(|block| block.lines());
-    let bare = lines.map(|line| line.split(" #").next().unwrap().trim().to_owned());
-    let parts = bare.flat_map(|line| line.split(" && ").map(str::to_owned).collect::<Vec<_>>());
-    parts.filter(|line| !line.is_empty() && !line.starts_with('#')).collect()
-}
-
-/// Every document with its commands.
-fn documents() -> Vec<(String, Vec<String>)> {
-    let mut files: Vec<PathBuf> = Vec::new();
-    for name in DOCUMENTS {
-        let path = root().join(name);
-        if path.is_dir() {
-            let entries = std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
-            files.extend(entries.filter(|path| path.extension().is_some_and(|e| e == "md")));
-        } else {
-            files.push(path);
-        }
-    }
-    files.sort();
-    let read = |path: &PathBuf| {
-        let name = path.strip_prefix(root()).unwrap().display().to_string();
-        (name, commands(&std::fs::read_to_string(path).unwrap()))
-    };
-    files.iter().map(read).collect()
-}
-
-/// Whether a command line of ours is understood: `--help` at its end answers only once everything
-/// before it has been.
-fn understood(program: &str, arguments: &[&str]) -> Result<(), String> {
-    // `MATERIALS_DIR...` and the like stand for one or more.
-    let given = arguments.iter().map(|a| a.trim_end_matches("..."));
-    let output = Command::new(program).args(given).arg("--help").output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    if output.status.success() { Ok(()) } else { Err(said) }
 }
 
 /// Targets that a cargo command names.
@@ -74,15 +31,15 @@ fn cargo_faults(arguments: &[&str]) -> Option<String> {
         let found = match option {
             "--example" => exists(format!("examples/{name}.rs")),
             "--bench" => exists(format!("benches/{name}.rs")),
-            "--test" => ["tests", "ffi/tests", "cli/tests"].iter().any(|folder| {
-                exists(format!("{folder}/{name}.rs")) || exists(format!("{folder}/{name}/main.rs"))
-            }),
+            "--test" => {
+                ["tests", "ffi/tests", "cli/tests", "benches/eval/tests"].iter().any(|folder| {
+                    exists(format!("{folder}/{name}.rs"))
+                        || exists(format!("{folder}/{name}/main.rs"))
+                })
+            }
             "--bin" => ["svbrdf", "svbrdf-eval"].contains(&name),
             "--path" => exists(name.to_owned()),
-            "-p" | "--exclude" => {
-                ["svbrdf", "svbrdf-cli", "svbrdf-ffi", "svbrdf-models", "svbrdf-opencv-oracle"]
-                    .contains(&name)
-            }
+            "-p" | "--exclude" => PACKAGES.contains(&name),
             "--profile" => {
                 let text = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
                 text.contains(&format!("[profile.{name}]"))
@@ -93,14 +50,7 @@ fn cargo_faults(arguments: &[&str]) -> Option<String> {
             return Some(format!("{option} {name} does not exist"));
         }
     }
-    let programs = arguments.iter().position(|argument| *argument == "--");
-    let eval = arguments.windows(2).any(|pair| pair == ["--bin", "svbrdf-eval"]);
-    match programs {
-        Some(end) if eval => {
-            understood(env!("CARGO_BIN_EXE_svbrdf-eval"), &arguments[end + 1..]).err()
-        }
-        _ => None,
-    }
+    None
 }
 
 /// What is wrong with a command, or nothing.
@@ -115,7 +65,8 @@ fn fault(command: &str) -> Option<String> {
     let (program, arguments) = words.split_first()?;
     match *program {
         "svbrdf" => understood(env!("CARGO_BIN_EXE_svbrdf"), arguments).err(),
-        "svbrdf-eval" => understood(env!("CARGO_BIN_EXE_svbrdf-eval"), arguments).err(),
+        // Its own tests check its arguments.
+        "svbrdf-eval" => None,
         "cargo" => cargo_faults(arguments),
         path if path.contains('/') => {
             let mode = std::fs::metadata(root().join(path)).map(|file| file.permissions().mode());
@@ -134,7 +85,7 @@ fn fault(command: &str) -> Option<String> {
 fn commands_of_the_documents_exist() {
     let mut faults = Vec::new();
     let mut checked = 0;
-    for (document, commands) in documents() {
+    for (document, commands) in documents(root()) {
         for command in commands {
             checked += 1;
             if let Some(what) = fault(&command) {
@@ -157,7 +108,7 @@ fn wrong_commands_are_seen() {
         ("svbrdf fit capture --outt maps", "--outt"),
         ("svbrdf fitt capture", "fitt"),
         ("cargo run --release --example evaluate_captures -- X", "evaluate_captures"),
-        ("cargo run --release --bin svbrdf-eval -- photoz DIR", "photoz"),
+        ("cargo run --release --bin svbrdf-evil -- photos DIR", "svbrdf-evil"),
         ("cargo build --profile fast", "fast"),
         ("tests/run.sh --quick", ""),
         ("tests/walk.sh", "No such file"),
@@ -182,7 +133,7 @@ fn the_first_hour_runs() {
     let frames = ["--frames", "2", "--jpeg", "92"];
     succeed(&[&["simulate", text(&source), "--out", text(&taken)][..], &frames].concat());
     std::fs::rename(taken.join("frames"), dir.path().join("photos")).unwrap();
-    for (document, commands) in documents() {
+    for (document, commands) in documents(root()) {
         if document != "README.md" && document != "docs/quick-start.md" {
             continue;
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 #[cfg(feature = "embedded-models")]
 use std::sync::{Mutex, PoisonError, Weak};
 
-use engine::initial_estimate::Networks;
+use engine::networks::Networks;
 
 use crate::handles::Handles;
 use crate::maps::folder;

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use engine::calibration::Target;
 use engine::frame::{Encoding, Photo, Primaries};
-use engine::initial_estimate::Networks;
+use engine::networks::Networks;
 use engine::session::{Pushed, Scene, Session, Settings};
 
 /// Whether something was made of it.

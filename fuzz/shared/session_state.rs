@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use engine::Error;
 use engine::capture::Capture;
-use engine::initial_estimate::Networks;
+use engine::networks::Networks;
 use engine::session::{RestoreOptions, Scene, Session, Settings};
 
 /// Whether something was made of it.

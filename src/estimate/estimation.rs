@@ -13,7 +13,7 @@ use super::phases::{Context, Phase, PhaseReport, Schedule};
 use super::photographs::Photographs;
 use super::relief::FitRecord;
 use super::task::{Cut, Method, Task};
-use crate::initial_estimate::Networks;
+use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::render;
 use crate::{Error, Result, Svbrdf};

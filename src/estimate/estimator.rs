@@ -11,7 +11,7 @@ use super::outlook::Place;
 use super::phases::PhaseReport;
 use super::relief::FitRecord;
 use super::task::{Method, Task};
-use crate::initial_estimate::Networks;
+use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
 

@@ -1,7 +1,7 @@
 //! How much memory an estimate needs.
 
 use super::options::ScheduleOptions;
-use crate::initial_estimate::CODE_TEXELS;
+use crate::networks::CODE_TEXELS;
 use crate::svbrdf::CHANNELS;
 
 /// Bytes of a texel of a rectified photograph: three half floats that hold its weight as well.

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 use super::correction::Correction;
 use super::parts::Contradiction;
-use crate::initial_estimate::CODE_TEXELS;
+use crate::networks::CODE_TEXELS;
 use crate::observation::{Observation, View};
 use crate::svbrdf::{halved, halvings_to};
 use crate::{Error, Result, Svbrdf};

@@ -12,8 +12,7 @@ use super::latent::{LatentFit, SavedFit};
 use super::options::EstimateOptions;
 use super::parts::Contradiction;
 use super::task::{Cut, Method, Task};
-use crate::initial_estimate::Networks;
-use crate::network::Workspace;
+use crate::networks::{Networks, Workspace};
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
 

@@ -17,7 +17,7 @@ TEXTURES = {
     "Roughness": ("{{roughness}}", "Non-Color"),
     "Normal": ("{{normal}}", "Non-Color"),
     "Height": ("{{height}}", "Non-Color"),
-}
+{{lobes}}}
 
 
 def folder():
@@ -53,6 +53,14 @@ def build_material(name="svbrdf", displacement=DISPLACEMENT, metres=False):
     surface = nodes.new("ShaderNodeBsdfPrincipled")
     surface.inputs["IOR"].default_value = IOR
     links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    if "Anisotropic" in TEXTURES:
+        # Directions are angles from the direction of u.
+        tangent = nodes.new("ShaderNodeTangent")
+        tangent.direction_type = "UV_MAP"
+        tangent.location = (-300, -1400)
+        links.new(tangent.outputs["Tangent"], surface.inputs["Tangent"])
+    if "Coat Weight" in TEXTURES:
+        surface.inputs["Coat IOR"].default_value = 1.5
     place = real_size(nodes, links) if metres else None
     root = folder()
     for row, (label, (file, space)) in enumerate(TEXTURES.items()):
@@ -73,6 +81,8 @@ def build_material(name="svbrdf", displacement=DISPLACEMENT, metres=False):
             links.new(color, normal.inputs["Color"])
             if not displacement:
                 links.new(normal.outputs["Normal"], surface.inputs[label])
+                if "Coat Weight" in TEXTURES:
+                    links.new(normal.outputs["Normal"], surface.inputs["Coat Normal"])
         elif label == "Height":
             height = nodes.new("ShaderNodeDisplacement")
             height.location = (-300, 300 - 280 * row)

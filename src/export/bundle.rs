@@ -3,9 +3,10 @@
 use super::convert::{Albedos, Interface, MetallicModel, Split};
 use super::floats::encode_channels;
 use super::height::Height;
+use super::lobes;
 use super::metalness::Layer;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::svbrdf::channel;
+use crate::svbrdf::{Anisotropy, channel};
 use crate::{Result, Svbrdf, parallel};
 
 /// Files by name.
@@ -22,6 +23,8 @@ pub(super) struct Bundle {
     pub texture: TextureFormat,
     /// Base colour and metalness in place of a specular colour where there is a choice.
     pub metallic: bool,
+    /// Both alphas of every texel, where some are anisotropic.
+    pub anisotropy: Option<Vec<Anisotropy>>,
 }
 
 /// Texels split for a renderer with metalness, and what they lose.
@@ -62,8 +65,50 @@ impl Bundle {
         Interface::of(specular.iter().copied().fold(0.0, f32::max))
     }
 
+    /// With anisotropy, its square is the geometric mean of both alphas.
     pub fn roughness(&self) -> &[f32] {
         self.maps.plane(channel::ROUGHNESS)
+    }
+
+    /// The roughness of glTF: with anisotropy, that across the direction.
+    pub fn roughness_across(&self, i: usize) -> f32 {
+        self.anisotropy.as_ref().map_or(self.roughness()[i], |lobes| lobes[i].roughness())
+    }
+
+    /// The texture of glTF's `KHR_materials_anisotropy`: direction and strength.
+    pub fn anisotropy_texture(&self) -> Option<Texture> {
+        let lobes = self.anisotropy.as_ref()?;
+        Some(self.data(|i| {
+            let [x, y] = lobes::direction(&lobes[i], 1.0);
+            [x, y, lobes[i].strength()]
+        }))
+    }
+
+    /// The direction of the larger alpha as a vector in the tangent frame, `(v + 1) / 2`; `up` as in
+    /// [`Bundle::normals`].
+    pub fn tangents(&self, up: f32) -> Option<Texture> {
+        let lobes = self.anisotropy.as_ref()?;
+        Some(self.data(|i| {
+            let [x, y] = lobes::direction(&lobes[i], up);
+            [x, y, 0.5]
+        }))
+    }
+
+    /// A gray texture of what is made of both alphas.
+    pub fn of_anisotropy(&self, value: impl Fn(&Anisotropy) -> f32 + Sync) -> Option<Texture> {
+        let lobes = self.anisotropy.as_ref()?;
+        Some(self.gray(|i| value(&lobes[i])))
+    }
+
+    /// The texture of glTF's `KHR_materials_clearcoat`: weight and roughness in red and green.
+    pub fn coat_texture(&self) -> Option<Texture> {
+        self.of_coat(|[weight, roughness]| [weight, roughness, 0.0])
+    }
+
+    /// A texture of what is made of the coat's weight and roughness.
+    pub fn of_coat(&self, value: impl Fn([f32; 2]) -> [f32; 3] + Sync) -> Option<Texture> {
+        let [weight, roughness] = self.maps.coat()?;
+        Some(self.data(|i| value([weight[i], roughness[i]])))
     }
 
     /// A linear texture of three channels.
@@ -122,13 +167,14 @@ impl Bundle {
 
     /// Textures for glTF, MaterialX and Blender.
     pub fn layered(&self) -> Layered {
-        let (occlusion, roughness) = (&self.occlusion, self.roughness());
+        let occlusion = &self.occlusion;
+        let roughness = |i: usize| self.roughness_across(i);
         if self.metallic {
             let splits = self.splits(MetallicModel::GLTF);
             return Layered {
                 base: self.colour(|i| splits.texels[i].base),
                 tint: None,
-                orm: self.data(|i| [occlusion[i], roughness[i], splits.texels[i].metallic]),
+                orm: self.data(|i| [occlusion[i], roughness(i), splits.texels[i].metallic]),
                 ior: 1.5,
                 rms: Some(splits.rms),
             };
@@ -137,7 +183,7 @@ impl Bundle {
         Layered {
             base: self.colour(|i| self.albedos(i).base_below_coat()),
             tint: Some(self.colour(|i| interface.tint(self.albedos(i).specular))),
-            orm: self.data(|i| [occlusion[i], roughness[i], 0.0]),
+            orm: self.data(|i| [occlusion[i], roughness(i), 0.0]),
             ior: interface.ior,
             rms: None,
         }
@@ -165,11 +211,12 @@ impl Bundle {
             }
         }
         let count = 3.0 * layers.len() as f64;
-        let (occlusion, roughness) = (&self.occlusion, self.roughness());
+        let occlusion = &self.occlusion;
+        let roughness = |i: usize| self.roughness_across(i);
         Layered {
             base: self.colour(|i| layers[i].base),
             tint: Some(self.colour(|i| interface.tint(layers[i].dielectric))),
-            orm: self.data(|i| [occlusion[i], roughness[i], layers[i].metallic]),
+            orm: self.data(|i| [occlusion[i], roughness(i), layers[i].metallic]),
             ior: interface.ior,
             rms: Some(squares.map(|square| (square / count).sqrt() as f32)),
         }

@@ -6,7 +6,6 @@ use std::ops::Range;
 
 use super::stack::Stack;
 use crate::parallel;
-use crate::svbrdf::CHANNELS;
 
 /// Longer side at which places for the patch are tried first, texels.
 const SEARCH_SIDE: usize = 96;
@@ -59,7 +58,7 @@ impl Cuts {
 /// The maps, or a smaller copy of them.
 struct Level<'a> {
     stack: Cow<'a, Stack>,
-    weights: [f32; CHANNELS],
+    weights: Vec<f32>,
     /// Texels that make one of the copy's, along each side.
     factor: usize,
 }
@@ -205,7 +204,7 @@ impl Strip<'_> {
     /// The errors of all rows.
     fn all_errors(&self) -> Vec<f32> {
         let mut errors = vec![0.0; self.half * self.level.stack.height];
-        let mut above = vec![0.0; self.half * CHANNELS];
+        let mut above = vec![0.0; self.half * self.level.stack.planes.len()];
         for (y, row) in errors.chunks_exact_mut(self.half).enumerate() {
             self.errors(y, &mut above, row);
         }
@@ -217,7 +216,7 @@ impl Strip<'_> {
 fn least_costs(strips: &[Strip]) -> Vec<f32> {
     let Some(Strip { level, half, .. }) = strips.first() else { return Vec::new() };
     let mut errors = vec![0.0; *half];
-    let start = || (vec![0.0; half * CHANNELS], Totals::new(vec![0.0; *half]));
+    let start = || (vec![0.0; half * level.stack.planes.len()], Totals::new(vec![0.0; *half]));
     let mut states: Vec<_> = strips.iter().map(|_| start()).collect();
     for y in 0..level.stack.height {
         for (strip, (above, totals)) in strips.iter().zip(&mut states) {

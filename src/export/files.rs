@@ -41,16 +41,31 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// [`Error::Io`] naming the file that cannot be written; files that stood there before are untouched
 /// unless renaming itself fails part way.
 pub fn write_files(dir: impl AsRef<Path>, files: &[(String, Vec<u8>)]) -> Result<()> {
+    replace_files(dir, files, &[])
+}
+
+/// As [`write_files`]; files of an earlier set with the names `gone` are removed, unless `files` has them. They
+/// go after the file that seals that set.
+///
+/// # Errors
+/// As [`write_files`], and naming the file that cannot be removed.
+pub fn replace_files(
+    dir: impl AsRef<Path>,
+    files: &[(String, Vec<u8>)],
+    gone: &[&str],
+) -> Result<()> {
     let dir = dir.as_ref();
     let mut made = Made::default();
-    let result = made.write(dir, files);
+    let gone = gone.iter().filter(|name| files.iter().all(|(written, _)| written != *name));
+    let gone: Vec<PathBuf> = gone.map(|name| dir.join(name)).filter(|path| path.exists()).collect();
+    let result = made.write(dir, files, &gone);
     if result.is_err() {
         made.undo();
     }
     result
 }
 
-/// What [`write_files`] has made so far.
+/// What [`replace_files`] has made so far.
 #[derive(Default)]
 struct Made {
     /// Folders, outer ones first.
@@ -59,7 +74,7 @@ struct Made {
 }
 
 impl Made {
-    fn write(&mut self, dir: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
+    fn write(&mut self, dir: &Path, files: &[(String, Vec<u8>)], gone: &[PathBuf]) -> Result<()> {
         let places = files.iter().filter_map(|(name, _)| Some(dir.join(name).parent()?.to_owned()));
         places.collect::<BTreeSet<_>>().iter().for_each(|place| temporary::sweep(place));
         self.folder(dir)?;
@@ -80,6 +95,9 @@ impl Made {
         }
         if let Some((_, seal)) = names.last().filter(|(_, seal)| names.len() > 1 && seal.exists()) {
             fs::remove_file(seal).map_err(|e| Error::io(seal, e))?;
+        }
+        for path in gone {
+            fs::remove_file(path).map_err(|e| Error::io(path, e))?;
         }
         for (temporary, path) in names {
             let new = !path.exists();

@@ -1,11 +1,26 @@
 //! Binary glTF 2.0: a flat rectangle of the sample's size with the maps as its material.
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::bundle::{Bundle, Layered, number};
+use super::textures::Texture;
 use crate::Result;
 
-/// What a GLB holds, in words and numbers.
+/// What a GLB holds, in words and numbers, with the extensions of the optional lobes.
+pub(super) fn describe_all(bundle: &Bundle, layered: &Layered) -> Value {
+    let mut description = describe(layered);
+    if bundle.anisotropy.is_some() {
+        description["anisotropy"] = json!(
+            "KHR_materials_anisotropy: R, G direction, B strength; alpha along = mix(roughness^2, 1, strength^2)"
+        );
+    }
+    if bundle.maps.coat().is_some() {
+        description["coat"] = json!("KHR_materials_clearcoat: R weight, G roughness");
+    }
+    description
+}
+
+/// The part of it that MaterialX and Blender share.
 pub(super) fn describe(layered: &Layered) -> Value {
     let error = |[diffuse, specular]: [f32; 2]| json!({ "diffuse": number(diffuse), "specular": number(specular) });
     match (&layered.tint, layered.rms) {
@@ -33,6 +48,9 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
     let mut textures = vec![("baseColor", layered.base.clone()), ("normal", bundle.normals(1.0))];
     textures.push(("occlusionRoughnessMetallic", layered.orm.clone()));
     textures.extend(layered.tint.clone().map(|tint| ("specularColor", tint)));
+    textures.extend(bundle.anisotropy_texture().map(|texture| ("anisotropy", texture)));
+    textures.extend(bundle.coat_texture().map(|texture| ("clearcoat", texture)));
+    let (material, extensions) = material(bundle, &textures, layered.ior);
     let images = bundle.encode("", &textures)?;
 
     let half = bundle.sample_mm.map(|mm| mm / 2000.0);
@@ -54,7 +72,7 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
             "indices": 4,
             "material": 0,
         }] }],
-        "materials": [material(bundle, layered)],
+        "materials": [material],
         "textures": (0..count).map(|i| json!({ "source": i, "sampler": 0 })).collect::<Vec<_>>(),
         "samplers": [sampler(bundle.tileable)],
         "images": (0..count).map(|i| json!({
@@ -66,13 +84,42 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
         "bufferViews": data.views,
         "buffers": [{ "byteLength": data.bytes.len() }],
     });
-    if layered.tint.is_some() {
-        root["extensionsUsed"] = json!(["KHR_materials_ior", "KHR_materials_specular"]);
+    if !extensions.is_empty() {
+        root["extensionsUsed"] = json!(extensions);
     }
     Ok(container(&root, &data.bytes))
 }
 
-fn material(bundle: &Bundle, layered: &Layered) -> Value {
+/// The material of textures by name, and the extensions that it uses.
+fn material(bundle: &Bundle, textures: &[(&str, Texture)], ior: f32) -> (Value, Vec<&'static str>) {
+    let index = |name: &str| textures.iter().position(|(own, _)| *own == name);
+    let mut extensions = Map::new();
+    let mut used = Vec::new();
+    let mut extend = |name: &'static str, value: Value| {
+        extensions.insert(name.into(), value);
+        used.push(name);
+    };
+    if let Some(anisotropy) = index("anisotropy") {
+        let texture = json!({ "index": anisotropy });
+        let value = json!({ "anisotropyStrength": 1, "anisotropyTexture": texture });
+        extend("KHR_materials_anisotropy", value);
+    }
+    if let Some(coat) = index("clearcoat") {
+        let texture = json!({ "index": coat });
+        let value = json!({
+            "clearcoatFactor": 1,
+            "clearcoatTexture": texture,
+            "clearcoatRoughnessFactor": 1,
+            "clearcoatRoughnessTexture": texture,
+            "clearcoatNormalTexture": { "index": 1 },
+        });
+        extend("KHR_materials_clearcoat", value);
+    }
+    if let Some(tint) = index("specularColor") {
+        extend("KHR_materials_ior", json!({ "ior": number(ior) }));
+        let value = json!({ "specularColorTexture": { "index": tint } });
+        extend("KHR_materials_specular", value);
+    }
     let mut material = json!({
         "name": "svbrdf",
         "pbrMetallicRoughness": {
@@ -87,13 +134,10 @@ fn material(bundle: &Bundle, layered: &Layered) -> Value {
             "height_range_mm": bundle.height.range_mm().map(number),
         },
     });
-    if layered.tint.is_some() {
-        material["extensions"] = json!({
-            "KHR_materials_ior": { "ior": number(layered.ior) },
-            "KHR_materials_specular": { "specularColorTexture": { "index": 3 } },
-        });
+    if !extensions.is_empty() {
+        material["extensions"] = Value::Object(extensions);
     }
-    material
+    (material, used)
 }
 
 /// Trilinear; repeats tiles, and ends what is none at its border.

@@ -1,14 +1,15 @@
-//! The four maps as files.
+//! Maps as files.
 
 use std::path::{Path, PathBuf};
 
-use super::files::write_files;
-use super::floats::{encode_channels, read_channels};
+use super::files::replace_files;
+use super::floats::{Channels, encode_channels, read_channels};
+use super::lobes;
 use super::textures::{Density, Texture, TextureFormat};
 use crate::confidence::Confidence;
 use crate::frame::{Encoding, read_picture};
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, channel, lobe};
 use crate::{Error, Result, Svbrdf};
 
 /// Channels of `maps.exr` that hold the maps: the unit normal, albedos, roughness.
@@ -24,6 +25,14 @@ const OTHERS: [&str; 7] = [
     "roughness.Y",
 ];
 
+/// Channels of the optional lobes: the direction of the larger alpha and glTF's strength, weight and roughness
+/// of a coat. Roughness is that across the direction then.
+const ANISOTROPY: [&str; 3] = ["anisotropy.X", "anisotropy.Y", "anisotropy.strength"];
+const COAT: [&str; 2] = ["coat.weight", "coat.roughness"];
+
+/// Names of the files that [`write_maps`] writes only for materials that have these lobes.
+pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
+
 /// Channels with the standard deviations, in the order of [`Confidence::planes`].
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
@@ -33,10 +42,17 @@ const DEVIATIONS: [&str; 4] =
 /// `diffuse.R/G/B`, `specular.R/G/B`, `roughness.Y`) into a folder, which is made if missing: all
 /// files or none.
 ///
+/// Materials with an anisotropic lobe have `anisotropy.png` as well (16-bit, linear, as the texture of glTF's
+/// `KHR_materials_anisotropy`: R, G the direction, (d + 1) / 2, B the strength) and the channels
+/// `anisotropy.X/Y/strength`. The roughness of the files is then that across the direction:
+/// `alpha along = mix(roughness², 1, strength²)`. Materials with a coat have `coat.png` (16-bit, linear, as
+/// glTF's textures of a clear coat: R weight, G roughness) and the channels `coat.weight/roughness`. Such files of
+/// earlier maps are removed.
+///
 /// # Errors
 /// [`Error::Io`] naming the file that cannot be written.
 pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
-    write_files(dir, &map_files(maps, None)?)
+    replace_files(dir, &map_files(maps, None)?, &LOBE_FILES)
 }
 
 /// As [`write_maps`]; the width and height of the sample go into every file (PNG: `pHYs`, OpenEXR:
@@ -46,7 +62,7 @@ pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
 /// As [`write_maps`]; [`Error::Argument`] where a length is not positive.
 pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
     check_size(sample_mm)?;
-    write_files(dir, &map_files(maps, Some(sample_mm))?)
+    replace_files(dir, &map_files(maps, Some(sample_mm))?, &LOBE_FILES)
 }
 
 /// As [`write_sized_maps`]; `maps.exr` has the standard deviations as well, in the channels
@@ -61,7 +77,7 @@ pub fn write_assessed_maps(
     confidence: &Confidence,
     sample_mm: [f32; 2],
 ) -> Result<()> {
-    write_files(dir, &encode_maps(maps, Some(confidence), Some(sample_mm))?)
+    replace_files(dir, &encode_maps(maps, Some(confidence), Some(sample_mm))?, &LOBE_FILES)
 }
 
 /// The files of [`write_sized_maps`], or of [`write_assessed_maps`], in memory: names and bytes.
@@ -106,23 +122,39 @@ fn files(
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let density = sample_mm.map(|mm| Density::of([maps.width(), maps.height()], mm));
-    let mut files = pictures(maps, density)?;
-    files.push(("maps.exr".into(), floats(maps, confidence, sample_mm)?));
+    let anisotropy = lobes::anisotropy(maps);
+    let mut files = pictures(maps, anisotropy.as_deref(), density)?;
+    let floats = floats(maps, anisotropy.as_deref(), confidence, sample_mm)?;
+    files.push(("maps.exr".into(), floats));
     Ok(files)
 }
 
 /// Names and bytes of the pictures.
-fn pictures(maps: &Svbrdf, density: Option<Density>) -> Result<Vec<(String, Vec<u8>)>> {
+fn pictures(
+    maps: &Svbrdf,
+    anisotropy: Option<&[Anisotropy]>,
+    density: Option<Density>,
+) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
     let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
     let (diffuse, specular) = (three(channel::DIFFUSE), three(channel::SPECULAR));
-    let roughness = maps.plane(channel::ROUGHNESS);
-    let textures = [
+    let roughness = stored_roughness(maps, anisotropy);
+    let mut textures = vec![
         ("normal", Texture::data(w, h, |i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5))),
         ("diffuse", Texture::colour(w, h, |i| diffuse.map(|p| p[i]))),
         ("specular", Texture::colour(w, h, |i| specular.map(|p| p[i]))),
-        ("roughness", Texture::gray(w, h, |i| roughness[i])),
+        ("roughness", Texture::gray(w, h, roughness)),
     ];
+    textures.extend(anisotropy.map(|lobes| {
+        let texel = |i: usize| {
+            let [x, y] = lobes::direction(&lobes[i], 1.0);
+            [x, y, lobes[i].strength()]
+        };
+        ("anisotropy", Texture::data(w, h, texel))
+    }));
+    textures.extend(maps.coat().map(|[weight, roughness]| {
+        ("coat", Texture::data(w, h, |i| [weight[i], roughness[i], 0.0]))
+    }));
     let files = parallel::map(textures.len(), |i| {
         let (name, texture) = &textures[i];
         Ok((format!("{name}.png"), texture.encode(TextureFormat::Png16, density)?))
@@ -130,19 +162,40 @@ fn pictures(maps: &Svbrdf, density: Option<Density>) -> Result<Vec<(String, Vec<
     files.into_iter().collect()
 }
 
+/// Roughness of a texel as files have it.
+fn stored_roughness<'a>(
+    maps: &'a Svbrdf,
+    anisotropy: Option<&'a [Anisotropy]>,
+) -> impl Fn(usize) -> f32 + Sync + 'a {
+    let roughness = maps.plane(channel::ROUGHNESS);
+    move |i| anisotropy.map_or(roughness[i], |lobes| lobes[i].roughness())
+}
+
 /// Bytes of `maps.exr`.
 fn floats(
     maps: &Svbrdf,
+    anisotropy: Option<&[Anisotropy]>,
     confidence: Option<&Confidence>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<u8>> {
     let (w, h) = (maps.width(), maps.height());
-    let mut planes = Vec::with_capacity(NORMAL.len() + OTHERS.len() + DEVIATIONS.len());
+    let mut planes = Vec::new();
     for (axis, name) in NORMAL.into_iter().enumerate() {
         planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
-    for (c, name) in OTHERS.into_iter().enumerate() {
+    let [colours @ .., roughness] = OTHERS;
+    for (c, name) in colours.into_iter().enumerate() {
         planes.push((name, maps.plane(channel::DIFFUSE + c).to_vec()));
+    }
+    planes.push((roughness, (0..w * h).map(stored_roughness(maps, anisotropy)).collect()));
+    if let Some(lobes) = anisotropy {
+        let [x, y, strength] = ANISOTROPY;
+        planes.push((x, lobes.iter().map(|lobe| lobe.direction()[0]).collect()));
+        planes.push((y, lobes.iter().map(|lobe| lobe.direction()[1]).collect()));
+        planes.push((strength, lobes.iter().map(Anisotropy::strength).collect()));
+    }
+    for (name, plane) in COAT.into_iter().zip(maps.coat().into_iter().flatten()) {
+        planes.push((name, plane.to_vec()));
     }
     if let Some(confidence) = confidence {
         for (name, plane) in DEVIATIONS.into_iter().zip(confidence.planes().chunks_exact(w * h)) {
@@ -178,7 +231,8 @@ pub fn read_sample_mm(dir: impl AsRef<Path>) -> Result<Option<[f32; 2]>> {
 }
 
 /// Reads maps back from a folder: `maps.exr`, or else the four pictures `normal`, `diffuse`,
-/// `specular` and `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`].
+/// `specular` and `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`], and
+/// `anisotropy` and `coat` where there are such.
 /// Values outside their physical range are clamped into it, see [`Svbrdf::clamp`].
 ///
 /// # Errors
@@ -194,22 +248,9 @@ pub fn read_maps(dir: impl AsRef<Path>) -> Result<Svbrdf> {
 
 fn read_float(path: &Path) -> Result<Svbrdf> {
     let mut file = read_channels(path)?;
-    let width = file.width;
-    let mut take = |name: &str| {
-        let plane = file.planes.remove(name).ok_or_else(|| Error::Image {
-            path: path.to_owned(),
-            message: format!("no channel {name}; expected {NORMAL:?} and {OTHERS:?}"),
-        })?;
-        match plane.iter().position(|v| !v.is_finite()) {
-            None => Ok(plane),
-            Some(i) => Err(Error::Field {
-                path: path.to_owned(),
-                field: name.to_owned(),
-                message: format!("{} at column {}, row {}", plane[i], i % width, i / width),
-                expected: "finite numbers".into(),
-            }),
-        }
-    };
+    let [has_anisotropy, has_coat] =
+        [ANISOTROPY[2], COAT[0]].map(|name| file.planes.contains_key(name));
+    let mut take = |name: &str| take(&mut file, path, name);
     let normal = [take(NORMAL[0])?, take(NORMAL[1])?, take(NORMAL[2])?];
     let n = normal[0].len();
     let mut planes = Vec::with_capacity(CHANNELS * n);
@@ -219,7 +260,63 @@ fn read_float(path: &Path) -> Result<Svbrdf> {
     for name in OTHERS {
         planes.extend(take(name)?);
     }
-    Svbrdf::from_planes(file.width, file.height, planes)
+    let anisotropy = if has_anisotropy {
+        let [x, y, strength] = ANISOTROPY;
+        Some([take(x)?, take(y)?, take(strength)?])
+    } else {
+        None
+    };
+    let coat = if has_coat { Some([take(COAT[0])?, take(COAT[1])?]) } else { None };
+    let mut maps = Svbrdf::from_planes(file.width, file.height, planes)?;
+    add_lobes(&mut maps, anisotropy, coat)?;
+    Ok(maps)
+}
+
+/// A channel of a file of maps.
+fn take(file: &mut Channels, path: &Path, name: &str) -> Result<Vec<f32>> {
+    let plane = file.planes.remove(name).ok_or_else(|| Error::Image {
+        path: path.to_owned(),
+        message: format!("no channel {name}; expected {NORMAL:?} and {OTHERS:?}"),
+    })?;
+    let Some(i) = plane.iter().position(|v| !v.is_finite()) else { return Ok(plane) };
+    Err(Error::Field {
+        path: path.to_owned(),
+        field: name.to_owned(),
+        message: format!("{} at column {}, row {}", plane[i], i % file.width, i / file.width),
+        expected: "finite numbers".into(),
+    })
+}
+
+/// Gives maps the lobes of their files: direction and strength, weight and roughness. With anisotropy, the
+/// roughness of the maps is that across the direction so far.
+fn add_lobes(
+    maps: &mut Svbrdf,
+    anisotropy: Option<[Vec<f32>; 3]>,
+    coat: Option<[Vec<f32>; 2]>,
+) -> Result<()> {
+    if anisotropy.is_none() && coat.is_none() {
+        return Ok(());
+    }
+    let n = maps.texels();
+    let mut planes = Vec::with_capacity(LOBES * n);
+    for none in NO_LOBES {
+        planes.resize(planes.len() + n, none as f32);
+    }
+    let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
+    if let Some([x, y, strength]) = anisotropy {
+        let roughness = maps.plane_mut(channel::ROUGHNESS);
+        for i in 0..n {
+            let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
+            if strength[i] > 0.0 {
+                (roughness[i], [planes[x0 + i], planes[y0 + i]]) = stored.parameters();
+            }
+        }
+    }
+    if let Some([weight, roughness]) = coat {
+        planes[lobe::COAT * n..][..n].copy_from_slice(&weight);
+        planes[lobe::COAT_ROUGHNESS * n..][..n].copy_from_slice(&roughness);
+    }
+    maps.set_lobes(planes)
 }
 
 /// `n.x / n.z`; a normal on the horizon or below it becomes steep.
@@ -229,8 +326,7 @@ fn slope(along: f32, up: f32) -> f32 {
 
 fn read_pictures(dir: &Path) -> Result<Svbrdf> {
     let mut size = None;
-    let mut read = |stem: &str| -> Result<Vec<f32>> {
-        let path = find_picture(dir, stem)?;
+    let mut read = |path: PathBuf| -> Result<Vec<f32>> {
         let picture = read_picture(&path)?;
         let found = (picture.width() as usize, picture.height() as usize);
         let (width, height) = *size.get_or_insert(found);
@@ -241,10 +337,12 @@ fn read_pictures(dir: &Path) -> Result<Svbrdf> {
         }
         Ok(picture.into_rgb32f().into_raw())
     };
-    let normal = read("normal")?;
-    let diffuse = read("diffuse")?;
-    let specular = read("specular")?;
-    let roughness = read("roughness")?;
+    let normal = read(find_picture(dir, "normal")?)?;
+    let diffuse = read(find_picture(dir, "diffuse")?)?;
+    let specular = read(find_picture(dir, "specular")?)?;
+    let roughness = read(find_picture(dir, "roughness")?)?;
+    let mut lobe = |stem| picture_path(dir, stem).map(&mut read).transpose();
+    let (anisotropy, coat) = (lobe("anisotropy")?, lobe("coat")?);
     let (width, height) = size.expect("set by the first picture");
     let mut planes = Vec::with_capacity(CHANNELS * width * height);
     for axis in 0..2 {
@@ -257,14 +355,28 @@ fn read_pictures(dir: &Path) -> Result<Svbrdf> {
             planes.extend(texels.map(|p| Encoding::Srgb.decode(f64::from(p[c])) as f32));
         }
     }
-    planes.extend(roughness.as_chunks::<3>().0.iter().map(|p| p[0]));
-    Svbrdf::from_planes(width, height, planes)
+    let plane = |rgb: &[f32], c: usize| -> Vec<f32> {
+        rgb.as_chunks::<3>().0.iter().map(|p| p[c]).collect()
+    };
+    planes.extend(plane(&roughness, 0));
+    let mut maps = Svbrdf::from_planes(width, height, planes)?;
+    let anisotropy = anisotropy.map(|rgb| {
+        let [x, y] = [0, 1].map(|c| plane(&rgb, c).into_iter().map(|v| 2.0 * v - 1.0).collect());
+        [x, y, plane(&rgb, 2)]
+    });
+    add_lobes(&mut maps, anisotropy, coat.map(|rgb| [0, 1].map(|c| plane(&rgb, c))))?;
+    Ok(maps)
+}
+
+/// The picture of that name, if there is one.
+fn picture_path(dir: &Path, stem: &str) -> Option<PathBuf> {
+    let candidates =
+        ["png", "jpg", "jpeg", "tif", "tiff"].map(|e| dir.join(stem).with_extension(e));
+    candidates.into_iter().find(|path| path.is_file())
 }
 
 fn find_picture(dir: &Path, stem: &str) -> Result<PathBuf> {
-    let candidates =
-        ["png", "jpg", "jpeg", "tif", "tiff"].map(|e| dir.join(stem).with_extension(e));
-    candidates.into_iter().find(|path| path.is_file()).ok_or_else(|| {
+    picture_path(dir, stem).ok_or_else(|| {
         let what = "neither maps.exr nor this map as a PNG, JPEG or TIFF file was found";
         Error::io(dir.join(stem), std::io::Error::new(std::io::ErrorKind::NotFound, what))
     })

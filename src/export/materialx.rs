@@ -3,83 +3,138 @@
 use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, Layered};
+use super::lobes;
+use super::textures::Texture;
 use crate::Result;
+
+/// A texture of the graph: its name, the type of its values, and itself.
+type Image = (&'static str, &'static str, Texture);
 
 /// The document and its textures below `folder`, and what they hold.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result<(Files, Value)> {
-    let roughness = bundle.roughness();
-    let mut textures = vec![
-        ("base_color", layered.base.clone()),
-        ("normal", bundle.normals(1.0)),
-        ("roughness", bundle.gray(|i| roughness[i])),
-        ("occlusion", bundle.gray(|i| bundle.occlusion[i])),
-    ];
-    match &layered.tint {
-        Some(tint) => textures.push(("specular_color", tint.clone())),
-        None => textures.push(("metallic", bundle.gray(|i| layered.orm.value(i, 2)))),
-    }
+    let images = images(bundle, layered);
+    let textures: Vec<_> =
+        images.iter().map(|(name, _, texture)| (*name, texture.clone())).collect();
     let mut files = bundle.encode(&format!("{folder}textures/"), &textures)?;
     let names: Vec<&str> =
         files.iter().map(|(name, _)| name.strip_prefix(folder).unwrap_or(name)).collect();
-    let document = document(&names, layered);
+    let document = document(&images, &names, layered);
     files.insert(0, (format!("{folder}material.mtlx"), document.into_bytes()));
-    let description = json!({
+    let mut description = json!({
         "surfaces": ["svbrdf_gltf_pbr", "svbrdf_open_pbr"],
         "normal": "OpenGL: green up",
         "layers": super::glb::describe(layered),
     });
+    if bundle.anisotropy.is_some() {
+        description["anisotropy"] = json!({
+            "tangent": "direction of the larger alpha, (v + 1) / 2",
+            "gltf_pbr": "alpha along = mix(roughness^2, 1, anisotropy^2)",
+            "open_pbr": "alpha across = (1 - open_pbr_anisotropy) alpha along, \
+                         open_pbr_roughness^4 = mean of both squared",
+        });
+    }
+    if bundle.maps.coat().is_some() {
+        description["coat"] = json!(
+            "dielectric of index 1.5; open_pbr: index and roughness of the base allow for the coat above"
+        );
+    }
     Ok((files, description))
 }
 
-fn document(names: &[&str], layered: &Layered) -> String {
-    let image = |name: &str, kind: &str, file: &str, space: &str| {
-        format!(
+fn images(bundle: &Bundle, layered: &Layered) -> Vec<Image> {
+    let mut images = vec![
+        ("base_color", "color3", layered.base.clone()),
+        ("normal", "vector3", bundle.normals(1.0)),
+        ("roughness", "float", bundle.gray(|i| bundle.roughness_across(i))),
+        ("occlusion", "float", bundle.gray(|i| bundle.occlusion[i])),
+    ];
+    images.push(match &layered.tint {
+        Some(tint) => ("specular_color", "color3", tint.clone()),
+        None => ("metallic", "float", bundle.gray(|i| layered.orm.value(i, 2))),
+    });
+    let strength = bundle.of_anisotropy(|lobe| lobe.strength());
+    let open = bundle.of_anisotropy(|lobe| lobes::quadratic(lobe)[1]);
+    images.extend(bundle.tangents(1.0).map(|texture| ("tangent", "vector3", texture)));
+    images.extend(strength.map(|texture| ("anisotropy", "float", texture)));
+    images.extend(open.map(|texture| ("open_pbr_anisotropy", "float", texture)));
+    let coat = bundle.maps.coat();
+    if let Some([weight, roughness]) = coat {
+        images.push(("coat", "float", bundle.gray(|i| weight[i])));
+        images.push(("coat_roughness", "float", bundle.gray(|i| roughness[i])));
+    }
+    if coat.is_some() || bundle.anisotropy.is_some() {
+        let open = |i: usize| {
+            let lobes = bundle.anisotropy.as_ref();
+            let own = lobes.map_or(bundle.roughness()[i], |lobes| lobes::quadratic(&lobes[i])[0]);
+            coat.map_or(own, |planes| lobes::below_rough_coat(own, planes.map(|plane| plane[i])))
+        };
+        images.push(("open_pbr_roughness", "float", bundle.gray(open)));
+    }
+    images
+}
+
+fn document(images: &[Image], files: &[&str], layered: &Layered) -> String {
+    let (mut nodes, mut outputs) = (String::new(), String::new());
+    for ((name, kind, _), file) in images.iter().zip(files) {
+        let space = if *kind == "color3" { r#" colorspace="srgb_texture""# } else { "" };
+        nodes += &format!(
             r#"    <image name="{name}_image" type="{kind}">
       <input name="file" type="filename" value="{file}"{space} />
     </image>
 "#
-        )
-    };
-    let srgb = r#" colorspace="srgb_texture""#;
-    let last = if layered.tint.is_some() {
-        image("specular_color", "color3", names[4], srgb)
-    } else {
-        image("metallic", "float", names[4], "")
-    };
-    let images = [
-        image("base_color", "color3", names[0], srgb),
-        image("normal", "vector3", names[1], ""),
-        image("roughness", "float", names[2], ""),
-        image("occlusion", "float", names[3], ""),
-        last,
-    ]
-    .concat();
-    let output = |name: &str, kind: &str, node: &str| {
-        format!("    <output name=\"{name}\" type=\"{kind}\" nodename=\"{node}\" />\n")
-    };
-    let mut outputs = [
-        output("base_color_out", "color3", "base_color_image"),
-        output("normal_out", "vector3", "normal_map"),
-        output("roughness_out", "float", "roughness_image"),
-        output("occlusion_out", "float", "occlusion_image"),
-    ]
-    .concat();
-    outputs += &match layered.tint {
-        Some(_) => output("specular_color_out", "color3", "specular_color_image"),
-        None => output("metallic_out", "float", "metallic_image"),
-    };
+        );
+        let node = if *kind == "vector3" {
+            nodes += &format!(
+                r#"    <normalmap name="{name}_map" type="vector3">
+      <input name="in" type="vector3" nodename="{name}_image" />
+    </normalmap>
+"#
+            );
+            format!("{name}_map")
+        } else {
+            format!("{name}_image")
+        };
+        outputs += &output(name, kind, &node);
+    }
+    let has = |name: &str| images.iter().any(|(own, ..)| *own == name);
+    if has("coat") {
+        nodes += &ior_below_coat(layered.ior);
+        outputs += &output("open_pbr_ior", "float", "open_pbr_ior");
+    }
     format!(
         r#"<?xml version="1.0"?>
 <materialx version="1.39" colorspace="lin_rec709">
   <nodegraph name="svbrdf_maps">
-{images}    <normalmap name="normal_map" type="vector3">
-      <input name="in" type="vector3" nodename="normal_image" />
-    </normalmap>
-{outputs}  </nodegraph>
+{nodes}{outputs}  </nodegraph>
 {gltf}{open}</materialx>
 "#,
-        gltf = gltf_pbr(layered),
-        open = open_pbr(layered),
+        gltf = gltf_pbr(layered, has),
+        open = open_pbr(layered, has),
+    )
+}
+
+fn output(name: &str, kind: &str, node: &str) -> String {
+    format!("    <output name=\"{name}_out\" type=\"{kind}\" nodename=\"{node}\" />\n")
+}
+
+/// OpenPBR takes the base's index relative to the coat's, as far as there is a coat: `n (1 - w) + w n / 1.5`. Nodes
+/// that give it the `n` for which this is `ior`.
+fn ior_below_coat(ior: f32) -> String {
+    format!(
+        r#"    <multiply name="coat_third" type="float">
+      <input name="in1" type="float" nodename="coat_image" />
+      <input name="in2" type="float" value="{third}" />
+    </multiply>
+    <subtract name="coat_rest" type="float">
+      <input name="in1" type="float" value="1" />
+      <input name="in2" type="float" nodename="coat_third" />
+    </subtract>
+    <divide name="open_pbr_ior" type="float">
+      <input name="in1" type="float" value="{ior}" />
+      <input name="in2" type="float" nodename="coat_rest" />
+    </divide>
+"#,
+        third = 1.0 - lobes::COAT_IOR.recip(),
     )
 }
 
@@ -90,37 +145,66 @@ fn connected(input: &str, kind: &str, output: &str) -> String {
     )
 }
 
-fn gltf_pbr(layered: &Layered) -> String {
+fn constant(input: &str, value: f32) -> String {
+    format!("    <input name=\"{input}\" type=\"float\" value=\"{value}\" />\n")
+}
+
+fn gltf_pbr(layered: &Layered, has: impl Fn(&str) -> bool) -> String {
     let mut inputs = [
         connected("base_color", "color3", "base_color"),
         connected("roughness", "float", "roughness"),
         connected("normal", "vector3", "normal"),
         connected("occlusion", "float", "occlusion"),
-        format!("    <input name=\"ior\" type=\"float\" value=\"{}\" />\n", layered.ior),
+        constant("ior", layered.ior),
     ]
     .concat();
     inputs += &match layered.tint {
         Some(_) => {
-            "    <input name=\"metallic\" type=\"float\" value=\"0\" />\n".to_owned()
-                + &connected("specular_color", "color3", "specular_color")
+            constant("metallic", 0.0) + &connected("specular_color", "color3", "specular_color")
         }
         None => connected("metallic", "float", "metallic"),
     };
+    if has("anisotropy") {
+        inputs += &connected("tangent", "vector3", "tangent");
+        inputs += &connected("anisotropy_strength", "float", "anisotropy");
+    }
+    if has("coat") {
+        inputs += &connected("clearcoat", "float", "coat");
+        inputs += &connected("clearcoat_roughness", "float", "coat_roughness");
+        inputs += &connected("clearcoat_normal", "vector3", "normal");
+    }
     surface("gltf_pbr", "svbrdf_gltf_pbr", &inputs)
 }
 
-fn open_pbr(layered: &Layered) -> String {
+fn open_pbr(layered: &Layered, has: impl Fn(&str) -> bool) -> String {
+    let own = has("open_pbr_roughness");
+    let roughness = if own { "open_pbr_roughness" } else { "roughness" };
     let mut inputs = [
         connected("base_color", "color3", "base_color"),
-        connected("specular_roughness", "float", "roughness"),
+        connected("specular_roughness", "float", roughness),
         connected("geometry_normal", "vector3", "normal"),
-        format!("    <input name=\"specular_ior\" type=\"float\" value=\"{}\" />\n", layered.ior),
     ]
     .concat();
+    inputs += &if has("coat") {
+        connected("specular_ior", "float", "open_pbr_ior")
+    } else {
+        constant("specular_ior", layered.ior)
+    };
     inputs += &match layered.tint {
         Some(_) => connected("specular_color", "color3", "specular_color"),
         None => connected("base_metalness", "float", "metallic"),
     };
+    if has("anisotropy") {
+        inputs += &connected("specular_roughness_anisotropy", "float", "open_pbr_anisotropy");
+        inputs += &connected("geometry_tangent", "vector3", "tangent");
+    }
+    if has("coat") {
+        inputs += &connected("coat_weight", "float", "coat");
+        inputs += &connected("coat_roughness", "float", "coat_roughness");
+        inputs += &constant("coat_ior", lobes::COAT_IOR);
+        inputs += &constant("coat_darkening", 0.0);
+        inputs += &connected("geometry_coat_normal", "vector3", "normal");
+    }
     surface("open_pbr_surface", "svbrdf_open_pbr", &inputs)
 }
 

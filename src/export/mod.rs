@@ -14,6 +14,7 @@ mod files;
 mod floats;
 mod glb;
 mod height;
+mod lobes;
 mod maps;
 mod materialx;
 mod metalness;
@@ -31,10 +32,13 @@ mod tile_picture;
 mod transpose;
 mod usdz;
 
-pub use files::{check_writable, write_atomic, write_exr_image, write_files, write_png16_image};
+pub use files::{
+    check_writable, replace_files, write_atomic, write_exr_image, write_files, write_png16_image,
+};
 pub use height::Height;
 pub use maps::{
-    encode_maps, read_maps, read_sample_mm, write_assessed_maps, write_maps, write_sized_maps,
+    LOBE_FILES, encode_maps, read_maps, read_sample_mm, write_assessed_maps, write_maps,
+    write_sized_maps,
 };
 pub use occlusion::occlusion;
 pub use package::{ExportOptions, Format, Package, export};

@@ -5,9 +5,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::bundle::{Bundle, Files, HEIGHT, number};
-use super::files::write_files;
+use super::files::replace_files;
 use super::height::Height;
-use super::maps::{check_size, map_files};
+use super::lobes;
+use super::maps::{LOBE_FILES, check_size, map_files};
 use super::occlusion::occlusion;
 use super::resample::resized;
 use super::textures::TextureFormat;
@@ -19,7 +20,8 @@ use crate::{Error, Result, Svbrdf};
 /// What an export is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// `material.glb`: binary glTF 2.0 with `KHR_materials_specular` and `KHR_materials_ior`.
+    /// `material.glb`: binary glTF 2.0 with `KHR_materials_specular` and `KHR_materials_ior`, and with
+    /// `KHR_materials_anisotropy` and `KHR_materials_clearcoat` where the material has these lobes.
     Glb,
     /// `material.usdz`: `UsdPreviewSurface` with metalness.
     Usdz,
@@ -64,6 +66,19 @@ impl Format {
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.name() == name)
     }
+
+    /// What the format leaves out of the optional lobes of a material, if anything.
+    pub fn leaves_out(self, maps: &Svbrdf) -> Option<&'static str> {
+        const NO_ANISOTROPY: &str =
+            "has no anisotropy: the roughness is the mean of both directions";
+        match self {
+            Self::Usdz | Self::UnityUrp if maps.anisotropy().is_some() => Some(NO_ANISOTROPY),
+            Self::UnityHdrp if maps.coat().is_some() => {
+                Some("has no roughness of a coat: the coat is smooth")
+            }
+            _ => None,
+        }
+    }
 }
 
 /// How to export.
@@ -107,6 +122,8 @@ impl Default for ExportOptions {
 pub struct Package {
     /// Names (relative, `/` between folders) and bytes.
     pub files: Vec<(String, Vec<u8>)>,
+    /// What formats leave out of the material: a line each.
+    pub remarks: Vec<String>,
 }
 
 impl Package {
@@ -120,7 +137,11 @@ impl Package {
     /// # Errors
     /// [`Error::Io`] naming the file that cannot be written.
     pub fn write(&self, dir: impl AsRef<Path>) -> Result<()> {
-        write_files(dir, &self.files)
+        let gone = LOBE_FILES.map(|name| format!("maps/{name}"));
+        let gone: Vec<&str> = gone.iter().map(String::as_str).collect();
+        // Those of an earlier material, where this one has such a folder as well.
+        let gone = if self.file("maps/maps.exr").is_some() { gone.as_slice() } else { &[] };
+        replace_files(dir, &self.files, gone)
     }
 }
 
@@ -146,6 +167,7 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     let height = Height::of(&maps, options.sample_mm, options.tile)?;
     let occlusion = occlusion(&maps, &height, options.sample_mm, options.tile)?;
     let bundle = Bundle {
+        anisotropy: lobes::anisotropy(&maps),
         maps,
         sample_mm: options.sample_mm,
         tileable: options.tile,
@@ -172,8 +194,13 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     files.extend(bundle.encode("", &[(HEIGHT, bundle.height_texture())])?);
     files.push((format!("{HEIGHT}.exr"), bundle.height_floats()?));
     let shared = record.clone();
+    let mut remarks = Vec::new();
     for &format in &options.formats {
-        let (made, description) = encode(&bundle, format)?;
+        let (made, mut description) = encode(&bundle, format)?;
+        if let Some(left_out) = format.leaves_out(&bundle.maps) {
+            description["left_out"] = json!(left_out);
+            remarks.push(format!("{} {left_out}", format.name()));
+        }
         if made.len() > 1 {
             let mut own = shared.clone();
             own["exports"] = json!({ format.name(): description });
@@ -183,7 +210,7 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
         record["exports"][format.name()] = description;
     }
     files.push(("material.json".into(), pretty(&record)?));
-    Ok(Package { files })
+    Ok(Package { files, remarks })
 }
 
 /// Files of one format and what they hold.
@@ -193,7 +220,7 @@ fn encode(bundle: &Bundle, format: Format) -> Result<(Files, Value)> {
         Format::Glb => {
             let layered = bundle.layered_with_metalness();
             let file = ("material.glb".into(), glb::encode(bundle, &layered)?);
-            Ok((vec![file], glb::describe(&layered)))
+            Ok((vec![file], glb::describe_all(bundle, &layered)))
         }
         Format::Usdz => {
             let (bytes, description) = usdz::encode(bundle)?;
@@ -232,6 +259,12 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
     if options.max_size == 1 {
         return Err(Error::argument("max_size", "1 given, 0 or at least 2 expected"));
     }
+    if let Some(i) = maps.lobes().iter().position(|v| !v.is_finite()) {
+        let (value, texel) = (maps.lobes()[i], i % maps.texels());
+        let (x, y) = (texel % w, texel / w);
+        let message = format!("a lobe is {value} at column {x}, row {y}; finite numbers expected");
+        return Err(Error::argument("maps", message));
+    }
     if let Some(i) = maps.planes().iter().position(|v| !v.is_finite()) {
         let (plane, texel) = (i / maps.texels(), i % maps.texels());
         let (value, name) = (maps.planes()[i], NAMES[plane]);
@@ -258,6 +291,9 @@ fn limited(maps: &Svbrdf, max_size: usize) -> Svbrdf {
 /// What `material.json` says of all formats.
 fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
     let (size, mm) = (bundle.size(), bundle.sample_mm);
+    let mut maps = vec!["normal", "diffuse", "specular", "roughness"];
+    maps.extend(bundle.anisotropy.is_some().then_some("anisotropy"));
+    maps.extend(bundle.maps.coat().is_some().then_some("coat"));
     let density = [0, 1].map(|i| number(size[i] as f32 / mm[i]));
     json!({
         "format": "svbrdf-material/1",
@@ -275,7 +311,7 @@ fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
         },
         "estimated": {
             "photographs": photographs,
-            "maps": ["normal", "diffuse", "specular", "roughness"],
+            "maps": maps,
             "derived": ["height", "occlusion"],
         },
         "height": {

@@ -1,6 +1,5 @@
 //! Maps of another size.
 
-use crate::svbrdf::CHANNELS;
 use crate::{Svbrdf, parallel};
 
 /// Maps resampled to `width * height` texels that share the same rectangle: area means where texels
@@ -14,24 +13,27 @@ pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
         return maps.clone();
     }
     let (columns, rows) = (taps(w, width), taps(h, height));
-    let mut data = vec![0.0; CHANNELS * width * height];
-    let buffer = || vec![0.0f32; width * h];
-    let planes = data.chunks_exact_mut(width * height);
-    parallel::parts_with(planes, buffer, |narrow, c, out| {
-        for (row, out) in maps.plane(c).chunks_exact(w).zip(narrow.chunks_exact_mut(width)) {
-            for (v, tap) in out.iter_mut().zip(&columns) {
-                *v = tap.iter().map(|&(i, k)| k * row[i]).sum();
-            }
-        }
-        for (tap, out) in rows.iter().zip(out.chunks_exact_mut(width)) {
-            for &(y, k) in tap {
-                for (v, s) in out.iter_mut().zip(&narrow[y * width..][..width]) {
-                    *v += k * s;
+    let resampled = |planes: &[f32]| {
+        let mut data = vec![0.0; planes.len() / (w * h) * width * height];
+        let buffer = || vec![0.0f32; width * h];
+        let parts = data.chunks_exact_mut(width * height).zip(planes.chunks_exact(w * h));
+        parallel::parts_with(parts, buffer, |narrow, _, (out, plane)| {
+            for (row, out) in plane.chunks_exact(w).zip(narrow.chunks_exact_mut(width)) {
+                for (v, tap) in out.iter_mut().zip(&columns) {
+                    *v = tap.iter().map(|&(i, k)| k * row[i]).sum();
                 }
             }
-        }
-    });
-    Svbrdf::from_planes(width, height, data).expect("nine planes")
+            for (tap, out) in rows.iter().zip(out.chunks_exact_mut(width)) {
+                for &(y, k) in tap {
+                    for (v, s) in out.iter_mut().zip(&narrow[y * width..][..width]) {
+                        *v += k * s;
+                    }
+                }
+            }
+        });
+        data
+    };
+    maps.with_planes([width, height], resampled)
 }
 
 /// Source texels of an axis and their weights (which sum to 1) for each texel of the result: a

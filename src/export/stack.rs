@@ -3,20 +3,22 @@
 use super::transpose::transpose;
 use crate::Svbrdf;
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 
-/// Channels of the normal, diffuse, specular and roughness maps.
-const MAPS: [std::ops::Range<usize>; 4] = [
+/// Channels of the normal, diffuse, specular and roughness maps, and of those of the optional lobes.
+const MAPS: [std::ops::Range<usize>; 6] = [
     channel::SLOPE_X..channel::DIFFUSE,
     channel::DIFFUSE..channel::SPECULAR,
     channel::SPECULAR..channel::ROUGHNESS,
     channel::ROUGHNESS..CHANNELS,
+    CHANNELS + lobe::ANISOTROPY_X..CHANNELS + lobe::COAT,
+    CHANNELS + lobe::COAT..CHANNELS + LOBES,
 ];
 
 /// Smallest mean difference of neighbours that is told from none.
 const LEAST_DIFFERENCE: f32 = 1e-4;
 
-/// Slopes, square roots of albedos, roughness.
+/// Slopes, square roots of albedos, roughness; parameters of lobes where there are any.
 #[derive(Debug, Clone)]
 pub(super) struct Stack {
     pub width: usize,
@@ -27,8 +29,12 @@ pub(super) struct Stack {
 impl Stack {
     pub fn of(maps: &Svbrdf) -> Self {
         let root = |c: usize| (channel::DIFFUSE..channel::ROUGHNESS).contains(&c);
-        let planes = parallel::map(CHANNELS, |c| {
-            let mut plane = maps.plane(c).to_vec();
+        let sources: Vec<&[f32]> = [maps.planes(), maps.lobes()]
+            .iter()
+            .flat_map(|all| all.chunks_exact(maps.texels()))
+            .collect();
+        let planes = parallel::map(sources.len(), |c| {
+            let mut plane = sources[c].to_vec();
             if root(c) {
                 plane.iter_mut().for_each(|v| *v = v.max(0.0).sqrt());
             }
@@ -44,14 +50,16 @@ impl Stack {
         for v in &mut data[channel::DIFFUSE * n..channel::ROUGHNESS * n] {
             *v *= v.max(0.0);
         }
+        let lobes = data.split_off(CHANNELS * n);
         let mut maps = Svbrdf::from_planes(self.width, self.height, data).expect("nine planes");
+        maps.set_lobes(lobes).expect("none, or four planes");
         maps.clamp();
         maps
     }
 
     /// Columns become rows.
     pub fn transposed(&self) -> Self {
-        let planes = parallel::map(CHANNELS, |c| {
+        let planes = parallel::map(self.planes.len(), |c| {
             let mut columns = vec![0.0; self.planes[c].len()];
             transpose(&self.planes[c], self.width, &mut columns);
             columns
@@ -68,7 +76,7 @@ impl Stack {
             let row = |y: usize| plane[(y0 + y) * self.width + x0..][..factor].iter().sum::<f32>();
             (0..factor).map(row).sum::<f32>() / area
         };
-        let planes = parallel::map(CHANNELS, |c| {
+        let planes = parallel::map(self.planes.len(), |c| {
             let plane = &self.planes[c];
             (0..w * h).map(|i| mean(plane, i)).collect()
         });
@@ -76,16 +84,15 @@ impl Stack {
     }
 
     /// Weight of each channel's squared differences: neighbours inside differ by 1 in the mean.
-    pub fn weights(&self) -> [f32; CHANNELS] {
-        let weights = parallel::map(CHANNELS, |c| {
+    pub fn weights(&self) -> Vec<f32> {
+        parallel::map(self.planes.len(), |c| {
             let rows = self.planes[c].chunks_exact(self.width);
             let square = |a: f32, b: f32| (b - a) * (b - a);
             let row = |row: &[f32]| f64::from(sum_of(&row[..row.len() - 1], &row[1..], square));
             let count = (self.width - 1) * self.height;
             let mean = (rows.map(row).sum::<f64>() / count as f64) as f32;
             mean.max(LEAST_DIFFERENCE * LEAST_DIFFERENCE).recip()
-        });
-        std::array::from_fn(|c| weights[c])
+        })
     }
 
     /// The same tiles, cut where neighbours differ little, as where a tile begins is arbitrary; and
@@ -100,7 +107,7 @@ impl Stack {
             let least = (0..count).map(|line| (line, loudness(line))).min_by(louder);
             least.map_or((0, 0.0), |(line, loudness)| ((line + 1) % count, loudness))
         });
-        let planes = parallel::map(CHANNELS, |c| {
+        let planes = parallel::map(self.planes.len(), |c| {
             let mut plane = self.planes[c].clone();
             plane.rotate_left(dy * w);
             plane.chunks_exact_mut(w).for_each(|row| row.rotate_left(dx));
@@ -119,7 +126,7 @@ impl Stack {
         difference: impl Fn(usize, &P) -> f32 + Sync,
     ) -> f32 {
         let lines = self.lines();
-        let ratios = parallel::map(MAPS.len(), |map| {
+        let ratios = parallel::map(lines.len(), |map| {
             let (mut sum, mut usual) = (0.0f64, 0.0f64);
             let means = [0, 1].map(|axis| lines[map][axis].mean());
             for pair in pairs {
@@ -133,7 +140,8 @@ impl Stack {
 
     /// Differences between neighbours of each map, to the right and below.
     fn lines(&self) -> Vec<[Lines; 2]> {
-        parallel::map(MAPS.len(), |map| [0, 1].map(|axis| self.lines_of(MAPS[map].clone(), axis)))
+        let maps = MAPS.iter().filter(|map| map.end <= self.planes.len()).count();
+        parallel::map(maps, |map| [0, 1].map(|axis| self.lines_of(MAPS[map].clone(), axis)))
     }
 
     fn lines_of(&self, channels: std::ops::Range<usize>, axis: usize) -> Lines {

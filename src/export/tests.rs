@@ -1,5 +1,5 @@
 use super::*;
-use crate::svbrdf::{CHANNELS, MIN_ROUGHNESS, channel};
+use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, channel, lobe};
 use crate::test_support::picture;
 use crate::{Error, Svbrdf};
 
@@ -53,6 +53,110 @@ fn maps_come_back_from_floats_and_from_pictures() {
     assert_eq!(roughness.color(), image::ColorType::L16);
     let normal = picture(dir.path().join("normal.png"));
     assert_eq!(normal.color(), image::ColorType::Rgb16);
+}
+
+/// The same with lobes whose parameters vary: ratios of both alphas up to 4, a coat on the last two thirds.
+fn lobed(width: usize, height: usize) -> Svbrdf {
+    let mut maps = varied(width, height);
+    let n = maps.texels();
+    for v in maps.plane_mut(channel::ROUGHNESS) {
+        *v *= 0.6;
+    }
+    let mut lobes = vec![0.0; LOBES * n];
+    for i in 0..n {
+        let t = ((i * 5) % n) as f32 / (n - 1) as f32;
+        let (ratio, turn) = (1.4 * t, 6.0 * ((i * 11) % n) as f32 / n as f32);
+        lobes[lobe::ANISOTROPY_X * n + i] = ratio * turn.cos();
+        lobes[lobe::ANISOTROPY_Y * n + i] = ratio * turn.sin();
+        lobes[lobe::COAT * n + i] = if i < n / 3 { 0.0 } else { t };
+        lobes[lobe::COAT_ROUGHNESS * n + i] = MIN_ROUGHNESS + 0.9 * t;
+    }
+    maps.set_lobes(lobes).unwrap();
+    maps.clamp();
+    maps
+}
+
+fn names(dir: &std::path::Path) -> Vec<String> {
+    let entries = std::fs::read_dir(dir).unwrap();
+    let mut names: Vec<_> =
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn lobes_come_back_and_go_with_the_maps_that_have_none() {
+    let dir = tempfile::tempdir().unwrap();
+    let maps = lobed(12, 7);
+    write_maps(dir.path(), &maps).unwrap();
+    let compare = |back: &Svbrdf, tolerances: [f32; 3], kind: &str| {
+        let difference = largest_difference(&maps, back, channel::ROUGHNESS);
+        assert!(difference < tolerances[0], "{kind}: roughness {difference}");
+        for c in 0..LOBES {
+            let pairs = maps.lobe(c).unwrap().iter().zip(back.lobe(c).unwrap());
+            let difference = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let tolerance = tolerances[if c < lobe::COAT { 1 } else { 2 }];
+            assert!(difference <= tolerance, "{kind}: lobe {c}: {difference}");
+        }
+    };
+    compare(&read_maps(dir.path()).unwrap(), [1e-6, 2e-3, 0.0], "floats");
+    std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
+    compare(&read_maps(dir.path()).unwrap(), [1e-4, 5e-3, 1e-5], "pictures");
+    // As glTF's textures: in the first texel with anisotropy, along the direction the alpha is mixed.
+    let stored = picture(dir.path().join("anisotropy.png")).into_rgb32f();
+    let across = picture(dir.path().join("roughness.png")).into_luma16();
+    let (x, y) = (7, 2);
+    let i = y * 12 + x;
+    let [r, g, strength] = stored.get_pixel(x as u32, y as u32).0;
+    let across = (f32::from(across.get_pixel(x as u32, y as u32)[0]) / 65535.0).powi(2);
+    let along = across + (1.0 - across) * strength * strength;
+    let (u, v) =
+        (maps.lobe(lobe::ANISOTROPY_X).unwrap()[i], maps.lobe(lobe::ANISOTROPY_Y).unwrap()[i]);
+    assert!(((along / across).ln() - u.hypot(v)).abs() < 5e-3);
+    assert!(((along * across).sqrt() - maps.plane(channel::ROUGHNESS)[i].powi(2)).abs() < 1e-4);
+    // Twice the angle of the stored direction is the angle of the parameters.
+    let [dx, dy] = [2.0 * r - 1.0, 2.0 * g - 1.0];
+    assert!((dx.hypot(dy) - 1.0).abs() < 1e-4);
+    let (cos, sin) = (dx * dx - dy * dy, 2.0 * dx * dy);
+    assert!((cos * v - sin * u).abs() < 1e-3 && cos * u + sin * v > 0.0);
+
+    write_maps(dir.path(), &varied(12, 7)).unwrap();
+    let left = ["diffuse.png", "maps.exr", "normal.png", "roughness.png", "specular.png"];
+    assert_eq!(names(dir.path()), left);
+    assert!(read_maps(dir.path()).unwrap().lobes().is_empty());
+    // Planes without a lobe are none; other people's files are checked.
+    let mut flat = varied(12, 7);
+    flat.set_lobes(vec![0.0; LOBES * 84]).unwrap();
+    write_maps(dir.path(), &flat).unwrap();
+    assert_eq!(names(dir.path()), left);
+    std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
+    image::RgbImage::new(3, 3).save(dir.path().join("coat.png")).unwrap();
+    let fault = read_maps(dir.path()).unwrap_err().to_string();
+    assert!(fault.contains("coat.png") && fault.contains("12 x 7"), "{fault}");
+}
+
+/// A folder of 8-bit textures as somebody may have made them by hand.
+#[test]
+fn textures_of_eight_bits_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, rgb: [u8; 3]| {
+        let picture = image::RgbImage::from_pixel(2, 2, image::Rgb(rgb));
+        picture.save(dir.path().join(name)).unwrap();
+    };
+    write("normal.png", [128, 128, 255]);
+    write("diffuse.png", [90; 3]);
+    write("specular.png", [200; 3]);
+    write("roughness.png", [77; 3]); // alpha across 0.0912
+    write("anisotropy.png", [218, 218, 128]); // along the diagonal up, strength 0.502
+    write("coat.png", [255, 51, 0]);
+    let maps = read_maps(dir.path()).unwrap();
+    let at = |lobe: usize| maps.lobe(lobe).unwrap()[3];
+    let across = (77f32 / 255.0).powi(2);
+    let along = across + (1.0 - across) * (128f32 / 255.0).powi(2);
+    assert!((at(lobe::ANISOTROPY_Y) - (along / across).ln()).abs() < 1e-4);
+    assert!(at(lobe::ANISOTROPY_X).abs() < 1e-4);
+    assert!((maps.plane(channel::ROUGHNESS)[3] - (along * across).powf(0.25)).abs() < 1e-6);
+    assert_eq!((at(lobe::COAT), at(lobe::COAT_ROUGHNESS)), (1.0, 0.2));
 }
 
 /// Both kinds of files state the size of the sample; others state none.
@@ -166,6 +270,12 @@ fn resizing_keeps_means_and_ramps() {
         }
     }
     assert_eq!(resized(&maps, 12, 9), maps);
+    let whole = lobed(12, 9);
+    let small = resized(&whole, 5, 4);
+    for c in 0..LOBES {
+        let mean = |m: &Svbrdf| m.lobe(c).unwrap().iter().sum::<f32>() / m.texels() as f32;
+        assert!((mean(&small) - mean(&whole)).abs() < 1e-5, "lobe {c}");
+    }
     let (twice, reference) = (resized(&maps, 24, 18), maps.upsampled());
     for c in 0..CHANNELS {
         assert!(largest_difference(&twice, &reference, c) < 1e-6);

@@ -12,7 +12,6 @@
 use super::cut::Cuts;
 use super::poisson::{Border, Spread, Step};
 use super::stack::Stack;
-use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf};
 
 /// Fewest texels along a side.
@@ -70,7 +69,7 @@ impl Joined {
         let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
         // Steps are spread inside of the patch, rather than over the whole sample.
         let mut spread = Spread::new(w, h, borders, 0.5 * patch.cuts.half as f64);
-        let planes = (0..CHANNELS).map(|c| {
+        let planes = (0..stack.planes.len()).map(|c| {
             let mut plane = patch.plane(c);
             let change = spread.spread(patch.steps(c, &plane, &pairs));
             plane.iter_mut().zip(change).for_each(|(v, change)| *v += *change as f32);

@@ -6,7 +6,6 @@ use super::resample::resized;
 use super::textures::{Texture, TextureFormat};
 use crate::observation::{Falloff, View};
 use crate::render::render;
-use crate::svbrdf::CHANNELS;
 use crate::{Result, Svbrdf};
 
 /// A picture (8-bit sRGB PNG) of 3 x 3 tiles under a light from the upper left, as bright as shows
@@ -19,11 +18,11 @@ pub(super) fn tile_picture(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>
     let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
     let (w, h) = (side(maps.width()), side(maps.height()));
     let tile = resized(maps, w, h);
-    let planes = (0..CHANNELS).flat_map(|c| {
-        let plane = tile.plane(c);
-        (0..9 * w * h).map(move |i| plane[i / (3 * w) % h * w + i % (3 * w) % w])
+    let many = tile.with_planes([3 * w, 3 * h], |planes| {
+        let repeated = |i: usize| i / (3 * w) % h * w + i % (3 * w) % w;
+        let planes = planes.chunks_exact(w * h);
+        planes.flat_map(|plane| (0..9 * w * h).map(move |i| plane[repeated(i)])).collect()
     });
-    let many = Svbrdf::from_planes(3 * w, 3 * h, planes.collect())?;
     let distance = 100.0 * sample_mm[0].max(sample_mm[1]);
     let view = View {
         sample_mm: sample_mm.map(|mm| 3.0 * mm),

@@ -1,7 +1,7 @@
 //! Seams of materials that have none, one, or cannot.
 
 use super::*;
-use crate::svbrdf::channel;
+use crate::svbrdf::{LOBES, channel};
 
 /// A hash as noise in [0, 1).
 fn noise(i: usize) -> f32 {
@@ -101,4 +101,25 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
     }
     let fault = seamless(&Svbrdf::new(15, 40)).unwrap_err().to_string();
     assert!(fault.contains("maps") && fault.contains("15 x 40"), "{fault}");
+}
+
+/// Lobes come along: what was on one side of a step is there beside the same colour.
+#[test]
+fn lobes_are_tiled_with_the_maps() {
+    let mut maps = stains(64, 48);
+    let n = maps.texels();
+    let lobes = [0.8, -0.3, 0.5, 0.3].map(|v| {
+        maps.plane(channel::ROUGHNESS).iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>()
+    });
+    maps.set_lobes(lobes.concat()).unwrap();
+    let tiled = seamless(&maps).unwrap();
+    assert!(tiled.seam <= 1.1, "{}", tiled.seam);
+    assert_eq!(tiled.maps.lobes().len(), LOBES * n);
+    // Spreading of steps is linear, so that what was proportional stays so.
+    for (plane, v) in [0.8, -0.3, 0.5, 0.3].into_iter().enumerate() {
+        let pairs = tiled.maps.lobe(plane).unwrap().iter();
+        for (found, r) in pairs.zip(tiled.maps.plane(channel::ROUGHNESS)) {
+            assert!((found - v * (1.0 + r)).abs() < 1e-3, "{found} for {}", v * (1.0 + r));
+        }
+    }
 }

@@ -13,36 +13,62 @@ use crate::Result;
 pub(super) fn encode(bundle: &Bundle) -> Result<(Vec<u8>, Value)> {
     let splits = bundle.splits(MetallicModel::LOSSLESS);
     let roughness = bundle.roughness();
-    let textures = [
+    let mut textures = vec![
         ("base_color", bundle.colour(|i| splits.texels[i].base)),
         ("normal", bundle.normals(1.0)),
         ("orm", bundle.data(|i| [bundle.occlusion[i], roughness[i], splits.texels[i].metallic])),
     ];
+    textures.extend(bundle.coat_texture().map(|texture| ("coat", texture)));
     let images = bundle.encode("textures/", &textures)?;
     let names: Vec<&str> = images.iter().map(|(name, _)| name.as_str()).collect();
     let mut files: Files = vec![("material.usda".into(), layer(bundle, &names).into_bytes())];
     files.extend(images);
     let [diffuse, specular] = splits.rms;
-    let description = json!({
+    let mut description = json!({
         "workflow": "UsdPreviewSurface, metallic: kd = (1 - m) base, F0 = 0.04 (1 - m) + m base; \
                      least squares",
         "rms_error": { "diffuse": number(diffuse), "specular": number(specular) },
     });
+    if bundle.maps.coat().is_some() {
+        description["coat"] = json!("clearcoat; R weight, G roughness");
+    }
     Ok((archive(&files), description))
 }
+
+/// The inputs of a coat, and its texture.
+const COAT_INPUTS: &str = r#"                float inputs:clearcoat.connect = </Sample/Looks/Surface/Coat.outputs:r>
+                float inputs:clearcoatRoughness.connect = </Sample/Looks/Surface/Coat.outputs:g>
+"#;
+const COAT_TEXTURE: &str = r#"
+            def Shader "Coat"
+            {
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file = @{{coat}}@
+                token inputs:sourceColorSpace = "raw"
+                float2 inputs:st.connect = </Sample/Looks/Surface/Coordinates.outputs:result>
+                token inputs:wrapS = "{{wrap}}"
+                token inputs:wrapT = "{{wrap}}"
+                float outputs:r
+                float outputs:g
+            }
+"#;
 
 /// The scene. Images have the bottom row at t = 0.
 fn layer(bundle: &Bundle, names: &[&str]) -> String {
     let [x, y] = bundle.sample_mm.map(|mm| (mm / 2000.0).to_string());
+    let wrap = if bundle.tileable { "repeat" } else { "clamp" };
+    let coat = names.get(3).map(|coat| filled(COAT_TEXTURE, &[("coat", coat), ("wrap", wrap)]));
     filled(
         include_str!("scene.usda"),
         &[
             ("x", &x),
             ("y", &y),
-            ("wrap", if bundle.tileable { "repeat" } else { "clamp" }),
+            ("wrap", wrap),
             ("base", names[0]),
             ("normal", names[1]),
             ("orm", names[2]),
+            ("coat_inputs", if coat.is_some() { COAT_INPUTS } else { "" }),
+            ("coat_texture", coat.as_deref().unwrap_or_default()),
         ],
     )
 }

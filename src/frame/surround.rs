@@ -1,4 +1,4 @@
-//! The light far round a place in a photograph: what a dirty lens adds there.
+//! The light far round a place in a photograph: what a dirty lens adds there, and what cameras map tones by.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,8 +20,23 @@ pub struct Surround {
 }
 
 impl Surround {
+    /// Widths of the surroundings that cameras map tones by (standard deviations relative to the photograph's
+    /// width); the second is that of [`Self::of`].
+    pub(crate) const SCALES: [f32; 3] = [0.05, SIGMA, 0.2];
+
     /// Of a whole photograph.
     pub fn of(photo: &Photo) -> Self {
+        Self::sharp(photo).blurred(SIGMA)
+    }
+
+    /// The same at each of [`Self::SCALES`].
+    pub(crate) fn at_scales(photo: &Photo) -> [Self; Self::SCALES.len()] {
+        let sharp = Self::sharp(photo);
+        Self::SCALES.map(|sigma| sharp.blurred(sigma))
+    }
+
+    /// Means of cells.
+    fn sharp(photo: &Photo) -> Self {
         let (w, h) = (photo.width(), photo.height());
         let columns = ACROSS.min(w);
         let rows = (columns * h / w).clamp(1, h);
@@ -39,13 +54,18 @@ impl Surround {
             }
             sum.map(|v| v / (READ * READ) as f32)
         };
-        let sharp: Vec<[f32; 3]> =
-            (0..rows * columns).map(|i| read(i % columns, i / columns)).collect();
-        let sigma = SIGMA * columns as f32;
-        let aspect = cell[0] / cell[1];
-        let along = blurred(&sharp, columns as usize, rows as usize, [sigma, 0.0]);
-        let cells = blurred(&along, columns as usize, rows as usize, [0.0, sigma * aspect]);
+        let cells = (0..rows * columns).map(|i| read(i % columns, i / columns)).collect();
         Self { size: [columns, rows], cell, cells }
+    }
+
+    /// Blurred with a standard deviation relative to the width.
+    fn blurred(&self, sigma: f32) -> Self {
+        let [columns, rows] = self.size.map(|n| n as usize);
+        let sigma = sigma * columns as f32;
+        let aspect = self.cell[0] / self.cell[1];
+        let along = blurred(&self.cells, columns, rows, [sigma, 0.0]);
+        let cells = blurred(&along, columns, rows, [0.0, sigma * aspect]);
+        Self { cells, ..*self }
     }
 
     /// At a pixel of the whole photograph, between cells linear.

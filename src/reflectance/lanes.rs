@@ -272,3 +272,77 @@ impl<V: Lanes> Lobes<V> {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scalar::reflect;
+    use super::*;
+    use crate::random::Random;
+    use crate::simd::{Kernel, dispatch};
+
+    /// A texel, and the derivative of its first colour along a direction across the light's.
+    struct ByLightAlong {
+        parameters: [f64; CHANNELS],
+        lobes: [f64; LOBES],
+        light: [f64; 3],
+        view: [f64; 3],
+        across: [f64; 3],
+    }
+
+    impl Kernel for ByLightAlong {
+        type Output = f64;
+
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> f64 {
+            let lane = |v: f64| V::splat(v as f32);
+            let material = Material::new(&self.parameters.map(lane), Some(self.lobes.map(lane)));
+            let (light, view) = (self.light.map(lane), self.view.map(lane));
+            let sum = [light[0] + view[0], light[1] + view[1], light[2] + view[2]];
+            let inverse = dot(sum, sum).reciprocal_sqrt();
+            let vh = V::splat(0.5) * inverse.reciprocal();
+            let power = vh.mul_add(V::splat(FRESNEL[0]), V::splat(FRESNEL[1])) * vh;
+            let half = [sum[0] * inverse, sum[1] * inverse, sum[2] * inverse];
+            let attenuation = V::splat(1.0);
+            let directions = Directions { light, view, half, fresnel: power.exp2(), attenuation };
+            let lobes = Lobes::new(&material, &directions);
+            let (brdf, fresnel) = lobes.brdf(&material, 0);
+            let by = lobes.by_light(&material, &directions);
+            let along = |of: [V; 3]| dot(of, self.across.map(lane));
+            let lobe = lobes.specular * lobes.irradiance;
+            let total = along(by.cosine) * brdf
+                + along(by.log_specular) * fresnel * lobe
+                + along(by.fresnel) * lobe * (V::splat(1.0) - material.specular[0])
+                + along(by.coat) * lobes.irradiance;
+            f64::from(total.to_array()[0])
+        }
+    }
+
+    /// Differences in double precision; what is left out is a coat's Fresnel term.
+    #[test]
+    fn derivatives_by_the_light_are_those_of_differences() {
+        let mut random = Random::new(3);
+        for case in 0..200 {
+            let mut r = |low: f64, high: f64| low + (high - low) * random.uniform();
+            let mut parameters: [f64; CHANNELS] = std::array::from_fn(|_| r(0.1, 0.6));
+            let unit = |v: [f64; 3]| {
+                let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+                v.map(|x| x / length)
+            };
+            (parameters[0], parameters[1]) = (r(-0.2, 0.2), r(-0.2, 0.2));
+            let lobes = [r(-1.0, 1.0), r(-1.0, 1.0), r(0.0, 1.0), r(0.3, 0.6)];
+            let view = unit([r(-0.3, 0.3), r(-0.3, 0.3), 1.0]);
+            let light = unit([view[0] + r(-0.1, 0.1), view[1] + r(-0.1, 0.1), view[2]]);
+            let other = [0.3, -0.4, 0.2];
+            let along: f64 = (0..3).map(|i| other[i] * light[i]).sum();
+            let across = unit(std::array::from_fn(|i| other[i] - along * light[i]));
+            let value = |h: f64| {
+                let light = unit(std::array::from_fn(|i| light[i] + h * across[i]));
+                reflect(&parameters, &lobes, light, view).value[0]
+            };
+            let numeric = (value(1e-5) - value(-1e-5)) / 2e-5;
+            let found = dispatch(ByLightAlong { parameters, lobes, light, view, across });
+            let tolerance = 1e-3 * (numeric.abs() + value(0.0));
+            assert!((found - numeric).abs() < tolerance, "{case}: {found} {numeric}");
+        }
+    }
+}

@@ -181,6 +181,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::svbrdf::NO_LOBES;
     use proptest::prelude::*;
 
     fn direction(cos: f64, azimuth: f64) -> [f64; 3] {

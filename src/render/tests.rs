@@ -2,12 +2,13 @@ use super::*;
 use crate::loss::{EPSILON, log_l1, log_l1_derivative};
 use crate::observation::{Falloff, Observation};
 use crate::reflectance::reflect;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, LOBES, NO_LOBES, channel, lobe};
 use std::f64::consts::PI;
 
 pub(crate) use crate::test_support::noise;
 
-/// Unrelated texels over the whole range of materials, roughness from 0.05.
+/// Unrelated texels over the whole range of materials, roughness from 0.05; with optional lobes for
+/// even seeds.
 fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {
     let mut r = noise(seed);
     let mut maps = Svbrdf::new(width, height);
@@ -19,6 +20,14 @@ fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {
                 _ => r(),
             };
         }
+    }
+    if seed.is_multiple_of(2) {
+        let planes = (0..LOBES * width * height).map(|i| match i / (width * height) {
+            lobe::ANISOTROPY_X | lobe::ANISOTROPY_Y => 2.8 * r() - 1.4,
+            lobe::COAT => r(),
+            _ => 0.1 + 0.8 * r(),
+        });
+        maps.set_lobes(planes.collect()).unwrap();
     }
     maps
 }
@@ -67,7 +76,8 @@ fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[
         (d.map(|v| v / length), length)
     };
     let ((light, distance), (camera, _)) = (towards(view.light_mm), towards(view.camera_mm));
-    let reflection = reflect(&parameters, light, camera);
+    let lobes = std::array::from_fn(|c| maps.lobe(c).map_or(NO_LOBES[c], |plane| plane[i] as f64));
+    let reflection = reflect(&parameters, &lobes, light, camera);
     let (mut value, mut jacobian) = (reflection.value, reflection.jacobian);
     for c in 0..3 {
         let irradiance = match view.falloff {

@@ -88,7 +88,7 @@ impl Waiting {
 mod tests {
     use super::*;
     use crate::frame::Encoding;
-    use crate::initial_estimate::Networks;
+    use crate::networks::Networks;
     use crate::session::{RectifiedFalloff, Scene, Session};
 
     const SIDE: u32 = 256;

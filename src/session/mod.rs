@@ -37,7 +37,7 @@ pub use self::survey::{NextView, Survey, SurveyedView};
 pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
-pub use crate::initial_estimate::Networks;
+pub use crate::networks::Networks;
 use crate::threads::Pool;
 use crate::{Error, Rejection, Result};
 

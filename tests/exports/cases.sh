@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Exports four uniform materials and given folders of maps, and renders each with the library for
+# Exports uniform materials and given folders of maps, and renders each with the library for
 # every view of views.json: cases.sh SVBRDF OUT [MAPS...]
 set -euo pipefail
 svbrdf=$1 out=$2

@@ -1,4 +1,4 @@
-// Writes four uniform materials as folders of maps (8-bit PNG, 64 x 64 texels): materials.mjs DIR.
+// Writes uniform materials as folders of maps (8-bit PNG, 64 x 64 texels): materials.mjs DIR.
 import { mkdirSync, writeFileSync } from 'node:fs';
 import { deflateSync } from 'node:zlib';
 
@@ -8,6 +8,10 @@ const MATERIALS = {
   plastic: { diffuse: [0.18, 0.18, 0.18], specular: [0.04, 0.04, 0.04], roughness: 0.5 },
   varnish: { diffuse: [0.3, 0.12, 0.05], specular: [0.2, 0.16, 0.1], roughness: 0.35 },
   gold: { diffuse: [0, 0, 0], specular: [0.9, 0.68, 0.3], roughness: 0.3 },
+  // Roughness across the direction (degrees from X), strength as in KHR_materials_anisotropy.
+  brushed: { diffuse: [0, 0, 0], specular: [0.6, 0.57, 0.53], roughness: 0.36, anisotropy: [25, 0.45] },
+  lacquer: { diffuse: [0.2, 0.05, 0.03], specular: [0.06, 0.06, 0.06], roughness: 0.6, coat: [0.9, 0.25] },
+  carbon: { diffuse: [0.03, 0.03, 0.03], specular: [0.1, 0.1, 0.1], roughness: 0.4, anisotropy: [-60, 0.5], coat: [1, 0.3] },
 };
 
 function chunk(name, data) {
@@ -42,11 +46,19 @@ function png(rgb) {
 
 const srgb = (v) => Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
 
-for (const [name, { diffuse, specular, roughness }] of Object.entries(MATERIALS)) {
+const byte = (v) => Math.round(255 * v);
+
+for (const [name, { diffuse, specular, roughness, anisotropy, coat }] of Object.entries(MATERIALS)) {
   const dir = `${process.argv[2]}/${name}`;
   mkdirSync(dir, { recursive: true });
   writeFileSync(`${dir}/normal.png`, png([128, 128, 255]));
   writeFileSync(`${dir}/diffuse.png`, png(diffuse.map(srgb)));
   writeFileSync(`${dir}/specular.png`, png(specular.map(srgb)));
-  writeFileSync(`${dir}/roughness.png`, png(Array(3).fill(Math.round(255 * roughness))));
+  writeFileSync(`${dir}/roughness.png`, png(Array(3).fill(byte(roughness))));
+  if (anisotropy) {
+    const angle = (anisotropy[0] * Math.PI) / 180;
+    const direction = [Math.cos(angle), Math.sin(angle)].map((v) => byte(0.5 * v + 0.5));
+    writeFileSync(`${dir}/anisotropy.png`, png([...direction, byte(anisotropy[1])]));
+  }
+  if (coat) writeFileSync(`${dir}/coat.png`, png([...coat.map(byte), 0]));
 }

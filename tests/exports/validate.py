@@ -29,7 +29,8 @@ def usdz(path):
         findings.append(f"{bad}: wrong checksum")
     # Every input of the surface ends in a texture that can be opened.
     surface = UsdShade.Shader(stage.GetPrimAtPath("/Sample/Looks/Surface/Preview"))
-    for name in ["diffuseColor", "metallic", "roughness", "normal", "occlusion"]:
+    coat = [name for name in ["clearcoat", "clearcoatRoughness"] if surface.GetInput(name)]
+    for name in ["diffuseColor", "metallic", "roughness", "normal", "occlusion", *coat]:
         source = surface.GetInput(name).GetConnectedSources()[0][0].source
         asset = UsdShade.Shader(source.GetPrim()).GetInput("file").Get()
         if not asset.resolvedPath:

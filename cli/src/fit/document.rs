@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use svbrdf::Svbrdf;
 use svbrdf::session::{PhaseReport, Session};
 
 use super::held_out::Errors;
@@ -25,7 +26,7 @@ impl Document {
         fit: &Fit,
         held_out: Option<&Errors>,
         method: &str,
-        resolution: usize,
+        maps: &Svbrdf,
         begun: Instant,
     ) -> Self {
         let camera = session.camera();
@@ -56,7 +57,8 @@ impl Document {
             "next_view": next_view,
             "ambient_fraction": session.ambient_fraction(),
             "tone_curve": tone,
-            "resolution": resolution,
+            "resolution": maps.width(),
+            "brdf": brdf(maps),
             "method": method,
             "phases": phases(session),
             "seconds_total": begun.elapsed().as_secs_f64(),
@@ -73,6 +75,14 @@ impl Document {
             serde_json::to_string_pretty(&self.value).map_err(|e| Failure::Other(e.to_string()))?;
         Ok((FILE_NAME.into(), format!("{text}\n").into_bytes()))
     }
+}
+
+/// Name of the reflectance that maps are parameters of: every texel's lobe, and the optional ones that some
+/// texels have.
+fn brdf(maps: &Svbrdf) -> String {
+    let lobes = [("anisotropy", maps.anisotropy().is_some()), ("coat", maps.coat().is_some())];
+    let lobes = lobes.into_iter().filter(|(_, is_there)| *is_there);
+    lobes.fold("ggx-schlick".to_owned(), |name, (lobe, _)| format!("{name} +{lobe}"))
 }
 
 /// Whether the files beside a report are those that it names.
@@ -120,4 +130,26 @@ fn peak_memory_mib() -> Option<f64> {
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use svbrdf::svbrdf::{LOBES, lobe};
+
+    use super::*;
+
+    #[test]
+    fn the_brdf_names_the_lobes_that_are_there() {
+        let mut maps = Svbrdf::new(2, 2);
+        assert_eq!(brdf(&maps), "ggx-schlick");
+        let mut planes = vec![0.0; LOBES * 4];
+        maps.set_lobes(planes.clone()).unwrap();
+        assert_eq!(brdf(&maps), "ggx-schlick");
+        planes[4 * lobe::COAT + 1] = 0.5;
+        maps.set_lobes(planes.clone()).unwrap();
+        assert_eq!(brdf(&maps), "ggx-schlick +coat");
+        planes[4 * lobe::ANISOTROPY_Y] = -0.5;
+        maps.set_lobes(planes).unwrap();
+        assert_eq!(brdf(&maps), "ggx-schlick +anisotropy +coat");
+    }
 }

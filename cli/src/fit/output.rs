@@ -1,15 +1,15 @@
 //! What a fit writes.
 
-use std::io::ErrorKind;
-use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
+use svbrdf::Svbrdf;
 use svbrdf::capture;
 use svbrdf::confidence::{Confidence, MapDeviations};
-use svbrdf::export::{ExportOptions, encode_maps, encode_preview, export, write_files};
+use svbrdf::export::{
+    ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
+};
 use svbrdf::session::Session;
-use svbrdf::{Error, Svbrdf};
 
 use super::arguments::Arguments;
 use super::document::{self, Document};
@@ -18,6 +18,7 @@ use super::input::Input;
 use super::photographs::Fit;
 use crate::failure::Result;
 use crate::report::{self, Subject};
+use crate::terminal;
 
 /// Maps and what lies beside them, but for the report.
 const FILES: [&str; 6] =
@@ -54,15 +55,13 @@ impl Output<'_> {
         fit.finish_rows(&errors);
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
-            Document::new(session, fit, held_out, &arguments.method, maps.width(), self.begun);
+            Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
         document.value["confidence"] = json!(confidence.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
         document.value["warnings"] = json!(input.capture.warnings);
-        if arguments.no_report {
-            remove_page(out)?;
-        } else {
+        if !arguments.no_report {
             let subject = Subject {
                 report: &document.value,
                 capture: &input.capture,
@@ -76,7 +75,9 @@ impl Output<'_> {
             files.push((PAGE.into(), page.into_bytes()));
         }
         files.push(document.seal(&files)?);
-        write_files(out, &files)?;
+        // What an earlier fit has left would lie beside maps of this one.
+        let [anisotropy, coat] = LOBE_FILES;
+        replace_files(out, &files, &[anisotropy, coat, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())
@@ -98,26 +99,10 @@ impl Output<'_> {
             photographs: u32::try_from(photographs).ok(),
             ..ExportOptions::default()
         };
-        Ok(export(maps, &options)?.files)
+        let package = export(maps, &options)?;
+        package.remarks.iter().for_each(terminal::say);
+        Ok(package.files)
     }
-}
-
-/// Removes the page of an earlier fit, which would lie beside maps of this one; first its report, which names
-/// the page.
-fn remove_page(out: &Path) -> Result<()> {
-    let page = out.join(PAGE);
-    if !page.exists() {
-        return Ok(());
-    }
-    for file in [out.join(document::FILE_NAME), page] {
-        match std::fs::remove_file(&file) {
-            Err(fault) if fault.kind() != ErrorKind::NotFound => {
-                return Err(Error::io(file, fault).into());
-            }
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 /// Standard deviation of each map.

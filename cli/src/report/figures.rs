@@ -102,8 +102,32 @@ fn material(subject: &Subject) -> Option<Value> {
             Some(("Mean F0", colour(channel::SPECULAR))),
             Some(("Roughness", format!("{:.2} ({:.2} to {:.2})", at(0.5), at(0.05), at(0.95)))),
             Some(("Mean tilt of normals", format!("{tilt:.1}°"))),
+            maps.anisotropy().map(|planes| ("Anisotropy", anisotropy(planes))),
+            maps.coat().map(|planes| ("Coat", coat(planes))),
         ],
     )
+}
+
+/// Ratio of both alphas in the mean, and the direction, where there is one for most texels.
+fn anisotropy([x, y]: [&[f32]; 2]) -> String {
+    let mean = |value: &dyn Fn(f32, f32) -> f32| {
+        x.iter().zip(y).map(|(x, y)| value(*x, *y)).sum::<f32>() / x.len() as f32
+    };
+    let size = mean(&f32::hypot);
+    let (x, y) = (mean(&|x, _| x), mean(&|_, y| y));
+    let direction = if x.hypot(y) > 0.7 * size {
+        format!("wider along {:.0}°", 0.5 * y.atan2(x).to_degrees())
+    } else {
+        "in several directions".into()
+    };
+    format!("{:.1} : 1, {direction}", size.exp())
+}
+
+/// Its weight in the mean, and its roughness where it is.
+fn coat([weight, roughness]: [&[f32]; 2]) -> String {
+    let sum = weight.iter().sum::<f32>();
+    let weighted = weight.iter().zip(roughness).map(|(w, r)| w * r).sum::<f32>();
+    format!("weight {:.2}, roughness {:.2}", sum / weight.len() as f32, weighted / sum)
 }
 
 /// How far the maps may be off.

@@ -85,6 +85,14 @@ try {
 /* Maps side by side */
 
 const encode = (v) => 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const triple = (plane, i) => [0, 1, 2].map((c) => plane[4 * i + c].toFixed(3)).join(', ');
+/** Ratio of both alphas, and the angle of the direction of the larger one. */
+const stretch = (m, i) => {
+  const [u, v] = m.lobes ? [m.lobes[4 * i], m.lobes[4 * i + 1]] : [0, 0];
+  return [Math.exp(Math.hypot(u, v)), 0.5 * Math.atan2(v, u)];
+};
+/** Weight and roughness of the coat. */
+const coat = (m, i) => (m.lobes ? [m.lobes[4 * i + 2], m.lobes[4 * i + 3]] : [0, 0]);
 const KINDS = [
   ['Normal', (m, i) => {
     const [p, q] = [m.shape[4 * i], m.shape[4 * i + 1]];
@@ -97,8 +105,21 @@ const KINDS = [
   ['Diffuse albedo', (m, i) => [0, 1, 2].map((c) => encode(m.diffuse[4 * i + c])), (m, i) => triple(m.diffuse, i)],
   ['Specular albedo (F0)', (m, i) => [0, 1, 2].map((c) => encode(m.specular[4 * i + c])), (m, i) => triple(m.specular, i)],
   ['Roughness', (m, i) => Array(3).fill(255 * m.shape[4 * i + 2]), (m, i) => m.shape[4 * i + 2].toFixed(2)],
-];
-const triple = (plane, i) => [0, 1, 2].map((c) => plane[4 * i + c].toFixed(3)).join(', ');
+  // Direction and strength as in anisotropy.png.
+  data.maps.anisotropy && ['Anisotropy', (m, i) => {
+    const [ratio, angle] = stretch(m, i);
+    const [alpha, root] = [m.shape[4 * i + 2] ** 2, Math.sqrt(ratio)];
+    const strength = Math.sqrt(Math.max(0, Math.min(1, alpha * root) - alpha / root) / Math.max(1 - alpha / root, 1e-6));
+    return [127.5 * (Math.cos(angle) + 1), 127.5 * (Math.sin(angle) + 1), 255 * strength];
+  }, (m, i) => {
+    const [ratio, angle] = stretch(m, i);
+    return ratio < 1.05 ? 'none' : `${ratio.toFixed(1)} : 1, wider along ${((angle * 180) / Math.PI).toFixed(0)}°`;
+  }],
+  data.maps.coat && ['Coat', (m, i) => Array(3).fill(255 * coat(m, i)[0]), (m, i) => {
+    const [weight, roughness] = coat(m, i);
+    return weight > 0 ? `weight ${weight.toFixed(2)}, roughness ${roughness.toFixed(2)}` : 'none';
+  }],
+].filter(Boolean);
 
 const MapsView = {
   point: null,

@@ -11,7 +11,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use svbrdf::Svbrdf;
 use svbrdf::export::resized;
 use svbrdf::frame::{Encoding, Photo};
-use svbrdf::svbrdf::channel;
+use svbrdf::svbrdf::{LOBE_RANGE, channel, lobe};
 
 use crate::failure::{Failure, Result};
 
@@ -80,12 +80,36 @@ pub struct MapPictures {
     specular: String,
     /// Gray PNG, linear.
     roughness: String,
+    /// Parameter of anisotropy for 127 steps of its picture.
+    scale: f32,
+    /// PNG: the two parameters of anisotropy in red and green, 128 is 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    anisotropy: Option<String>,
+    /// PNG: weight and roughness of the coat in red and green, linear.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coat: Option<String>,
+}
+
+/// Parameter of anisotropy for 127 steps of 8 bits.
+const SCALE: f32 = LOBE_RANGE[lobe::ANISOTROPY_X].1;
+
+/// The optional lobes that maps have: name and interleaved 8-bit RGB.
+fn lobes(maps: &Svbrdf) -> Vec<(&'static str, Vec<u8>)> {
+    let step = |v: f32| (128.0 + 127.0 / SCALE * v).round() as u8;
+    let rgb = |planes: [&[f32]; 2], value: &dyn Fn(f32) -> u8| {
+        planes[0].iter().zip(planes[1]).flat_map(|(a, b)| [value(*a), value(*b), 0]).collect()
+    };
+    let anisotropy = maps.anisotropy().map(|planes| ("anisotropy", rgb(planes, &step)));
+    let coat = maps.coat().map(|planes| ("coat", rgb(planes, &byte)));
+    anisotropy.into_iter().chain(coat).collect()
 }
 
 impl MapPictures {
     /// Size inside of the page.
     pub fn bytes(&self) -> usize {
-        [&self.normal, &self.diffuse, &self.specular, &self.roughness].map(|p| p.len()).iter().sum()
+        let lobes = self.anisotropy.iter().chain(&self.coat).map(String::len).sum::<usize>();
+        let maps = [&self.normal, &self.diffuse, &self.specular, &self.roughness];
+        lobes + maps.map(|p| p.len()).iter().sum::<usize>()
     }
 
     pub fn new(maps: &Svbrdf) -> Result<Self> {
@@ -99,9 +123,17 @@ impl MapPictures {
             .collect();
         let roughness: Vec<u8> = maps.plane(channel::ROUGHNESS).iter().map(|v| byte(*v)).collect();
         let colour = |first| jpeg_of(width, height, &colours(maps, first), MAPS_QUALITY);
+        let lobes = lobes(maps);
+        let lobe = |name: &str| {
+            let rgb = lobes.iter().find(|(own, _)| *own == name);
+            rgb.map(|(_, rgb)| png(width, height, rgb, ExtendedColorType::Rgb8)).transpose()
+        };
         Ok(Self {
             width,
             height,
+            scale: SCALE,
+            anisotropy: lobe("anisotropy")?,
+            coat: lobe("coat")?,
             normal: png(width, height, &normal, ExtendedColorType::Rgb8)?,
             diffuse: colour(channel::DIFFUSE)?,
             specular: colour(channel::SPECULAR)?,
@@ -116,13 +148,18 @@ fn colours(maps: &Svbrdf, first: usize) -> Vec<u8> {
     (0..maps.texels()).flat_map(|i| planes.map(|p| srgb(p[i]))).collect()
 }
 
-/// Maps of an earlier moment in one JPEG: normal, diffuse, specular and roughness side by side.
+/// Maps of an earlier moment in one JPEG: normal, diffuse, specular and roughness side by side, then the lobes
+/// that there are.
 #[derive(serde::Serialize)]
 pub struct Snapshot {
     photographs: usize,
-    /// Size of one of the four.
+    /// Size of one of them.
     width: usize,
     height: usize,
+    /// As in [`MapPictures`].
+    scale: f32,
+    /// Names of the lobes.
+    lobes: Vec<&'static str>,
     picture: String,
 }
 
@@ -141,7 +178,9 @@ impl Snapshot {
         let [diffuse, specular] =
             [channel::DIFFUSE, channel::SPECULAR].map(|first| colours(&maps, first));
         let roughness = maps.plane(channel::ROUGHNESS);
-        let mut rgb = Vec::with_capacity(12 * maps.texels());
+        let lobes = lobes(&maps);
+        let parts = 4 + lobes.len();
+        let mut rgb = Vec::with_capacity(3 * parts * maps.texels());
         for y in 0..height {
             let row = y * width..(y + 1) * width;
             for x in 0..width {
@@ -149,10 +188,14 @@ impl Snapshot {
             }
             rgb.extend(&diffuse[3 * row.start..3 * row.end]);
             rgb.extend(&specular[3 * row.start..3 * row.end]);
-            rgb.extend(roughness[row].iter().flat_map(|&v| [byte(v); 3]));
+            rgb.extend(roughness[row.clone()].iter().flat_map(|&v| [byte(v); 3]));
+            for (_, lobe) in &lobes {
+                rgb.extend(&lobe[3 * row.start..3 * row.end]);
+            }
         }
-        let picture = jpeg(4 * width, height, &rgb)?;
-        Ok(Self { photographs, width, height, picture })
+        let picture = jpeg(parts * width, height, &rgb)?;
+        let lobes = lobes.into_iter().map(|(name, _)| name).collect();
+        Ok(Self { photographs, width, height, scale: SCALE, lobes, picture })
     }
 }
 

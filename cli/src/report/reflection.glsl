@@ -6,6 +6,7 @@ precision highp sampler2D;
 uniform sampler2D shape;     // two slopes of the normal, roughness
 uniform sampler2D diffuse;   // linear albedo
 uniform sampler2D specular;  // linear F0
+uniform sampler2D lobes;     // ln(alpha along / across) times cosine and sine of twice the angle; coat: weight, roughness
 uniform vec3 camera;         // mm, as the light
 uniform vec3 light;
 uniform float exposure;
@@ -14,8 +15,30 @@ in vec2 texel;               // 0 to 1, row 0 first
 in vec3 position;            // mm
 out vec4 colour;
 
+// D G / (4 NoL NoV) of a lobe; sin2: 1 - NoH².
+float microfacets(float rough, float nl, float nv, float nh, float sin2) {
+  float clamped = max(rough, MIN_ROUGHNESS);
+  float alpha = clamped * clamped;
+  float alpha2 = alpha * alpha;
+  float k = 0.5 * alpha;
+  // NoH² (alpha² - 1) + 1, where single precision would lose the difference.
+  float den = nh * nh * alpha2 + sin2;
+  float shadow = (nl * (1.0 - k) + k) * (nv * (1.0 - k) + k);
+  return alpha2 / (4.0 * PI * den * den * shadow);
+}
+
+// The square of the half vector's part across the normal, stretched by anisotropy.
+float stretched(vec2 anisotropy, vec3 n, vec3 h) {
+  float nh = dot(n, h);
+  vec2 across = vec2(h.x - n.x * nh, n.z * h.y - n.y * h.z) * inversesqrt(1.0 - n.x * n.x);
+  float m = length(anisotropy);
+  float sinhc = m < 0.01 ? 1.0 + m * m / 6.0 : sinh(m) / m;
+  vec2 turned = vec2(across.x * across.x - across.y * across.y, 2.0 * across.x * across.y);
+  return cosh(m) * dot(across, across) - sinhc * dot(anisotropy, turned);
+}
+
 // BRDF times the cosine of the light.
-vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec3 l, vec3 v) {
+vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec4 optional, vec3 l, vec3 v) {
   vec3 sum = l + v;
   float length2 = max(dot(sum, sum), 4.0 * MIN_COSINE * MIN_COSINE);
   vec3 h = sum * inversesqrt(length2);
@@ -26,17 +49,14 @@ vec3 reflection(vec3 n, float rough, vec3 kd, vec3 ks, vec3 l, vec3 v) {
   float nv = max(dot(n, v), MIN_COSINE);
   float raw = dot(n, h);
   float nh = max(raw, MIN_COSINE);
-  float clamped = max(rough, MIN_ROUGHNESS);
-  float alpha = clamped * clamped;
-  float alpha2 = alpha * alpha;
-  float k = 0.5 * alpha;
-  // NoH² (alpha² - 1) + 1, where single precision would lose the difference.
   vec3 across = cross(n, h);
-  float sin2 = raw > MIN_COSINE ? dot(across, across) : 1.0 - MIN_COSINE * MIN_COSINE;
-  float den = nh * nh * alpha2 + sin2;
-  float shadow = (nl * (1.0 - k) + k) * (nv * (1.0 - k) + k);
-  float lobe = alpha2 / (4.0 * PI * den * den * shadow);
-  return (kd / PI + lobe * (ks + (1.0 - ks) * fresnel)) * nl;
+  bool beside = raw <= MIN_COSINE;
+  float sin2 = beside ? 1.0 - MIN_COSINE * MIN_COSINE : dot(across, across);
+  float base = microfacets(rough, nl, nv, nh, beside ? sin2 : stretched(optional.xy, n, h));
+  float coat = microfacets(optional.w, nl, nv, nh, sin2);
+  float reflected = optional.z * (COAT_F0 + (1.0 - COAT_F0) * fresnel);
+  vec3 below = kd / PI + base * (ks + (1.0 - ks) * fresnel);
+  return ((1.0 - reflected) * below + reflected * coat) * nl;
 }
 
 vec3 srgb(vec3 linear) {
@@ -53,6 +73,6 @@ void main() {
   vec3 l = normalize(light - position);
   vec3 v = normalize(camera - position);
   // A light of power pi: white paper that faces it comes out white.
-  vec3 radiance = PI * reflection(n, surface.z, kd, ks, l, v);
+  vec3 radiance = PI * reflection(n, surface.z, kd, ks, texture(lobes, texel), l, v);
   colour = vec4(srgb(exposure * radiance), 1.0);
 }

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use svbrdf::reflectance::{FRESNEL, MIN_COSINE};
+use svbrdf::reflectance::{COAT_F0, FRESNEL, MIN_COSINE};
 use svbrdf::svbrdf::MIN_ROUGHNESS;
 
 /// The reflection of `svbrdf::reflectance` in GLSL, its constants missing.
@@ -16,6 +16,7 @@ pub fn fragment() -> String {
         ("MIN_ROUGHNESS", MIN_ROUGHNESS),
         ("FRESNEL_A", FRESNEL[0]),
         ("FRESNEL_B", FRESNEL[1]),
+        ("COAT_F0", COAT_F0),
     ]
     .map(|(name, value)| format!("const float {name} = {value:?};\n"));
     SOURCE.replacen("// {{constants}}\n", &constants.concat(), 1)
@@ -34,10 +35,11 @@ mod tests {
             "const float MIN_ROUGHNESS = 0.02;",
             "const float FRESNEL_A = -5.55473;",
             "const float FRESNEL_B = -6.98316;",
+            "const float COAT_F0 = 0.04;",
         ] {
             assert_eq!(shader.matches(line).count(), 1, "{line}");
         }
-        for number in ["0.001", "1e-3", "0.02", "5.55", "6.98", "3.14"] {
+        for number in ["0.001", "1e-3", "0.02", "5.55", "6.98", "3.14", "0.04"] {
             assert!(!SOURCE.contains(number), "{number} is the library's to say");
         }
         assert!(!shader.contains("{{"));

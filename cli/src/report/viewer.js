@@ -19,6 +19,19 @@ const Maps = (() => {
     return context.getImageData(0, 0, canvas.width, canvas.height);
   }
 
+  /** Texture data of the optional lobes from values of 8 bits; `scale`: of anisotropy, 127 steps. */
+  function assembleLobes(n, scale, anisotropy, coat) {
+    if (!anisotropy && !coat) return null;
+    const lobes = new Float32Array(4 * n);
+    for (let i = 0; i < n; i++) {
+      for (let c = 0; c < 2; c++) {
+        if (anisotropy) lobes[4 * i + c] = ((anisotropy(i, c) - 128) / 127) * scale;
+        if (coat) lobes[4 * i + 2 + c] = coat(i, c) / 255;
+      }
+    }
+    return lobes;
+  }
+
   /** Texture data from unit normals' x and y, roughness and 8-bit sRGB colours. */
   function assemble(width, height, normal, roughness, diffuse, specular) {
     const n = width * height;
@@ -44,11 +57,12 @@ const Maps = (() => {
   /** The latest maps, in full. */
   async function full(pictures) {
     const { width, height } = pictures;
-    const names = ['normal', 'diffuse', 'specular', 'roughness'];
-    const [normal, diffuse, specular, roughness] = (
-      await Promise.all(names.map((name) => pixels(pictures[name])))
-    ).map((picture) => picture.data);
-    return assemble(
+    const names = ['normal', 'diffuse', 'specular', 'roughness', 'anisotropy', 'coat'];
+    const [normal, diffuse, specular, roughness, anisotropy, coat] = (
+      await Promise.all(names.map((name) => pictures[name] && pixels(pictures[name])))
+    ).map((picture) => picture?.data);
+    const value = (data) => data && ((i, c) => data[4 * i + c]);
+    const maps = assemble(
       width,
       height,
       (i) => {
@@ -59,14 +73,21 @@ const Maps = (() => {
       (i, c) => diffuse[4 * i + c],
       (i, c) => specular[4 * i + c],
     );
+    maps.lobes = assembleLobes(width * height, pictures.scale, value(anisotropy), value(coat));
+    return maps;
   }
 
-  /** Maps of an earlier moment: four side by side in one picture. */
-  async function snapshot({ width, height, picture }) {
+  /** Maps of an earlier moment: side by side in one picture. */
+  async function snapshot({ width, height, scale, lobes, picture }) {
     const { data } = await pixels(picture);
+    const parts = 4 + lobes.length;
     const at = (part, i) =>
-      4 * (Math.floor(i / width) * 4 * width + part * width + (i % width));
-    return assemble(
+      4 * (Math.floor(i / width) * parts * width + part * width + (i % width));
+    const lobe = (name) => {
+      const part = 4 + lobes.indexOf(name);
+      return part < 4 ? undefined : (i, c) => data[at(part, i) + c];
+    };
+    const maps = assemble(
       width,
       height,
       (i) => [0, 1].map((c) => data[at(0, i) + c] / 127.5 - 1),
@@ -74,6 +95,8 @@ const Maps = (() => {
       (i, c) => data[at(1, i) + c],
       (i, c) => data[at(2, i) + c],
     );
+    maps.lobes = assembleLobes(width * height, scale, lobe('anisotropy'), lobe('coat'));
+    return maps;
   }
 
   return { full, snapshot };
@@ -106,6 +129,8 @@ class Viewer {
       gl_Position = flatView ? vec4(corner, 0.0, 1.0) : vec4(seen.xy * scale, 0.0, -seen.z);
     }`;
 
+  static TEXTURES = ['shape', 'diffuse', 'specular', 'lobes'];
+
   constructor(canvas, fragment, sampleMm) {
     const gl = canvas.getContext('webgl2', { antialias: true, alpha: true });
     if (!gl) throw new Error('no WebGL 2');
@@ -124,7 +149,7 @@ class Viewer {
     const at = gl.getAttribLocation(this.program, 'corner');
     gl.enableVertexAttribArray(at);
     gl.vertexAttribPointer(at, 2, gl.FLOAT, false, 0, 0);
-    ['shape', 'diffuse', 'specular'].forEach((name, unit) => gl.uniform1i(this.uniform(name), unit));
+    Viewer.TEXTURES.forEach((name, unit) => gl.uniform1i(this.uniform(name), unit));
   }
 
   link(...sources) {
@@ -150,11 +175,13 @@ class Viewer {
   load(maps) {
     const gl = this.gl;
     this.textures?.forEach((texture) => gl.deleteTexture(texture));
-    this.textures = ['shape', 'diffuse', 'specular'].map((name, unit) => {
+    this.textures = Viewer.TEXTURES.map((name, unit) => {
+      // Without lobes: neither anisotropy nor a coat.
+      const [width, height, values] = maps[name] ? [maps.width, maps.height, maps[name]] : [1, 1, new Float32Array(4)];
       const texture = gl.createTexture();
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, maps.width, maps.height, 0, gl.RGBA, gl.FLOAT, maps[name]);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, width, height, 0, gl.RGBA, gl.FLOAT, values);
       const set = (key, value) => gl.texParameteri(gl.TEXTURE_2D, key, value);
       set(gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
       set(gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);

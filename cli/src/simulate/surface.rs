@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use svbrdf::Svbrdf;
 use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
-use svbrdf::svbrdf::channel;
+use svbrdf::svbrdf::{Anisotropy, channel, lobe};
 
 use super::light::Light;
-use super::reflectance::{Reflectance, Texel};
+use super::reflectance::{Alphas, COAT_F0, Coat, Reflectance, Texel};
 
 /// Where the room is brightest, azimuth, and by how much more than its mean at the horizon.
 const ROOM_AZIMUTH: f64 = 0.6;
@@ -108,6 +108,14 @@ impl Surface<'_> {
         let place = DVec2::from(view.texel_mm(w, h, i % w, i / w).map(f64::from));
         let point = place.extend(self.height(place));
         let parameter = |c: usize| f64::from(self.maps.plane(c)[i]);
+        let lobe = |lobe: usize| self.maps.lobe(lobe).map_or(0.0, |plane| plane[i]);
+        let stretch = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(lobe);
+        let anisotropy = (stretch != [0.0; 2]).then(|| {
+            let lobe = Anisotropy::new(self.maps.plane(channel::ROUGHNESS)[i], stretch);
+            let direction = DVec2::from_angle(lobe.angle.into());
+            Alphas { direction, along: lobe.along.into(), across: lobe.across.into() }
+        });
+        let [weight, coat] = [lobe::COAT, lobe::COAT_ROUGHNESS].map(|l| f64::from(lobe(l)));
         let bow = self.slopes(place);
         let relief = DVec2::new(parameter(channel::SLOPE_X), parameter(channel::SLOPE_Y));
         let texel = Texel {
@@ -117,6 +125,8 @@ impl Surface<'_> {
             f0: std::array::from_fn(|c| parameter(channel::SPECULAR + c)),
             roughness: parameter(channel::ROUGHNESS),
             place,
+            anisotropy,
+            coat: (weight > 0.0).then_some(Coat { weight, alpha: coat * coat }),
         };
         let to = |from: DVec3| (from - point).normalize();
         let irradiance = light.irradiance(point);
@@ -143,7 +153,8 @@ impl Surface<'_> {
     }
 }
 
-/// Adds what maps reflect of a room: diffuse its mean, specular what lies in the mirrored direction.
+/// Adds what maps reflect of a room: diffuse its mean, specular and from a coat what lies in the mirrored
+/// direction.
 fn add_room(maps: &Svbrdf, view: &View, ambient: f64, radiance: &mut [f32]) {
     let (w, n) = (maps.width(), maps.texels());
     let bright = DVec3::new(ROOM_AZIMUTH.cos(), ROOM_AZIMUTH.sin(), 0.0);
@@ -155,10 +166,12 @@ fn add_room(maps: &Svbrdf, view: &View, ambient: f64, radiance: &mut [f32]) {
         let mirrored = (-eye.as_dvec3().normalize()).reflect(normal);
         // its mean over all directions, weighted by their cosine, is 1
         let room = 1.0 + ROOM_CONTRAST * mirrored.dot(bright);
+        let coat = maps.lobe(lobe::COAT).map_or(0.0, |plane| COAT_F0 * f64::from(plane[i]));
         for c in 0..3 {
             let diffuse = f64::from(maps.plane(channel::DIFFUSE + c)[i]);
             let specular = f64::from(maps.plane(channel::SPECULAR + c)[i]);
-            radiance[c * n + i] += (ambient * (diffuse + specular * room)) as f32;
+            radiance[c * n + i] +=
+                (ambient * ((1.0 - coat) * (diffuse + specular * room) + coat * room)) as f32;
         }
     }
 }
@@ -190,6 +203,29 @@ mod tests {
         };
         let [a, b] = [own, library].map(|s| s.radiance(eye, &light));
         assert!(a.iter().zip(&b).all(|(a, b)| (a / b - 1.0).abs() < 1e-2));
+    }
+
+    /// The same of a material with both lobes, near the top, where the library's masking is right.
+    #[test]
+    fn lobes_of_maps_are_what_the_library_renders() {
+        let mut maps = Svbrdf::new(16, 12);
+        let lobes = [0.6, 0.8, 0.7, 0.3].iter().flat_map(|v| vec![*v; 16 * 12]).collect();
+        maps.set_lobes(lobes).unwrap();
+        let own = surface(&maps, 0.0);
+        let library = Surface { reflectance: None, ..surface(&maps, 0.0) };
+        let light = Light {
+            place: DVec3::new(5.0, 8.0, 225.0),
+            axis: -DVec3::Z,
+            exponent: 0.0,
+            power_mm2: 1e5,
+            room: 0.03,
+        };
+        let eye = DVec3::new(-20.0, 30.0, 220.0);
+        let [a, b] = [own, library].map(|s| s.radiance(eye, &light));
+        assert!(a.iter().zip(&b).all(|(a, b)| (a / b - 1.0).abs() < 1e-2));
+        let plain = Surface { maps: &Svbrdf::new(16, 12), ..surface(&maps, 0.0) };
+        let c = plain.radiance(eye, &light);
+        assert!(a.iter().zip(&c).any(|(a, c)| (a / c - 1.0).abs() > 0.1));
     }
 
     /// Off its axis the flash is weaker by the power of the cosine, on a surface alike to all sides.

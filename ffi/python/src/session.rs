@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::observation::Falloff;
 use svbrdf::session::Settings;
 use svbrdf::session::{self, Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene};

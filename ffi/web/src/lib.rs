@@ -23,7 +23,7 @@ use svbrdf::calibration::Target;
 use svbrdf::capture::parse_scene;
 use svbrdf::export::{ExportOptions, Format, encode_maps, export};
 use svbrdf::files::Choice;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{Driver, Scene, Session, Settings};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;

@@ -2,7 +2,8 @@
 //!
 //! Each kind of fault has a model of its own, and is named where that explains the squares much better:
 //! stripes along a photograph's rows or columns, light that lies on places of the board whatever the camera
-//! does, light that does not move with the camera at all.
+//! does, light that does not move with the camera at all. Places that such light lies on in part, or that it saturates,
+//! count as well: a stripe of sun is often no wider than a square.
 
 use std::f64::consts::PI;
 
@@ -12,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use super::fit;
 use super::model::Shot;
 use super::radiometry::Photometry;
-use super::squares::{Square, Squares};
+use super::squares::{Spread, Square, Squares};
 use crate::calibration::Target;
 use crate::geometry::Pose;
 
@@ -95,51 +96,97 @@ pub(crate) fn examine(
     photos: &[(Pose, &Squares)],
     known: &Photometry,
 ) -> Examination {
-    let all: Vec<Vec<Residual>> = photos
-        .iter()
-        .enumerate()
-        .map(|(i, (pose, squares))| residuals(target, i, pose, squares, known))
-        .collect();
+    let all: Vec<Vec<Residual>> =
+        photos.iter().enumerate().map(|(i, photo)| residuals(target, i, photo, known)).collect();
     let photo = |residuals: &Vec<Residual>| PhotoLight { stripes: stripes(residuals) };
     Examination {
         photos: all.iter().map(photo).collect(),
-        lit_places: lit_places(&all),
+        lit_places: lit_places(target, &all, photos, known),
         stands_still: stands_still(&all, photos, known),
         glare: glare(&all, photos, known),
+    }
+}
+
+/// A photograph whose light is known.
+struct Lit<'a> {
+    target: &'a Target,
+    known: &'a Photometry,
+    index: usize,
+    pose: &'a Pose,
+    exposure: f32,
+    /// The flash in the camera's frame.
+    offset: DVec3,
+}
+
+impl<'a> Lit<'a> {
+    fn new(
+        target: &'a Target,
+        known: &'a Photometry,
+        index: usize,
+        (pose, squares): &'a (Pose, &Squares),
+    ) -> Self {
+        let shot = Shot { pose: *pose, turned: known.turned[index] };
+        let offset = shot.offset(known.flash_offset_mm);
+        Self { target, known, index, pose, exposure: squares.exposure, offset }
+    }
+
+    fn albedo(&self, white: bool) -> f64 {
+        if white { self.target.white_albedo } else { self.target.black_albedo }
+    }
+
+    /// Squared tangent of the angle between the optical axis and the direction to a place of the board.
+    fn tan2(&self, board_mm: DVec2) -> f64 {
+        let point = self.pose.transform(board_mm.extend(0.0));
+        (point.truncate() / point.z).length_squared()
+    }
+
+    /// Values of a square by the flash and the room through a clean lens.
+    fn clear(&self, white: bool, board_mm: DVec2) -> [f64; 3] {
+        let known = self.known;
+        let board = board_mm.extend(0.0);
+        let to_light = self.pose.to_board(self.offset) - board;
+        let lobe = known.lobe.at(self.pose.transform(board) - self.offset);
+        let flash = known.reference_mm.powi(2) * to_light.z / to_light.length().powi(3) * lobe;
+        let lens = known.vignetting.at(self.tan2(board_mm));
+        std::array::from_fn(|c| {
+            let ink = if white { 1.0 } else { known.black_ratio[c] };
+            let scale = known.log_scale[self.index][c].exp() * self.albedo(white) * ink;
+            scale * (flash + known.ambient[c]) * lens
+        })
+    }
+
+    /// Values as stored, without the camera's tone curve.
+    fn undone(&self, value: [f32; 3]) -> [f64; 3] {
+        let stored = value.map(|v| v * self.exposure);
+        self.known.tone.undone(stored).map(|v| f64::from(v) / f64::from(self.exposure))
+    }
+
+    /// Low and high values of a square over the expected ones, logarithms.
+    fn log_range(&self, spread: &Spread) -> [f64; 2] {
+        let sum = |values: [f64; 3]| values.iter().sum::<f64>().max(1e-9).ln();
+        let expected = sum(self.clear(spread.white, spread.board_mm));
+        spread.range.map(|value| sum(self.undone(value)) - expected)
     }
 }
 
 fn residuals(
     target: &Target,
     index: usize,
-    pose: &Pose,
-    squares: &Squares,
+    photo: &(Pose, &Squares),
     known: &Photometry,
 ) -> Vec<Residual> {
-    let shot = Shot { pose: *pose, turned: known.turned[index] };
-    let offset = shot.offset(known.flash_offset_mm);
-    let (light, eye) = (pose.to_board(offset), pose.camera_centre());
-    let exposure = f64::from(squares.exposure);
+    let (pose, squares) = photo;
+    let photo = Lit::new(target, known, index, photo);
+    let (light, eye) = (pose.to_board(photo.offset), pose.camera_centre());
     let of = |square: &Square| {
-        let board = square.board_mm.extend(0.0);
-        let to_light = light - board;
-        let point = pose.transform(board);
-        let tan2 = (point.truncate() / point.z).length_squared();
-        let d = to_light.length();
-        let flash =
-            known.reference_mm.powi(2) * to_light.z / d.powi(3) * known.lobe.at(point - offset);
-        let albedo = if square.white { target.white_albedo } else { target.black_albedo };
-        let undone = known.tone.undone(square.value.map(|v| v.unwrap_or(0.5) * squares.exposure));
+        let (tan2, albedo) = (photo.tan2(square.board_mm), photo.albedo(square.white));
+        let undone = photo.undone(square.value.map(|v| v.unwrap_or(0.5)));
+        let clear = photo.clear(square.white, square.board_mm);
         let (mut log, mut log_value, mut count) = (0.0, 0.0, 0.0);
         for c in (0..3).filter(|c| square.value[*c].is_some()) {
-            let ink = if square.white { 1.0 } else { known.black_ratio[c] };
-            let clear = known.log_scale[index][c].exp()
-                * (flash + known.ambient[c])
-                * known.vignetting.at(tan2)
-                * albedo
-                * ink;
-            let expected = (1.0 - known.veil) * clear + known.veil * f64::from(square.surround[c]);
-            let value = f64::from(undone[c]) / exposure;
+            let veiled = known.veil * f64::from(square.surround[c]);
+            let expected = (1.0 - known.veil) * clear[c] + veiled;
+            let value = undone[c];
             log += (value / expected).ln();
             log_value += (value / albedo).ln();
             count += 1.0;
@@ -187,13 +234,33 @@ fn stripes(residuals: &[Residual]) -> Option<f64> {
     (amplitude > STRIPE_AMPLITUDE && left < (1.0 - STRIPE_SHARE) * all).then_some(amplitude)
 }
 
-/// Places of the board that are brighter than the flash explains in all photographs.
-fn lit_places(photos: &[Vec<Residual>]) -> Option<LitPlaces> {
-    let mut places: Vec<(DVec2, Vec<f64>)> = Vec::new();
-    for residual in photos.iter().flatten().filter(|r| r.white) {
-        match places.iter_mut().find(|(at, _)| at.distance_squared(residual.board_mm) < 1e-6) {
-            Some((_, logs)) => logs.push(residual.log),
-            None => places.push((residual.board_mm, vec![residual.log])),
+/// Places of the board that are brighter than the flash explains in all photographs, in part at least.
+fn lit_places(
+    target: &Target,
+    photos: &[Vec<Residual>],
+    views: &[(Pose, &Squares)],
+    known: &Photometry,
+) -> Option<LitPlaces> {
+    let mut places: Vec<(DVec2, Vec<[f64; 2]>)> = Vec::new();
+    let mut add = |board_mm: DVec2, logs: [f64; 2]| match places
+        .iter_mut()
+        .find(|(at, _)| at.distance_squared(board_mm) < 1e-6)
+    {
+        Some((_, all)) => all.push(logs),
+        None => places.push((board_mm, vec![logs])),
+    };
+    for (i, (photo, view)) in photos.iter().zip(views).enumerate() {
+        photo.iter().filter(|r| r.white).for_each(|r| add(r.board_mm, [r.log; 2]));
+        let lit = Lit::new(target, known, i, view);
+        for spread in view.1.uneven.iter().filter(|s| s.white) {
+            add(spread.board_mm, lit.log_range(spread));
+        }
+        // What is clipped is as bright as this at least, and says nothing where that is expected.
+        for spread in view.1.clipped.iter().filter(|s| s.white) {
+            let range = lit.log_range(spread);
+            if range[0] > PLACE_LOG {
+                add(spread.board_mm, range);
+            }
         }
     }
     let seen: Vec<_> = places.iter().filter(|(_, logs)| logs.len() >= PLACE_PHOTOS).collect();
@@ -201,16 +268,18 @@ fn lit_places(photos: &[Vec<Residual>]) -> Option<LitPlaces> {
         .iter()
         .filter_map(|(at, logs)| {
             let count = logs.len() as f64;
-            let mean = logs.iter().sum::<f64>() / count;
-            let variance = logs.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
-            let least = logs.iter().copied().fold(f64::INFINITY, f64::min);
-            let clear = mean > PLACE_LOG.max(PLACE_SIGMAS * (variance / count).sqrt());
-            (clear && least > 0.0).then_some((*at, mean))
+            let [low, high] = [0, 1].map(|k| logs.iter().map(|log| log[k]).sum::<f64>() / count);
+            let variance =
+                logs.iter().map(|log| (log[1] - high).powi(2)).sum::<f64>() / (count - 1.0);
+            let least = logs.iter().map(|log| log[1]).fold(f64::INFINITY, f64::min);
+            let clear = high > PLACE_LOG.max(PLACE_SIGMAS * (variance / count).sqrt());
+            // What is also darker is dirt, or a part of the sample.
+            (clear && least > 0.0 && low > -PLACE_LOG).then_some((*at, high))
         })
         .collect();
     let share = lit.len() as f64 / seen.len().max(1) as f64;
     let middle = lit.iter().map(|(at, _)| *at).sum::<DVec2>() / lit.len().max(1) as f64;
-    let ratio = median(lit.iter().map(|(_, mean)| *mean).collect())?.exp();
+    let ratio = median(lit.iter().map(|(_, high)| *high).collect())?.exp();
     (share > PLACE_SHARE && lit.len() > 1).then_some(LitPlaces { share, ratio, board_mm: middle })
 }
 
@@ -280,7 +349,7 @@ fn glare(photos: &[Vec<Residual>], views: &[(Pose, &Squares)], known: &Photometr
         let shot = Shot { pose: *pose, turned: known.turned[i] };
         let light = pose.to_board(shot.offset(known.flash_offset_mm));
         let eye = pose.camera_centre();
-        squares.uneven_mm.iter().for_each(|at| count(half_deg(light, eye, *at), true));
+        squares.uneven.iter().for_each(|s| count(half_deg(light, eye, s.board_mm), true));
     }
     let [near, far] = [near, far].map(|[all, odd]| (odd, odd / f64::max(all, 1.0)));
     (near.0 >= GLARE_MIN && near.1 > GLARE_SHARE && far.1 < GLARE_ELSEWHERE * near.1)

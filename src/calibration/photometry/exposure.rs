@@ -16,8 +16,20 @@ const FREE: f64 = 1.0;
 const DOUBTFUL_GAIN: f64 = 3.0;
 const DOUBTFUL_OFFSET: f64 = 1.5;
 
-/// The light, exposures being as stated unless photographs outvote that.
-pub(super) fn solve(samples: &[Sample], shots: &[Shot], problem: &Problem) -> Solution {
+/// The light, exposures being as stated unless photographs outvote that. It is looked for from what is expected, and from
+/// `start`.
+pub(super) fn solve(
+    samples: &[Sample],
+    shots: &[Shot],
+    problem: &Problem,
+    start: Option<&DVector<f64>>,
+) -> Solution {
+    let expected = outvoted(samples, shots, problem);
+    let Some(start) = start else { return expected };
+    likelier(samples, shots, problem, expected, fit::solve(samples, shots, problem, Some(start)))
+}
+
+fn outvoted(samples: &[Sample], shots: &[Shot], problem: &Problem) -> Solution {
     let stated = fit::solve(samples, shots, problem, None);
     if shots.len() < 2 || !is_doubtful(&stated, problem) {
         return stated;
@@ -26,9 +38,20 @@ pub(super) fn solve(samples: &[Sample], shots: &[Shot], problem: &Problem) -> So
     let free = fit::solve(samples, shots, &free, None);
     let start = with_most_as_stated(&free.theta, shots.len(), problem.gain_width);
     let outvoted = fit::solve(samples, shots, problem, Some(&start));
-    let sigma = stated.sigma.min(outvoted.sigma);
+    likelier(samples, shots, problem, stated, outvoted)
+}
+
+/// Of two solutions of a problem.
+fn likelier(
+    samples: &[Sample],
+    shots: &[Shot],
+    problem: &Problem,
+    one: Solution,
+    other: Solution,
+) -> Solution {
+    let sigma = one.sigma.min(other.sigma);
     let misfit = |solution| fit::misfit(samples, shots, problem, solution, sigma);
-    if misfit(&outvoted) < misfit(&stated) { outvoted } else { stated }
+    if misfit(&other) < misfit(&one) { other } else { one }
 }
 
 fn is_doubtful(solution: &Solution, problem: &Problem) -> bool {

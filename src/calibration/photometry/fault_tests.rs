@@ -56,9 +56,11 @@ fn scaled(photo: &Photo, factor: impl Fn(f64, f64) -> f64) -> Photo {
 #[test]
 fn brightness_is_not_taken_for_the_place_of_the_flash() {
     let halves = |i: usize| if i < 2 { 0.5 } else { 1.0 };
+    let quarters = |i: usize| if i > 2 { 0.25 } else { 1.0 };
     let random = |i: usize| [0.5, 0.9, 0.42, 0.75, 1.0, 0.6][i];
-    for gain in [&halves as &dyn Fn(usize) -> f64, &random] {
+    for gain in [&halves as &dyn Fn(usize) -> f64, &quarters, &random] {
         let (known, _) = told(|_| Truth::new(), |i, photo| scaled(photo, |_, _| gain(i)));
+        assert!(known.tone.is_identity(), "{:?}", known.tone);
         let off = known.flash_offset_mm.distance(Truth::new().offset);
         // The fall-off inside six photographs: as `an_unknown_flash_offset_is_found_and_its_error_covered`.
         assert!(off < 2.0, "{off} mm: {:?}", known.flash_offset_mm);
@@ -126,6 +128,30 @@ fn a_veil_is_told_from_a_tone_curve_and_from_room_light() {
     }
 }
 
+/// Cameras even out brightness over surroundings of any width; room light looks a little like that.
+#[test]
+fn local_tone_mapping_is_told_from_a_tone_curve_and_from_room_light() {
+    for scale in 0..Surround::SCALES.len() {
+        for exponent in [0.1, 0.3] {
+            let mapped = |_: usize, photo: &Photo| {
+                let around = &Surround::at_scales(photo)[scale];
+                let w = photo.width() as usize;
+                let mut rgb = photo.to_linear();
+                for (i, v) in rgb.iter_mut().enumerate() {
+                    let (x, y) = ((i / 3 % w) as f32, (i / 3 / w) as f32);
+                    *v *= (around.at(x, y).iter().sum::<f32>() / 1.5).powf(-exponent);
+                }
+                Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0)
+                    .unwrap()
+            };
+            let (known, _) = told(|_| Truth::new(), mapped);
+            let what = format!("{scale} {exponent}: {known:?}");
+            assert!(known.tone.is_identity() && known.ambient.iter().all(|v| *v < 0.03), "{what}");
+            assert!((known.local_tone / f64::from(exponent) - 1.0).abs() < 0.4, "{what}");
+        }
+    }
+}
+
 #[test]
 fn stripes_of_a_flickering_light_are_found() {
     for (amplitude, period) in [(0.3, 300.0), (0.1, 120.0), (0.2, 60.0)] {
@@ -169,10 +195,16 @@ fn a_light_that_stands_still_is_found() {
     }
 }
 
-/// Sun on a part of the board, and of the sample beside it, in every photograph.
+/// Sun on a part of the board, and of the sample beside it, in every photograph: on whole squares, on parts of
+/// squares, and so bright that it saturates.
 #[test]
 fn light_on_a_place_of_the_board_is_found() {
-    for (from, to, sun) in [(20.0, 45.0, 0.4), (-70.0, -30.0, 0.15)] {
+    for (from, to, sun, full) in [
+        (20.0, 45.0, 0.4, 9.0),
+        (-70.0, -30.0, 0.15, 9.0),
+        (29.0, 40.0, 0.4, 9.0),
+        (20.0, 45.0, 2.0, 0.95),
+    ] {
         let lit = |i: usize, photo: &Photo| {
             let (pose, camera) = (many()[i], camera());
             let eye = pose.camera_centre();
@@ -187,7 +219,8 @@ fn light_on_a_place_of_the_board_is_found() {
                     rgb[3 * k..3 * k + 3].iter_mut().for_each(|v| *v *= (1.0 + sun / flash) as f32);
                 }
             }
-            Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0).unwrap()
+            rgb.iter_mut().for_each(|v| *v = v.min(full));
+            Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), full).unwrap()
         };
         let (_, found) = told(|_| Truth::new(), lit);
         let place = found.lit_places.unwrap_or_else(|| panic!("{from} to {to}: {found:?}"));

@@ -59,8 +59,8 @@ pub(super) struct Solution {
     pub log_gain: Vec<[f64; 2]>,
     /// Share of a veil, and its standard deviation.
     pub veil: [f64; 2],
-    /// Exponent by which places are darkened whose surroundings are bright.
-    pub local_tone: f64,
+    /// Exponent by which places are darkened whose surroundings are bright, and its standard deviation.
+    pub local_tone: [f64; 2],
     pub offset_mm: DVec3,
     pub offset_sigma_mm: DVec3,
     /// True over nominal albedo of black squares.
@@ -365,7 +365,7 @@ impl<'a> Fit<'a> {
             log_scale: frames.clone().map(log_scale).collect(),
             log_gain: frames.clone().map(log_gain).collect(),
             veil: [theta[VEIL], spread(VEIL)],
-            local_tone: theta[LOCAL],
+            local_tone: [theta[LOCAL], spread(LOCAL)],
             black_ratio: three(BLACK).map(f64::exp),
             tone: three(TONE),
             tone_covariance: std::array::from_fn(|i| std::array::from_fn(|j| free(i, j))),

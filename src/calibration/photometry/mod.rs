@@ -41,7 +41,7 @@ use glam::DVec3;
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::Photo;
+use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 
 use light::Light;
@@ -257,10 +257,11 @@ impl PhotometricCalibrator {
         let camera = frame.pose.camera_centre();
         let exposure = f64::from(frame.squares.exposure);
         let (white_albedo, black_albedo) = (self.target.white_albedo, self.target.black_albedo);
-        let log_surround = |surround: &[f64; 3]| surround.iter().sum::<f64>().max(1e-9).ln();
-        let around = frame.squares.squares.iter();
-        let around = around.map(|s| log_surround(&s.surround.map(f64::from)));
-        let middle = around.sum::<f64>() / frame.squares.squares.len().max(1) as f64;
+        let log_around = |square: &Square| square.around.map(|v| f64::from(v).max(1e-9).ln());
+        let count = frame.squares.squares.len().max(1) as f64;
+        let means: [f64; Surround::SCALES.len()] = std::array::from_fn(|k| {
+            frame.squares.squares.iter().map(|s| log_around(s)[k]).sum::<f64>() / count
+        });
         let sample = move |square: &Square, ink: Ink, albedo: f64| {
             let board_mm = square.board_mm.extend(0.0);
             let half = (light - board_mm).normalize() + (camera - board_mm).normalize();
@@ -270,6 +271,8 @@ impl PhotometricCalibrator {
                 * if ink == Ink::None { 1.0 } else { INK_SIGMA };
             let value = square.value.map(|v| v.map(f64::from));
             let surround = square.surround.map(f64::from);
+            let log_around = log_around(square);
+            let log_surround = std::array::from_fn(|k| log_around[k] - means[k]);
             (0..3).filter_map(move |channel| {
                 let value = value[channel]?;
                 Some(Sample {
@@ -281,7 +284,7 @@ impl PhotometricCalibrator {
                     board_mm,
                     sigma,
                     surround: surround[channel] / albedo,
-                    log_surround: log_surround(&surround) - middle,
+                    log_surround,
                 })
             })
         };
@@ -357,7 +360,7 @@ impl PhotometricCalibrator {
             turned: shots.iter().map(|shot| shot.turned).collect(),
             veil: solution.veil[0],
             veil_sigma: solution.veil[1],
-            local_tone: solution.local_tone,
+            local_tone: solution.local_tone[0],
             black_ratio: solution.black_ratio,
             sigma: solution.sigma,
             photo_sigma: solution.photo_sigma,

@@ -4,7 +4,7 @@ use glam::DVec3;
 use nalgebra::DVector;
 
 use super::lobe::Lobe;
-use crate::frame::{Lift, LogCurve, ToneCurve};
+use crate::frame::{Lift, LogCurve, Surround, ToneCurve};
 use crate::geometry::Pose;
 
 /// Index of parameters; the scales of the photos follow, three each.
@@ -68,8 +68,8 @@ pub(super) struct Sample {
     pub sigma: f64,
     /// What the photograph shows far round the square, in the units of the value; 0: unknown.
     pub surround: f64,
-    /// Logarithm of that relative to the photograph's middle.
-    pub log_surround: f64,
+    /// Logarithm of what it shows round the square at each scale, relative to the photograph's mean of that.
+    pub log_surround: [f64; Surround::SCALES.len()],
 }
 
 /// What is estimated and how firmly.
@@ -94,6 +94,8 @@ pub(super) struct Problem {
     /// Standard deviation of the prior of the exponent by which places are darkened whose surroundings are bright;
     /// zero fixes it at 0.
     pub local_sigma: f64,
+    /// Which of the scales those surroundings have.
+    pub local_scale: usize,
     /// Standard deviation below the mean of the exponents of lens and flash.
     pub exponent_sigma_below: f64,
 }
@@ -111,6 +113,7 @@ impl Default for Problem {
             gain_width: 0.02,
             veil_sigma: 0.0,
             local_sigma: 0.0,
+            local_scale: 0,
             exponent_sigma_below: 2.0,
         }
     }
@@ -129,9 +132,9 @@ impl Problem {
         Self { tone_sigma: TONE_SIGMA, ..*self }
     }
 
-    /// The same where the camera may have mapped tones of each place by its surroundings.
-    pub fn with_local_tone(&self) -> Self {
-        Self { local_sigma: LOCAL_SIGMA, ..*self }
+    /// The same where the camera may have mapped tones of each place by its surroundings of a scale.
+    pub fn with_local_tone(&self, local_scale: usize) -> Self {
+        Self { local_sigma: LOCAL_SIGMA, local_scale, ..*self }
     }
 
     /// The same where the lens may be dirty.
@@ -245,7 +248,7 @@ impl<'a> Model<'a> {
         };
         let model = theta[LOG_SCALE + c] + theta[frame] + inked * theta[ink] + total.ln()
             - u * (theta[EXPONENT] + u * theta[CURVATURE])
-            - theta[LOCAL] * sample.log_surround;
+            - theta[LOCAL] * sample.log_surround[problem.local_scale];
         let by_pattern = share * live / pattern;
         let by_offset = share * (by_light / g - theta[LOBE] * u_by_light)
             + by_pattern * (theta[PATTERN] * along_by + theta[PATTERN + 1] * across_by);
@@ -265,7 +268,7 @@ impl<'a> Model<'a> {
                 (PATTERN, by_pattern * along),
                 (PATTERN + 1, by_pattern * across),
                 (frame, 1.0),
-                (LOCAL, -sample.log_surround),
+                (LOCAL, -sample.log_surround[problem.local_scale]),
                 (VEIL, 0.0),
                 (TONE, 0.0),
                 (TONE + 1, 0.0),
@@ -344,6 +347,7 @@ mod tests {
                 tone_sigma,
                 veil_sigma,
                 local_sigma: 0.1,
+                local_scale: 2,
                 ..Problem::default()
             };
             let at = |theta: &DVector<f64>, log_value| {
@@ -359,7 +363,7 @@ mod tests {
                     board_mm,
                     sigma,
                     surround,
-                    log_surround: 0.3,
+                    log_surround: [0.2, 0.3, 0.4],
                 };
                 Model::new(&shots, &problem, theta).residual(&sample).unwrap()
             };

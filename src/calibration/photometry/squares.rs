@@ -50,6 +50,20 @@ pub struct Square {
     pub value: [Option<f32>; 3],
     /// What the photograph shows far round it, in the same units.
     pub surround: [f32; 3],
+    /// The same at each of the widths by which cameras map tones, sum of the channels.
+    pub around: [f32; Surround::SCALES.len()],
+}
+
+/// A square without one value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Whether it is white.
+    pub white: bool,
+    /// Centre of the square, mm, board frame (z = 0).
+    pub board_mm: DVec2,
+    /// Low and high linear values (deciles) divided by the photo's exposure, per channel; where all is clipped, the
+    /// level of that.
+    pub range: [[f32; 3]; 2],
 }
 
 /// The squares of one photograph.
@@ -68,8 +82,10 @@ pub struct Squares {
     pub clipped_share: f32,
     /// Share of the visible black squares that have no value above 0.
     pub void_share: f32,
-    /// Centres of squares that are not plain, mm, board frame: a shadow's edge, glare, dirt, a finger.
-    pub uneven_mm: Vec<DVec2>,
+    /// Squares that are not plain: a shadow's edge, glare, dirt, a finger.
+    pub uneven: Vec<Spread>,
+    /// Squares that are clipped in all channels.
+    pub clipped: Vec<Spread>,
 }
 
 impl Squares {
@@ -80,12 +96,15 @@ impl Squares {
             square.board_mm.is_finite()
                 && square.px.is_finite()
                 && square.value.iter().flatten().all(is_positive)
-                && square.surround.iter().all(|v| v.is_finite())
+                && square.surround.iter().chain(&square.around).all(|v| v.is_finite())
+        };
+        let is_spread = |spread: &Spread| {
+            spread.board_mm.is_finite() && spread.range.iter().flatten().all(|v| v.is_finite())
         };
         is_positive(&self.exposure)
             && self.clipped_share.is_finite()
             && self.void_share.is_finite()
-            && self.uneven_mm.iter().all(|p| p.is_finite())
+            && self.uneven.iter().chain(&self.clipped).all(is_spread)
             && self.squares.iter().chain(&self.gray).all(is_square)
     }
 
@@ -129,10 +148,15 @@ impl Squares {
         pose: &Pose,
     ) -> Result<Self, Rejection> {
         let mut scratch = Scratch::default();
-        let surround = Surround::of(photo);
-        let around =
-            |px: DVec2| surround.at(px.x as f32, px.y as f32).map(|v| v / photo.exposure());
-        let (mut squares, mut levels, mut uneven_mm) = (Vec::new(), Vec::new(), Vec::new());
+        let surrounds = Surround::at_scales(photo);
+        let around = |px: DVec2| {
+            surrounds
+                .each_ref()
+                .map(|s| s.at(px.x as f32, px.y as f32))
+                .map(|rgb| rgb.map(|v| v / photo.exposure()))
+        };
+        let (mut squares, mut levels) = (Vec::new(), Vec::new());
+        let (mut uneven, mut lost) = (Vec::new(), Vec::new());
         let (mut visible, mut clipped, mut black, mut void) = (0_usize, 0, 0, 0);
         for row in 0..i64::from(target.rows) {
             for col in 0..i64::from(target.cols) {
@@ -151,7 +175,7 @@ impl Squares {
                 black += usize::from(!white);
                 void += usize::from(!white && scratch.is_void());
                 let Some(measured) = scratch.channels(photo.saturation(), place.quantile) else {
-                    uneven_mm.push(place.centre);
+                    uneven.push(scratch.spread(white, place.centre, photo.exposure()));
                     continue;
                 };
                 clipped += usize::from(white && measured.clipped);
@@ -160,8 +184,15 @@ impl Squares {
                 }
                 if measured.value.iter().any(Option::is_some) {
                     let value = measured.value.map(|v| v.map(|v| v / photo.exposure()));
-                    let (board_mm, px) = (place.centre, place.px);
-                    squares.push(Square { white, board_mm, px, value, surround: around(px) });
+                    squares.push(Square::new(
+                        white,
+                        place.centre,
+                        place.px,
+                        value,
+                        around(place.px),
+                    ));
+                } else {
+                    lost.push(scratch.spread(white, place.centre, photo.exposure()));
                 }
             }
         }
@@ -184,7 +215,22 @@ impl Squares {
         let gray = gray_patch(photo, target, camera, pose, around);
         let patches = patches.map(|each| each.map(|value| value.map(|v| v as f32)));
         let exposure = photo.exposure();
-        Ok(Self { squares, gray, patches, exposure, clipped_share, void_share, uneven_mm })
+        let clipped = lost;
+        Ok(Self { squares, gray, patches, exposure, clipped_share, void_share, uneven, clipped })
+    }
+}
+
+impl Square {
+    fn new(
+        white: bool,
+        board_mm: DVec2,
+        px: DVec2,
+        value: [Option<f32>; 3],
+        surrounds: [[f32; 3]; Surround::SCALES.len()],
+    ) -> Self {
+        let [_, surround, _] = surrounds;
+        let around = surrounds.map(|rgb| rgb.iter().sum());
+        Self { white, board_mm, px, value, surround, around }
     }
 }
 
@@ -216,14 +262,14 @@ fn gray_patch(
     target: &Target,
     camera: &Camera,
     pose: &Pose,
-    around: impl Fn(DVec2) -> [f32; 3],
+    around: impl Fn(DVec2) -> [[f32; 3]; Surround::SCALES.len()],
 ) -> Option<Square> {
     let [_, gray, _] = target.patches.then(|| target.patches())?;
     let value = patch_value(photo, camera, pose, &gray)?;
     let value = value.map(|v| (v > 0.0).then(|| (v / f64::from(photo.exposure())) as f32));
     let board_mm = gray.centre_mm;
     let px = camera.project(pose.transform(board_mm.extend(0.0)))?;
-    Some(Square { white: false, board_mm, px, value, surround: around(px) })
+    Some(Square::new(false, board_mm, px, value, around(px)))
 }
 
 /// Mean stored values of the black, the gray and the white patch in linear light; `None` where they
@@ -401,6 +447,13 @@ impl Scratch {
                 }
             }
         }
+    }
+
+    /// What [`Self::channels`] has no value of.
+    fn spread(&self, white: bool, board_mm: DVec2, exposure: f32) -> Spread {
+        let at = |list: &Vec<f32>, q: f32| list[((list.len() - 1) as f32 * q).round() as usize];
+        let range = [0.1, 0.9].map(|q| self.values.each_ref().map(|list| at(list, q) / exposure));
+        Spread { white, board_mm, range }
     }
 
     /// Whether most values are 0 in some channel.

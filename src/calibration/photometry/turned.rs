@@ -27,7 +27,7 @@ pub(super) fn find(
     let turned = divided(&wishes)?;
     let turn = |(shot, turned): (&Shot, &bool)| Shot { turned: shot.turned ^ *turned, ..*shot };
     let with: Vec<Shot> = shots.iter().zip(&turned).map(turn).collect();
-    let other = exposure::solve(samples, &with, problem);
+    let other = exposure::solve(samples, &with, problem, None);
     let sigma = other.sigma;
     let before = fit::misfit(samples, shots, problem, light, sigma);
     let after = fit::misfit(samples, &with, problem, &other, sigma);

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::light::clamped;
-use super::parameters::Shared;
+use super::parameters::{Parameter, Shared};
 use super::sample::{Photograph, Sample};
 use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
@@ -55,13 +55,15 @@ pub(in crate::estimate) struct Problem {
 }
 
 impl Problem {
-    /// Texels at the prior mean of their groups, the correction as given.
+    /// Texels at the prior mean of their groups, optional lobes at theirs, the correction as given.
     pub fn start(&self, correction: Correction) -> State {
         let deviations = vec![[0.0; CHANNELS]; self.sample.texels()];
         let mut state =
             State { deviations, groups: self.groups.mean.clone(), correction, lobes: None };
         for shared in &self.shared {
-            shared.parameter.set(&mut state, shared.mean);
+            if matches!(shared.parameter, Parameter::Lobe(_)) {
+                shared.parameter.set(&mut state, shared.mean);
+            }
         }
         state
     }

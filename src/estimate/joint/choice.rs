@@ -99,7 +99,7 @@ impl PriorChoice {
     }
 
     /// Goes on with the priors that have the optional lobes that predict; the first of them has predicted.
-    fn choose_lobes(&mut self) {
+    pub(super) fn choose_lobes(&mut self) {
         let weights: Vec<f64> = self.candidates().map(|c| self.weight(self.sum(c))).collect();
         let total: f64 = weights.iter().sum();
         let share = |has: fn(&JointPrior) -> bool| {

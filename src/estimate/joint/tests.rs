@@ -3,7 +3,7 @@ use crate::estimate::correction::Exposure;
 use crate::estimate::options::EstimateOptions;
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
-use crate::svbrdf::{CHANNELS, channel};
+use crate::svbrdf::{CHANNELS, NO_LOBES, channel, lobe};
 use crate::test_support::{photograph, view_from};
 
 const SIDE: usize = 32;
@@ -158,7 +158,36 @@ fn learned_slopes_are_taken_where_they_predict() {
 
 fn undone() -> PriorChoice {
     let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
-    PriorChoice::new(&flat, &material(0.0), true, &options())
+    let mut choice = PriorChoice::new(&flat, &material(0.0), true, &options());
+    choice.choose_lobes();
+    choice
+}
+
+/// Photographs of brushed, or coated, material show which lobe it has, and those of neither that it has none.
+#[test]
+fn optional_lobes_are_chosen_where_they_predict_and_found() {
+    let (brushed, coated) = ([0.8, -0.6, 0.0, 0.2], [0.0, 0.0, 1.0, 0.15]);
+    for (seed, lobes) in [None, Some(brushed), Some(coated)].into_iter().enumerate() {
+        let mut truth = material(0.0);
+        let planes = lobes.iter().flatten().flat_map(|v| [*v as f32; SIDE * SIDE]);
+        truth.set_lobes(planes.collect()).unwrap();
+        let mut photographs = photographs(&truth, 5, &planted(), 0.02);
+        let prior = chosen(&photographs, &material(0.0));
+        let expected = [lobes == Some(brushed), lobes == Some(coated)];
+        assert_eq!([prior.anisotropic, prior.coated], expected, "{seed}: {prior:?}");
+        let found = fit(&mut photographs, prior, true).mean;
+        let value = |i: usize| found.lobe(i).map_or(NO_LOBES[i] as f32, |plane| plane[0]);
+        for (i, expected) in lobes.unwrap_or(NO_LOBES).into_iter().enumerate() {
+            // Where there is no coat its roughness means nothing.
+            if i != lobe::COAT_ROUGHNESS || lobes == Some(coated) {
+                assert!(
+                    (f64::from(value(i)) - expected).abs() < 0.1,
+                    "{i}: {} {expected}",
+                    value(i)
+                );
+            }
+        }
+    }
 }
 
 /// Candidates that predict alike have a mean; one that predicts far better is taken as it is.
@@ -172,7 +201,7 @@ fn the_prior_is_a_mean_weighted_by_predictions() {
     let mean = (slopes / candidates.len() as f64).exp();
     let found = choice.chosen().unwrap();
     assert!((found.slope / mean - 1.0).abs() < 1e-9);
-    assert!((found.relief - 4.0 / 5.0).abs() < 1e-9, "{found:?}");
+    assert!((found.relief - 3.0 / 4.0).abs() < 1e-9, "{found:?}");
     let (folds, better) = (choice.folds.len(), 2);
     choice.errors[better * folds..][..folds].fill(0.004);
     let found = choice.chosen().unwrap();

@@ -3,8 +3,7 @@
 use super::gains;
 use crate::estimate::adam::Adam;
 use crate::estimate::options::LatentOptions;
-use crate::initial_estimate::{Networks, encoded_maps};
-use crate::network::Workspace;
+use crate::networks::{Networks, Workspace, encoded_maps};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;

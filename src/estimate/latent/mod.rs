@@ -26,7 +26,7 @@ use std::sync::Arc;
 use super::options::LatentOptions;
 use super::photographs::{Photographs, chosen};
 use super::prior::{coordinates, from_coordinate};
-use crate::initial_estimate::{CODE_TEXELS, Networks};
+use crate::networks::{CODE_TEXELS, Networks};
 use crate::observation::Observation;
 use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};

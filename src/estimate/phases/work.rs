@@ -8,7 +8,7 @@ use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::relief::FitRecord;
 use crate::estimate::task::{Cut, Task};
-use crate::initial_estimate::Networks;
+use crate::networks::Networks;
 
 /// What a fit is doing for its user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -24,7 +24,7 @@ use crate::estimate::options::{EstimateOptions, ReliefOptions};
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, Covariance, covariance};
 use crate::estimate::prior::{Prior, coordinates, from_coordinate, to_coordinate};
-use crate::initial_estimate::{COMPLETION_CHANNELS, Networks};
+use crate::networks::{COMPLETION_CHANNELS, Networks};
 use crate::parallel;
 use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};

@@ -93,7 +93,7 @@ fn coordinates_move_and_albedos_follow_by_their_roots() {
 
 #[test]
 fn features_of_a_turned_sample_are_turned() {
-    use crate::initial_estimate::{COMPLETION_ODD, MAPS_ODD, half_turn};
+    use crate::networks::{COMPLETION_ODD, MAPS_ODD, half_turn};
     let truth = truth();
     let belief = fitted(&truth).0;
     let turned = |maps: &Svbrdf| {

@@ -326,7 +326,8 @@ mod tests {
             exposure: 1.0,
             clipped_share: 0.0,
             void_share: 0.0,
-            uneven_mm: Vec::new(),
+            uneven: Vec::new(),
+            clipped: Vec::new(),
         };
         let prior = CameraPrior::around(*camera);
         let measured = Measured { corners: Vec::new(), prior, squares };

@@ -4,6 +4,10 @@
 //! over a sample, details of two photographs `i`, `j` have the covariance `a² + s² t_i . t_j`, with `t` the
 //! horizontal part of the light's direction, whatever the sample, if it is the same texels that both show. Of
 //! other texels they have none. The labels are looked for that explain the correlations of all pairs best.
+//!
+//! Contrast that changes with the angle (bare metal beside paint) divides photographs as well: steep views correlate with
+//! oblique ones now more, now less, even negatively. Hence two groups must show that they do not see the same
+//! texels: nothing correlates between them, or everything does once one group is shifted.
 
 use crate::observation::Observation;
 use crate::parallel;
@@ -18,6 +22,13 @@ const LEFT: f64 = 0.4;
 /// Correlations inside groups, at least, and those between them in relation to these, at most.
 const INSIDE: f64 = 0.15;
 const BETWEEN: f64 = 0.45;
+/// Correlations between groups that are none, root mean square in relation to those inside.
+const NOTHING: f64 = 0.2;
+/// Shifts that are tried, part of the sample's side, in steps that the first look takes, texels; and the correlation
+/// that the right one restores, in relation to those inside.
+const SHIFT: f32 = 0.06;
+const STRIDE: usize = 3;
+const RESTORED: f64 = 0.6;
 /// Radius of what counts as detail, part of the sample's side.
 const DETAIL: f32 = 0.03;
 /// Half vectors nearer to the normal show a highlight, which is no albedo, degrees.
@@ -64,7 +75,10 @@ pub(super) fn find(photographs: &[Observation]) -> Option<Group> {
     let inside = [0, 1].map(|group| mean(&|[a, b]| a == group && b == group));
     let inside = inside[0]?.min(inside[1]?);
     let between = mean(&|[a, b]| a != b)?;
-    let divided = left < LEFT * whole && inside > INSIDE && between < BETWEEN * inside;
+    let divided = left < LEFT * whole
+        && inside > INSIDE
+        && between < BETWEEN * inside
+        && are_other_texels(&details, &pairs, mask, inside);
     let members = (0..n).filter(|i| mask >> i & 1 == 1);
     let others = (0..n).filter(|i| mask >> i & 1 == 0);
     let smaller = 2 * (mask.count_ones() as usize) < n
@@ -85,6 +99,35 @@ impl Pair {
         let [a, b] = self.members.map(|i| mask >> i & 1);
         a == b
     }
+}
+
+/// Whether the photographs of two groups, inside which details correlate so, show other texels.
+fn are_other_texels(details: &[Detail], pairs: &[Pair], mask: u64, inside: f64) -> bool {
+    let between = || pairs.iter().filter(|p| !p.is_inside(mask));
+    let count = between().count().max(1) as f64;
+    let square = between().map(|p| p.correlation * p.correlation).sum::<f64>() / count;
+    if square.sqrt() < NOTHING * inside {
+        return true;
+    }
+    // Lights from about the same direction show the same detail.
+    let apart = |p: &&Pair| {
+        let [a, b] = p.members.map(|i| details[i].towards_light);
+        (a[0] - b[0]).hypot(a[1] - b[1])
+    };
+    let nearest = between().min_by(|p, q| apart(p).total_cmp(&apart(q)));
+    let Some([a, b]) = nearest.map(|p| p.members.map(|i| &details[i])) else { return false };
+    let reach = (SHIFT * a.width as f32).ceil() as isize;
+    let rows: Vec<isize> = (-reach..=reach).collect();
+    let best = parallel::map(rows.len(), |i| {
+        let tried = (-reach..=reach).filter_map(|x| {
+            let shift = [x, rows[i]];
+            Some((correlation_shifted(a, b, shift, STRIDE)?, shift))
+        });
+        tried.max_by(|a, b| a.0.total_cmp(&b.0))
+    });
+    let best = best.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0));
+    let restored = best.and_then(|(_, shift)| correlation_shifted(a, b, shift, 1));
+    restored.is_some_and(|correlation| correlation > RESTORED * inside)
 }
 
 /// Mean square of what albedo and slopes leave of the correlations, those between groups being none.
@@ -114,6 +157,8 @@ fn misfit(pairs: &[Pair], mask: u64) -> f64 {
 struct Detail {
     /// Log radiance less its mean around; `None` where a highlight is, or nothing is seen.
     values: Vec<Option<f32>>,
+    /// Texels along the horizontal side.
+    width: usize,
     /// Horizontal part of the direction of the light over its vertical part.
     towards_light: [f32; 2],
 }
@@ -136,8 +181,10 @@ impl Detail {
             let (a, b) = (unit(view.camera_mm), unit(view.light_mm));
             let half: [f32; 3] = std::array::from_fn(|k| a[k] + b[k]);
             let glossy = half[2] > limit * half.iter().map(|v| v * v).sum::<f32>().sqrt();
-            let sum: f32 = (0..3).map(|c| photograph.radiance(c, t)).sum();
-            (!glossy && sum > 1e-4).then(|| sum.ln())
+            let values: [f32; 3] = std::array::from_fn(|c| photograph.radiance(c, t));
+            let sum: f32 = values.iter().sum();
+            let saturated = values.iter().any(|v| *v < 0.0);
+            (!glossy && !saturated && sum > 1e-4).then(|| sum.ln())
         };
         let logs: Vec<Option<f32>> = (0..w * h).map(log).collect();
         let radius = (DETAIL * w.max(h) as f32).ceil() as usize;
@@ -145,7 +192,7 @@ impl Detail {
         let values =
             logs.iter().zip(means).map(|(v, mean)| v.zip(mean).map(|(v, m)| v - m)).collect();
         let [x, y, z] = view.light_mm;
-        Self { values, towards_light: [x / z, y / z] }
+        Self { values, width: w, towards_light: [x / z, y / z] }
     }
 }
 
@@ -177,12 +224,23 @@ fn box_means(values: &[Option<f32>], w: usize, h: usize, radius: usize) -> Vec<O
 
 /// `None` where too little is seen in both.
 fn correlation(a: &Detail, b: &Detail) -> Option<f64> {
+    correlation_shifted(a, b, [0, 0], 1)
+}
+
+/// The same with `b` shifted by so many texels; of every so-manyth texel of every row.
+fn correlation_shifted(a: &Detail, b: &Detail, [dx, dy]: [isize; 2], stride: usize) -> Option<f64> {
+    let (w, h) = (a.width, a.values.len() / a.width.max(1));
     let (mut ab, mut aa, mut bb, mut count) = (0.0_f64, 0.0, 0.0, 0);
-    for (a, b) in a.values.iter().zip(&b.values) {
-        if let (Some(a), Some(b)) = (a, b) {
-            // No speck of dust counts more than a texture.
-            let (a, b) = (f64::from(a.clamp(-0.5, 0.5)), f64::from(b.clamp(-0.5, 0.5)));
-            (ab, aa, bb, count) = (ab + a * b, aa + a * a, bb + b * b, count + 1);
+    for y in 0..h {
+        let Some(from) = y.checked_add_signed(dy).filter(|y| *y < h) else { continue };
+        // Rows begin at different places, lest a texture of columns be seen in some only.
+        for x in (y % stride..w).step_by(stride) {
+            let Some(other) = x.checked_add_signed(dx).filter(|x| *x < w) else { continue };
+            if let (Some(a), Some(b)) = (a.values[y * w + x], b.values[from * w + other]) {
+                // No speck of dust counts more than a texture.
+                let (a, b) = (f64::from(a.clamp(-0.5, 0.5)), f64::from(b.clamp(-0.5, 0.5)));
+                (ab, aa, bb, count) = (ab + a * b, aa + a * a, bb + b * b, count + stride);
+            }
         }
     }
     (count >= SHARED && aa > 0.0 && bb > 0.0).then(|| ab / (aa * bb).sqrt())

@@ -28,7 +28,9 @@ pub(super) fn tell(board: &Board, hints: &mut [Vec<Hint>]) {
         let others = photos.iter().map(|photo| photo.1);
         let edited = edited(squares, others, &board.target, &known.tone);
         let edited = edited.map(|[black, usual]| Hint::Edited { black, usual });
-        let stripes = light.stripes.map(|amplitude| Hint::Flickers { amplitude: amplitude as f32 });
+        // A stripe that stays on the board is no flicker.
+        let stripes = light.stripes.filter(|_| found.lit_places.is_none());
+        let stripes = stripes.map(|amplitude| Hint::Flickers { amplitude: amplitude as f32 });
         // Glare and a stretched contrast move black as a curve would.
         let curved = advice::linearity(squares, &board.target, known)
             .filter(|_| edited.is_none() && found.glare.is_none());

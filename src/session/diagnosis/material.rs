@@ -86,7 +86,8 @@ fn bins(maps: &Svbrdf, photograph: &Observation) -> [Bin; BINS] {
         let sum = |of: &dyn Fn(usize) -> f32| (0..3).map(of).sum::<f32>();
         let (measured, expected) =
             (sum(&|c| photograph.radiance(c, t)), sum(&|c| rendered[c * texels + t]));
-        if measured > 0.0 && expected > 0.0 {
+        let saturated = (0..3).any(|c| photograph.radiance(c, t) < 0.0);
+        if !saturated && measured > 0.0 && expected > 0.0 {
             let bin = &mut bins[((degrees / BIN_DEG) as usize).min(BINS - 1)];
             bin.count += 1.0;
             bin.sum += f64::from((measured / expected).ln().clamp(-1.0, 1.0));

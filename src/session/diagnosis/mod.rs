@@ -35,7 +35,7 @@ pub(super) fn of_capture(
     }
     let group = board.and_then(|_| groups::find(&photographs));
     fits::tell(board, maps, &photographs, fits, group, &mut all);
-    highlights::tell(&photographs, &mut all);
+    highlights::tell(maps, &photographs, &mut all);
     all
 }
 

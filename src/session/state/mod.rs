@@ -18,7 +18,7 @@ use super::fit::{Fit, Milestone};
 use super::settings::{Scene, Settings};
 use super::{RestoreOptions, Session, memory};
 use crate::estimate::{Budget, EstimateOptions, Estimation, Exposure};
-use crate::initial_estimate::Networks;
+use crate::networks::Networks;
 use crate::{Result, Svbrdf};
 
 /// Most threads a saved session may ask for.

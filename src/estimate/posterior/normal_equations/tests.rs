@@ -1,4 +1,5 @@
 use super::*;
+use crate::Svbrdf;
 use crate::estimate::noise::Noise;
 use crate::random::Random;
 use crate::simd::{Kernel, LANES, dispatch};
@@ -26,6 +27,7 @@ impl Kernel for Random12 {
             observations: &[],
             noise: [Noise { scale: 0.05, huber: 0.02 }; 3],
             precision: [100.0; CHANNELS],
+            lobes: &Svbrdf::new(1, 1),
         };
         let x = [V::splat(0.3); CHANNELS];
         let mut equations = NormalEquations::of_prior(&posterior, &x, &x);

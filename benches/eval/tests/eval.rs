@@ -1,11 +1,8 @@
 //! `svbrdf-eval` on captures made here and on the bundled one.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::{names, text};
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::export::{write_maps, write_png16_image};
@@ -13,12 +10,10 @@ use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
 use svbrdf::svbrdf::channel;
 
+const EVAL: &str = env!("CARGO_BIN_EXE_svbrdf-eval");
+
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_svbrdf-eval"))
-        .args(arguments)
-        .env_remove("SVBRDF_TEST_DATA")
-        .output()
-        .unwrap()
+    Command::new(EVAL).args(arguments).env_remove("SVBRDF_TEST_DATA").output().unwrap()
 }
 
 fn succeed(arguments: &[&str]) -> String {
@@ -35,13 +30,33 @@ fn fail(arguments: &[&str]) -> String {
     [output.stdout, output.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat()
 }
 
+/// Runs `svbrdf`, which `svbrdf-eval` too expects beside itself.
+fn svbrdf(arguments: &[&str]) {
+    let program = Path::new(EVAL).with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
+    assert!(program.is_file(), "cargo build --release --workspace --bin svbrdf comes first");
+    let output = Command::new(program).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Names in a folder, sorted.
+fn names(dir: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<_> = entries.map(|name| name.into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
 fn read_json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
 /// The demonstration capture, its first `frames` photographs only.
 fn bundled(dir: &Path, frames: usize) -> PathBuf {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/captures/tile");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/captures/tile");
     let capture = dir.join("tile");
     let mut description = read_json(&source.join("capture.json"));
     description["frames"].as_array_mut().unwrap().truncate(frames);
@@ -182,10 +197,6 @@ fn ideal_photographs_are_predicted_and_maps_kept() {
     let mut known = Svbrdf::new(96, 96);
     known.plane_mut(channel::SLOPE_X).fill(0.05);
     write_maps(&maps, &known).unwrap();
-    let svbrdf = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_svbrdf")).args(arguments).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    };
     let options = ["--frames", "3", "--held-out", "2", "--real", "--rectified", "--lobe", "coat"];
     svbrdf(&[&["simulate", text(&maps), "--out", text(&capture)], &options[..]].concat());
     let truth = read_json(&capture.join("truth/truth.json"));

@@ -36,9 +36,10 @@ pub struct Arguments {
 /// Materials taken from the folder: the first, one in the middle, the last of the selected.
 const MATERIALS: usize = 3;
 
-/// FNV-1a of 64 bits over the bits of all planes, little-endian.
+/// FNV-1a of 64 bits over the bits of all planes, those of the lobes last, little-endian.
 fn hash(maps: &Svbrdf) -> u64 {
-    fnv1a(maps.planes().iter().flat_map(|v| v.to_bits().to_le_bytes()))
+    let values = maps.planes().iter().chain(maps.lobes());
+    fnv1a(values.flat_map(|v| v.to_bits().to_le_bytes()))
 }
 
 /// Offset basis and prime are those of the published function.

@@ -1,10 +1,10 @@
-use super::test_vectors::{difference, test_vectors};
 use super::*;
 use crate::Error;
+use crate::networks::test_vectors::{difference, test_vectors};
 use crate::svbrdf::CHANNELS;
 
 const FILE: &[u8] = svbrdf_models::DECODER;
-const VECTORS: &[u8] = include_bytes!("../../models/decoder_test.bin");
+const VECTORS: &[u8] = include_bytes!("../../../models/decoder_test.bin");
 
 /// Reproducible values in [-1, 1].
 fn noise(length: usize, seed: u32) -> Vec<f32> {

@@ -18,17 +18,15 @@
 //! `depth_to_space`, `tanh`.
 
 mod container;
-mod decoder;
 mod gemm;
 mod graph;
 mod kernels;
+mod passes;
 mod texels;
 mod workspace;
 
 #[cfg(test)]
-pub(crate) mod test_vectors;
-#[cfg(test)]
 mod tests;
 
-pub use decoder::Decoder;
+pub use passes::Decoder;
 pub use workspace::Workspace;

@@ -1,6 +1,6 @@
 //! What the photo network sees of a photograph.
 
-use super::graph::MAX_TEXELS;
+use crate::networks::onnx::MAX_TEXELS;
 use crate::observation::{Falloff, LEAST_WEIGHT, Observation, View, unpack};
 use crate::parallel;
 use crate::svbrdf::bands;

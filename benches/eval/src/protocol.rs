@@ -8,7 +8,6 @@ use svbrdf::frame::Encoding;
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::random::Random;
 use svbrdf::render;
-use svbrdf::svbrdf::CHANNELS;
 use svbrdf::{Error, Result, Svbrdf};
 
 /// Which materials to photograph, and how.
@@ -184,13 +183,14 @@ pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
 
 /// A square of maps.
 pub fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
-    let mut planes = Vec::with_capacity(CHANNELS * side * side);
-    for c in 0..CHANNELS {
-        for row in maps.plane(c).chunks_exact(maps.width()).skip(top).take(side) {
-            planes.extend_from_slice(&row[left..left + side]);
-        }
-    }
-    Svbrdf::from_planes(side, side, planes)
+    let cut = |planes: &[f32]| -> Vec<f32> {
+        let planes = planes.chunks_exact(maps.texels());
+        let rows = planes.flat_map(|plane| plane.chunks_exact(maps.width()).skip(top).take(side));
+        rows.flat_map(|row| row[left..left + side].iter().copied()).collect()
+    };
+    let mut square = Svbrdf::from_planes(side, side, cut(maps.planes()))?;
+    square.set_lobes(cut(maps.lobes()))?;
+    Ok(square)
 }
 
 fn view(camera: [f32; 3], light: [f32; 3], gain: f32, ambient: f32) -> View {

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
 use svbrdf::estimate::EstimateOptions;
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::{Error, Result};
 
 use crate::streaming::Setup;

@@ -43,6 +43,14 @@ pub struct Differences {
     pub diffuse_delta_e: f64,
     /// Mean CIEDE2000 of the specular albedo.
     pub specular_delta_e: f64,
+    /// The two parameters of anisotropy, [`ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X) and
+    /// [`ANISOTROPY_Y`](crate::svbrdf::lobe::ANISOTROPY_Y); `None` unless both
+    /// materials are anisotropic. Roughness is the geometric mean of both directions then.
+    pub anisotropy: Option<f64>,
+    /// Weight of the coat; `None` unless both materials have one.
+    pub coat: Option<f64>,
+    /// Roughness of the coat, likewise.
+    pub coat_roughness: Option<f64>,
 }
 
 /// Compares maps of one size.
@@ -54,6 +62,10 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         let (found, expected) = ((a.width(), a.height()), (b.width(), b.height()));
         return Err(Error::argument("maps", format!("{found:?} texels, {expected:?} expected")));
     }
+    let anisotropy = a.anisotropy().zip(b.anisotropy());
+    let coat = a.coat().zip(b.coat());
+    let of_coat =
+        |plane: usize| coat.map(|(a, b)| rms(squares(a[plane], b[plane]), a[plane].len()));
     Ok(Differences {
         normal: normals(a, b),
         diffuse: planes(a, b, channel::DIFFUSE, 3),
@@ -63,6 +75,12 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         normal_deg: mean_angle(a, b).to_degrees(),
         diffuse_delta_e: colours(a, b, channel::DIFFUSE),
         specular_delta_e: colours(a, b, channel::SPECULAR),
+        anisotropy: anisotropy.map(|(a, b)| {
+            let sum = a.iter().zip(b).map(|(a, b)| squares(a, b)).sum();
+            rms(sum, 2 * a[0].len())
+        }),
+        coat: of_coat(0),
+        coat_roughness: of_coat(1),
     })
 }
 
@@ -210,6 +228,7 @@ pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::svbrdf::LOBES;
 
     fn photograph(of: &Svbrdf, factor: f32) -> Observation {
         let view = View {
@@ -309,6 +328,27 @@ mod tests {
         assert!((d.diffuse - 0.1).abs() < 1e-6);
         assert!((d.render / expected - 1.0).abs() < 0.08, "{} {expected}", d.render);
         assert_eq!((d.normal, d.specular, d.roughness), (0.0, 0.0, 0.0));
+    }
+
+    /// Lobes are compared where both have them, and seen in the renderings where one has.
+    #[test]
+    fn lobes_differ_by_their_parameters() {
+        let with = |lobes: [f32; LOBES]| {
+            let mut maps = flat(0.4);
+            let planes = lobes.iter().flat_map(|v| vec![*v; maps.texels()]).collect();
+            maps.set_lobes(planes).unwrap();
+            maps
+        };
+        let (brushed, lacquered) = (with([0.9, 0.0, 0.0, 0.2]), with([0.0, 0.0, 0.8, 0.2]));
+        let d = compare(&brushed, &with([0.9, 0.3, 0.0, 0.2])).unwrap();
+        assert!((d.anisotropy.unwrap() - 0.3 / 2f64.sqrt()).abs() < 1e-6 && d.coat.is_none());
+        let d = compare(&lacquered, &with([0.0, 0.0, 0.5, 0.3])).unwrap();
+        let [weight, roughness] = [d.coat.unwrap(), d.coat_roughness.unwrap()];
+        assert!(
+            (weight - 0.3).abs() < 1e-6 && (roughness - 0.1).abs() < 1e-6 && d.anisotropy.is_none()
+        );
+        let d = compare(&lacquered, &flat(0.4)).unwrap();
+        assert!(d.render > 1e-3 && d.coat.is_none() && d.diffuse == 0.0);
     }
 
     #[test]

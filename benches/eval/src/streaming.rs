@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use svbrdf::capture::{Capture, FILE_NAME, Frame};
 use svbrdf::estimate::{EstimateOptions, Estimator};
-use svbrdf::initial_estimate::Networks;
+use svbrdf::networks::Networks;
 use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};
 

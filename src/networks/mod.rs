@@ -1,45 +1,45 @@
-//! The networks that run once per photograph: maps from one photograph, and the code of given maps.
+//! The four networks: photograph to first maps (`photo`), maps to code, code to maps (`decoder`),
+//! and what fits leave open (`completion`).
 //!
-//! Both are ONNX graphs executed by tract; the decoder, which runs in every step of the fit, has its
-//! own code in [`crate::network`]. A plan is built once per size and kept.
+//! The decoder, which runs in every step of a fit, has its own code. The others are ONNX graphs
+//! that tract executes (`onnx`).
 
-#[cfg(not(feature = "networks"))]
-mod absent;
-mod graph;
-mod highlights;
+mod completion;
+mod decoder;
+mod encoded;
 mod manifest;
-#[cfg(feature = "networks")]
-mod operators;
-mod photo_input;
-#[cfg(feature = "networks")]
-mod runner;
+mod onnx;
+mod photo;
+#[cfg(test)]
+mod test_vectors;
 
 use std::path::Path;
 
-use crate::network::{Decoder, Workspace};
 use crate::observation::Observation;
-use crate::svbrdf::{CHANNELS, encoding, halved, halvings_to};
+use crate::svbrdf::{CHANNELS, halvings_to};
 use crate::{Error, Result, Svbrdf};
+pub(crate) use completion::COMPLETION_CHANNELS;
 #[cfg(test)]
-pub(crate) use graph::{MAPS_ODD, half_turn};
-use graph::{MAX_TEXELS, Network};
-use photo_input::{PHOTO_CHANNELS, PHOTO_ODD, photo_halvings, photo_input};
+pub(crate) use completion::COMPLETION_ODD;
+use completion::Completion;
+pub use decoder::{Decoder, Workspace};
+use encoded::decoded_maps;
+pub(crate) use encoded::encoded_maps;
+#[cfg(test)]
+pub(crate) use onnx::{MAPS_ODD, half_turn};
+use onnx::{MAX_TEXELS, Network};
+use photo::PhotoNetwork;
 
 /// Texels along the longer side of the maps that the latent code is fitted to, at most: twice as many take four
 /// times as long and gain 1 % at most on average.
 pub(crate) const CODE_TEXELS: usize = 128;
-/// Planes of what a fit knows: what the completion network sees.
-pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
-/// Those that change their sign in a half turn: the slopes of three maps.
-pub(crate) const COMPLETION_ODD: [usize; 6] =
-    [0, 1, CHANNELS, CHANNELS + 1, 2 * CHANNELS, 2 * CHANNELS + 1];
 
 /// The four networks: photograph to maps, maps to code, code to maps, and what fits leave open.
 pub struct Networks {
     decoder: Decoder,
     encoder: Network,
-    photo: Network,
-    completion: Network,
+    photo: PhotoNetwork,
+    completion: Completion,
 }
 
 impl Networks {
@@ -90,8 +90,8 @@ impl Networks {
         Ok(Self {
             decoder: Decoder::from_bytes(decoder)?,
             encoder: Network::parse("encoder", encoder, CHANNELS)?,
-            photo: Network::parse("photo", photo, PHOTO_CHANNELS)?,
-            completion: Network::parse("completion", completion, COMPLETION_CHANNELS)?,
+            photo: PhotoNetwork::parse(photo)?,
+            completion: Completion::parse(completion)?,
         })
     }
 
@@ -105,8 +105,7 @@ impl Networks {
     /// # Errors
     /// When the sizes do not suit the networks.
     pub fn prepare(&self, height: usize, width: usize) -> Result<()> {
-        let halvings = photo_halvings(height, width)?;
-        self.photo.prepare(height >> halvings, width >> halvings)?;
+        self.photo.prepare(height, width)?;
         self.check_code_size(height, width)?;
         let halvings = halvings_to([width, height], CODE_TEXELS);
         self.encoder.prepare(height >> halvings, width >> halvings)
@@ -121,13 +120,7 @@ impl Networks {
     /// # Errors
     /// When the sides are not multiples of 32 (after halving), or the network is broken.
     pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
-        let halvings = photo_halvings(observation.height(), observation.width())?;
-        let observation = halved(observation, halvings, Observation::downsampled);
-        let (h, w) = (observation.height(), observation.width());
-        let encoded = self.photo.run_both_ways(h, w, photo_input(&observation), &PHOTO_ODD)?;
-        let mut maps = decoded_maps(w, h, encoded)?;
-        highlights::complete_diffuse(&mut maps, &observation);
-        Ok(maps)
+        self.photo.maps(observation)
     }
 
     /// The code of maps: `channels * height / 16 * width / 16` values.
@@ -162,7 +155,7 @@ impl Networks {
         features: Vec<f32>,
         [height, width]: [usize; 2],
     ) -> Result<Vec<f32>> {
-        self.completion.run_both_ways(height, width, features, &COMPLETION_ODD)
+        self.completion.run(features, [height, width])
     }
 
     fn check_code_size(&self, height: usize, width: usize) -> Result<()> {
@@ -178,92 +171,26 @@ impl Networks {
     }
 }
 
-/// Nine planes in [-1, 1], see [`encoding`].
-pub(crate) fn encoded_maps(maps: &Svbrdf) -> Vec<f32> {
-    let n = maps.texels();
-    let encode = |(i, &v): (usize, &f32)| encoding::encode(i / n, v);
-    maps.planes().iter().enumerate().map(encode).collect()
-}
-
-/// Maps of nine encoded planes, within their physical range.
-pub(crate) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -> Result<Svbrdf> {
-    for (c, plane) in encoded.chunks_exact_mut(width * height).enumerate() {
-        for v in plane {
-            *v = encoding::decode(c, *v);
-        }
-    }
-    let mut maps = Svbrdf::from_planes(width, height, encoded)?;
-    maps.clamp();
-    Ok(maps)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::test_vectors::{difference, test_vectors};
     use super::*;
-    use crate::network::test_vectors::{difference, test_vectors};
-    use crate::observation::{Falloff, View};
-
-    fn networks() -> Networks {
-        Networks::embedded().unwrap()
-    }
 
     #[test]
-    fn graphs_give_what_the_training_framework_gives() {
-        let networks = networks();
-        // f32 sums in another order through about 20 layers
-        let tolerance = 2e-4;
-        let vectors = test_vectors(include_bytes!("../models/encoder_test.bin"));
+    fn the_encoder_gives_what_the_training_framework_gives() {
+        let vectors = test_vectors(include_bytes!("../../models/encoder_test.bin"));
         let (shape, maps) = &vectors["maps"];
+        let networks = Networks::embedded().unwrap();
         let code = networks.encoder.run(shape[2], shape[3], maps.clone()).unwrap();
-        assert!(difference(&code, &vectors["code"].1) < tolerance);
-        let vectors = test_vectors(include_bytes!("../models/photo_test.bin"));
-        let (shape, photo) = &vectors["photo"];
-        let maps = networks.photo.run(shape[2], shape[3], photo.clone()).unwrap();
-        assert!(difference(&maps, &vectors["maps"].1) < tolerance);
-        let vectors = test_vectors(include_bytes!("../models/completion_test.bin"));
-        let (shape, features) = &vectors["features"];
-        let moves = networks.completion.run(shape[2], shape[3], features.clone()).unwrap();
-        assert!(difference(&moves, &vectors["moves"].1) < tolerance);
+        // f32 sums in another order through about 20 layers
+        assert!(difference(&code, &vectors["code"].1) < 2e-4);
     }
 
     #[test]
-    fn sizes_are_checked_and_large_observations_halved() {
-        assert_eq!(photo_halvings(256, 128).unwrap(), 0);
-        assert_eq!(photo_halvings(1024, 512).unwrap(), 2);
-        assert!(photo_halvings(100, 128).is_err());
-        assert!(photo_halvings(0, 128).is_err());
-        assert!(photo_halvings(1 << 20, 1 << 20).is_err());
-        let networks = networks();
+    fn sizes_of_maps_are_checked() {
+        let networks = Networks::embedded().unwrap();
         assert!(networks.encode(&Svbrdf::new(40, 32)).is_err());
         let code = networks.encode(&Svbrdf::new(64, 32)).unwrap();
         assert_eq!(code.len(), networks.decoder().code_channels() * 4 * 2);
-    }
-
-    #[test]
-    fn a_turned_sample_has_turned_maps() {
-        let networks = networks();
-        let (w, h) = (64, 32);
-        let mut random = crate::random::Random::new(7);
-        let mut radiance: Vec<f32> = (0..3 * w * h).map(|_| random.uniform() as f32).collect();
-        let photo_maps = |sign: f32, radiance: &[f32]| {
-            let view = View {
-                sample_mm: [80.0, 40.0],
-                camera_mm: [sign * 30.0, sign * -12.0, 90.0],
-                light_mm: [sign * 17.0, sign * 25.0, 80.0],
-                falloff: Falloff::InverseSquare { power_mm2: [2e4; 3] },
-                ambient: [0.0; 3],
-                mirrored: 1.0,
-            };
-            let photograph = Observation::new(w, h, view, radiance, &vec![1.0; w * h]).unwrap();
-            networks.photo_maps(&photograph).unwrap().planes().to_vec()
-        };
-        let straight = photo_maps(1.0, &radiance);
-        half_turn(&mut radiance, w * h, &[]);
-        let mut turned = photo_maps(-1.0, &radiance);
-        half_turn(&mut turned, w * h, &MAPS_ODD);
-        // rounding of directions and of positions only
-        assert!(difference(&straight, &turned) < 1e-4);
-        let slopes = &straight[..2 * w * h];
-        assert!(slopes.iter().any(|s| s.abs() > 0.02));
     }
 }

@@ -1,11 +1,18 @@
-//! ONNX graphs that turn planes into planes.
+//! ONNX graphs that turn planes into planes, executed by tract. A plan is built once per size and kept.
 
 #[cfg(not(feature = "networks"))]
-use super::absent::Graph;
+mod absent;
 #[cfg(feature = "networks")]
-use super::runner::Graph;
+mod operators;
+#[cfg(feature = "networks")]
+mod runner;
+
 use crate::svbrdf::{CHANNELS, channel};
 use crate::{Error, Result};
+#[cfg(not(feature = "networks"))]
+use absent::Graph;
+#[cfg(feature = "networks")]
+use runner::Graph;
 
 /// Largest side for which a plan is built, texels.
 pub(super) const MAX_TEXELS: usize = 4096;

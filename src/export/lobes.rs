@@ -1,0 +1,139 @@
+//! The optional lobes of maps in the forms of other renderers.
+
+use crate::svbrdf::{Anisotropy, channel};
+use crate::{Svbrdf, parallel};
+
+/// Index of refraction of a coat: its F0 is .04.
+pub(super) const COAT_IOR: f32 = 1.5;
+
+/// Both alphas of every texel, `None` where no texel is anisotropic. Directions are those of the two
+/// opposite ones that are nearer to the mean direction, so that textures of them can be filtered.
+pub(super) fn anisotropy(maps: &Svbrdf) -> Option<Vec<Anisotropy>> {
+    let [x, y] = maps.anisotropy()?;
+    let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let mean = 0.5 * sum(y).atan2(sum(x)) as f32;
+    let roughness = maps.plane(channel::ROUGHNESS);
+    let width = maps.width();
+    let rows = parallel::map(maps.height(), |row| {
+        let texels = row * width..(row + 1) * width;
+        let of = |i: usize| {
+            let lobe = Anisotropy::new(roughness[i], [x[i], y[i]]);
+            // Without anisotropy there is no direction; the mean one disturbs no neighbour.
+            if lobe.along > lobe.across {
+                lobe.facing(mean)
+            } else {
+                Anisotropy { angle: mean, ..lobe }
+            }
+        };
+        texels.map(of).collect::<Vec<_>>()
+    });
+    Some(rows.concat())
+}
+
+/// A direction as a colour: `(x + 1) / 2`, `(y + 1) / 2`; `up` as in [`Bundle::normals`](super::bundle::Bundle::normals).
+pub(super) fn direction(lobe: &Anisotropy, up: f32) -> [f32; 2] {
+    let [x, y] = lobe.direction();
+    [0.5 * x + 0.5, 0.5 * up * y + 0.5]
+}
+
+/// As Unreal and Unity's HDRP have it (Kulla and Conty 2017): `along = r² (1 + a)`, `across = r² (1 - a)`;
+/// the roughness `r` and `a`.
+pub(super) fn arithmetic(lobe: &Anisotropy) -> [f32; 2] {
+    let mean = 0.5 * (lobe.along + lobe.across);
+    [mean.sqrt().min(1.0), (lobe.along - lobe.across) / (lobe.along + lobe.across)]
+}
+
+/// As OpenPBR has it: `along² + across² = 2 r⁴`, `across = (1 - a) along`; `r` and `a`.
+pub(super) fn quadratic(lobe: &Anisotropy) -> [f32; 2] {
+    let square = 0.5 * (lobe.along * lobe.along + lobe.across * lobe.across);
+    [square.sqrt().sqrt().min(1.0), 1.0 - lobe.across / lobe.along]
+}
+
+/// As Cycles has it: `along = r² / s`, `across = r² s`, `s² = 1 - 0.9 a`; `a` and the turns from X to the
+/// direction, 0 to 1. Ratios above 10 become 10. `r` is the roughness of the maps.
+pub(super) fn cycles(lobe: &Anisotropy) -> [f32; 2] {
+    use std::f32::consts::TAU;
+    // Directions lie at most a quarter turn from the mean one, and that as much from X: half a turn more
+    // brings all of them above 0.
+    [((1.0 - lobe.across / lobe.along) / 0.9).min(1.0), (lobe.angle / TAU + 0.5).clamp(0.0, 1.0)]
+}
+
+/// Roughness that OpenPBR is given so that the lobe below a coat has the roughness `wanted`: rays that pass
+/// a rough coat are spread, `r -> (r⁴ + 2 coat⁴)^(1/4)`, mixed by the coat's weight. 0 where the coat
+/// alone spreads more.
+pub(super) fn below_rough_coat(wanted: f32, [weight, coat]: [f32; 2]) -> f32 {
+    const HALVINGS: usize = 16;
+    let spread = 2.0 * coat.powi(4);
+    let shown = |r: f32| {
+        let through = (r.powi(4) + spread).min(1.0).sqrt().sqrt();
+        r + weight * (through - r)
+    };
+    if weight <= 0.0 {
+        return wanted;
+    }
+    let [mut low, mut high] = [0.0, wanted];
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        *(if shown(middle) < wanted { &mut low } else { &mut high }) = middle;
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::export::convert::Interface;
+    use crate::svbrdf::{LOBES, lobe};
+
+    proptest! {
+        /// Each renderer's own formula on what it is given makes the two alphas.
+        #[test]
+        fn other_forms_hold_the_same_alphas(roughness in 0.1..0.7f32, log_ratio in 0.0..2.2f32, angle in -1.57..1.57f32) {
+            let (sin, cos) = (2.0 * angle).sin_cos();
+            let lobe = Anisotropy::new(roughness, [log_ratio * cos, log_ratio * sin]);
+            prop_assume!(lobe.along < 1.0);
+            let same = |[along, across]: [f32; 2]| (along / lobe.along - 1.0).abs() < 1e-4 && (across / lobe.across - 1.0).abs() < 1e-4;
+            let [r, a] = arithmetic(&lobe);
+            prop_assert!(same([r * r * (1.0 + a), r * r * (1.0 - a)]));
+            let [r, a] = quadratic(&lobe);
+            let along = r * r * (2.0 / (1.0 + (1.0 - a).powi(2))).sqrt();
+            prop_assert!(same([along, (1.0 - a) * along]));
+            let [a, turns] = cycles(&lobe);
+            let s = (1.0 - 0.9 * a).sqrt();
+            prop_assert!(same([roughness.powi(2) / s, roughness.powi(2) * s]));
+            let turned = std::f32::consts::TAU * turns;
+            let [x, y] = lobe.direction();
+            prop_assert!((x * turned.sin() - y * turned.cos()).abs() < 1e-4, "the same axis");
+        }
+
+        #[test]
+        fn openpbr_s_spreading_is_undone(wanted in 0.3..1.0f32, weight in 0.0..1.0f32, coat in 0.0..0.2f32) {
+            let given = below_rough_coat(wanted, [weight, coat]);
+            let through = (given.powi(4) + 2.0 * coat.powi(4)).min(1.0).powf(0.25);
+            prop_assert!((given + weight * (through - given) - wanted).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn directions_face_the_mean_one() {
+        let mut maps = Svbrdf::new(2, 2);
+        // Just above and below the direction of -X and X, and one without.
+        let mut planes = vec![0.0; LOBES * 4];
+        planes[4 * lobe::ANISOTROPY_X..][..3].copy_from_slice(&[-1.0; 3]);
+        planes[4 * lobe::ANISOTROPY_Y..][..3].copy_from_slice(&[-0.1, 0.1, 0.1]);
+        maps.set_lobes(planes).unwrap();
+        maps.plane_mut(channel::ROUGHNESS).fill(0.4);
+        let lobes = anisotropy(&maps).unwrap();
+        let spread = |i: usize| (lobes[i].angle - lobes[0].angle).abs();
+        assert!((1..4).all(|i| spread(i) < 0.2), "{lobes:?}");
+        assert!(lobes[3].along == lobes[3].across);
+        assert_eq!(anisotropy(&Svbrdf::new(2, 2)), None);
+    }
+
+    #[test]
+    fn a_coat_has_the_librarys_f0() {
+        assert!((Interface::of(0.04).ior - COAT_IOR).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,43 @@
+//! The completion network: how far the maps of a fit should move.
+
+use super::onnx::Network;
+use crate::Result;
+use crate::svbrdf::CHANNELS;
+
+/// Planes of what a fit knows: the network's input.
+pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
+/// Those that change their sign in a half turn: the slopes of three maps.
+pub(crate) const COMPLETION_ODD: [usize; 6] =
+    [0, 1, CHANNELS, CHANNELS + 1, 2 * CHANNELS, 2 * CHANNELS + 1];
+
+/// The completion network.
+pub(super) struct Completion {
+    network: Network,
+}
+
+impl Completion {
+    pub fn parse(bytes: &[u8]) -> Result<Self> {
+        Ok(Self { network: Network::parse("completion", bytes, COMPLETION_CHANNELS)? })
+    }
+
+    /// Nine planes of moves, in sigmas.
+    pub fn run(&self, features: Vec<f32>, [height, width]: [usize; 2]) -> Result<Vec<f32>> {
+        self.network.run_both_ways(height, width, features, &COMPLETION_ODD)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::networks::test_vectors::{difference, test_vectors};
+
+    #[test]
+    fn the_network_gives_what_the_training_framework_gives() {
+        let vectors = test_vectors(include_bytes!("../../models/completion_test.bin"));
+        let (shape, features) = &vectors["features"];
+        let completion = Completion::parse(svbrdf_models::COMPLETION).unwrap();
+        let moves = completion.network.run(shape[2], shape[3], features.clone()).unwrap();
+        // f32 sums in another order through about 20 layers
+        assert!(difference(&moves, &vectors["moves"].1) < 2e-4);
+    }
+}
