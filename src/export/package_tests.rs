@@ -283,7 +283,12 @@ fn alphas(maps: &Svbrdf, i: usize) -> ([f32; 2], [f32; 2]) {
 }
 
 /// Whether a stored vector has the direction of twice its angle, or there is next to no anisotropy.
-fn check_direction(stored: &[f32; 4], up: f32, (lobe, [cos, sin]): ([f32; 2], [f32; 2]), what: &str) {
+fn check_direction(
+    stored: &[f32; 4],
+    up: f32,
+    (lobe, [cos, sin]): ([f32; 2], [f32; 2]),
+    what: &str,
+) {
     let [x, y] = [2.0 * stored[0] - 1.0, up * (2.0 * stored[1] - 1.0)];
     let (found, square) = ([x * x - y * y, 2.0 * x * y], x * x + y * y);
     assert!((square - 1.0).abs() < 1e-3, "{what}: a unit vector");
@@ -308,7 +313,8 @@ fn lobes_are_stored_as_each_format_has_them() {
     let (weights, roughnesses) =
         (image(&coat["clearcoatTexture"]), image(&coat["clearcoatRoughnessTexture"]));
     assert_eq!(coat["clearcoatNormalTexture"], json_of_glb["materials"][0]["normalTexture"]);
-    let orm = image(&json_of_glb["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"]);
+    let orm =
+        image(&json_of_glb["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"]);
     assert_eq!(json_of_glb["extensionsUsed"].as_array().unwrap().len(), 4);
     let unreal = ["orm", "tangent", "anisotropy", "clear_coat"];
     let unreal = unreal.map(|name| picture(&package, &format!("unreal/{name}.png")));
@@ -339,7 +345,12 @@ fn lobes_are_stored_as_each_format_has_them() {
         let (r, s) = (blender[0][i][0], (1.0 - 0.9 * blender[1][i][0]).sqrt());
         near([r * r / s, r * r * s], lobe.0, "Cycles");
         let turned = std::f32::consts::TAU * blender[2][i][0];
-        check_direction(&[0.5 * turned.cos() + 0.5, 0.5 * turned.sin() + 0.5, 0.0, 0.0], 1.0, lobe, "Cycles");
+        check_direction(
+            &[0.5 * turned.cos() + 0.5, 0.5 * turned.sin() + 0.5, 0.0, 0.0],
+            1.0,
+            lobe,
+            "Cycles",
+        );
         let w = weight[i];
         let given = open[0][i][0];
         let through = (given.powi(4) + 2.0 * coat_roughness[i].powi(4)).min(1.0).powf(0.25);

@@ -108,9 +108,8 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
 fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
     let n = maps.texels();
-    let lobes = [0.8, -0.3, 0.5, 0.3].map(|v| {
-        maps.plane(channel::ROUGHNESS).iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>()
-    });
+    let lobes = [0.8, -0.3, 0.5, 0.3]
+        .map(|v| maps.plane(channel::ROUGHNESS).iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
     maps.set_lobes(lobes.concat()).unwrap();
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);

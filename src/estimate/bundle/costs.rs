@@ -1,14 +1,14 @@
 //! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
 
-use super::light::{natural, splatted};
-use super::problem::{Problem, State};
+use super::light::{in_lanes, natural};
+use super::problem::{EightLobes, Problem, State};
 use super::sample::Photograph;
 use crate::estimate::posterior::{Residual, Seen};
 use crate::estimate::prior::Coordinates;
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, LOBES};
+use crate::svbrdf::CHANNELS;
 
 /// Texels of a task: a sample of 32 a side keeps several threads busy.
 const CHUNK: usize = 128;
@@ -55,13 +55,8 @@ impl Problem {
                     }
                     lanes
                 });
-                let block = Block::<K> {
-                    problem: self,
-                    lobes: state.lobes,
-                    views: &views,
-                    texels,
-                    natural,
-                };
+                let lobes = self.eight_lobes(texels.clone(), state);
+                let block = Block::<K> { problem: self, lobes, views: &views, texels, natural };
                 let of_eight = dispatch(block);
                 for (lane, sums) in sums.iter_mut().enumerate() {
                     *sums = of_eight.map(|lanes| f64::from(lanes[lane]));
@@ -75,7 +70,7 @@ impl Problem {
 /// Eight texels, or the last few.
 struct Block<'a, const K: usize> {
     problem: &'a Problem,
-    lobes: Option<[f64; LOBES]>,
+    lobes: Option<EightLobes>,
     views: &'a [(TexelView, &'a Photograph)],
     texels: std::ops::Range<usize>,
     natural: [[[f32; LANES]; CHANNELS]; K],
@@ -96,7 +91,7 @@ impl<const K: usize> Kernel for Block<'_, K> {
             for (to, from) in lanes.iter_mut().zip(natural) {
                 *to = V::from_array(*from);
             }
-            *material = Material::new(&lanes, splatted(self.lobes));
+            *material = Material::new(&lanes, in_lanes(&self.lobes));
         }
         let mut sums = [zero; K];
         for (view, photograph) in self.views {

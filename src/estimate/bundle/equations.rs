@@ -39,7 +39,9 @@ impl Problem {
         let coordinates: Vec<Coordinates> =
             texels.clone().map(|t| self.coordinates(t, state)).collect();
         let first = self.groups.coordinates.len() * state.groups.len();
-        let sums = self.sums(texels.clone(), &coordinates, state.lobes, linear, sum, first);
+        let (lobes, shares) =
+            (self.eight_lobes(texels.clone(), state), self.eight_shares(texels.clone()));
+        let sums = self.sums(texels.clone(), &coordinates, lobes, &shares, linear, sum, first);
         let (mut free, mut gradient) = ([[0.0; LANES]; CHANNELS], [[0.0; LANES]; CHANNELS]);
         for (lane, (t, x)) in texels.clone().zip(&coordinates).enumerate() {
             let of_prior: Coordinates =
@@ -57,13 +59,13 @@ impl Problem {
             gradient,
             damping,
             moving: self.groups.coordinates.clone(),
-            shares: &self.eight_shares(texels),
+            shares: &shares,
         };
         equations.eliminate(totals)
     }
 
     /// How much some texels, at most eight, belong to each group.
-    fn eight_shares(&self, texels: Range<usize>) -> Vec<Eight> {
+    pub(super) fn eight_shares(&self, texels: Range<usize>) -> Vec<Eight> {
         let mut shares = vec![[0.0; LANES]; self.groups.mean.len()];
         for (lane, t) in texels.enumerate() {
             for (lanes, share) in shares.iter_mut().zip(self.texel_shares(t)) {

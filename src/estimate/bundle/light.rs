@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::estimate::prior::{Coordinates, is_albedo, range};
 use crate::observation::{Falloff, View};
 use crate::reflectance::reflect;
-use crate::simd::Lanes;
+use crate::simd::{LANES, Lanes};
 use crate::svbrdf::{CHANNELS, LOBES, channel};
 
 /// A view in double precision.
@@ -95,12 +95,12 @@ pub(in crate::estimate) fn natural(x: &Coordinates) -> [f64; CHANNELS] {
     std::array::from_fn(|c| if is_albedo(c) { x[c] * x[c] } else { x[c] })
 }
 
-/// The optional lobes of all texels, in every lane.
+/// Optional lobes of eight texels, as vectors.
 #[inline(always)]
-pub(super) fn splatted<V: Lanes>(lobes: Option<[f64; LOBES]>) -> Option<[V; LOBES]> {
+pub(super) fn in_lanes<V: Lanes>(lobes: &Option<[[f32; LANES]; LOBES]>) -> Option<[V; LOBES]> {
     let mut lanes = [V::splat(0.0); LOBES];
-    for (to, from) in lanes.iter_mut().zip(&lobes?) {
-        *to = V::splat(*from as f32);
+    for (to, from) in lanes.iter_mut().zip(lobes.as_ref()?) {
+        *to = V::from_array(*from);
     }
     Some(lanes)
 }

@@ -20,6 +20,6 @@ mod tests;
 pub(super) use descent::{Descent, Limits};
 pub(super) use light::{Lit, Radiance, by_coordinate, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
-pub(crate) use problem::State;
 pub(super) use problem::{Groups, Problem};
+pub(crate) use problem::{SharedLobes, State};
 pub(super) use sample::{Sample, colours};

@@ -1,10 +1,9 @@
 //! Numbers that all texels share: those of a [`Correction`].
 
-use super::problem::State;
+use super::problem::{SharedLobes, State};
 use crate::estimate::correction::{Correction, MAX_MIRRORED, log_distance};
 use crate::observation::View;
 use crate::reflectance::TexelView;
-use crate::svbrdf::NO_LOBES;
 
 /// A number of a correction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,8 +20,10 @@ pub(in crate::estimate) enum Parameter {
     Mirrored(usize),
     /// Ambient irradiance, a fraction of the flash's.
     Ambient,
-    /// A number of the optional lobes of all texels.
-    Lobe(usize),
+    /// What a group adds to one of the numbers of its texels' anisotropy.
+    Anisotropy(usize, usize),
+    /// Weight or roughness of the coat of all texels.
+    Coat(usize),
 }
 
 /// A parameter that is free.
@@ -58,8 +59,9 @@ impl Shared {
 pub(super) enum Derivative {
     /// The radiance times this.
     Factor(f64),
-    /// That of a number of the optional lobes.
-    OfLobe(usize),
+    /// That of a number of a group's anisotropy, and of the coat.
+    OfAnisotropy(usize, usize),
+    OfCoat(usize),
     /// That of a change of the view.
     OfView(Change),
 }
@@ -93,8 +95,10 @@ impl Change {
 impl Parameter {
     pub fn get(self, state: &State) -> f64 {
         let Correction { turns, ambient, mirrored, exposure } = &state.correction;
+        let lobes = state.lobes.as_ref();
         match self {
-            Self::Lobe(i) => state.lobes.unwrap_or(NO_LOBES)[i],
+            Self::Anisotropy(group, i) => lobes.map_or(0.0, |lobes| lobes.anisotropy[group][i]),
+            Self::Coat(i) => lobes.map_or(0.0, |lobes| lobes.coat[i]),
             Self::Gain(i) => exposure.gains[i],
             Self::Exponent => exposure.exponent,
             Self::Flash(axis) => exposure.offset_mm[axis],
@@ -106,8 +110,12 @@ impl Parameter {
 
     pub fn set(self, state: &mut State, value: f64) {
         let Correction { turns, ambient, mirrored, exposure } = &mut state.correction;
+        let groups = state.groups.len();
+        let lobes = &mut state.lobes;
+        let none = || SharedLobes::none(groups);
         *match self {
-            Self::Lobe(i) => &mut state.lobes.get_or_insert(NO_LOBES)[i],
+            Self::Anisotropy(group, i) => &mut lobes.get_or_insert_with(none).anisotropy[group][i],
+            Self::Coat(i) => &mut lobes.get_or_insert_with(none).coat[i],
             Self::Gain(i) => &mut exposure.gains[i],
             Self::Exponent => &mut exposure.exponent,
             Self::Flash(axis) => &mut exposure.offset_mm[axis],
@@ -121,7 +129,11 @@ impl Parameter {
     fn concerns(self, index: usize) -> bool {
         match self {
             Self::Gain(i) | Self::Turn(i, _) | Self::Mirrored(i) => i == index,
-            Self::Exponent | Self::Flash(_) | Self::Ambient | Self::Lobe(_) => true,
+            Self::Exponent
+            | Self::Flash(_)
+            | Self::Ambient
+            | Self::Anisotropy(..)
+            | Self::Coat(_) => true,
         }
     }
 
@@ -144,7 +156,8 @@ impl Parameter {
             Self::Exponent => {
                 Derivative::Factor(log_distance(given) - at.correction.exposure.log_distance)
             }
-            Self::Lobe(i) => Derivative::OfLobe(i),
+            Self::Anisotropy(group, i) => Derivative::OfAnisotropy(group, i),
+            Self::Coat(i) => Derivative::OfCoat(i),
             _ => {
                 let by = self.difference();
                 let moved = |by: f64| {

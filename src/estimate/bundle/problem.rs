@@ -10,7 +10,11 @@ use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
 use crate::estimate::prior::Coordinates;
 use crate::reflectance::TexelView;
-use crate::svbrdf::{CHANNELS, LOBES};
+use crate::simd::LANES;
+use crate::svbrdf::{CHANNELS, LOBES, NO_LOBES};
+
+/// Optional lobes of eight texels.
+pub(super) type EightLobes = [[f32; LANES]; LOBES];
 
 /// All unknowns.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,9 +24,37 @@ pub(crate) struct State {
     /// What each group adds to the prior means of its texels.
     pub groups: Vec<Coordinates>,
     pub correction: Correction,
-    /// Optional lobes of all texels, in the order of [`lobe`](crate::svbrdf::lobe); `None` where the
-    /// material has none.
-    pub lobes: Option<[f64; LOBES]>,
+    /// Optional lobes; `None` where the material has none.
+    pub lobes: Option<SharedLobes>,
+}
+
+/// Optional lobes of texels.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SharedLobes {
+    /// What each group adds to both numbers of the anisotropy of its texels.
+    pub anisotropy: Vec<[f64; 2]>,
+    /// Weight and roughness of the coat of all texels.
+    pub coat: [f64; 2],
+}
+
+impl SharedLobes {
+    /// No lobes, of so many groups.
+    pub fn none(groups: usize) -> Self {
+        let [_, _, weight, roughness] = NO_LOBES;
+        Self { anisotropy: vec![[0.0; 2]; groups], coat: [weight, roughness] }
+    }
+
+    /// Of a texel that belongs to the groups by these shares, in the order of
+    /// [`lobe`](crate::svbrdf::lobe).
+    pub fn of_texel(&self, shares: impl IntoIterator<Item = f32>) -> [f64; LOBES] {
+        let [mut u, mut v] = [0.0; 2];
+        for (share, [of_u, of_v]) in shares.into_iter().zip(&self.anisotropy) {
+            u += f64::from(share) * of_u;
+            v += f64::from(share) * of_v;
+        }
+        let [weight, roughness] = self.coat;
+        [u, v, weight, roughness]
+    }
 }
 
 /// Groups of texels whose prior means move together.
@@ -61,7 +93,7 @@ impl Problem {
         let mut state =
             State { deviations, groups: self.groups.mean.clone(), correction, lobes: None };
         for shared in &self.shared {
-            if matches!(shared.parameter, Parameter::Lobe(_)) {
+            if matches!(shared.parameter, Parameter::Anisotropy(..) | Parameter::Coat(_)) {
                 shared.parameter.set(&mut state, shared.mean);
             }
         }
@@ -87,6 +119,21 @@ impl Problem {
             }
         }
         mean
+    }
+
+    /// A texel's optional lobes, in the order of [`lobe`](crate::svbrdf::lobe).
+    pub fn lobes(&self, t: usize, state: &State) -> Option<[f64; LOBES]> {
+        Some(state.lobes.as_ref()?.of_texel(self.texel_shares(t).iter().copied()))
+    }
+
+    /// Those of some texels, at most eight, for kernels.
+    pub(super) fn eight_lobes(&self, texels: Range<usize>, state: &State) -> Option<EightLobes> {
+        let mut lanes = [[0.0; LANES]; LOBES];
+        for (lane, t) in texels.enumerate() {
+            let of_texel = self.lobes(t, state)?;
+            lanes.iter_mut().zip(of_texel).for_each(|(lanes, value)| lanes[lane] = value as f32);
+        }
+        Some(lanes)
     }
 
     /// A texel's coordinates.

@@ -4,16 +4,17 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::light::splatted;
+use super::elimination::Eight;
+use super::light::in_lanes;
 use super::parameters::Derivative;
-use super::problem::{Problem, State};
+use super::problem::{EightLobes, Problem, State};
 use super::sample::Photograph;
 use crate::estimate::posterior::{Appearance, Line, NormalEquations, PAIRS, Residual, SHAPE, Seen};
 use crate::estimate::prior::{Coordinates, from_coordinates};
 use crate::loss::EPSILON;
 use crate::reflectance::{ByLight, Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
-use crate::svbrdf::{CHANNELS, LOBES, channel};
+use crate::svbrdf::{CHANNELS, channel, lobe};
 
 /// A photograph's view, and derivatives by the parameters that concern it.
 pub(super) struct Linear<'a> {
@@ -70,7 +71,8 @@ impl Problem {
         &self,
         texels: Range<usize>,
         coordinates: &[Coordinates],
-        lobes: Option<[f64; LOBES]>,
+        lobes: Option<EightLobes>,
+        shares: &[Eight],
         linear: &[Linear],
         reduced: &mut Reduced,
         first: usize,
@@ -81,7 +83,16 @@ impl Problem {
                 lanes[lane] = *value as f32;
             }
         }
-        dispatch(Block { problem: self, texels, coordinates: lanes, lobes, linear, reduced, first })
+        dispatch(Block {
+            problem: self,
+            texels,
+            coordinates: lanes,
+            lobes,
+            shares,
+            linear,
+            reduced,
+            first,
+        })
     }
 }
 
@@ -89,7 +100,9 @@ struct Block<'a> {
     problem: &'a Problem,
     texels: Range<usize>,
     coordinates: [[f32; LANES]; CHANNELS],
-    lobes: Option<[f64; LOBES]>,
+    lobes: Option<EightLobes>,
+    /// How much the texels belong to each group.
+    shares: &'a [Eight],
     linear: &'a [Linear<'a>],
     reduced: &'a mut Reduced,
     first: usize,
@@ -108,7 +121,7 @@ impl Kernel for Block<'_> {
         for (to, from) in coordinates.iter_mut().zip(self.coordinates) {
             *to = V::from_array(from);
         }
-        let material = Material::new(&from_coordinates(&coordinates), splatted(self.lobes));
+        let material = Material::new(&from_coordinates(&coordinates), in_lanes(&self.lobes));
         let mut equations = NormalEquations::none();
         let mut parameters = Parameters::new(shared.len(), self.linear);
         for linear in self.linear {
@@ -127,7 +140,15 @@ impl Kernel for Block<'_> {
                 let line = appearance.line(&material, view, c, &coordinates, &seen);
                 let Residual { value, square_weight, .. } = line.residual;
                 equations.add(c, line.shape, line.colour, value, square_weight);
-                parameters.find(linear, c, &material, &directions, &appearance.lobes, &line);
+                parameters.find(
+                    linear,
+                    c,
+                    &material,
+                    &directions,
+                    &appearance.lobes,
+                    &line,
+                    self.shares,
+                );
                 parameters.add(linear, c, &line);
             }
             parameters.move_to(linear, self.reduced, self.first);
@@ -191,6 +212,7 @@ impl<V: Lanes> Parameters<V> {
         directions: &Directions<V>,
         lobes: &Lobes<V>,
         line: &Line<V>,
+        shares: &[Eight],
     ) {
         let Line { brdf, fresnel, irradiance, residual, .. } = line;
         let (diffuse, specular) = (material.diffuse[c], material.specular[c]);
@@ -200,7 +222,10 @@ impl<V: Lanes> Parameters<V> {
         let by_lobes = lobes.by_lobes(material, (*brdf, *fresnel));
         for (by, (_, derivative)) in self.by.iter_mut().zip(&linear.derivatives) {
             let of_radiance = match derivative {
-                Derivative::OfLobe(i) => by_lobes[*i] * *irradiance,
+                Derivative::OfAnisotropy(group, i) => {
+                    by_lobes[*i] * *irradiance * V::from_array(shares[*group])
+                }
+                Derivative::OfCoat(i) => by_lobes[lobe::COAT + *i] * *irradiance,
                 // The radiance, of which ln(rendered + 0.01) is by the inverse.
                 Derivative::Factor(factor) => {
                     let whole = V::splat(1.0) - residual.inverse * V::splat(EPSILON);

@@ -1,9 +1,11 @@
 //! The prior of the joint solve, chosen by prediction.
 //!
 //! Each candidate predicts each of the latest photographs from all others (leave-one-out cross-validation), at
-//! a few texels as they are: averages would hide relief. The prior is the mean of the candidates, weighted by
-//! the likelihood of their predictions: two that predict alike are equally good, and a winner would change
-//! from photograph to photograph. A prediction is made only while its candidate can still have a weight.
+//! few texels: averages would hide relief. First one prior predicts with and without optional lobes, because with
+//! a wrong lobe texels that are free look best. Then priors predict with the lobes found. The prior is the mean of
+//! the candidates, weighted by the likelihood of their predictions: two that predict alike are equally good, and a
+//! winner would change from photograph to photograph. A prediction is made only while its candidate can still have
+//! a weight.
 
 use std::sync::Arc;
 
@@ -14,6 +16,7 @@ use crate::estimate::bundle::{Problem, Sample, State};
 use crate::estimate::options::{EstimateOptions, JointPrior};
 use crate::estimate::photographs::Photographs;
 use crate::estimate::prior::Coordinates;
+use crate::svbrdf::NO_LOBES;
 
 /// Texels along the longer side that predictions are made at, at most, and of which those are taken as they are.
 const TEXELS: usize = 32;
@@ -24,7 +27,6 @@ const STEPS: usize = 6;
 const FOLDS: usize = 3;
 /// Weight, relative to the best candidate's, below which one counts for nothing.
 const MIN_WEIGHT: f64 = 0.01;
-
 /// Share of the weights that candidates with a lobe need: the lobe predicts better by more than chance.
 const LOBE_WEIGHT: f64 = 0.9;
 
@@ -156,7 +158,6 @@ impl PriorChoice {
             specular: sigma(|prior| prior.specular),
             roughness: sigma(|prior| prior.roughness),
             noise: sigma(|prior| prior.noise),
-            light: sigma(|prior| prior.light),
             anisotropic: mean(&|prior| f64::from(prior.anisotropic)) > 0.5,
             coated: mean(&|prior| f64::from(prior.coated)) > 0.5,
         })
@@ -204,7 +205,8 @@ impl PriorChoice {
         let left_out = self.folds[prediction % folds];
         let (problem, state) = self.fitted(prediction / folds, left_out);
         let at = |t| problem.coordinates(t, &state);
-        prediction::error(&problem.sample, left_out, &state.correction, state.lobes, at)
+        let lobes = |t| problem.lobes(t, &state).unwrap_or(NO_LOBES);
+        prediction::error(&problem.sample, left_out, &state.correction, lobes, at)
     }
 
     /// A candidate fitted to all photographs but one.

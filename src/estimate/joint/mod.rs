@@ -20,8 +20,8 @@ mod tests;
 use std::sync::Arc;
 
 use super::belief::Belief;
-use super::bundle::{Descent, Sample};
-use super::clusters::Clusters;
+use super::bundle::{Descent, Sample, SharedLobes};
+use super::clusters::{Clusters, Feature};
 use super::correction::{Correction, Exposure};
 use super::finer::full_colours;
 use super::options::{EstimateOptions, JointPrior, SharedOptions};
@@ -29,6 +29,7 @@ use super::photographs::Photographs;
 use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
 use crate::Svbrdf;
 use crate::parallel;
+use crate::svbrdf::LOBES;
 pub(super) use choice::PriorChoice;
 pub(super) use flat::flattened;
 use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, descent};
@@ -121,11 +122,7 @@ impl JointFit {
         // Classes know every texel's colour.
         belief.refine(photographs);
         let slopes = flattened(&belief.maps, prior.relief as f32);
-        belief.mean = Gloss { classes, values }.maps(&slopes, own, photographs);
-        let lobes = state.lobes.iter().flatten();
-        let texels = belief.mean.texels();
-        let planes = lobes.flat_map(|v| std::iter::repeat_n(*v as f32, texels)).collect();
-        belief.mean.set_lobes(planes).expect("four planes");
+        belief.mean = Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
         belief.maps.clone_from(&belief.mean);
         belief.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
         belief.fixed_noise = Some(prior.noise as f32);
@@ -137,6 +134,7 @@ impl JointFit {
 struct Gloss {
     classes: Clusters,
     values: Vec<Coordinates>,
+    lobes: Option<SharedLobes>,
 }
 
 impl Gloss {
@@ -165,7 +163,24 @@ impl Gloss {
                 }
             });
         }
+        maps.set_lobes(self.lobes(&colours)).expect("four planes");
         maps.clamp();
         maps
+    }
+
+    /// Planes of the optional lobes.
+    fn lobes(&self, colours: &[Feature]) -> Vec<f32> {
+        let Some(lobes) = &self.lobes else { return Vec::new() };
+        let n = colours.len();
+        let mut planes = vec![0.0; LOBES * n];
+        let mut shares = vec![0.0; self.classes.len()];
+        for (t, colour) in colours.iter().enumerate() {
+            self.classes.shares(colour, &mut shares);
+            let of_groups = std::iter::once(1.0).chain(shares.iter().copied());
+            for (c, value) in lobes.of_texel(of_groups).into_iter().enumerate() {
+                planes[c * n + t] = value as f32;
+            }
+        }
+        planes
     }
 }

@@ -3,7 +3,7 @@
 use crate::estimate::bundle::{Lit, Sample, natural};
 use crate::estimate::correction::Correction;
 use crate::estimate::prior::Coordinates;
-use crate::svbrdf::{LOBES, NO_LOBES};
+use crate::svbrdf::LOBES;
 
 /// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
 /// apart.
@@ -11,19 +11,18 @@ pub(super) fn error(
     sample: &Sample,
     photograph: usize,
     correction: &Correction,
-    lobes: Option<[f64; LOBES]>,
+    lobes: impl Fn(usize) -> [f64; LOBES],
     coordinates: impl Fn(usize) -> Coordinates,
 ) -> f64 {
     let photograph = &sample.photographs[photograph];
     let light = Lit::new(&correction.predict(&photograph.view));
     let n = sample.texels();
-    let lobes = lobes.unwrap_or(NO_LOBES);
     let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
     let mut values = Vec::with_capacity(3 * n);
     let (mut products, mut squares) = (0.0, 1e-12);
     for t in 0..n {
         let weight = f64::from(photograph.weight[t]);
-        let value = light.value(&natural(&coordinates(t)), &lobes, sample.places[t]);
+        let value = light.value(&natural(&coordinates(t)), &lobes(t), sample.places[t]);
         for c in 0..3 {
             let seen = f64::from(photograph.radiance[c * n + t]);
             let (ours, theirs) = (gamma(value[c]), gamma(seen.abs()));

@@ -11,7 +11,7 @@ use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
 use crate::estimate::prior::Coordinates;
-use crate::svbrdf::{CHANNELS, channel, lobe};
+use crate::svbrdf::{CHANNELS, channel};
 
 /// Share of the colour seen that is diffuse, in the prior's mean.
 pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
@@ -165,7 +165,7 @@ impl Setup {
         let mut precision = vec![[of_class; CHANNELS]; 1 + classes];
         precision[0] = of_all;
         Problem {
-            shared: shared(sample, &which, board, scale, prior, &options.shared),
+            shared: shared(sample, &which, board, scale, prior, classes, &options.shared),
             sample: sample.clone(),
             which,
             mean: self.mean,
@@ -190,12 +190,11 @@ fn shared(
     board: bool,
     scale: f64,
     prior: &JointPrior,
+    classes: usize,
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
     let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
-    let of_material =
-        |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
-    let new = |parameter, sigma: f64, most| of_material(parameter, prior.light * sigma, most);
+    let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
     let photographs = 0..which.len();
     let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
     let flash = (0..3).map(|axis| new(Parameter::Flash(axis), sigmas.offset_mm, of_flash));
@@ -220,15 +219,18 @@ fn shared(
     }
     if prior.anisotropic {
         let [low, high] = [-MAX_ANISOTROPY, MAX_ANISOTROPY];
-        all.extend(
-            [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y]
-                .map(|i| of_material(Parameter::Lobe(i), sigmas.anisotropy, 0.5).within(low, high)),
-        );
+        let [of_all, of_class] = sigmas.anisotropy;
+        for group in 0..=classes {
+            // A class is a part of the texels.
+            let sigma = if group == 0 { of_all } else { of_class * (classes as f64).sqrt() };
+            let numbers = [0, 1].map(|i| new(Parameter::Anisotropy(group, i), sigma, 0.5));
+            all.extend(numbers.map(|number| number.within(low, high)));
+        }
     }
     if prior.coated {
         let [weight, roughness] = sigmas.coat;
-        let weight = of_material(Parameter::Lobe(lobe::COAT), weight, 0.3).around(1.0);
-        let roughness = of_material(Parameter::Lobe(lobe::COAT_ROUGHNESS), roughness, 0.1);
+        let weight = new(Parameter::Coat(0), weight, 0.3).around(1.0);
+        let roughness = new(Parameter::Coat(1), roughness, 0.1);
         let [least, most] = COAT_ROUGHNESS;
         all.push(weight.within(0.0, 1.0));
         all.push(roughness.around(sigmas.coat_roughness).within(least, most));

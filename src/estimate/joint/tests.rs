@@ -277,7 +277,7 @@ fn classes_and_all_own_deviations_make_up_the_estimate() {
             assert!((mean[c] - estimate[c]).abs() < 1e-6, "{t} {c}: {} {}", mean[c], estimate[c]);
         }
     }
-    let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4] };
+    let gloss = Gloss { classes, values: vec![[0.0; CHANNELS]; 4], lobes: None };
     let maps = gloss.maps(&estimate, Some(1.0), &photographs);
     for (found, expected) in maps.planes().iter().zip(estimate.planes()) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");

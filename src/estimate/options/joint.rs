@@ -42,8 +42,9 @@ pub struct SharedOptions {
     pub ambient: f64,
     /// Logarithm of [`View::mirrored`](crate::observation::View::mirrored); with a board. Tuned.
     pub mirrored: f64,
-    /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X).
-    pub anisotropy: f64,
+    /// Both numbers of the anisotropy, [`lobe::ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X): of all
+    /// texels, and of a class round that.
+    pub anisotropy: [f64; 2],
     /// Weight of a coat, round 1, and its roughness, round [`coat_roughness`](Self::coat_roughness).
     pub coat: [f64; 2],
     /// Expected roughness of a coat.
@@ -60,7 +61,7 @@ impl Default for SharedOptions {
             turns_from: 8,
             ambient: 0.2,
             mirrored: 0.6,
-            anisotropy: 1.0,
+            anisotropy: [1.0, 0.5],
             coat: [0.5, 0.15],
             coat_roughness: 0.2,
         }
@@ -108,9 +109,7 @@ pub struct JointPrior {
     /// Scale of log residuals, for noise and errors of the lobe together: tails of highlights are 10 to
     /// 15 % off, alike over a sample.
     pub noise: f64,
-    /// Factor on the sigmas of what texels share: how far the light may differ from that stated.
-    pub light: f64,
-    /// Whether the specular lobe is anisotropic, alike at all texels.
+    /// Whether the specular lobe is anisotropic, alike in each class.
     pub anisotropic: bool,
     /// Whether all texels have a coat.
     pub coated: bool,
@@ -127,7 +126,6 @@ impl Default for JointPrior {
             specular: 0.02,
             roughness: 0.01,
             noise: 0.3,
-            light: 1.0,
             anisotropic: false,
             coated: false,
         }

@@ -53,13 +53,12 @@ impl Work for Choice {
             specular,
             roughness,
             noise,
-            light,
             anisotropic,
             coated,
         } = self.chosen?;
         Some(format!(
             "{relief:.2} of the relief, sigmas between classes {between:.3}, of slopes {slope:.3}, specular {specular:.3}, \
-             roughness {roughness:.3}, noise {noise:.2}, light {light:.2}{}{}",
+             roughness {roughness:.3}, noise {noise:.2}{}{}",
             if anisotropic { ", anisotropic" } else { "" },
             if coated { ", coated" } else { "" },
         ))
