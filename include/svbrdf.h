@@ -1287,8 +1287,9 @@ typedef uint32_t svbrdf_map;
 /**
  * Anisotropy as glTF's KHR_materials_anisotropy states it. Three values: cosine and sine of the direction
  * of the larger alpha, counter-clockwise from X, and strength. Alpha along the direction is
- * mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; 8 bits: (cosine + 1) / 2,
- * (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is isotropic.
+ * mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; opposite directions mean the
+ * same. 8 bits: (cosine + 1) / 2, (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is
+ * isotropic.
  */
 #define SVBRDF_MAP_ANISOTROPY 6
 /**

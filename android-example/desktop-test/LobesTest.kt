@@ -17,8 +17,9 @@ private fun material(side: Int, anisotropy: FloatArray?, coat: FloatArray?): Map
     )
 }
 
-private fun picture(maps: MaterialMaps): ByteBuffer =
-    ByteBuffer.allocateDirect(4 * maps.width * maps.height).also { maps.render(Lighting(), it) }
+/** Lit from beside, so that no highlight is clipped. */
+private fun picture(maps: MaterialMaps): ByteBuffer = ByteBuffer.allocateDirect(4 * maps.width * maps.height)
+    .also { maps.render(Lighting(lightMm = floatArrayOf(150f, 0f, 300f)), it) }
 
 /** Maps of values in memory, with and without anisotropy and a coat. */
 fun optionalLobes() {

@@ -23,6 +23,7 @@ pub mod image;
 pub mod info;
 mod live;
 mod lobes;
+mod lobes_input;
 pub mod log;
 pub mod maps;
 pub mod maps_input;

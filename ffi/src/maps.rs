@@ -10,7 +10,7 @@ use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
 use engine::svbrdf::channel;
 
 use crate::handles::Handles;
-use crate::lobes::{self, Glossiness, Shown};
+use crate::lobes::{self, Shown};
 use crate::status::{Fault, SVBRDF_NO_LOBE, entry, svbrdf_status};
 use crate::texels::{Coding, FORMATS, Layout, Picture, interleave, svbrdf_map_format};
 use crate::values::unknown;
@@ -36,8 +36,9 @@ pub const SVBRDF_MAP_ROUGHNESS: svbrdf_map = 4;
 pub const SVBRDF_MAP_NORMAL_DIRECTX: svbrdf_map = 5;
 /// Anisotropy as glTF's KHR_materials_anisotropy states it. Three values: cosine and sine of the direction
 /// of the larger alpha, counter-clockwise from X, and strength. Alpha along the direction is
-/// mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; 8 bits: (cosine + 1) / 2,
-/// (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is isotropic.
+/// mix(alpha, 1, strength²), alpha across it that of SVBRDF_MAP_ROUGHNESS; opposite directions mean the
+/// same. 8 bits: (cosine + 1) / 2, (sine + 1) / 2, strength, linear. SVBRDF_NO_LOBE where the material is
+/// isotropic.
 pub const SVBRDF_MAP_ANISOTROPY: svbrdf_map = 6;
 /// A coat above everything else, as glTF's KHR_materials_clearcoat states it: a dielectric with F0 .04.
 /// Three values: weight, roughness, 0, linear. SVBRDF_NO_LOBE where the material has none.
@@ -189,6 +190,8 @@ pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
 struct MapPicture<'a> {
     maps: &'a Svbrdf,
     map: svbrdf_map,
+    /// See [`Shown::anisotropy`].
+    mean_angle: f32,
 }
 
 impl<'a> MapPicture<'a> {
@@ -196,13 +199,18 @@ impl<'a> MapPicture<'a> {
         let missing = |lobe| Fault::new(SVBRDF_NO_LOBE, format!("map: the material has no {lobe}"));
         match map {
             SVBRDF_MAP_NORMAL..=SVBRDF_MAP_NORMAL_DIRECTX => {}
-            SVBRDF_MAP_ANISOTROPY if maps.shown().anisotropy => {}
+            SVBRDF_MAP_ANISOTROPY => {}
             SVBRDF_MAP_COAT if maps.shown().coat => {}
-            SVBRDF_MAP_ANISOTROPY => return Err(missing("anisotropy")),
             SVBRDF_MAP_COAT => return Err(missing("coat")),
             _ => return Err(unknown("map", map)),
         }
-        Ok(Self { maps: &maps.maps, map })
+        let mean_angle = match map {
+            SVBRDF_MAP_ANISOTROPY => {
+                maps.shown().anisotropy.ok_or_else(|| missing("anisotropy"))?
+            }
+            _ => 0.0,
+        };
+        Ok(Self { maps: &maps.maps, map, mean_angle })
     }
 
     fn plane(&self, layout: &Layout) -> Plane {
@@ -256,13 +264,12 @@ impl Picture for MapPicture<'_> {
             }
             SVBRDF_MAP_ROUGHNESS => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    *out = [1.0, Glossiness::of(maps, texel).roughness, 0.0, 1.0];
+                    *out = [1.0, lobes::roughness(maps, texel), 0.0, 1.0];
                 }
             }
             SVBRDF_MAP_ANISOTROPY => {
                 for (out, texel) in out.iter_mut().zip(y * width..) {
-                    let Glossiness { direction: [cos, sin], strength, .. } =
-                        Glossiness::of(maps, texel);
+                    let [cos, sin, strength] = lobes::anisotropy(maps, self.mean_angle, texel);
                     *out = [cos, sin, strength, 1.0];
                 }
             }
@@ -337,7 +344,7 @@ pub unsafe extern "C" fn svbrdf_maps_lobes(
             return Err(Fault::argument("lobes: NULL given"));
         }
         let bit = |shown: bool, value: svbrdf_lobes| if shown { value } else { 0 };
-        let found = bit(anisotropy, SVBRDF_LOBE_ANISOTROPY) | bit(coat, SVBRDF_LOBE_COAT);
+        let found = bit(anisotropy.is_some(), SVBRDF_LOBE_ANISOTROPY) | bit(coat, SVBRDF_LOBE_COAT);
         // SAFETY: not NULL, and the caller vouches for the rest.
         unsafe { lobes.write_unaligned(found) };
         Ok(())

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use engine::Svbrdf;
 use engine::svbrdf::{CHANNELS, MAX_SLOPE};
 
-use crate::lobes;
+use crate::lobes_input;
 use crate::maps::{self, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
@@ -143,7 +143,7 @@ impl svbrdf_maps_input {
         let (anisotropy, coat) = unsafe { (self.anisotropy(n)?, self.coat(n)?) };
         let coat = coat.map(|texels| texels.into_iter().map(|[weight, r, _]| [weight, r]));
         let (roughness, lobes) =
-            lobes::planes(roughness.into_flattened(), anisotropy.map(Vec::into_iter), coat);
+            lobes_input::planes(roughness.into_flattened(), anisotropy.map(Vec::into_iter), coat);
         let mut planes = Vec::with_capacity(CHANNELS * n);
         for axis in 0..2 {
             let slopes = normal.iter().map(|n| (n[axis] / n[2]).clamp(-MAX_SLOPE, MAX_SLOPE));

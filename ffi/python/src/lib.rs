@@ -10,6 +10,8 @@ mod capture;
 mod errors;
 #[path = "../../src/lobes.rs"]
 mod lobes;
+#[path = "../../src/lobes_input.rs"]
+mod lobes_input;
 mod maps;
 mod photo;
 mod records;

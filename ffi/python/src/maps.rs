@@ -16,7 +16,8 @@ use svbrdf::{Svbrdf, render};
 
 use crate::arrays::{array, floats, size};
 use crate::errors::{argument, choice, detached};
-use crate::lobes::{self, Glossiness, Shown};
+use crate::lobes::{self, Shown};
+use crate::lobes_input;
 
 /// Normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
@@ -152,7 +153,7 @@ impl Maps {
         let roughness = read.next().expect("four arrays");
         let anisotropy = anisotropy.and_then(|_| read.next());
         let coat = coat.and_then(|_| read.next());
-        let (roughness, lobes) = lobes::planes(
+        let (roughness, lobes) = lobes_input::planes(
             roughness,
             anisotropy.as_ref().map(|values| values.as_chunks::<3>().0.iter().copied()),
             coat.as_ref().map(|values| values.as_chunks::<2>().0.iter().copied()),
@@ -223,7 +224,7 @@ impl Maps {
     #[getter]
     fn roughness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
         let texels = 0..self.maps.texels();
-        let of = |texel| Glossiness::of(&self.maps, texel).roughness;
+        let of = |texel| lobes::roughness(&self.maps, texel);
         self.plane(py, &texels.map(of).collect::<Vec<_>>())
     }
 
@@ -240,13 +241,8 @@ impl Maps {
     /// (True, True)
     #[getter]
     fn anisotropy<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray3<f32>>> {
-        Shown::of(&self.maps).anisotropy.then(|| {
-            self.texels(py, |i| {
-                let Glossiness { direction: [cos, sin], strength, .. } =
-                    Glossiness::of(&self.maps, i);
-                [cos, sin, strength]
-            })
-        })
+        let mean = Shown::of(&self.maps).anisotropy?;
+        Some(self.texels(py, |i| lobes::anisotropy(&self.maps, mean, i)))
     }
 
     /// Weight and roughness of a coat, (height, width, 2), as glTF's ``KHR_materials_clearcoat``: a dielectric with F0 0.04 above

@@ -69,12 +69,12 @@ def test_wrong_arrays_are_named(arrays: dict[str, np.ndarray], name: str, change
 
 @pytest.fixture()
 def brushed() -> np.ndarray:
-    angle = np.linspace(-1.5, 1.5, SHAPE[0] * SHAPE[1]).reshape(SHAPE)
+    angle = np.linspace(-1, 1, SHAPE[0] * SHAPE[1]).reshape(SHAPE)
     return np.dstack([np.cos(angle), np.sin(angle), np.full(SHAPE, 0.4)])
 
 
 def test_optional_lobes_come_back_or_are_none(
-    arrays: dict[str, np.ndarray], brushed: np.ndarray
+    arrays: dict[str, np.ndarray], brushed: np.ndarray, tmp_path: pathlib.Path
 ) -> None:
     plain = svbrdf.Maps.from_arrays(**arrays, sample_mm=(80, 60))
     assert plain.anisotropy is None and plain.coat is None
@@ -83,13 +83,16 @@ def test_optional_lobes_come_back_or_are_none(
     arrays["roughness"] = np.maximum(arrays["roughness"], 0.2)
     for given in ({"anisotropy": brushed}, {"coat": coat}, {"anisotropy": brushed, "coat": coat}):
         maps = svbrdf.Maps.from_arrays(**arrays, **given, sample_mm=(80, 60))
-        assert np.allclose(maps.roughness, arrays["roughness"], atol=1e-5)
-        for name in ("anisotropy", "coat"):
-            found = getattr(maps, name)
-            assert (found is None) == (name not in given)
-            if found is not None:
-                assert found.dtype == np.float32
-                assert np.allclose(found, given[name], atol=1e-4), name
+        folder = tmp_path / "-".join(given)
+        maps.save(folder)
+        for shown in (maps, svbrdf.Maps.load(folder)):
+            assert np.allclose(shown.roughness, arrays["roughness"], atol=1e-5)
+            for name in ("anisotropy", "coat"):
+                found = getattr(shown, name)
+                assert (found is None) == (name not in given)
+                if found is not None:
+                    assert found.dtype == np.float32
+                    assert np.allclose(found, given[name], atol=1e-4), name
     # A lobe that is nowhere there is not shown.
     nothing = svbrdf.Maps.from_arrays(
         **arrays, anisotropy=brushed * (1, 1, 0), coat=coat * (0, 1), sample_mm=(80, 60)

@@ -101,6 +101,22 @@ fn maps_are_shown_and_boards_printed() {
 }
 
 #[test]
+fn maps_with_anisotropy_and_a_coat_are_taken_shown_and_written() {
+    let dir = workplace();
+    run(&mut client(&SANITIZED_C.program(), "lobes", dir.path()));
+    let maps = read_maps(dir.path().join("lobes")).unwrap();
+    let [x, y] = maps.anisotropy().unwrap();
+    // Of the last texel, by hand: the ratio of alphas from roughness 0.43 and strength 0.46, turned by 1.875.
+    let alpha = 0.43_f32.powi(2);
+    let log_ratio = (1.0 + 0.46_f32.powi(2) * (1.0 - alpha) / alpha).ln();
+    let (sin, cos) = (2.0 * 1.875_f32).sin_cos();
+    let (x, y) = (x.last().unwrap(), y.last().unwrap());
+    assert!((x - log_ratio * cos).hypot(y - log_ratio * sin) < 1e-3, "{x} {y}");
+    let [weight, roughness] = maps.coat().unwrap().map(|plane| plane.last().unwrap());
+    assert!(*weight == 0.5 && (roughness - 0.3).abs() < 1e-6, "{weight} {roughness}");
+}
+
+#[test]
 fn photos_are_pushed_without_waiting() {
     let dir = workplace();
     write_photos(dir.path(), 1);
@@ -129,7 +145,6 @@ fn sanitizers_find_nothing() {
             &[
                 "bad-arguments",
                 "maps",
-                "lobes",
                 "inputs",
                 "lifecycle",
                 "threads",

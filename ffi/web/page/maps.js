@@ -35,6 +35,7 @@ export class MapsView {
   add(maps, photographs) {
     const following = this.chosen === null || this.chosen === undefined || this.chosen >= this.moments.size;
     this.moments.set(photographs, maps);
+    for (const [name] of LOBES) document.querySelector(`[data-file="${name}.png"]`).hidden = !maps[`${name}Picture`];
     if ($('result').hidden) {
       $('result').hidden = false;
       this.light(maps);

@@ -253,7 +253,7 @@ impl Scan {
     }
 
     /// A file of the maps: `material.glb`, `material.usdz`, `normal.png`, `diffuse.png`,
-    /// `specular.png`, `roughness.png` or `maps.exr`.
+    /// `specular.png`, `roughness.png` or `maps.exr`; where there are such lobes, `anisotropy.png` or `coat.png`.
     ///
     /// # Errors
     /// Before the first photograph was accepted, and for another name.

@@ -4,7 +4,7 @@ use svbrdf::Svbrdf;
 use svbrdf::frame::{Encoding, Photo};
 use svbrdf::svbrdf::channel;
 
-use crate::lobes::{self, Glossiness, Shown};
+use crate::lobes::{self, Shown};
 
 /// Longer side of a small picture at most, px.
 const SMALL: u32 = 480;
@@ -12,7 +12,7 @@ const SMALL: u32 = 480;
 /// Names of the optional lobes that the material shows.
 pub fn lobe_names(maps: &Svbrdf) -> Vec<&'static str> {
     let Shown { anisotropy, coat } = Shown::of(maps);
-    let named = [(anisotropy, "anisotropy"), (coat, "coat")];
+    let named = [(anisotropy.is_some(), "anisotropy"), (coat, "coat")];
     named.into_iter().filter_map(|(shown, name)| shown.then_some(name)).collect()
 }
 
@@ -20,18 +20,21 @@ pub fn lobe_names(maps: &Svbrdf) -> Vec<&'static str> {
 pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
     let colour = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
     let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
-    let shown = lobe_names(maps);
+    let shown = Shown::of(maps);
     let width = maps.width();
     let value: Box<dyn Fn(usize) -> [f32; 3]> = match name {
         "normal" => Box::new(|i| maps.normal(i % width, i / width).map(|v| 0.5 * v + 0.5)),
         "diffuse" => Box::new(|i| diffuse.map(|plane| srgb(plane[i]))),
         "specular" => Box::new(|i| specular.map(|plane| srgb(plane[i]))),
-        "roughness" => Box::new(|i| [Glossiness::of(maps, i).roughness; 3]),
-        "anisotropy" if shown.contains(&name) => Box::new(|i| {
-            let Glossiness { direction: [cos, sin], strength, .. } = Glossiness::of(maps, i);
-            [0.5 * cos + 0.5, 0.5 * sin + 0.5, strength]
-        }),
-        "coat" if shown.contains(&name) => Box::new(|i| {
+        "roughness" => Box::new(|i| [lobes::roughness(maps, i); 3]),
+        "anisotropy" => {
+            let mean = shown.anisotropy?;
+            Box::new(move |i| {
+                let [cos, sin, strength] = lobes::anisotropy(maps, mean, i);
+                [0.5 * cos + 0.5, 0.5 * sin + 0.5, strength]
+            })
+        }
+        "coat" if shown.coat => Box::new(|i| {
             let [weight, roughness] = lobes::coat(maps, i);
             [weight, roughness, 0.0]
         }),

@@ -1,0 +1,35 @@
+//! Planes of optional lobes from the terms of glTF. The Python module compiles this file as well.
+
+use engine::svbrdf::{Anisotropy, LOBES, NO_LOBES, lobe};
+
+/// Planes of roughness, from that of the smaller alpha, and of the optional lobes; none of these without
+/// anisotropy and coat. Each texel of `anisotropy` is cosine and sine of the direction, and strength; each of
+/// `coat` weight and roughness.
+pub(crate) fn planes(
+    mut roughness: Vec<f32>,
+    anisotropy: Option<impl Iterator<Item = [f32; 3]>>,
+    coat: Option<impl Iterator<Item = [f32; 2]>>,
+) -> (Vec<f32>, Vec<f32>) {
+    if anisotropy.is_none() && coat.is_none() {
+        return (roughness, Vec::new());
+    }
+    let texels = roughness.len();
+    let mut lobes: Vec<f32> = Vec::with_capacity(LOBES * texels);
+    for none in NO_LOBES {
+        lobes.resize(lobes.len() + texels, none as f32);
+    }
+    for (i, [cos, sin, strength]) in anisotropy.into_iter().flatten().enumerate() {
+        if strength > 0.0 {
+            let (mean, [x, y]) =
+                Anisotropy::from_gltf(roughness[i], [cos, sin], strength).parameters();
+            roughness[i] = mean;
+            lobes[lobe::ANISOTROPY_X * texels + i] = x;
+            lobes[lobe::ANISOTROPY_Y * texels + i] = y;
+        }
+    }
+    for (i, [weight, coat_roughness]) in coat.into_iter().flatten().enumerate() {
+        lobes[lobe::COAT * texels + i] = weight;
+        lobes[lobe::COAT_ROUGHNESS * texels + i] = coat_roughness;
+    }
+    (roughness, lobes)
+}
