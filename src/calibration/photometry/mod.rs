@@ -51,7 +51,7 @@ pub(crate) use examination::{Examination, LitPlaces, examine};
 pub use lobe::Lobe;
 pub use radiometry::{Photometry, Radiometry, Vignetting};
 pub(crate) use squares::edited;
-pub use squares::{Square, Squares};
+pub use squares::{Spread, Square, Squares};
 
 /// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
 const AMBIENT_SIGMA: f64 = 0.1;
