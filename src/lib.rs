@@ -101,6 +101,7 @@ pub mod reflectance;
 pub mod render;
 pub mod session;
 mod simd;
+mod statistics;
 pub mod svbrdf;
 #[cfg(test)]
 mod test_support;

@@ -2,6 +2,7 @@
 
 use super::layout::{Labelling, Layout};
 use super::luma::LumaImage;
+use crate::statistics::median;
 use glam::DVec2;
 
 /// Half length of an edge's profile, in squares, where squares are plain.
@@ -51,10 +52,7 @@ pub(super) fn edge_spread(
             }
         }
     }
-    let medians = spreads.map(|mut s| {
-        s.sort_unstable_by(f64::total_cmp);
-        s.get(s.len() / 2).copied()
-    });
+    let medians = spreads.map(median);
     let softer = usize::from(medians[1] > medians[0]);
     let px = medians[softer]?;
     let directed = medians[1 - softer].is_some_and(|other| px > DIRECTED * other);

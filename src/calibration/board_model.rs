@@ -3,6 +3,8 @@
 //! enough to predict corners and to find false ones.
 
 use crate::geometry::Homography;
+use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
+use crate::statistics::median;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
@@ -10,6 +12,20 @@ use nalgebra::{SMatrix, SVector};
 const RADIAL_PRIOR: f64 = 0.15;
 /// Noise that weighs the prior against the corners, px.
 const NOISE_PX: f64 = 0.5;
+/// Weight of the prior of each radial term.
+const PRIOR: f64 = (NOISE_PX / RADIAL_PRIOR) * (NOISE_PX / RADIAL_PRIOR);
+/// Least scale of the Cauchy weights, px.
+const SCALE_MIN_PX: f64 = 0.3;
+/// The scale follows the residuals so often, with steps in between.
+const ROUNDS: usize = 10;
+const STEPS: Options = Options {
+    max_steps: 2,
+    max_trials: 6,
+    damping: 1e-3,
+    min_damping: 0.0,
+    min_gain: 1e-6,
+    descent: true,
+};
 /// Eight numbers of the homography, two radial terms.
 const N: usize = 10;
 
@@ -40,39 +56,12 @@ impl BoardModel {
         let mut model =
             Self { homography: local * local.z_axis.z.recip(), radial: [0.0; 2], centre, radius };
         let grid: Vec<DVec2> = grid.iter().map(|g| *g - middle).collect();
-        let mut residuals: Vec<f64> = vec![0.0; grid.len()];
-        let mut damping = 1e-3;
-        for _ in 0..20 {
-            for (r, (g, p)) in residuals.iter_mut().zip(grid.iter().zip(px)) {
-                *r = (model.project(*g) - *p).length();
-            }
-            let mut sorted = residuals.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            let scale = (2.0 * sorted[sorted.len() / 2]).max(0.3);
-            let weights: Vec<f64> =
-                residuals.iter().map(|r| (1.0 + (r / scale).powi(2)).recip()).collect();
-            let (normal, gradient, cost) = model.normal_equations(&grid, px, &weights);
-            let mut improved = false;
-            for _ in 0..6 {
-                let mut damped = normal;
-                for i in 0..N {
-                    damped[(i, i)] *= 1.0 + damping;
-                }
-                let Some(factor) = damped.cholesky() else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let next = model.moved(&factor.solve(&-gradient));
-                let (_, _, next_cost) = next.normal_equations(&grid, px, &weights);
-                if next_cost < cost {
-                    improved = cost - next_cost > 1e-6 * cost;
-                    model = next;
-                    damping *= 0.1;
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if !improved {
+        for _ in 0..ROUNDS {
+            let residuals = grid.iter().zip(px).map(|(g, p)| (model.project(*g) - *p).length());
+            let scale = (2.0 * median(residuals)?).max(SCALE_MIN_PX);
+            let (next, summary) = minimise(&Corners { grid: &grid, px, scale }, model, &STEPS);
+            model = next;
+            if summary.steps < STEPS.max_steps {
                 break;
             }
         }
@@ -133,31 +122,49 @@ impl BoardModel {
         );
         Self { homography, radial: [self.radial[0] + step[8], self.radial[1] + step[9]], ..*self }
     }
+}
 
-    fn normal_equations(
-        &self,
-        grid: &[DVec2],
-        px: &[DVec2],
-        weights: &[f64],
-    ) -> (SMatrix<f64, N, N>, SVector<f64, N>, f64) {
+/// Corners that a model is fitted to, with Cauchy weights of a scale in px.
+struct Corners<'a> {
+    grid: &'a [DVec2],
+    px: &'a [DVec2],
+    scale: f64,
+}
+
+impl LeastSquares for Corners<'_> {
+    type State = BoardModel;
+    type Equations = (SMatrix<f64, N, N>, SVector<f64, N>);
+
+    fn cost(&self, model: &BoardModel) -> f64 {
+        let square = self.scale * self.scale;
+        let corner = |(g, p): (&DVec2, &DVec2)| {
+            let error = model.project(*g) - *p;
+            square * (error.length_squared() / square).ln_1p()
+        };
+        let prior: f64 = model.radial.iter().map(|term| PRIOR * term * term).sum();
+        self.grid.iter().zip(self.px).map(corner).sum::<f64>() + prior
+    }
+
+    fn linearise(&self, model: &BoardModel) -> Self::Equations {
         let mut normal = SMatrix::<f64, N, N>::zeros();
         let mut gradient = SVector::<f64, N>::zeros();
-        let mut cost = 0.0;
-        let scale2 = self.radius * self.radius;
-        for ((g, target), &weight) in grid.iter().zip(px).zip(weights) {
-            let q = self.homography * g.extend(1.0);
+        let [k, l] = model.radial;
+        let scale2 = model.radius * model.radius;
+        for (g, target) in self.grid.iter().zip(self.px) {
+            let q = model.homography * g.extend(1.0);
             let inverse = q.z.recip();
-            let p = q.truncate() * inverse - self.centre;
+            let p = q.truncate() * inverse - model.centre;
             let r2 = p.length_squared() / scale2;
-            let [k, l] = self.radial;
             let stretch = 1.0 + r2 * (k + l * r2);
-            let error = self.centre + p * stretch - *target;
-            cost += weight * error.length_squared();
+            let error = model.centre + p * stretch - *target;
+            // Corners that the model sees behind the camera weigh next to nothing.
+            let seen = model.project(*g) - *target;
+            let weight = (1.0 + seen.length_squared() / (self.scale * self.scale)).recip();
             // d(pixel)/d(p), then d(p)/d(homography).
             let bend = 2.0 * (k + 2.0 * l * r2) / scale2;
             let (dxx, dxy, dyy) =
                 (stretch + bend * p.x * p.x, bend * p.x * p.y, stretch + bend * p.y * p.y);
-            let u = p + self.centre;
+            let u = p + model.centre;
             for (dx, dy, along, e) in [(dxx, dxy, p.x, error.x), (dxy, dyy, p.y, error.y)] {
                 let dz = -(dx * u.x + dy * u.y);
                 let a = [dx * inverse, dy * inverse, dz * inverse];
@@ -177,13 +184,20 @@ impl BoardModel {
                 gradient += row * (weight * e);
             }
         }
-        let prior = (NOISE_PX / RADIAL_PRIOR).powi(2);
-        for (i, term) in self.radial.iter().enumerate() {
-            normal[(8 + i, 8 + i)] += prior;
-            gradient[8 + i] += prior * term;
-            cost += prior * term * term;
+        for (i, term) in model.radial.iter().enumerate() {
+            normal[(8 + i, 8 + i)] += PRIOR;
+            gradient[8 + i] += PRIOR * term;
         }
-        (normal, gradient, cost)
+        (normal, gradient)
+    }
+
+    fn step(
+        &self,
+        model: &BoardModel,
+        (normal, gradient): &Self::Equations,
+        damping: f64,
+    ) -> Option<BoardModel> {
+        Some(model.moved(&damped_step(normal, gradient, damping)?))
     }
 }
 

@@ -7,6 +7,7 @@ use super::markers::Placed;
 use super::subpixel::{Refiner, Window};
 use super::target::{Target, TargetKind};
 use super::turns::symmetry;
+use crate::statistics::median;
 use glam::{DVec2, IVec2};
 
 /// Side of squares at the level at which the board is found, px.
@@ -77,10 +78,7 @@ impl<'a> Layout<'a> {
     /// Median of the labelled corners' smaller cell sides, px.
     pub fn usual_cell(&self, labelling: &Labelling) -> f64 {
         let labelled = labelling.px.iter().enumerate().filter(|(_, p)| p.is_some());
-        let mut cells: Vec<f64> =
-            labelled.map(|(i, _)| smallest_side(&labelling.model, self.grid(i))).collect();
-        cells.sort_unstable_by(f64::total_cmp);
-        cells.get(cells.len() / 2).copied().unwrap_or(0.0)
+        median(labelled.map(|(i, _)| smallest_side(&labelling.model, self.grid(i)))).unwrap_or(0.0)
     }
 
     /// Printed squares round a grid point: 4 at X-corners, 3 at the hole's corners, which look
@@ -228,9 +226,7 @@ impl<'a> Layout<'a> {
             labelling.model = model;
             let residuals: Vec<f64> =
                 grid.iter().zip(&px).map(|(g, p)| (model.project(*g) - *p).length()).collect();
-            let mut sorted = residuals.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            let usual = 5.0 * sorted[sorted.len() / 2];
+            let usual = median(residuals.iter().copied()).map_or(0.0, |middle| 5.0 * middle);
             let mut dropped = false;
             for ((i, _), (g, r)) in labelled.iter().zip(grid.iter().zip(residuals)) {
                 let cell = smallest_side(&model, *g);

@@ -7,6 +7,7 @@ use super::target::Target;
 use crate::Rejection;
 use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::statistics::median;
 
 /// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.
 const SQUARE_MIN_PX: f64 = 9.0;
@@ -58,17 +59,13 @@ impl Softness {
 
 /// Median distance of neighbouring corners, px; infinite where there are none.
 fn usual_square(corners: &[Corner]) -> f64 {
-    let mut sides: Vec<f64> = corners
-        .iter()
-        .flat_map(|a| {
-            let right = (a.row, a.col + 1);
-            let below = (a.row + 1, a.col);
-            let next = move |b: &&Corner| (b.row, b.col) == right || (b.row, b.col) == below;
-            corners.iter().filter(next).map(|b| a.px.distance(b.px))
-        })
-        .collect();
-    sides.sort_unstable_by(f64::total_cmp);
-    sides.get(sides.len() / 2).copied().unwrap_or(f64::INFINITY)
+    let sides = corners.iter().flat_map(|a| {
+        let right = (a.row, a.col + 1);
+        let below = (a.row + 1, a.col);
+        let next = move |b: &&Corner| (b.row, b.col) == right || (b.row, b.col) == below;
+        corners.iter().filter(next).map(|b| a.px.distance(b.px))
+    });
+    median(sides).unwrap_or(f64::INFINITY)
 }
 
 /// Refuses a photograph whose metadata state another focal length than those of the first one.

@@ -10,6 +10,7 @@ use crate::calibration::reasons::why_no_board;
 use crate::calibration::{self, CameraPrior, Corner, LumaImage, Sighting};
 use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::statistics::median;
 use crate::{Rejection, rectification};
 
 /// Pictures are reduced as long as their long side keeps this, px; where too little of the board is
@@ -163,11 +164,9 @@ impl Board {
             value.map(of).into_iter().fold(0.0, f32::max)
         };
         let whites = squares.squares.iter().filter(|s| s.white);
-        let mut levels: Vec<f32> = whites.map(|s| level(s.value)).collect();
-        levels.sort_by(f32::total_cmp);
-        let middle = levels.get(levels.len() / 2);
+        let middle = median(whites.map(|s| level(s.value)));
         let rejection = self.photometer().fault(squares, pose);
-        (middle.and_then(|&middle| light(middle, squares.clipped_share)), rejection)
+        (middle.and_then(|middle| light(middle, squares.clipped_share)), rejection)
     }
 
     /// Where the camera is and how much of the sample it sees.

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::geometry::Pose;
+use crate::statistics::median;
 
 /// Half vectors this far off the vertical are what samples' slopes ask for (tangent of 20 degrees).
 const SLOPE_MAX: f64 = 0.36;
@@ -107,9 +108,7 @@ pub(super) struct Candidate {
 
 /// Views within reach of a hand, at the median distance of those so far; `None` before the first.
 pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<Candidate>> {
-    let mut distances: Vec<f64> = views.iter().map(|v| v.camera_centre().length()).collect();
-    distances.sort_by(f64::total_cmp);
-    let distance = *distances.get(distances.len() / 2)?;
+    let distance = median(views.iter().map(|v| v.camera_centre().length()))?;
     let candidate = |tilt: f64, azimuth: f64| {
         let (s, c) = tilt.to_radians().sin_cos();
         let (sa, ca) = azimuth.to_radians().sin_cos();

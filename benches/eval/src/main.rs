@@ -14,6 +14,7 @@ mod next_view;
 mod overrides;
 mod protocol;
 mod report;
+mod statistics;
 mod streaming;
 
 use std::path::PathBuf;

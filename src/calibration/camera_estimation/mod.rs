@@ -28,6 +28,7 @@ use super::paper::{Paper, PaperEstimate, Sheet};
 use super::target::Target;
 use crate::Rejection;
 use crate::geometry::{Camera, Pose};
+use crate::statistics::median;
 pub use bending::estimate_paper;
 use joint::{Problem, State, View};
 pub use prior::CameraPrior;
@@ -224,10 +225,8 @@ fn finished(mut view: View, pose: Pose, camera: &Camera, sheet: &Sheet) -> ViewE
         // Left out of the estimate, yet seen by the camera it gave.
         pose = best_pose(&view, camera, sheet);
         let residuals = pose.map(|p| view.residuals(camera, sheet, &p)).unwrap_or_default();
-        let mut sorted = residuals.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+        let middle = median(residuals.iter().copied()).unwrap_or(0.0);
+        let limit = (TRIM_SIGMA * middle / 1.177).max(TRIM_MIN_PX);
         view.inliers = view
             .px
             .iter()

@@ -8,6 +8,7 @@ use super::super::target::Target;
 use super::joint::{SHARED, State, View};
 use super::prior::INTRINSICS;
 use crate::geometry::{Camera, Homography, Pose};
+use crate::statistics::median;
 use glam::{DVec2, DVec3};
 
 /// Corners below which a photograph is not used.
@@ -68,25 +69,22 @@ pub(super) fn trim(views: &mut [View], state: &State) -> bool {
         .collect();
     let mut spread = Vec::with_capacity(views.len());
     for (view, residuals) in views.iter().zip(&residuals) {
-        let mut sorted = residuals.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY);
-        spread.push(median);
+        let middle = median(residuals.iter().copied()).unwrap_or(f64::INFINITY);
+        spread.push(middle);
         if view.used {
-            medians.push(median);
+            medians.push(middle);
         }
     }
-    medians.sort_unstable_by(f64::total_cmp);
-    let typical = medians.get(medians.len() / 2).copied().unwrap_or(f64::INFINITY);
     let enough = medians.len() >= 3;
-    for ((view, residuals), median) in views.iter_mut().zip(&residuals).zip(spread) {
+    let typical = median(medians).unwrap_or(f64::INFINITY);
+    for ((view, residuals), middle) in views.iter_mut().zip(&residuals).zip(spread) {
         // The median length of a two-dimensional normal vector is 1.177 sigma.
-        let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+        let limit = (TRIM_SIGMA * middle / 1.177).max(TRIM_MIN_PX);
         let inliers: Vec<bool> = residuals.iter().map(|r| *r <= limit).collect();
         changed |= inliers != view.inliers;
         view.inliers = inliers;
         let fits = view.inlier_count() as f64 >= VIEW_SHARE_MIN * view.px.len() as f64;
-        let alike = median <= (VIEW_TIMES * typical).max(VIEW_MIN_PX);
+        let alike = middle <= (VIEW_TIMES * typical).max(VIEW_MIN_PX);
         if view.used && enough && !(fits && alike) {
             view.used = false;
             changed = true;

@@ -16,6 +16,7 @@ use super::radiometry::Photometry;
 use super::squares::{Spread, Square, Squares};
 use crate::calibration::Target;
 use crate::geometry::Pose;
+use crate::statistics::{MAD_TO_SIGMA, median};
 
 /// Stripes: their number along a photograph's side, at most; the least that stripes are, amplitude and share of the
 /// squares' variance that they explain.
@@ -279,7 +280,7 @@ fn lit_places(
         .collect();
     let share = lit.len() as f64 / seen.len().max(1) as f64;
     let middle = lit.iter().map(|(at, _)| *at).sum::<DVec2>() / lit.len().max(1) as f64;
-    let ratio = median(lit.iter().map(|(_, high)| *high).collect())?.exp();
+    let ratio = median(lit.iter().map(|(_, high)| *high))?.exp();
     (share > PLACE_SHARE && lit.len() > 1).then_some(LitPlaces { share, ratio, board_mm: middle })
 }
 
@@ -327,9 +328,9 @@ fn stands_still(
         let off = rows.iter().zip(&white).map(|(row, (_, r))| {
             (r.log_value - row.iter().zip(found.iter()).map(|(a, b)| a * b).sum::<f64>()).abs()
         });
-        sigma = 1.4826 * median(off.collect())?;
+        sigma = MAD_TO_SIGMA * median(off)?;
     }
-    let flash = 1.4826 * median(white.iter().map(|(_, r)| r.log.abs()).collect())?;
+    let flash = MAD_TO_SIGMA * median(white.iter().map(|(_, r)| r.log.abs()))?;
     let ratio = sigma.max(fit::TONE_MIN_SIGMA) / flash.max(fit::TONE_MIN_SIGMA);
     (ratio < STANDS_STILL).then_some(ratio.recip())
 }
@@ -361,9 +362,4 @@ fn half_deg(light: DVec3, eye: DVec3, board_mm: DVec2) -> f64 {
     let board = board_mm.extend(0.0);
     let half = (light - board).normalize() + (eye - board).normalize();
     half.normalize().z.clamp(-1.0, 1.0).acos().to_degrees()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -7,6 +7,7 @@ use super::lobe::Lobe;
 use super::model::{Ink, Model, Problem, Sample, Shot, parameter};
 use crate::frame::{LogCurve, ToneCurve};
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
+use crate::statistics::{MAD_TO_SIGMA, median};
 
 /// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
 /// a flash's lobe: 1 (a bare diode) to 4.
@@ -76,14 +77,6 @@ pub(super) struct Solution {
     pub photo_sigma: Vec<f64>,
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 /// How light and lens are found. Weights and scale follow the residuals, so that steps are taken as
 /// they come.
 const REFINEMENT: Options = Options {
@@ -122,7 +115,7 @@ impl Solution {
             return curve;
         }
         let white = samples.iter().filter(|s| s.ink == Ink::None);
-        let white = median(&mut white.map(|s| s.log_stored).collect::<Vec<f64>>());
+        let white = median(white.map(|s| s.log_stored)).unwrap_or(f64::NAN);
         let log = LogCurve::new(curve);
         let from = log.at(white).by_parameters;
         let sigma = |log_stored: f64| {
@@ -228,15 +221,14 @@ impl<'a> Fit<'a> {
             // Start at the median, so that outliers do not enter the first weights.
             let white = |s: &Sample| s.ink == Ink::None;
             let any_white = samples.iter().any(|s| s.channel == c && white(s));
-            let mut list: Vec<f64> = samples
+            let scales = samples
                 .iter()
                 .filter(|s| s.channel == c && (white(s) || !any_white))
-                .filter_map(|s| Some(-model.residual(s)?.value))
-                .collect();
-            if list.is_empty() {
-                prior[LOG_SCALE + c] = (0.0, 1.0); // all clipped: undetermined, yet solvable
-            } else {
-                theta[LOG_SCALE + c] = median(&mut list);
+                .filter_map(|s| Some(-model.residual(s)?.value));
+            match median(scales) {
+                Some(scale) => theta[LOG_SCALE + c] = scale,
+                // all clipped: undetermined, yet solvable
+                None => prior[LOG_SCALE + c] = (0.0, 1.0),
             }
         }
         (Self { samples, shots, problem, prior }, theta)
@@ -247,8 +239,7 @@ impl<'a> Fit<'a> {
         let model = self.model(theta);
         let gray = self.samples.iter().filter(|s| s.ink == Ink::Gray);
         let off = |s| Some(theta[parameter::GRAY] - model.residual(s)?.value);
-        let mut list: Vec<f64> = gray.filter_map(off).collect();
-        if list.is_empty() { 0.0 } else { median(&mut list) }
+        median(gray.filter_map(off)).unwrap_or(0.0)
     }
 
     /// The priors' part of [`misfit`]; channels are one error.
@@ -300,10 +291,9 @@ impl<'a> Fit<'a> {
         // say little about paper.
         let plain = self.samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
         let used = self.samples.iter().filter(|s| !plain || s.sigma <= 1.0);
-        let mut list: Vec<f64> =
-            used.filter_map(|s| Some(model.residual(s)?.value.abs() / s.sigma)).collect();
+        let off = median(used.filter_map(|s| Some(model.residual(s)?.value.abs() / s.sigma)));
         let least = if self.problem.tone_sigma > 0.0 { TONE_MIN_SIGMA } else { MIN_SIGMA };
-        (1.4826 * median(&mut list)).max(least)
+        off.map_or(least, |off| (MAD_TO_SIGMA * off).max(least))
     }
 
     /// Adds the priors to the equations of the squares; fixed parameters get a row of their own.
@@ -346,9 +336,8 @@ impl<'a> Fit<'a> {
         let frames = 0..self.shots.len();
         let photo_sigma = |frame: usize| {
             let used = self.samples.iter().filter(|s| s.frame == frame);
-            let mut list: Vec<f64> =
-                used.filter_map(|s| Some(model.residual(s)?.value.abs())).collect();
-            1.4826 * median(&mut list)
+            let off = median(used.filter_map(|s| Some(model.residual(s)?.value.abs())));
+            MAD_TO_SIGMA * off.unwrap_or(f64::NAN)
         };
         let log_scale =
             |f: usize| std::array::from_fn(|c| theta[LOG_SCALE + c] + theta[FRAMES + 3 * f + c]);

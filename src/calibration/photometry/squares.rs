@@ -7,6 +7,7 @@ use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
 use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
+use crate::statistics::median;
 
 /// Squares narrower than this on the photo hold no pixel free of their neighbours.
 const MIN_SQUARE_PX: f64 = 6.0;
@@ -131,9 +132,8 @@ impl Squares {
             Some(value(black)? * count / sum)
         };
         let black = self.squares.iter().filter(|s| !s.white);
-        let mut ratios: Vec<f64> = black.filter_map(ratio).collect();
-        ratios.sort_by(f64::total_cmp);
-        (ratios.len() >= MIN_SQUARES).then(|| ratios[ratios.len() / 2])
+        let ratios: Vec<f64> = black.filter_map(ratio).collect();
+        if ratios.len() >= MIN_SQUARES { median(ratios) } else { None }
     }
 
     /// Measures every square that lies wholly inside the photo.
@@ -204,8 +204,7 @@ impl Squares {
                 Rejection::LightNotVisible
             });
         }
-        levels.sort_by(f32::total_cmp);
-        if let Some(&level) = levels.get(levels.len() / 2)
+        if let Some(level) = median(levels)
             && level < MIN_LEVEL
         {
             return Err(Rejection::TooDark { level });
@@ -246,12 +245,12 @@ pub(crate) fn edited<'a>(
         return None;
     }
     let own = photo.black_over_white(target, tone)?;
-    let mut usual: Vec<f64> =
+    let others: Vec<f64> =
         others.filter_map(|other| other.black_over_white(target, tone)).collect();
-    usual.sort_by(f64::total_cmp);
-    let known = usual.len() >= MIN_OTHERS;
-    let usual =
-        if known { usual[usual.len() / 2] } else { target.black_albedo / target.white_albedo };
+    let known = others.len() >= MIN_OTHERS;
+    let usual = median(others)
+        .filter(|_| known)
+        .unwrap_or_else(|| target.black_albedo / target.white_albedo);
     let differs = known && (own.max(1e-6) / usual.max(1e-6)).ln().abs() > OTHER_BLACK;
     (own < MIN_BLACK || differs).then_some([own as f32, usual as f32])
 }

@@ -3,6 +3,7 @@
 use super::super::projection::{Projection, moved};
 use crate::geometry::{Camera, Homography, Pose};
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
+use crate::statistics::median;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
@@ -95,15 +96,13 @@ impl Problem<'_> {
     fn fit(&self, start: Pose) -> Fit {
         let mut inliers = vec![true; self.px.len()];
         let mut pose = start;
-        let mut median = f64::INFINITY;
+        let mut middle = f64::INFINITY;
         for _ in 0..6 {
             pose = self.refine(pose, &inliers).0;
             let residuals = self.residuals(&pose);
-            let mut sorted = residuals.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            median = sorted[sorted.len() / 2];
+            middle = median(residuals.iter().copied()).unwrap_or(f64::INFINITY);
             // The median length of a two-dimensional normal vector is 1.177 sigma.
-            let limit = (TRIM_SIGMA * median / 1.177).max(TRIM_MIN_PX);
+            let limit = (TRIM_SIGMA * middle / 1.177).max(TRIM_MIN_PX);
             let next: Vec<bool> = residuals.iter().map(|r| *r <= limit).collect();
             if next == inliers {
                 break;
@@ -111,7 +110,7 @@ impl Problem<'_> {
             inliers = next;
         }
         let (pose, cost) = self.refine(pose, &inliers);
-        Fit { pose, inliers, cost, median }
+        Fit { pose, inliers, cost, median: middle }
     }
 
     /// The minimum next to a pose, and its cost.

@@ -6,6 +6,7 @@ use crate::estimate::FrameFit;
 use crate::observation::Observation;
 use crate::session::capture::Board;
 use crate::session::hint::{Group, Hint};
+use crate::statistics::median;
 
 /// The least residual, and how many times the usual one, that is called a contradiction: a false word is worse
 /// than none, and photographs that agree leave some hundredths, glossy ones more.
@@ -35,9 +36,7 @@ pub(super) fn tell(
     if hints.iter().flatten().any(|hint| matches!(hint, Hint::LightStays { .. })) {
         return;
     }
-    let mut usual: Vec<f32> = fits.iter().map(|fit| fit.residual).collect();
-    usual.sort_by(f32::total_cmp);
-    let usual = usual.get(usual.len() / 2).copied().unwrap_or(0.0);
+    let usual = median(fits.iter().map(|fit| fit.residual)).unwrap_or(0.0);
     let limit = CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
     let contradicts = |fit: &FrameFit| fit.outlier && (fit.weight == 0.0 || fit.residual > limit);
     let odd = fits.iter().any(contradicts);

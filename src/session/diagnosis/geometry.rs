@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use crate::calibration::{self, CameraPrior};
 use crate::session::capture::{Board, Capture, Photograph};
 use crate::session::hint::Hint;
+use crate::statistics::median;
 
 /// Corners off by this, mm, and by so many standard deviations of their mean, lie elsewhere.
 const OFF_MM: f64 = 0.12;
@@ -62,11 +63,7 @@ fn cropped(board: &Board) -> Vec<Option<f64>> {
     if known().count() < AXES_MIN {
         return vec![None; all.len()];
     }
-    let middle = |k: usize| {
-        let mut values: Vec<f64> = known().map(|(axis, _)| axis[k]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
+    let middle = |k: usize| median(known().map(|(axis, _)| axis[k])).unwrap_or(0.0);
     let usual = DVec2::new(middle(0), middle(1));
     let off = |&(axis, sigma): &(DVec2, DVec2)| {
         let off = axis - usual;
@@ -96,7 +93,7 @@ fn bent(board: &Board) -> Option<(f64, f64)> {
         }
     }
     let seen: Vec<&Vec<DVec2>> = corners.values().filter(|offs| offs.len() >= PHOTOS).collect();
-    let mut off: Vec<f64> = seen
+    let off: Vec<f64> = seen
         .iter()
         .filter_map(|offs| {
             let count = offs.len() as f64;
@@ -108,6 +105,5 @@ fn bent(board: &Board) -> Option<(f64, f64)> {
         })
         .collect();
     let share = off.len() as f64 / seen.len().max(1) as f64;
-    off.sort_by(f64::total_cmp);
-    (share > OFF_SHARE).then(|| (off[off.len() / 2], share))
+    Some((median(off)?, share)).filter(|_| share > OFF_SHARE)
 }

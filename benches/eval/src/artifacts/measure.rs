@@ -11,6 +11,7 @@ use svbrdf::svbrdf::channel;
 
 use super::colours::{CLASSES, classes};
 use super::regression::{Basis, explained};
+use crate::statistics::median;
 
 /// Texels a side, and blocks whose means are looked for highlights.
 const SIDE: usize = 256;
@@ -136,13 +137,11 @@ fn tilt(maps: &Svbrdf, truth: Option<&Svbrdf>, parts: usize) -> f64 {
 
 /// Median of each texel's class.
 fn medians(classes: &[usize], values: &[f64]) -> Vec<f64> {
-    let median = |class: usize| {
-        let mut of: Vec<f64> =
-            classes.iter().zip(values).filter(|(c, _)| **c == class).map(|(_, v)| *v).collect();
-        of.sort_by(f64::total_cmp);
-        of.get(of.len() / 2).copied().unwrap_or_default()
+    let of_class = |class: usize| {
+        let own = classes.iter().zip(values).filter(|(c, _)| **c == class).map(|(_, v)| *v);
+        median(own).unwrap_or_default()
     };
-    let medians: Vec<f64> = (0..CLASSES).map(median).collect();
+    let medians: Vec<f64> = (0..CLASSES).map(of_class).collect();
     classes.iter().map(|class| medians[*class]).collect()
 }
 

@@ -15,6 +15,7 @@ use self::table::{Group, MAPS, Table};
 use crate::captures::with_truth;
 use crate::experiments::seed;
 use crate::protocol::{self, Conditions, crops, photographs};
+use crate::statistics::median;
 use crate::streaming::{Setup, Variant, capture_folders, push};
 
 /// Arguments of `svbrdf-eval confidence`.
@@ -39,7 +40,7 @@ pub struct Arguments {
 /// Texels of an estimate that are looked at, about.
 const SAMPLES: usize = 500;
 /// Median roughness from which on a material counts as matt.
-const MATT: f32 = 0.45;
+const MATT: f64 = 0.45;
 /// Where the evidence goes.
 struct Judge {
     table: Table,
@@ -52,11 +53,9 @@ impl Judge {
     fn add(&mut self, evidence: &Evidence, truth: &Svbrdf, photos: usize) -> Result<()> {
         let confidence = evidence.confidence()?;
         let (maps, n) = (evidence.maps(), truth.texels());
-        let group = Group {
-            case: self.cases,
-            photos,
-            matt: median(truth.plane(channel::ROUGHNESS)) >= MATT,
-        };
+        let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
+        let matt = median(roughness).is_some_and(|middle| middle >= MATT);
+        let group = Group { case: self.cases, photos, matt };
         let stride = (n / SAMPLES).max(1) | 1;
         for t in (stride / 2..n).step_by(stride) {
             for (map, (_, range)) in MAPS.into_iter().enumerate() {
@@ -76,12 +75,6 @@ impl Judge {
         }
         Ok(())
     }
-}
-
-fn median(values: &[f32]) -> f32 {
-    let mut values = values.to_vec();
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// Runs the command.

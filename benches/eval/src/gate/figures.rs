@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use svbrdf::{Error, Result};
 
 use crate::artifacts::Artifacts;
+use crate::statistics::mean;
 
 /// Value of `format`.
 const FORMAT: &str = "svbrdf-gate/1";
@@ -167,11 +168,6 @@ impl Figures {
 /// Whether a group, or one that it is a part of (`fresh` of `fresh, boards`), was asked for.
 fn asked(group: &str, groups: &[String]) -> bool {
     groups.iter().any(|asked| group.split(',').next() == Some(asked))
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
-    sum / f64::from(count.max(1))
 }
 
 fn row(table: &mut String, group: &str, case: &str, now: f64, old: Option<f64>) {

@@ -5,6 +5,7 @@ use std::fmt::Write;
 
 use super::figures::Figures;
 use crate::artifacts::Artifacts;
+use crate::statistics::{geometric_mean, median};
 
 /// What maps of a flat sample should have at most of each.
 const LIMITS: [f64; 4] = [1.0, 3.0, 0.06, 0.02];
@@ -36,9 +37,10 @@ pub fn table(figures: &Figures, baseline: Option<&Figures>) -> String {
         let mut fewer: Option<&Vec<(&str, &String, f64)>> = None;
         for (n, cases) in &numbers {
             let old = |case: &String| before.and_then(|before| before.get(case)).copied();
-            let error = geometric(cases.iter().map(|(_, _, error)| *error));
-            let baseline_error = geometric(cases.iter().filter_map(|(_, case, _)| old(case)));
-            let ratio = geometric(cases.iter().filter_map(|(_, case, e)| Some(e / old(case)?)));
+            let error = geometric_mean(cases.iter().map(|(_, _, error)| *error));
+            let baseline_error = geometric_mean(cases.iter().filter_map(|(_, case, _)| old(case)));
+            let ratio =
+                geometric_mean(cases.iter().filter_map(|(_, case, e)| Some(e / old(case)?)));
             let rise = median(cases.iter().filter_map(|(name, _, error)| {
                 let (_, _, fewer) = fewer?.iter().find(|(other, _, _)| other == name)?;
                 Some(error / fewer - 1.0)
@@ -93,18 +95,6 @@ fn artifacts<'a>(
 
 fn shown(value: Option<f64>, text: impl Fn(f64) -> String) -> String {
     value.map_or_else(String::new, text)
-}
-
-fn geometric(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let logs: Vec<f64> = values.map(f64::ln).collect();
-    (!logs.is_empty()).then(|| (logs.iter().sum::<f64>() / logs.len() as f64).exp())
-}
-
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);
-    Some(0.5 * (values[low] + values[high]))
 }
 
 #[cfg(test)]

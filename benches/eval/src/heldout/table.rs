@@ -7,6 +7,7 @@ use serde_json::json;
 use super::orders::Part;
 use super::score::{HIGHLIGHT_DEGREES, Score, Squares};
 use crate::artifacts::Artifacts;
+use crate::statistics::mean;
 use crate::streaming::Variant;
 
 /// Error of one predicted photograph.
@@ -51,11 +52,6 @@ fn rows(records: &[Record]) -> Vec<Row<'_>> {
         rows.entry((record.part, record.fitted)).or_default().push(record);
     }
     rows.into_iter().collect()
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
-    sum / f64::from(count.max(1))
 }
 
 /// Mean error and artifacts by row of the table of one capture: `N=1 → others`, `N=2`.
