@@ -89,29 +89,26 @@ impl<V: Lanes> Lobes<V> {
         ];
         let behind = V::splat(1.0 - MIN_COSINE * MIN_COSINE);
         let sin2 = raw[2].if_greater(least, dot(cross, cross), behind);
-        let mut lobes = Self {
+        let one = V::splat(1.0);
+        let (mut across, mut through, mut optional) = (sin2, one, None);
+        if let Some(material) = &material.optional {
+            let own = OptionalLobes::new(material, n, directions, cosines, sin2);
+            across = raw[2].if_greater(least, own.stretched, behind);
+            through = own.through;
+            optional = Some(own);
+        }
+        let base = Microfacets::new(&material.gloss, cosines, across);
+        Self {
             cosines,
             raw,
-            base: Microfacets::none(),
-            specular: sin2,
-            diffuse: V::splat(FRAC_1_PI),
-            one_minus_fresnel: V::splat(1.0) - directions.fresnel,
+            base,
+            specular: base.value * through,
+            diffuse: V::splat(FRAC_1_PI) * through,
+            one_minus_fresnel: one - directions.fresnel,
             fresnel: directions.fresnel,
             irradiance: cosines[0] * directions.attenuation,
-            optional: None,
-        };
-        if let Some(optional) = &material.optional {
-            let own = OptionalLobes::new(optional, n, directions, cosines, sin2);
-            let stretched = raw[2].if_greater(least, own.stretched, behind);
-            lobes.base = Microfacets::new(&material.gloss, cosines, stretched);
-            lobes.specular = lobes.base.value * own.through;
-            lobes.diffuse = lobes.diffuse * own.through;
-            lobes.optional = Some(own);
-        } else {
-            lobes.base = Microfacets::new(&material.gloss, cosines, sin2);
-            lobes.specular = lobes.base.value;
+            optional,
         }
-        lobes
     }
 
     /// Fresnel term of a colour channel.

@@ -48,13 +48,6 @@ pub(super) struct Microfacets<V> {
 }
 
 impl<V: Lanes> Microfacets<V> {
-    /// To be overwritten.
-    #[inline(always)]
-    pub fn none() -> Self {
-        let zero = V::splat(0.0);
-        Self { value: zero, inverse_den: zero, inverse_light: zero, inverse_view: zero }
-    }
-
     /// From NoL, NoV and NoH, and the square of the half vector's part across the normal.
     #[inline(always)]
     pub fn new(gloss: &Gloss<V>, [nl, nv, nh]: [V; 3], sin2: V) -> Self {

@@ -60,6 +60,7 @@ impl PriorChoice {
         let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
         let sample = Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS));
         let neutral = options.joint.candidates.first().copied().unwrap_or_default();
+        // `may_count` knows this order.
         let lobes = [[false, false], [true, false], [false, true], [true, true]];
         let candidates =
             lobes.map(|[anisotropic, coated]| JointPrior { anisotropic, coated, ..neutral });
@@ -188,6 +189,14 @@ impl PriorChoice {
 
     /// Whether a candidate may still have a weight, as far as is known.
     fn may_count(&self, candidate: usize) -> bool {
+        let prior = &self.candidates[candidate];
+        if !self.lobes_chosen && prior.anisotropic && prior.coated {
+            // Together only where one of them alone helps.
+            let [without, anisotropic, coated] = [0, 1, 2].map(|c| self.sum(c));
+            if anisotropic.min(coated) > without {
+                return false;
+            }
+        }
         let known = self.errors[self.of(candidate)].iter().filter(|e| !e.is_nan());
         // The empty sum of floats is -0.
         self.weight(known.fold(0.0, |sum, error| sum + error)) >= MIN_WEIGHT
