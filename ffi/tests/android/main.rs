@@ -155,7 +155,7 @@ fn the_binding_works_on_the_desktop_jvm() {
     let said =
         [done.stdout, done.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat();
     println!("{said}");
-    assert_eq!(said.matches("done: ").count(), 17, "{said}");
+    assert_eq!(said.matches("done: ").count(), 18, "{said}");
     // What -Xcheck:jni complains about.
     assert!(!said.contains("WARNING in native") && !said.contains("WARNING: JNI"), "{said}");
     assert!(!said.contains("FATAL"), "{said}");
