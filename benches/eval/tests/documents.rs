@@ -19,7 +19,7 @@ fn arguments<'a>(words: &'a [&'a str]) -> Option<&'a [&'a str]> {
     }
 }
 
-/// What is wrong with a command; nothing if it is another program's.
+/// The fault of a command, or `None`; also `None` for commands of other programs.
 fn fault(command: &str) -> Option<String> {
     let words: Vec<&str> = command.split_whitespace().collect();
     understood(env!("CARGO_BIN_EXE_svbrdf-eval"), arguments(&words)?).err()
