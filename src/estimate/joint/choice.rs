@@ -34,6 +34,8 @@ const LOBE_WEIGHT: f64 = 0.9;
 pub(crate) struct PriorChoice {
     /// Whether the optional lobes have been chosen.
     lobes_chosen: bool,
+    /// Predictions made before that.
+    earlier: usize,
     pub(super) candidates: Vec<JointPrior>,
     options: EstimateOptions,
     sample: Arc<Sample>,
@@ -66,6 +68,7 @@ impl PriorChoice {
             lobes.map(|[anisotropic, coated]| JointPrior { anisotropic, coated, ..neutral });
         Self {
             lobes_chosen: false,
+            earlier: 0,
             candidates: candidates.to_vec(),
             estimate: sample.coordinates(maps),
             options: options.clone(),
@@ -79,9 +82,15 @@ impl PriorChoice {
 
     /// Predictions made, and about how many there will be.
     pub fn work(&self) -> [usize; 2] {
-        let done = self.errors.iter().filter(|e| !e.is_nan()).count();
+        let done = self.earlier + self.made();
         let priors = if self.lobes_chosen { 0 } else { self.options.joint.candidates.len() };
-        [done, if self.is_done() { done } else { self.errors.len() + priors * self.folds.len() }]
+        let all = self.earlier + self.errors.len() + priors * self.folds.len();
+        [done, if self.is_done() { done } else { all }]
+    }
+
+    /// Predictions made in this round.
+    fn made(&self) -> usize {
+        self.errors.iter().filter(|e| !e.is_nan()).count()
     }
 
     /// Whether no prediction can change the choice any more.
@@ -113,6 +122,7 @@ impl PriorChoice {
         let coated = share(|prior| prior.coated) > LOBE_WEIGHT;
         let has = |prior: &JointPrior| [prior.anisotropic, prior.coated] == [anisotropic, coated];
         let known = self.candidates.iter().position(has).map(|c| self.errors[self.of(c)].to_vec());
+        self.earlier = self.made();
         let priors = self.options.joint.candidates.iter();
         self.candidates =
             priors.map(|prior| JointPrior { anisotropic, coated, ..*prior }).collect();

@@ -135,8 +135,13 @@ fn wrong_lights_are_corrected() {
 
 fn chosen(photographs: &Photographs, maps: &Svbrdf) -> JointPrior {
     let mut choice = PriorChoice::new(photographs, maps, true, &options());
+    let mut before = 0.0;
     while !choice.is_done() {
         choice.step();
+        let [done, all] = choice.work();
+        let fraction = done as f64 / all as f64;
+        assert!(fraction >= before, "{fraction} after {before}");
+        before = fraction;
     }
     choice.chosen().unwrap()
 }
