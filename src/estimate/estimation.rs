@@ -226,7 +226,7 @@ impl Estimation {
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
         let belief = maps.map(|maps| Belief::new(maps, &self.options));
         let coarse = self.photographs.thinning() > 0;
-        let schedule = Schedule::new(self.task, self.photographs.len(), coarse, &self.options);
+        let schedule = Schedule::new(self.task, self.photographs.len(), coarse);
         self.stage = Stage::Running(Box::new(Run { schedule, belief }));
     }
 
