@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 use std::time::Instant;
-use svbrdf::estimate::{EstimateOptions, Estimator, Method};
+use svbrdf::estimate::{EstimateOptions, Method};
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::Networks;
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::{Svbrdf, render};

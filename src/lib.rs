@@ -72,6 +72,8 @@
 
 mod error;
 
+#[doc(hidden)]
+pub mod assessment;
 pub mod board_sheet;
 pub mod calibration;
 pub mod capture;
@@ -79,6 +81,8 @@ pub mod comparison;
 pub mod confidence;
 #[doc(hidden)]
 pub mod estimate;
+#[doc(hidden)]
+pub mod estimator;
 pub mod export;
 #[cfg(feature = "files")]
 pub mod files;

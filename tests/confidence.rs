@@ -6,8 +6,10 @@ mod rectified;
 use std::sync::Arc;
 
 use rectified::{POSITIONS, SIZE, material, observation, photo, scene, view};
+use svbrdf::assessment::Place;
 use svbrdf::confidence::MapDeviations;
-use svbrdf::estimate::{Estimator, Method, Place};
+use svbrdf::estimate::Method;
+use svbrdf::estimator::Estimator;
 use svbrdf::export::{read_maps, write_assessed_maps};
 use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;

@@ -6,9 +6,11 @@
 //! the same order for any number of them, so results do not depend on it.
 
 mod gradient;
+mod point;
 mod prepared;
 
 pub use gradient::{loss, loss_and_gradient};
+pub(crate) use point::{PointView, Radiance};
 pub(crate) use prepared::{
     BAND_ROWS, Prepared, check_observations, find_directions, load_lobes, load_texels,
 };

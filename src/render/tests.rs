@@ -76,7 +76,7 @@ fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[
         (d.map(|v| v / length), length)
     };
     let ((light, distance), (camera, _)) = (towards(view.light_mm), towards(view.camera_mm));
-    let lobes = std::array::from_fn(|c| maps.lobe(c).map_or(NO_LOBES[c], |plane| plane[i] as f64));
+    let lobes = maps.lobes_at(i);
     let reflection = reflect(&parameters, &lobes, light, camera);
     let (mut value, mut jacobian) = (reflection.value, reflection.jacobian);
     for c in 0..3 {

@@ -34,7 +34,8 @@ pub use self::reports::{
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
-pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase, PhaseReport};
+pub use crate::assessment::FrameFit;
+pub use crate::estimate::{Budget, Exposure, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 pub use crate::networks::Networks;

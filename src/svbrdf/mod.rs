@@ -185,6 +185,12 @@ impl Svbrdf {
         planes[0].iter().any(|v| *v > 0.0).then_some(planes)
     }
 
+    /// Optional lobes of a texel in the order of [`lobe`]: [`NO_LOBES`] where there are none.
+    pub(crate) fn lobes_at(&self, texel: usize) -> [f64; LOBES] {
+        let value = |i| self.lobe(i).map_or(NO_LOBES[i], |plane| f64::from(plane[texel]));
+        std::array::from_fn(value)
+    }
+
     /// Takes planes of optional lobes in the order of [`lobe`]; none where `planes` is empty.
     ///
     /// # Errors

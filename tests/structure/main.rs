@@ -40,7 +40,6 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "estimate",
         &[
-            "confidence",
             "interpolation",
             "little_endian",
             "loss",
@@ -53,11 +52,26 @@ const TABLE: &[(&str, &[&str])] = &[
             "svbrdf",
         ],
     ),
+    (
+        "assessment",
+        &[
+            "confidence",
+            "estimate",
+            "loss",
+            "observation",
+            "random",
+            "render",
+            "statistics",
+            "svbrdf",
+        ],
+    ),
+    ("estimator", &["assessment", "estimate", "networks", "observation", "svbrdf"]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
     ("export", &["confidence", "frame", "render", "svbrdf", "observation"]),
     (
         "session",
         &[
+            "assessment",
             "calibration",
             "confidence",
             "estimate",

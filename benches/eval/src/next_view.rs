@@ -4,8 +4,10 @@
 use std::time::Instant;
 
 use svbrdf::Result;
+use svbrdf::assessment::Place;
 use svbrdf::comparison::compare;
-use svbrdf::estimate::{Estimator, Method, Place};
+use svbrdf::estimate::Method;
+use svbrdf::estimator::Estimator;
 use svbrdf::random::Random;
 
 use crate::experiments::seed;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 use svbrdf::capture::{Capture, FILE_NAME, Frame};
-use svbrdf::estimate::{EstimateOptions, Estimator};
+use svbrdf::estimate::EstimateOptions;
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::Networks;
 use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};

@@ -4,10 +4,10 @@ use nalgebra::DVector;
 
 use super::sums::{Reduced, Sums};
 use super::*;
+use crate::estimate::coordinates::Coordinates;
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::Coordinates;
 use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
@@ -116,8 +116,8 @@ fn residuals(problem: &Problem, x: &Coordinates, state: &State, t: usize) -> Vec
     let lobes = problem.lobes(t, state).unwrap();
     let n = problem.sample.texels();
     let lights = problem.photographs().enumerate();
-    let lights = lights.map(|(i, p)| Lit::new(&state.correction.apply(&p.view, i)));
-    let of = |(light, photograph): (Lit, &super::sample::Photograph)| {
+    let lights = lights.map(|(i, p)| PointView::new(&state.correction.apply(&p.view, i)));
+    let of = |(light, photograph): (PointView, &super::sample::Photograph)| {
         let radiance = light.radiance(&natural(x), &lobes, problem.sample.places[t]);
         let seen = |c: usize| f64::from(photograph.radiance[c * n + t]);
         [0, 1, 2].map(|c| log_residual(radiance.value[c].max(0.0), seen(c)))

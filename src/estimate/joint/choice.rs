@@ -13,9 +13,9 @@ use super::prediction;
 use super::setup::{Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
+use crate::estimate::coordinates::Coordinates;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior};
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::Coordinates;
 use crate::svbrdf::NO_LOBES;
 
 /// Texels along the longer side that predictions are made at, at most, and of which those are taken as they are.
@@ -73,7 +73,8 @@ impl PriorChoice {
             priors = vec![*few];
         }
         let neutral = priors.first().copied().unwrap_or_default();
-        let with = |&[anisotropic, coated]: &[bool; 2]| JointPrior { anisotropic, coated, ..neutral };
+        let with =
+            |&[anisotropic, coated]: &[bool; 2]| JointPrior { anisotropic, coated, ..neutral };
         let candidates: Vec<JointPrior> = lobes.iter().map(with).collect();
         Self {
             lobes_chosen: false,

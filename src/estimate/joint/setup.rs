@@ -7,10 +7,10 @@ use crate::estimate::bundle::{
     Descent, Groups, Limits, MIRRORED, Parameter, Problem, Sample, Shared, State,
 };
 use crate::estimate::clusters::Clusters;
+use crate::estimate::coordinates::Coordinates;
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
-use crate::estimate::prior::Coordinates;
 use crate::svbrdf::{CHANNELS, channel};
 
 /// Share of the colour seen that is diffuse, in the prior's mean.

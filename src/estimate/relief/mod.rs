@@ -16,11 +16,12 @@
 use std::ops::Range;
 
 use crate::estimate::belief::Belief;
+use crate::estimate::coordinates::{coordinates, from_coordinate, to_coordinate};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, Covariance, covariance};
-use crate::estimate::prior::{Prior, coordinates, from_coordinate, to_coordinate};
+use crate::estimate::prior::Prior;
 use crate::networks::{COMPLETION_CHANNELS, Networks};
 use crate::parallel;
 use crate::render::check_observations;
@@ -74,14 +75,7 @@ impl FitRecord {
         let (prior, noise) = (belief.found, Noise::expected(&options.noise));
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
         let covariance = covariance(at, &photographs.level(halvings));
-        Ok(Self {
-            mean,
-            maps,
-            covariance,
-            prior,
-            photographs: photographs.len(),
-            halvings,
-        })
+        Ok(Self { mean, maps, covariance, prior, photographs: photographs.len(), halvings })
     }
 
     /// Columns and rows.

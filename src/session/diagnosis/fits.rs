@@ -2,7 +2,7 @@
 
 use super::material;
 use crate::Svbrdf;
-use crate::estimate::FrameFit;
+use crate::assessment::FrameFit;
 use crate::observation::Observation;
 use crate::session::capture::Board;
 use crate::session::hint::{Group, Hint};

@@ -11,7 +11,7 @@ mod material;
 use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
-use crate::estimate::FrameFit;
+use crate::assessment::FrameFit;
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {

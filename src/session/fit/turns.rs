@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
 use super::shared::Shared;
-use crate::estimate::{Addition, Estimation, Exposure, Meter, Place, SavedEstimate, first_maps};
+use crate::assessment::Place;
+use crate::estimate::{Addition, Estimation, Exposure, Meter, SavedEstimate, first_maps};
 use crate::observation::Observation;
 use crate::session::capture::Remake;
 use crate::session::reports::Progress;

@@ -6,7 +6,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use svbrdf::estimate::{Evidence, Method};
+use svbrdf::assessment::Evidence;
+use svbrdf::estimate::Method;
 use svbrdf::random::Random;
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf};

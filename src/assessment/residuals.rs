@@ -1,19 +1,11 @@
-//! How the maps of the moment explain each photograph, how much noise is expected, and estimates begun
-//! anew.
+//! How the maps explain each photograph.
 
-use super::contradiction;
-use super::estimation::Estimation;
-use super::noise::MAD_TO_SIGMA;
-use super::options::EstimateOptions;
-use super::parts::{Contradiction, Part};
+use crate::Result;
+use crate::estimate::{Contradiction, Estimation, Part};
 use crate::loss::log_l1;
 use crate::observation::Observation;
 use crate::render::render;
-use crate::svbrdf::halved;
-use crate::{Result, Svbrdf};
-
-/// Photographs without which nothing contradicts: of two that differ, either may be right.
-const CONTRADICTION_FROM: usize = 3;
+use crate::statistics::{MAD_TO_SIGMA, median};
 
 /// Photographs from which on one may stand out.
 const OUTLIER_FROM: usize = 4;
@@ -40,48 +32,6 @@ pub struct FrameFit {
 }
 
 impl Estimation {
-    /// An estimate of the same kind without photographs.
-    pub fn afresh(&self) -> Self {
-        let mut fresh = Self::new(self.networks.clone(), self.task, self.least_options());
-        fresh.keep_record = self.keep_record;
-        fresh
-    }
-
-    /// The options before any photograph has shown its noise.
-    pub(super) fn least_options(&self) -> EstimateOptions {
-        EstimateOptions { noise: self.least_noise, ..self.options.clone() }
-    }
-
-    /// Expects as much noise as the photographs' calibration shows.
-    pub(super) fn expect_noise(&mut self) {
-        self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
-    }
-
-    /// Looks for parts of photographs that contradict the others, and leaves them out of the fit.
-    ///
-    /// # Errors
-    /// Without photographs.
-    pub(super) fn set_contradictions_aside(&mut self) -> Result<()> {
-        let which = self.photographs.working().drawn(self.photographs.len());
-        // Where lights are only roughly known, all photographs differ.
-        if which.len() < CONTRADICTION_FROM || self.task.free_lights {
-            return Ok(());
-        }
-        let thinning = self.photographs.thinning();
-        let maps = self.maps()?.thinned(thinning);
-        let seen: Vec<Observation> =
-            which.iter().map(|&i| self.photographs.seen(i).thinned(thinning)).collect();
-        let halvings = contradiction::halvings(maps.width(), maps.height());
-        let seen = seen.iter().map(|o| halved(o, halvings, Observation::downsampled)).collect();
-        let maps = halved(&maps, halvings, Svbrdf::downsampled);
-        for (index, found) in
-            which.into_iter().zip(contradiction::find(&maps, seen, &self.options)?)
-        {
-            self.photographs.set_aside(index, found);
-        }
-        Ok(())
-    }
-
     /// How the maps as they are now explain each photograph.
     ///
     /// # Errors
@@ -100,11 +50,7 @@ impl Estimation {
                 };
                 errors.push(((error(0) + error(1) + error(2)) / 3.0) as f32);
             }
-            let middle = errors.len() / 2;
-            match errors.is_empty() {
-                true => 0.0,
-                false => *errors.select_nth_unstable_by(middle, f32::total_cmp).1,
-            }
+            median(errors.iter().copied()).unwrap_or(0.0)
         };
         let seen = (0..self.photographs.len()).map(|i| self.photographs.seen(i));
         let residuals: Vec<f32> = seen.map(|observation| residual(&observation)).collect();
@@ -125,14 +71,16 @@ fn limit(mut residuals: Vec<f32>) -> f32 {
     if residuals.len() < OUTLIER_FROM {
         return f32::INFINITY;
     }
-    let median = |values: &mut Vec<f32>| {
-        values.sort_by(f32::total_cmp);
-        values[(values.len() - 1) / 2]
-    };
-    let middle = median(&mut residuals);
+    let middle = lower_median(&mut residuals);
     let mut off: Vec<f32> = residuals.iter().map(|r| (r - middle).abs()).collect();
-    let sigma = MAD_TO_SIGMA * median(&mut off);
+    let sigma = MAD_TO_SIGMA as f32 * lower_median(&mut off);
     (middle + OUTLIER_SIGMA * sigma).max(OUTLIER_RATIO * middle)
+}
+
+/// The median; of an even number the lower of the two in the middle, which an outlier does not move.
+fn lower_median(values: &mut [f32]) -> f32 {
+    values.sort_by(f32::total_cmp);
+    values[(values.len() - 1) / 2]
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Regions of cells that stand out.
 
 use super::left_out::{Deviation, Deviations};
-use crate::estimate::parts::Part;
+use crate::estimate::Part;
 
 /// From what on cells stand out, and those beside them belong to them: logarithm and standard
 /// deviations.

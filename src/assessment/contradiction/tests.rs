@@ -1,5 +1,5 @@
 use super::*;
-use crate::estimate::parts::Part;
+use crate::estimate::Part;
 use crate::observation::{Falloff, View};
 use crate::random::Random;
 use crate::render::render;

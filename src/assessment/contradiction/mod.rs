@@ -11,9 +11,10 @@ mod left_out;
 mod regions;
 
 use self::left_out::{Deviations, deviations};
-use super::options::EstimateOptions;
-use super::parts::Contradiction;
+use crate::estimate::options::NoiseOptions;
+use crate::estimate::{Addition, Contradiction, Estimation};
 use crate::observation::Observation;
+use crate::svbrdf::halved;
 use crate::{Error, Result, Svbrdf};
 
 #[cfg(test)]
@@ -25,8 +26,50 @@ const CELLS: usize = 32;
 /// is, from which on a photograph's light contradicts the others': tone-mapped in parts, for example.
 const SQUARES: (f32, f32) = (4.0, 0.01);
 
+/// Photographs without which nothing contradicts: of two that differ, either may be right.
+const CONTRADICTION_FROM: usize = 3;
+
+impl Estimation {
+    /// Adds a photograph, the first with the maps to start from, without its parts that contradict the others.
+    ///
+    /// # Errors
+    /// When sizes differ, the first has no start, or a network is broken.
+    pub fn add(
+        &mut self,
+        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        start: Option<&Svbrdf>,
+    ) -> Result<()> {
+        self.take(addition, start)?;
+        self.mask_contradictions()?;
+        self.start(start)
+    }
+
+    /// Looks for parts of photographs that contradict the others, and leaves them out of the fit.
+    ///
+    /// # Errors
+    /// Without photographs.
+    fn mask_contradictions(&mut self) -> Result<()> {
+        let which = self.photographs.working().drawn(self.photographs.len());
+        // Where lights are only roughly known, all photographs differ.
+        if which.len() < CONTRADICTION_FROM || self.task.free_lights {
+            return Ok(());
+        }
+        let thinning = self.photographs.thinning();
+        let maps = self.maps()?.thinned(thinning);
+        let seen: Vec<Observation> =
+            which.iter().map(|&i| self.photographs.seen(i).thinned(thinning)).collect();
+        let times = halvings(maps.width(), maps.height());
+        let seen = seen.iter().map(|o| halved(o, times, Observation::downsampled)).collect();
+        let maps = halved(&maps, times, Svbrdf::downsampled);
+        for (index, found) in which.into_iter().zip(find(&maps, seen, &self.options.noise)?) {
+            self.photographs.set_aside(index, found);
+        }
+        Ok(())
+    }
+}
+
 /// Halvings after which there is a texel for each cell, or which the size allows.
-pub(super) fn halvings(width: usize, height: usize) -> u32 {
+fn halvings(width: usize, height: usize) -> u32 {
     let can_be = |times: &u32| {
         let longer = width.max(height) >> times;
         longer > CELLS && (width >> times).is_multiple_of(2) && (height >> times).is_multiple_of(2)
@@ -46,10 +89,10 @@ fn otherwise_lit(photographs: &[Observation]) -> Vec<usize> {
 
 /// What contradicts the others in each photograph: the clearest region is taken out, then the others
 /// are looked at without it, as long as there is one.
-pub(super) fn find(
+fn find(
     maps: &Svbrdf,
     mut photographs: Vec<Observation>,
-    options: &EstimateOptions,
+    options: &NoiseOptions,
 ) -> Result<Vec<Option<Contradiction>>> {
     let size = [maps.width(), maps.height()];
     let mut found: Vec<Option<Contradiction>> = vec![None; photographs.len()];

@@ -8,15 +8,15 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::bundle::{Lit, Radiance, by_coordinate, natural};
-use super::estimation::Estimation;
-use super::prior::{range, to_coordinate};
+use crate::estimate::Estimation;
+use crate::estimate::coordinates::{by_coordinate, natural, range, to_coordinate};
 use crate::loss::EPSILON;
 use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::random::Random;
+use crate::render::{PointView, Radiance};
 use crate::svbrdf::halved;
-use crate::svbrdf::{CHANNELS, NO_LOBES};
+use crate::svbrdf::{CHANNELS, LOBES};
 use crate::{Error, Result, Svbrdf};
 
 type Coordinates = SVector<f64, CHANNELS>;
@@ -53,6 +53,7 @@ pub struct Place {
 /// A texel as it is now.
 struct Texel {
     at: Coordinates,
+    lobes: [f64; LOBES],
     place: [f64; 2],
     covariance: Matrix,
     /// The covariance with the squared derivatives of renderings on both sides.
@@ -124,10 +125,12 @@ impl Texel {
         let (width, height) = (maps.width(), maps.height());
         let place = observations[0].view.texel_mm(width, height, t % width, t / width);
         let place = place.map(f64::from);
+        let lobes = maps.lobes_at(t);
         let mut information = *prior;
         for observation in observations {
             let weight = f64::from(observation.weight(t));
-            let (rendered, mut jacobian) = radiance(&Lit::new(&observation.view), &at, place);
+            let (rendered, mut jacobian) =
+                radiance(&PointView::new(&observation.view), &at, &lobes, place);
             for c in 0..3 {
                 let observed = observation.radiance(c, t);
                 // What is saturated and explained says nothing.
@@ -140,7 +143,7 @@ impl Texel {
         let covariance = information.cholesky()?.inverse();
         let mut appearance = Matrix::zeros();
         for view in renderings {
-            let (rendered, mut jacobian) = radiance(&Lit::new(view), &at, place);
+            let (rendered, mut jacobian) = radiance(&PointView::new(view), &at, &lobes, place);
             for c in 0..3 {
                 // Renderings are clipped.
                 jacobian.row_mut(c).scale_mut(rendered[c].max(1.0).recip());
@@ -149,7 +152,7 @@ impl Texel {
         }
         let weighed = covariance * appearance * covariance;
         let error = (appearance * covariance).trace();
-        Some(Self { at, place, covariance, weighed, error })
+        Some(Self { at, lobes, place, covariance, weighed, error })
     }
 
     /// Coordinates drawn from the posterior.
@@ -164,7 +167,7 @@ impl Texel {
 
     /// By how much a view would lower the expected squared error, were the texel at `at`.
     fn gain(&self, at: &Coordinates, view: &View) -> f64 {
-        let (rendered, mut jacobian) = radiance(&Lit::new(view), at, self.place);
+        let (rendered, mut jacobian) = radiance(&PointView::new(view), at, &self.lobes, self.place);
         for c in 0..3 {
             jacobian.row_mut(c).scale_mut(by_log(rendered[c]));
         }
@@ -226,8 +229,13 @@ fn foreshortening(view: &View, place: [f64; 2]) -> f64 {
 }
 
 /// Radiances of a texel and their derivatives by its coordinates.
-fn radiance(light: &Lit, at: &Coordinates, place: [f64; 2]) -> ([f64; 3], Jacobian) {
+fn radiance(
+    view: &PointView,
+    at: &Coordinates,
+    lobes: &[f64; LOBES],
+    place: [f64; 2],
+) -> ([f64; 3], Jacobian) {
     let x: [f64; CHANNELS] = (*at).into();
-    let Radiance { value, jacobian, .. } = light.radiance(&natural(&x), &NO_LOBES, place);
+    let Radiance { value, jacobian, .. } = view.radiance(&natural(&x), lobes, place);
     (value, Jacobian::from_fn(|c, p| jacobian[c][p] * by_coordinate(&x, p)))
 }

@@ -4,11 +4,8 @@ use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
 use crate::confidence::Confidence;
-use crate::estimate::estimation::Estimation;
-use crate::estimate::noise::Noise;
-use crate::estimate::posterior::{Spread, spread};
-use crate::estimate::prior::is_albedo;
-use crate::estimate::task::Method;
+use crate::estimate::coordinates::is_albedo;
+use crate::estimate::{Estimation, Method, Noise, Spread, spread};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
@@ -99,7 +96,7 @@ impl Estimation {
         let hidden = spread.weight().iter().map(|weight| *weight <= 0.0).collect();
         // As large as two sets of maps: not beside those that are made next.
         drop(spread);
-        let base = self.latent.as_ref().map(|latent| self.full_size(latent.maps()));
+        let base = self.latent_maps();
         let planes = std::array::from_fn(|map| {
             let range = &MAPS[map];
             Planes {

@@ -5,15 +5,15 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::Result;
 use crate::Svbrdf;
-use crate::estimate::bundle::{Lit, by_coordinate, natural};
-use crate::estimate::noise::MAD_TO_SIGMA;
-use crate::estimate::options::EstimateOptions;
-use crate::estimate::prior::{Prior, to_coordinate};
-use crate::estimate::solver::Solver;
+use crate::estimate::coordinates::{by_coordinate, natural, to_coordinate};
+use crate::estimate::options::NoiseOptions;
+use crate::estimate::{Prior, Solver};
 use crate::loss::EPSILON;
 use crate::observation::{Observation, View};
 use crate::parallel;
-use crate::svbrdf::{CHANNELS, NO_LOBES, channel};
+use crate::render::PointView;
+use crate::statistics::MAD_TO_SIGMA;
+use crate::svbrdf::{CHANNELS, LOBES, channel};
 
 /// How far cells may be off the maps so far: what photographs show counts, not what was made of
 /// earlier ones.
@@ -70,7 +70,7 @@ impl Deviations {
 pub(super) fn deviations(
     maps: &Svbrdf,
     photographs: &[Observation],
-    options: &EstimateOptions,
+    options: &NoiseOptions,
 ) -> Result<Deviations> {
     let of_all = fitted(maps, photographs, options)?;
     let each =
@@ -81,7 +81,7 @@ pub(super) fn deviations(
     let middle = all.len() / 2;
     let usual = match all.is_empty() {
         true => 0.0,
-        false => MAD_TO_SIGMA * *all.select_nth_unstable_by(middle, f32::total_cmp).1,
+        false => MAD_TO_SIGMA as f32 * *all.select_nth_unstable_by(middle, f32::total_cmp).1,
     };
     let deviation = |raw: Raw| Deviation {
         log: raw.log,
@@ -104,9 +104,9 @@ struct Raw {
 }
 
 /// Maps of the cells that explain photographs.
-fn fitted(mean: &Svbrdf, photographs: &[Observation], options: &EstimateOptions) -> Result<Svbrdf> {
+fn fitted(mean: &Svbrdf, photographs: &[Observation], options: &NoiseOptions) -> Result<Svbrdf> {
     let mut maps = mean.clone();
-    let solver = Solver::new(&mut maps, photographs, &PRIOR, &options.noise)?;
+    let solver = Solver::new(&mut maps, photographs, &PRIOR, options)?;
     let mut solver = solver.with_noise(Some(NOISE as f32));
     for _ in 0..STEPS {
         solver.step(&mut maps, mean, photographs)?;
@@ -119,7 +119,7 @@ fn left_out(
     of_all: &Svbrdf,
     photographs: &[Observation],
     index: usize,
-    options: &EstimateOptions,
+    options: &NoiseOptions,
 ) -> Result<Vec<Option<Raw>>> {
     let others: Vec<Observation> = photographs
         .iter()
@@ -128,21 +128,21 @@ fn left_out(
         .map(|(_, o)| o.clone())
         .collect();
     let maps = fitted(mean, &others, options)?;
-    let lit: Vec<Lit> = others.iter().map(|o| Lit::new(&o.view)).collect();
+    let lit: Vec<PointView> = others.iter().map(|o| PointView::new(&o.view)).collect();
     let photograph = &photographs[index];
-    let own = Lit::new(&photograph.view);
+    let own = PointView::new(&photograph.view);
     let cell = |t: usize| {
         if photograph.weight(t) <= 0.0 {
             return None;
         }
-        let at = coordinates(&maps, t);
         let (width, height) = (maps.width(), maps.height());
         let place = photograph.view.texel_mm(width, height, t % width, t / width).map(f64::from);
+        let point = Point::new(&maps, t, place);
         let mut information =
             Matrix::from_diagonal(&Coordinates::from_fn(|c, _| f64::from(PRIOR.sigma[c]).powi(-2)));
         for (other, lit) in others.iter().zip(&lit) {
             let weight = f64::from(other.weight(t)) / (NOISE * NOISE);
-            let (rendered, jacobian) = logarithms(lit, &at, place);
+            let (rendered, jacobian) = logarithms(lit, &point);
             for c in 0..3 {
                 let counts =
                     other.radiance(c, t) >= 0.0 || rendered[c] < f64::from(-other.radiance(c, t));
@@ -150,11 +150,10 @@ fn left_out(
                 information += row.transpose() * row * if counts { weight } else { 0.0 };
             }
         }
-        let (rendered, jacobian) = logarithms(&own, &at, place);
+        let (rendered, jacobian) = logarithms(&own, &point);
         let covariance = information.cholesky()?.inverse();
         let variance = (jacobian * covariance * jacobian.transpose()).trace() / 3.0;
-        let highlight =
-            highlight(&own, &at, place).max(highlight(&own, &coordinates(of_all, t), place));
+        let highlight = highlight(&own, &point).max(highlight(&own, &Point::new(of_all, t, place)));
         let variance = variance + (HIGHLIGHT_ERROR * highlight).powi(2);
         let log = std::array::from_fn::<f64, 3, _>(|c| {
             let measured = f64::from(photograph.radiance(c, t));
@@ -183,28 +182,35 @@ fn tilt(view: &View, [x, y]: [f64; 2]) -> f64 {
     (towards(view.camera_mm) + towards(view.light_mm)).normalize_or_zero().z.clamp(-1.0, 1.0).acos()
 }
 
-fn coordinates(maps: &Svbrdf, texel: usize) -> [f64; CHANNELS] {
-    std::array::from_fn(|c| f64::from(to_coordinate(c, maps.plane(c)[texel])))
+/// Coordinates and optional lobes of a texel.
+struct Point {
+    at: [f64; CHANNELS],
+    lobes: [f64; LOBES],
+    place: [f64; 2],
+}
+
+impl Point {
+    fn new(maps: &Svbrdf, texel: usize, place: [f64; 2]) -> Self {
+        let at = std::array::from_fn(|c| f64::from(to_coordinate(c, maps.plane(c)[texel])));
+        Self { at, lobes: maps.lobes_at(texel), place }
+    }
 }
 
 /// The share of a highlight in the radiance.
-fn highlight(lit: &Lit, at: &[f64; CHANNELS], place: [f64; 2]) -> f64 {
-    let mut without = natural(at);
+fn highlight(view: &PointView, point: &Point) -> f64 {
+    let mut without = natural(&point.at);
     without[channel::SPECULAR..][..3].fill(0.0);
-    let sum = |parameters| lit.radiance(parameters, &NO_LOBES, place).value.iter().sum::<f64>();
-    1.0 - (sum(&without) / sum(&natural(at)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    let sum = |parameters| view.value(parameters, &point.lobes, point.place).iter().sum::<f64>();
+    1.0 - (sum(&without) / sum(&natural(&point.at)).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
 type Coordinates = SVector<f64, CHANNELS>;
 type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 
 /// Radiances, and derivatives of their logarithms by the coordinates.
-fn logarithms(
-    lit: &Lit,
-    at: &[f64; CHANNELS],
-    place: [f64; 2],
-) -> ([f64; 3], SMatrix<f64, 3, CHANNELS>) {
-    let radiance = lit.radiance(&natural(at), &NO_LOBES, place);
+fn logarithms(view: &PointView, point: &Point) -> ([f64; 3], SMatrix<f64, 3, CHANNELS>) {
+    let Point { at, lobes, place } = point;
+    let radiance = view.radiance(&natural(at), lobes, *place);
     let scale = radiance.value.map(|v| (v.max(0.0) + f64::from(EPSILON)).recip());
     let by = |c: usize, p: usize| radiance.jacobian[c][p] * by_coordinate(at, p) * scale[c];
     (radiance.value.map(|v| v.max(0.0)), SMatrix::from_fn(by))

@@ -1,15 +1,14 @@
-//! Radiance of a texel under a corrected view, in double precision.
+//! Radiance of single texels, in double precision.
 
 use glam::DVec3;
 
-use crate::estimate::prior::{Coordinates, is_albedo, range};
 use crate::observation::{Falloff, View};
 use crate::reflectance::reflect;
 use crate::svbrdf::{CHANNELS, LOBES, channel};
 
 /// A view in double precision.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::estimate) struct Lit {
+pub(crate) struct PointView {
     camera: DVec3,
     light: DVec3,
     power: [f64; 3],
@@ -19,12 +18,12 @@ pub(in crate::estimate) struct Lit {
 }
 
 /// Radiances of a texel and their derivatives by its natural parameters.
-pub(in crate::estimate) struct Radiance {
+pub(crate) struct Radiance {
     pub value: [f64; 3],
     pub jacobian: [[f64; CHANNELS]; 3],
 }
 
-impl Lit {
+impl PointView {
     pub fn new(view: &View) -> Self {
         let (power, inverse_square) = match view.falloff {
             Falloff::None { power } => (power, false),
@@ -53,7 +52,7 @@ impl Lit {
         self.power.map(|p| p * shared)
     }
 
-    /// Radiances alone: with [`Lit::radiance`] inlined, what only derivatives need is left out.
+    /// Radiances alone: with [`PointView::radiance`] inlined, what only derivatives need is left out.
     pub fn value(
         &self,
         natural: &[f64; CHANNELS],
@@ -87,20 +86,4 @@ impl Lit {
         }
         Radiance { value: reflection.value, jacobian: reflection.jacobian }
     }
-}
-
-/// Natural parameters of coordinates.
-pub(in crate::estimate) fn natural(x: &Coordinates) -> [f64; CHANNELS] {
-    std::array::from_fn(|c| if is_albedo(c) { x[c] * x[c] } else { x[c] })
-}
-
-/// Derivative of a natural parameter by its coordinate.
-pub(in crate::estimate) fn by_coordinate(x: &Coordinates, c: usize) -> f64 {
-    if is_albedo(c) { 2.0 * x[c] } else { 1.0 }
-}
-
-/// A coordinate within its range.
-pub(super) fn clamped(c: usize, x: f64) -> f64 {
-    let (low, high) = range(c);
-    x.clamp(low, high)
 }

@@ -2,15 +2,11 @@
 
 use std::sync::Arc;
 
-use super::budget::{Budget, Meter};
-use super::confidence::Evidence;
-use super::correction::Exposure;
-use super::estimation::{Addition, Estimation, Step, first_maps};
-use super::options::EstimateOptions;
-use super::outlook::Place;
-use super::phases::PhaseReport;
-use super::relief::FitRecord;
-use super::task::{Method, Task};
+use crate::assessment::{Evidence, Place};
+use crate::estimate::{
+    Addition, Budget, EstimateOptions, Estimation, Exposure, FitRecord, Meter, Method, PhaseReport,
+    Step, Task, first_maps,
+};
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
