@@ -2,7 +2,7 @@ use super::*;
 use crate::loss::{EPSILON, log_l1, log_l1_derivative};
 use crate::observation::{Falloff, Observation};
 use crate::reflectance::reflect;
-use crate::svbrdf::{CHANNELS, LOBES, NO_LOBES, channel, lobe};
+use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 use std::f64::consts::PI;
 
 pub(crate) use crate::test_support::noise;

@@ -84,7 +84,7 @@ fn found(
     count: usize,
     change: impl Fn(usize, [f32; 2], f32) -> f32,
 ) -> Vec<Option<Contradiction>> {
-    find(&start(maps), photographs(maps, count, change), &EstimateOptions::default()).unwrap()
+    find(&start(maps), photographs(maps, count, change), &NoiseOptions::default()).unwrap()
 }
 
 #[test]

@@ -4,13 +4,14 @@ use nalgebra::DVector;
 
 use super::sums::{Reduced, Sums};
 use super::*;
-use crate::estimate::coordinates::Coordinates;
+use crate::estimate::coordinates::{Coordinates, natural};
 use crate::estimate::correction::{Correction, Exposure};
 use crate::estimate::noise::Noise;
 use crate::estimate::photographs::Photographs;
 use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
+use crate::render::PointView;
 use crate::svbrdf::{CHANNELS, Svbrdf, channel};
 use crate::test_support::{photograph, view_from};
 

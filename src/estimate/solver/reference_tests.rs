@@ -1,7 +1,7 @@
 //! The reference project's own rectified photographs, from a different renderer with the same
 //! equations: found through `SVBRDF_TEST_DATA`, skipped without it.
 
-use super::tests::errors;
+use super::tests::{errors, prior_of};
 use super::*;
 use crate::estimate::baseline::Baseline;
 use crate::observation::{Falloff, View};
