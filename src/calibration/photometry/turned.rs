@@ -1,4 +1,4 @@
-//! Photographs that were turned by 180 degrees after they were taken: the flash lies on their other side.
+//! Photographs turned by 180 degrees after capture: their flash lies on the opposite side.
 
 use glam::DVec3;
 
@@ -6,13 +6,13 @@ use super::exposure;
 use super::fit::{self, Solution};
 use super::model::{Model, Problem, Sample, Shot, parameter};
 
-/// A photograph counts as turned where that lowers the misfit by this and by this share of it.
+/// A photograph is turned if that lowers the misfit by this and by this share.
 const EVIDENCE: f64 = 12.0;
 const EVIDENCE_SHARE: f64 = 0.3;
-/// A flash nearer to the lens lies on no side, mm.
+/// A flash nearer to the lens has no side, mm.
 const LEAST_MM: f64 = 4.0;
 
-/// Photographs of which some more are turned, or fewer; `None` where that is none.
+/// The photographs with a better set of turned ones; `None` if there is none.
 pub(super) fn find(
     samples: &[Sample],
     shots: &[Shot],
@@ -34,7 +34,8 @@ pub(super) fn find(
     (before - after > EVIDENCE + EVIDENCE_SHARE * after).then_some(with)
 }
 
-/// Where one photograph would have the flash, along its axes: mm, and information (inverse variances).
+/// Flash position preferred by one photograph, along its axes: mm, and information (inverse
+/// variances).
 struct Wish {
     mm: [f64; 2],
     information: [f64; 2],
@@ -82,7 +83,7 @@ impl Wish {
     }
 }
 
-/// Which photographs wish for the flash on the other side, if the others agree on one side.
+/// Photographs that prefer the opposite side, if the others agree on one side.
 fn divided(wishes: &[Wish]) -> Option<Vec<bool>> {
     let best = (0..wishes.len()).map(|seed| {
         let mut centre = wishes[seed].mm;
@@ -105,7 +106,7 @@ fn divided(wishes: &[Wish]) -> Option<Vec<bool>> {
         (left, centre, turned)
     });
     let (_, centre, mut turned) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // Most stand upright; of as many either way, the first does.
+    // The majority is upright; in a tie the first photograph is.
     let count = turned.iter().filter(|t| **t).count();
     if 2 * count > turned.len() || (2 * count == turned.len() && turned[0]) {
         turned.iter_mut().for_each(|t| *t = !*t);
