@@ -1,4 +1,4 @@
-//! Stands in for graphs where the feature `networks` is off: none can be read.
+//! Replaces graphs in builds without the feature `networks`.
 
 use crate::{Error, Result};
 
@@ -6,7 +6,7 @@ use crate::{Error, Result};
 pub(super) enum Graph {}
 
 impl Graph {
-    /// An error: this build runs no networks.
+    /// Always an error: this build runs no networks.
     pub fn parse(name: &'static str, _bytes: &[u8], _channels: usize) -> Result<Self> {
         Err(Error::model(name, "this build runs no networks (feature `networks`)"))
     }

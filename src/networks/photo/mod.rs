@@ -10,7 +10,7 @@ use crate::svbrdf::halved;
 use crate::{Result, Svbrdf};
 use input::{PHOTO_CHANNELS, PHOTO_ODD, photo_halvings, photo_input};
 
-/// The photo network, and what completes its maps.
+/// The photo network with completion under highlights.
 pub(super) struct PhotoNetwork {
     network: Network,
 }
@@ -26,7 +26,7 @@ impl PhotoNetwork {
         self.network.prepare(height >> halvings, width >> halvings)
     }
 
-    /// Maps of an observation, which is halved until the network takes it.
+    /// Maps of an observation, halved until it fits the network.
     pub fn maps(&self, observation: &Observation) -> Result<Svbrdf> {
         let halvings = photo_halvings(observation.height(), observation.width())?;
         let observation = halved(observation, halvings, Observation::downsampled);
@@ -89,7 +89,7 @@ mod tests {
         half_turn(&mut radiance, w * h, &[]);
         let mut turned = photo_maps(-1.0, &radiance);
         half_turn(&mut turned, w * h, &MAPS_ODD);
-        // rounding of directions and of positions only
+        // only rounding of directions and positions
         assert!(difference(&straight, &turned) < 1e-4);
         let slopes = &straight[..2 * w * h];
         assert!(slopes.iter().any(|s| s.abs() > 0.02));
