@@ -32,7 +32,7 @@ mod tests {
     use crate::networks::test_vectors::{difference, test_vectors};
 
     #[test]
-    fn the_network_gives_what_the_training_framework_gives() {
+    fn the_network_agrees_with_the_training_framework() {
         let vectors = test_vectors(include_bytes!("../../models/completion_test.bin"));
         let (shape, features) = &vectors["features"];
         let completion = Completion::parse(svbrdf_models::COMPLETION).unwrap();

@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_of_another_kind_are_refused_by_name() {
+    fn unknown_networks_are_refused_by_name() {
         let known = r#"{"format":"svbrdf-models/1","networks":{"photo":{"rounds":3,"deep":true}}}"#;
         assert!(checked(known).is_ok());
         assert!(checked(r#"{"format":"svbrdf-models/1"}"#).is_ok());

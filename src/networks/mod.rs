@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_encoder_gives_what_the_training_framework_gives() {
+    fn the_encoder_agrees_with_the_training_framework() {
         let vectors = test_vectors(include_bytes!("../../models/encoder_test.bin"));
         let (shape, maps) = &vectors["maps"];
         let networks = Networks::embedded().unwrap();

@@ -280,7 +280,7 @@ fn damaged_files_are_refused() {
 }
 
 #[test]
-fn headers_that_ask_for_nonsense_are_refused() {
+fn invalid_headers_are_refused() {
     let weights = vec![half::f16::ZERO; 4000];
     let conv = |inputs: u64, outputs: u64, weight: u64| {
         format!(

@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_reliable_everywhere_stays() {
+    fn reliable_maps_are_unchanged() {
         let (truth, _, observation, _) = red_with_a_hole();
         let mut matt = truth;
         for c in 0..3 {

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn photo_planes_hold_what_the_network_was_trained_on() {
+    fn photo_planes_match_the_training() {
         let view = View {
             sample_mm: [20.0, 10.0],
             camera_mm: [5.0, -2.5, 30.0],

@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn the_network_gives_what_the_training_framework_gives() {
+    fn the_network_agrees_with_the_training_framework() {
         let vectors = test_vectors(include_bytes!("../../../models/photo_test.bin"));
         let (shape, photo) = &vectors["photo"];
         let maps = photo_network().network.run(shape[2], shape[3], photo.clone()).unwrap();
