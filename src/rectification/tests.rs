@@ -412,7 +412,7 @@ fn timing() {
 /// Beside the edge of a dark sample on white paper, blurred texels have almost no weight and inner
 /// ones full weight; those with full weight are not contaminated by the paper.
 #[test]
-fn texels_that_have_seen_the_surroundings_hardly_count() {
+fn contaminated_edge_texels_have_little_weight() {
     let pose = pose(0.3, -0.2, 0.4, 230.0);
     let inside = |p: DVec2| p.x.abs() < 50.0 && p.y.abs() < 45.0;
     // A box blur of 4 mm, several pixels wide, has a standard deviation of 1.15 mm.

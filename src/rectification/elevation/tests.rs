@@ -67,7 +67,7 @@ fn the_height_is_that_of_the_surface() {
 
 /// Brightness correlates negatively between photographs, as on slopes lit from different sides.
 #[test]
-fn any_relation_between_photographs_will_do() {
+fn any_correlation_between_photographs_registers() {
     let texture = waves(6);
     let gain = [0.4, -0.8, 0.2];
     let details = details(3.0, |view, p| 0.4 + gain[view] * texture(p));
@@ -96,7 +96,7 @@ fn a_surface_in_the_plane_or_without_texture_stays_at_0() {
 }
 
 #[test]
-fn what_is_open_does_not_take_back_what_is_known() {
+fn inconclusive_photographs_do_not_revoke_a_height() {
     let known = ElevationEstimate { mm: 3.0, sigma_mm: 0.01 };
     let plain = details(4.0, |_, p| 0.4 + 1e-3 * p.x);
     assert_eq!(estimate(&plain.iter().collect::<Vec<_>>(), known), known);
