@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn undamped_steps_taken_as_they_come_are_gauss_newton() {
+    fn undamped_unconditional_steps_are_gauss_newton() {
         // From (-1.2, 1) Gauss-Newton climbs first, then hits the minimum: residuals are linear in
         // y, so that two steps suffice.
         let newton = Options { damping: 0.0, min_damping: 0.0, max_trials: 1, ..OPTIONS };
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn equations_that_cannot_be_solved_are_no_step() {
+    fn singular_equations_give_no_step() {
         let singular = Matrix2::new(1.0, 1.0, 1.0, 1.0);
         assert!(damped_step(&singular, &Vector2::new(1.0, 0.0), 0.0).is_none());
         assert!(damped_step(&singular, &Vector2::new(1.0, 0.0), 0.1).is_some());

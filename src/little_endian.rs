@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_themselves_again_and_take_their_own_bytes() {
+    fn numbers_round_trip_in_their_own_size() {
         let both = Both { half: vec![0, 0x3c00, 0xffff], single: vec![-0.0, 1.5, f32::MAX] };
         let bytes = postcard::to_stdvec(&both).unwrap();
         assert_eq!(bytes.len(), 1 + 6 + 1 + 12);
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_refused() {
+    fn invalid_numbers_are_refused() {
         let nan = Both { half: Vec::new(), single: vec![1.0, f32::NAN] };
         let bytes = postcard::to_stdvec(&nan).unwrap();
         assert!(postcard::from_bytes::<Both>(&bytes).is_err());

@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn every_weight_finds_room_and_means_stay() {
+    fn every_weight_is_coded_and_means_are_unbiased() {
         let mut random = Random::new(3);
         for weight in 0..=FULL_WEIGHT {
             let count = 20_000;

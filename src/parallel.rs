@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_that_wait_get_work_of_one_that_is_slow() {
+    fn waiting_threads_take_work_from_a_slow_one() {
         // All costs lie in the first half, so the second thread helps only if stolen work is split
         // again.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
