@@ -1,4 +1,4 @@
-//! Whether the stated deviations of the maps are those of their errors.
+//! Compares the stated deviations of the maps with their errors.
 
 mod table;
 
@@ -37,11 +37,11 @@ pub struct Arguments {
     record: Option<PathBuf>,
 }
 
-/// Texels of an estimate that are looked at, about.
+/// Approximate number of sampled texels per estimate.
 const SAMPLES: usize = 500;
-/// Median roughness from which on a material counts as matt.
+/// Median roughness from which on a material counts as matte.
 const MATT: f64 = 0.45;
-/// Where the evidence goes.
+/// Destination of the evidence.
 struct Judge {
     table: Table,
     record: Option<(PathBuf, BufWriter<File>)>,
@@ -63,7 +63,7 @@ impl Judge {
                 let errors: Vec<f32> = range.map(error).collect();
                 let deviation = confidence.planes()[map * n + t];
                 if let Some((path, file)) = &mut self.record {
-                    // A row: case, photographs, map, number of errors, terms, errors.
+                    // Row: case, photographs, map, number of errors, terms, errors.
                     let head = [self.cases, photos, map, errors.len()].map(|v| v as f32);
                     let row = head.into_iter().chain(evidence.terms(map, t));
                     let row = row.chain((0..3).map(|i| errors.get(i).copied().unwrap_or(0.0)));
@@ -138,7 +138,7 @@ fn of_materials(
             for (i, observation) in observations.into_iter().enumerate() {
                 estimator.add(observation)?;
                 let wanted = arguments.photos.contains(&(i + 1));
-                // As in a capture: what one photograph brought is there when the next comes.
+                // As in a capture, the fit settles before the next photograph.
                 if wanted || i < 5 {
                     estimator.settle()?;
                 }
