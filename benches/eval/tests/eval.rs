@@ -120,7 +120,7 @@ fn held_out(arguments: &[&str], json: &Path) -> Vec<Value> {
 /// removes unstated brightness; without it, brightness is the whole error: 0.6 of it leaves 1 -
 /// 0.6^(1/2.2) = 21 % of values around 0.55.
 #[test]
-fn a_matt_sample_is_predicted_but_for_brightness() {
+fn a_matte_sample_is_predicted_up_to_brightness() {
     let dir = tempfile::tempdir().unwrap();
     let json = dir.path().join("errors.json");
     let capture = matt(dir.path(), 0.6);

@@ -40,7 +40,7 @@ pub struct Arguments {
 /// Approximate number of sampled texels per estimate.
 const SAMPLES: usize = 500;
 /// Median roughness from which on a material counts as matte.
-const MATT: f64 = 0.45;
+const MATTE: f64 = 0.45;
 /// Destination of the evidence.
 struct Judge {
     table: Table,
@@ -54,8 +54,8 @@ impl Judge {
         let confidence = evidence.confidence()?;
         let (maps, n) = (evidence.maps(), truth.texels());
         let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
-        let matt = median(roughness).is_some_and(|middle| middle >= MATT);
-        let group = Group { case: self.cases, photos, matt };
+        let matte = median(roughness).is_some_and(|middle| middle >= MATTE);
+        let group = Group { case: self.cases, photos, matte };
         let stride = (n / SAMPLES).max(1) | 1;
         for t in (stride / 2..n).step_by(stride) {
             for (map, (_, range)) in MAPS.into_iter().enumerate() {

@@ -15,7 +15,7 @@ pub const MAPS: [(&str, std::ops::Range<usize>); 4] = [
 pub struct Group {
     pub case: usize,
     pub photos: usize,
-    pub matt: bool,
+    pub matte: bool,
 }
 
 /// A texel of a map.
@@ -49,7 +49,7 @@ impl Table {
     /// and the shares within further multiples.
     pub fn print(&self, photos: &[usize]) {
         let numbers: Vec<String> = photos.iter().map(|n| format!("{n} photos |")).collect();
-        println!("| map | all | matt | glossy | {} rank, texels | rank, maps |", numbers.join(" "));
+        println!("| map | all | matte | glossy | {} rank, texels | rank, maps |", numbers.join(" "));
         println!("|---|---|---|---|{}---|---|", "---|".repeat(photos.len()));
         let names = MAPS.iter().map(|(name, _)| *name).enumerate().map(|(i, n)| (Some(i), n));
         for (map, name) in names.chain([(None, "all maps")]) {
@@ -57,7 +57,7 @@ impl Table {
                 let ratios = self.ratios(map, is);
                 format!("{} / {}", percent(&ratios, 1.0), percent(&ratios, 2.0))
             };
-            let mut columns = vec![of(&|_| true), of(&|g| g.matt), of(&|g| !g.matt)];
+            let mut columns = vec![of(&|_| true), of(&|g| g.matte), of(&|g| !g.matte)];
             columns.extend(photos.iter().map(|n| of(&|g| g.photos == *n)));
             columns.push(map.map_or_else(String::new, |map| format!("{:.2}", self.by_texel(map))));
             columns.push(map.map_or_else(String::new, |map| format!("{:.2}", self.by_map(map))));
