@@ -49,7 +49,10 @@ impl Table {
     /// and the shares within further multiples.
     pub fn print(&self, photos: &[usize]) {
         let numbers: Vec<String> = photos.iter().map(|n| format!("{n} photos |")).collect();
-        println!("| map | all | matte | glossy | {} rank, texels | rank, maps |", numbers.join(" "));
+        println!(
+            "| map | all | matte | glossy | {} rank, texels | rank, maps |",
+            numbers.join(" ")
+        );
         println!("|---|---|---|---|{}---|---|", "---|".repeat(photos.len()));
         let names = MAPS.iter().map(|(name, _)| *name).enumerate().map(|(i, n)| (Some(i), n));
         for (map, name) in names.chain([(None, "all maps")]) {
