@@ -7,7 +7,6 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector};
 
-/// A least-squares problem.
 pub(crate) trait LeastSquares {
     /// The unknowns.
     type State;

@@ -11,7 +11,6 @@ const PROFILE_CELLS: f64 = 0.3;
 /// Edges must be this many times softer than the others to indicate a direction.
 const DIRECTED: f64 = 1.5;
 
-/// Blur of the board's edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EdgeSpread {
     /// Standard deviation, px.

@@ -257,7 +257,6 @@ fn named(layout: &Layout, bits: u64, turn: usize) -> Option<IVec2> {
     layout.markers.iter().find(alike).map(|m| m.square)
 }
 
-/// Print of the markers.
 struct Print {
     dictionary: Dictionary,
     /// Side of a marker relative to its square.

@@ -201,7 +201,6 @@ impl Strip<'_> {
         }
     }
 
-    /// The errors of all rows.
     fn all_errors(&self) -> Vec<f32> {
         let mut errors = vec![0.0; self.half * self.level.stack.height];
         let mut above = vec![0.0; self.half * self.level.stack.planes.len()];

@@ -129,7 +129,6 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Comparison with the definition.
     #[test]
     fn spectra_are_those_of_the_definition() {
         let mut random = Random::new(3);

@@ -145,7 +145,6 @@ pub fn check_writable(dir: impl AsRef<Path>) -> Result<()> {
         .map_err(|e| Error::io(dir, e))
 }
 
-/// Encodes a picture as PNG.
 pub(super) fn encode_png(picture: &DynamicImage) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     picture

@@ -43,7 +43,6 @@ pub(super) fn describe(layered: &Layered) -> Value {
     }
 }
 
-/// Encodes the file.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
     let mut textures = vec![("baseColor", layered.base.clone()), ("normal", bundle.normals(1.0))];
     textures.push(("occlusionRoughnessMetallic", layered.orm.clone()));

@@ -26,7 +26,6 @@ pub(super) struct Differences {
     pub down: Vec<f32>,
 }
 
-/// A grid of values.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     pub width: usize,
@@ -276,7 +275,6 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// Differences of the given values.
     fn differences(values: &[f32], w: usize, h: usize) -> Differences {
         let to = |f: fn(usize, usize, usize, usize) -> usize| {
             (0..w * h).map(|i| values[f(i % w, i / w, w, h)] - values[i]).collect()

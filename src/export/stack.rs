@@ -194,7 +194,6 @@ struct Lines {
 }
 
 impl Lines {
-    /// Mean of all pairs.
     fn mean(&self) -> f64 {
         let mean = self.sums.iter().sum::<f64>() / (self.sums.len() * self.across) as f64;
         mean.max(LEAST_DIFFERENCE.into())

@@ -69,7 +69,6 @@ impl Metadata {
         Self { size, is_linear: is_linear.unwrap_or(false), ..known }
     }
 
-    /// Metadata of the Exif block.
     pub(super) fn of_exif(bytes: &[u8]) -> Self {
         let mut reader = Reader::new();
         reader.continue_on_error(true);

@@ -169,7 +169,6 @@ pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
     Ok(decode(path, &limits.read(path)?, &limits)?.image)
 }
 
-/// Decodes the content of a file.
 pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Picture> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     limits.check_file(path, bytes.len() as u64)?;

@@ -26,7 +26,7 @@ pub struct Camera {
 impl Camera {
     /// The camera for pictures of another size from the same lens and sensor: scaled to the
     /// picture's width or height, with the excess cropped equally on both sides, as in previews.
-    /// `None` if one picture is upright and the other landscape.
+    /// `None` if one picture is portrait and the other landscape.
     pub fn of_size(&self, width: u32, height: u32) -> Option<Self> {
         if (self.width, self.height) == (width, height) {
             return Some(*self);

@@ -10,7 +10,6 @@ pub(crate) const COMPLETION_CHANNELS: usize = 4 * CHANNELS + 7;
 pub(crate) const COMPLETION_ODD: [usize; 6] =
     [0, 1, CHANNELS, CHANNELS + 1, 2 * CHANNELS, 2 * CHANNELS + 1];
 
-/// The completion network.
 pub(super) struct Completion {
     network: Network,
 }

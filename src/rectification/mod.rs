@@ -268,7 +268,6 @@ struct Band<'a> {
     /// Three planes.
     planes: &'a mut [f32],
     weight: &'a mut [f32],
-    /// First row.
     row: usize,
     top: &'a TopView,
 }

@@ -55,7 +55,6 @@ impl<V: Lanes> Optional<V> {
     }
 }
 
-/// Optional lobes in one view.
 #[derive(Clone, Copy)]
 pub(super) struct OptionalLobes<V> {
     tangent: V,

@@ -2,7 +2,6 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Number of lanes.
 pub(crate) const LANES: usize = 8;
 
 /// Eight `f32`. Every operation works lane by lane.
@@ -17,13 +16,11 @@ pub(crate) trait Lanes:
 {
     /// The same value in every lane.
     fn splat(x: f32) -> Self;
-    /// From an array.
     fn from_array(a: [f32; LANES]) -> Self;
     /// From the bits of half floats.
     fn from_halves(a: [u16; LANES]) -> Self;
     /// Number whose binary digits are the lowest bits of three numbers, the lowest digit first.
     fn from_lowest(a: [[u16; LANES]; 3]) -> Self;
-    /// To an array.
     fn to_array(self) -> [f32; LANES];
     /// `self * b + c`, fused where that is fast.
     fn mul_add(self, b: Self, c: Self) -> Self;
@@ -31,7 +28,6 @@ pub(crate) trait Lanes:
     fn max(self, other: Self) -> Self;
     /// The smaller value; `other` if `self` is NaN.
     fn min(self, other: Self) -> Self;
-    /// Absolute value.
     fn abs(self) -> Self;
     /// Square root, correctly rounded.
     fn sqrt(self) -> Self;

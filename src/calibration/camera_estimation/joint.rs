@@ -17,7 +17,6 @@ pub(super) const SHARED: usize = INTRINSICS + PARAMETERS;
 type Shared = SVector<f64, SHARED>;
 type Square = SMatrix<f64, SHARED, SHARED>;
 
-/// Settings of the joint refinement.
 const REFINEMENT: Options = Options {
     max_steps: 100,
     max_trials: 12,
@@ -255,7 +254,6 @@ impl Equations {
     }
 }
 
-/// The camera after a step.
 fn stepped(camera: &Camera, delta: &Shared) -> Camera {
     let mut next = *camera;
     next.fx += delta[0];

@@ -9,8 +9,7 @@
 //!
 //! # Observability
 //! * One photograph from above separates neither focal length from distance nor principal point
-//!   from tilt:
-//!   they keep the values of [`CameraPrior`].
+//!   from tilt: they keep the values of [`CameraPrior`].
 //! * One tilted photograph determines the focal length, and the distortion where it has corners.
 //! * Three or more photographs from different sides determine everything that the maps need.
 //!

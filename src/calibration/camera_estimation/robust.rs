@@ -27,7 +27,6 @@ const VIEW_SHARE_MIN: f64 = 0.6;
 /// Most rounds of refinement and rejection.
 pub(super) const ROUNDS: usize = 8;
 
-/// Free parameters.
 pub(super) fn freedom(camera: [bool; INTRINSICS], paper: bool) -> [bool; SHARED] {
     let mut free = [paper; SHARED];
     free[..INTRINSICS].copy_from_slice(&camera);

@@ -81,7 +81,6 @@ fn a_flash_far_beside_the_camera_is_found() {
     assert_eq!((found.stands_still, found.lit_places), (None, None));
 }
 
-/// Good photographs have no faults.
 #[test]
 fn good_photographs_have_no_faults() {
     let (known, found) = calibrated(|_| Truth::new(), same);

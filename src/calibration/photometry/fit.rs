@@ -43,7 +43,6 @@ const VEIL_MAX: f64 = 0.3;
 /// Initial spread of log values.
 const START_SIGMA: f64 = 0.05;
 
-/// Solution of the fit.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
     /// `ln V = -(exponent u + curvature u²)`, `u = -ln cos`.
@@ -77,7 +76,7 @@ pub(super) struct Solution {
     pub photo_sigma: Vec<f64>,
 }
 
-/// Settings of the fit. Weights and scale depend on the residuals, so no descent is required.
+/// Weights and scale depend on the residuals, so steps need not lower the cost.
 const REFINEMENT: Options = Options {
     max_steps: 30,
     max_trials: 1,

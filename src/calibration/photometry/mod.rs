@@ -19,16 +19,13 @@
 //! cannot be linear.
 //!
 //! # Ambiguities
-//! * The lobe of a flash at the camera's centre equals vignetting. They separate with the distance
-//!   of the
-//!   flash; rectified photos need only their product, which is always determined.
+//! * The lobe of a flash at the camera's centre equals vignetting. They separate better the further
+//!   off the flash is. Rectified photos need only their product, which is always determined.
 //! * Scale and white albedo: albedos are relative to the target's `white_albedo`.
 //! * Ambient light and `V` look alike in one frontal photo. Tilt and distance separate them;
-//!   ambient light is
-//!   0 until it is significant.
+//!   ambient light is 0 until it is significant.
 //! * A power of all values resembles a print with wrong blacks and a lens with more fall-off: one
-//!   photo
-//!   determines it only as well as the print.
+//!   photo determines it only as well as the print.
 
 mod examination;
 mod exposure;
@@ -335,7 +332,6 @@ impl PhotometricCalibrator {
         leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
     }
 
-    /// Fits all photos.
     fn estimate(&self) -> Photometry {
         let reference_mm = self.frames[0].pose.to_board(self.expected_offset()).length();
         let samples: Vec<_> =

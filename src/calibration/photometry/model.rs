@@ -44,7 +44,6 @@ impl Shot {
     }
 }
 
-/// Ink of a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ink {
     None,
@@ -193,7 +192,6 @@ impl Residual {
     }
 }
 
-/// The model with its parameters.
 pub(super) struct Model<'a> {
     shots: &'a [Shot],
     problem: &'a Problem,

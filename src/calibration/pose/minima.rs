@@ -11,7 +11,6 @@ use nalgebra::{SMatrix, SVector};
 const TRIM_SIGMA: f64 = 3.5;
 const TRIM_MIN_PX: f64 = 0.15;
 
-/// Settings of the refinement of a pose.
 const REFINEMENT: Options = Options {
     max_steps: 50,
     max_trials: 10,

@@ -1,6 +1,5 @@
 //! Lossless JPEG (ITU-T T.81, annex H): Huffman-coded differences from a prediction.
 
-/// Contents of the header.
 struct Header {
     precision: u32,
     height: usize,

@@ -47,7 +47,6 @@ pub(super) enum Layer {
     Tanh {},
 }
 
-/// Contents of the header.
 #[derive(Debug, Deserialize)]
 struct Header {
     format: String,

@@ -44,7 +44,6 @@ pub(super) struct Node {
     pub used_after: Vec<usize>,
 }
 
-/// The whole decoder.
 #[derive(Debug, Clone)]
 pub(super) struct Graph {
     pub nodes: Vec<Node>,

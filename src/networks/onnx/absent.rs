@@ -2,7 +2,6 @@
 
 use crate::{Error, Result};
 
-/// No graph.
 pub(super) enum Graph {}
 
 impl Graph {

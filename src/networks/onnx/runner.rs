@@ -10,7 +10,6 @@ use tract_onnx::prelude::*;
 use super::operators;
 use crate::{Error, Result};
 
-/// A tract graph.
 pub(super) struct Graph {
     name: &'static str,
     channels: usize,

@@ -60,7 +60,6 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// A material of a capture.
 enum Material {
     /// A random crop of a texture.
     Texture(PathBuf),
