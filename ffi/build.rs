@@ -1,5 +1,4 @@
-//! Sets the shared library's version name, keeps it loaded until the process ends, and strips
-//! unused symbols.
+//! Sets the shared library's version name, keeps it loaded until the process ends, and strips unused symbols.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

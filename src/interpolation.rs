@@ -8,8 +8,7 @@ pub(crate) fn between(place: f32, n: usize) -> (usize, usize, f32) {
     (first, (first + 1).min(n - 1), place - first as f32)
 }
 
-/// Interpolates at `[x, y]`, 0 to 1, between four values: upper left, upper right, lower left,
-/// lower right.
+/// Interpolates at `[x, y]`, 0 to 1, between four values: upper left, upper right, lower left, lower right.
 pub(crate) fn bilinear([a, b, c, d]: [f32; 4], [x, y]: [f32; 2]) -> f32 {
     let (above, below) = (a + x * (b - a), c + x * (d - c));
     above + y * (below - above)

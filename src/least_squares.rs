@@ -1,5 +1,4 @@
-//! Levenberg-Marquardt for small problems (Marquardt 1963): the loop of pose, camera and
-//! photometry.
+//! Levenberg-Marquardt for small problems (Marquardt 1963): the loop of pose, camera and photometry.
 //!
 //! Each step solves the normal equations with their diagonal scaled by `1 + damping`. The damping
 //! grows until a step lowers the cost, and shrinks after each such step.
@@ -19,8 +18,7 @@ pub(crate) trait LeastSquares {
     /// Normal equations at `state`.
     fn linearise(&self, state: &Self::State) -> Self::Equations;
 
-    /// The state after a damped step; `None` if the equations have no solution or the state is
-    /// impossible.
+    /// The state after a damped step; `None` if the equations have no solution or the state is impossible.
     fn step(
         &self,
         state: &Self::State,
@@ -114,8 +112,7 @@ pub(crate) fn minimise<P: LeastSquares>(
     (state, Summary { steps, cost, stop })
 }
 
-/// Step against the gradient by damped dense normal equations; `None` unless the matrix is positive
-/// definite.
+/// Step against the gradient by damped dense normal equations; `None` unless the matrix is positive definite.
 pub(crate) fn damped_step<D: Dim>(
     normal: &OMatrix<f64, D, D>,
     gradient: &OVector<f64, D>,

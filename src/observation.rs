@@ -1,5 +1,4 @@
-//! A rectified photograph: radiance of every texel seen from above, with the geometry of camera and
-//! light.
+//! A rectified photograph: radiance of every texel seen from above, with the geometry of camera and light.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -43,8 +42,7 @@ pub struct View {
     pub light_mm: [f32; 3],
     /// Strength of the light over distance.
     pub falloff: Falloff,
-    /// Radiance of the surroundings per channel in the same units: the mean, weighted by the
-    /// cosine.
+    /// Radiance of the surroundings per channel in the same units: the mean, weighted by the cosine.
     pub ambient: [f32; 3],
     /// Radiance of the surroundings in the mirror direction over their mean; 1 if they are uniform.
     pub mirrored: f32,
@@ -81,8 +79,7 @@ pub struct Observation {
     /// Camera and light.
     pub view: View,
     /// Standard deviation of log radiances as measured by the calibration, see
-    /// [`Radiometry::log_sigma`](crate::calibration::photometry::Radiometry::log_sigma); 0 if not
-    /// measured.
+    /// [`Radiometry::log_sigma`](crate::calibration::photometry::Radiometry::log_sigma); 0 if not measured.
     pub log_sigma: f32,
     /// Three planes.
     #[serde(serialize_with = "crate::little_endian::serialize")]
@@ -132,10 +129,9 @@ pub(crate) const FULL_WEIGHT: u8 = 7;
 pub(crate) const LEAST_WEIGHT: f32 = 0.02;
 
 impl Observation {
-    /// Takes three planes (R, G, B) of `width * height` radiances in the units of [`View`], and a
-    /// weight per texel, 0 (not seen) to 1: validity times foreshortening. A *negative* radiance
-    /// `-v` marks a saturated measurement: the true radiance is at least `v`. Texels with values
-    /// that are not finite get weight 0.
+    /// Takes three planes (R, G, B) of `width * height` radiances in the units of [`View`], and a weight per
+    /// texel, 0 (not seen) to 1: validity times foreshortening. A *negative* radiance `-v` marks a saturated
+    /// measurement: the true radiance is at least `v`. Texels with values that are not finite get weight 0.
     ///
     /// # Errors
     /// If a length does not fit the size.

@@ -183,8 +183,7 @@ mod tests {
 
     #[test]
     fn waiting_threads_take_work_from_a_slow_one() {
-        // All costs lie in the first half, so the second thread helps only if stolen work is split
-        // again.
+        // All costs lie in the first half, so the second thread helps only if stolen work is split again.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let helpers = Mutex::new(std::collections::HashSet::new());
         let helped = || helpers.lock().unwrap().len() == 2;

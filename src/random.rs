@@ -23,8 +23,7 @@ impl Random {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Mean 0, variance 1: the sum of four uniform numbers, a sufficient approximation of normal
-    /// noise.
+    /// Mean 0, variance 1: the sum of four uniform numbers, a sufficient approximation of normal noise.
     pub fn bell(&mut self) -> f64 {
         let sum: f64 = (0..4).map(|_| self.uniform()).sum();
         (sum - 2.0) * 3.0f64.sqrt()

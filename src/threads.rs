@@ -48,8 +48,7 @@ pub(crate) fn started(role: Role) {
 pub(crate) enum Pool {
     /// Threads of its own.
     Threads(rayon::ThreadPool),
-    /// The calling thread alone. WebAssembly threads in a browser need headers that few servers
-    /// send.
+    /// The calling thread alone. WebAssembly threads in a browser need headers that few servers send.
     Caller,
 }
 

@@ -45,8 +45,7 @@ const GLYPHS: &[(char, [u8; 5])] = &[
     ('%', [0x23, 0x13, 0x08, 0x64, 0x62]),
 ];
 
-/// Text with its top left corner at `left`, `top` (mm), 2.8 mm high. Characters without a glyph are
-/// skipped.
+/// Text with its top left corner at `left`, `top` (mm), 2.8 mm high. Characters without a glyph are skipped.
 pub(super) fn text(left: f64, top: f64, text: &str) -> impl Iterator<Item = Rect> {
     text.chars().enumerate().flat_map(move |(i, character)| {
         let columns = GLYPHS.iter().find(|(c, _)| *c == character).map_or([0; 5], |(_, c)| *c);

@@ -1,9 +1,8 @@
 //! Joins X-corners to pieces of a square lattice.
 //!
-//! A link leads from a corner along one of its edges to the nearest corner that points back and has
-//! the opposite colour order. The edge between them must be dark on one side and bright on the
-//! other throughout. Links need no two-dimensional neighbourhood, so single rows of corners grow as
-//! well as planes.
+//! A link leads from a corner along one of its edges to the nearest corner that points back and has the
+//! opposite colour order. The edge between them must be dark on one side and bright on the other throughout.
+//! Links need no two-dimensional neighbourhood, so single rows of corners grow as well as planes.
 
 use super::corners::Saddle;
 use super::luma::LumaImage;
@@ -144,8 +143,7 @@ impl PartialEq for Step {
 
 impl Eq for Step {}
 
-/// For each port of each corner, the neighbour and its port that points back, if the link is
-/// mutual.
+/// For each port of each corner, the neighbour and its port that points back, if the link is mutual.
 fn mutual_links(level: &LumaImage, saddles: &[Saddle]) -> Vec<[Option<(usize, usize)>; 4]> {
     let index = Buckets::new(level, saddles);
     let one_way: Vec<_> =

@@ -19,8 +19,7 @@ pub struct LumaImage {
 }
 
 impl LumaImage {
-    /// Square root of a photograph's luminance. Negative values and values that are not finite
-    /// become 0.
+    /// Square root of a photograph's luminance. Negative values and values that are not finite become 0.
     pub fn from_photo(photo: &Photo) -> Self {
         Self::from_luma(photo, photo.luma())
     }
@@ -55,8 +54,7 @@ impl LumaImage {
         Self { width, height, data }
     }
 
-    /// Smoothed with the binomial filter 1 4 6 4 1 (sigma 1 px) in both directions; borders
-    /// repeat.
+    /// Smoothed with the binomial filter 1 4 6 4 1 (sigma 1 px) in both directions; borders repeat.
     pub(super) fn smoothed(&self) -> Self {
         let (w, h) = (self.width, self.height);
         let mut across = vec![0.0f32; w * h];

@@ -9,8 +9,7 @@ use glam::DVec2;
 /// Contrast of two squares along the outline relative to the two squares behind them, below which
 /// they count as not printed.
 const CONTRAST_SHARE: f32 = 0.3;
-/// Least contrast of visible squares, white minus black relative to white, on the square-root
-/// scale.
+/// Least contrast of visible squares, white minus black relative to white, on the square-root scale.
 const CONTRAST_MIN: f32 = 0.2;
 /// Fewest pairs checked, and the share that must be missing.
 const LOOKED_MIN: usize = 4;

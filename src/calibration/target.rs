@@ -5,8 +5,7 @@ use crate::frame::Encoding;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Gap between the lowest row of squares and the patches, side of a patch, and spacing of the
-/// patches, mm.
+/// Gap between the lowest row of squares and the patches, side of a patch, and spacing of the patches, mm.
 const PATCH_GAP_MM: f64 = 8.0;
 const PATCH_SIDE_MM: f64 = 15.0;
 const PATCH_STEP_MM: f64 = 20.0;
@@ -65,8 +64,7 @@ pub struct Hole {
 pub struct Target {
     /// Kind of board.
     pub kind: TargetKind,
-    /// Rows of squares, including the hole. `rows + cols` is odd, so that colours distinguish
-    /// half-turns.
+    /// Rows of squares, including the hole. `rows + cols` is odd, so that colours distinguish half-turns.
     pub rows: u32,
     /// Columns of squares, including the hole.
     pub cols: u32,
@@ -185,8 +183,7 @@ impl Target {
         })
     }
 
-    /// Nominal diffuse albedo of a patch: interpolated between black and white squares by its
-    /// linear value.
+    /// Nominal diffuse albedo of a patch: interpolated between black and white squares by its linear value.
     pub fn patch_albedo(&self, patch: &Patch) -> f64 {
         let share = Encoding::Srgb.decode(patch.gray);
         self.black_albedo + (self.white_albedo - self.black_albedo) * share

@@ -1,5 +1,4 @@
-//! Quarter turns of the board: positions in a piece of lattice and on the board, and symmetries of
-//! the board.
+//! Quarter turns of the board: positions in a piece of lattice and on the board, and symmetries of the board.
 
 use super::target::Target;
 use glam::{DMat3, DVec3, IVec2};
@@ -19,8 +18,7 @@ pub(super) fn board_of_lattice(at: IVec2, turn: usize, shift: IVec2) -> IVec2 {
     rotate(at, turn) + shift
 }
 
-/// Homogeneous map from board grid to lattice positions: the inverse of `rotate` by `turn` plus
-/// `shift`.
+/// Homogeneous map from board grid to lattice positions: the inverse of `rotate` by `turn` plus `shift`.
 pub(super) fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
     let back = (4 - turn) % 4;
     let (x, y) = (rotate(IVec2::X, back).as_dvec2(), rotate(IVec2::Y, back).as_dvec2());
@@ -28,8 +26,7 @@ pub(super) fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
     DMat3::from_cols(x.extend(0.0), y.extend(0.0), DVec3::new(origin.x, origin.y, 1.0))
 }
 
-/// Image of each corner under quarter turns of the board about its centre, if the board is
-/// symmetric.
+/// Image of each corner under quarter turns of the board about its centre, if the board is symmetric.
 pub(super) fn symmetry(target: &Target, corners: &[(u32, u32)], turn: usize) -> Option<Vec<usize>> {
     if turn % 2 == 1 && target.rows != target.cols {
         return None;

@@ -40,8 +40,7 @@ pub struct Capture {
     pub scene: Scene,
     /// The photographs in the order of the file, at least one.
     pub frames: Vec<Frame>,
-    /// Warnings about unknown fields, which are ignored, and about unusual lengths; one sentence
-    /// each.
+    /// Warnings about unknown fields, which are ignored, and about unusual lengths; one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -116,8 +115,7 @@ impl Frame {
 }
 
 impl Capture {
-    /// Reads `capture.json` of folder `dir`, checks every field, and checks that the picture files
-    /// exist.
+    /// Reads `capture.json` of folder `dir`, checks every field, and checks that the picture files exist.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read, [`Error::Field`] with the field, the value found
@@ -137,8 +135,7 @@ impl Capture {
         Self::read(dir, &file, &value, camera)
     }
 
-    /// As [`Capture::load`], from the content of a `capture.json` whose pictures are in folder
-    /// `dir`.
+    /// As [`Capture::load`], from the content of a `capture.json` whose pictures are in folder `dir`.
     ///
     /// # Errors
     /// As [`Capture::load`].

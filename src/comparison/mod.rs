@@ -83,8 +83,7 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
     })
 }
 
-/// Mean angle between the normals, from the distance of their tips, which is accurate for small
-/// angles.
+/// Mean angle between the normals, from the distance of their tips, which is accurate for small angles.
 fn mean_angle(a: &Svbrdf, b: &Svbrdf) -> f64 {
     let mut sum = 0.0;
     for y in 0..a.height() {

@@ -21,8 +21,7 @@ pub(super) struct Bundle {
     /// One value per texel, 1 = open.
     pub occlusion: Vec<f32>,
     pub texture: TextureFormat,
-    /// Whether to use base colour and metalness in place of a specular colour, where the format
-    /// allows both.
+    /// Whether to use base colour and metalness in place of a specular colour, where the format allows both.
     pub metallic: bool,
     /// Both alphas of every texel, if any texel is anisotropic.
     pub anisotropy: Option<Vec<Anisotropy>>,
@@ -190,8 +189,7 @@ impl Bundle {
         }
     }
 
-    /// As [`Bundle::layered`], for a GLB: with a tint, programs that ignore it also show nearly the
-    /// material.
+    /// As [`Bundle::layered`], for a GLB: with a tint, programs that ignore it also show nearly the material.
     pub fn layered_with_metalness(&self) -> Layered {
         if self.metallic {
             return self.layered();

@@ -1,9 +1,8 @@
 //! Conversions between this library's BRDF and those of other renderers, per texel.
 //!
-//! The library adds `kd / pi` to a GGX lobe with the Fresnel reflectance `F0` at normal incidence,
-//! without a factor on the diffuse part. Other renderers reduce the diffuse part by the reflected
-//! light, have one index of refraction per material, or use metalness in place of a specular
-//! colour.
+//! The library adds `kd / pi` to a GGX lobe with the Fresnel reflectance `F0` at normal incidence, without a
+//! factor on the diffuse part. Other renderers reduce the diffuse part by the reflected light, have one index
+//! of refraction per material, or use metalness in place of a specular colour.
 
 /// Largest reflectance with an index of refraction; the index diverges at 1.
 const MAX_F0: f32 = 0.999;
@@ -232,8 +231,7 @@ fn best_base(albedos: &Albedos, c: usize, k: f32, m: f32, dielectric: f32) -> f3
     (k * albedos.diffuse[c] + m * metal) / (k * k + m * m)
 }
 
-/// Splits for several metalness values with their costs (squared albedo) and the derivatives of
-/// these.
+/// Splits for several metalness values with their costs (squared albedo) and the derivatives of these.
 struct Tried<const N: usize> {
     metallic: [f32; N],
     base: [[f32; N]; 3],

@@ -37,8 +37,7 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// killed process thus never leaves it beside files of another or of an incomplete set.
 ///
 /// # Errors
-/// [`Error::Io`] with the file that cannot be written; existing files are unchanged unless a rename
-/// fails.
+/// [`Error::Io`] with the file that cannot be written; existing files are unchanged unless a rename fails.
 pub fn write_files(dir: impl AsRef<Path>, files: &[(String, Vec<u8>)]) -> Result<()> {
     replace_files(dir, files, &[])
 }

@@ -16,9 +16,8 @@ use crate::{Error, Result};
 /// Attribute with width and height of the sample, mm.
 const SAMPLE_MM: &str = "sampleSizeMm";
 
-/// Encodes planes of `width * height` floats as the channels of one layer. The attributes
-/// `sampleSizeMm` (two floats), `xDensity` (texels per inch) and `pixelAspectRatio` state the size
-/// of the sample.
+/// Encodes planes of `width * height` floats as the channels of one layer. The attributes `sampleSizeMm` (two
+/// floats), `xDensity` (texels per inch) and `pixelAspectRatio` state the size of the sample.
 pub fn encode_channels(
     width: usize,
     height: usize,

@@ -10,8 +10,7 @@ use crate::{Error, Result, Svbrdf};
 pub struct Height {
     /// One value per texel, mm, row by row; mean 0.
     pub mm: Vec<f32>,
-    /// Share of the squared slopes that no height explains, 0 to 1: noise and non-integrable
-    /// normals.
+    /// Share of the squared slopes that no height explains, 0 to 1: noise and non-integrable normals.
     pub unexplained: f32,
 }
 

@@ -49,18 +49,16 @@ pub(super) fn quadratic(lobe: &Anisotropy) -> [f32; 2] {
     [square.sqrt().sqrt().min(1.0), 1.0 - lobe.across / lobe.along]
 }
 
-/// Convention of Cycles: `along = r² / s`, `across = r² s`, `s² = 1 - 0.9 a`; returns `a` and the
-/// rotation from X to the direction in turns, 0 to 1. Ratios above 10 become 10. `r` is the
-/// roughness of the maps.
+/// Convention of Cycles: `along = r² / s`, `across = r² s`, `s² = 1 - 0.9 a`; returns `a` and the rotation
+/// from X to the direction in turns, 0 to 1. Ratios above 10 become 10. `r` is the roughness of the maps.
 pub(super) fn cycles(lobe: &Anisotropy) -> [f32; 2] {
     use std::f32::consts::TAU;
     // Directions lie within half a turn of X, so adding half a turn makes them positive.
     [((1.0 - lobe.across / lobe.along) / 0.9).min(1.0), (lobe.angle / TAU + 0.5).clamp(0.0, 1.0)]
 }
 
-/// OpenPBR roughness that makes the lobe below a coat have the roughness `wanted`: a rough coat
-/// spreads rays, `r -> (r⁴ + 2 coat⁴)^(1/4)`, mixed by its weight. 0 if the coat alone spreads
-/// more.
+/// OpenPBR roughness that makes the lobe below a coat have the roughness `wanted`: a rough coat spreads rays,
+/// `r -> (r⁴ + 2 coat⁴)^(1/4)`, mixed by its weight. 0 if the coat alone spreads more.
 pub(super) fn below_rough_coat(wanted: f32, [weight, coat]: [f32; 2]) -> f32 {
     const HALVINGS: usize = 16;
     let spread = 2.0 * coat.powi(4);

@@ -37,17 +37,15 @@ pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
 
-/// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB
-/// curve), `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`,
-/// `diffuse.R/G/B`, `specular.R/G/B`, `roughness.Y`) into a folder, all or none. Creates a missing
-/// folder.
+/// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB curve),
+/// `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`, `diffuse.R/G/B`,
+/// `specular.R/G/B`, `roughness.Y`) into a folder, all or none. Creates a missing folder.
 ///
 /// An anisotropic lobe adds `anisotropy.png` (16-bit, linear, as the texture of glTF's
 /// `KHR_materials_anisotropy`: R, G the direction, (d + 1) / 2, B the strength) and the channels
-/// `anisotropy.X/Y/strength`. The roughness of the files is then that across the direction, with
-/// `alpha along = mix(roughness², 1, strength²)`. A coat adds `coat.png` (16-bit, linear, as glTF's
-/// clear-coat textures: R weight, G roughness) and the channels `coat.weight/roughness`. Such files
-/// of earlier maps are removed.
+/// `anisotropy.X/Y/strength`. The roughness of the files is then that across the direction, with `alpha along
+/// = mix(roughness², 1, strength²)`. A coat adds `coat.png` (16-bit, linear, as glTF's clear-coat textures: R
+/// weight, G roughness) and the channels `coat.weight/roughness`. Such files of earlier maps are removed.
 ///
 /// # Errors
 /// [`Error::Io`] with the file that cannot be written.
@@ -65,9 +63,8 @@ pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2
     replace_files(dir, &map_files(maps, Some(sample_mm))?, &LOBE_FILES)
 }
 
-/// As [`write_sized_maps`], with standard deviations in `maps.exr`: the channels `deviation.normal`
-/// (of each slope), `deviation.diffuse` and `deviation.specular` (of each colour, linear),
-/// `deviation.roughness`.
+/// As [`write_sized_maps`], with standard deviations in `maps.exr`: the channels `deviation.normal` (of each
+/// slope), `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`.
 ///
 /// # Errors
 /// As [`write_sized_maps`]; [`Error::Argument`] if the sizes differ.
@@ -230,10 +227,9 @@ pub fn read_sample_mm(dir: impl AsRef<Path>) -> Result<Option<[f32; 2]>> {
     Ok(stated.map(|d| [mm(info.width, d.xppu), mm(info.height, d.yppu)]))
 }
 
-/// Reads maps from a folder: `maps.exr`, or else the four pictures `normal`, `diffuse`, `specular`
-/// and `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`], and
-/// `anisotropy` and `coat` if present. Clamps values to their physical range, see
-/// [`Svbrdf::clamp`].
+/// Reads maps from a folder: `maps.exr`, or else the four pictures `normal`, `diffuse`, `specular` and
+/// `roughness` (PNG, JPEG or TIFF, any depth) in the encodings of [`write_maps`], and `anisotropy` and `coat`
+/// if present. Clamps values to their physical range, see [`Svbrdf::clamp`].
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Image`] with a file that is missing, damaged or of another size;

@@ -117,9 +117,8 @@ fn output(name: &str, kind: &str, node: &str) -> String {
     format!("    <output name=\"{name}_out\" type=\"{kind}\" nodename=\"{node}\" />\n")
 }
 
-/// Nodes for the index below a coat. OpenPBR uses the base's index relative to the coat's, in
-/// proportion to the coat's weight: `n (1 - w) + w n / 1.5`. The nodes compute the `n` for which
-/// this equals `ior`.
+/// Nodes for the index below a coat. OpenPBR uses the base's index relative to the coat's, in proportion to
+/// the coat's weight: `n (1 - w) + w n / 1.5`. The nodes compute the `n` for which this equals `ior`.
 fn ior_below_coat(ior: f32) -> String {
     format!(
         r#"    <multiply name="coat_third" type="float">

@@ -151,9 +151,8 @@ impl Package {
 /// `maps/` (see [`write_maps`](super::write_maps)) and `tile.png`, a picture of 3 x 3 tiles.
 ///
 /// # Errors
-/// [`Error::Argument`] if no format is given, the size of the sample is not positive, the maps have
-/// fewer than two texels along a side (sixteen for seamless maps) or hold values that are not
-/// finite.
+/// [`Error::Argument`] if no format is given, the size of the sample is not positive, the maps have fewer
+/// than two texels along a side (sixteen for seamless maps) or hold values that are not finite.
 pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     check(maps, options)?;
     let mut maps = limited(maps, options.max_size);

@@ -102,8 +102,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
         assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 1);
         let ior = material["extensions"]["KHR_materials_ior"]["ior"].as_f64().unwrap();
         let interface = ((ior - 1.0) / (ior + 1.0)).powi(2) as f32;
-        // One stored step changes square roots of albedos by less than two; base and specular
-        // colour add up.
+        // One stored step changes square roots of albedos by less than two; base and specular colour add up.
         let near = |shown: f32, wanted: f32, what: &str| {
             let off = (shown.max(0.0).sqrt() - wanted.sqrt()).abs();
             assert!(off < 4.0 * half_step(texture) + 1e-3, "{what}: {shown} for {wanted}");
@@ -209,8 +208,7 @@ fn unity_s_textures_are_its_formulas() {
     }
 }
 
-/// Every folder is complete: it has the files that scripts and documents name, and each has a
-/// description.
+/// Every folder is complete: it has the files that scripts and documents name, and each has a description.
 #[test]
 fn every_format_is_complete() {
     let maps = materials(16, 16);
@@ -282,8 +280,7 @@ fn alphas(maps: &Svbrdf, i: usize) -> ([f32; 2], [f32; 2]) {
     ([alpha * (0.5 * m).exp(), alpha * (-0.5 * m).exp()], [u / m, v / m])
 }
 
-/// Checks a stored vector against a direction given by its doubled angle, unless anisotropy is
-/// negligible.
+/// Checks a stored vector against a direction given by its doubled angle, unless anisotropy is negligible.
 fn check_direction(
     stored: &[f32; 4],
     up: f32,

@@ -27,8 +27,7 @@ const TEXT: [u8; 3] = [222, 223, 226];
 
 /// Distance of camera and light from the sample's centre, in longer sides of the sample.
 const DISTANCE: f32 = 2.5;
-/// Angles from the normal for side lights, degrees. The lowest light with a visible effect shows
-/// relief best.
+/// Angles from the normal for side lights, degrees. The lowest light with a visible effect shows relief best.
 const RAKING_DEG: [f32; 8] = [68.0, 60.0, 50.0, 40.0, 31.0, 23.0, 16.0, 10.0];
 /// Share of pixels that must reach [`BRIGHT`] for a visible effect.
 const BRIGHT_SHARE: f32 = 0.25;
@@ -102,8 +101,7 @@ fn view(sample_mm: [f32; 2], camera: [f32; 3], light: [f32; 3]) -> View {
     }
 }
 
-/// The lowest side light that makes enough pixels bright, or else the one with the most bright
-/// pixels.
+/// The lowest side light that makes enough pixels bright, or else the one with the most bright pixels.
 fn lowest_light(maps: &Svbrdf, sample_mm: [f32; 2], azimuth: f32) -> [f32; 3] {
     let mut best = (0.0, direction(RAKING_DEG[RAKING_DEG.len() - 1], azimuth));
     for off_top in RAKING_DEG {

@@ -6,8 +6,7 @@ use crate::{Svbrdf, parallel};
 /// linear interpolation between texel centres to more. Border texels extend outwards.
 ///
 /// # Panics
-/// If a size is 0.
-/// When a size is 0.
+/// If a size is 0. When a size is 0.
 pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
     let (w, h) = (maps.width(), maps.height());
     if (w, h) == (width, height) {

@@ -116,9 +116,8 @@ impl Stack {
         (Self { width: w, height: h, planes }, across.max(down))
     }
 
-    /// Mean of `difference` over the channels of pairs of neighbours, relative to the mean
-    /// difference of all neighbours in the same direction (`axis`: 0 right, 1 below), for the worst
-    /// map; 0 without pairs.
+    /// Mean of `difference` over the channels of pairs of neighbours, relative to the mean difference of all
+    /// neighbours in the same direction (`axis`: 0 right, 1 below), for the worst map; 0 without pairs.
     pub fn relative<P: Sync>(
         &self,
         pairs: &[P],

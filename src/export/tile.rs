@@ -1,13 +1,12 @@
 //! Seamless maps: a patch from inside laid over each border, with one cut for all maps, joined in
 //! the gradient domain.
 //!
-//! Along each axis, the two borders are brought together and covered by a patch of the material,
-//! from the position that fits best. The cuts around the patch are paths of least difference over
-//! all maps (Kwatra et al., *Graphcut Textures*, 2003); a path is a minimal cut here, found by
-//! dynamic programming. Remaining steps across the cuts are spread over their surroundings so that
-//! each difference becomes the mean of both sides', by least squares with a penalty on changes
-//! (Bhat et al., *Fourier Analysis of the 2D Screened Poisson Equation*, 2008). The size in texels
-//! and mm is unchanged.
+//! Along each axis, the two borders are brought together and covered by a patch of the material, from the
+//! position that fits best. The cuts around the patch are paths of least difference over all maps (Kwatra et
+//! al., *Graphcut Textures*, 2003); a path is a minimal cut here, found by dynamic programming. Remaining
+//! steps across the cuts are spread over their surroundings so that each difference becomes the mean of both
+//! sides', by least squares with a penalty on changes (Bhat et al., *Fourier Analysis of the 2D Screened
+//! Poisson Equation*, 2008). The size in texels and mm is unchanged.
 
 use super::cut::Cuts;
 use super::poisson::{Border, Spread, Step};

@@ -54,8 +54,7 @@ fn seams_vanish_and_sizes_stay() {
             let seam = border(&tiled.maps, c);
             assert!(seam <= 1.1, "{w} x {h}, channel {c}: {seam}");
         }
-        // The ramp over the whole sample must end somewhere, so the sources disagree along the
-        // cuts.
+        // The ramp over the whole sample must end somewhere, so the sources disagree along the cuts.
         assert!(tiled.seam <= 1.1 && tiled.cuts <= 1.6, "{} {}", tiled.seam, tiled.cuts);
         // The material is preserved: mean and contrast of the diffuse albedo change little.
         let moments = |maps: &Svbrdf| {

@@ -147,9 +147,8 @@ impl CameraKey {
 }
 
 impl Choice {
-    /// Appends photographs in the order of capture, then by name (9 before 10); those without a
-    /// time come last. The first call determines the camera: the one with most photographs, or the
-    /// first of several.
+    /// Appends photographs in the order of capture, then by name (9 before 10); those without a time come
+    /// last. The first call determines the camera: the one with most photographs, or the first of several.
     pub fn add(&mut self, photographs: Vec<(Metadata, PathBuf)>) {
         let (mut photographs, copies) = renditions::once(photographs);
         self.left_out.extend(copies);

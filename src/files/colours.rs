@@ -73,8 +73,7 @@ impl Colours {
         Self::named(encoding, primaries)
     }
 
-    /// Colours of PNG's `gAMA` and `cHRM`: the exponent from light to stored values, and
-    /// chromaticities.
+    /// Colours of PNG's `gAMA` and `cHRM`: the exponent from light to stored values, and chromaticities.
     pub fn of_gamma(gamma: Option<f64>, chromaticities: Option<Chromaticities>) -> Self {
         let gamma = gamma.unwrap_or(1.0 / 2.2);
         if !GAMMAS.contains(&gamma) {

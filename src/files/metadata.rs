@@ -39,8 +39,7 @@ pub struct Metadata {
     pub size: Option<[u32; 2]>,
     /// Whether the pixels are linear, as floats and raw values are.
     pub is_linear: bool,
-    /// Clockwise rotation to upright, degrees; of a mirrored picture, after mirroring it left to
-    /// right.
+    /// Clockwise rotation to upright, degrees; of a mirrored picture, after mirroring it left to right.
     pub upright_deg: Option<u32>,
     /// Whether the stored picture is mirrored.
     pub mirrored: bool,

@@ -46,8 +46,7 @@ fn chromaticities(c: SourceChromaticities) -> [[f64; 2]; 4] {
     [c.white, c.red, c.green, c.blue].map(|(x, y)| [x, y].map(|v| f64::from(v.into_scaled()) / 1e5))
 }
 
-/// Whether a profile chunk precedes the pixels. The decoder does not report profiles it could not
-/// unpack.
+/// Whether a profile chunk precedes the pixels. The decoder does not report profiles it could not unpack.
 fn has_profile(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((length, after)) = rest.split_first_chunk::<4>() {

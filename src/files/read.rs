@@ -50,10 +50,9 @@ pub struct Decoded {
 /// Reads a photograph: JPEG, PNG, TIFF, OpenEXR or DNG by its content, HEIC with feature `heic`.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read; [`Error::Image`] if it is empty, damaged, truncated,
-/// too large or of an unsupported format (the message contains advice); [`Error::MemoryLimit`] if
-/// decoding needs more than allowed; [`Error::Field`] about `encoding` if a curve is given for
-/// floats or raw values.
+/// [`Error::Io`] if the file cannot be read; [`Error::Image`] if it is empty, damaged, truncated, too large
+/// or of an unsupported format (the message contains advice); [`Error::MemoryLimit`] if decoding needs more
+/// than allowed; [`Error::Field`] about `encoding` if a curve is given for floats or raw values.
 pub fn read(path: impl AsRef<Path>, options: &Options) -> Result<Decoded> {
     let path = path.as_ref();
     of_bytes(path, &options.limits.read(path)?, options)

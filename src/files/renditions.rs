@@ -60,8 +60,7 @@ fn is_same_shot((a, a_path): &Photograph, (b, b_path): &Photograph) -> bool {
     match (&a.taken, &b.taken) {
         _ if other_device => false,
         (Some(a), Some(b)) => a == b && (alike || other_kind),
-        // Without times only names remain, and web pages and messengers give many photographs the
-        // same name.
+        // Without times only names remain, and web pages and messengers give many photographs the same name.
         _ => alike && other_kind,
     }
 }

@@ -142,8 +142,7 @@ mod tests {
                 if encoding == Encoding::Pq && v.abs() > 1.0 {
                     continue;
                 }
-                // The branches of sRGB meet within 1e-7, because the standard rounds; PQ's OETF is
-                // 7e-7 at 0.
+                // The branches of sRGB meet within 1e-7, because the standard rounds; PQ's OETF is 7e-7 at 0.
                 assert!((encoding.encode(encoding.decode(v)) - v).abs() < 1e-6, "{encoding:?} {v}");
             }
         }

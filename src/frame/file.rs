@@ -106,10 +106,9 @@ pub(crate) struct Picture {
 }
 
 impl Photo {
-    /// Reads a PNG, JPEG, TIFF (integers of 8, 16 or 32 bits, or floats; the largest page) or
-    /// OpenEXR file and rotates it upright by its orientation tag. Gray pictures become RGB, alpha
-    /// is dropped. Float files are linear and never saturated. Ignores colour profiles; `files`
-    /// applies them.
+    /// Reads a PNG, JPEG, TIFF (integers of 8, 16 or 32 bits, or floats; the largest page) or OpenEXR file
+    /// and rotates it upright by its orientation tag. Gray pictures become RGB, alpha is dropped. Float files
+    /// are linear and never saturated. Ignores colour profiles; `files` applies them.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is empty, damaged,

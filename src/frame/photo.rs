@@ -204,8 +204,7 @@ impl Photo {
         self.focal_35mm
     }
 
-    /// Sets the focal length, mm on 36 x 24 mm film; `None`: unknown. It supports the estimate of a
-    /// camera.
+    /// Sets the focal length, mm on 36 x 24 mm film; `None`: unknown. It supports the estimate of a camera.
     pub fn with_focal_35mm(self, focal_35mm: Option<f32>) -> Self {
         let focal_35mm = focal_35mm.filter(|f| f.is_finite() && *f > 0.0);
         Self { focal_35mm, ..self }

@@ -1,7 +1,6 @@
 //! Planes of a picture in memory, and their rotation.
 //!
-//! Planes are bytes with strides in bytes and values in native byte order, without alignment
-//! requirements.
+//! Planes are bytes with strides in bytes and values in native byte order, without alignment requirements.
 
 use super::photo::MAX_PIXELS;
 use crate::{Error, Result};

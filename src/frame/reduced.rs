@@ -1,5 +1,4 @@
-//! Downscaled photographs, computed on the calling thread for low latency beside the threads of a
-//! fit.
+//! Downscaled photographs, computed on the calling thread for low latency beside the threads of a fit.
 
 use std::ops::AddAssign;
 

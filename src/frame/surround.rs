@@ -1,12 +1,10 @@
-//! Surroundings of a pixel: the source of a dirty lens's veil and the reference of local tone
-//! mapping.
+//! Surroundings of a pixel: the source of a dirty lens's veil and the reference of local tone mapping.
 
 use serde::{Deserialize, Serialize};
 
 use super::photo::Photo;
 
-/// Standard deviation of the blur relative to the photograph's width, for fingerprints and screen
-/// protectors.
+/// Standard deviation of the blur relative to the photograph's width, for fingerprints and screen protectors.
 const SIGMA: f32 = 0.12;
 /// Cells along the width, and pixels sampled along each side of a cell.
 const ACROSS: u32 = 32;

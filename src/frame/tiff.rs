@@ -1,5 +1,4 @@
-//! TIFF files: selection of the largest page, and sample types that the crate `image` does not
-//! support.
+//! TIFF files: selection of the largest page, and sample types that the crate `image` does not support.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 

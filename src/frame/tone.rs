@@ -48,8 +48,7 @@ impl ToneCurve {
         ToneTable::new(self).map_or(stored, |table| stored.map(|v| table.undo(v)))
     }
 
-    /// Ratio of the stored values of two surfaces under the same light, the brighter one at the
-    /// fixed point.
+    /// Ratio of the stored values of two surfaces under the same light, the brighter one at the fixed point.
     pub(crate) fn stored_ratio(&self, radiances: f32) -> f32 {
         let anchor = ANCHOR.powf(1.0 / ENCODED) as f32;
         ToneTable::new(self).map_or(radiances, |table| table.put_on(anchor * radiances) / anchor)

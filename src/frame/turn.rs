@@ -58,8 +58,7 @@ mod tests {
 
     #[test]
     fn pixels_are_turned_like_a_print() {
-        // a b c
-        // d e f
+        // a b c d e f
         let data: Vec<u8> = (1..=6).flat_map(|v| [v; 3]).collect();
         let photo = Photo::from_rgb8(3, 2, &data, 9, Encoding::Linear, 1.0).unwrap();
         for (degrees, size, expected) in [

@@ -44,8 +44,7 @@ impl Camera {
         Some(Self { width, height, fx, fy, cx: centre.x, cy: centre.y, ..*self })
     }
 
-    /// The camera for pictures reduced by blocks of `step` x `step` pixels, without incomplete
-    /// blocks.
+    /// The camera for pictures reduced by blocks of `step` x `step` pixels, without incomplete blocks.
     pub(crate) fn reduced(&self, step: u32) -> Self {
         let (s, middle) = (f64::from(step), 0.5 * (f64::from(step) - 1.0));
         let (cx, cy) = ((self.cx - middle) / s, (self.cy - middle) / s);

@@ -1,5 +1,4 @@
-//! Guides the user of a camera: for each preview picture, the answer is hold, move, shoot or
-//! enough.
+//! Guides the user of a camera: for each preview picture, the answer is hold, move, shoot or enough.
 
 mod motion;
 mod options;
@@ -58,8 +57,7 @@ pub struct Target {
     pub degrees: f32,
 }
 
-/// Share of the best gain from which a view counts as equally good. The nearest of these is the
-/// target.
+/// Share of the best gain from which a view counts as equally good. The nearest of these is the target.
 const AS_GOOD: f32 = 0.95;
 
 /// Guides one capture. Use it from one thread at a time.

@@ -19,8 +19,7 @@ pub struct GuideOptions {
     pub most: usize,
     /// Largest angle of the first photograph from the normal, degrees.
     pub first_tilt_deg: f32,
-    /// Time after [`Action::Shoot`](super::Action::Shoot) at which a photograph counts as missed,
-    /// seconds.
+    /// Time after [`Action::Shoot`](super::Action::Shoot) at which a photograph counts as missed, seconds.
     pub shot_seconds: f64,
 }
 

@@ -147,8 +147,7 @@ impl Mapping {
         }
     }
 
-    /// Pixels covered by a step of one texel right and one down: the larger value of both ends of a
-    /// run.
+    /// Pixels covered by a step of one texel right and one down: the larger value of both ends of a run.
     pub fn footprint(&self, x0: usize, columns: usize, y: f64) -> (f64, f64) {
         let at = |x: f64, y: f64| self.camera.project(self.point(x, y));
         let step = |x: f64| {

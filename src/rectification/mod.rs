@@ -36,8 +36,7 @@ pub(crate) const MAX_CLIPPED: f32 = 0.9;
 
 /// Rectifies a photo of a sample in the board's plane.
 ///
-/// The sample is the rectangle `sample_mm` (width, height) around the board's origin. See
-/// [`rectify_raised`].
+/// The sample is the rectangle `sample_mm` (width, height) around the board's origin. See [`rectify_raised`].
 ///
 /// # Errors
 /// As [`rectify_raised`].
@@ -56,11 +55,10 @@ pub fn rectify(
 
 /// Rectifies a photo of a sample whose surface may lie above or below the board's plane.
 ///
-/// The origin of the result's frame lies on the sample's surface; camera and light are relative to
-/// it. The weight is the cosine between the surface's normal and the direction to the camera, faded
-/// to 0 at 80 degrees and towards the sample's edge (see [`TopView::edge_px`]). It is 0 where a
-/// texel's footprint leaves the photo or holds values that are not finite, and where the light is
-/// below the surface.
+/// The origin of the result's frame lies on the sample's surface; camera and light are relative to it. The
+/// weight is the cosine between the surface's normal and the direction to the camera, faded to 0 at 80
+/// degrees and towards the sample's edge (see [`TopView::edge_px`]). It is 0 where a texel's footprint leaves
+/// the photo or holds values that are not finite, and where the light is below the surface.
 ///
 /// # Errors
 /// [`Rejection::WrongSize`], [`Rejection::TooGrazing`], [`Rejection::LightNotVisible`] (below the
@@ -299,8 +297,7 @@ impl Band<'_> {
         }
     }
 
-    /// Fills a rectangle of at most `LANES * LANES` texels, in halves while its part of the photo
-    /// is large.
+    /// Fills a rectangle of at most `LANES * LANES` texels, in halves while its part of the photo is large.
     fn fill_tile(
         &mut self,
         photo: &Photo,

@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 
-/// Margin around the sample in a photograph, part of its extent and px, since later poses differ
-/// slightly.
+/// Margin around the sample in a photograph, part of its extent and px, since later poses differ slightly.
 const CROP_SHARE: f64 = 0.05;
 const CROP_PX: f64 = 24.0;
 

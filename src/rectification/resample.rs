@@ -8,9 +8,8 @@ use crate::svbrdf::bands;
 
 /// Takes a photo of exactly the sample's rectangle from above, row 0 at the +Y edge.
 ///
-/// Radiances are values divided by the photo's exposure. Along each axis, texels larger than pixels
-/// average the covered pixels (exact area); smaller ones interpolate linearly between pixel
-/// centres. All weights are
+/// Radiances are values divided by the photo's exposure. Along each axis, texels larger than pixels average
+/// the covered pixels (exact area); smaller ones interpolate linearly between pixel centres. All weights are
 /// 1. A texel is saturated in a channel if any contributing pixel is.
 ///
 /// # Errors

@@ -134,8 +134,7 @@ impl<V: Lanes> Lobes<V> {
         self.base.log_by_roughness(&material.gloss, self.cosines)
     }
 
-    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight *
-    /// irradiance`.
+    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight * irradiance`.
     #[inline(always)]
     pub fn by_normal(
         &self,
@@ -214,8 +213,7 @@ impl<V: Lanes> Lobes<V> {
     }
 }
 
-/// Derivatives by the unit vector to the light; each part is valid only perpendicular to that
-/// vector.
+/// Derivatives by the unit vector to the light; each part is valid only perpendicular to that vector.
 #[derive(Clone, Copy)]
 pub(crate) struct ByLight<V> {
     /// Of the light's cosine.
@@ -236,8 +234,7 @@ impl<V: Lanes> Lobes<V> {
         let (zero, one, least) = (V::splat(0.0), V::splat(1.0), V::splat(MIN_COSINE));
         let (n, h, v) = (material.normal, directions.half, directions.view);
         let vh = dot(v, h).max(least);
-        // The half vector rotates with the light, perpendicular to itself, by 1 / |l + v| = 1 / (2
-        // VoH).
+        // The half vector rotates with the light, perpendicular to itself, by 1 / |l + v| = 1 / (2 VoH).
         let turn = (vh + vh).reciprocal();
         let live = self.raw[0].if_greater(least, one, zero);
         let slope = vh.mul_add(V::splat(2.0 * FRESNEL[0]), V::splat(FRESNEL[1]));
@@ -279,8 +276,7 @@ mod tests {
     use crate::random::Random;
     use crate::simd::{Kernel, dispatch};
 
-    /// A texel, and the derivative of its first colour along a direction perpendicular to the
-    /// light.
+    /// A texel, and the derivative of its first colour along a direction perpendicular to the light.
     struct ByLightAlong {
         parameters: [f64; CHANNELS],
         lobes: [f64; LOBES],

@@ -48,8 +48,7 @@ pub(super) struct Microfacets<V> {
 }
 
 impl<V: Lanes> Microfacets<V> {
-    /// Takes NoL, NoV and NoH, and the squared component of the half vector perpendicular to the
-    /// normal.
+    /// Takes NoL, NoV and NoH, and the squared component of the half vector perpendicular to the normal.
     #[inline(always)]
     pub fn new(gloss: &Gloss<V>, [nl, nv, nh]: [V; 3], sin2: V) -> Self {
         let den = (nh * nh).mul_add(gloss.alpha2, sin2);

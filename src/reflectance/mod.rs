@@ -16,11 +16,10 @@
 //! [`MIN_ROUGHNESS`](crate::svbrdf::MIN_ROUGHNESS), with zero derivatives below.
 //!
 //! Two lobes are optional ([`lobe`](crate::svbrdf::lobe)), with the formulas of glTF's
-//! `KHR_materials_anisotropy` and `KHR_materials_clearcoat`. **Anisotropy** stretches the
-//! components (t, b) of the half vector along tangent and bitangent: NoH² (a² - 1) + 1 becomes NoH²
-//! a² + t² / r + r b² for a direction along the tangent, where r is the ratio of the two alphas and
-//! a² their product. A **coat** of weight w adds its own w D G F / (4 NoL NoV) with F0 = .04, and
-//! transmits 1 - w F of all other reflection.
+//! `KHR_materials_anisotropy` and `KHR_materials_clearcoat`. **Anisotropy** stretches the components (t, b)
+//! of the half vector along tangent and bitangent: NoH² (a² - 1) + 1 becomes NoH² a² + t² / r + r b² for a
+//! direction along the tangent, where r is the ratio of the two alphas and a² their product. A **coat** of
+//! weight w adds its own w D G F / (4 NoL NoV) with F0 = .04, and transmits 1 - w F of all other reflection.
 //!
 //! [`reflect`] computes in `f64`. It is the reference for the eight-lane version of the kernels.
 

@@ -1,5 +1,4 @@
-//! Fused log-L1 loss of maps against photographs and its gradient, without stored renderings or
-//! Jacobians.
+//! Fused log-L1 loss of maps against photographs and its gradient, without stored renderings or Jacobians.
 
 use super::prepared::{BAND_ROWS, Prepared, find_directions, load_lobes, load_texels};
 use crate::loss::{EPSILON, OffsetPair};

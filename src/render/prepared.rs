@@ -69,9 +69,8 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Directions of eight texels in every photograph. Computing them first overlaps the roots and
-/// divisions of several photographs; one photograph at a time would form a chain longer than a
-/// processor's look-ahead.
+/// Directions of eight texels in every photograph. Computing them first overlaps the roots and divisions of
+/// several photographs; one photograph at a time would form a chain longer than a processor's look-ahead.
 #[inline(always)]
 pub(crate) fn find_directions<V: Lanes>(
     observations: &[Prepared],

@@ -209,8 +209,7 @@ fn loss_and_gradient_agree_with_double_precision() {
                 }
                 for k in 0..9 {
                     let got = gradient[k * w * h + i] as f64 * 3.0 * weights;
-                    // As for renderings; relative to the sum of absolute values, because
-                    // photographs cancel.
+                    // As for renderings; relative to the sum of absolute values, because photographs cancel.
                     assert!(
                         (got - want[k]).abs() < 5e-4 * scale,
                         "seed {seed}, texel {i}, parameter {k}: {got} for {} (scale {scale})",
@@ -224,8 +223,7 @@ fn loss_and_gradient_agree_with_double_precision() {
     }
 }
 
-/// `<gradient, d>` equals the slope of the loss along `d`, a central difference over the whole
-/// image.
+/// `<gradient, d>` equals the slope of the loss along `d`, a central difference over the whole image.
 #[test]
 fn the_gradient_is_the_adjoint_of_the_loss() {
     let maps = random_maps(24, 16, 3);

@@ -8,8 +8,7 @@ const MIN_ALPHA: f32 = 1e-6;
 /// The two alphas of a texel's specular lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anisotropy {
-    /// Direction of the larger alpha, counter-clockwise from X, radians; opposite directions are
-    /// equivalent.
+    /// Direction of the larger alpha, counter-clockwise from X, radians; opposite directions are equivalent.
     pub angle: f32,
     /// Alpha along the direction, at least `across`. Values above 1 are valid but cannot be stored.
     pub along: f32,

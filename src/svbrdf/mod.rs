@@ -52,10 +52,9 @@ pub const MIN_ROUGHNESS: f32 = 0.02;
 
 /// Spatially varying BRDF: normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
-/// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal
-/// (`n.x / n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear,
-/// 0 to 1), roughness (0 to 1). Some materials also have four planes of optional
-/// [lobes](Self::lobes).
+/// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal (`n.x /
+/// n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear, 0 to 1),
+/// roughness (0 to 1). Some materials also have four planes of optional [lobes](Self::lobes).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SavedMaps")]
 pub struct Svbrdf {
@@ -172,8 +171,7 @@ impl Svbrdf {
         self.lobes.chunks_exact(self.texels()).nth(lobe)
     }
 
-    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` if all texels are
-    /// isotropic.
+    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` if all texels are isotropic.
     pub fn anisotropy(&self) -> Option<[&[f32]; 2]> {
         let planes = [self.lobe(lobe::ANISOTROPY_X)?, self.lobe(lobe::ANISOTROPY_Y)?];
         planes.iter().any(|plane| plane.iter().any(|v| *v != 0.0)).then_some(planes)

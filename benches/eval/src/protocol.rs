@@ -71,8 +71,7 @@ pub struct Conditions {
     pub encoding: Encoding,
     /// Takes the first photograph from 45 degrees.
     pub oblique: bool,
-    /// Distance of the camera from the sample's plane, and range of its lateral positions, in half
-    /// widths.
+    /// Distance of the camera from the sample's plane, and range of its lateral positions, in half widths.
     pub distance: f32,
     pub reach: f64,
     /// Position of the light relative to the camera, half widths.

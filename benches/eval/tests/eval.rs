@@ -186,9 +186,8 @@ fn captures_prints_a_row_for_each_method() {
     assert!(render("latent") < 0.12 && render("first") < 0.15, "{table}");
 }
 
-/// Captures that predict ideal photographs: the first maps predict the others to a tenth, artifacts
-/// are present, sheet and maps are kept, and a report beside the maps gives the same artifacts as
-/// the session.
+/// Captures that predict ideal photographs: the first maps predict the others to a tenth, artifacts are
+/// present, sheet and maps are kept, and a report beside the maps gives the same artifacts as the session.
 #[test]
 fn ideal_photographs_are_predicted_and_maps_kept() {
     let dir = tempfile::tempdir().unwrap();

@@ -68,8 +68,7 @@ pub(super) fn bend(
 /// Estimates the printed sheet from photographs with a known camera, given the corners and an
 /// approximate pose of each.
 ///
-/// Returns the planned sheet for fewer than two photographs, or if the corners do not contradict
-/// it.
+/// Returns the planned sheet for fewer than two photographs, or if the corners do not contradict it.
 pub fn estimate_paper(
     camera: &Camera,
     target: &Target,

@@ -1,8 +1,7 @@
 //! Levenberg-Marquardt over intrinsics, paper and all poses.
 //!
-//! A pose affects only the equations of its own view, so the normal matrix is an arrow. Each step
-//! solves the 12 x 12 Schur complement of the shared parameters; the cost grows linearly with the
-//! views.
+//! A pose affects only the equations of its own view, so the normal matrix is an arrow. Each step solves the
+//! 12 x 12 Schur complement of the shared parameters; the cost grows linearly with the views.
 
 use super::super::paper::{PARAMETERS, Sheet};
 use super::super::projection::{Projection, moved};

@@ -1,11 +1,10 @@
 //! Intrinsics and lens distortion from the corners of a planar board.
 //!
 //! # Method
-//! A joint Levenberg-Marquardt refinement of intrinsics and all poses starts from the focal length
-//! of the homographies (Zhang 2000, with square pixels and a central principal point) and from a
-//! few plausible ones. The best minimum is kept. Outlying corners are excluded, then outlying
-//! photographs. The refined camera tries both poses that a plane's picture allows for each
-//! photograph.
+//! A joint Levenberg-Marquardt refinement of intrinsics and all poses starts from the focal length of the
+//! homographies (Zhang 2000, with square pixels and a central principal point) and from a few plausible ones.
+//! The best minimum is kept. Outlying corners are excluded, then outlying photographs. The refined camera
+//! tries both poses that a plane's picture allows for each photograph.
 //!
 //! # Observability
 //! * One photograph from above separates neither focal length from distance nor principal point

@@ -84,9 +84,8 @@ impl CameraPrior {
         }
     }
 
-    /// [`CameraPrior::ordinary`] for a photograph, with the focal length of its metadata if
-    /// present. Metadata round it to whole millimetres, and refer to width or diagonal depending on
-    /// the maker.
+    /// [`CameraPrior::ordinary`] for a photograph, with the focal length of its metadata if present. Metadata
+    /// round it to whole millimetres, and refer to width or diagonal depending on the maker.
     pub fn of_photo(photo: &Photo) -> Self {
         let prior = Self::ordinary(photo.width(), photo.height());
         match photo.focal_35mm() {
@@ -98,8 +97,7 @@ impl CameraPrior {
         }
     }
 
-    /// The prior with a known focal length and its relative standard deviation, e.g. 0.03 from
-    /// metadata.
+    /// The prior with a known focal length and its relative standard deviation, e.g. 0.03 from metadata.
     pub fn with_focal(mut self, focal_px: f64, sigma: f64) -> Self {
         (self.camera.fx, self.camera.fy) = (focal_px, focal_px);
         self.focal_sigma = sigma;

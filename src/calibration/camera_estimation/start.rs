@@ -37,9 +37,8 @@ pub(super) fn cameras(
     cameras
 }
 
-/// Focal length for square pixels and a known principal point, by least squares over all
-/// homographies: the first two columns of `K⁻¹ H` are orthogonal and of equal length. `None` if all
-/// views are fronto-parallel.
+/// Focal length for square pixels and a known principal point, by least squares over all homographies: the
+/// first two columns of `K⁻¹ H` are orthogonal and of equal length. `None` if all views are fronto-parallel.
 fn focal(views: &[View], middle: DVec2) -> Option<f64> {
     let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
     for view in views.iter().filter(|v| v.used) {

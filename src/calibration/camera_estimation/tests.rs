@@ -354,8 +354,7 @@ fn a_stretched_and_bent_sheet_is_found() {
             // With an unknown camera, three photographs do not always separate paper from lens.
             let most = if known { 0.3 } else { 0.8 };
             assert!(bent[0] < 0.3 * flat[0] && bent[1] < most * flat[1], "{name} {known} {frames}");
-            // The true deviations are smaller than the priors; twelve numbers of a normal
-            // distribution.
+            // The true deviations are smaller than the priors; twelve numbers of a normal distribution.
             assert!(worst < 4.5, "{name} {known} {frames}: {worst}");
         }
     }

@@ -32,8 +32,7 @@ const PLACE_LOG: f64 = 0.07;
 const PLACE_SIGMAS: f64 = 4.0;
 const PLACE_SHARE: f64 = 0.03;
 const PLACE_PHOTOS: usize = 3;
-/// A fixed light must lower the robust deviation to this ratio, while the flash must have moved
-/// this far, mm.
+/// A fixed light must lower the robust deviation to this ratio, while the flash must have moved this far, mm.
 const STANDS_STILL: f64 = 0.6;
 const MOVED_MM: f64 = 40.0;
 /// Squares within this angle of the mirror direction may glare, degrees.
@@ -236,8 +235,7 @@ fn stripes(residuals: &[Residual]) -> Option<f64> {
     (amplitude > STRIPE_AMPLITUDE && left < (1.0 - STRIPE_SHARE) * all).then_some(amplitude)
 }
 
-/// Places of the board that are brighter than the flash explains, at least in part, in all
-/// photographs.
+/// Places of the board that are brighter than the flash explains, at least in part, in all photographs.
 fn lit_places(
     target: &Target,
     photos: &[Vec<Residual>],
@@ -258,8 +256,7 @@ fn lit_places(
         for spread in view.1.uneven.iter().filter(|s| s.white) {
             add(spread.board_mm, lit.log_range(spread));
         }
-        // A clipped value is a lower bound. It is uninformative where the expected value is as
-        // high.
+        // A clipped value is a lower bound. It is uninformative where the expected value is as high.
         for spread in view.1.clipped.iter().filter(|s| s.white) {
             let range = lit.log_range(spread);
             if range[0] > PLACE_LOG {

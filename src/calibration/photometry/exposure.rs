@@ -1,9 +1,8 @@
 //! Brightness of photographs against their stated exposures.
 //!
-//! A stated exposure is a prior. Only the fall-off inside photographs determines the flash
-//! position, and a wrong exposure must not move it. If the estimated light is far from the prior,
-//! or photographs are not as bright as stated, a second fit leaves the gains free, and the likelier
-//! one wins.
+//! A stated exposure is a prior. Only the fall-off inside photographs determines the flash position, and a
+//! wrong exposure must not move it. If the estimated light is far from the prior, or photographs are not as
+//! bright as stated, a second fit leaves the gains free, and the likelier one wins.
 
 use nalgebra::DVector;
 
@@ -12,8 +11,7 @@ use super::model::{Problem, Sample, Shot, parameter};
 
 /// Width of the prior of free gains, log.
 const FREE: f64 = 1.0;
-/// Gains (in widths of their prior) and flash positions (in standard deviations) that trigger the
-/// second fit.
+/// Gains (in widths of their prior) and flash positions (in standard deviations) that trigger the second fit.
 const DOUBTFUL_GAIN: f64 = 3.0;
 const DOUBTFUL_OFFSET: f64 = 1.5;
 

@@ -23,8 +23,7 @@ const BLACK_SIGMA: f64 = 0.3;
 const GRAY_SIGMA: f64 = 0.3;
 /// Largest step of a tone curve's log slopes.
 const TONE_STEP: f64 = 0.4;
-/// Lower limit of the standard deviation of a square's log value: paper is neither Lambertian nor
-/// flat.
+/// Lower limit of the standard deviation of a square's log value: paper is neither Lambertian nor flat.
 const MIN_SIGMA: f64 = 0.004;
 /// The same with a tone curve: the family approximates the curves of cameras to about 1 %.
 pub(super) const TONE_MIN_SIGMA: f64 = 0.01;
@@ -284,8 +283,7 @@ impl<'a> Fit<'a> {
 
     /// Robust standard deviation of the residuals of ordinary squares.
     fn sigma(&self, model: &Model) -> f64 {
-        // Black and glaring squares have small weights by precaution; their residuals say little
-        // about paper.
+        // Black and glaring squares have small weights by precaution; their residuals say little about paper.
         let plain = self.samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
         let used = self.samples.iter().filter(|s| !plain || s.sigma <= 1.0);
         let off = median(used.filter_map(|s| Some(model.residual(s)?.value.abs() / s.sigma)));

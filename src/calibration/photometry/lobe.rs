@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Direction dependence of a flash's intensity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Lobe {
-    /// `n` of `cos^n` of the angle between the direction from flash to surface and the camera's
-    /// axis.
+    /// `n` of `cos^n` of the angle between the direction from flash to surface and the camera's axis.
     pub exponent: f64,
     /// Deviation from rotational symmetry: `cos^n` is multiplied by `1 + p[0] (x² - y²) + p[1] 2 x
     /// y`, with `x` and `y` of the unit direction in the camera frame.

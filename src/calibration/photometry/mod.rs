@@ -1,22 +1,20 @@
 //! From the board's squares in all photographs to absolute radiance.
 //!
 //! # Model
-//! `value = exposure * scale * V * albedo * ((1 - q) g L + q)`. `g = d_ref² NoL / d²` is the
-//! flash's irradiance relative to that at the reference distance, `L = cos^n` its lobe about an
-//! axis parallel to the camera's, and `q` the ambient share at the reference. Scale and `q` are per
-//! channel; each photo has a small correction of the scale per channel. All photos and channels
-//! share the vignetting `V` of the lens: `ln V = -(m u + k u²)`, `u = -ln cos` of the angle to the
-//! optical axis. At `k = 0` this is the natural fall-off `cos^m`, which extrapolates well from the
-//! squares into the sample.
+//! `value = exposure * scale * V * albedo * ((1 - q) g L + q)`. `g = d_ref² NoL / d²` is the flash's
+//! irradiance relative to that at the reference distance, `L = cos^n` its lobe about an axis parallel to the
+//! camera's, and `q` the ambient share at the reference. Scale and `q` are per channel; each photo has a
+//! small correction of the scale per channel. All photos and channels share the vignetting `V` of the lens:
+//! `ln V = -(m u + k u²)`, `u = -ln cos` of the angle to the optical axis. At `k = 0` this is the natural
+//! fall-off `cos^m`, which extrapolates well from the squares into the sample.
 //!
 //! White squares determine the scale. Black squares have a less certain albedo and their toner may
 //! glare, so their weight is small. They remain usable where white clips, as in an exposure for a
 //! dark sample; their true albedo is one more unknown per channel.
 //!
-//! Tone-mapped photographs have one more curve per capture, see
-//! [`ToneCurve`](crate::frame::ToneCurve). Black, gray and white under equal light, and white under
-//! falling light, determine it. Every capture is tested for it, and it is accepted where values
-//! cannot be linear.
+//! Tone-mapped photographs have one more curve per capture, see [`ToneCurve`](crate::frame::ToneCurve).
+//! Black, gray and white under equal light, and white under falling light, determine it. Every capture is
+//! tested for it, and it is accepted where values cannot be linear.
 //!
 //! # Ambiguities
 //! * The lobe of a flash at the camera's centre equals vignetting. They separate better the further
@@ -308,8 +306,7 @@ impl PhotometricCalibrator {
         }
         let samples: Vec<_> = self.samples(0, frame).collect();
         let shots = [Shot { pose: frame.pose, turned: false }];
-        // The ambient prior is flat between 0 and 1. Neither lens nor flash brightens the border of
-        // a photo.
+        // The ambient prior is flat between 0 and 1. Neither lens nor flash brightens the border of a photo.
         let problem = Problem {
             ambient_sigma: 1.0,
             exponent_sigma_below: SOUND_LENS_SIGMA,

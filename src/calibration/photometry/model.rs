@@ -90,8 +90,7 @@ pub(super) struct Problem {
     pub gain_width: f64,
     /// Prior standard deviation of the veil share around 0; zero fixes it at 0.
     pub veil_sigma: f64,
-    /// Prior standard deviation of the exponent of darkening by bright surroundings; zero fixes it
-    /// at 0.
+    /// Prior standard deviation of the exponent of darkening by bright surroundings; zero fixes it at 0.
     pub local_sigma: f64,
     /// Index of the surroundings' scale.
     pub local_scale: usize,

@@ -27,8 +27,7 @@ impl Vignetting {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Radiometry {
     /// Radiance per channel of a linearised pixel value of 1 on the optical axis, in the units of
-    /// [`View`](crate::observation::View), including the photo's exposure. Divide by vignetting and
-    /// lobe.
+    /// [`View`](crate::observation::View), including the photo's exposure. Divide by vignetting and lobe.
     pub gain: [f64; 3],
     /// The camera's tone curve, to undo first.
     pub tone: ToneCurve,

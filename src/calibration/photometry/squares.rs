@@ -25,12 +25,10 @@ const MAX_SPREAD: f32 = 0.12;
 const MAX_CLIPPED: f32 = 0.01;
 /// Largest ratio of a patch to the next brighter one, under any tone curve.
 const PATCH_STEP: f64 = 0.8;
-/// Least black over white of ink on paper, and largest share of black squares that may be 0
-/// throughout.
+/// Least black over white of ink on paper, and largest share of black squares that may be 0 throughout.
 const MIN_BLACK: f64 = 0.015;
 const MAX_VOID: f32 = 0.3;
-/// Deviation of log black over white from that of most photographs, and the fewest other
-/// photographs.
+/// Deviation of log black over white from that of most photographs, and the fewest other photographs.
 const OTHER_BLACK: f64 = 0.3;
 const MIN_OTHERS: usize = 2;
 /// Largest distance of a white square beside a black one, squares.
@@ -292,8 +290,7 @@ fn sum(value: &[f64; 3]) -> f64 {
     value.iter().sum()
 }
 
-/// Mean linear value per channel over the inner half of a patch; `None` if outside the photograph
-/// or clipped.
+/// Mean linear value per channel over the inner half of a patch; `None` if outside the photograph or clipped.
 fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<[f64; 3]> {
     const ACROSS: i32 = 9;
     let mut sum = [0.0; 3];

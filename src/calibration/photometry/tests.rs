@@ -6,8 +6,7 @@ use rayon::prelude::*;
 use super::*;
 use crate::calibration::{Hole, TargetKind};
 
-/// Photographs the plane z = 0: averages `radiance(board position, pixel)` over `n * n` points per
-/// pixel.
+/// Photographs the plane z = 0: averages `radiance(board position, pixel)` over `n * n` points per pixel.
 pub(crate) fn photograph(
     camera: &Camera,
     pose: &Pose,
@@ -183,8 +182,7 @@ fn light_and_vignetting_are_recovered_from_synthetic_photos() {
         let r = calibrator.radiometry(i).unwrap();
         for c in 0..3 {
             let ratio = r.gain[c] / true_gain(&truth, *exposure, p.reference_mm, c);
-            // Tolerance: curvature of the light within a square, edges at 3 x 3 samples, weak
-            // priors.
+            // Tolerance: curvature of the light within a square, edges at 3 x 3 samples, weak priors.
             assert!((ratio - 1.0).abs() < 0.003, "photo {i} channel {c}: {ratio}");
         }
     }
@@ -402,8 +400,7 @@ fn glare_and_dirt_on_some_squares_do_no_harm() {
     }
 }
 
-/// Printed paper: squares vary by 1 % each, and the board's halves differ by 2 % (a bow; one sigma
-/// each).
+/// Printed paper: squares vary by 1 % each, and the board's halves differ by 2 % (a bow; one sigma each).
 #[test]
 fn priors_stabilise_single_photos_of_uneven_paper() {
     let truth = Truth::new();

@@ -55,9 +55,8 @@ fn curves_are_found_from_four_photographs() {
         let (dark, bright) = off.split_at(off.len() / 3);
         let (dark, bright) = (worst(dark), worst(bright));
         println!("curve {i}: {:?} +- {:?}, off by {bright:.3}, {dark:.3}", p.tone, p.tone_sigma);
-        // The family differs from such curves by 1 to 3 %, more where they are steep in the
-        // shadows. Print, falling light and exposures determine a power of all values to about 2 %
-        // between black and white.
+        // The family differs from such curves by 1 to 3 %, more where they are steep in the shadows. Print,
+        // falling light and exposures determine a power of all values to about 2 % between black and white.
         assert!(bright < 0.05 && dark < 0.15, "{i}: {off:?}");
         assert!(p.tone_sigma.iter().all(|s| *s > 0.0 && *s < 0.2), "{:?}", p.tone_sigma);
         // White paper keeps its level: that of linear photographs.
@@ -94,8 +93,7 @@ fn one_photograph_determines_a_curve_as_well_as_the_print() {
     }
 }
 
-/// Linear values stay linear, despite ambient light, dirt, unplanned blacks and wrongly stated
-/// exposures.
+/// Linear values stay linear, despite ambient light, dirt, unplanned blacks and wrongly stated exposures.
 #[test]
 fn linear_values_are_left_alone() {
     let linear = |v| v;

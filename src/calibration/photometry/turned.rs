@@ -34,8 +34,7 @@ pub(super) fn find(
     (before - after > EVIDENCE + EVIDENCE_SHARE * after).then_some(with)
 }
 
-/// Flash position preferred by one photograph, along its axes: mm, and information (inverse
-/// variances).
+/// Flash position preferred by one photograph, along its axes: mm, and information (inverse variances).
 struct Wish {
     mm: [f64; 2],
     information: [f64; 2],

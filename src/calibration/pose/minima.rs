@@ -38,8 +38,7 @@ pub(in super::super) struct Fit {
     median: f64,
 }
 
-/// The one or two poses that nearly explain corners at board positions (mm), refined, the better
-/// one first.
+/// The one or two poses that nearly explain corners at board positions (mm), refined, the better one first.
 pub(in super::super) fn pose_minima(camera: &Camera, board: &[DVec3], px: &[DVec2]) -> Vec<Fit> {
     let problem = Problem { camera, board, px };
     let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();

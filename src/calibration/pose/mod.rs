@@ -1,8 +1,7 @@
 //! Pose of the board in the frame of a known camera.
 //!
-//! A plane in perspective has two poses that nearly explain it, mirror images about the line of
-//! sight (Collins and Bartoli 2014). Both are refined, and a photograph that does not separate them
-//! is rejected.
+//! A plane in perspective has two poses that nearly explain it, mirror images about the line of sight
+//! (Collins and Bartoli 2014). Both are refined, and a photograph that does not separate them is rejected.
 
 mod minima;
 

@@ -80,8 +80,7 @@ fn false_corners_are_left_out() {
 
 #[test]
 fn the_covariance_predicts_the_error() {
-    // The expected squared normalised error is 6; its mean over 60 draws has a standard deviation
-    // of 0.45.
+    // The expected squared normalised error is 6; its mean over 60 draws has a standard deviation of 0.45.
     let mut sum = 0.0;
     for k in 0..60 {
         let k = f64::from(k);

@@ -94,8 +94,7 @@ pub fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> 
     Ok((neutral.recip().as_vec3().to_array(), matrix))
 }
 
-/// Camera values of the scene's white with green 1, and the matrix from XYZ to camera for that
-/// light.
+/// Camera values of the scene's white with green 1, and the matrix from XYZ to camera for that light.
 fn white(camera: &Directory, matrices: &Matrices) -> Result<(DVec3, DMat3), String> {
     let neutral = match camera.exactly::<3>(AS_SHOT_NEUTRAL)? {
         Some(neutral) => DVec3::from_array(neutral),

@@ -1,9 +1,8 @@
 //! Digital negatives (Adobe DNG): raw photographs of Bayer sensors and demosaicked ones
 //! (`LinearRaw`), developed to linear Rec. 709.
 //!
-//! This module reads the container itself. The crate `tiff` (0.11) rejects files whose first
-//! directory is not a picture of a known kind, and the raw files of Android's cameras begin with a
-//! Bayer picture.
+//! This module reads the container itself. The crate `tiff` (0.11) rejects files whose first directory is not
+//! a picture of a known kind, and the raw files of Android's cameras begin with a Bayer picture.
 
 mod colour;
 #[cfg(feature = "jxl")]

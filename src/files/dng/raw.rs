@@ -131,9 +131,8 @@ fn check_compression(compression: u32) -> Result<(), String> {
     ))
 }
 
-/// Bits of values decoded from JPEG XL, where they are 0 to 1. Adobe's library uses 16 bits
-/// whatever is stored, and the levels of most files follow. If levels or table match the stored
-/// bits, those apply.
+/// Bits of values decoded from JPEG XL, where they are 0 to 1. Adobe's library uses 16 bits whatever is
+/// stored, and the levels of most files follow. If levels or table match the stored bits, those apply.
 fn jpeg_xl_bits(directory: &Directory, stored: u32) -> Result<u32, String> {
     let largest = match directory.numbers(LINEARIZATION)? {
         Some(table) => table.len().saturating_sub(1) as f64,

@@ -22,8 +22,7 @@ struct GainMap {
     gains: Vec<f32>,
 }
 
-/// Gain of every pixel of a picture of `size`, equal for all channels; `None` if the file has no
-/// gain maps.
+/// Gain of every pixel of a picture of `size`, equal for all channels; `None` if the file has no gain maps.
 pub fn gains(
     raw: &Directory,
     size: [usize; 2],

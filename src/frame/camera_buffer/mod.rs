@@ -1,5 +1,4 @@
-//! Buffers of cameras and graphics interfaces: planes with strides in common layouts, rotated
-//! upright.
+//! Buffers of cameras and graphics interfaces: planes with strides in common layouts, rotated upright.
 
 mod bayer;
 

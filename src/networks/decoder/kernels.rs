@@ -26,8 +26,7 @@ pub(super) fn block_rows(height: usize, width: usize) -> usize {
 const PIXELS: usize = 160;
 
 impl Kind {
-    /// Rows of the result written by the first task and by each other one, for `rows` of
-    /// [`block_rows`].
+    /// Rows of the result written by the first task and by each other one, for `rows` of [`block_rows`].
     pub fn task_rows(self, rows: usize) -> (usize, usize) {
         match self {
             Self::Input | Self::Conv { .. } => (rows, rows),
@@ -108,8 +107,7 @@ pub(super) struct Finish<'a> {
 }
 
 impl Finish<'_> {
-    /// Computes `out = act(sums + bias (+ add))`, and stores the value before the activation in
-    /// `before`.
+    /// Computes `out = act(sums + bias (+ add))`, and stores the value before the activation in `before`.
     fn pixel(
         &self,
         sums: &[f32],

@@ -11,10 +11,9 @@
 //!
 //! # File
 //! `SVBRDFM1`, the length of the header (`u32`, little endian), the header (JSON: `format`
-//! `svbrdf-decoder/1`, `code_channels`, `stride`, `leaky_slope`, `layers`), then the weights as
-//! little-endian `f16`. Layers in order: `conv` (1x1 or 3x3), `conv_transpose` (4x4, stride 2),
-//! `leaky_relu`, `save` and `add` (a residual round a convolution), and at the end
-//! `depth_to_space`, `tanh`.
+//! `svbrdf-decoder/1`, `code_channels`, `stride`, `leaky_slope`, `layers`), then the weights as little-endian
+//! `f16`. Layers in order: `conv` (1x1 or 3x3), `conv_transpose` (4x4, stride 2), `leaky_relu`, `save` and
+//! `add` (a residual round a convolution), and at the end `depth_to_space`, `tanh`.
 
 mod container;
 mod gemm;

@@ -164,8 +164,7 @@ fn every_layer_and_size_agrees_with_the_plain_definition() {
         let expected = reference(&file, &code, height, width);
         assert_eq!(maps.len(), expected.len());
         for (found, expected) in maps.iter().zip(&expected) {
-            // Tolerance: values of order one, sums of at most 45 terms, a few f32 roundings per
-            // layer.
+            // Tolerance: values of order one, sums of at most 45 terms, a few f32 roundings per layer.
             assert!((f64::from(*found) - expected).abs() < 1e-5);
         }
     }

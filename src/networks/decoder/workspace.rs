@@ -19,8 +19,7 @@ pub(super) struct Tensors {
     pub rows: usize,
     /// The result.
     pub value: Vec<f32>,
-    /// The result before its activation if a later node adds it; otherwise one unused value per
-    /// task.
+    /// The result before its activation if a later node adds it; otherwise one unused value per task.
     pub before: Vec<f32>,
     /// Gradient by the node's sums.
     pub gradient: Vec<f32>,
@@ -28,8 +27,7 @@ pub(super) struct Tensors {
 
 /// All buffers of a [`Decoder`](super::Decoder) for one size of the code, allocated once.
 ///
-/// It also holds the activations of the last forward pass for
-/// [`Decoder::vjp`](super::Decoder::vjp).
+/// It also holds the activations of the last forward pass for [`Decoder::vjp`](super::Decoder::vjp).
 #[derive(Debug)]
 pub struct Workspace {
     pub(super) height: usize,
@@ -83,8 +81,7 @@ impl Workspace {
         (self.height, self.width)
     }
 
-    /// Maps of the last forward pass: nine encoded planes in [-1, 1], see
-    /// [`crate::svbrdf::encoding`].
+    /// Maps of the last forward pass: nine encoded planes in [-1, 1], see [`crate::svbrdf::encoding`].
     pub fn encoded(&self) -> &[f32] {
         &self.encoded
     }

@@ -51,9 +51,8 @@ impl Network {
         }
     }
 
-    /// Mean of the results for the input and for the input turned by 180 degrees, which changes the
-    /// sign of the planes `odd`. Two guesses are better than one, and two threads compute them in
-    /// parallel.
+    /// Mean of the results for the input and for the input turned by 180 degrees, which changes the sign of
+    /// the planes `odd`. Two guesses are better than one, and two threads compute them in parallel.
     pub fn run_both_ways(
         &self,
         height: usize,

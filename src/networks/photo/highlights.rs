@@ -28,8 +28,7 @@ const SWEEPS: usize = 200;
 /// Offset of roots of albedo used as divisors.
 const LEAST_ROOT: f32 = 1e-3;
 
-/// Replaces the level of the diffuse albedo under highlights. `maps` are the network's maps of
-/// `observation`.
+/// Replaces the level of the diffuse albedo under highlights. `maps` are the network's maps of `observation`.
 pub(super) fn complete_diffuse(maps: &mut Svbrdf, observation: &Observation) {
     let (w, h) = (maps.width(), maps.height());
     let reliability = reliability(maps, observation);
@@ -208,8 +207,7 @@ mod tests {
         let mut filled = holed.clone();
         complete_diffuse(&mut filled, &observation);
         let after = error(&filled, &truth, &hidden);
-        // The network's level in the hole has some weight, and cells are wider than the hole's
-        // edge.
+        // The network's level in the hole has some weight, and cells are wider than the hole's edge.
         assert!(after < 0.5 * before, "{before} {after}");
         let around = |i: usize| !hidden(i);
         assert!(error(&filled, &truth, around) < 0.03, "{}", error(&filled, &truth, around));

@@ -12,8 +12,7 @@ const PHOTO_MULTIPLE: usize = 32;
 const PHOTO_TEXELS: usize = 256;
 /// Planes of the input.
 pub(super) const PHOTO_CHANNELS: usize = 14;
-/// Planes of the input that change sign when the sample is turned by 180 degrees: x and y of the
-/// directions.
+/// Planes of the input that change sign when the sample is turned by 180 degrees: x and y of the directions.
 pub(super) const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
 /// Offset of the radiance's logarithm in the input.
 const LOG_OFFSET: f32 = 0.01;

@@ -145,8 +145,7 @@ impl Field {
     }
 }
 
-/// Filters rows and columns with 1 4 6 4 1 (standard deviation one texel); border values extend
-/// outwards.
+/// Filters rows and columns with 1 4 6 4 1 (standard deviation one texel); border values extend outwards.
 fn binomial(values: &mut [f32], width: usize, scratch: &mut [f32]) {
     let height = values.len() / width;
     for (from, to) in values.chunks(width).zip(scratch.chunks_mut(width)) {

@@ -1,10 +1,9 @@
 //! Estimates the height of the sample's surface above the board's plane.
 //!
 //! # Method
-//! The line from the camera through a point of the sample at height `h` meets the board's plane at
-//! `x' = f + (x - f) z / (z - h)`, with the camera at height `z` above its foot `f`. A photograph
-//! rectified to the board's plane thus shows the raised sample scaled about `f`, and registration
-//! has one unknown.
+//! The line from the camera through a point of the sample at height `h` meets the board's plane at `x' = f +
+//! (x - f) z / (z - h)`, with the camera at height `z` above its foot `f`. A photograph rectified to the
+//! board's plane thus shows the raised sample scaled about `f`, and registration has one unknown.
 //!
 //! Photographs of a rough glossy surface from different sides differ by more than scale: slopes are
 //! bright on the flash's side, and highlights move. The criterion therefore uses only the mutual
@@ -15,9 +14,8 @@
 //! photographs. With four or more photographs, albedo and two slopes of a texel may vary
 //! independently. Blocks without detail, or with a highlight in one photograph, contribute little.
 //!
-//! Relief with steep slopes still shifts apparent edges towards the camera, as height would. Colour
-//! (red over blue) hardly depends on slopes: where it has detail, its disagreement with brightness
-//! counts as error.
+//! Relief with steep slopes still shifts apparent edges towards the camera, as height would. Colour (red over
+//! blue) hardly depends on slopes: where it has detail, its disagreement with brightness counts as error.
 //!
 //! # Significance
 //! The standard deviation combines the estimates of the blocks and the disagreement of the octaves.
@@ -91,8 +89,7 @@ impl ElevationEstimate {
     }
 }
 
-/// Estimates the height. Inconclusive photographs do not revoke the estimate `before` the latest
-/// one.
+/// Estimates the height. Inconclusive photographs do not revoke the estimate `before` the latest one.
 pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> ElevationEstimate {
     let views = Views { details: most_different(details) };
     let estimate = views.estimate().unwrap_or_default();
@@ -277,8 +274,7 @@ fn most_different<'a>(details: &[&'a Detail]) -> Vec<&'a Detail> {
     chosen
 }
 
-/// Half the log determinant of each block's correlations at a height, times its number of
-/// independent values.
+/// Half the log determinant of each block's correlations at a height, times its number of independent values.
 fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64> {
     let Band { width, height, .. } = details[0].channels[channel][level];
     let across = cuts(width);

@@ -120,8 +120,7 @@ fn roughness(maps: &Svbrdf, texel: usize) -> f64 {
     maps.plane(channel::ROUGHNESS)[texel].into()
 }
 
-/// Largest angle between the mean normals of `parts * parts` pieces of the maps and of the truth
-/// (or +Z).
+/// Largest angle between the mean normals of `parts * parts` pieces of the maps and of the truth (or +Z).
 fn tilt(maps: &Svbrdf, truth: Option<&Svbrdf>, parts: usize) -> f64 {
     let size = SIDE / parts;
     let mean = |maps: &Svbrdf, part: usize| -> DVec3 {

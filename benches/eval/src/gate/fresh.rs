@@ -38,8 +38,7 @@ fn is_held_out(name: &str) -> bool {
     hash.iter().fold(0, |rest, byte| (rest * 256 + u32::from(*byte)) % 100) < HELD_OUT_PERCENT
 }
 
-/// Materials held out from all networks: `materials/validation`, and the held-out part of
-/// `materials/train`.
+/// Materials held out from all networks: `materials/validation`, and the held-out part of `materials/train`.
 fn materials(data: &Path) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for (folder, seen) in [("validation", false), ("train", true)] {
@@ -128,8 +127,7 @@ pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 
     Ok(captures)
 }
 
-/// Runs `svbrdf simulate`, located beside this program, for a board with the given `room` light or
-/// rectified.
+/// Runs `svbrdf simulate`, located beside this program, for a board with the given `room` light or rectified.
 fn simulate(maps: &Path, capture: &Path, seed: u64, room: Option<f32>) -> Result<()> {
     let own = std::env::current_exe().map_err(|e| Error::io("svbrdf-eval", e))?;
     let program = own.with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));

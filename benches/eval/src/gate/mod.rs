@@ -1,5 +1,4 @@
-//! Compares the figures of this build with those of an earlier build, to detect losses of accuracy
-//! or speed.
+//! Compares the figures of this build with those of an earlier build, to detect losses of accuracy or speed.
 
 mod figures;
 mod fresh;

@@ -22,8 +22,7 @@ pub struct Plan {
     pub held_out: Vec<usize>,
 }
 
-/// Plans with comparable errors: their held-out photographs do not depend on the number of fitted
-/// ones.
+/// Plans with comparable errors: their held-out photographs do not depend on the number of fitted ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The first photograph alone predicts all others, for captures of two or three.

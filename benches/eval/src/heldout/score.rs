@@ -77,9 +77,8 @@ impl HeldOut {
         self.observed.iter().map(|&v| encoded(v).min(1.0)).collect()
     }
 
-    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, clipped like a
-    /// photograph and, with `gain`, multiplied by the best-fitting factor; also returns that
-    /// factor.
+    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, clipped like a photograph
+    /// and, with `gain`, multiplied by the best-fitting factor; also returns that factor.
     pub fn prediction(&self, radiance: &[f32], gain: bool) -> (Vec<f32>, f32) {
         let picture = self.picture();
         let mut predicted: Vec<f32> =
@@ -178,9 +177,8 @@ mod tests {
         }
     }
 
-    /// With camera and light at one position above the centre, 9 degrees are a circle of radius 200
-    /// mm * tan 9° and area pi * 31.68² mm² in 100² mm²; 64 texels per side resolve it to about 1
-    /// %.
+    /// With camera and light at one position above the centre, 9 degrees are a circle of radius 200 mm * tan
+    /// 9° and area pi * 31.68² mm² in 100² mm²; 64 texels per side resolve it to about 1 %.
     #[test]
     fn highlight_is_a_circle_below_a_light_at_the_camera() {
         let held_out = held_out(ramp(64), 64);
