@@ -173,7 +173,7 @@ fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
             let mut labelling = match placed {
                 Ok(labelling) => labelling,
                 Err(reason) => {
-                    rejection = more_telling(rejection, reason);
+                    rejection = more_informative(rejection, reason);
                     continue;
                 }
             };
@@ -247,7 +247,7 @@ fn follow(labelling: &mut Labelling, finer: &LumaImage) {
 }
 
 /// The more informative reason.
-fn more_telling(a: Rejection, b: Rejection) -> Rejection {
+fn more_informative(a: Rejection, b: Rejection) -> Rejection {
     let corners = |r: &Rejection| match r {
         Rejection::TooFewCorners { found, .. } | Rejection::PlacementAmbiguous { found } => *found,
         _ => 0,

@@ -98,7 +98,7 @@ pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> Elevat
 }
 
 /// Estimate of one channel.
-struct Wish {
+struct ChannelHeight {
     mm: f64,
     sigma_mm: f64,
 }
@@ -115,15 +115,15 @@ impl Views<'_> {
             return None;
         }
         let start = self.coarse(spread);
-        let wish = |channel| self.fine(channel, start, spread);
-        let (mut brightness, colour) = (wish(BRIGHTNESS), wish(COLOUR));
+        let height = |channel| self.fine(channel, start, spread);
+        let (mut brightness, colour) = (height(BRIGHTNESS), height(COLOUR));
         if let (Some(brightness), Some(colour)) = (&mut brightness, &colour) {
             // Slopes lit from one side shift brightness, but hardly colour.
-            let discord = brightness.mm - colour.mm;
-            brightness.sigma_mm = brightness.sigma_mm.hypot(discord);
+            let disagreement = brightness.mm - colour.mm;
+            brightness.sigma_mm = brightness.sigma_mm.hypot(disagreement);
         }
         let (mut weight, mut sum) = (0.0, 0.0);
-        for Wish { mm, sigma_mm } in brightness.into_iter().chain(colour) {
+        for ChannelHeight { mm, sigma_mm } in brightness.into_iter().chain(colour) {
             weight += sigma_mm.powi(-2);
             sum += sigma_mm.powi(-2) * mm;
         }
@@ -164,7 +164,7 @@ impl Views<'_> {
     }
 
     /// Best height by all octaves of a channel near another one; `None` without a peak.
-    fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<Wish> {
+    fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<ChannelHeight> {
         let texel = self.texel_mm(0) / spread;
         let all = |h: f64| (0..LEVELS).map(|l| self.information(channel, l, h)).sum::<f64>();
         let (mut mm, _) = climb(near, FAR * texel, 0.75 * texel, &all);
@@ -178,7 +178,7 @@ impl Views<'_> {
         }
         // Deviations of blocks and octaves from the peak.
         let reach = 0.25 * texel;
-        let (mut push, mut bend, mut discord) = (0.0, 0.0, 0.0_f64);
+        let (mut push, mut bend, mut disagreement) = (0.0, 0.0, 0.0_f64);
         for level in 0..LEVELS {
             let [low, here, high] =
                 [mm - reach, mm, mm + reach].map(|h| self.blocks(channel, level, h));
@@ -189,12 +189,12 @@ impl Views<'_> {
             }
             bend += own;
             let [low, here, high] = [low, here, high].map(|b| -b.iter().sum::<f64>());
-            if let Some(wish) = vertex(low, here, high, reach) {
-                discord = discord.max(wish.abs() - 2.0 / own.sqrt());
+            if let Some(shift) = vertex(low, here, high, reach) {
+                disagreement = disagreement.max(shift.abs() - 2.0 / own.sqrt());
             }
         }
-        let sigma_mm = (push.sqrt() / bend).hypot(discord);
-        (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(Wish { mm, sigma_mm })
+        let sigma_mm = (push.sqrt() / bend).hypot(disagreement);
+        (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(ChannelHeight { mm, sigma_mm })
     }
 
     /// Whether the blocks of a channel significantly prefer a height to another one.

@@ -15,7 +15,7 @@ use self::figures::Figures;
 use crate::clock::timed;
 use crate::streaming::Setup;
 
-/// Default folder of the test data.
+/// Environment variable with the default folder of the test data.
 const DATA_VARIABLE: &str = "SVBRDF_TEST_DATA";
 
 /// Arguments of `svbrdf-eval gate`.
