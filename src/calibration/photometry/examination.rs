@@ -51,8 +51,7 @@ pub(crate) struct Examination {
     pub photos: Vec<PhotoLight>,
     /// Squares brighter than the flash explains in all photographs.
     pub lit_places: Option<LitPlaces>,
-    /// Ratio of deviations of the fixed and the moving light, if the fixed one explains the squares
-    /// clearly better.
+    /// Deviation with the flash over that with a fixed light, if the latter explains the squares clearly better.
     pub stands_still: Option<f64>,
     /// Share of the squares near the mirrored flash that glare, if significant.
     pub glare: Option<f64>,
