@@ -1,5 +1,5 @@
-//! Processor time of a probe on one core, for machines that are shared: `cargo bench --bench probe`. Linux
-//! only.
+//! Processor time of a probe on one core, suitable for shared machines: `cargo bench --bench
+//! probe`. Linux only.
 
 use std::error::Error;
 use std::fs;

@@ -2,10 +2,10 @@
 //!
 //! `cargo bench --bench stages [-- FILTER] [threads=N]`
 //!
-//! Counts hold on any machine; times only compare within one run: least and median of several
-//! runs. `MB` is what a stage has to read and write at least; `calls`, `allocated` and `largest` (MB) are what
-//! one run asks of the allocator. Photographs are those of `examples/captures/tile`; the 12-megapixel
-//! one is the first of them enlarged.
+//! Counts are machine-independent; times (least and median of several runs) compare only within one
+//! run. `MB` is the least amount of data that a stage must read and write; `calls`, `allocated` and
+//! `largest` (MB) are the allocator's counts for one run. Photographs come from
+//! `examples/captures/tile`; the 12-megapixel one is the first of them enlarged.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -36,18 +36,18 @@ static ALLOCATOR: allocations::Counting = allocations::Counting;
 type Failure = Box<dyn Error + Send + Sync>;
 
 const SIDE: usize = 256;
-/// Photographs of the fits.
+/// Number of photographs in the fits.
 const PHOTOS: usize = 5;
-/// Time for one stage.
+/// Time limit per stage.
 const STAGE_TIME: Duration = Duration::from_secs(2);
 const MOST_RUNS: usize = 30;
 
-/// Runs stages and prints a line for each.
+/// Runs stages and prints one line for each.
 struct Bench {
     filter: String,
 }
 
-/// Work of one run as far as it is known: multiply-adds, bytes.
+/// Work of one run, if known: multiply-adds, bytes.
 #[derive(Default)]
 struct Work {
     multiply_adds: f64,
@@ -104,7 +104,7 @@ fn main() -> Result<(), Failure> {
     pool.install(|| stages(&Bench { filter }, threads))
 }
 
-/// Pictures that are judged and not taken in, on one thread whatever their number.
+/// Probes of pictures, which are judged but not used; on one thread.
 fn probes(
     bench: &Bench,
     capture: &Capture,
@@ -161,7 +161,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
         return Err("a board and a known camera are expected".into());
     };
 
-    // A photograph of 12 megapixels and the camera that would take it.
+    // A 12-megapixel photograph and its camera.
     let first = &capture.frames[0].path;
     let large = tempfile::Builder::new().suffix(".jpg").tempfile()?;
     let small = image::open(first)?.to_rgb8();
@@ -256,8 +256,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Steps of each phase of an estimate of the photographs, added one by one: how many, and the mean of
-/// their times.
+/// Number and mean time of the steps of each phase, for photographs added one by one.
 fn phases(
     bench: &Bench,
     networks: &Arc<Networks>,
@@ -317,7 +316,7 @@ fn networks_and_optimisers(
     let texels = (SIDE * SIDE) as f64;
     networks.prepare(SIDE, SIDE)?;
     bench.run("plans of photo network and encoder", Work::default(), || {
-        // The networks' files are parsed again: plans are kept.
+        // Parse the networks again, because plans are cached.
         let again = Networks::embedded().and_then(|n| n.prepare(SIDE, SIDE));
         black_box(again).expect("embedded networks");
     });

@@ -1,4 +1,4 @@
-//! Fits the maps of a capture, photograph by photograph, as an app does with its camera:
+//! Fits the maps of a capture photograph by photograph, like a camera app:
 //!
 //! ```sh
 //! cargo run --release --example fit -- examples/captures/tile maps
@@ -32,13 +32,13 @@ fn main() -> Result<(), Box<dyn Error>> {
                     println!("  {hint}");
                 }
             }
-            // The others count.
+            // Rejections do not end the capture.
             Pushed::Rejected(reason) => {
                 println!("{name}: {reason}");
                 continue;
             }
         }
-        // The fit goes on in the background; maps can be taken at any time.
+        // The fit continues in the background; maps are available at any time.
         session.wait()?;
         println!("  settled, mean error {:.4}", session.progress().loss);
         if let Some(view) = session.next_view() {

@@ -1,13 +1,12 @@
-//! How far maps may be off.
+//! Uncertainty of the maps.
 
 use crate::{Error, Result};
 
-/// Standard deviations of the four maps of every texel: what their errors are expected to be.
+/// Standard deviations of the errors of the four maps, per texel.
 ///
-/// Four planes of `width * height` values, rows as in [`Svbrdf`](crate::Svbrdf): of each slope of the
-/// normal (tangent of a tilt), of each colour of the diffuse and of the specular albedo (linear), of
-/// roughness. Errors of about two texels of three are within one deviation, of nineteen of twenty
-/// within two.
+/// Four planes of `width * height` values, rows as in [`Svbrdf`](crate::Svbrdf): each slope of the
+/// normal (tangent of a tilt), each channel of the diffuse and of the specular albedo (linear),
+/// roughness. About two thirds of all errors lie within one deviation, 19 of 20 within two.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Confidence {
     width: usize,
@@ -29,10 +28,10 @@ pub struct MapDeviations {
 }
 
 impl Confidence {
-    /// From four planes.
+    /// Takes four planes.
     ///
     /// # Errors
-    /// When `planes` does not hold `4 * width * height` values, or one is negative or no number.
+    /// If `planes` does not hold `4 * width * height` values, or one is negative or not a number.
     pub fn from_planes(width: usize, height: usize, planes: Vec<f32>) -> Result<Self> {
         if width == 0 || height == 0 || planes.len() != 4 * width * height {
             let found = planes.len();

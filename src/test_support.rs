@@ -1,4 +1,4 @@
-//! What unit tests share: numbers, a material, views and photographs of known maps.
+//! Helpers of unit tests: numbers, a material, views, and photographs of known maps.
 
 use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
@@ -11,7 +11,7 @@ mod picture;
 pub(crate) use picture::picture;
 
 #[path = "../tests/common/test_data.rs"]
-#[allow(dead_code)] // for tests of modules on reference photographs
+#[allow(dead_code)] // used by tests on reference photographs
 pub(crate) mod test_data;
 
 /// Numbers in [0, 1) from a counter (splitmix64).
@@ -26,7 +26,7 @@ pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A bumpy material in two tones, each with its own gloss.
+/// A bumpy material in two tones with different gloss.
 pub(crate) fn two_tones(side: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(side, side);
     for i in 0..side * side {
@@ -42,8 +42,8 @@ pub(crate) fn two_tones(side: usize) -> Svbrdf {
     maps
 }
 
-/// A sample of 100 mm a side seen and lit from one point, mm, the light as strong at every texel,
-/// nothing ambient.
+/// A sample of 100 mm per side, seen and lit from one point (mm), with uniform irradiance and no
+/// ambient light.
 pub(crate) fn view_from(at: [f32; 3]) -> View {
     View {
         sample_mm: [100.0; 2],
@@ -55,7 +55,7 @@ pub(crate) fn view_from(at: [f32; 3]) -> View {
     }
 }
 
-/// An exact photograph of known maps, nothing saturated.
+/// An exact, unsaturated photograph of known maps.
 pub(crate) fn photograph(truth: &Svbrdf, view: View) -> Observation {
     let mut radiance = vec![0.0; 3 * truth.texels()];
     render(truth, &view, &mut radiance);

@@ -88,7 +88,7 @@ fn optional_parts_may_be_missing() {
     assert!(matches!(unknown, Scene::Board { camera: None, elevation_mm: None, .. }));
     let raised = load(&with(board_capture(), "/sample/elevation_mm", json!(4.5))).unwrap().scene;
     assert!(matches!(raised, Scene::Board { elevation_mm: Some(mm), .. } if mm == 4.5));
-    // A camera handed over takes the place of the file's, also of a missing one.
+    // A given camera replaces the file's, also a missing one.
     let other = Camera { fx: 1000.0, ..camera };
     for value in [with(board_capture(), "/camera", Value::Null), board_capture()] {
         let dir = folder(&value.to_string());
@@ -218,7 +218,7 @@ fn faults_name_file_field_and_expectation() {
 }
 
 #[test]
-fn what_is_not_json_is_located() {
+fn invalid_json_is_located() {
     let text = serde_json::to_string_pretty(&board_capture()).unwrap();
     for (from, to) in [("1454.3", "NaN"), ("1454.3", "Infinity"), ("1454.3", "1e999")] {
         let broken = text.replace(from, to);
@@ -271,7 +271,7 @@ fn unknown_fields_are_warned_about() {
 
 #[test]
 fn other_units_are_asked_about() {
-    // Metres and inches: no camera sees such squares.
+    // Metres and inches: no camera resolves such squares.
     for square in [0.01, 0.0115, 0.39] {
         let scaled = |mm: f64| json!(mm * square / 10.0);
         let metres = with(board_capture(), "/board/square_mm", json!(square));
@@ -286,12 +286,12 @@ fn other_units_are_asked_about() {
     let centimetres = with(centimetres, "/sample/height_mm", json!(8));
     let warnings = load(&centimetres).unwrap().warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("centimetres"), "{warnings:?}");
-    // Of the sample alone.
+    // Only the sample.
     let sample = with(board_capture(), "/sample/width_mm", json!(10));
     let sample = with(sample, "/sample/height_mm", json!(8));
     let warnings = load(&sample).unwrap().warnings;
     assert!(warnings[0].contains("10 x 8 mm in a hole of 120 x 130 mm"), "{warnings:?}");
-    // What is measured without a board has no squares.
+    // Captures without a board have no squares.
     let rectified = with(rectified_capture(), "/sample/width_mm", json!(0.1));
     assert!(load(&rectified).unwrap().warnings.is_empty());
 }

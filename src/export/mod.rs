@@ -1,8 +1,7 @@
-//! Maps to files and back, and to what other programs read: PNG, OpenEXR, previews; glTF, USDZ,
-//! MaterialX, Unreal, Unity and Blender ([`export()`]).
+//! Maps to files and back, and to the formats of other programs: PNG, OpenEXR, previews; glTF,
+//! USDZ, MaterialX, Unreal, Unity and Blender ([`export()`]).
 //!
-//! Every file appears under its name complete or not at all: it is written under a temporary name
-//! in the same folder, then renamed.
+//! Files are written atomically, under a temporary name in the same folder.
 
 mod blender;
 mod bundle;

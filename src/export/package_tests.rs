@@ -1,4 +1,4 @@
-//! Exports against the formulas: what is stored, put through a renderer's formula, is the maps.
+//! Checks that each renderer's formula applied to the exported values gives the maps.
 
 use std::io::Cursor;
 
@@ -10,7 +10,7 @@ use super::*;
 use crate::frame::Encoding;
 use crate::svbrdf::{LOBES, channel, lobe};
 
-/// Plastic, varnish, metals and mixtures with slopes that change: `w` x `h` texels.
+/// Plastic, varnish, metals and mixtures with varying slopes: `w` x `h` texels.
 fn materials(w: usize, h: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(w, h);
     for i in 0..w * h {
@@ -28,7 +28,7 @@ fn materials(w: usize, h: usize) -> Svbrdf {
     maps
 }
 
-/// Encoded values of a picture, 0 to 1, four channels a texel.
+/// Encoded values of a picture, 0 to 1, four channels per texel.
 fn picture(package: &Package, name: &str) -> Vec<[f32; 4]> {
     let bytes = package.file(name).unwrap_or_else(|| panic!("{name} is missing"));
     let picture = image::load_from_memory(bytes).unwrap().into_rgba32f();
@@ -48,12 +48,12 @@ fn json(package: &Package, name: &str) -> Value {
     serde_json::from_slice(package.file(name).unwrap()).unwrap()
 }
 
-/// Half a step of a stored value, and rounding of single precision.
+/// Half a step of a stored value, plus single-precision rounding.
 fn half_step(texture: TextureFormat) -> f32 {
     0.5 / if texture == TextureFormat::Png8 { 255.0 } else { 65535.0 } + 2e-6
 }
 
-/// The same of a linear channel, which is dithered in 8 bits: a whole step.
+/// The same for a linear channel, which is dithered in 8 bits: a whole step.
 fn linear_step(texture: TextureFormat) -> f32 {
     if texture == TextureFormat::Png8 { 2.0 * half_step(texture) } else { half_step(texture) }
 }
@@ -64,7 +64,7 @@ fn check_colour(stored: f32, expected: f32, texture: TextureFormat, what: &str) 
     assert!((stored - encoded).abs() <= half_step(texture), "{what}: {stored} for {encoded}");
 }
 
-/// Parts of a GLB: the JSON and the images by name.
+/// Parts of a GLB: JSON and images by name.
 #[allow(clippy::type_complexity)] // a test helper
 fn glb(package: &Package) -> (Value, Vec<(String, Vec<[f32; 4]>)>) {
     let bytes = package.file("material.glb").unwrap();
@@ -84,7 +84,7 @@ fn glb(package: &Package) -> (Value, Vec<(String, Vec<[f32; 4]>)>) {
     (json, images)
 }
 
-/// glTF's own formulas on what the file holds give back kd, F0, roughness and the normal.
+/// glTF's formulas applied to the file give kd, F0, roughness and the normal.
 #[test]
 fn a_glb_holds_the_material_by_gltf_s_formulas() {
     let maps = materials(9, 5);
@@ -102,8 +102,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
         assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 1);
         let ior = material["extensions"]["KHR_materials_ior"]["ior"].as_f64().unwrap();
         let interface = ((ior - 1.0) / (ior + 1.0)).powi(2) as f32;
-        // One stored step moves the square roots of albedos by less than two; base and specular colour
-        // add up.
+        // One stored step changes square roots of albedos by less than two; base and specular colour add up.
         let near = |shown: f32, wanted: f32, what: &str| {
             let off = (shown.max(0.0).sqrt() - wanted.sqrt()).abs();
             assert!(off < 4.0 * half_step(texture) + 1e-3, "{what}: {shown} for {wanted}");
@@ -118,7 +117,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
                 let b = linear(base[i][c]);
                 near((1.0 - m) * b * below, kd, "kd");
                 near(m * b + (1.0 - m) * s[c], f0, "F0");
-                // What importers without the extensions show: metals are no black.
+                // In importers without the extensions, metals are not black.
                 let (plain_kd, plain_f0) = (0.96 * (1.0 - m) * b, m * b + 0.04 * (1.0 - m));
                 assert!((plain_kd - kd).abs() < 0.04 && (plain_f0 - f0).abs() < 0.04, "{i}");
                 let n = maps.normal(i % 9, i / 9)[c];
@@ -144,7 +143,7 @@ fn a_glb_states_size_and_borders() {
     assert!(json.get("extensionsUsed").is_none() && images.len() == 3);
     assert_eq!(json["samplers"][0]["wrapS"], 33071);
     let error = &super::tests::json(&package, "material.json")["exports"]["glb"]["rms_error"];
-    // A dielectric's F0 from 0.03 to 0.07 and coloured metals are near what metalness can say.
+    // Metalness approximates a dielectric's F0 from 0.03 to 0.07 and coloured metals well.
     assert!(
         error["diffuse"].as_f64().unwrap() < 0.05 && error["specular"].as_f64().unwrap() < 0.05
     );
@@ -165,7 +164,7 @@ fn unreal_s_textures_are_its_formulas() {
             let b = linear(base[i][c]);
             let (kd, f0) =
                 ((1.0 - metallic) * b, 0.08 * specular[i][0] * (1.0 - metallic) + metallic * b);
-            // Metals with hues and dielectrics below 0.08 are exactly of this form.
+            // Coloured metals and dielectrics below 0.08 have exactly this form.
             assert!((kd - maps.plane(channel::DIFFUSE + c)[i]).abs() < 1e-2, "kd {i}");
             assert!((f0 - maps.plane(channel::SPECULAR + c)[i]).abs() < 1e-2, "F0 {i}");
         }
@@ -209,8 +208,7 @@ fn unity_s_textures_are_its_formulas() {
     }
 }
 
-/// Every folder is complete: the files that scripts and documents name are there, and each says
-/// what it is.
+/// Every folder is complete: it has the files that scripts and documents name, and each has a description.
 #[test]
 fn every_format_is_complete() {
     let maps = materials(16, 16);
@@ -258,7 +256,7 @@ fn every_format_is_complete() {
     assert_eq!(Format::from_name("gltf"), None);
 }
 
-/// The same with lobes: ratios of both alphas up to 4 in all directions, a coat on some.
+/// The materials with lobes: ratios of both alphas up to 4 in all directions, a coat on some.
 fn lobed(w: usize, h: usize) -> Svbrdf {
     let mut maps = materials(w, h);
     let n = maps.texels();
@@ -275,14 +273,14 @@ fn lobed(w: usize, h: usize) -> Svbrdf {
     maps
 }
 
-/// Alphas along and across, and twice the angle of the direction as a vector.
+/// Alphas along and across, and the doubled angle of the direction as a vector.
 fn alphas(maps: &Svbrdf, i: usize) -> ([f32; 2], [f32; 2]) {
     let [u, v] = maps.anisotropy().unwrap().map(|plane| plane[i]);
     let (alpha, m) = (maps.plane(channel::ROUGHNESS)[i].powi(2), u.hypot(v));
     ([alpha * (0.5 * m).exp(), alpha * (-0.5 * m).exp()], [u / m, v / m])
 }
 
-/// Whether a stored vector has the direction of twice its angle, or there is next to no anisotropy.
+/// Checks a stored vector against a direction given by its doubled angle, unless anisotropy is negligible.
 fn check_direction(
     stored: &[f32; 4],
     up: f32,
@@ -296,7 +294,7 @@ fn check_direction(
     assert!(off < 2e-3 || lobe[0] / lobe[1] < 1.001, "{what}: {off}");
 }
 
-/// Every format's own formulas on what it stores give back both alphas, the direction and the coat.
+/// Every format's formulas applied to its files give both alphas, the direction and the coat.
 #[test]
 fn lobes_are_stored_as_each_format_has_them() {
     let maps = lobed(9, 5);
@@ -356,7 +354,7 @@ fn lobes_are_stored_as_each_format_has_them() {
         let through = (given.powi(4) + 2.0 * coat_roughness[i].powi(4)).min(1.0).powf(0.25);
         let (r, a) = (given + w * (through - given), open[1][i][0]);
         let wide = r * r * (2.0 / (1.0 + (1.0 - a).powi(2))).sqrt();
-        // A coat may be rougher than what lies below it.
+        // A coat may be rougher than the layer below it.
         if given > 0.01 {
             near([wide, (1.0 - a) * wide], [along, across], "OpenPBR");
         }
@@ -369,7 +367,7 @@ fn lobes_are_stored_as_each_format_has_them() {
     }
 }
 
-/// Scripts and documents name what there is, and each format says what it leaves out.
+/// Scripts and documents name existing files, and each format states its omissions.
 #[test]
 fn lobes_are_named_where_there_are_some() {
     let text = |package: &Package, name: &str| {
@@ -436,7 +434,7 @@ fn height_states_its_range() {
 }
 
 #[test]
-fn what_cannot_be_exported_is_named() {
+fn invalid_exports_name_the_fault() {
     let fault = |maps: &Svbrdf, change: fn(&mut ExportOptions)| {
         let mut options = ExportOptions::default();
         change(&mut options);
@@ -475,7 +473,7 @@ fn packages_are_written_whole_or_not_at_all() {
     for (name, bytes) in &package.files {
         assert_eq!(&std::fs::read(out.join(name)).unwrap(), bytes);
     }
-    // A folder in the way of the last file: nothing is left, and it is named.
+    // A folder blocks the last file: no file remains, and the error names it.
     let taken = dir.path().join("taken");
     std::fs::create_dir_all(taken.join("material.json")).unwrap();
     let fault = package.write(&taken).unwrap_err();

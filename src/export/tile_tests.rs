@@ -1,9 +1,9 @@
-//! Seams of materials that have none, one, or cannot.
+//! Seams of materials without borders, with borders, and with borders that cannot match.
 
 use super::*;
 use crate::svbrdf::{LOBES, channel};
 
-/// A hash as noise in [0, 1).
+/// Hash noise in [0, 1).
 fn noise(i: usize) -> f32 {
     let mut v = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
     v ^= v >> 29;
@@ -11,7 +11,7 @@ fn noise(i: usize) -> f32 {
     ((v >> 40) as f32) / (1u64 << 24) as f32
 }
 
-/// Blurred noise under a strong gradient from side to side: borders differ much.
+/// Blurred noise on a strong gradient, so that borders differ strongly.
 fn stains(w: usize, h: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(w, h);
     for i in 0..w * h {
@@ -31,7 +31,7 @@ fn stains(w: usize, h: usize) -> Svbrdf {
     maps
 }
 
-/// Mean difference across the border of a plane against that inside, of columns and of rows.
+/// Mean difference across the border of a plane relative to the inside, over columns and rows.
 fn border(maps: &Svbrdf, c: usize) -> f32 {
     let (w, h) = (maps.width(), maps.height());
     let plane = maps.plane(c);
@@ -54,16 +54,16 @@ fn seams_vanish_and_sizes_stay() {
             let seam = border(&tiled.maps, c);
             assert!(seam <= 1.1, "{w} x {h}, channel {c}: {seam}");
         }
-        // The ramp over the whole sample has to end somewhere: along the cuts the sources disagree.
+        // The ramp over the whole sample must end somewhere, so the sources disagree along the cuts.
         assert!(tiled.seam <= 1.1 && tiled.cuts <= 1.6, "{} {}", tiled.seam, tiled.cuts);
-        // The material is the same: neither mean nor contrast of the diffuse albedo changes much.
+        // The material is preserved: mean and contrast of the diffuse albedo change little.
         let moments = |maps: &Svbrdf| {
             let plane = maps.plane(channel::DIFFUSE);
             let mean = plane.iter().sum::<f32>() / plane.len() as f32;
             let fine = plane.windows(2).map(|p| (p[1] - p[0]).abs()).sum::<f32>();
             [mean, fine / plane.len() as f32]
         };
-        // The ramp's own part of the contrast, more of it on small samples, goes.
+        // The ramp's part of the contrast disappears; it is larger on small samples.
         let limits = [0.1, 0.35];
         for ((a, b), limit) in moments(&tiled.maps).into_iter().zip(moments(&maps)).zip(limits) {
             assert!((a / b - 1.0).abs() < limit, "{w} x {h}: {a} {b}");
@@ -71,7 +71,7 @@ fn seams_vanish_and_sizes_stay() {
     }
 }
 
-/// What tiles already stays itself but for where it begins.
+/// A seamless tile is only shifted.
 #[test]
 fn a_tile_stays_a_tile() {
     let (w, h) = (48, 48);
@@ -103,7 +103,7 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
     assert!(fault.contains("maps") && fault.contains("15 x 40"), "{fault}");
 }
 
-/// Lobes come along: what was on one side of a step is there beside the same colour.
+/// Lobes are tiled with the maps: they stay with their colours.
 #[test]
 fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
@@ -114,7 +114,7 @@ fn lobes_are_tiled_with_the_maps() {
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);
     assert_eq!(tiled.maps.lobes().len(), LOBES * n);
-    // Spreading of steps is linear, so that what was proportional stays so.
+    // The spreading of steps is linear, so proportional planes stay proportional.
     for (plane, v) in [0.8, -0.3, 0.5, 0.3].into_iter().enumerate() {
         let pairs = tiled.maps.lobe(plane).unwrap().iter();
         for (found, r) in pairs.zip(tiled.maps.plane(channel::ROUGHNESS)) {

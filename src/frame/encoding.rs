@@ -12,15 +12,15 @@ pub enum Encoding {
     Srgb,
     /// Pure power law of 2.2.
     Gamma22,
-    /// Hybrid log-gamma of ITU-R BT.2100, scene linear: its inverse OETF, 1 at the largest signal.
-    /// The reference white of ITU-R BT.2408, 75 % of the signal, comes out at 0.265.
+    /// Hybrid log-gamma of ITU-R BT.2100, scene linear: the inverse OETF, 1 at full signal. The
+    /// reference white of ITU-R BT.2408, 75 % of the signal, is 0.265.
     Hlg,
-    /// Perceptual quantiser of ITU-R BT.2100: its EOTF, 1 at 203 cd/m² (the reference white of
-    /// ITU-R BT.2408), 49.26 at the largest signal.
+    /// Perceptual quantiser of ITU-R BT.2100: the EOTF, 1 at the reference white of ITU-R BT.2408
+    /// (203 cd/m²), 49.26 at full signal.
     Pq,
 }
 
-/// The reference white of ITU-R BT.2408, cd/m²: 1 in linear values of PQ.
+/// Reference white of ITU-R BT.2408, cd/m²: the unit of linear PQ values.
 const REFERENCE_WHITE: f64 = 203.0;
 
 impl Encoding {
@@ -43,8 +43,8 @@ impl Encoding {
         Self::ALL.into_iter().find(|e| e.name() == name)
     }
 
-    /// Linear value of a stored one, 1 = full scale; odd below 0. Of [`Encoding::Pq`], 1 is 203
-    /// cd/m², and stored values beyond 1 are taken for 1.
+    /// Linear value of a stored one, 1 = full scale, extended to negative values as an odd
+    /// function. For [`Encoding::Pq`], 1 is 203 cd/m², and stored values above 1 are clamped.
     pub fn decode(self, stored: f64) -> f64 {
         match self {
             Self::Linear => stored,
@@ -56,7 +56,7 @@ impl Encoding {
         }
     }
 
-    /// Stored value of a linear one: inverts [`Encoding::decode`].
+    /// Inverse of [`Encoding::decode`].
     pub fn encode(self, linear: f64) -> f64 {
         match self {
             Self::Linear => linear,
@@ -68,14 +68,14 @@ impl Encoding {
         }
     }
 
-    /// Linear value of every 8-bit one.
+    /// Linear values of all 8-bit values.
     pub(super) fn table8(self) -> &'static [f32; 256] {
         static TABLES: [OnceLock<Box<[f32; 256]>>; Encoding::ALL.len()] =
             [const { OnceLock::new() }; Encoding::ALL.len()];
         TABLES[self as usize].get_or_init(|| self.table())
     }
 
-    /// Linear value of every 16-bit one.
+    /// Linear values of all 16-bit values.
     pub(super) fn table16(self) -> &'static [f32; 65536] {
         static TABLES: [OnceLock<Box<[f32; 65536]>>; Encoding::ALL.len()] =
             [const { OnceLock::new() }; Encoding::ALL.len()];
@@ -94,7 +94,7 @@ mod hlg {
     const A: f64 = 0.178_832_77;
     const B: f64 = 1.0 - 4.0 * A;
 
-    /// The standard's 0.5 - a ln(4 a).
+    /// 0.5 - a ln(4 a), by the standard.
     fn c() -> f64 {
         0.5 - A * (4.0 * A).ln()
     }
@@ -118,7 +118,7 @@ mod pq {
     const C3: f64 = 2392.0 / 4096.0 * 32.0;
 
     pub fn decode(signal: f64) -> f64 {
-        // The curve has a pole a little above 1.
+        // The curve has a pole slightly above 1.
         let x = signal.min(1.0).powf(1.0 / M2);
         PEAK * ((x - C1).max(0.0) / (C2 - C3 * x)).powf(1.0 / M1)
     }
@@ -142,12 +142,11 @@ mod tests {
                 if encoding == Encoding::Pq && v.abs() > 1.0 {
                     continue;
                 }
-                // The two branches of sRGB meet within 1e-7 only, by the standard's own rounding;
-                // PQ's OETF is 7e-7 at 0.
+                // The branches of sRGB meet within 1e-7, because the standard rounds; PQ's OETF is 7e-7 at 0.
                 assert!((encoding.encode(encoding.decode(v)) - v).abs() < 1e-6, "{encoding:?} {v}");
             }
         }
-        // IEC 61966-2-1: middle gray 0.5 is 0.2140 linear; the power law's is 0.2176.
+        // IEC 61966-2-1: 0.5 is 0.2140 linear; by the power law 0.2176.
         assert!((Encoding::Srgb.decode(0.5) - 0.214_041).abs() < 1e-6);
         assert!((Encoding::Gamma22.decode(0.5) - 0.217_638).abs() < 1e-6);
         // ITU-R BT.2408 table 1: a reference white of 203 cd/m² is 58 % of PQ and 75 % of HLG.
@@ -157,7 +156,7 @@ mod tests {
         assert!((Encoding::Pq.decode(0.508_078) * 203.0 - 100.0).abs() < 1e-3);
         assert!((Encoding::Pq.decode(1.0) * 203.0 - 10_000.0).abs() < 1e-6);
         assert_eq!(Encoding::Pq.decode(1.5), Encoding::Pq.decode(1.0));
-        // ITU-R BT.2100: 1/12 of the light is half the signal, all of it all.
+        // ITU-R BT.2100: 1/12 of the light is half the signal; full light is full signal.
         assert!((Encoding::Hlg.decode(0.5) - 1.0 / 12.0).abs() < 1e-12);
         assert!((Encoding::Hlg.decode(1.0) - 1.0).abs() < 1e-7);
         assert_eq!(Encoding::from_name("sRGB"), None);

@@ -1,12 +1,12 @@
-//! The one number of a photograph's metadata that calibration asks for.
+//! Focal length from a photograph's metadata.
 
 use exif::{In, Reader, Tag};
 
-/// Lenses there are, mm.
+/// Plausible focal lengths, mm.
 const PLAUSIBLE: std::ops::RangeInclusive<f32> = 5.0..=2000.0;
 
-/// Focal length on film 36 x 24 mm that shows as much, from an Exif block (a TIFF header and its
-/// directories); `None` where it is absent, 0 (unknown) or damaged.
+/// Focal length with the same field of view on 36 x 24 mm film, from an Exif block (a TIFF header
+/// and its directories); `None` if absent, 0 (unknown) or damaged.
 pub(super) fn focal_35mm(mut block: Vec<u8>) -> Option<f32> {
     if block.starts_with(b"Exif\0\0") {
         block.drain(..6);

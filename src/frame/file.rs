@@ -15,24 +15,24 @@ use super::photo::{MAX_PIXELS, Photo};
 use super::tiff;
 use crate::{Error, Result};
 
-/// What a file without a name is called.
+/// Name of data without a file.
 pub(crate) const MEMORY: &str = "(memory)";
-/// Largest chunk of a PNG file beside its pixels, bytes.
+/// Largest PNG chunk other than pixels, bytes.
 const MAX_CHUNK_BYTES: u64 = 64 << 20;
 
-/// Most that may be read and allocated for a picture.
+/// Limits of reading and decoding a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Size of the file, bytes.
     pub file_bytes: u64,
     /// Pixels, at most [`MAX_PIXELS`].
     pub pixels: u64,
-    /// Memory that decoding takes at its peak, beside the file itself, bytes.
+    /// Peak memory of decoding besides the file itself, bytes.
     pub memory_bytes: u64,
 }
 
 impl Default for Limits {
-    /// Files of 2 GiB, [`MAX_PIXELS`], and what the largest of them need.
+    /// Files of 2 GiB, [`MAX_PIXELS`], and memory for the largest of them.
     fn default() -> Self {
         Self { file_bytes: 2 << 30, pixels: MAX_PIXELS, memory_bytes: 6 << 30 }
     }
@@ -42,7 +42,7 @@ impl Limits {
     /// Checks the size of a file.
     ///
     /// # Errors
-    /// [`Error::Image`] when it is empty or too large.
+    /// [`Error::Image`] if it is empty or too large.
     pub(crate) fn check_file(&self, path: &Path, bytes: u64) -> Result<()> {
         let fault = |message: String| Error::Image { path: path.to_owned(), message };
         if bytes == 0 {
@@ -55,10 +55,10 @@ impl Limits {
         Ok(())
     }
 
-    /// Checks a picture of which each pixel takes so many bytes of memory.
+    /// Checks a picture that needs `bytes` bytes of memory per pixel.
     ///
     /// # Errors
-    /// [`Error::Image`] when it is empty or too large, [`Error::MemoryLimit`].
+    /// [`Error::Image`] if it is empty or too large, [`Error::MemoryLimit`].
     pub(crate) fn check_picture(&self, path: &Path, size: [u32; 2], bytes: u64) -> Result<()> {
         let [width, height] = size;
         let (pixels, most) = (u64::from(width) * u64::from(height), self.pixels.min(MAX_PIXELS));
@@ -72,7 +72,7 @@ impl Limits {
         Ok(())
     }
 
-    /// Reads a file that is not too large.
+    /// Reads a file after a check of its size.
     ///
     /// # Errors
     /// As [`Limits::check_file`], and [`Error::Io`].
@@ -83,7 +83,7 @@ impl Limits {
     }
 }
 
-/// What is wrong with a size, and what to do about it.
+/// Fault of a size, with advice.
 pub(crate) fn size_fault([width, height]: [u32; 2], most: u64) -> String {
     let advice = if width == 0 || height == 0 {
         ""
@@ -97,24 +97,23 @@ pub(crate) fn size_fault([width, height]: [u32; 2], most: u64) -> String {
 pub(crate) struct Picture {
     pub image: DynamicImage,
     pub focal_35mm: Option<f32>,
-    /// The ICC profile inside, as it is.
+    /// The embedded ICC profile.
     #[cfg_attr(not(feature = "files"), expect(dead_code))]
     pub profile: Option<Vec<u8>>,
-    /// Whether its file lacks its end marker, and nothing else.
+    /// Whether the file lacks only its end marker.
     #[cfg_attr(not(feature = "files"), expect(dead_code))]
     pub end_missing: bool,
 }
 
 impl Photo {
-    /// Reads a PNG, JPEG, TIFF (integers of 8, 16 or 32 bits, or floats; the largest page) or OpenEXR
-    /// file, upright as its orientation tag says. Gray pictures become RGB, alpha is dropped. Float files are linear by
-    /// nature and never count as saturated. What the file says of its colours is not looked at:
-    /// `files` does that.
+    /// Reads a PNG, JPEG, TIFF (integers of 8, 16 or 32 bits, or floats; the largest page) or OpenEXR file
+    /// and rotates it upright by its orientation tag. Gray pictures become RGB, alpha is dropped. Float files
+    /// are linear and never saturated. Ignores colour profiles; `files` applies them.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be opened, [`Error::Image`] when it is empty, damaged,
-    /// cut short, too large ([`MAX_PIXELS`]) or of another format, [`Error::Field`] about
-    /// `encoding` when a curve is stated for float data.
+    /// [`Error::Io`] if the file cannot be opened, [`Error::Image`] if it is empty, damaged,
+    /// truncated, too large ([`MAX_PIXELS`]) or of another format, [`Error::Field`] about
+    /// `encoding` if a curve is given for floats.
     pub fn read(path: impl AsRef<Path>, encoding: Encoding, exposure: f32) -> Result<Self> {
         let path = path.as_ref();
         let limits = Limits::default();
@@ -122,7 +121,7 @@ impl Photo {
         Self::from_picture(path, picture, encoding, exposure)
     }
 
-    /// As [`Photo::read`] with the contents of the file.
+    /// As [`Photo::read`], from the content of a file.
     ///
     /// # Errors
     /// As [`Photo::read`]; the file is called `(memory)`.
@@ -163,13 +162,12 @@ impl Photo {
     }
 }
 
-/// Decodes a picture of at most [`MAX_PIXELS`], turned upright.
+/// Decodes a picture of at most [`MAX_PIXELS`] and rotates it upright.
 pub(crate) fn read_picture(path: &Path) -> Result<DynamicImage> {
     let limits = Limits::default();
     Ok(decode(path, &limits.read(path)?, &limits)?.image)
 }
 
-/// Decodes a file's contents.
 pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Picture> {
     let fault = |message: String| Error::Image { path: path.to_owned(), message };
     limits.check_file(path, bytes.len() as u64)?;
@@ -184,13 +182,13 @@ pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Pictu
             .map_err(fault_of)?
             .ok_or_else(|| fault("not a PNG, JPEG, TIFF or OpenEXR file".into()))
     };
-    // Outlives the decoder that reads it.
+    // It must outlive the decoder.
     #[allow(clippy::needless_late_init)]
     let mended;
     let mut decoder = open(bytes)?;
     let size = decoder.dimensions();
     let pixel = u64::from(decoder.color_type().bytes_per_pixel());
-    // As stored, turned upright, and as RGB.
+    // Memory: as stored, rotated, and as RGB.
     limits.check_picture(path, size.into(), 2 * pixel + 3 * pixel.div_ceil(4).max(1))?;
     let end_missing = bytes.starts_with(&[0xFF, 0xD8]) && !jpeg::is_complete(bytes);
     mended = if end_missing { jpeg::with_end(bytes, jpeg_pixels) } else { None };
@@ -200,7 +198,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Pictu
         return Err(fault("the file is truncated: its end is missing".into()));
     }
     let orientation = decoder.orientation().map_err(fault_of)?;
-    // Metadata that cannot be read is no reason to refuse the picture.
+    // Unreadable metadata do not make the picture unusable.
     let metadata = decoder.exif_metadata().ok().flatten();
     let focal_35mm = metadata.and_then(exif::focal_35mm);
     let profile = decoder.icc_profile().ok().flatten();
@@ -214,7 +212,7 @@ fn jpeg_pixels(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(DynamicImage::from_decoder(decoder).ok()?.into_bytes())
 }
 
-/// A decoder of the formats that are read by content; `None` of any other.
+/// A decoder for the format of the content; `None` if unsupported.
 fn decoder<'a>(
     bytes: &'a [u8],
     limits: &Limits,
@@ -227,7 +225,7 @@ fn decoder<'a>(
     let reader = Cursor::new(bytes);
     let mut decoder: Box<dyn ImageDecoder + 'a> = match image::guess_format(bytes).ok() {
         _ if tiff::is_tiff(bytes) => tiff::decoder(bytes, limits.memory_bytes)?,
-        // Chunks beside the pixels are unpacked before anyone asks for them.
+        // The decoder unpacks ancillary chunks immediately.
         Some(ImageFormat::Png) => {
             Box::new(PngDecoder::with_limits(reader, allowed(MAX_CHUNK_BYTES))?)
         }
@@ -239,7 +237,7 @@ fn decoder<'a>(
     Ok(Some(decoder))
 }
 
-/// Width and height as stored, and whether the values are floats; `None` of what cannot be read.
+/// Width and height as stored, and whether the values are floats; `None` if unreadable.
 #[cfg(feature = "files")]
 pub(crate) fn look_at(bytes: &[u8]) -> Option<([u32; 2], bool)> {
     let decoder = decoder(bytes, &Limits::default()).ok()??;
@@ -331,7 +329,7 @@ mod tests {
     #[test]
     fn orientation_tags_are_honoured() {
         let dir = tempfile::tempdir().unwrap();
-        // Left half black, right half white; 16 px blocks so that JPEG keeps the halves apart.
+        // The left half is black, the right white; JPEG blocks of 16 px do not mix them.
         let data: Vec<u8> =
             (0..32 * 16).flat_map(|i| [if i % 32 < 16 { 0 } else { 255 }; 3]).collect();
         for tag in 1..=8 {
@@ -349,7 +347,7 @@ mod tests {
                 let photo = Photo::read(&path, Encoding::Srgb, 1.0).unwrap();
                 let size = if turned { (16, 32) } else { (32, 16) };
                 assert_eq!((photo.width(), photo.height()), size, "tag {tag}");
-                // EXIF: which side of the upright picture the stored left column becomes.
+                // Exif: side of the upright picture that shows the stored left column.
                 let dark = match tag {
                     1 | 4 => (2, 8),
                     2 | 3 => (29, 8),
@@ -379,7 +377,7 @@ mod tests {
         ] {
             let bytes = encode(&picture, format);
             cases.push((name, bytes[..bytes.len() * 3 / 5].to_vec()));
-            // Whole files pass.
+            // Complete files are accepted.
             let path = write(dir.path(), name, &bytes);
             Photo::read(path, Encoding::Srgb, 1.0).unwrap();
         }
@@ -401,7 +399,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let small = image::RgbImage::new(1, 1).into();
         let mut bytes = encode(&small, ImageFormat::Png);
-        // IHDR: width and height at offset 16, its checksum at 29.
+        // IHDR: width and height at offset 16, checksum at 29.
         bytes[16..20].copy_from_slice(&16384u32.to_be_bytes());
         bytes[20..24].copy_from_slice(&16384u32.to_be_bytes());
         let checksum = crc32(&bytes[12..29]);

@@ -1,17 +1,17 @@
-//! Ends of JPEG files.
+//! Repair of JPEG files without an end marker.
 
-/// Longer than what a decoder looks ahead.
+/// More than the look-ahead of decoders.
 const AHEAD: usize = 64;
-/// Entropy-coded bytes that begin with different bits, and hold no marker.
+/// Entropy-coded bytes without markers, which begin with different bits.
 const FILLINGS: [u8; 2] = [0x00, 0xFE];
 const END: [u8; 2] = [0xFF, 0xD9];
 
-/// Whether the markers of a file lead to its end-of-image marker. Segments are skipped by their
-/// lengths, so that the end of an embedded thumbnail is not taken for the file's.
+/// Whether the markers of a file lead to its end-of-image marker. Segments are skipped by length,
+/// because an embedded thumbnail has its own end marker.
 pub fn is_complete(bytes: &[u8]) -> bool {
     let mut at = 2;
     loop {
-        // Entropy-coded data and fill bytes run up to the next marker; FF00 is a stuffed FF.
+        // Skip entropy-coded data and fill bytes up to the next marker; FF00 is a stuffed FF.
         while bytes
             .get(at)
             .zip(bytes.get(at + 1))
@@ -33,9 +33,8 @@ pub fn is_complete(bytes: &[u8]) -> bool {
     }
 }
 
-/// The file with its end marker, if nothing but that is missing. Decoders fill what is missing with
-/// gray instead of complaining: the picture is whole if what stands behind the last byte does not
-/// change it.
+/// The file with an end marker, if only that was missing. Decoders silently replace missing data by
+/// gray, so the picture is complete if bytes appended to the data do not change it.
 pub fn with_end(bytes: &[u8], pixels: impl Fn(&[u8]) -> Option<Vec<u8>>) -> Option<Vec<u8>> {
     let data = bytes.len() - bytes.iter().rev().take_while(|byte| **byte == 0xFF).count();
     let ended = |filling: &[u8]| [&bytes[..data], filling, &END].concat();
@@ -56,7 +55,7 @@ mod tests {
         Some(DynamicImage::from_decoder(decoder).ok()?.into_bytes())
     }
 
-    /// A file may end at any byte: it passes for whole exactly where the picture is the same.
+    /// Truncates at every byte: a file counts as complete exactly if its picture is unchanged.
     #[test]
     fn nothing_but_the_end_may_be_missing() {
         for detail in [3, 61] {

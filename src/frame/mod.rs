@@ -1,7 +1,7 @@
-//! Photographs: pixels in, linear RGB out.
+//! Photographs: stored pixels, read as linear RGB.
 //!
-//! Integer pixels stay as they are stored (a 12-megapixel photo is 36 MB, not 144) and turn linear
-//! through a table when looked at. A photo holds relative radiance times [`Photo::exposure`].
+//! Integer pixels remain as stored (a 12-megapixel photo takes 36 MB, not 144) and are linearised
+//! by tables on access. A photo holds relative radiance times [`Photo::exposure`].
 
 mod camera_buffer;
 mod encoding;

@@ -1,4 +1,4 @@
-//! A photograph's pixels as they are stored, looked at as linear RGB.
+//! A photograph's pixels as stored, read as linear RGB.
 
 use super::encoding::Encoding;
 use super::plateau::plateau;
@@ -32,20 +32,20 @@ pub(super) enum Pixels {
     F32(Vec<f32>),
 }
 
-/// Smallest stored 8-bit value that counts as saturated: lossy compression moves 255 by one.
+/// Smallest saturated 8-bit value; lossy compression changes 255 by one.
 const SATURATED_8: u8 = 254;
-/// The same with 16 bits: the largest value of 10-bit data shifted up (12 and 14 bits lie above).
+/// The same for 16 bits: full scale of 10-bit data shifted up (those of 12 and 14 bits are larger).
 const SATURATED_16: u16 = 0xFFC0;
 
 /// Weights of the luma of linear Rec. 709 RGB.
 pub(super) const LUMA: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 impl Photo {
-    /// Takes interleaved linear RGB. `exposure` is relative: value = radiance * exposure. A
-    /// channel at or above `saturation` counts as clipped (infinite: never).
+    /// Takes interleaved linear RGB. `exposure` is relative: value = radiance * exposure. A channel
+    /// at or above `saturation` is clipped (infinite: never).
     ///
     /// # Errors
-    /// When the sizes do not fit, or exposure or saturation are not positive.
+    /// If the sizes do not fit, or exposure or saturation are not positive.
     pub fn from_linear(
         width: u32,
         height: u32,
@@ -60,11 +60,11 @@ impl Photo {
         Self::new(width, height, Pixels::F32(rgb), exposure, saturation, finite)
     }
 
-    /// Copies rows of `stride` bytes with three 8-bit channels a pixel; 254 and 255 count as
-    /// clipped, and a lower value at which highlights were cut off.
+    /// Copies rows of `stride` bytes with three 8-bit channels per pixel. 254, 255 and an edited
+    /// clipping level below them count as clipped.
     ///
     /// # Errors
-    /// When the sizes do not fit or the exposure is not positive.
+    /// If the sizes do not fit or the exposure is not positive.
     pub fn from_rgb8(
         width: u32,
         height: u32,
@@ -77,8 +77,8 @@ impl Photo {
         Self::from_u8(width, height, data, encoding, exposure)
     }
 
-    /// Copies rows of `stride` bytes with four 8-bit channels a pixel, the fourth ignored; 254 and
-    /// 255 count as clipped.
+    /// Copies rows of `stride` bytes with four 8-bit channels per pixel, the fourth ignored; 254
+    /// and 255 count as clipped.
     ///
     /// # Errors
     /// As [`Photo::from_rgb8`].
@@ -94,7 +94,7 @@ impl Photo {
         Self::from_u8(width, height, data, encoding, exposure)
     }
 
-    /// Copies rows of `stride` values with three 16-bit channels a pixel; 0xFFC0 and above (full
+    /// Copies rows of `stride` values with three 16-bit channels per pixel; 0xFFC0 and above (full
     /// scale of 10 bits shifted up) count as clipped.
     ///
     /// # Errors
@@ -111,8 +111,8 @@ impl Photo {
         Self::from_u16(width, height, data, encoding, exposure)
     }
 
-    /// Copies rows of `stride` values with three linear floats a pixel. A channel at or above
-    /// `saturation` counts as clipped (infinite: never).
+    /// Copies rows of `stride` values with three linear floats per pixel. A channel at or above
+    /// `saturation` is clipped (infinite: never).
     ///
     /// # Errors
     /// As [`Photo::from_linear`].
@@ -194,34 +194,33 @@ impl Photo {
         self.exposure
     }
 
-    /// A linear channel at or above this value is saturated; infinite: none is.
+    /// A linear channel at or above this value is saturated; infinite if none is.
     pub fn saturation(&self) -> f32 {
         self.saturation
     }
 
-    /// Focal length as the file's metadata state it, mm on film of 36 x 24 mm.
+    /// Focal length by the metadata, mm on 36 x 24 mm film.
     pub fn focal_35mm(&self) -> Option<f32> {
         self.focal_35mm
     }
 
-    /// With a focal length as a camera's metadata state it, mm on film of 36 x 24 mm; `None`:
-    /// unknown. It helps to estimate a camera.
+    /// Sets the focal length, mm on 36 x 24 mm film; `None`: unknown. It supports the estimate of a camera.
     pub fn with_focal_35mm(self, focal_35mm: Option<f32>) -> Self {
         let focal_35mm = focal_35mm.filter(|f| f.is_finite() && *f > 0.0);
         Self { focal_35mm, ..self }
     }
 
-    /// With another level from which on a channel counts as clipped.
+    /// Sets the clipping level.
     pub(super) fn with_saturation(self, saturation: f32) -> Self {
         Self { saturation, ..self }
     }
 
-    /// With other pixels, everything else as here.
+    /// Replaces the pixels.
     pub(super) fn with_pixels(&self, width: u32, height: u32, pixels: Pixels) -> Self {
         Self { width, height, pixels, ..*self }
     }
 
-    /// With other linear values, everything else as here.
+    /// Replaces the pixels by linear values.
     pub(super) fn with_linear(&self, rgb: Vec<f32>) -> Self {
         self.with_pixels(self.width, self.height, Pixels::F32(rgb))
     }
@@ -234,7 +233,7 @@ impl Photo {
     /// Linear RGB of a pixel.
     ///
     /// # Panics
-    /// When the position is outside.
+    /// If the position is outside.
     #[inline]
     pub fn pixel(&self, x: u32, y: u32) -> [f32; 3] {
         let i = 3 * (y as usize * self.width as usize + x as usize);
@@ -271,11 +270,11 @@ impl Photo {
         self.map_pixels(|[r, g, b]| LUMA[0] * r + LUMA[1] * g + LUMA[2] * b)
     }
 
-    /// The light that a photograph of the same view without flash does not have: this one less
-    /// `ambient`, scaled by the exposures. Pixels clipped here stay so; nothing gets negative.
+    /// Subtracts a photograph of the same view without flash, scaled by the exposures. Clipped
+    /// pixels stay clipped; negative values become 0.
     ///
     /// # Errors
-    /// When the sizes differ.
+    /// If the sizes differ.
     pub fn without_ambient(&self, ambient: &Self) -> Result<Self> {
         if (self.width, self.height) != (ambient.width, ambient.height) {
             let message = format!(
@@ -293,12 +292,12 @@ impl Photo {
         }
         let photo =
             Self::from_linear(self.width, self.height, rgb, self.exposure, self.saturation)?;
-        // Comparing has turned what is not a number into zeros.
+        // Comparisons have turned NaN into 0.
         let finite = self.finite && ambient.finite;
         Ok(Self { finite, focal_35mm: self.focal_35mm, ..photo })
     }
 
-    /// Interleaved linear RGB of every pixel, row by row: a copy four times the size of 8 bits.
+    /// Interleaved linear RGB, row by row: four times the memory of 8 bits.
     pub fn to_linear(&self) -> Vec<f32> {
         match &self.pixels {
             Pixels::U8(data, table) => data.iter().map(|&v| table[usize::from(v)]).collect(),
@@ -307,10 +306,10 @@ impl Photo {
         }
     }
 
-    /// A copy of the `width` x `height` pixels from (`x`, `y`) on, stored as here.
+    /// A copy of the `width` x `height` pixels from (`x`, `y`) on, in the same storage.
     ///
     /// # Panics
-    /// When the rectangle is empty or not inside.
+    /// If the rectangle is empty or not inside.
     pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Self {
         let inside = |from: u32, count: u32, size: u32| {
             count > 0 && from.checked_add(count).is_some_and(|end| end <= size)
@@ -337,7 +336,7 @@ impl Photo {
         self.with_pixels(width, height, pixels)
     }
 
-    /// A value of every pixel; the kind of storage is looked at once.
+    /// Maps every pixel; the storage type is matched once.
     fn map_pixels<T: Send + Clone + Default>(&self, f: impl Fn([f32; 3]) -> T + Sync) -> Vec<T> {
         match &self.pixels {
             Pixels::U8(data, table) => {
@@ -358,7 +357,7 @@ impl Photo {
     }
 }
 
-/// Packs rows of `N` channels a pixel and `stride` values a row into tight RGB.
+/// Packs rows of `N` channels per pixel and `stride` values per row into tight RGB.
 fn pack<T: Copy, const N: usize>(
     width: u32,
     height: u32,
@@ -405,7 +404,7 @@ mod tests {
             Photo::from_linear(2, 1, rgb.to_vec(), exposure, 0.9).unwrap()
         };
         let flash = photo([0.5, 0.3, 0.1, 0.95, 0.2, 0.01], 2.0);
-        // Twice the exposure: half of it counts.
+        // Twice the exposure, so half of it is subtracted.
         let ambient = photo([0.2, 0.1, 0.04, 0.2, 0.2, 0.2], 4.0);
         let less = flash.without_ambient(&ambient).unwrap();
         let expected = [0.4, 0.25, 0.08, 0.95, 0.1, 0.0];
@@ -423,7 +422,7 @@ mod tests {
     #[test]
     fn every_constructor_gives_the_same_linear_pixels() {
         let rgb8 = [10, 20, 30, 0, 128, 255, 254, 253, 252, 7, 7, 7u8];
-        // A stride of 7 bytes leaves one unused between the rows of two pixels.
+        // A stride of 7 bytes leaves one byte between rows of two pixels.
         let strided: Vec<u8> = [&rgb8[..6], &[99], &rgb8[6..]].concat();
         let rgba: Vec<u8> =
             rgb8.as_chunks::<3>().0.iter().flat_map(|p| [p[0], p[1], p[2], 99]).collect();
@@ -446,7 +445,7 @@ mod tests {
                 assert_eq!(photo.exposure(), 2.0);
             }
             assert_eq!(photos[0].clip_mask(), [false, true, true, false]);
-            // 16 bits hold full scale exactly: 254 * 257 is not clipped.
+            // 16 bits represent full scale exactly: 254 * 257 is not clipped.
             assert_eq!(photos[2].clip_mask(), [false, true, false, false]);
             assert!(photos[2].is_clipped(1, 0));
             assert_eq!(photos[3].clip_mask(), [false; 4]);
@@ -472,7 +471,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_and_numbers_that_make_no_sense_are_refused() {
+    fn invalid_sizes_and_numbers_are_refused() {
         let data = [0u8; 12];
         let rgb8 = |w, h, stride, e| Photo::from_rgb8(w, h, &data, stride, Encoding::Srgb, e);
         assert!(rgb8(2, 2, 6, 1.0).is_ok());

@@ -1,7 +1,6 @@
-//! Planes of a picture in memory, and how they are turned upright.
+//! Planes of a picture in memory, and their rotation.
 //!
-//! Planes are bytes with strides in bytes, values in the machine's byte order, so that no
-//! alignment is asked for.
+//! Planes are bytes with strides in bytes and values in native byte order, without alignment requirements.
 
 use super::photo::MAX_PIXELS;
 use crate::{Error, Result};
@@ -9,18 +8,18 @@ use crate::{Error, Result};
 /// A plane of a picture in memory.
 #[derive(Debug, Clone, Copy)]
 pub struct Plane<'a> {
-    /// The bytes, at least up to the last pixel; what lies behind is not looked at.
+    /// The bytes, at least up to the last pixel; further bytes are ignored.
     pub data: &'a [u8],
-    /// Bytes from a row to the next.
+    /// Bytes between rows.
     pub row_stride: usize,
-    /// Bytes from a pixel to the next; 0: no gap between pixels.
+    /// Bytes between pixels; 0: pixels are adjacent.
     pub pixel_stride: usize,
 }
 
-/// How far a buffer is turned clockwise to stand upright.
+/// Clockwise rotation that makes a buffer upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rotation {
-    /// It stands upright.
+    /// No rotation.
     #[default]
     None,
     /// By 90 degrees.
@@ -31,7 +30,7 @@ pub enum Rotation {
     ThreeQuarters,
 }
 
-/// A plane whose pixels are known to lie inside its bytes.
+/// A plane whose pixels lie inside its bytes.
 pub(super) struct Reader<'a> {
     data: &'a [u8],
     pub width: usize,
@@ -94,7 +93,7 @@ impl<'a> Reader<'a> {
 }
 
 impl Rotation {
-    /// Width and height when upright.
+    /// Width and height after the rotation.
     pub(super) fn size(self, [width, height]: [u32; 2]) -> [u32; 2] {
         match self {
             Self::None | Self::Half => [width, height],
@@ -102,7 +101,7 @@ impl Rotation {
         }
     }
 
-    /// Turns interleaved RGB of `width` x `height` pixels.
+    /// Rotates interleaved RGB of `width` x `height` pixels.
     pub(super) fn apply<T: Copy>(self, [width, height]: [u32; 2], rgb: Vec<T>) -> Vec<T> {
         let (w, h) = (width as usize, height as usize);
         let mut out = Vec::new();

@@ -1,22 +1,22 @@
-//! Clipping below full scale: highlights that were cut off and then pulled down by an editor.
+//! Clipping below full scale: clipped highlights that an editor has darkened.
 
-/// Values looked at, at most.
+/// Most values sampled.
 const LOOKED_AT: usize = 400_000;
-/// Least share of the values that makes a plateau, how many times as frequent as its neighbours its value is, and
-/// share of these values that may lie above, as compression scatters them.
+/// Least share of values in a plateau, least ratio to the frequency of its neighbours, and largest
+/// share of brighter values, as scattered by compression.
 const SHARE: f64 = 0.003;
 const TIMES: u32 = 3;
 const ABOVE: f64 = 0.35;
-/// Values a little below, in relation to the plateau: light fades up to where it is cut off. White paper under an even
-/// light has one value, and nothing beside it.
+/// Least share of values slightly below the plateau, relative to it: light fades up to a clipping
+/// level, whereas evenly lit white paper has one value and no neighbours.
 const BELOW: f64 = 0.15;
 const FADING: std::ops::Range<usize> = 4..18;
-/// Neighbours on each side: a contrast that was stretched leaves gaps between frequent values.
+/// Neighbours on each side; stretched contrast leaves gaps between frequent values.
 const NEIGHBOURS: usize = 4;
-/// Plateaus are looked for from here to where full scale is near.
+/// Range of plateaus, up to near full scale.
 const CODES: std::ops::Range<usize> = 128..250;
 
-/// The 8-bit value at which highlights were cut off, if that was below full scale.
+/// The 8-bit value at which highlights were clipped, if below full scale.
 pub(super) fn plateau(data: &[u8]) -> Option<u8> {
     let pixels = data.as_chunks::<3>().0;
     let step = (3 * pixels.len() / LOOKED_AT).max(1);
@@ -42,7 +42,7 @@ pub(super) fn plateau(data: &[u8]) -> Option<u8> {
 mod tests {
     use super::*;
 
-    /// A board under a light that falls off, with noise; highlights above `cut` are that, and moved to `to`.
+    /// A board under a falling light with noise; values above `cut` are clipped and moved to `to`.
     fn picture(cut: f64, to: f64, stretch: f64) -> Vec<u8> {
         let mut state = 1_u64;
         let mut bell = || {
@@ -70,7 +70,7 @@ mod tests {
     fn a_plateau_below_full_scale_is_found() {
         assert_eq!(plateau(&picture(255.0, 232.0, 1.0)), Some(232));
         assert_eq!(plateau(&picture(240.0, 190.0, 1.0)), Some(190));
-        // Clipped at full scale, as cameras do; not at all; with gaps between the values.
+        // Clipped at full scale, not clipped, and with gaps between values.
         assert_eq!(plateau(&picture(255.0, 255.0, 1.0)), None);
         assert_eq!(plateau(&picture(1e9, 0.8e9, 1.0)), None);
         assert_eq!(plateau(&picture(1e9, 0.5e9, 1.7)), None);

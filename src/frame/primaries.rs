@@ -1,22 +1,22 @@
-//! Colours given in other primaries than Rec. 709.
+//! Primaries other than Rec. 709.
 
 use glam::{DMat3, DVec3};
 
 use super::photo::{Photo, Pixels};
 
-/// Primaries of linear RGB. White is D65 with all of them.
+/// Primaries of linear RGB with white D65.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Primaries {
-    /// ITU-R BT.709, those of sRGB.
+    /// ITU-R BT.709, as in sRGB.
     #[default]
     Rec709,
-    /// Display P3: those of SMPTE RP 431-2.
+    /// Display P3: primaries of SMPTE RP 431-2.
     DisplayP3,
     /// ITU-R BT.2020 and BT.2100.
     Rec2020,
 }
 
-/// Chromaticity (x, y) of D65 as the standards round it.
+/// Chromaticity (x, y) of D65 as rounded by the standards.
 const WHITE: [f64; 2] = [0.3127, 0.3290];
 
 impl Primaries {
@@ -37,8 +37,8 @@ impl Primaries {
         columns * DMat3::from_diagonal(columns.inverse() * xyz(WHITE))
     }
 
-    /// Rows of the matrix from linear RGB in these primaries to linear Rec. 709. Each row adds up
-    /// to 1: gray stays as it is.
+    /// Rows of the matrix from linear RGB in these primaries to linear Rec. 709. Each row sums to
+    /// 1, to preserve gray.
     pub fn to_rec709(self) -> [[f32; 3]; 3] {
         let matrix = match self {
             Self::Rec709 => DMat3::IDENTITY,
@@ -49,16 +49,16 @@ impl Primaries {
 }
 
 impl Photo {
-    /// Takes the pixels for linear RGB in other primaries and converts them to Rec. 709. Colours
-    /// outside of Rec. 709 keep values above 1; what would be negative gets 0. Where a channel was
-    /// clipped, all are: their true values are not known. The result holds floats, four times the
-    /// memory of 8 bits, except with [`Primaries::Rec709`], which changes nothing.
+    /// Interprets the pixels as linear RGB in other primaries and converts them to Rec. 709.
+    /// Colours outside of Rec. 709 keep values above 1; negative values become 0. If a channel was
+    /// clipped, all are, because their true values are unknown. The result holds floats (four times
+    /// the memory of 8 bits) except with [`Primaries::Rec709`], which changes nothing.
     pub fn with_primaries(self, primaries: Primaries) -> Self {
         if primaries == Primaries::Rec709 {
             return self;
         }
         let matrix = primaries.to_rec709();
-        // What was not clipped stays below this: a row's positive part times the old level.
+        // Unclipped values stay below this: the positive part of a row times the old level.
         let gain = matrix.map(|row| row.iter().map(|v| v.max(0.0)).sum::<f32>());
         let (before, after) =
             (self.saturation(), self.saturation() * gain[0].max(gain[1]).max(gain[2]));
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn gray_stays_and_what_leaves_the_gamut_is_cut_off_at_black() {
+    fn gray_is_preserved_and_negative_values_are_clipped() {
         let data = [128, 128, 128, 200, 0, 0, 60, 200, 20u8];
         let photo = Photo::from_rgb8(3, 1, &data, 9, Encoding::Srgb, 2.0).unwrap();
         let (gray, red) = (photo.pixel(0, 0)[0], photo.pixel(1, 0)[0]);
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn clipped_pixels_stay_clipped_and_only_they() {
-        // The brightest colours that are not clipped, and one with a clipped channel.
+        // The brightest unclipped colours, and one with a clipped channel.
         let data = [253, 0, 0, 253, 253, 253, 0, 0, 255, 0, 253, 253u8];
         let photo = Photo::from_rgb8(4, 1, &data, 12, Encoding::Srgb, 1.0).unwrap();
         for primaries in [Primaries::DisplayP3, Primaries::Rec2020] {
@@ -151,7 +151,7 @@ mod tests {
             assert_eq!(wide.clip_mask(), [false, false, true, false]);
             assert!(wide.pixel(2, 0).iter().all(|v| *v >= wide.saturation()));
         }
-        // Never clipped, and what is not a number stays known as such.
+        // Never clipped, and NaN is still reported.
         let floats = Photo::from_linear(1, 1, vec![f32::NAN, 9.0, 1.0], 1.0, f32::INFINITY);
         let wide = floats.unwrap().with_primaries(Primaries::DisplayP3);
         assert!(!wide.is_finite() && wide.clip_mask() == [false]);

@@ -1,17 +1,16 @@
-//! Photographs at a part of their size, made on the calling thread: for what has to be quick and
-//! must not wait for the threads of a fit.
+//! Downscaled photographs, computed on the calling thread for low latency beside the threads of a fit.
 
 use std::ops::AddAssign;
 
 use super::photo::{LUMA, Photo, Pixels};
 
 impl Photo {
-    /// The photograph at a `step`-th of its size: blocks of `step` x `step` pixels averaged as they
-    /// are stored. Rows and columns at the end that fill no block are left out; a block counts as
-    /// clipped where all of it is. A position `p` there is `step * p + 0.5 * (step - 1)` here.
+    /// The photograph at 1/`step` of its size: means of blocks of `step` x `step` stored values,
+    /// without incomplete blocks. A block is clipped only if all of it is. Position `p` of the
+    /// result is `step * p + 0.5 * (step - 1)` here.
     ///
     /// # Panics
-    /// When `step` is 0 or larger than a side.
+    /// If `step` is 0 or larger than a side.
     pub fn reduced(&self, step: u32) -> Self {
         let (width, height) = (self.width / step, self.height / step);
         assert!(width > 0 && height > 0, "{step} steps in {} x {}", self.width, self.height);
@@ -53,7 +52,7 @@ impl Photo {
     }
 }
 
-/// Sums of blocks of interleaved RGB with `row` values a row, each made a value of its own.
+/// Converted sums of blocks of interleaved RGB with `row` values per row.
 fn blocks<T: Copy, S: Copy + Default + AddAssign + From<T>>(
     data: &[T],
     row: usize,
@@ -65,7 +64,7 @@ fn blocks<T: Copy, S: Copy + Default + AddAssign + From<T>>(
         return data.to_vec();
     }
     let mut out = Vec::with_capacity(3 * width * height);
-    // Rows are added up whole: that runs in vector registers.
+    // Adding whole rows vectorises.
     let mut sums = vec![S::default(); 3 * width * step];
     for rows in data.chunks_exact(row * step).take(height) {
         sums.fill(S::default());
@@ -91,7 +90,7 @@ mod tests {
     use crate::frame::Encoding;
 
     #[test]
-    fn blocks_are_averaged_and_what_is_left_over_is_dropped() {
+    fn incomplete_blocks_are_dropped() {
         let rgb: Vec<f32> = (0..7 * 5).flat_map(|i| [i as f32, 2.0 * i as f32, 7.0]).collect();
         let photo = Photo::from_linear(7, 5, rgb, 2.0, 30.0).unwrap().with_focal_35mm(Some(26.0));
         let half = photo.reduced(2);
@@ -100,7 +99,7 @@ mod tests {
             (half.exposure(), half.saturation(), half.focal_35mm()),
             (2.0, 30.0, Some(26.0))
         );
-        // A ramp's mean is its value in the middle: x = 2 * 1 + 0.5, y = 2 * 1 + 0.5.
+        // The mean of a ramp is its value in the middle: x = 2 * 1 + 0.5, y = 2 * 1 + 0.5.
         let middle = 2.5 + 7.0 * 2.5;
         assert_eq!(half.pixel(1, 1), [middle, 2.0 * middle, 7.0]);
         assert_eq!(photo.reduced(1).to_linear(), photo.to_linear());

@@ -1,4 +1,4 @@
-//! Photographs as they are saved: their pixels as stored.
+//! Saved form of photographs, with pixels as stored.
 
 use std::borrow::Cow;
 
@@ -8,7 +8,7 @@ use super::encoding::Encoding;
 use super::photo::{MAX_PIXELS, Photo, Pixels};
 use crate::{Error, Result};
 
-/// A photograph without what cameras say of themselves.
+/// A photograph without metadata.
 #[derive(Serialize, Deserialize)]
 struct Stored<'a> {
     width: u32,
@@ -48,7 +48,7 @@ mod borrowed {
 
 impl Serialize for Photo {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        // Tables live once in a program: the same address is the same curve.
+        // Tables are unique in a program: an equal address means an equal curve.
         let named = |same: &dyn Fn(Encoding) -> bool| {
             Encoding::ALL.into_iter().find(|&e| same(e)).unwrap_or(Encoding::Linear)
         };

@@ -1,16 +1,16 @@
-//! The light far round a place in a photograph: what a dirty lens adds there, and what cameras map tones by.
+//! Surroundings of a pixel: the source of a dirty lens's veil and the reference of local tone mapping.
 
 use serde::{Deserialize, Serialize};
 
 use super::photo::Photo;
 
-/// Standard deviation of the blur relative to the photograph's width: of fingerprints and screen protectors.
+/// Standard deviation of the blur relative to the photograph's width, for fingerprints and screen protectors.
 const SIGMA: f32 = 0.12;
-/// Cells along the width, and pixels read along each side of a cell.
+/// Cells along the width, and pixels sampled along each side of a cell.
 const ACROSS: u32 = 32;
 const READ: u32 = 4;
 
-/// A photograph's linear values, widely blurred.
+/// Strongly blurred linear values of a photograph.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Surround {
     size: [u32; 2],
@@ -20,16 +20,16 @@ pub struct Surround {
 }
 
 impl Surround {
-    /// Widths of the surroundings that cameras map tones by (standard deviations relative to the photograph's
-    /// width); the second is that of [`Self::of`].
+    /// Scales of local tone mapping (standard deviations relative to the photograph's width); the
+    /// second is that of [`Self::of`].
     pub(crate) const SCALES: [f32; 3] = [0.05, SIGMA, 0.2];
 
-    /// Of a whole photograph.
+    /// Surroundings in a whole photograph.
     pub fn of(photo: &Photo) -> Self {
         Self::sharp(photo).blurred(SIGMA)
     }
 
-    /// The same at each of [`Self::SCALES`].
+    /// Surroundings at each of [`Self::SCALES`].
     pub(crate) fn at_scales(photo: &Photo) -> [Self; Self::SCALES.len()] {
         let sharp = Self::sharp(photo);
         Self::SCALES.map(|sigma| sharp.blurred(sigma))
@@ -58,7 +58,7 @@ impl Surround {
         Self { size: [columns, rows], cell, cells }
     }
 
-    /// Blurred with a standard deviation relative to the width.
+    /// Blurs with a standard deviation relative to the width.
     fn blurred(&self, sigma: f32) -> Self {
         let [columns, rows] = self.size.map(|n| n as usize);
         let sigma = sigma * columns as f32;
@@ -68,7 +68,7 @@ impl Surround {
         Self { cells, ..*self }
     }
 
-    /// At a pixel of the whole photograph, between cells linear.
+    /// Value at a pixel of the whole photograph, interpolated linearly.
     pub fn at(&self, x: f32, y: f32) -> [f32; 3] {
         let place = |px: f32, k: usize| {
             let at = ((px + 0.5) / self.cell[k] - 0.5).clamp(0.0, self.size[k] as f32 - 1.0);
@@ -83,7 +83,7 @@ impl Surround {
         })
     }
 
-    /// Whether it may be a photograph's.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         let [w, h] = self.size.map(|v| v as usize);
         w > 0
@@ -94,7 +94,7 @@ impl Surround {
     }
 }
 
-/// Blurred along one side: the other's deviation is 0.
+/// Blurs along one axis: the deviation of the other is 0.
 fn blurred(cells: &[[f32; 3]], w: usize, h: usize, sigma: [f32; 2]) -> Vec<[f32; 3]> {
     let (count, step, sigma) = if sigma[0] > 0.0 { (w, 1, sigma[0]) } else { (h, w, sigma[1]) };
     let weight = |d: usize| (-0.5 * (d as f32 / sigma).powi(2)).exp();
@@ -114,8 +114,9 @@ fn blurred(cells: &[[f32; 3]], w: usize, h: usize, sigma: [f32; 2]) -> Vec<[f32;
 }
 
 impl Photo {
-    /// The photograph without a veil: a share of its light that came from far round each pixel. `corner` is
-    /// its first pixel in the whole photograph, of which the surround is. What is clipped stays so.
+    /// Removes a veil: a share of the light comes from the surroundings of each pixel. `corner` is
+    /// the position of the first pixel in the whole photograph, to which `surround` belongs.
+    /// Clipped pixels stay clipped.
     pub fn without_veil(&self, share: f32, surround: &Surround, corner: [u32; 2]) -> Self {
         let (w, level) = (self.width() as usize, self.saturation());
         let mut rgb = self.to_linear();
@@ -155,7 +156,7 @@ mod tests {
                 0.9 * v + 0.1 * surround.at(x, y)[k % 3]
             })
             .collect();
-        // Cropped, with the surround of the whole; that of the veiled photograph is nearly that of the clear one.
+        // A crop with the surroundings of the whole; the veil hardly changes the surroundings.
         let veiled = photo(veiled);
         let around = Surround::of(&veiled);
         let part = veiled.cropped(20, 30, 100, 80).without_veil(0.1, &around, [20, 30]);

@@ -1,4 +1,4 @@
-//! TIFF files: the largest of their pages, and values of widths that the crate `image` does not know.
+//! TIFF files: selection of the largest page, and sample types that the crate `image` does not support.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -15,19 +15,19 @@ use tiff::tags::{IfdPointer, Tag};
 
 /// Bytes of the longest header.
 const HEADER: usize = 16;
-/// Most pages that are looked at.
+/// Most pages examined.
 const MOST_PAGES: usize = 1000;
 /// Values of `SampleFormat`.
 const UNSIGNED: u16 = 1;
 const FLOAT: u16 = 3;
 
-/// Whether a file is TIFF inside, BigTIFF included.
+/// Whether a file has TIFF format, including BigTIFF.
 pub fn is_tiff(bytes: &[u8]) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|start| bytes.starts_with(*start))
 }
 
-/// A decoder of the largest page of a file, the first of several that are equally large; thumbnails
-/// may come before and after. At most so many bytes are allocated.
+/// A decoder of the largest page (the first of several); thumbnails may come before and after.
+/// Allocates at most `memory` bytes.
 pub fn decoder<'a>(bytes: &'a [u8], memory: u64) -> ImageResult<Box<dyn ImageDecoder + 'a>> {
     let page = Page::new(bytes, largest(bytes, memory).unwrap_or(None));
     if let Some(wide) = Wide::of(page.clone(), memory).map_err(fault)? {
@@ -36,8 +36,8 @@ pub fn decoder<'a>(bytes: &'a [u8], memory: u64) -> ImageResult<Box<dyn ImageDec
     Ok(Box::new(TiffDecoder::new(page)?))
 }
 
-/// Where the directory of the largest page lies, if that is not the first: pages are a chain, and each may
-/// name further ones.
+/// Position of the directory of the largest page unless it is the first. Pages form a chain, and
+/// each may have sub-pages.
 fn largest(bytes: &[u8], memory: u64) -> Result<Option<u64>, TiffError> {
     let mut decoder = Decoder::new(io::Cursor::new(bytes))?.with_limits(limits(memory));
     let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
@@ -50,7 +50,7 @@ fn largest(bytes: &[u8], memory: u64) -> Result<Option<u64>, TiffError> {
             .map(|own| (area(decoder.dimensions().unwrap_or((0, 0))), Some(own.0)))
             .collect();
         for at in below.unwrap_or_default().into_iter().take(MOST_PAGES) {
-            // What is damaged is no page.
+            // Skip damaged pages.
             let Ok(directory) = decoder.read_directory(IfdPointer(at)) else { continue };
             let mut tags = decoder.read_directory_tags(&directory);
             let mut side = |tag| tags.get_tag_unsigned::<u32>(tag).unwrap_or(0);
@@ -94,7 +94,7 @@ fn unsupported(what: String) -> ImageError {
     ImageError::Unsupported(UnsupportedError::from_format_and_kind(format, kind))
 }
 
-/// A file whose header names another directory as the first.
+/// A file whose header points to another first directory.
 #[derive(Clone)]
 struct Page<'a> {
     header: Vec<u8>,
@@ -154,16 +154,16 @@ impl Seek for Page<'_> {
 struct Wide<'a> {
     tiff: Decoder<Page<'a>>,
     size: (u32, u32),
-    /// Values of a stored pixel, and those of them that are no alpha.
+    /// Values of a stored pixel, and how many of them are not alpha.
     channels: usize,
     kept: usize,
     is_float: bool,
 }
 
 impl<'a> Wide<'a> {
-    /// The page if it is one of these.
+    /// The page, if it has such values.
     fn of(page: Page<'a>, memory: u64) -> Result<Option<Self>, TiffError> {
-        // What cannot be opened is explained by the other decoder.
+        // The other decoder explains files that cannot be opened.
         let Ok(tiff) = Decoder::new(page) else { return Ok(None) };
         let mut tiff = tiff.with_limits(limits(memory));
         let (bits, channels, kept) = match tiff.colortype() {
@@ -185,7 +185,7 @@ impl<'a> Wide<'a> {
         Ok(Some(Self { tiff, size, channels, kept, is_float }))
     }
 
-    /// Writes the values of each pixel that are kept, gray ones as often as there are channels.
+    /// Writes the colour values of each pixel; gray ones are repeated for every channel.
     fn write<T: Copy, const N: usize>(
         &self,
         values: &[T],
@@ -232,7 +232,7 @@ impl ImageDecoder for Wide<'_> {
         }
         match &values {
             DecodingResult::U32(values) => {
-                // Some programs keep values of 16 bits in 32.
+                // Some programs store 16-bit values in 32 bits.
                 let is_wide = values.iter().any(|v| *v > u32::from(u16::MAX));
                 let shift = if is_wide { 16 } else { 0 };
                 self.write(values, out, |v| ((v >> shift) as u16).to_ne_bytes());

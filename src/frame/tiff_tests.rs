@@ -1,7 +1,7 @@
 use super::*;
 use crate::frame::{Encoding, Photo};
 
-/// What a page holds.
+/// Values of a page.
 enum Values {
     Bytes(Vec<u8>),
     Words(Vec<u32>),
@@ -12,7 +12,7 @@ enum Values {
 struct Sheet {
     size: [u32; 2],
     channels: u32,
-    /// `SampleFormat`; `None`: not stated.
+    /// `SampleFormat`; `None`: absent.
     format: Option<u16>,
     values: Values,
 }
@@ -49,8 +49,8 @@ fn number(value: u64, bytes: usize, big_endian: bool) -> Vec<u8> {
     number
 }
 
-/// A file of uncompressed pages, each in a strip; `below`: the last one is below the first instead of
-/// behind it.
+/// A file of uncompressed single-strip pages. With `below`, the last page is a sub-page of the
+/// first instead of its successor.
 fn file(pages: &[Sheet], big_tiff: bool, big_endian: bool, below: bool) -> Vec<u8> {
     let number = |value: u64, bytes: usize| number(value, bytes, big_endian);
     let offset = if big_tiff { 8 } else { 4 };
@@ -59,7 +59,7 @@ fn file(pages: &[Sheet], big_tiff: bool, big_endian: bool, below: bool) -> Vec<u
     if big_tiff {
         out.extend([number(8, 2), number(0, 2)].concat());
     }
-    // Where the place of the next directory is to be written.
+    // Position of the link to the next directory.
     let mut link = out.len();
     out.extend(vec![0; offset]);
     let mut sub = None;
@@ -84,7 +84,7 @@ fn file(pages: &[Sheet], big_tiff: bool, big_endian: bool, below: bool) -> Vec<u
             fields.push((330, 0));
         }
         fields.extend(page.format.map(|format| (339, u64::from(format))));
-        // One value of 32 bits each, but for the bits and formats of several channels.
+        // Each entry has one 32-bit value, except bits and formats of several channels.
         let mut lists = Vec::new();
         for &(tag, value) in &fields {
             if [258, 339].contains(&tag) && page.channels == 3 {
@@ -139,7 +139,7 @@ fn sheet(size: [u32; 2], first: u8) -> Sheet {
 }
 
 #[test]
-fn the_largest_page_is_read_wherever_it_stands() {
+fn the_largest_page_is_read_at_any_position() {
     for (big_tiff, big_endian) in [(false, false), (false, true), (true, false), (true, true)] {
         for (sizes, below, expected) in [
             (vec![[4, 3]], false, 0),
@@ -202,7 +202,7 @@ fn damaged_pages_are_errors() {
     for end in 0..bytes.len() {
         let _ = Photo::decode(&bytes[..end], Encoding::Linear, 1.0);
     }
-    // A chain that comes back to itself.
+    // A cyclic chain of pages.
     let mut ring = file(&[sheet([2, 2], 0), sheet([4, 3], 9)], false, false, false);
     let (first, end) = (ring[4..8].to_vec(), ring.len());
     ring[end - 4..].copy_from_slice(&first);

@@ -1,30 +1,29 @@
-//! What cameras do to values beyond their encoding, undone.
+//! Inverse of the tone curves of cameras.
 
 use serde::{Deserialize, Serialize};
 
-/// Exponent of the encoded value in which curves are smooth: about that of sRGB.
+/// Exponent of the encoded value in which curves are smooth, about that of sRGB.
 const ENCODED: f64 = 1.0 / 2.2;
-/// Encoded value that a curve leaves where it is: of white paper in an ordinary exposure.
+/// Encoded value that a curve leaves unchanged: white paper in an ordinary exposure.
 const ANCHOR: f64 = 0.75;
-/// Logarithms of stored values between which the curve is tabulated: the least covers the lowest
-/// 8-bit value of sRGB.
+/// Range of log stored values in the table; the lower end covers the smallest 8-bit value of sRGB.
 const LOG_LEAST: f64 = -9.0;
 const STEPS: usize = 576;
-/// Steps of a table over the square roots of values.
+/// Steps of a table over square roots of values.
 const TABLE_STEPS: usize = 4096;
 
-/// A camera's tone curve, as what undoes it: from stored linear values (decoded, 1 = full scale) to
-/// values proportional to radiance.
+/// Inverse of a camera's tone curve: from stored linear values (decoded, 1 = full scale) to values
+/// proportional to radiance.
 ///
-/// Over logarithms its slope is `exp(a (1 - e)² + 2 b e (1 - e) + c e²)` at the encoded value
-/// `e = stored^(1 / 2.2)`: always positive, so that the curve rises whatever the parameters; with
-/// `a = b = c` it is a power law, and zeros leave everything as it is. Beyond full scale the slope
-/// stays. The stored value 0.53 (an encoded 0.75) is its own radiance; scale is the photometry's.
+/// In log-log space its slope is `exp(a (1 - e)² + 2 b e (1 - e) + c e²)` at the encoded value `e =
+/// stored^(1 / 2.2)`, so the curve rises for all parameters. `a = b = c` gives a power law, zeros
+/// give the identity. Beyond full scale the slope is constant. The stored value 0.53 (encoded 0.75)
+/// is a fixed point; the photometry determines the scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ToneCurve {
-    /// Logarithms of the slope in shadows (`a`), at middle values (`b`) and in highlights (`c`).
+    /// Log slopes in shadows (`a`), midtones (`b`) and highlights (`c`).
     pub log_slopes: [f64; 3],
-    /// Stored values from which on the curve is not known: they count as saturated. 0: none.
+    /// Stored values from here on are undetermined and count as saturated. 0: none.
     pub unknown_from: f32,
 }
 
@@ -35,54 +34,53 @@ fn weights(encoded: f64) -> [f64; 3] {
 }
 
 impl ToneCurve {
-    /// Largest logarithm of a slope, either way, that is looked for and believed.
+    /// Largest magnitude of a log slope.
     pub const MAX_LOG_SLOPE: f64 = 2.0;
 
-    /// Whether a camera may have such a curve.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         self.log_slopes.iter().all(|s| s.abs() <= Self::MAX_LOG_SLOPE)
             && (0.0..=f32::MAX).contains(&self.unknown_from)
     }
 
-    /// Values proportional to radiance of stored ones.
+    /// Radiance-proportional values of stored ones.
     pub fn undone(&self, stored: [f32; 3]) -> [f32; 3] {
         ToneTable::new(self).map_or(stored, |table| stored.map(|v| table.undo(v)))
     }
 
-    /// Ratio of the stored values of two surfaces under the same light, the brighter one at the
-    /// anchor.
+    /// Ratio of the stored values of two surfaces under the same light, the brighter one at the fixed point.
     pub(crate) fn stored_ratio(&self, radiances: f32) -> f32 {
         let anchor = ANCHOR.powf(1.0 / ENCODED) as f32;
         ToneTable::new(self).map_or(radiances, |table| table.put_on(anchor * radiances) / anchor)
     }
 
-    /// Whether values stay as they are.
+    /// Whether the curve changes nothing.
     pub fn is_identity(&self) -> bool {
         self.log_slopes == [0.0; 3]
     }
 
-    /// Logarithm of the slope over logarithms at the logarithm of a stored value.
+    /// Log of the log-log slope at a log stored value.
     fn log_slope(&self, log_stored: f64) -> f64 {
         let w = weights((log_stored * ENCODED).exp());
         (0..3).map(|k| w[k] * self.log_slopes[k]).sum()
     }
 }
 
-/// Where a curve takes the logarithm of a value, and how.
+/// A curve at one log stored value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lift {
-    /// What is added to the logarithm of a stored value.
+    /// Increment of the log from stored value to radiance.
     pub log_gain: f64,
-    /// Derivative of the logarithm of the radiance with respect to that of the stored value.
+    /// Derivative of the log radiance by the log stored value.
     pub slope: f64,
-    /// Derivatives of `log_gain` with respect to the parameters.
+    /// Derivatives of `log_gain` by the parameters.
     pub by_parameters: [f64; 3],
 }
 
-/// A curve with its integrals, for logarithms of values.
+/// A curve with tabulated integrals over log values.
 pub(crate) struct LogCurve {
     curve: ToneCurve,
-    /// Integrals of slope less 1 and of the slope times each weight, from the anchor on.
+    /// Integrals from the fixed point of the slope minus 1, and of the slope times each weight.
     nodes: Vec<[f64; 4]>,
 }
 
@@ -114,7 +112,7 @@ impl LogCurve {
         made
     }
 
-    /// Integrals up to a logarithm, between the nodes linear.
+    /// Integrals up to a log value, linear between nodes.
     fn read(&self, log_stored: f64) -> [f64; 4] {
         let at = (log_stored - LOG_LEAST) / Self::STEP;
         let low = at.floor().clamp(0.0, (STEPS - 1) as f64) as usize;
@@ -130,16 +128,16 @@ impl LogCurve {
     }
 }
 
-/// A curve and its inverse for many values.
+/// Tables of a curve for many values.
 pub(crate) struct ToneTable {
-    /// At equal steps of the square root of the stored value, 0 to 1.
+    /// Radiances at equal steps of the square root of the stored value, 0 to 1.
     radiance: Vec<f32>,
-    /// Logarithmic slope beyond full scale.
+    /// Log-log slope beyond full scale.
     slope: f32,
 }
 
 impl ToneTable {
-    /// `None` for a curve that leaves values as they are.
+    /// `None` for the identity.
     pub fn new(curve: &ToneCurve) -> Option<Self> {
         if curve.is_identity() {
             return None;
@@ -158,7 +156,7 @@ impl ToneTable {
         self.radiance[TABLE_STEPS]
     }
 
-    /// Value proportional to radiance of a stored one; odd below 0.
+    /// Radiance-proportional value of a stored one, extended as an odd function.
     #[inline]
     pub fn undo(&self, stored: f32) -> f32 {
         let size = stored.abs();
@@ -171,7 +169,7 @@ impl ToneTable {
         (from + part * (to - from)).copysign(stored)
     }
 
-    /// The stored value that [`Self::undo`] makes this one of.
+    /// Inverse of [`Self::undo`].
     pub fn put_on(&self, radiance: f32) -> f32 {
         let size = radiance.abs();
         if size >= self.full() || size.is_nan() {
@@ -197,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn no_parameters_change_nothing_and_equal_ones_are_a_power_law() {
+    fn zero_parameters_are_the_identity_and_equal_ones_a_power_law() {
         assert!(ToneTable::new(&ToneCurve::default()).is_none());
         let none = LogCurve::new(ToneCurve::default());
         for log in [-20.0, -8.3, -3.0, -0.2, 0.0, 1.0] {
@@ -209,7 +207,7 @@ mod tests {
         for stored in [1e-4, 0.003, 0.1, 0.5, 0.97, 1.0, 3.0] {
             let expected = anchor * (stored / anchor).powf(power);
             let found = f64::from(table.undo(stored as f32));
-            // Steps of the table: a part of 1e-4 at the lowest of these values.
+            // Table steps: 1e-4 relative at the lowest values.
             assert!((found / expected - 1.0).abs() < 3e-4, "{stored}: {found} {expected}");
         }
     }
@@ -222,7 +220,7 @@ mod tests {
             let values: Vec<f32> = stored.iter().map(|v| table.undo(*v)).collect();
             assert!(values.windows(2).all(|w| w[1] > w[0]), "{log_slopes:?}");
             for (s, v) in stored.iter().zip(&values) {
-                // single precision through a steep inverse
+                // single precision, steep inverse
                 assert!((table.put_on(*v) - s).abs() <= 2e-5 * s.max(0.01), "{s} {v}");
                 assert_eq!(table.undo(-s), -v);
             }
@@ -239,7 +237,7 @@ mod tests {
                 let h = LogCurve::STEP;
                 let slope =
                     1.0 + (gain(log_slopes, log + h) - gain(log_slopes, log - h)) / (2.0 * h);
-                // Steps of 1/64 of the logarithm: second order.
+                // Second order in steps of 1/64 of the log.
                 assert!((slope / lift.slope - 1.0).abs() < 1e-3, "{log}: {slope} {}", lift.slope);
                 for k in 0..3 {
                     let (mut more, mut less) = (log_slopes, log_slopes);

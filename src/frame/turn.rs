@@ -1,10 +1,10 @@
-//! Photographs turned by quarters.
+//! Quarter turns of photographs.
 
 use super::photo::{Photo, Pixels};
 use super::plane::Rotation;
 
 impl Rotation {
-    /// The rotation by so many degrees clockwise: 0, 90, 180 or 270.
+    /// The clockwise rotation by 0, 90, 180 or 270 degrees.
     pub fn from_degrees(degrees: u32) -> Option<Self> {
         match degrees {
             0 => Some(Self::None),
@@ -57,9 +57,8 @@ mod tests {
     use crate::frame::Encoding;
 
     #[test]
-    fn pixels_go_where_a_turned_print_has_them() {
-        // a b c
-        // d e f
+    fn pixels_are_turned_like_a_print() {
+        // a b c d e f
         let data: Vec<u8> = (1..=6).flat_map(|v| [v; 3]).collect();
         let photo = Photo::from_rgb8(3, 2, &data, 9, Encoding::Linear, 1.0).unwrap();
         for (degrees, size, expected) in [

@@ -1,5 +1,4 @@
-//! Leads the hand that holds the camera: for each picture of the preview, hold, move there, shoot now, or
-//! enough.
+//! Guides the user of a camera: for each preview picture, the answer is hold, move, shoot or enough.
 
 mod motion;
 mod options;
@@ -11,68 +10,68 @@ pub use self::options::GuideOptions;
 use crate::Rejection;
 use crate::session::{Hint, NextView, Probe, ProbedView, Session, Survey};
 
-/// What the user is to do.
+/// Instruction for the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// Put right what [`Guidance::rejection`] names: a photograph would not be used.
+    /// Correct the fault in [`Guidance::rejection`]: a photograph would be rejected.
     Adjust,
-    /// Keep the camera where it is: until it is steady, or a photograph has been taken in.
+    /// Keep the camera still, until it is steady or a photograph has been processed.
     Hold,
-    /// Go to [`Guidance::target`].
+    /// Move to [`Guidance::target`].
     Move,
-    /// Nothing: take the photograph now.
+    /// Take the photograph now.
     Shoot,
-    /// Nothing more: a further photograph would tell little.
+    /// Stop: another photograph would add little information.
     Enough,
 }
 
-/// What a [`Guide`] answers to a picture of the preview.
+/// Answer of a [`Guide`] to a preview picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guidance {
-    /// What to do.
+    /// Instruction.
     pub action: Action,
-    /// Why a photograph like the picture would not be used.
+    /// Reason why a photograph like the picture would be rejected.
     pub rejection: Option<Rejection>,
-    /// Where to go; `None` where the camera's place or the target is not known.
+    /// Position to move to; `None` if the camera's position or the target is unknown.
     pub target: Option<Target>,
-    /// Share of the expected squared error of renderings that a photograph from here would take away, 0 to
-    /// 1; `None` before the first photograph, and while that is being computed.
+    /// Share of the expected squared rendering error that a photograph from here would remove, 0 to
+    /// 1; `None` before the first photograph and during the computation.
     pub gain: Option<f32>,
-    /// The same of the view that tells most.
+    /// The same for the most informative view.
     pub best_gain: Option<f32>,
-    /// Accepted photographs so far.
+    /// Number of accepted photographs.
     pub photographs: usize,
-    /// For the user, in English.
+    /// Text for the user, in English.
     pub message: String,
 }
 
-/// A place to take a photograph from, as seen from where the camera is.
+/// A position to photograph from, relative to the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// The view.
     pub view: NextView,
-    /// From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
-    /// the picture shows the way.
+    /// Vector from the camera to the position, camera frame, mm: x right, y down, z forward. An
+    /// arrow along x and y in the picture shows the way.
     pub offset_mm: [f32; 3],
-    /// Angle between both views, seen from the sample, degrees.
+    /// Angle between both views at the sample, degrees.
     pub degrees: f32,
 }
 
-/// Views this close to the best in gain are as good, and the nearest of them is the target.
+/// Share of the best gain from which a view counts as equally good. The nearest of these is the target.
 const AS_GOOD: f32 = 0.95;
 
-/// Leads through one capture. One thread at a time.
+/// Guides one capture. Use it from one thread at a time.
 #[derive(Debug, Clone, Default)]
 pub struct Guide {
     options: GuideOptions,
     motion: Motion,
-    /// Time of the latest [`Action::Shoot`], and photographs then.
+    /// Time of the latest [`Action::Shoot`], and the number of photographs at that time.
     shot: Option<(f64, usize)>,
-    /// The target, and the survey it was chosen from.
+    /// The target, and the survey it comes from.
     target: Option<(NextView, Arc<Survey>)>,
 }
 
-/// What the next photograph is to be like.
+/// Desired next photograph.
 struct Wanted {
     view: NextView,
     distance_mm: f32,
@@ -83,22 +82,22 @@ struct Wanted {
 }
 
 impl Guide {
-    /// A guide with other numbers than the default ones.
+    /// A guide with custom options.
     pub fn new(options: GuideOptions) -> Self {
         Self { options, ..Self::default() }
     }
 
-    /// What to do, by a probe of the latest picture of the preview and the state of the fit. `seconds`: when
-    /// the picture was taken, by any clock that does not jump. Waits for nothing.
+    /// The instruction for a probe of the latest preview picture and the present state of the fit.
+    /// `seconds` is the time of the picture by a monotonic clock. Does not block.
     ///
-    /// After [`Action::Shoot`] it answers [`Action::Hold`] until the photograph has been pushed, or
-    /// [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that at once.
+    /// After [`Action::Shoot`] the answer is [`Action::Hold`] until the photograph has been pushed
+    /// or [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that immediately.
     pub fn next(&mut self, session: &Session, probe: &Probe, seconds: f64) -> Guidance {
         let photographs = session.progress().frames;
         self.decide(session.survey(), photographs, probe, seconds)
     }
 
-    /// Tells that the photograph asked for was not taken, or was rejected.
+    /// Reports that the requested photograph was not taken, or was rejected.
     pub fn missed(&mut self) {
         self.shot = None;
     }
@@ -165,7 +164,7 @@ impl Guide {
                 && told.is_some_and(|best| best.gain < self.options.enough)
     }
 
-    /// `None` while the fit has not told what views are worth.
+    /// `None` until the fit has computed the gains of views.
     fn wanted(
         &mut self,
         survey: Option<Arc<Survey>>,
@@ -204,7 +203,7 @@ impl Guidance {
     }
 }
 
-/// The target as seen from the camera.
+/// The target relative to the camera.
 fn target(probe: &Probe, wanted: &Wanted) -> Option<Target> {
     let (pose, view) = (probe.pose?.pose, probe.view?);
     let at = wanted.view.direction.map(|v| f64::from(v * wanted.distance_mm));
@@ -232,7 +231,7 @@ fn words(wanted: &Wanted, photographs: usize) -> String {
     format!("Go to the {side} side, {tilt_deg:.0} degrees off the top")
 }
 
-/// With a capital letter.
+/// Capitalises the text of a rejection.
 fn sentence(rejection: &Rejection) -> String {
     let text = rejection.to_string();
     let mut letters = text.chars();

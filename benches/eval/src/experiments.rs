@@ -1,4 +1,4 @@
-//! What is tried; every row of a table is a mean over all crops.
+//! Experiments; every row of a table is a mean over all crops.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, w
 use crate::report::Report;
 use crate::streaming::Setup;
 
-/// Chooses places and noise of a crop's photographs.
+/// Seed of positions and noise of a crop's photographs.
 pub fn seed(index: usize) -> u64 {
     1000 + index as u64
 }
@@ -52,7 +52,7 @@ pub fn photos(
             for observation in &observations[seen..count] {
                 deep.add(observation.clone())?;
                 rough.add(observation.clone())?;
-                // as in a capture: what one photograph brought is there when the next comes
+                // As in a capture, the fit settles before the next photograph.
                 if count <= 5 {
                     deep.settle()?;
                     rough.settle()?;
@@ -201,13 +201,13 @@ pub fn resolution(
     Ok(())
 }
 
-/// Texels a side from which on materials take part in a comparison of resolutions.
+/// Least texels per side of materials in the comparison of resolutions.
 const LEAST_SIDE: usize = 1024;
 
 /// Height and width of the code of a crop.
 const SIDE_OF_CODE: [usize; 2] = [16, 16];
 
-/// The start that the paper's Figure 16 warns of: much too rough, too little specular.
+/// The bad start of the paper's Figure 16: much too rough, too little specular.
 fn spoiled(maps: &Svbrdf) -> Svbrdf {
     let mut maps = maps.clone();
     maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));

@@ -1,4 +1,4 @@
-//! Records of fits, which the completion network learns from.
+//! Records of fits for the training of the completion network.
 
 use std::path::{Path, PathBuf};
 
@@ -33,8 +33,8 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Records what the learned prior begins with and the truth, as half floats: `NAME-COUNT.f16` (see
-/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-truth.f16`, the same coordinates. Names of
+/// Records input and target of the learned prior as half floats: `NAME-COUNT.f16` (see
+/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-truth.f16` in the same coordinates. Names of
 /// materials end with the seed.
 pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     let Arguments { captures, out, .. } = arguments;
@@ -69,7 +69,7 @@ fn of_materials(arguments: &Arguments, recorder: &Recorder) -> Result<()> {
     Ok(())
 }
 
-/// The first photographs of a capture, each as a session knows it when it comes.
+/// The first photographs of a capture, each as calibrated on arrival.
 fn observations(capture: &Capture, setup: &Setup, most: usize) -> Result<Vec<Observation>> {
     let session = setup.session(capture, Variant::Deep)?;
     session.pause();
@@ -99,7 +99,7 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    /// Photographs of the largest record.
+    /// Number of photographs in the largest record.
     fn most(&self) -> usize {
         self.counts.iter().copied().max().unwrap_or(2)
     }
@@ -112,8 +112,8 @@ impl Recorder<'_> {
         !self.path(stem, "truth").exists()
     }
 
-    /// Fits photographs one by one; `roughly` says how well their lights are known. Of one
-    /// photograph there is nothing to record.
+    /// Fits photographs one by one. `roughly` says whether their lights are only roughly known. One
+    /// photograph gives no record.
     fn record(
         &self,
         stem: &str,

@@ -1,5 +1,5 @@
-//! Hashes of the maps' bits: equal before and after a change of the code that must not change any
-//! result, and for any number of threads.
+//! Hashes of the maps' bits, which must be equal before and after a refactoring, and for any number
+//! of threads.
 
 use std::path::PathBuf;
 
@@ -33,16 +33,16 @@ pub struct Arguments {
     resolution: usize,
 }
 
-/// Materials taken from the folder: the first, one in the middle, the last of the selected.
+/// Materials used: the first, the middle and the last of the selected ones.
 const MATERIALS: usize = 3;
 
-/// FNV-1a of 64 bits over the bits of all planes, those of the lobes last, little-endian.
+/// 64-bit FNV-1a over the bits of all planes, lobes last, little-endian.
 fn hash(maps: &Svbrdf) -> u64 {
     let values = maps.planes().iter().chain(maps.lobes());
     fnv1a(values.flat_map(|v| v.to_bits().to_le_bytes()))
 }
 
-/// Offset basis and prime are those of the published function.
+/// Offset basis and prime of the published function.
 fn fnv1a(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
@@ -130,7 +130,7 @@ fn materials(folder: PathBuf, arguments: &Arguments, setup: &Setup) -> Result<()
 mod tests {
     use super::*;
 
-    /// Values published with the function.
+    /// Published values.
     #[test]
     fn hashes_are_those_of_fnv_1a() {
         for (text, expected) in [

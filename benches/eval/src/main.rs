@@ -1,5 +1,5 @@
-//! Evaluation: captures and photographs that predict others, known materials (the tables and
-//! figures of Gao et al. 2019), and whether a change of the code makes anything worse.
+//! Evaluation: prediction of held-out photographs, known materials (the tables and figures of Gao
+//! et al. 2019), and a gate against losses of accuracy and speed.
 
 mod artifacts;
 mod captures;
@@ -53,7 +53,7 @@ struct Arguments {
 enum Command {
     /// Errors of the maps of captures whose true maps are known
     Captures(captures::Arguments),
-    /// Whether maps lean and have highlights printed into their gloss
+    /// Tilt of maps and highlights baked into their gloss
     Artifacts(artifacts::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
@@ -115,10 +115,10 @@ enum Command {
     },
 }
 
-/// Texels a side of maps where a command does not say otherwise.
+/// Default texels per side of the maps.
 const RESOLUTION: usize = 256;
 
-/// Whether the command found nothing wrong.
+/// Runs a command; returns whether it found no fault.
 fn run(arguments: &Arguments) -> Result<bool> {
     let networks = Arc::new(match &arguments.models {
         Some(folder) => Networks::from_folder(folder)?,

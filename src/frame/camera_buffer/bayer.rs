@@ -1,4 +1,4 @@
-//! Raw values of a sensor behind a mosaic of colour filters.
+//! Raw sensor values behind a colour filter mosaic.
 
 use crate::frame::encoding::Encoding;
 use crate::frame::photo::Photo;
@@ -18,31 +18,31 @@ pub enum BayerPattern {
     Bggr,
 }
 
-/// What raw sensor values mean.
+/// Meaning of raw sensor values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bayer {
     /// Order of the colour filters.
     pub pattern: BayerPattern,
-    /// Value of darkness at the four places of the pattern, row by row.
+    /// Black level at the four positions of the pattern, row by row.
     pub black_level: [f32; 4],
-    /// Value of full scale; samples at or above it are clipped.
+    /// White level; samples at or above it are clipped.
     pub white_level: f32,
-    /// Gains of R, G and B that turn neutral gray neutral.
+    /// Gains of R, G and B that make gray neutral.
     pub white_balance: [f32; 3],
     /// Rows of the matrix from white-balanced sensor colours to linear Rec. 709.
     pub color_matrix: [[f32; 3]; 3],
 }
 
 impl Photo {
-    /// Develops 16-bit raw sensor values into linear Rec. 709 of 16 bits: black level, white
-    /// balance, demosaicking after Malvar, He and Cutler (ICASSP 2004), colour matrix. A channel
-    /// that was clipped on the sensor, at the pixel or next to it, is saturated.
+    /// Develops 16-bit raw values to 16-bit linear Rec. 709: black level, white balance,
+    /// demosaicking after Malvar, He and Cutler (ICASSP 2004), colour matrix. A channel that is
+    /// clipped at the pixel or next to it is saturated.
     ///
-    /// Full scale of the result is where the channel with the smallest gain clips; the others are
-    /// cut off there too.
+    /// Full scale of the result is the clipping level of the channel with the smallest gain; the
+    /// other channels are clipped there too.
     ///
     /// # Errors
-    /// When the sizes do not fit the plane or a number is out of range.
+    /// If the sizes do not fit the plane or a number is out of range.
     pub fn from_bayer16(
         size: [u32; 2],
         plane: Plane,
@@ -53,12 +53,11 @@ impl Photo {
         Self::developed(size, plane, bayer, None, rotation, exposure)
     }
 
-    /// As [`Photo::from_bayer16`], with the lens's shading undone: `gains` multiply what is above
-    /// the black level, one for each sensor pixel, row by row.
+    /// As [`Photo::from_bayer16`] with a correction of lens shading: `gains` multiply the values
+    /// above the black level, one per sensor pixel, row by row.
     ///
     /// # Errors
-    /// As [`Photo::from_bayer16`], and when `gains` are not as many positive numbers as there are
-    /// pixels.
+    /// As [`Photo::from_bayer16`], or if `gains` does not hold one positive number per pixel.
     pub fn from_bayer16_shaded(
         size: [u32; 2],
         plane: Plane,
@@ -92,7 +91,7 @@ impl Photo {
 }
 
 impl Bayer {
-    /// Checks every number; the smallest gain.
+    /// Checks every number; returns the smallest gain.
     fn check(&self) -> Result<f32> {
         let black = self.black_level.iter().fold(0.0f32, |a, &b| a.max(b));
         if !self.black_level.iter().all(|v| v.is_finite() && *v >= 0.0) {
@@ -129,7 +128,7 @@ impl BayerPattern {
     }
 }
 
-/// White-balanced sensor values with a margin of two mirrored pixels all round.
+/// White-balanced sensor values with a mirrored margin of two pixels.
 struct Sensor {
     values: Vec<f32>,
     clipped: Vec<bool>,
@@ -162,7 +161,7 @@ impl Sensor {
         Self { values, clipped, pattern: bayer.pattern, width, height }
     }
 
-    /// Interleaved linear RGB of 16 bits.
+    /// Interleaved 16-bit linear RGB.
     fn developed(&self, matrix: &[[f32; 3]; 3]) -> Vec<u16> {
         let mut out = Vec::with_capacity(3 * self.width * self.height);
         for y in 0..self.height {
@@ -184,7 +183,7 @@ impl Sensor {
         (y + MARGIN) * (self.width + 2 * MARGIN) + x + MARGIN
     }
 
-    /// Red, green and blue of a pixel by the linear filters of the paper, scaled by 1/8.
+    /// RGB of a pixel by the linear filters of the paper, scaled by 1/8.
     #[inline]
     fn demosaicked(&self, x: usize, y: usize) -> [f32; 3] {
         let row = self.width + 2 * MARGIN;
@@ -211,7 +210,7 @@ impl Sensor {
         }
     }
 
-    /// Which channels have a clipped sample among the 3 x 3 round a pixel.
+    /// Channels with a clipped sample in the 3 x 3 pixels around a pixel.
     #[inline]
     fn clipped_channels(&self, x: usize, y: usize) -> [bool; 3] {
         let row = self.width + 2 * MARGIN;
@@ -220,7 +219,7 @@ impl Sensor {
         for dy in 0..3 {
             for dx in 0..3 {
                 if self.clipped[i + dy * row + dx - row - 1] {
-                    // Mirrored samples keep the pattern: two rows or columns further in.
+                    // Two more rows or columns keep the phase of the pattern.
                     found[self.pattern.color(x + dx + 1, y + dy + 1)] = true;
                 }
             }
@@ -229,10 +228,10 @@ impl Sensor {
     }
 }
 
-/// Position inside of a position with margin, mirrored at the outermost pixel's centre so that the
-/// pattern goes on.
+/// Position inside for a position with margin, mirrored at the centre of the outermost pixel so
+/// that the pattern continues.
 fn mirrored(at: usize, size: usize) -> usize {
     let i = at.abs_diff(MARGIN);
-    // Pictures of one or two pixels have no pattern to keep; anything inside will do.
+    // Pictures of one or two pixels have no pattern; any position works.
     if i < size { i } else { (2 * size).saturating_sub(i + 2).min(size - 1) }
 }

@@ -1,5 +1,4 @@
-//! Buffers as cameras and graphics interfaces hand them over: planes with strides, in any of the
-//! usual layouts, turned upright.
+//! Buffers of cameras and graphics interfaces: planes with strides in common layouts, rotated upright.
 
 mod bayer;
 
@@ -47,31 +46,30 @@ impl Interleaved {
     }
 }
 
-/// How luma and chroma were made from R'G'B'. Ranges are those of 8 bits; with 10 bits, they are
-/// four times that: luma 64 to 940, chroma 64 to 960.
+/// Conversion of R'G'B' to luma and chroma. Ranges are those of 8 bits; with 10 bits they are four
+/// times as large: luma 64 to 940, chroma 64 to 960.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum YuvMatrix {
-    /// ITU-R BT.601, luma and chroma use all 256 values: JPEG, and Android's `YUV_420_888`.
+    /// ITU-R BT.601, full range: JPEG, and Android's `YUV_420_888`.
     Bt601Full,
     /// ITU-R BT.601, luma 16 to 235, chroma 16 to 240.
     Bt601Limited,
-    /// ITU-R BT.709, all 256 values.
+    /// ITU-R BT.709, full range.
     Bt709Full,
     /// ITU-R BT.709, luma 16 to 235, chroma 16 to 240.
     Bt709Limited,
-    /// ITU-R BT.2020 with non-constant luminance, all values.
+    /// ITU-R BT.2020 with non-constant luminance, full range.
     Bt2020Full,
     /// ITU-R BT.2020 with non-constant luminance, luma 16 to 235, chroma 16 to 240.
     Bt2020Limited,
 }
 
 impl Photo {
-    /// Copies interleaved pixels. `saturation` is the level at which floats are clipped (infinite:
-    /// never); integers are clipped as in [`Photo::from_rgb8`] and [`Photo::from_rgb16`].
+    /// Copies interleaved pixels. `saturation` is the clipping level of floats (infinite: none);
+    /// integers are clipped as in [`Photo::from_rgb8`] and [`Photo::from_rgb16`].
     ///
     /// # Errors
-    /// When the sizes do not fit the plane, a number is out of range, or a curve is stated for
-    /// floats.
+    /// If the sizes do not fit the plane, a number is out of range, or a curve is given for floats.
     pub fn from_interleaved(
         [width, height]: [u32; 2],
         plane: Plane,
@@ -119,12 +117,12 @@ impl Photo {
         }
     }
 
-    /// Converts luma and half-resolution chroma (`YUV_420_888`, NV12, NV21, I420: the strides tell
-    /// them apart). Chroma samples lie between four pixels and are interpolated. `encoding` is the
+    /// Converts luma and half-resolution chroma (`YUV_420_888`, NV12, NV21, I420, distinguished by
+    /// the strides). Chroma samples lie between four pixels and are interpolated. `encoding` is the
     /// curve of the resulting R'G'B'.
     ///
     /// # Errors
-    /// When the sizes do not fit the planes or the exposure is not positive.
+    /// If the sizes do not fit the planes or the exposure is not positive.
     pub fn from_yuv420(
         size: [u32; 2],
         planes: [Plane; 3],
@@ -134,18 +132,18 @@ impl Photo {
         exposure: f32,
     ) -> Result<Self> {
         let coefficients = matrix.coefficients(1.0);
-        // The conversion saturates: below 0 and above 255 are cut off.
+        // The cast saturates to 0 to 255.
         let store = |v: f32| (v + 0.5) as u8;
         let rgb = yuv420::<_, 1>(size, planes, &coefficients, |[v]| f32::from(v), store)?;
         let [w, h] = rotation.size(size);
         Self::from_u8(w, h, rotation.apply(size, rgb), encoding, exposure)
     }
 
-    /// As [`Photo::from_yuv420`] with 10 bits in the upper ones of 16-bit words, the lower ones
-    /// ignored (P010): 16-bit R'G'B'.
+    /// As [`Photo::from_yuv420`], for 10 bits in the upper bits of 16-bit words (P010); the result
+    /// is 16-bit R'G'B'.
     ///
     /// # Errors
-    /// When the sizes do not fit the planes or the exposure is not positive.
+    /// If the sizes do not fit the planes or the exposure is not positive.
     pub fn from_p010(
         size: [u32; 2],
         planes: [Plane; 3],
@@ -163,7 +161,7 @@ impl Photo {
     }
 }
 
-/// Interleaved R'G'B' of luma and half-resolution chroma with `N` bytes a sample.
+/// Interleaved R'G'B' from luma and half-resolution chroma with `N` bytes per sample.
 fn yuv420<T, const N: usize>(
     [width, height]: [u32; 2],
     planes: [Plane; 3],
@@ -185,7 +183,7 @@ fn yuv420<T, const N: usize>(
     Ok(rgb)
 }
 
-/// Chroma at a pixel from the four samples round it: they lie in the middle of 2 x 2 pixels.
+/// Chroma at a pixel, from the four samples around it; each lies in the middle of 2 x 2 pixels.
 #[inline]
 fn between(
     plane: &Reader,
@@ -215,7 +213,7 @@ struct YuvCoefficients {
 }
 
 impl YuvMatrix {
-    /// For samples of `step` to one of 8 bits.
+    /// Coefficients for samples with `step` units per 8-bit unit.
     fn coefficients(self, step: f32) -> YuvCoefficients {
         let (kr, kb) = match self {
             Self::Bt601Full | Self::Bt601Limited => (0.299, 0.114),

@@ -10,7 +10,7 @@ fn tight(data: &[u8], row_stride: usize) -> Plane<'_> {
 const PIXELS: [u8; 18] =
     [0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130, 140, 255, 1, 2];
 
-/// The pixels in a layout, with gaps after each pixel and row.
+/// The pixels in a layout, with gaps between pixels and rows.
 fn laid_out(layout: Interleaved, gap: usize) -> (Vec<u8>, usize, usize) {
     let pixel = layout.bytes() + gap;
     let row = 3 * pixel + 5;
@@ -67,7 +67,8 @@ fn every_layout_gives_the_same_pixels_whatever_the_strides() {
             .unwrap();
             let scale = if layout == Interleaved::RgbaF16 { 255.0 } else { 1.0 };
             for (found, expected) in photo.to_linear().iter().zip(&expected) {
-                // Tables are computed in f64, floats divided in f32: half a unit in the last place.
+                // Tables are computed in f64, floats divided in f32: a tolerance of half a unit in
+                // the last place.
                 assert!((found - expected * scale).abs() < 1e-6 * scale, "{layout:?}");
             }
             assert_eq!(photo.exposure(), 2.0);
@@ -109,7 +110,7 @@ fn planes_that_are_too_short_or_overflow_are_refused() {
         let layout = Interleaved::Rgba8;
         Photo::from_interleaved(size, plane, layout, Encoding::Srgb, Rotation::None, 1.0, 1.0)
     };
-    // The last row may end right after its last pixel.
+    // The last row may end after its last pixel.
     assert!(attempt([2, 2], Plane { data: &data[..24], row_stride: 16, pixel_stride: 4 }).is_ok());
     for (size, row_stride, pixel_stride) in [
         ([0, 2], 16, 4),
@@ -137,7 +138,7 @@ fn planes_that_are_too_short_or_overflow_are_refused() {
     assert!(floats.is_err(), "floats with a curve");
 }
 
-/// The definitions of the standards, from R'G'B' to luma and chroma.
+/// R'G'B' to luma and chroma as defined by the standards.
 fn luma_chroma(rgb: [f64; 3], kr: f64, kb: f64, full: bool, bits: i32) -> [u16; 3] {
     let y = kr * rgb[0] + (1.0 - kr - kb) * rgb[1] + kb * rgb[2];
     let (u, v) = (0.5 * (rgb[2] - y) / (1.0 - kb), 0.5 * (rgb[0] - y) / (1.0 - kr));
@@ -164,7 +165,7 @@ const COLORS: [[f64; 3]; 5] =
 fn ten_bits_come_back_four_times_as_fine() {
     for (matrix, kr, kb, full) in MATRICES {
         for rgb in COLORS {
-            // Words of 5 x 3 pixels of one colour; the lower bits, of no meaning, are set.
+            // 5 x 3 words of one colour, with the ignored lower bits set.
             let [y, u, v] = luma_chroma(rgb, kr, kb, full, 10).map(|v| (v << 6 | 21).to_ne_bytes());
             let luma = y.repeat(15);
             let chroma: Vec<u8> = [u, v].concat().repeat(6);
@@ -180,10 +181,10 @@ fn ten_bits_come_back_four_times_as_fine() {
             let photo = read(planes).unwrap();
             assert_eq!((photo.width(), photo.height()), (3, 5));
             for (found, expected) in photo.pixel(2, 4).iter().zip(rgb) {
-                // As with 8 bits: 0.5 (1 + 1.88) steps of 1/876.
+                // Tolerance as for 8 bits: 0.5 (1 + 1.88) steps of 1/876.
                 assert!((f64::from(*found) - expected).abs() < 1.5 / 876.0, "{matrix:?} {rgb:?}");
             }
-            // Rounding of chroma may leave a full red a step below full scale, white never.
+            // Rounded chroma may leave full red one step below full scale, but never white.
             if rgb != [1.0, 0.0, 0.0] {
                 assert_eq!(photo.is_clipped(0, 0), rgb == [1.0; 3], "{matrix:?} {rgb:?}");
             }
@@ -198,7 +199,7 @@ fn yuv_comes_back_as_the_rgb_it_was_made_from() {
     for (matrix, kr, kb, full) in MATRICES {
         for rgb in COLORS {
             let [y, u, v] = luma_chroma(rgb, kr, kb, full, 8).map(|v| v as u8);
-            // 5 x 3 pixels of one colour, chroma interleaved as in NV12: 3 x 2 samples.
+            // 5 x 3 pixels of one colour; chroma interleaved as in NV12, 3 x 2 samples.
             let luma = [y; 15];
             let chroma: Vec<u8> = [u, v].repeat(6);
             let planes = [
@@ -217,7 +218,7 @@ fn yuv_comes_back_as_the_rgb_it_was_made_from() {
             .unwrap();
             assert_eq!((photo.width(), photo.height()), (3, 5));
             for (found, expected) in photo.pixel(2, 4).iter().zip(rgb) {
-                // Rounding of luma and chroma: 0.5 (1 + 1.86) steps of 1/219 at most.
+                // Rounding of luma and chroma: at most 0.5 (1 + 1.86) steps of 1/219.
                 assert!((f64::from(*found) - expected).abs() < 1.5 / 219.0, "{matrix:?} {rgb:?}");
             }
         }
@@ -227,7 +228,7 @@ fn yuv_comes_back_as_the_rgb_it_was_made_from() {
 #[test]
 fn chroma_is_interpolated_between_its_samples() {
     let luma = [128; 8];
-    // One chroma sample per two columns: 128 then 160, centred at x = 0.5 and 2.5.
+    // One chroma sample per two columns: 128, then 160, centred at x = 0.5 and 2.5.
     let (u, v) = ([128; 2], [128, 160]);
     let planes = [tight(&luma, 4), tight(&u, 2), tight(&v, 2)];
     let size = [4, 2];
@@ -277,18 +278,18 @@ fn develop(data: &[u8], bayer: &Bayer) -> Photo {
 }
 
 #[test]
-fn raw_of_a_plain_colour_and_of_a_ramp_is_developed_exactly() {
+fn plain_colours_and_ramps_are_developed_exactly() {
     for (pattern, colors) in PATTERNS {
         let plain = develop(&mosaic(colors, |_, _| [0.2, 0.5, 0.7]), &bayer(pattern));
         for y in 0..10 {
             for x in 0..12 {
                 for (found, expected) in plain.pixel(x, y).iter().zip([0.2, 0.5, 0.7]) {
-                    // 10-bit rounding, half a step, times the filters' gain of at most 2.
+                    // Tolerance: half a 10-bit step, times the filters' gain of at most 2.
                     assert!((found - expected).abs() < 1.0 / 959.0, "{pattern:?} {x} {y}");
                 }
             }
         }
-        // Linear filters that reproduce constants and are symmetric reproduce gray ramps.
+        // Symmetric linear filters that preserve constants preserve gray ramps.
         let gray = |x: usize, y: usize| [0.1 + 0.03 * x as f32 + 0.02 * y as f32; 3];
         let ramp = develop(&mosaic(colors, gray), &bayer(pattern));
         for y in 2..8 {
@@ -317,10 +318,10 @@ fn white_balance_and_matrix_act_before_and_after_demosaicking() {
     let photo = develop(&mosaic(colors, |_, _| raw), &settings);
     for (found, row) in photo.pixel(5, 5).iter().zip(matrix) {
         let expected: f32 = row.iter().zip(balanced).map(|(m, v)| m * v).sum();
-        // The blacks of 60 and 70 where 64 was added: 6 / 959 of green, times 1.5 in red and blue.
+        // True blacks are 60 and 70 instead of 64: 6 / 959 in green, times 1.5 in red and blue.
         assert!((found - expected).abs() < 0.015, "{found} {expected}");
     }
-    // Gains below 1 would leave clipped values below full scale: they go into the exposure.
+    // Gains below 1 would put clipped values below full scale, so they change the exposure.
     let dim = Bayer { white_balance: [1.0, 0.5, 0.8], ..settings };
     let scaled = develop(&mosaic(colors, |_, _| raw), &dim);
     assert_eq!(scaled.to_linear(), photo.to_linear());
@@ -330,7 +331,7 @@ fn white_balance_and_matrix_act_before_and_after_demosaicking() {
 #[test]
 fn clipped_samples_mark_their_channel_only() {
     let (pattern, colors) = PATTERNS[0];
-    // Low enough for interpolation next to full scale to stay below it.
+    // Low enough for interpolated values beside full scale to stay below it.
     let mut data = mosaic(colors, |_, _| [0.3; 3]);
     // (4, 4) is red in this pattern.
     data[2 * (4 * 12 + 4)..][..2].copy_from_slice(&1023u16.to_ne_bytes());

@@ -1,4 +1,4 @@
-//! Whether the stated deviations of the maps are those of their errors.
+//! Compares the stated deviations of the maps with their errors.
 
 mod table;
 
@@ -38,11 +38,11 @@ pub struct Arguments {
     record: Option<PathBuf>,
 }
 
-/// Texels of an estimate that are looked at, about.
+/// Approximate number of sampled texels per estimate.
 const SAMPLES: usize = 500;
-/// Median roughness from which on a material counts as matt.
-const MATT: f64 = 0.45;
-/// Where the evidence goes.
+/// Median roughness from which on a material counts as matte.
+const MATTE: f64 = 0.45;
+/// Destination of the evidence.
 struct Judge {
     table: Table,
     record: Option<(PathBuf, BufWriter<File>)>,
@@ -55,8 +55,8 @@ impl Judge {
         let confidence = evidence.confidence()?;
         let (maps, n) = (evidence.maps(), truth.texels());
         let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
-        let matt = median(roughness).is_some_and(|middle| middle >= MATT);
-        let group = Group { case: self.cases, photos, matt };
+        let matte = median(roughness).is_some_and(|middle| middle >= MATTE);
+        let group = Group { case: self.cases, photos, matte };
         let stride = (n / SAMPLES).max(1) | 1;
         for t in (stride / 2..n).step_by(stride) {
             for (map, (_, range)) in MAPS.into_iter().enumerate() {
@@ -64,7 +64,7 @@ impl Judge {
                 let errors: Vec<f32> = range.map(error).collect();
                 let deviation = confidence.planes()[map * n + t];
                 if let Some((path, file)) = &mut self.record {
-                    // A row: case, photographs, map, number of errors, terms, errors.
+                    // Row: case, photographs, map, number of errors, terms, errors.
                     let head = [self.cases, photos, map, errors.len()].map(|v| v as f32);
                     let row = head.into_iter().chain(evidence.terms(map, t));
                     let row = row.chain((0..3).map(|i| errors.get(i).copied().unwrap_or(0.0)));
@@ -139,7 +139,7 @@ fn of_materials(
             for (i, observation) in observations.into_iter().enumerate() {
                 estimator.add(observation)?;
                 let wanted = arguments.photos.contains(&(i + 1));
-                // As in a capture: what one photograph brought is there when the next comes.
+                // As in a capture, the fit settles before the next photograph.
                 if wanted || i < 5 {
                     estimator.settle()?;
                 }

@@ -10,12 +10,12 @@ pub const MAPS: [(&str, std::ops::Range<usize>); 4] = [
     ("roughness", channel::ROUGHNESS..channel::ROUGHNESS + 1),
 ];
 
-/// What an estimate is of.
+/// Subject of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Group {
     pub case: usize,
     pub photos: usize,
-    pub matt: bool,
+    pub matte: bool,
 }
 
 /// A texel of a map.
@@ -33,7 +33,7 @@ pub struct Table {
     samples: Vec<Sample>,
 }
 
-/// Deviations at which the share of errors within is printed.
+/// Multiples of the deviation for the coverage table.
 const LEVELS: [f64; 5] = [0.5, 1.0, 1.5, 2.0, 3.0];
 
 impl Table {
@@ -44,12 +44,15 @@ impl Table {
         self.samples.push(Sample { group, map, deviation, ratios });
     }
 
-    /// Shares of errors within one and within two deviations, of matt and of glossy materials and by
-    /// number of photographs; rank correlations of stated deviations and errors, of texels and of
-    /// whole maps; and the shares within further multiples.
+    /// Prints the shares of errors within one and two deviations (overall, by gloss and by number
+    /// of photographs), rank correlations of deviations and errors (of texels and of whole maps),
+    /// and the shares within further multiples.
     pub fn print(&self, photos: &[usize]) {
         let numbers: Vec<String> = photos.iter().map(|n| format!("{n} photos |")).collect();
-        println!("| map | all | matt | glossy | {} rank, texels | rank, maps |", numbers.join(" "));
+        println!(
+            "| map | all | matte | glossy | {} rank, texels | rank, maps |",
+            numbers.join(" ")
+        );
         println!("|---|---|---|---|{}---|---|", "---|".repeat(photos.len()));
         let names = MAPS.iter().map(|(name, _)| *name).enumerate().map(|(i, n)| (Some(i), n));
         for (map, name) in names.chain([(None, "all maps")]) {
@@ -57,7 +60,7 @@ impl Table {
                 let ratios = self.ratios(map, is);
                 format!("{} / {}", percent(&ratios, 1.0), percent(&ratios, 2.0))
             };
-            let mut columns = vec![of(&|_| true), of(&|g| g.matt), of(&|g| !g.matt)];
+            let mut columns = vec![of(&|_| true), of(&|g| g.matte), of(&|g| !g.matte)];
             columns.extend(photos.iter().map(|n| of(&|g| g.photos == *n)));
             columns.push(map.map_or_else(String::new, |map| format!("{:.2}", self.by_texel(map))));
             columns.push(map.map_or_else(String::new, |map| format!("{:.2}", self.by_map(map))));
@@ -87,11 +90,11 @@ impl Table {
         rank_correlation(&pairs)
     }
 
-    /// Of root mean squares of whole estimates.
+    /// Rank correlation of the RMS values of whole estimates.
     fn by_map(&self, map: usize) -> f64 {
         let mut maps: Vec<(Group, [f64; 2])> = Vec::new();
         for sample in self.samples.iter().filter(|s| s.map == map) {
-            // All texels of an estimate have the same number, so that sums will do.
+            // All estimates have the same number of texels, so sums suffice.
             let squares = [sample.deviation.powi(2), sample.error().powi(2)];
             match maps.last_mut().filter(|(group, _)| *group == sample.group) {
                 Some((_, sums)) => sums.iter_mut().zip(squares).for_each(|(a, b)| *a += b),
@@ -104,7 +107,7 @@ impl Table {
 }
 
 impl Sample {
-    /// Root mean square of the errors.
+    /// RMS of the errors.
     fn error(&self) -> f64 {
         let squares: f64 = self.ratios.iter().map(|r| r * r).sum();
         self.deviation * (squares / self.ratios.len() as f64).sqrt()
@@ -129,7 +132,7 @@ fn rank_correlation(pairs: &[[f64; 2]]) -> f64 {
         while from < order.len() {
             let equal = order[from..].iter().take_while(|i| pairs[**i][k] == pairs[order[from]][k]);
             let to = from + equal.count();
-            // What is equal shares the mean rank.
+            // Ties share the mean rank.
             order[from..to].iter().for_each(|i| ranks[*i] = 0.5 * (from + to - 1) as f64);
             from = to;
         }

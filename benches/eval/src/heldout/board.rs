@@ -9,8 +9,8 @@ use svbrdf::{Error, Rejection, Result};
 use super::score::{HeldOut, SIDE};
 use crate::streaming::push;
 
-/// Photographs `held_out` from the top, and their radiometry by the board's squares. The session
-/// is paused, so that it places them without fitting them; it has accepted frames `fitted`.
+/// Rectified photographs `held_out` with their radiometry from the board's squares. The session is
+/// paused, so it calibrates them without fitting; it has accepted the frames `fitted`.
 pub fn photographs(
     session: &Session,
     capture: &Capture,
@@ -48,7 +48,7 @@ pub fn photographs(
         let top = TopView { sample_mm, height_mm, width: SIDE, height: SIDE, edge_px: 0.0 };
         let observation = rectify_raised(&photo, &camera, pose, &radiometry, top)
             .map_err(|reason| unusable(capture, index, reason))?;
-        // values as in the file, but for what lens and flash take from the borders
+        // values as in the file, corrected for lens and flash fall-off
         let exposure = (3.0 / radiometry.gain.iter().sum::<f64>()) as f32;
         let n = observation.texels();
         photographs.push(HeldOut {

@@ -1,5 +1,4 @@
-//! Errors of predicted photographs: some are fitted, others are rendered from the maps and compared
-//! with what was taken.
+//! Prediction errors: some photographs are fitted, others are rendered from the maps and compared.
 
 mod board;
 mod npy;
@@ -37,7 +36,7 @@ pub struct Arguments {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     protocol: Protocol,
-    /// What finds the maps
+    /// Estimator of the maps
     #[arg(long, default_value = "deep", value_parser = ["deep", "classic"])]
     method: String,
     /// Leave out the per-texel refinement
@@ -62,7 +61,7 @@ once, and the first alone predicts the others. Captures of a board are fitted in
 file; those with truth/heldout predict its frames, others their last two. Artifacts are as \
 `svbrdf-eval artifacts` has them.";
 
-/// What is fitted and how predictions are compared.
+/// The photographs to fit, and the comparison of predictions.
 #[derive(Clone, clap::Args)]
 pub struct Protocol {
     /// Numbers of photographs to fit
@@ -99,7 +98,7 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     Ok(())
 }
 
-/// Folders for what is to be looked at.
+/// Output folders for inspection.
 #[derive(Clone, Copy, Default)]
 pub struct Kept<'a> {
     /// Predicted photographs.
@@ -136,7 +135,7 @@ pub fn evaluate(
             let artifacts =
                 Artifacts::of(&stage.maps, truth.as_ref(), capture.sample_mm, &stage.places);
             for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
-                // an ideal photograph has its true light, others what all photographs share
+                // An ideal photograph has its true light, others the common correction.
                 let view = match &ideal {
                     Some(_) => photograph.view,
                     None => stage.exposure.predict(&photograph.view),
@@ -162,7 +161,7 @@ pub fn evaluate(
     Ok(records)
 }
 
-/// What is fitted and predicted of a capture, some of whose frames may be known without faults.
+/// The sessions of a capture, whose frames may have known ideal versions.
 fn courses(
     folder: &Path,
     capture: &Capture,
@@ -193,7 +192,7 @@ fn rendered(maps: &Svbrdf, view: &View, side: usize) -> Vec<f32> {
     radiance
 }
 
-/// A session that has seen the photographs to fit, and its maps on the way.
+/// A session after the photographs to fit, with its maps on the way.
 struct Course {
     session: Session,
     /// Indices of accepted frames.
@@ -201,13 +200,13 @@ struct Course {
     stages: Vec<Stage>,
 }
 
-/// What a session knew on the way.
+/// State of a session on the way.
 struct Stage {
-    /// Number of photographs sent.
+    /// Number of photographs pushed.
     fitted: usize,
     maps: Arc<Svbrdf>,
     exposure: Exposure,
-    /// Of the photographs accepted.
+    /// Of the accepted photographs.
     places: Vec<Place>,
 }
 
@@ -249,14 +248,14 @@ impl Course {
         self.stages.iter().map(|stage| (stage.fitted, &*stage.maps)).collect()
     }
 
-    /// The photographs to predict as they were taken.
+    /// The photographs to predict, with their true views.
     fn photographs(&self, capture: &Capture, plan: &Plan) -> Result<Vec<HeldOut>> {
         let Scene::Rectified { falloff } = capture.scene else {
             return board::photographs(&self.session, capture, &self.accepted, &plan.held_out);
         };
         let falloff = match falloff {
             RectifiedFalloff::Given(falloff) => falloff,
-            // the session's own choice: the first photograph's distance
+            // As the session chooses it: the distance of the first photograph.
             RectifiedFalloff::InverseSquareAuto => {
                 let first = capture.frames[plan.fitted[0]].rectified;
                 let camera_mm = first.map_or([0.0; 3], |view| view.camera_mm);
@@ -271,7 +270,7 @@ impl Course {
     }
 }
 
-/// A rectified photograph as its file has it.
+/// A rectified photograph from its file.
 fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
     let place = frame
         .rectified
@@ -287,7 +286,7 @@ fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<Hel
     let observation = from_rectified(&frame.read()?, view, SIDE, SIDE)
         .map_err(|e| Error::Image { path: frame.path.clone(), message: e.to_string() })?;
     let n = observation.texels();
-    // negative radiances mark saturated values
+    // Negative radiances mark saturated values.
     let observed =
         (0..3 * n).map(|i| frame.exposure * observation.radiance(i / n, i % n).abs()).collect();
     Ok(HeldOut { view, exposure: frame.exposure, observed, side: SIDE, seen: None })

@@ -1,4 +1,4 @@
-//! Photograph, prediction and difference side by side; maps of several numbers of photographs.
+//! Pictures of photograph, prediction and difference, and of maps by number of photographs.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -15,7 +15,7 @@ use super::table::Record;
 /// Black columns between the pictures.
 const GAP: usize = 4;
 
-/// Writes `CAPTURE-METHOD-nN-orderK-PHOTOGRAPH.png` into `out`, which is made if missing.
+/// Writes `CAPTURE-METHOD-nN-orderK-PHOTOGRAPH.png` into `out`; creates a missing folder.
 pub fn write(
     out: &Path,
     record: &Record,
@@ -38,8 +38,8 @@ pub fn write(
     save(&image, &path)
 }
 
-/// Writes maps by number of photographs into `CAPTURE-nN`, and all of them, with the true ones last,
-/// into the picture `CAPTURE.png`.
+/// Writes maps by number of photographs into `CAPTURE-nN`, and an overview with the true maps last
+/// into `CAPTURE.png`.
 pub fn write_maps(
     out: &Path,
     capture: &str,
@@ -61,7 +61,7 @@ fn save(image: &RgbImage, path: &Path) -> Result<()> {
     write_atomic(path, bytes.get_ref())
 }
 
-/// A row for each maps: normal, diffuse, F0, roughness.
+/// One row per set of maps: normal, diffuse, F0, roughness.
 fn sheet(rows: &[&Svbrdf]) -> RgbImage {
     let step = SIDE + GAP;
     let (width, height) = (4 * step - GAP, (rows.len() * step).saturating_sub(GAP));
@@ -90,7 +90,7 @@ fn byte(v: f32) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Values in [0, 1] in three planes each; a difference of 0 is gray, one of 0.5 white or black.
+/// Three planes each with values in [0, 1]. A difference of 0 is gray, one of ±0.5 white or black.
 fn side_by_side(photograph: &[f32], predicted: &[f32], side: usize) -> RgbImage {
     let n = side * side;
     let width = 3 * side + 2 * GAP;
