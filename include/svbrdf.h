@@ -1336,7 +1336,7 @@ svbrdf_status svbrdf_maps_copy(const struct svbrdf_maps *maps,
 
 /**
  * The maps at 1 / 2^level of their size (1: half, 2: a quarter; 0: as they are), without
- * confidence: means of squares of texels, of slopes for the normals, which stay unit vectors.
+ * uncertainty: means of squares of texels, of slopes for the normals, which stay unit vectors.
  * SVBRDF_INVALID_ARGUMENT when they cannot be halved so often. Free with svbrdf_maps_destroy().
  */
 svbrdf_status svbrdf_maps_reduced(const struct svbrdf_maps *maps,
@@ -1434,13 +1434,13 @@ svbrdf_status svbrdf_maps_destroy(struct svbrdf_maps *maps);
  * both. Computed when asked for; meaningful once the fit has settled. Waits for a step of the fit.
  * SVBRDF_NO_MAPS before the first photo. Free with svbrdf_maps_destroy().
  */
-svbrdf_status svbrdf_session_snapshot_confidence(const struct svbrdf_session *session,
+svbrdf_status svbrdf_session_snapshot_with_uncertainty(const struct svbrdf_session *session,
                                                  struct svbrdf_maps **out);
 
 /**
  * Standard deviation of each map as a whole: root mean square of the expected errors of its texels.
  */
-typedef struct svbrdf_confidence {
+typedef struct svbrdf_uncertainty {
     /** Size of this struct. */
     size_t size;
     /** Of each slope of the normal: tangent of a tilt. */
@@ -1451,19 +1451,19 @@ typedef struct svbrdf_confidence {
     float specular;
     /** Of roughness. */
     float roughness;
-} svbrdf_confidence;
+} svbrdf_uncertainty;
 
-/** Fills a confidence with zeros: pass sizeof(svbrdf_confidence). */
-svbrdf_status svbrdf_confidence_init(struct svbrdf_confidence *confidence, size_t size);
+/** Fills an uncertainty with zeros: pass sizeof(svbrdf_uncertainty). */
+svbrdf_status svbrdf_uncertainty_init(struct svbrdf_uncertainty *uncertainty, size_t size);
 
-/** One number for each map; only for maps of svbrdf_session_snapshot_confidence(). */
-svbrdf_status svbrdf_maps_confidence(const struct svbrdf_maps *maps,
-                                     struct svbrdf_confidence *confidence);
+/** One number for each map; only for maps of svbrdf_session_snapshot_with_uncertainty(). */
+svbrdf_status svbrdf_maps_uncertainty(const struct svbrdf_maps *maps,
+                                     struct svbrdf_uncertainty *uncertainty);
 
 /**
  * Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
  * colour of an albedo (linear), of roughness. Two errors of three are within it. Only for maps of
- * svbrdf_session_snapshot_confidence(). The memory belongs to the library and ends with the maps.
+ * svbrdf_session_snapshot_with_uncertainty(). The memory belongs to the library and ends with the maps.
  */
 svbrdf_status svbrdf_maps_deviations(const struct svbrdf_maps *maps,
                                      svbrdf_map map,
@@ -1514,7 +1514,7 @@ svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, 
  * Writes maps into a folder (UTF-8), which is made if missing.
  *
  * Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
- * bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+ * bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_with_uncertainty()) and
  * preview.png. No file is ever half-written under its name.
  *
  * With options: material.glb, material.usdz, a folder for every other format, and material.json,

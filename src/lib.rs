@@ -76,7 +76,6 @@ pub mod board_sheet;
 pub mod calibration;
 pub mod capture;
 pub mod comparison;
-pub mod confidence;
 #[doc(hidden)]
 pub mod estimate;
 pub mod export;
@@ -106,6 +105,7 @@ pub mod svbrdf;
 #[cfg(test)]
 mod test_support;
 pub mod threads;
+pub mod uncertainty;
 
 #[cfg(all(doctest, feature = "embedded-models"))]
 #[doc = include_str!("../README.md")]

@@ -65,7 +65,7 @@ fn questions_are_answered_between_two_steps() {
     assert_eq!(session.frame_fits().unwrap().len(), 1);
     assert!(session.step().unwrap());
     assert!(session.next_view().is_some());
-    session.assess().unwrap();
+    session.snapshot_with_uncertainty().unwrap();
     assert!(!session.wait_timeout(Duration::ZERO).unwrap());
     accepted(&session, &photos[1]);
     let saved = session.save().unwrap();

@@ -91,7 +91,7 @@ fun captureToMaps() {
     }
     MaterialScanner(options, listener).use { scanner ->
         verify(scanner.snapshot() == null) { "maps before the first photo" }
-        verify(scanner.snapshotConfidence() == null) { "confidence before the first photo" }
+        verify(scanner.snapshotWithUncertainty() == null) { "uncertainty before the first photo" }
         throws<IllegalStateException>("no photo") { scanner.export(out) }
         verify(scanner.nextView == null && scanner.camera!!.camera == camera) { "before photos" }
         for (i in 0..1) {
@@ -160,14 +160,14 @@ fun captureToMaps() {
             "$progress"
         }
         verify(Math.abs(scanner.light.flashOffsetMm[0] - 4.92) < 0.5) { "light" }
-        scanner.snapshotConfidence()!!.use { maps ->
+        scanner.snapshotWithUncertainty()!!.use { maps ->
             val rough = maps.deviations(MapKind.ROUGHNESS)
             val mean = Math.sqrt(rough.sumOf { it.toDouble() * it } / rough.size)
-            verify(Math.abs(mean - maps.confidence.roughness) < 1e-4) { "$mean ${maps.confidence}" }
-            verify(maps.confidence.normal > 0f && maps.confidence.diffuse > 0f) { "confidence" }
+            verify(Math.abs(mean - maps.uncertainty.roughness) < 1e-4) { "$mean ${maps.uncertainty}" }
+            verify(maps.uncertainty.normal > 0f && maps.uncertainty.diffuse > 0f) { "uncertainty" }
         }
         scanner.snapshot()!!.use { maps ->
-            throws<IllegalArgumentException>("confidence") { maps.confidence }
+            throws<IllegalArgumentException>("uncertainty") { maps.uncertainty }
             verify(maps.widthMm == 88f && maps.heightMm == 88f && maps.height == 256) { "size" }
             val normal = maps.floats(MapKind.NORMAL)
             verify(normal.remaining() == 3 * 256 * 256) { "${normal.remaining()}" }

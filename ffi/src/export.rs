@@ -148,7 +148,7 @@ unsafe fn package(
 /// Writes maps into a folder (UTF-8), which is made if missing.
 ///
 /// Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
-/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_with_uncertainty()) and
 /// preview.png. No file is ever half-written under its name.
 ///
 /// With options: material.glb, material.usdz, a folder for every other format, and material.json,

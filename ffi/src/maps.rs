@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
-use engine::confidence::Confidence;
 use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
 use engine::svbrdf::channel;
+use engine::uncertainty::Uncertainty;
 
 use crate::handles::Handles;
 use crate::lobes::{self, Shown};
@@ -114,7 +114,7 @@ const MAP_COUNT: usize = 7;
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Option<Confidence>,
+    uncertainty: Option<Uncertainty>,
     /// Found when first asked for.
     shown: OnceLock<Shown>,
     /// Made when first asked for.
@@ -129,22 +129,22 @@ pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_ma
 }
 
 /// The same with their standard deviations.
-pub(crate) fn hand_out_assessed(
+pub(crate) fn hand_out_with_uncertainty(
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Confidence,
+    uncertainty: Uncertainty,
 ) -> *mut svbrdf_maps {
-    insert(maps, sample_mm, Some(confidence))
+    insert(maps, sample_mm, Some(uncertainty))
 }
 
 fn insert(
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Option<Confidence>,
+    uncertainty: Option<Uncertainty>,
 ) -> *mut svbrdf_maps {
     let handle = Handles::<Maps>::reserve();
     let (shown, views) = Default::default();
-    let maps = Maps { maps, sample_mm, confidence, shown, views };
+    let maps = Maps { maps, sample_mm, uncertainty, shown, views };
     MAPS.insert(handle, Arc::new(maps));
     std::ptr::without_provenance_mut(handle)
 }
@@ -179,7 +179,7 @@ pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> 
 
 /// Writes the maps themselves and a preview, as svbrdf_maps_export() without options.
 pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
-    match &maps.confidence {
+    match &maps.uncertainty {
         None => write_sized_maps(dir, &maps.maps, maps.sample_mm)?,
         Some(known) => write_assessed_maps(dir, &maps.maps, known, maps.sample_mm)?,
     }
@@ -292,9 +292,11 @@ impl Maps {
     }
 
     /// Standard deviations, where they were asked for.
-    pub(crate) fn confidence(&self) -> Result<&Confidence, Fault> {
-        self.confidence.as_ref().ok_or_else(|| {
-            Fault::argument("maps: without confidence; see svbrdf_session_snapshot_confidence()")
+    pub(crate) fn uncertainty(&self) -> Result<&Uncertainty, Fault> {
+        self.uncertainty.as_ref().ok_or_else(|| {
+            Fault::argument(
+                "maps: without uncertainty; see svbrdf_session_snapshot_with_uncertainty()",
+            )
         })
     }
 }

@@ -10,8 +10,8 @@ mod buffer;
 mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
-#[path = "../../ffi/src/confidence.rs"]
-mod confidence;
+#[path = "../../ffi/src/uncertainty.rs"]
+mod uncertainty;
 #[path = "../../ffi/src/encoded.rs"]
 mod encoded;
 #[path = "../../ffi/src/export.rs"]

@@ -180,8 +180,8 @@ public:
     /// The current maps; none before the first accepted photo.
     std::optional<Maps> snapshot() const { return taken(svbrdf_session_snapshot_maps); }
     /// As snapshot(), with the standard deviations of the maps: waits for a step of the fit.
-    std::optional<Maps> snapshot_confidence() const {
-        return taken(svbrdf_session_snapshot_confidence);
+    std::optional<Maps> snapshot_with_uncertainty() const {
+        return taken(svbrdf_session_snapshot_with_uncertainty);
     }
     /// Position of the flash (mm, camera frame), and ambient light as a share of the flash's.
     std::pair<std::array<double, 3>, float> light() const {

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
-use super::confidence::Evidence;
 use super::correction::Exposure;
 use super::estimation::{Addition, Estimation, Step, first_maps};
 use super::options::EstimateOptions;
@@ -11,6 +10,7 @@ use super::outlook::Place;
 use super::phases::PhaseReport;
 use super::relief::FitRecord;
 use super::task::{Method, Task};
+use super::uncertainty::Evidence;
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::{Result, Svbrdf};
@@ -89,7 +89,7 @@ impl Estimator {
     }
 
     /// What is known of how far the maps of the moment may be off, see
-    /// [`Session::assess`](crate::session::Session::assess).
+    /// [`Session::snapshot_with_uncertainty`](crate::session::Session::snapshot_with_uncertainty).
     ///
     /// # Errors
     /// Without photographs.

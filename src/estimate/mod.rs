@@ -27,7 +27,7 @@
 //! `phases` has the phases and their order, [`options`] the numbers of the model, `estimation` the state of an
 //! estimate. `latent` is the latent code, `solver` and `posterior` are steps of single texels, `relief` is the
 //! network that completes them, `joint` is the joint solve and the choice of its prior, `bundle` its engine.
-//! `contradiction`, `confidence` and `outlook` read the result.
+//! `contradiction`, `uncertainty` and `outlook` read the result.
 //!
 //! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
 //! twelve photographs in a step (`photographs`); the last steps see all photographs at full size (`finer`).
@@ -40,7 +40,6 @@ mod belief;
 mod budget;
 mod bundle;
 mod clusters;
-mod confidence;
 mod contradiction;
 mod correction;
 mod estimation;
@@ -62,10 +61,10 @@ mod residuals;
 mod saved;
 mod solver;
 mod task;
+mod uncertainty;
 
 pub use budget::Budget;
 pub(crate) use budget::Meter;
-pub use confidence::Evidence;
 pub use correction::{Correction, Exposure};
 pub use estimation::Step;
 pub(crate) use estimation::{Addition, Estimation, first_maps};
@@ -81,3 +80,4 @@ pub use residuals::FrameFit;
 pub(crate) use saved::SavedEstimate;
 pub use task::Method;
 pub(crate) use task::Task;
+pub use uncertainty::Evidence;

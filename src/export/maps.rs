@@ -6,10 +6,10 @@ use super::files::replace_files;
 use super::floats::{Channels, encode_channels, read_channels};
 use super::lobes;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::confidence::Confidence;
 use crate::frame::{Encoding, read_picture};
 use crate::parallel;
 use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, channel, lobe};
+use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
 /// Channels of `maps.exr` that hold the maps: the unit normal, albedos, roughness.
@@ -33,7 +33,7 @@ const COAT: [&str; 2] = ["coat.weight", "coat.roughness"];
 /// Names of the files that [`write_maps`] writes only for materials that have these lobes.
 pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
 
-/// Channels with the standard deviations, in the order of [`Confidence::planes`].
+/// Channels with the standard deviations, in the order of [`Uncertainty::planes`].
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
 
@@ -74,10 +74,10 @@ pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2
 pub fn write_assessed_maps(
     dir: impl AsRef<Path>,
     maps: &Svbrdf,
-    confidence: &Confidence,
+    uncertainty: &Uncertainty,
     sample_mm: [f32; 2],
 ) -> Result<()> {
-    replace_files(dir, &encode_maps(maps, Some(confidence), Some(sample_mm))?, &LOBE_FILES)
+    replace_files(dir, &encode_maps(maps, Some(uncertainty), Some(sample_mm))?, &LOBE_FILES)
 }
 
 /// The files of [`write_sized_maps`], or of [`write_assessed_maps`], in memory: names and bytes.
@@ -86,17 +86,17 @@ pub fn write_assessed_maps(
 /// [`Error::Argument`] as those.
 pub fn encode_maps(
     maps: &Svbrdf,
-    confidence: Option<&Confidence>,
+    uncertainty: Option<&Uncertainty>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     sample_mm.map_or(Ok(()), check_size)?;
     let size = [maps.width(), maps.height()];
-    let other = confidence.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
+    let other = uncertainty.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
     if let Some(found) = other {
         let message = format!("{found:?} texels given, {size:?} expected");
-        return Err(Error::argument("confidence", message));
+        return Err(Error::argument("uncertainty", message));
     }
-    files(maps, confidence, sample_mm)
+    files(maps, uncertainty, sample_mm)
 }
 
 /// Checks that both lengths are positive.
@@ -118,13 +118,13 @@ pub(super) fn map_files(
 
 fn files(
     maps: &Svbrdf,
-    confidence: Option<&Confidence>,
+    uncertainty: Option<&Uncertainty>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let density = sample_mm.map(|mm| Density::of([maps.width(), maps.height()], mm));
     let anisotropy = lobes::anisotropy(maps);
     let mut files = pictures(maps, anisotropy.as_deref(), density)?;
-    let floats = floats(maps, anisotropy.as_deref(), confidence, sample_mm)?;
+    let floats = floats(maps, anisotropy.as_deref(), uncertainty, sample_mm)?;
     files.push(("maps.exr".into(), floats));
     Ok(files)
 }
@@ -175,7 +175,7 @@ fn stored_roughness<'a>(
 fn floats(
     maps: &Svbrdf,
     anisotropy: Option<&[Anisotropy]>,
-    confidence: Option<&Confidence>,
+    uncertainty: Option<&Uncertainty>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<u8>> {
     let (w, h) = (maps.width(), maps.height());
@@ -197,8 +197,8 @@ fn floats(
     for (name, plane) in COAT.into_iter().zip(maps.coat().into_iter().flatten()) {
         planes.push((name, plane.to_vec()));
     }
-    if let Some(confidence) = confidence {
-        for (name, plane) in DEVIATIONS.into_iter().zip(confidence.planes().chunks_exact(w * h)) {
+    if let Some(uncertainty) = uncertainty {
+        for (name, plane) in DEVIATIONS.into_iter().zip(uncertainty.planes().chunks_exact(w * h)) {
             planes.push((name, plane.to_vec()));
         }
     }

@@ -29,8 +29,8 @@ pub use self::hint::{Group, Hint};
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
-    Accepted, Assessed, BoardPose, Observed, Probe, ProbedLight, ProbedView, Progress, Pushed,
-    Revision,
+    Accepted, BoardPose, MapsWithUncertainty, Observed, Probe, ProbedLight, ProbedView, Progress,
+    Pushed, Revision,
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};

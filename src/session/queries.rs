@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::capture::{Board, Photograph};
-use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
+use super::reports::{BoardPose, MapsWithUncertainty, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
 use super::{Hint, Session, diagnosis, memory};
 use crate::calibration::PaperEstimate;
@@ -125,8 +125,8 @@ impl Session {
         Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
     }
 
-    /// The maps of the moment with the standard deviation of each at every texel. Computed when asked
-    /// for; meaningful once the fit has settled. Waits for a step of the fit.
+    /// The current maps with the standard deviation of each at every texel. Computed by the call;
+    /// meaningful once the fit has settled. Waits for a step of the fit.
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
@@ -135,16 +135,17 @@ impl Session {
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
-    pub fn assess(&self) -> Result<Assessed> {
+    pub fn snapshot_with_uncertainty(&self) -> Result<MapsWithUncertainty> {
         let evidence = self.evidence()?;
-        let confidence = self.pool.install(|| evidence.confidence())?;
-        Ok(Assessed { maps: Arc::new(evidence.into_maps()), confidence })
+        let uncertainty = self.pool.install(|| evidence.uncertainty())?;
+        Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
     }
 
-    /// What those deviations are computed from.
+    /// The inputs of those deviations, for evaluation.
     ///
     /// # Errors
-    /// As [`Session::assess`].
+    /// As [`Session::snapshot_with_uncertainty`].
+    #[doc(hidden)]
     pub fn evidence(&self) -> Result<Evidence> {
         self.fit.ask(|fit| fit.estimation.evidence())
     }

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::hint::Hint;
 use crate::calibration::Corner;
-use crate::confidence::Confidence;
 use crate::estimate::Phase;
 use crate::geometry::Pose;
 use crate::observation::Observation;
+use crate::uncertainty::Uncertainty;
 use crate::{Rejection, Svbrdf};
 
 /// What became of a photograph.
@@ -125,11 +125,11 @@ pub struct ProbedLight {
 
 /// Maps and how far they may be off.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Assessed {
+pub struct MapsWithUncertainty {
     /// The maps.
     pub maps: Arc<Svbrdf>,
     /// Standard deviations of their errors.
-    pub confidence: Confidence,
+    pub uncertainty: Uncertainty,
 }
 
 /// State of the fit.

@@ -130,15 +130,15 @@ static void probes(const picture *first, const picture *second)
 static void trusted(svbrdf_session *session)
 {
     svbrdf_maps *maps = NULL;
-    svbrdf_confidence confidence;
+    svbrdf_uncertainty uncertainty;
     svbrdf_map_view view;
     double squares = 0.0;
     const float *at;
     size_t i, count;
 
-    OK(svbrdf_session_snapshot_confidence(session, &maps));
-    OK(svbrdf_confidence_init(&confidence, sizeof confidence));
-    OK(svbrdf_maps_confidence(maps, &confidence));
+    OK(svbrdf_session_snapshot_with_uncertainty(session, &maps));
+    OK(svbrdf_uncertainty_init(&uncertainty, sizeof uncertainty));
+    OK(svbrdf_maps_uncertainty(maps, &uncertainty));
     OK(svbrdf_map_view_init(&view, sizeof view));
     OK(svbrdf_maps_deviations(maps, SVBRDF_MAP_ROUGHNESS, &view));
     CHECK(view.channels == 1 && view.bytes == sizeof(float) * view.width * view.height);
@@ -147,12 +147,12 @@ static void trusted(svbrdf_session *session)
     for (i = 0; i < count; ++i) {
         squares += (double)at[i] * (double)at[i];
     }
-    CHECK(fabs(sqrt(squares / (double)count) - (double)confidence.roughness) < 1e-4);
-    CHECK(confidence.normal > 0.0f && confidence.diffuse > 0.0f && confidence.specular > 0.0f);
+    CHECK(fabs(sqrt(squares / (double)count) - (double)uncertainty.roughness) < 1e-4);
+    CHECK(uncertainty.normal > 0.0f && uncertainty.diffuse > 0.0f && uncertainty.specular > 0.0f);
     EXPECT(svbrdf_maps_deviations(maps, 9, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_NORMAL, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_confidence(maps, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_snapshot_confidence(session, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_uncertainty(maps, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_snapshot_with_uncertainty(session, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_maps_destroy(maps));
 }
 
@@ -162,7 +162,7 @@ static void taken_back(const picture *first, const picture *second)
     svbrdf_maps *maps = NULL;
     svbrdf_progress progress;
     svbrdf_frame_fit fit;
-    svbrdf_confidence confidence;
+    svbrdf_uncertainty uncertainty;
     svbrdf_image image;
     double before[3], after[3];
 
@@ -187,13 +187,13 @@ static void taken_back(const picture *first, const picture *second)
     OK(svbrdf_session_pose(session, 0, NULL, after, NULL));
     CHECK(fabs(before[0] - after[0]) < 0.1 && fabs(before[2] - after[2]) < 0.1);
     OK(svbrdf_session_snapshot_maps(session, &maps));
-    OK(svbrdf_confidence_init(&confidence, sizeof confidence));
-    EXPECT(svbrdf_maps_confidence(maps, &confidence), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_uncertainty_init(&uncertainty, sizeof uncertainty));
+    EXPECT(svbrdf_maps_uncertainty(maps, &uncertainty), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_maps_destroy(maps));
     trusted(session);
     OK(svbrdf_session_remove_frame(session, 0));
     EXPECT(svbrdf_session_snapshot_maps(session, &maps), SVBRDF_NO_MAPS);
-    EXPECT(svbrdf_session_snapshot_confidence(session, &maps), SVBRDF_NO_MAPS);
+    EXPECT(svbrdf_session_snapshot_with_uncertainty(session, &maps), SVBRDF_NO_MAPS);
     OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
     OK(svbrdf_session_destroy(session));
     EXPECT(svbrdf_session_remove_frame(session, 0), SVBRDF_INVALID_HANDLE);

@@ -140,10 +140,10 @@ void board(const std::string& folder) {
     CHECK(thrown([&] { session.pose(2); }) == StatusCode::invalid_argument);
     CHECK(session.probe(first->view()).has(Hint::nothing_new));
     CHECK(session.frame_fit(1).weight > 0.3f && session.frame_fit(1).outlier == 0);
-    const auto trusted = session.snapshot_confidence();
-    CHECK(trusted && trusted->confidence().roughness > 0.0f);
+    const auto trusted = session.snapshot_with_uncertainty();
+    CHECK(trusted && trusted->uncertainty().roughness > 0.0f);
     CHECK(trusted->deviations(Map::normal).channels == 1);
-    CHECK(thrown([&] { session.snapshot()->confidence(); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.snapshot()->uncertainty(); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.frame_fit(2); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.remove(2); }) == StatusCode::invalid_argument);
     CHECK(session.push(first->view()) && session.progress().frames == 3);
@@ -437,7 +437,7 @@ void bad_arguments(const std::string&) {
     CHECK(thrown([&] { session.push_rectified(image, above, above); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.probe(gray().view()); }) == StatusCode::invalid_argument);
     CHECK(!session.next_view() && !session.camera() && !session.paper());
-    CHECK(!session.snapshot() && !session.snapshot_confidence());
+    CHECK(!session.snapshot() && !session.snapshot_with_uncertainty());
     const auto never = [](svbrdf::SessionView, StatusCode, const svbrdf::Pushed&) { CHECK(false); };
     CHECK(thrown([&] { session.push_async(image, never); }) == StatusCode::invalid_argument);
     // A photo of a board, for a session of photos from the top.

@@ -21,7 +21,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("little_endian", &[]),
     ("geometry", &[]),
     ("svbrdf", &["little_endian"]),
-    ("confidence", &[]),
+    ("uncertainty", &[]),
     ("threads", &[]),
     ("random", &[]),
     ("observation", &["little_endian", "svbrdf"]),
@@ -40,7 +40,7 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "estimate",
         &[
-            "confidence",
+            "uncertainty",
             "interpolation",
             "little_endian",
             "loss",
@@ -54,12 +54,12 @@ const TABLE: &[(&str, &[&str])] = &[
         ],
     ),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
-    ("export", &["confidence", "frame", "render", "svbrdf", "observation"]),
+    ("export", &["uncertainty", "frame", "render", "svbrdf", "observation"]),
     (
         "session",
         &[
             "calibration",
-            "confidence",
+            "uncertainty",
             "estimate",
             "frame",
             "geometry",

@@ -103,13 +103,13 @@ fn fingerprint(bytes: &[u8]) -> Value {
 
 /// What the fit corrected of the lights of rectified photographs.
 fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value> {
-    let exposure = session.exposure();
-    let gain = |i: usize| exposure.gains.get(i).copied().unwrap_or(0.0).exp();
+    let correction = session.exposure();
+    let gain = |i: usize| correction.gains.get(i).copied().unwrap_or(0.0).exp();
     rectified.then(|| {
         json!({
-            "offset_mm": exposure.offset_mm,
+            "offset_mm": correction.offset_mm,
             "gain": (0..photographs).map(gain).collect::<Vec<f64>>(),
-            "exposure_exponent": exposure.exponent,
+            "exposure_exponent": correction.exponent,
         })
     })
 }

@@ -22,13 +22,13 @@ pub struct HeldOut {
 pub struct Stage {
     photographs: usize,
     maps: Svbrdf,
-    exposure: Exposure,
+    correction: Exposure,
 }
 
 impl Stage {
     /// Maps after so many photographs, and what they go with.
-    pub fn new(photographs: usize, maps: &Svbrdf, exposure: Exposure) -> Self {
-        Self { photographs, maps: resized(maps, TEXELS, TEXELS), exposure }
+    pub fn new(photographs: usize, maps: &Svbrdf, correction: Exposure) -> Self {
+        Self { photographs, maps: resized(maps, TEXELS, TEXELS), correction }
     }
 }
 
@@ -60,7 +60,7 @@ impl Errors {
             let mut latest = None;
             for ((stage, (_, errors)), delta_e) in stages.iter().zip(&mut after).zip(&mut delta_e) {
                 let given = photograph.view;
-                photograph.view = stage.exposure.predict(&given);
+                photograph.view = stage.correction.predict(&given);
                 let prediction = predict(&stage.maps, &photograph)?;
                 photograph.view = given;
                 errors.push(prediction.error);

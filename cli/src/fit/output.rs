@@ -5,11 +5,11 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::capture;
-use svbrdf::confidence::{Confidence, MapDeviations};
 use svbrdf::export::{
     ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
+use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 
 use super::arguments::Arguments;
 use super::document::{self, Document};
@@ -41,9 +41,9 @@ impl Output<'_> {
         let (out, sample_mm) = (&arguments.out, input.capture.sample_mm);
         let maps = session.snapshot()?;
         // A fit that was interrupted is not asked any more.
-        let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
-        let confidence = assessed.map(|assessed| assessed.confidence);
-        let mut files = encode_maps(&maps, confidence.as_ref(), Some(sample_mm))?;
+        let known = session.snapshot_with_uncertainty().ok().filter(|known| known.maps == maps);
+        let uncertainty = known.map(|known| known.uncertainty);
+        let mut files = encode_maps(&maps, uncertainty.as_ref(), Some(sample_mm))?;
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
@@ -56,7 +56,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
-        document.value["confidence"] = json!(confidence.as_ref().map(deviations));
+        document.value["uncertainty"] = json!(uncertainty.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
@@ -106,8 +106,8 @@ impl Output<'_> {
 }
 
 /// Standard deviation of each map.
-fn deviations(confidence: &Confidence) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+fn deviations(uncertainty: &Uncertainty) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
     json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 

@@ -8,10 +8,10 @@ use numpy::ndarray::{Ix2, Ix3};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use svbrdf::confidence::Confidence;
 use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::svbrdf::{MAX_SLOPE, channel};
+use svbrdf::uncertainty::Uncertainty;
 use svbrdf::{Svbrdf, render};
 
 use crate::arrays::{array, floats, size};
@@ -26,7 +26,7 @@ use crate::lobes_input;
 #[pyclass(frozen, module = "svbrdf")]
 pub struct Maps {
     maps: Arc<Svbrdf>,
-    confidence: Option<Arc<Confidence>>,
+    uncertainty: Option<Arc<Uncertainty>>,
     sample_mm: [f32; 2],
     photographs: Py<PyTuple>,
 }
@@ -36,10 +36,10 @@ impl Maps {
     pub fn of(
         py: Python<'_>,
         maps: Arc<Svbrdf>,
-        confidence: Option<Arc<Confidence>>,
+        uncertainty: Option<Arc<Uncertainty>>,
         sample_mm: [f32; 2],
     ) -> Self {
-        Self { maps, confidence, sample_mm, photographs: PyTuple::empty(py).unbind() }
+        Self { maps, uncertainty, sample_mm, photographs: PyTuple::empty(py).unbind() }
     }
 
     fn shape(&self) -> [usize; 2] {
@@ -257,13 +257,13 @@ impl Maps {
     /// colour) and ``roughness``; ``None`` where they are not known.
     #[getter]
     fn deviations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(confidence) = &self.confidence else { return Ok(None) };
+        let Some(uncertainty) = &self.uncertainty else { return Ok(None) };
         let deviations = PyDict::new(py);
         for (name, plane) in [
-            ("normal", confidence.normal()),
-            ("diffuse", confidence.diffuse()),
-            ("specular", confidence.specular()),
-            ("roughness", confidence.roughness()),
+            ("normal", uncertainty.normal()),
+            ("diffuse", uncertainty.diffuse()),
+            ("specular", uncertainty.specular()),
+            ("roughness", uncertainty.roughness()),
         ] {
             deviations.set_item(name, self.plane(py, plane))?;
         }
@@ -273,7 +273,7 @@ impl Maps {
     /// Writes ``normal.png``, ``diffuse.png``, ``specular.png``, ``roughness.png`` (16 bits) and ``maps.exr`` into a folder,
     /// which is made if missing: all files or none.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        detached(py, || match &self.confidence {
+        detached(py, || match &self.uncertainty {
             Some(known) => export::write_assessed_maps(folder, &self.maps, known, self.sample_mm),
             None => export::write_sized_maps(folder, &self.maps, self.sample_mm),
         })
@@ -362,8 +362,8 @@ impl Maps {
 
     /// The same maps with what became of each photograph.
     fn _with_photographs(&self, photographs: Py<PyTuple>) -> Self {
-        let (maps, confidence) = (self.maps.clone(), self.confidence.clone());
-        Self { maps, confidence, sample_mm: self.sample_mm, photographs }
+        let (maps, uncertainty) = (self.maps.clone(), self.uncertainty.clone());
+        Self { maps, uncertainty, sample_mm: self.sample_mm, photographs }
     }
 
     fn __repr__(&self) -> String {

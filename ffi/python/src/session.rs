@@ -254,10 +254,10 @@ impl Session {
     }
 
     /// The maps as they are now, with how far they may be off.
-    fn assess(&self, py: Python<'_>) -> PyResult<Maps> {
-        let assessed = detached(py, || self.native().assess())?;
-        let confidence = Some(Arc::new(assessed.confidence));
-        Ok(Maps::of(py, assessed.maps, confidence, self.native().settings().sample_mm))
+    fn snapshot_with_uncertainty(&self, py: Python<'_>) -> PyResult<Maps> {
+        let known = detached(py, || self.native().snapshot_with_uncertainty())?;
+        let uncertainty = Some(Arc::new(known.uncertainty));
+        Ok(Maps::of(py, known.maps, uncertainty, self.native().settings().sample_mm))
     }
 
     /// Announces that so many photographs are still to come: ``Progress.fraction`` is then that of the work on all of them

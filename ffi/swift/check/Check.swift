@@ -163,12 +163,12 @@ func results(_ scanner: MaterialScanner, _ out: URL) async throws {
     try verify(abs(length - 1) < 1e-5 && whole[3] == 1, "\(whole)")
     try verify(zip(whole, half).allSatisfy { abs($0 - $1) < 1e-3 }, "\(whole) \(half)")
     try verify(maps.rendered().bytes.count == 4 * 256 * 256, "a picture")
-    try await expect(.invalidArgument) { try maps.confidence() }
-    let known = try await scanner.snapshotWithConfidence()!
-    let confidence = try known.confidence()
+    try await expect(.invalidArgument) { try maps.uncertainty() }
+    let known = try await scanner.snapshotWithUncertainty()!
+    let uncertainty = try known.uncertainty()
     let deviations = try known.deviations(of: .roughness)
     let mean = (deviations.reduce(0) { $0 + Double($1 * $1) } / Double(deviations.count)).squareRoot()
-    try verify(abs(mean - Double(confidence.roughness)) < 1e-4, "\(mean) \(confidence)")
+    try verify(abs(mean - Double(uncertainty.roughness)) < 1e-4, "\(mean) \(uncertainty)")
     let fit = try await scanner.fit(of: 0)
     try verify(fit.residual > 0 && !fit.outlier, "\(fit)")
     try await scanner.export(to: out)

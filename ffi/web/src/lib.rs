@@ -240,7 +240,7 @@ impl Scan {
     /// # Errors
     /// Before the first photograph was accepted, and when the scan has failed.
     pub fn deviations(&self) -> Result<String, JsError> {
-        Ok(report::deviations(&self.session.assess()?.confidence).to_string())
+        Ok(report::deviations(&self.session.snapshot_with_uncertainty()?.uncertainty).to_string())
     }
 
     /// Everything that is known of the scan, as `report.json` of the command line has it.
@@ -274,8 +274,8 @@ impl Scan {
                 .files
             }
             None => {
-                let assessed = self.session.assess()?;
-                encode_maps(&assessed.maps, Some(&assessed.confidence), Some(sample_mm))?
+                let known = self.session.snapshot_with_uncertainty()?;
+                encode_maps(&known.maps, Some(&known.uncertainty), Some(sample_mm))?
             }
         };
         let file = files.into_iter().find(|(found, _)| found == name);

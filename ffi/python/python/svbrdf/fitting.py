@@ -126,7 +126,7 @@ def fit(
         if not any(photograph.accepted for photograph in told):
             reasons = "\n".join(f"{p.source}: {p.message}" for p in told)
             raise RejectedError(f"every photograph was rejected:\n{reasons}", told)
-        return session.assess()._with_photographs(told)
+        return session.snapshot_with_uncertainty()._with_photographs(told)
 
 
 def _capture(

@@ -118,8 +118,8 @@ public actor MaterialScanner {
     }
 
     /// The maps with how far they may be off; nil before the first photo. Ask once the fit has settled.
-    public func snapshotWithConfidence() throws -> MaterialMaps? {
-        try taken { svbrdf_session_snapshot_confidence(session.handle, $0) }
+    public func snapshotWithUncertainty() throws -> MaterialMaps? {
+        try taken { svbrdf_session_snapshot_with_uncertainty(session.handle, $0) }
     }
 
     private func taken(

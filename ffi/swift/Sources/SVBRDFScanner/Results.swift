@@ -230,14 +230,14 @@ public struct Progress: Hashable, Sendable {
 }
 
 /// How far each map may be off: a standard deviation.
-public struct Confidence: Hashable, Sendable {
+public struct Uncertainty: Hashable, Sendable {
     public let normal: Float
     public let diffuse: Float
     public let specular: Float
     public let roughness: Float
 
-    init(_ confidence: svbrdf_confidence) {
-        (normal, diffuse) = (confidence.normal, confidence.diffuse)
-        (specular, roughness) = (confidence.specular, confidence.roughness)
+    init(_ uncertainty: svbrdf_uncertainty) {
+        (normal, diffuse) = (uncertainty.normal, uncertainty.diffuse)
+        (specular, roughness) = (uncertainty.specular, uncertainty.roughness)
     }
 }

@@ -297,11 +297,11 @@ static jlong session_snapshot_reduced(JNIEnv *env, jclass class, jobject owner, 
     return reduced;
 }
 
-static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)
+static jlong session_snapshot_with_uncertainty(JNIEnv *env, jclass class, jobject owner, jlong handle)
 {
     svbrdf_maps *maps = NULL;
     const svbrdf_status status =
-        svbrdf_session_snapshot_confidence(HANDLE(svbrdf_session, handle), &maps);
+        svbrdf_session_snapshot_with_uncertainty(HANDLE(svbrdf_session, handle), &maps);
     (void)class, (void)owner;
     return taken(env, status, maps);
 }
@@ -354,7 +354,7 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionFrameFit", "(" OWNER "JI[D)V", session_frame_fit),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionSnapshotReduced", "(" OWNER "JI)J", session_snapshot_reduced),
-    METHOD("sessionSnapshotConfidence", "(" OWNER "J)J", session_snapshot_confidence),
+    METHOD("sessionSnapshotWithUncertainty", "(" OWNER "J)J", session_snapshot_with_uncertainty),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),
     METHOD("sessionCancel", "(" OWNER "J)V", session_cancel),

@@ -232,11 +232,11 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * As [snapshot], with how far the maps may be off: see [MaterialMaps.confidence]. Computed when asked
+     * As [snapshot], with how far the maps may be off: see [MaterialMaps.uncertainty]. Computed when asked
      * for, and meaningful once the fit has settled; waits for a step of the fit.
      */
-    fun snapshotConfidence(): MaterialMaps? {
-        val maps = Native.sessionSnapshotConfidence(this, handle.now)
+    fun snapshotWithUncertainty(): MaterialMaps? {
+        val maps = Native.sessionSnapshotWithUncertainty(this, handle.now)
         return if (maps == 0L) null else MaterialMaps(maps)
     }
 

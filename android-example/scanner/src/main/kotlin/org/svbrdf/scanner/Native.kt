@@ -74,7 +74,7 @@ internal object Native {
     @JvmStatic external fun sessionPose(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionSnapshotReduced(owner: Any, handle: Long, level: Int): Long
-    @JvmStatic external fun sessionSnapshotConfidence(owner: Any, handle: Long): Long
+    @JvmStatic external fun sessionSnapshotWithUncertainty(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)
     @JvmStatic external fun sessionResume(owner: Any, handle: Long)
     @JvmStatic external fun sessionCancel(owner: Any, handle: Long)
@@ -96,7 +96,7 @@ internal object Native {
         owner: Any, handle: Long, lighting: FloatArray, falloff: Int, format: Int, out: ByteBuffer,
         bytes: Long,
     )
-    @JvmStatic external fun mapsConfidence(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun mapsUncertainty(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun mapsDeviations(owner: Any, handle: Long, map: Int, out: FloatArray)
     @JvmStatic external fun mapsExport(owner: Any, handle: Long, path: ByteArray)
     @JvmStatic external fun mapsExportFormats(

@@ -213,7 +213,7 @@ class Light internal constructor(
 )
 
 /** How far maps may be off: standard deviations. */
-data class Confidence(
+data class Uncertainty(
     /** Of each slope of the normal: tangent of a tilt. */
     val normal: Float,
     /** Of each colour of the diffuse albedo, linear. */

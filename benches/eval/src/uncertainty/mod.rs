@@ -18,7 +18,7 @@ use crate::protocol::{self, Conditions, crops, photographs};
 use crate::statistics::median;
 use crate::streaming::{Setup, Variant, capture_folders, push};
 
-/// Arguments of `svbrdf-eval confidence`.
+/// Arguments of `svbrdf-eval uncertainty`.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folders with capture.json and the true maps in truth/, or folders of such
@@ -51,7 +51,7 @@ struct Judge {
 impl Judge {
     /// Compares an estimate with the truth.
     fn add(&mut self, evidence: &Evidence, truth: &Svbrdf, photos: usize) -> Result<()> {
-        let confidence = evidence.confidence()?;
+        let uncertainty = evidence.uncertainty()?;
         let (maps, n) = (evidence.maps(), truth.texels());
         let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
         let matt = median(roughness).is_some_and(|middle| middle >= MATT);
@@ -61,7 +61,7 @@ impl Judge {
             for (map, (_, range)) in MAPS.into_iter().enumerate() {
                 let error = |c: usize| (maps.plane(c)[t] - truth.plane(c)[t]).abs();
                 let errors: Vec<f32> = range.map(error).collect();
-                let deviation = confidence.planes()[map * n + t];
+                let deviation = uncertainty.planes()[map * n + t];
                 if let Some((path, file)) = &mut self.record {
                     // A row: case, photographs, map, number of errors, terms, errors.
                     let head = [self.cases, photos, map, errors.len()].map(|v| v as f32);

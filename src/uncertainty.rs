@@ -9,7 +9,7 @@ use crate::{Error, Result};
 /// roughness. Errors of about two texels of three are within one deviation, of nineteen of twenty
 /// within two.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Confidence {
+pub struct Uncertainty {
     width: usize,
     height: usize,
     planes: Vec<f32>,
@@ -28,7 +28,7 @@ pub struct MapDeviations {
     pub roughness: f32,
 }
 
-impl Confidence {
+impl Uncertainty {
     /// From four planes.
     ///
     /// # Errors
@@ -107,18 +107,18 @@ mod tests {
     #[test]
     fn planes_are_checked_and_summed_up() {
         let planes = vec![0.1, 0.1, 0.0, 0.2, 0.3, 0.3, 0.4, 0.0];
-        let confidence = Confidence::from_planes(2, 1, planes.clone()).unwrap();
-        assert_eq!(confidence.diffuse(), [0.0, 0.2]);
-        let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+        let uncertainty = Uncertainty::from_planes(2, 1, planes.clone()).unwrap();
+        assert_eq!(uncertainty.diffuse(), [0.0, 0.2]);
+        let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
         let expected = [0.1, 0.02f32.sqrt(), 0.3, 0.08f32.sqrt()];
         for (found, expected) in [normal, diffuse, specular, roughness].into_iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{found} {expected}");
         }
-        assert!(Confidence::from_planes(2, 2, planes.clone()).is_err());
+        assert!(Uncertainty::from_planes(2, 2, planes.clone()).is_err());
         for wrong in [-0.1, f32::NAN, f32::INFINITY] {
             let mut planes = planes.clone();
             planes[3] = wrong;
-            assert!(Confidence::from_planes(2, 1, planes).is_err(), "{wrong}");
+            assert!(Uncertainty::from_planes(2, 1, planes).is_err(), "{wrong}");
         }
     }
 }
