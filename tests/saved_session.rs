@@ -94,7 +94,7 @@ fn going_on_after_restoring_is_going_on() {
                 }
             }
             session.wait().unwrap();
-            (session.snapshot().unwrap(), session.progress().loss, session.exposure())
+            (session.snapshot().unwrap(), session.progress().loss, session.light_correction())
         };
         assert!(run(false) == run(true), "{method:?}");
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::budget::{Budget, Meter};
-use super::correction::Exposure;
+use super::correction::LightCorrection;
 use super::estimation::{Addition, Estimation, Step, first_maps};
 use super::options::EstimateOptions;
 use super::outlook::Place;
@@ -78,8 +78,8 @@ impl Estimator {
     }
 
     /// What was found of exposure and flash.
-    pub fn exposure(&self) -> &Exposure {
-        self.estimation.exposure()
+    pub fn light_correction(&self) -> &LightCorrection {
+        self.estimation.light_correction()
     }
 
     /// What the network was asked about at last, if that is kept: recorded fits are what it learns from. `None` where it was not

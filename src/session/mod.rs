@@ -34,7 +34,7 @@ pub use self::reports::{
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
-pub use crate::estimate::{Budget, Exposure, FrameFit, Method, Phase, PhaseReport};
+pub use crate::estimate::{Budget, FrameFit, LightCorrection, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
 use crate::frame::Photo;
 pub use crate::networks::Networks;
@@ -106,7 +106,7 @@ impl Session {
         let estimation = Estimation::new(networks.clone(), task, options);
         let meter = Meter::new(Budget::default());
         let fit = Fit::new(pool.clone(), estimation, meter);
-        fit.show(None, Exposure::default(), 0.0, None);
+        fit.show(None, LightCorrection::default(), 0.0, None);
         Self::start(scene, settings, networks, capture, pool, fit)
     }
 

@@ -10,7 +10,7 @@ use super::survey::{NextView, Survey};
 use super::{Hint, Session, diagnosis, memory};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
-use crate::estimate::{Evidence, Exposure, FrameFit, PhaseReport};
+use crate::estimate::{Evidence, FrameFit, LightCorrection, PhaseReport};
 use crate::frame::{Photo, ToneCurve};
 use crate::geometry::Camera;
 use crate::rectification::elevation::ElevationEstimate;
@@ -25,10 +25,10 @@ impl Session {
         self.fit.shared.lock().maps.clone().ok_or(Error::NoMaps)
     }
 
-    /// Corrections that belong to the current maps: gain of each accepted photograph, exposure over
+    /// The corrections of light that the current maps go with: gain of each accepted photograph, exposure over
     /// distance, offset of the flash. None where a board determines them, and while they are unknown.
-    pub fn exposure(&self) -> Exposure {
-        self.fit.shared.lock().exposure.clone()
+    pub fn light_correction(&self) -> LightCorrection {
+        self.fit.shared.lock().light_correction.clone()
     }
 
     /// What each phase of the fit has done for the photographs so far, in their order.

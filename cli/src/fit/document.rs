@@ -103,7 +103,7 @@ fn fingerprint(bytes: &[u8]) -> Value {
 
 /// What the fit corrected of the lights of rectified photographs.
 fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value> {
-    let correction = session.exposure();
+    let correction = session.light_correction();
     let gain = |i: usize| correction.gains.get(i).copied().unwrap_or(0.0).exp();
     rectified.then(|| {
         json!({

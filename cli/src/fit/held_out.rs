@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::comparison::{Prediction, predict};
 use svbrdf::export::resized;
-use svbrdf::session::{Exposure, Observed};
+use svbrdf::session::{LightCorrection, Observed};
 
 use crate::failure::Result;
 
@@ -22,12 +22,12 @@ pub struct HeldOut {
 pub struct Stage {
     photographs: usize,
     maps: Svbrdf,
-    correction: Exposure,
+    correction: LightCorrection,
 }
 
 impl Stage {
     /// Maps after so many photographs, and what they go with.
-    pub fn new(photographs: usize, maps: &Svbrdf, correction: Exposure) -> Self {
+    pub fn new(photographs: usize, maps: &Svbrdf, correction: LightCorrection) -> Self {
         Self { photographs, maps: resized(maps, TEXELS, TEXELS), correction }
     }
 }

@@ -242,7 +242,7 @@ impl<'a> Fit<'a> {
             let maps = self.session.snapshot()?;
             self.recorder.snapshot(photographs, &maps)?;
             if self.options.hold_out > 0 {
-                self.stages.push(Stage::new(photographs, &maps, self.session.exposure()));
+                self.stages.push(Stage::new(photographs, &maps, self.session.light_correction()));
             }
             self.recorded = photographs;
         }

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
 use super::shared::Shared;
-use crate::estimate::{Addition, Estimation, Exposure, Meter, Place, SavedEstimate, first_maps};
+use crate::estimate::{
+    Addition, Estimation, LightCorrection, Meter, Place, SavedEstimate, first_maps,
+};
 use crate::observation::Observation;
 use crate::session::capture::Remake;
 use crate::session::reports::Progress;
@@ -100,7 +102,7 @@ impl Fit {
     pub fn show(
         &self,
         maps: Option<Svbrdf>,
-        exposure: Exposure,
+        correction: LightCorrection,
         loss_before: f32,
         next: Option<NextView>,
     ) {
@@ -110,7 +112,8 @@ impl Fit {
         if maps.is_some() || state.maps.is_some() {
             state.publish(maps.map(Arc::new));
         }
-        (state.exposure, state.fitted, state.cut) = (exposure, frames, estimation.is_cut());
+        (state.light_correction, state.fitted, state.cut) =
+            (correction, frames, estimation.is_cut());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
             frames,
@@ -211,7 +214,7 @@ impl Fit {
         self.estimation = estimation;
         self.meter.reset();
         self.begin();
-        self.show(start, Exposure::default(), self.estimation.loss(), next);
+        self.show(start, LightCorrection::default(), self.estimation.loss(), next);
         Ok(())
     }
 
@@ -282,7 +285,7 @@ impl Fit {
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(Some(Arc::new(maps)));
-            state.exposure = estimation.exposure().clone();
+            state.light_correction = estimation.light_correction().clone();
             self.published = Instant::now();
         }
         if step.done {

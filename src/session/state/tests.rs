@@ -120,7 +120,7 @@ fn values_out_of_range_are_refused() {
     damaged("pose", &|_, body| first(body, |p| p.pose.rotation.x_axis.x = f64::NAN));
     damaged("part", &|_, body| first(body, |p| p.part = None));
     damaged("maps", &|_, body| body.maps = None);
-    damaged("exposure", &|_, body| body.exposure.exponent = f64::NAN);
+    damaged("exposure", &|_, body| body.light_correction.exponent = f64::NAN);
     damaged("loss", &|_, body| body.loss_before = f32::NAN);
     damaged("capture", &|_, body| {
         let scene = Scene::Rectified { falloff: Default::default() };

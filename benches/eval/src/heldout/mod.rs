@@ -18,7 +18,7 @@ use svbrdf::export::{resized, write_atomic};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::from_rectified;
 use svbrdf::render::render;
-use svbrdf::session::{Exposure, RectifiedFalloff, Scene, Session};
+use svbrdf::session::{LightCorrection, RectifiedFalloff, Scene, Session};
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::orders::{Part, Plan, plans};
@@ -139,7 +139,7 @@ pub fn evaluate(
                 // an ideal photograph has its true light, others what all photographs share
                 let view = match &ideal {
                     Some(_) => photograph.view,
-                    None => stage.exposure.predict(&photograph.view),
+                    None => stage.correction.predict(&photograph.view),
                 };
                 let radiance = rendered(&stage.maps, &view, photograph.side);
                 let record = Record {
@@ -206,7 +206,7 @@ struct Stage {
     /// Number of photographs sent.
     fitted: usize,
     maps: Arc<Svbrdf>,
-    exposure: Exposure,
+    correction: LightCorrection,
     /// Of the photographs accepted.
     places: Vec<Place>,
 }
@@ -236,7 +236,7 @@ impl Course {
                 course.stages.push(Stage {
                     fitted: i + 1,
                     maps: session.snapshot()?,
-                    exposure: session.exposure(),
+                    correction: session.light_correction(),
                     places: artifacts::places(session, capture, &course.accepted),
                 });
             }
