@@ -8,7 +8,7 @@ use std::error::Error;
 
 use svbrdf::capture::Capture;
 use svbrdf::export::{write_maps, write_preview};
-use svbrdf::session::{Pushed, Session, Settings};
+use svbrdf::session::{Outcome, Session, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -26,14 +26,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let name = frame.path.display();
         match pushed {
-            Pushed::Accepted(accepted) => {
+            Outcome::Accepted(accepted) => {
                 println!("{name}: maps after {:.2} s", accepted.maps_seconds);
                 for hint in &accepted.hints {
                     println!("  {hint}");
                 }
             }
             // The others count.
-            Pushed::Rejected(reason) => {
+            Outcome::Rejected(reason) => {
                 println!("{name}: {reason}");
                 continue;
             }

@@ -12,7 +12,7 @@
 //! use svbrdf::calibration::Target;
 //! use svbrdf::export::write_maps;
 //! use svbrdf::frame::{Encoding, Photo};
-//! use svbrdf::session::{Pushed, Scene, Session, Settings};
+//! use svbrdf::session::{Outcome, Scene, Session, Settings};
 //!
 //! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { (0, 0, Vec::new()) }
 //! # fn main() -> svbrdf::Result<()> {
@@ -29,8 +29,8 @@
 //!     let (width, height, rgb) = pixels(name); // 8-bit sRGB
 //!     let photo = Photo::from_rgb8(width, height, &rgb, 3 * width as usize, Encoding::Srgb, 1.0)?;
 //!     match session.push(&photo)? {
-//!         Pushed::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
-//!         Pushed::Rejected(reason) => println!("{name}: {reason}"),
+//!         Outcome::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
+//!         Outcome::Rejected(reason) => println!("{name}: {reason}"),
 //!     }
 //! }
 //! session.wait()?; // until the fit has settled

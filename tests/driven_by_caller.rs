@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
-use svbrdf::session::{Budget, Driver, Pushed, RestoreOptions, Session, Settings};
+use svbrdf::session::{Budget, Driver, Outcome, RestoreOptions, Session, Settings};
 use svbrdf::{Error, networks::Networks};
 
 const CAPTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
@@ -25,7 +25,7 @@ fn session(capture: &Capture, driver: Driver, steps: Option<u32>) -> Session {
 
 fn accepted(session: &Session, photo: &Photo) {
     let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn the_fraction_of_announced_photographs_never_falls() {
     }
     assert!(session.progress().settled && session.progress().fraction == 0.75);
     let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
-    assert!(matches!(session.push(&black), Ok(Pushed::Rejected(_))));
+    assert!(matches!(session.push(&black), Ok(Outcome::Rejected(_))));
     tell(&session);
     assert!(told.is_sorted(), "{told:?}");
     assert_eq!([told[0], *told.last().unwrap()], [0.0, 1.0]);

@@ -18,7 +18,7 @@ use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
 use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, RestoreOptions, Scene, Session, Settings};
+use svbrdf::session::{Method, Outcome, RestoreOptions, Scene, Session, Settings};
 
 const ALL: [Material; 5] =
     [Material::Tiles, Material::Leather, Material::Marble, Material::Plaster, Material::Plain];
@@ -43,7 +43,7 @@ fn calibrating(elevation_mm: Option<f64>) -> Session {
 
 fn push(session: &Session, photo: &Photo) {
     let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
 }
 
 fn photos(maps: &Svbrdf, elevation_mm: f64, count: u32) -> Vec<Photo> {

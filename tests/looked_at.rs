@@ -7,7 +7,7 @@ use rectified::{POSITIONS, material, photo, scene};
 use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
 use svbrdf::session::{
-    Budget, Driver, Hint, Method, Phase, Probe, Pushed, RectifiedFalloff, Scene, Session, Settings,
+    Budget, Driver, Hint, Method, Outcome, Phase, Probe, RectifiedFalloff, Scene, Session, Settings,
 };
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Rejection, Svbrdf};
@@ -37,7 +37,7 @@ fn paused(with_camera: bool) -> Session {
 
 fn push(session: &Session, photo: &Photo) {
     let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
 }
 
 /// Another look at a photograph's values, row by row.
@@ -63,12 +63,12 @@ fn a_probe_says_what_a_push_says_and_changes_nothing() {
         let probe = session.probe(photo).unwrap();
         assert!(session.save().unwrap() == before, "the session has changed");
         assert_eq!((probe.rejection, probe.hints.len()), (None, 0), "{probe:?}");
-        let Pushed::Accepted(accepted) = session.push(photo).unwrap() else { panic!("rejected") };
+        let Outcome::Accepted(accepted) = session.push(photo).unwrap() else { panic!("rejected") };
         // Of the reduced picture corners are found to some hundredths of a pixel: 0.1 px of the whole.
-        let (degrees, mm) = apart(&probe, &accepted.pose.unwrap());
+        let (degrees, mm) = apart(&probe, &accepted.pose.unwrap().pose);
         assert!(degrees < 0.2 && mm < 0.5, "{degrees} {mm}");
         let view = probe.view.unwrap();
-        let expected = accepted.pose.unwrap().view_angle().to_degrees() as f32;
+        let expected = accepted.pose.unwrap().pose.view_angle().to_degrees() as f32;
         assert!((view.tilt_deg - expected).abs() < 0.2, "{view:?}");
         assert_eq!(view.off_next_deg.is_some(), i > 0);
         assert!(view.sample_seen == 1.0 && view.sample_clipped < 0.5, "{view:?}");
@@ -133,7 +133,7 @@ fn rejected_pictures_tell_what_was_found() {
     for (factor, expected) in [(0.002, "too_dark"), (60.0, "clipped")] {
         let photo = changed(photo, |row, i| (factor * row[i]).min(1.0));
         let probe = session.probe(&photo).unwrap();
-        let Pushed::Rejected(rejection) = session.push(&photo).unwrap() else { panic!("taken") };
+        let Outcome::Rejected(rejection) = session.push(&photo).unwrap() else { panic!("taken") };
         assert_eq!(probe.rejection.map(|r| r.code()), Some(rejection.code()), "{probe:?}");
         println!("{factor}: {rejection}, corners {}", probe.corners.len());
         assert_eq!(rejection.code(), expected);

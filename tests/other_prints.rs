@@ -8,7 +8,7 @@ use svbrdf::BoardDifference;
 use svbrdf::calibration::{Target, TargetKind, TopLeft};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::Camera;
-use svbrdf::session::{Hint, Pushed, Scene as Described, Session, Settings};
+use svbrdf::session::{Hint, Outcome, Scene as Described, Session, Settings};
 
 /// A photograph of a printed board by its flash, from above.
 fn photo(printed: &Target) -> Photo {
@@ -50,7 +50,7 @@ fn said(printed: &Target, described: &Target) -> Option<BoardDifference> {
     let session = Session::new(scene, settings).unwrap();
     session.pause();
     let pushed = session.push(&photo(printed)).unwrap();
-    let Pushed::Accepted(accepted) = pushed else { panic!("{pushed:?}") };
+    let Outcome::Accepted(accepted) = pushed else { panic!("{pushed:?}") };
     accepted.hints.iter().find_map(|hint| match hint {
         Hint::BoardDiffers(difference) => Some(*difference),
         _ => None,

@@ -7,7 +7,7 @@ use svbrdf::calibration::{Paper, PaperEstimate, Target, detect, estimate_pose};
 use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, RestoreOptions, Scene as Shown, Session, Settings};
+use svbrdf::session::{Method, Outcome, RestoreOptions, Scene as Shown, Session, Settings};
 
 fn camera() -> Camera {
     let distortion = [0.08, -0.12, 5e-4, -4e-4, 0.0];
@@ -47,7 +47,7 @@ fn session(target: &Target, camera: Option<Camera>) -> Session {
 fn calibrated(session: &Session, scenes: &[Scene], photos: &[Photo]) -> (f64, PaperEstimate) {
     for photo in photos {
         let pushed = session.push(photo).unwrap();
-        assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+        assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
     }
     let errors =
         session.poses().into_iter().zip(scenes).map(|(k, s)| view_error_deg(&k.pose, &s.pose));

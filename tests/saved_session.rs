@@ -11,7 +11,7 @@ use svbrdf::capture::Capture;
 use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
 use svbrdf::session::{
-    Budget, Driver, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
+    Budget, Driver, Method, Outcome, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };
 use svbrdf::{Error, StateFault, Svbrdf};
 
@@ -32,7 +32,7 @@ fn session(settings: Settings) -> Session {
 
 fn push(session: &Session, i: usize) {
     let pushed = session.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)));
+    assert!(matches!(pushed, Outcome::Accepted(_)));
 }
 
 fn restore(state: &[u8]) -> Session {
@@ -109,7 +109,7 @@ fn fifty_photographs_are_saved_small() {
     for i in 0..50 {
         let at = [i as f32, 0.0, 110.0];
         let pushed = session.push_rectified(&photo, at, at).unwrap();
-        assert!(matches!(pushed, Pushed::Accepted(_)));
+        assert!(matches!(pushed, Outcome::Accepted(_)));
     }
     let begun = Instant::now();
     let state = session.save().unwrap();
@@ -177,7 +177,7 @@ fn camera_and_light_go_on_as_well() {
         let straight = Session::with_networks(scene, settings, networks()).unwrap();
         let push = |session: &Session, i: usize| {
             let photo = capture.frames[i].read().unwrap();
-            assert!(matches!(session.push(&photo).unwrap(), Pushed::Accepted(_)));
+            assert!(matches!(session.push(&photo).unwrap(), Outcome::Accepted(_)));
         };
         push(&straight, 0);
         push(&straight, 1);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use rectified::{POSITIONS, SIZE, material, photo, scene, view};
 use svbrdf::frame::Photo;
 use svbrdf::observation::View;
-use svbrdf::session::{Method, Pushed, RectifiedFalloff, Scene, Session, Settings};
+use svbrdf::session::{Method, Outcome, RectifiedFalloff, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Svbrdf, render};
 
 fn session(settings: Settings) -> Session {
@@ -37,7 +37,7 @@ fn maps_come_at_once_and_improve_with_every_photograph() {
     assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
     let mut errors = Vec::new();
     for (i, position) in POSITIONS.into_iter().enumerate() {
-        let Pushed::Accepted(accepted) =
+        let Outcome::Accepted(accepted) =
             session.push_rectified(&photo(&truth, position), position, position).unwrap()
         else {
             panic!("photograph {i} was rejected")
@@ -84,12 +84,12 @@ fn rejected_photographs_change_nothing() {
     let size = SIZE as u32;
     let bad = Photo::from_linear(size, size, rgb, 1.0, f32::INFINITY).unwrap();
     let push = |photo: &Photo| session.push_rectified(photo, POSITIONS[0], POSITIONS[0]).unwrap();
-    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    assert_eq!(push(&bad), Outcome::Rejected(Rejection::NotFinite));
     assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
-    assert!(matches!(push(&photo(&truth, POSITIONS[0])), Pushed::Accepted(_)));
+    assert!(matches!(push(&photo(&truth, POSITIONS[0])), Outcome::Accepted(_)));
     session.wait().unwrap();
     let before = session.snapshot().unwrap();
-    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    assert_eq!(push(&bad), Outcome::Rejected(Rejection::NotFinite));
     assert_eq!(session.snapshot().unwrap().planes(), before.planes());
     assert_eq!(session.progress().frames, 1);
 }
@@ -148,18 +148,18 @@ fn a_photograph_that_is_observed_changes_nothing() {
     let session = Session::new(capture.scene.clone(), settings).unwrap();
     session.pause();
     let photos: Vec<Photo> = capture.frames[..2].iter().map(|f| f.read().unwrap()).collect();
-    let first = session.observe(&photos[0]).unwrap().unwrap();
+    let first = session.observe(&photos[0]).unwrap().into_result().unwrap();
     assert_eq!(session.progress().frames, 0);
-    assert!(matches!(session.push(&photos[0]).unwrap(), Pushed::Accepted(_)));
+    assert!(matches!(session.push(&photos[0]).unwrap(), Outcome::Accepted(_)));
     let before = (session.save().unwrap(), session.revision());
-    let second = session.observe(&photos[1]).unwrap().unwrap();
+    let second = session.observe(&photos[1]).unwrap().into_result().unwrap();
     assert_eq!((session.save().unwrap(), session.revision()), before);
     // It hints as pushing does, and has the pose that pushing finds.
     assert!(matches!(
-        &session.observe(&photos[0]).unwrap().unwrap().hints[..],
+        &session.observe(&photos[0]).unwrap().into_result().unwrap().hints[..],
         [svbrdf::session::Hint::NothingNew { index: 0 }]
     ));
-    assert!(matches!(session.push(&photos[1]).unwrap(), Pushed::Accepted(_)));
+    assert!(matches!(session.push(&photos[1]).unwrap(), Outcome::Accepted(_)));
     let poses = session.poses();
     for (observed, pushed) in [first, second].iter().zip(&poses) {
         let pose = observed.pose.unwrap().pose;
@@ -170,7 +170,7 @@ fn a_photograph_that_is_observed_changes_nothing() {
         assert!((0..2).all(|i| (view.camera_mm[i] - centre[i]).abs() < 0.01), "{view:?}");
     }
     let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
-    assert!(matches!(session.observe(&black), Ok(Err(Rejection::WrongSize { .. }))));
+    assert!(matches!(session.observe(&black), Ok(Outcome::Rejected(Rejection::WrongSize { .. }))));
     let wrong = session.observe_rectified(&photos[0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0]);
     assert!(matches!(wrong, Err(Error::Argument { .. })));
     session.cancel();

@@ -15,7 +15,7 @@ use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::rectification::{rectify, update_radiometry};
 use svbrdf::session::{
-    Accepted, Budget, Driver, Hint, Pushed, RestoreOptions, Scene, Session, Settings,
+    AcceptedPhoto, Budget, Driver, Hint, Outcome, RestoreOptions, Scene, Session, Settings,
 };
 
 const TILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
@@ -51,10 +51,10 @@ fn paused(with_camera: bool) -> Session {
     session
 }
 
-fn push(session: &Session, photo: &Photo) -> Accepted {
+fn push(session: &Session, photo: &Photo) -> AcceptedPhoto {
     match session.push(photo).unwrap() {
-        Pushed::Accepted(accepted) => accepted,
-        Pushed::Rejected(rejection) => panic!("{rejection}"),
+        Outcome::Accepted(accepted) => accepted,
+        Outcome::Rejected(rejection) => panic!("{rejection}"),
     }
 }
 

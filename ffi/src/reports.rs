@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::mem::offset_of;
 
 use engine::Rejection;
-use engine::session::{Accepted, Hint, NextView, Progress};
+use engine::session::{AcceptedPhoto, BoardPose, Hint, NextView, Progress};
 
 use crate::phase::{SVBRDF_PHASE_NONE, phase_code, svbrdf_phase};
 use crate::status::{entry, svbrdf_status};
@@ -181,17 +181,17 @@ impl Default for svbrdf_frame_report {
 versioned!(svbrdf_frame_report, offset_of!(svbrdf_frame_report, hints));
 
 impl svbrdf_frame_report {
-    pub(crate) fn accepted(accepted: &Accepted, timestamp_ns: i64) -> Self {
+    pub(crate) fn accepted(accepted: &AcceptedPhoto, timestamp_ns: i64) -> Self {
         let mut report = Self {
             accepted: 1,
             index: accepted.index as u32,
-            reprojection_rms_px: accepted.reprojection_rms_px.unwrap_or(0.0),
             maps_seconds: accepted.maps_seconds,
             timestamp_ns,
             ..Self::default()
         };
-        if let Some(pose) = &accepted.pose {
+        if let Some(BoardPose { pose, reprojection_rms_px }) = accepted.pose {
             report.has_pose = 1;
+            report.reprojection_rms_px = reprojection_rms_px;
             report.rotation = pose.rotation.transpose().to_cols_array();
             report.translation_mm = pose.translation.to_array();
         }
@@ -428,13 +428,7 @@ mod tests {
     #[test]
     fn hints_of_accepted_photos_are_told() {
         let told = |hints| {
-            let accepted = Accepted {
-                index: 9,
-                pose: None,
-                reprojection_rms_px: None,
-                maps_seconds: 0.1,
-                hints,
-            };
+            let accepted = AcceptedPhoto { index: 9, pose: None, maps_seconds: 0.1, hints };
             svbrdf_frame_report::accepted(&accepted, 0)
         };
         let report = told(vec![

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use engine::calibration::Target;
 use engine::frame::{Encoding, Photo, Primaries};
 use engine::networks::Networks;
-use engine::session::{Pushed, Scene, Session, Settings};
+use engine::session::{Outcome, Scene, Session, Settings};
 
 /// Whether something was made of it.
 pub fn run(data: &[u8]) -> bool {
@@ -34,13 +34,13 @@ pub fn run(data: &[u8]) -> bool {
     let probe = session.probe(&photo).expect("a photo is no misuse");
     assert!(probe.corners.iter().all(|corner| corner.px.is_finite()));
     match session.push(&photo).expect("a photo is no misuse") {
-        Pushed::Accepted(accepted) => {
-            assert!(accepted.pose.is_some_and(|p| p.translation.is_finite()));
+        Outcome::Accepted(accepted) => {
+            assert!(accepted.pose.is_some_and(|p| p.pose.translation.is_finite()));
             assert!(session.snapshot().is_ok());
             assert!(session.remove_frame(1).is_err() && session.remove_frame(0).is_ok());
             assert!(session.snapshot().is_err() && session.progress().frames == 0);
         }
-        Pushed::Rejected(_) => assert!(session.snapshot().is_err()),
+        Outcome::Rejected(_) => assert!(session.snapshot().is_err()),
     }
     assert!(session.failure().is_none());
     true

@@ -29,8 +29,8 @@ pub use self::hint::{Group, Hint};
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
-    Accepted, BoardPose, MapsWithUncertainty, Observed, Probe, ProbedLight, ProbedView, Progress,
-    Pushed, Revision,
+    AcceptedPhoto, BoardPose, MapsWithUncertainty, Observed, Outcome, Probe, ProbedLight,
+    ProbedView, Progress, Revision,
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
@@ -189,12 +189,12 @@ impl Session {
     }
 
     /// Counts a photograph that cannot be used for a reason that is known without looking at it as rejected.
-    pub fn reject(&self, why: Rejection) -> Pushed {
+    pub fn reject(&self, why: Rejection) -> Outcome<AcceptedPhoto> {
         let changed = self.fit.shared.lock().regroup(fit::Group::reject);
         if changed {
             self.fit.shared.notify();
         }
-        Pushed::Rejected(why)
+        Outcome::Rejected(why)
     }
 
     /// Calibrates, rectifies and adds a photograph of a board. When this returns, the maps include the
@@ -202,8 +202,8 @@ impl Session {
     ///
     /// # Errors
     /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
-    /// [`Pushed::Rejected`].
-    pub fn push(&self, photo: &Photo) -> Result<Pushed> {
+    /// [`Outcome::Rejected`].
+    pub fn push(&self, photo: &Photo) -> Result<Outcome<AcceptedPhoto>> {
         self.add(photo, None)
     }
 
@@ -216,11 +216,11 @@ impl Session {
         photo: &Photo,
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
-    ) -> Result<Pushed> {
+    ) -> Result<Outcome<AcceptedPhoto>> {
         self.add(photo, Some(Placed { camera_mm, light_mm }))
     }
 
-    fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Pushed> {
+    fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<AcceptedPhoto>> {
         let begun = Instant::now();
         self.fit.shared.usable()?;
         // Photographs are taken in one after the other; a fit in progress is not disturbed.
@@ -230,7 +230,7 @@ impl Session {
         match taken {
             Ok((capture, taken)) => {
                 let accepted = self.accept(capture, taken, &mut remade, begun)?;
-                Ok(Pushed::Accepted(accepted))
+                Ok(Outcome::Accepted(accepted))
             }
             Err(rejection) => Ok(self.reject(rejection)),
         }
@@ -265,7 +265,7 @@ impl Session {
         taken: Taken,
         remade: &mut Remaking,
         begun: Instant,
-    ) -> Result<Accepted> {
+    ) -> Result<AcceptedPhoto> {
         let Taken { observed, remakes, restart } = taken;
         let Observed { observation, pose, hints } = observed;
         let first = self.fit.shared.lock().maps.is_none();
@@ -295,22 +295,16 @@ impl Session {
         {
             return Err(error);
         }
-        Ok(Accepted {
-            index,
-            pose: pose.map(|known| known.pose),
-            reprojection_rms_px: pose.map(|known| known.reprojection_rms_px),
-            maps_seconds: begun.elapsed().as_secs_f64(),
-            hints,
-        })
+        Ok(AcceptedPhoto { index, pose, maps_seconds: begun.elapsed().as_secs_f64(), hints })
     }
 
     /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
     /// it: what the maps should predict, for instance to measure them on photographs that they were
-    /// not fitted to. The inner result is a [`Rejection`] where the photograph cannot be used.
+    /// not fitted to.
     ///
     /// # Errors
     /// As [`Session::push`].
-    pub fn observe(&self, photo: &Photo) -> Result<std::result::Result<Observed, Rejection>> {
+    pub fn observe(&self, photo: &Photo) -> Result<Outcome<Observed>> {
         self.look(photo, None)
     }
 
@@ -324,19 +318,15 @@ impl Session {
         photo: &Photo,
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
-    ) -> Result<std::result::Result<Observed, Rejection>> {
+    ) -> Result<Outcome<Observed>> {
         self.look(photo, Some(Placed { camera_mm, light_mm }))
     }
 
-    fn look(
-        &self,
-        photo: &Photo,
-        placed: Option<Placed>,
-    ) -> Result<std::result::Result<Observed, Rejection>> {
+    fn look(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<Observed>> {
         self.fit.shared.usable()?;
         let known = self.settled()?.1;
         let taken = self.take(photo, &known, placed)?;
-        Ok(taken.map(|(_, taken)| taken.observed))
+        Ok(taken.map(|(_, taken)| taken.observed).into())
     }
 
     /// Takes an accepted photograph back: the session is as if it had never come, calibration
@@ -466,7 +456,7 @@ mod tests {
             std::thread::yield_now();
         }
         let accepted = session.accept(capture, taken, &mut remade, Instant::now());
-        assert!(matches!(accepted, Ok(Accepted { index: 0, .. })), "{accepted:?}");
+        assert!(matches!(accepted, Ok(AcceptedPhoto { index: 0, .. })), "{accepted:?}");
         drop(remade);
         assert!(session.snapshot().is_ok());
         assert!(matches!(session.push(&photo), Err(Error::Cancelled)));

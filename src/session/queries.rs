@@ -232,7 +232,7 @@ impl Session {
 mod tests {
     use super::*;
     use crate::capture::Capture;
-    use crate::session::{Pushed, Settings};
+    use crate::session::{Outcome, Settings};
 
     fn session() -> (Session, Capture) {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
@@ -248,7 +248,7 @@ mod tests {
         session.pause();
         let push = |i: usize| {
             let pushed = session.push(&capture.frames[i].read().unwrap());
-            assert!(matches!(pushed, Ok(Pushed::Accepted(_))), "{pushed:?}");
+            assert!(matches!(pushed, Ok(Outcome::Accepted(_))), "{pushed:?}");
         };
         // The fit answers what it is asked in turn.
         let surveyed = || {
@@ -274,7 +274,7 @@ mod tests {
     fn a_probe_waits_for_nobody() {
         let (session, capture) = session();
         let photo = capture.frames[0].read().unwrap();
-        assert!(matches!(session.push(&photo), Ok(Pushed::Accepted(_))));
+        assert!(matches!(session.push(&photo), Ok(Outcome::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
         let _held = session.intake.lock().unwrap();
         std::thread::scope(|scope| {

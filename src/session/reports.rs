@@ -10,24 +10,55 @@ use crate::observation::Observation;
 use crate::uncertainty::Uncertainty;
 use crate::{Rejection, Svbrdf};
 
-/// What became of a photograph.
+/// The answer to a photograph: it can be used, or the reason why not. A rejection changes nothing.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Pushed {
-    /// It takes part in the fit from now on.
-    Accepted(Accepted),
-    /// It was not used; nothing changed.
+#[must_use = "a rejected photograph is a value, not an error"]
+pub enum Outcome<T> {
+    /// The photograph can be used.
+    Accepted(T),
+    /// The photograph cannot be used.
     Rejected(Rejection),
+}
+
+impl<T> Outcome<T> {
+    /// Whether the photograph can be used.
+    pub fn is_accepted(&self) -> bool {
+        matches!(self, Self::Accepted(_))
+    }
+
+    /// The value of an accepted photograph as `Ok`, the rejection as `Err`.
+    ///
+    /// # Errors
+    /// The rejection.
+    pub fn into_result(self) -> Result<T, Rejection> {
+        match self {
+            Self::Accepted(value) => Ok(value),
+            Self::Rejected(rejection) => Err(rejection),
+        }
+    }
+
+    /// Applies a function to the value of an accepted photograph.
+    pub fn map<U>(self, function: impl FnOnce(T) -> U) -> Outcome<U> {
+        self.into_result().map(function).into()
+    }
+}
+
+impl<T> From<Result<T, Rejection>> for Outcome<T> {
+    fn from(result: Result<T, Rejection>) -> Self {
+        match result {
+            Ok(value) => Self::Accepted(value),
+            Err(rejection) => Self::Rejected(rejection),
+        }
+    }
 }
 
 /// An accepted photograph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Accepted {
+pub struct AcceptedPhoto {
     /// Number of accepted photographs before this one.
     pub index: usize,
     /// Pose of the board; `None` for rectified photographs.
-    pub pose: Option<Pose>,
-    /// Reprojection error, px; `None` for rectified photographs.
-    pub reprojection_rms_px: Option<f64>,
+    pub pose: Option<BoardPose>,
     /// Seconds from the call of push to maps being available.
     pub maps_seconds: f64,
     /// What the user may want to know about it.

@@ -6,8 +6,8 @@ use svbrdf::capture::{Capture, Frame};
 use svbrdf::estimate::{Method, coordinates};
 use svbrdf::observation::Observation;
 use svbrdf::random::Random;
-use svbrdf::session::{Observed, Scene, Session};
-use svbrdf::{Error, Rejection, Result, Svbrdf};
+use svbrdf::session::{Observed, Outcome, Scene, Session};
+use svbrdf::{Error, Result, Svbrdf};
 
 use crate::captures::with_truth;
 use crate::experiments::seed;
@@ -76,15 +76,15 @@ fn observations(capture: &Capture, setup: &Setup, most: usize) -> Result<Vec<Obs
     let mut observations = Vec::new();
     for frame in capture.frames.iter().take(most) {
         match observe(&session, frame)? {
-            Ok(Observed { observation, .. }) => observations.push(observation),
-            Err(reason) => eprintln!("{}: {reason}", frame.path.display()),
+            Outcome::Accepted(Observed { observation, .. }) => observations.push(observation),
+            Outcome::Rejected(reason) => eprintln!("{}: {reason}", frame.path.display()),
         }
         push(&session, frame)?;
     }
     Ok(observations)
 }
 
-fn observe(session: &Session, frame: &Frame) -> Result<std::result::Result<Observed, Rejection>> {
+fn observe(session: &Session, frame: &Frame) -> Result<Outcome<Observed>> {
     let photo = frame.read()?;
     match frame.rectified {
         Some(view) => session.observe_rectified(&photo, view.camera_mm, view.light_mm),

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use svbrdf::capture::{Capture, FILE_NAME, Frame};
 use svbrdf::estimate::{EstimateOptions, Estimator};
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
+use svbrdf::session::{Method, Outcome, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};
 
 /// Which maps of a session are evaluated.
@@ -77,8 +77,8 @@ pub fn push(session: &Session, frame: &Frame) -> Result<Option<Rejection>> {
         None => session.push(&photo)?,
     };
     Ok(match pushed {
-        Pushed::Accepted(_) => None,
-        Pushed::Rejected(reason) => Some(reason),
+        Outcome::Accepted(_) => None,
+        Outcome::Rejected(reason) => Some(reason),
     })
 }
 

@@ -6,11 +6,10 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use svbrdf::Error;
-use svbrdf::Rejection;
 use svbrdf::capture::Frame;
 use svbrdf::files::Remark;
 use svbrdf::frame::Photo;
-use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
+use svbrdf::session::{AcceptedPhoto, BoardPose, Hint, Observed, Outcome, Session};
 
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
@@ -171,7 +170,7 @@ impl<'a> Fit<'a> {
             Some(view) => self.session.observe_rectified(&photo, view.camera_mm, view.light_mm)?,
             None => self.session.observe(&photo)?,
         };
-        Ok(observed.map_err(|r: Rejection| (r.code().to_owned(), r.to_string())))
+        Ok(observed.into_result().map_err(|r| (r.code().to_owned(), r.to_string())))
     }
 
     /// Adds a photograph and fits.
@@ -200,14 +199,12 @@ impl<'a> Fit<'a> {
             None => self.session.push(&photo)?,
         };
         let accepted = match pushed {
-            Pushed::Accepted(accepted) => accepted,
-            Pushed::Rejected(why) => {
+            Outcome::Accepted(accepted) => accepted,
+            Outcome::Rejected(why) => {
                 return Ok(rejected(index, why.code(), why.to_string(), begun));
             }
         };
-        let Accepted { pose, reprojection_rms_px, maps_seconds, hints, .. } = accepted;
-        let pose = pose.zip(reprojection_rms_px);
-        let pose = pose.map(|(pose, reprojection_rms_px)| BoardPose { pose, reprojection_rms_px });
+        let AcceptedPhoto { pose, maps_seconds, hints, .. } = accepted;
         let mut row = json!({
             "index": index,
             "status": "accepted",

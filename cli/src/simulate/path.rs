@@ -11,7 +11,7 @@ use svbrdf::geometry::Pose;
 use svbrdf::guide::{Action, Guidance, Guide, GuideOptions};
 use svbrdf::random::Random;
 use svbrdf::session::{
-    self, BoardPose, Budget, Hint, Probe, ProbedView, Pushed, Scene, Session, Settings,
+    self, BoardPose, Budget, Hint, Outcome, Probe, ProbedView, Scene, Session, Settings,
 };
 
 use super::scene::{DISTANCE_MM, camera};
@@ -168,8 +168,8 @@ impl Walk {
     pub fn taken(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(Led { session, guide }) = &mut self.led else { return Ok(()) };
         match session.push(&Photo::decode(bytes, Encoding::Srgb, 1.0)?)? {
-            Pushed::Accepted(_) => session.wait()?,
-            Pushed::Rejected(why) => {
+            Outcome::Accepted(_) => session.wait()?,
+            Outcome::Rejected(why) => {
                 guide.missed();
                 eprintln!("rejected: {why}");
             }

@@ -47,11 +47,11 @@ pub struct Accepted {
 
 impl Accepted {
     /// From the library's.
-    pub fn new(py: Python<'_>, accepted: &session::Accepted) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, accepted: &session::AcceptedPhoto) -> PyResult<Self> {
         Ok(Self {
             index: accepted.index,
-            reprojection_rms_px: accepted.reprojection_rms_px,
-            camera_mm: accepted.pose.map(|pose| pose.camera_centre().into()),
+            reprojection_rms_px: accepted.pose.map(|board| board.reprojection_rms_px),
+            camera_mm: accepted.pose.map(|board| board.pose.camera_centre().into()),
             hints: hints(&accepted.hints, py)?,
         })
     }

@@ -9,7 +9,9 @@ use pyo3::types::PyBytes;
 use svbrdf::networks::Networks;
 use svbrdf::observation::Falloff;
 use svbrdf::session::Settings;
-use svbrdf::session::{self, Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene};
+use svbrdf::session::{
+    self, AcceptedPhoto, Budget, Method, Outcome, RectifiedFalloff, RestoreOptions, Scene,
+};
 
 use crate::board::Board;
 use crate::camera::Camera;
@@ -79,10 +81,10 @@ impl Session {
         self.0.as_deref().expect("held until dropped")
     }
 
-    fn answer(py: Python<'_>, pushed: Pushed) -> PyResult<Py<PyAny>> {
+    fn answer(py: Python<'_>, pushed: Outcome<AcceptedPhoto>) -> PyResult<Py<PyAny>> {
         Ok(match pushed {
-            Pushed::Accepted(accepted) => Py::new(py, Accepted::new(py, &accepted)?)?.into_any(),
-            Pushed::Rejected(rejection) => Py::new(py, Rejected::from(rejection))?.into_any(),
+            Outcome::Accepted(accepted) => Py::new(py, Accepted::new(py, &accepted)?)?.into_any(),
+            Outcome::Rejected(rejection) => Py::new(py, Rejected::from(rejection))?.into_any(),
         })
     }
 }

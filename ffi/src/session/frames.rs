@@ -1,7 +1,7 @@
 //! Photos into a session.
 
 use engine::frame::Photo;
-use engine::session::{Pushed, Session};
+use engine::session::{AcceptedPhoto, Outcome, Session};
 use engine::{Error, Rejection};
 
 use crate::capture::{CAPTURES, svbrdf_capture};
@@ -70,7 +70,7 @@ unsafe fn push(
     image: *const svbrdf_image,
     info: *const svbrdf_frame_info,
     report: *mut svbrdf_frame_report,
-    take: impl FnOnce(&Session, &Photo) -> engine::Result<Pushed>,
+    take: impl FnOnce(&Session, &Photo) -> engine::Result<Outcome<AcceptedPhoto>>,
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the structs and planes.
@@ -99,7 +99,7 @@ unsafe fn push(
 /// `report` has `size` writable bytes, if any.
 pub(crate) unsafe fn tell(
     live: &Live,
-    pushed: &Pushed,
+    pushed: &Outcome<AcceptedPhoto>,
     timestamp_ns: i64,
     report: *mut svbrdf_frame_report,
     size: Option<usize>,
@@ -115,11 +115,11 @@ pub(crate) unsafe fn tell(
 /// Logs what became of a photo: the result of the call and its report.
 pub(crate) fn outcome(
     live: &Live,
-    pushed: &Pushed,
+    pushed: &Outcome<AcceptedPhoto>,
     timestamp_ns: i64,
 ) -> (Result<(), Fault>, svbrdf_frame_report) {
     match pushed {
-        Pushed::Accepted(accepted) => {
+        Outcome::Accepted(accepted) => {
             live.callbacks.log(SVBRDF_LOG_INFO, || {
                 let (index, seconds) = (accepted.index, accepted.maps_seconds);
                 format!("photo {timestamp_ns} accepted as number {index} in {seconds:.2} s")
@@ -131,7 +131,7 @@ pub(crate) fn outcome(
             }
             (Ok(()), svbrdf_frame_report::accepted(accepted, timestamp_ns))
         }
-        Pushed::Rejected(rejection) => {
+        Outcome::Rejected(rejection) => {
             live.callbacks.log(SVBRDF_LOG_WARNING, || {
                 format!("photo {timestamp_ns} rejected ({}): {rejection}", rejection.code())
             });

@@ -14,7 +14,7 @@ use engine::board_sheet::{BoardSheet, Paper, SheetFormat};
 use engine::calibration::{Target, TargetKind};
 use engine::capture::Capture;
 use engine::export::read_maps;
-use engine::session::{Pushed, Session, Settings};
+use engine::session::{Outcome, Session, Settings};
 
 fn client(program: &Path, test: &str, dir: &Path) -> Command {
     let mut command = Command::new(program);
@@ -56,7 +56,7 @@ fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
     let settings = Settings { sample_mm: capture.sample_mm, threads: 2, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings).unwrap();
     let pushed = session.push(&capture.frames[0].read().unwrap()).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)));
+    assert!(matches!(pushed, Outcome::Accepted(_)));
     session.wait().unwrap();
     let (found, expected) =
         (read_maps(dir.path().join("maps")).unwrap(), session.snapshot().unwrap());

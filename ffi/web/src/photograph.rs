@@ -2,7 +2,7 @@
 
 use svbrdf::files::{Choice, Decoded, Limits, Metadata, Options, decode};
 use svbrdf::frame::{Encoding, Rotation};
-use svbrdf::session::{Accepted, Pushed, Session};
+use svbrdf::session::{AcceptedPhoto, Outcome, Session};
 use svbrdf::{Error, Result};
 
 use serde_json::{Value, json};
@@ -38,8 +38,8 @@ pub fn push(
     let (small_size, rgba) = pictures::small(&photo).unzip();
     *small = rgba.unwrap_or_default();
     let mut row = match session.push(&photo) {
-        Ok(Pushed::Accepted(accepted)) => self::accepted(&accepted),
-        Ok(Pushed::Rejected(why)) => rejected(why.code(), &why.to_string()),
+        Ok(Outcome::Accepted(accepted)) => self::accepted(&accepted),
+        Ok(Outcome::Rejected(why)) => rejected(why.code(), &why.to_string()),
         Err(fault @ Error::MemoryLimit { .. }) => rejected("memory", &message(&fault)),
         Err(fault) => return Err(fault),
     };
@@ -85,12 +85,12 @@ fn rejected(reason: &str, hint: &str) -> Value {
     json!({ "status": "rejected", "reason": reason, "hint": hint, "hints": [] })
 }
 
-fn accepted(accepted: &Accepted) -> Value {
+fn accepted(accepted: &AcceptedPhoto) -> Value {
     let hints = accepted.hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
     json!({
         "status": "accepted",
         "first_maps_seconds": accepted.maps_seconds,
-        "reprojection_rms_px": accepted.reprojection_rms_px,
+        "reprojection_rms_px": accepted.pose.map(|board| board.reprojection_rms_px),
         "hints": hints.collect::<Vec<_>>(),
     })
 }
