@@ -18,13 +18,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let capture = Capture::load(folder)?;
     let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings)?;
-    for frame in &capture.frames {
-        let photo = frame.read()?;
-        let pushed = match frame.rectified {
-            Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => session.push(&photo)?,
+    for file in &capture.photos {
+        let photo = file.read()?;
+        let pushed = match file.rectified {
+            Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+            None => session.add_photo(&photo)?,
         };
-        let name = frame.path.display();
+        let name = file.path.display();
         match pushed {
             Outcome::Accepted(accepted) => {
                 println!("{name}: maps after {:.2} s", accepted.maps_seconds);

@@ -64,10 +64,10 @@
 /** svbrdf_features(): raw sensor buffers are taken. */
 #define SVBRDF_FEATURE_RAW 4
 
-/** svbrdf_features(): files are read, see svbrdf_session_push_encoded(). */
+/** svbrdf_features(): files are read, see svbrdf_session_add_photo_file(). */
 #define SVBRDF_FEATURE_FILES 8
 
-/** Bytes of svbrdf_frame_report.advice. */
+/** Bytes of svbrdf_photo_report.advice. */
 #define SVBRDF_ADVICE_BYTES 256
 
 #ifdef __cplusplus
@@ -221,9 +221,9 @@ svbrdf_status svbrdf_camera_init(struct svbrdf_camera *camera, size_t size);
 /** What the photos show. */
 typedef uint32_t svbrdf_scene;
 
-/** The sample inside a printed board: svbrdf_session_push_frame(). */
+/** The sample inside a printed board: svbrdf_session_add_photo(). */
 #define SVBRDF_SCENE_BOARD 1
-/** The sample's top view, camera and light given: svbrdf_session_push_rectified(). */
+/** The sample's top view, camera and light given: svbrdf_session_add_rectified_photo(). */
 #define SVBRDF_SCENE_RECTIFIED 2
 
 /** How the maps are found. */
@@ -394,7 +394,7 @@ typedef struct svbrdf_session_options {
     void *user_data;
     /**
      * Limit of the session's memory by its own estimate, bytes; 0: no limit. Includes copies of photos
-     * that svbrdf_session_push_frame_async() holds, but not the models (about 30 MB, shared by all
+     * that svbrdf_session_add_photo_async() holds, but not the models (about 30 MB, shared by all
      * sessions). Calls that would need more return SVBRDF_MEMORY_LIMIT.
      */
     uint64_t memory_limit_bytes;
@@ -583,7 +583,7 @@ typedef uint32_t svbrdf_flash;
 #define SVBRDF_FLASH_TORCH 3
 
 /** What is known about a photo. */
-typedef struct svbrdf_frame_info {
+typedef struct svbrdf_photo_info {
     /** Size of this struct. */
     size_t size;
     /**
@@ -607,10 +607,10 @@ typedef struct svbrdf_frame_info {
      * camera that is estimated it is where the search begins.
      */
     float focal_35mm;
-} svbrdf_frame_info;
+} svbrdf_photo_info;
 
-/** Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info). */
-svbrdf_status svbrdf_frame_info_init(struct svbrdf_frame_info *info, size_t size);
+/** Fills photo metadata with defaults: pass sizeof(svbrdf_photo_info). */
+svbrdf_status svbrdf_photo_info_init(struct svbrdf_photo_info *info, size_t size);
 
 /** Why a photo was not used. Values may be added. */
 typedef uint32_t svbrdf_rejection;
@@ -651,7 +651,7 @@ typedef uint32_t svbrdf_rejection;
 #define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
 
 /**
- * Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
+ * Hints about an accepted photo: bits. Bits may be added; svbrdf_photo_report.advice has words for
  * all.
  */
 typedef uint32_t svbrdf_hints;
@@ -668,7 +668,7 @@ typedef uint32_t svbrdf_hints;
 #define SVBRDF_HINT_NOT_LINEAR 4
 
 /** What became of a photo. */
-typedef struct svbrdf_frame_report {
+typedef struct svbrdf_photo_report {
     /** Size of this struct. */
     size_t size;
     /** 1 when the photo takes part in the fit, 0 when it was rejected. */
@@ -716,10 +716,10 @@ typedef struct svbrdf_frame_report {
      * accepted one; may be empty.
      */
     char advice[SVBRDF_ADVICE_BYTES];
-} svbrdf_frame_report;
+} svbrdf_photo_report;
 
-/** Fills a report with defaults: pass sizeof(svbrdf_frame_report). */
-svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
+/** Fills a report with defaults: pass sizeof(svbrdf_photo_report). */
+svbrdf_status svbrdf_photo_report_init(struct svbrdf_photo_report *report, size_t size);
 
 /**
  * Takes in a photo of a board: copies, calibrates and rectifies it. When this returns SVBRDF_OK, the
@@ -727,50 +727,50 @@ svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_
  * be used, and nothing changed. `info` and `report` may be NULL. Calls from several threads are
  * served one after the other.
  */
-svbrdf_status svbrdf_session_push_frame(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_add_photo(struct svbrdf_session *session,
                                         const struct svbrdf_image *image,
-                                        const struct svbrdf_frame_info *info,
-                                        struct svbrdf_frame_report *report);
+                                        const struct svbrdf_photo_info *info,
+                                        struct svbrdf_photo_report *report);
 
 /**
- * Called with what became of a photo of svbrdf_session_push_frame_async(): the status and report that
- * svbrdf_session_push_frame() would have given. If the status is neither SVBRDF_OK nor
+ * Called with what became of a photo of svbrdf_session_add_photo_async(): the status and report that
+ * svbrdf_session_add_photo() would have given. If the status is neither SVBRDF_OK nor
  * SVBRDF_REJECTED, the report contains only the timestamp. The report is valid during the call, and
  * svbrdf_last_error_message() until the next call of the library. See "Threads" at the top.
  */
-typedef void (*svbrdf_pushed_callback)(void *user_data,
+typedef void (*svbrdf_photo_callback)(void *user_data,
                                        struct svbrdf_session *session,
                                        svbrdf_status status,
-                                       const struct svbrdf_frame_report *report);
+                                       const struct svbrdf_photo_report *report);
 
 /**
- * As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied, so
+ * As svbrdf_session_add_photo(), on a thread of the session: returns once the planes are copied, so
  * that their memory is free again. Photos are taken in one after the other, in the order of the
  * calls. When this returns SVBRDF_OK, `callback` is called exactly once: with SVBRDF_CANCELLED if the
  * session is cancelled or destroyed first, with SVBRDF_INVALID_ARGUMENT if the planes do not match
  * their description. Otherwise it is not called. SVBRDF_BUSY: three photos are waiting already.
  * SVBRDF_MEMORY_LIMIT: with this copy, svbrdf_session_options.memory_limit_bytes would be exceeded.
  */
-svbrdf_status svbrdf_session_push_frame_async(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_add_photo_async(struct svbrdf_session *session,
                                               const struct svbrdf_image *image,
-                                              const struct svbrdf_frame_info *info,
-                                              svbrdf_pushed_callback callback,
+                                              const struct svbrdf_photo_info *info,
+                                              svbrdf_photo_callback callback,
                                               void *user_data);
 
 /**
- * As svbrdf_session_push_frame(), for a photo that shows exactly the sample's rectangle from above, at
+ * As svbrdf_session_add_photo(), for a photo that shows exactly the sample's rectangle from above, at
  * any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
  * sample's centre, X right, Y up, Z towards the camera).
  */
-svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_add_rectified_photo(struct svbrdf_session *session,
                                             const struct svbrdf_image *image,
-                                            const struct svbrdf_frame_info *info,
+                                            const struct svbrdf_photo_info *info,
                                             const float *camera_mm,
                                             const float *light_mm,
-                                            struct svbrdf_frame_report *report);
+                                            struct svbrdf_photo_report *report);
 
 /** Options of reading a file. */
-typedef struct svbrdf_encoded_options {
+typedef struct svbrdf_file_options {
     /** Size of this struct. */
     size_t size;
     /**
@@ -799,10 +799,10 @@ typedef struct svbrdf_encoded_options {
      * SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
      */
     uint64_t max_bytes;
-} svbrdf_encoded_options;
+} svbrdf_file_options;
 
-/** Fills options with defaults: pass sizeof(svbrdf_encoded_options). */
-svbrdf_status svbrdf_encoded_options_init(struct svbrdf_encoded_options *options, size_t size);
+/** Fills options with defaults: pass sizeof(svbrdf_file_options). */
+svbrdf_status svbrdf_file_options_init(struct svbrdf_file_options *options, size_t size);
 
 /** Remarks about a file: an OR of SVBRDF_REMARK_ values. Some may be added. */
 typedef uint32_t svbrdf_remarks;
@@ -874,17 +874,17 @@ svbrdf_status svbrdf_file_info_init(struct svbrdf_file_info *info, size_t size);
 svbrdf_status svbrdf_file_look_at(const void *bytes, size_t length, struct svbrdf_file_info *info);
 
 /**
- * As svbrdf_session_push_frame(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
+ * As svbrdf_session_add_photo(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
  * DNG, recognised by its content. SVBRDF_INVALID_ARGUMENT if the file is damaged or of another format,
  * which the message names. `options`, `info` and
  * `report` may be NULL. SVBRDF_UNSUPPORTED if svbrdf_features() lacks SVBRDF_FEATURE_FILES.
  */
-svbrdf_status svbrdf_session_push_encoded(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_add_photo_file(struct svbrdf_session *session,
                                           const void *bytes,
                                           size_t length,
-                                          const struct svbrdf_encoded_options *options,
+                                          const struct svbrdf_file_options *options,
                                           struct svbrdf_file_info *info,
-                                          struct svbrdf_frame_report *report);
+                                          struct svbrdf_photo_report *report);
 
 /**
  * Takes back an accepted photo: the session, including its calibration, is as if the photo had never
@@ -893,7 +893,7 @@ svbrdf_status svbrdf_session_push_encoded(struct svbrdf_session *session,
  * SVBRDF_INVALID_ARGUMENT for other indices, and if other photos would have been rejected without
  * this one. Waits for a push and for a step of the fit.
  */
-svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_remove_photo(struct svbrdf_session *session,
                                           uint32_t index);
 
 /* Before the shot ----------------------------------------------------------------------------- */
@@ -911,7 +911,7 @@ typedef struct svbrdf_probe {
     svbrdf_rejection rejection;
     /** Hints, whether it would be accepted or not: bits of SVBRDF_HINT_. */
     svbrdf_hints hints;
-    /** As in svbrdf_frame_report. */
+    /** As in svbrdf_photo_report. */
     uint32_t same_view_as;
     /** Corners of the board that were found. */
     uint32_t corners_found;
@@ -971,9 +971,9 @@ typedef struct svbrdf_probe {
      * For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
      */
     float over_white;
-    /** As in svbrdf_frame_report. */
+    /** As in svbrdf_photo_report. */
     float measured;
-    /** As in svbrdf_frame_report. */
+    /** As in svbrdf_photo_report. */
     float limit;
     /** The timestamp that was given with the photo. */
     int64_t timestamp_ns;
@@ -1004,7 +1004,7 @@ svbrdf_status svbrdf_probe_init(struct svbrdf_probe *probe, size_t size);
  */
 svbrdf_status svbrdf_session_probe(const struct svbrdf_session *session,
                                    const struct svbrdf_image *image,
-                                   const struct svbrdf_frame_info *info,
+                                   const struct svbrdf_photo_info *info,
                                    struct svbrdf_probe *probe);
 
 /** The most informative view for the next photo. */
@@ -1126,7 +1126,7 @@ svbrdf_status svbrdf_guidance_init(struct svbrdf_guidance *guidance, size_t size
  */
 svbrdf_status svbrdf_session_guide(struct svbrdf_session *session,
                                    const struct svbrdf_image *image,
-                                   const struct svbrdf_frame_info *info,
+                                   const struct svbrdf_photo_info *info,
                                    struct svbrdf_probe *probe,
                                    struct svbrdf_guidance *guidance);
 
@@ -1551,7 +1551,7 @@ svbrdf_status svbrdf_package_destroy(struct svbrdf_package *package);
 /* What a session knows of photos, camera, light and sheet ------------------------------------- */
 
 /** How well the current maps explain an accepted photo. */
-typedef struct svbrdf_frame_fit {
+typedef struct svbrdf_photo_fit {
     /** Size of this struct. */
     size_t size;
     /**
@@ -1580,23 +1580,23 @@ typedef struct svbrdf_frame_fit {
     float part_centre[2];
     /** How many times as bright it is as the other photos have it; below 1: darker. */
     float part_ratio;
-} svbrdf_frame_fit;
+} svbrdf_photo_fit;
 
-/** Fills a fit with zeros: pass sizeof(svbrdf_frame_fit). */
-svbrdf_status svbrdf_frame_fit_init(struct svbrdf_frame_fit *fit, size_t size);
+/** Fills a fit with zeros: pass sizeof(svbrdf_photo_fit). */
+svbrdf_status svbrdf_photo_fit_init(struct svbrdf_photo_fit *fit, size_t size);
 
 /**
  * How well the current maps explain an accepted photo; meaningful once the fit has settled.
  * `index` counts the accepted photos from 0. Waits for a step of the fit.
  */
-svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
+svbrdf_status svbrdf_session_photo_fit(const struct svbrdf_session *session,
                                        uint32_t index,
-                                       struct svbrdf_frame_fit *fit);
+                                       struct svbrdf_photo_fit *fit);
 
 /**
  * Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
  * improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
- * svbrdf_frame_report; each may be NULL.
+ * svbrdf_photo_report; each may be NULL.
  */
 svbrdf_status svbrdf_session_pose(const struct svbrdf_session *session,
                                   uint32_t index,
@@ -1742,16 +1742,16 @@ svbrdf_status svbrdf_board_print(const struct svbrdf_board *board,
 svbrdf_status svbrdf_capture_open(const char *path, struct svbrdf_capture **out);
 
 /** Number of photos of a capture. */
-svbrdf_status svbrdf_capture_frames(const struct svbrdf_capture *capture, uint32_t *count);
+svbrdf_status svbrdf_capture_photos(const struct svbrdf_capture *capture, uint32_t *count);
 
 /**
- * Reads a photo of a capture and takes it in, as svbrdf_session_push_frame() or
- * svbrdf_session_push_rectified(). The report's timestamp is the index. `report` may be NULL.
+ * Reads a photo of a capture and takes it in, as svbrdf_session_add_photo() or
+ * svbrdf_session_add_rectified_photo(). The report's timestamp is the index. `report` may be NULL.
  */
-svbrdf_status svbrdf_session_push_capture(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_add_capture_photo(struct svbrdf_session *session,
                                           const struct svbrdf_capture *capture,
                                           uint32_t index,
-                                          struct svbrdf_frame_report *report);
+                                          struct svbrdf_photo_report *report);
 
 /** Frees a capture; NULL is fine. Sessions do not need it. */
 svbrdf_status svbrdf_capture_destroy(struct svbrdf_capture *capture);
@@ -1801,7 +1801,7 @@ typedef uint32_t svbrdf_thread;
 #define SVBRDF_THREAD_FIT 2
 /** Calls on_progress and on_maps of a session. */
 #define SVBRDF_THREAD_CALLBACK 3
-/** Takes in the photos of svbrdf_session_push_frame_async(), and calls back. */
+/** Takes in the photos of svbrdf_session_add_photo_async(), and calls back. */
 #define SVBRDF_THREAD_PUSH 4
 
 /** Called at the start of a thread, on it, before anything else. */

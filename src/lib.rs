@@ -5,13 +5,13 @@
 //! the first photograph on, and a refinement of every texel.
 //!
 //! # Example
-//! A [`session::Session`] takes photographs one at a time. [`push`](session::Session::push) calibrates a
+//! A [`session::Session`] takes photographs one at a time. [`add_photo`](session::Session::add_photo) calibrates a
 //! photograph and returns as soon as the maps include it; the fit continues on a thread of the session.
 //!
 //! ```no_run
 //! use svbrdf::calibration::Target;
 //! use svbrdf::export::write_maps;
-//! use svbrdf::frame::{Encoding, Photo};
+//! use svbrdf::photo::{Encoding, Photo};
 //! use svbrdf::session::{Outcome, Scene, Session, Settings};
 //!
 //! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { (0, 0, Vec::new()) }
@@ -28,7 +28,7 @@
 //! for name in ["0.jpg", "1.jpg", "2.jpg"] {
 //!     let (width, height, rgb) = pixels(name); // 8-bit sRGB
 //!     let photo = Photo::from_rgb8(width, height, &rgb, 3 * width as usize, Encoding::Srgb, 1.0)?;
-//!     match session.push(&photo)? {
+//!     match session.add_photo(&photo)? {
 //!         Outcome::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
 //!         Outcome::Rejected(reason) => println!("{name}: {reason}"),
 //!     }
@@ -81,7 +81,6 @@ pub mod estimate;
 pub mod export;
 #[cfg(feature = "files")]
 pub mod files;
-pub mod frame;
 pub mod geometry;
 pub mod guide;
 mod interpolation;
@@ -93,6 +92,7 @@ pub mod loss;
 pub mod networks;
 pub mod observation;
 mod parallel;
+pub mod photo;
 #[doc(hidden)]
 pub mod random;
 pub mod rectification;

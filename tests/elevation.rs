@@ -16,8 +16,8 @@ use svbrdf::calibration::Target;
 use svbrdf::capture::Capture;
 use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
-use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
+use svbrdf::photo::Photo;
 use svbrdf::session::{Method, Outcome, RestoreOptions, Scene, Session, Settings};
 
 const ALL: [Material; 5] =
@@ -42,7 +42,7 @@ fn calibrating(elevation_mm: Option<f64>) -> Session {
 }
 
 fn push(session: &Session, photo: &Photo) {
-    let pushed = session.push(photo).unwrap();
+    let pushed = session.add_photo(photo).unwrap();
     assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
 }
 
@@ -117,8 +117,8 @@ fn samples_of_the_test_data_lie_in_the_plane() {
         let session = Session::new(capture.scene.clone(), settings).unwrap();
         session.pause();
         let mut seen = String::new();
-        for frame in &capture.frames {
-            push(&session, &frame.read().unwrap());
+        for file in &capture.photos {
+            push(&session, &file.read().unwrap());
             let e = session.elevation().unwrap();
             seen += &format!(" {:.2} +- {:.3}", e.mm, e.sigma_mm);
             assert_eq!(e.mm, 0.0, "{}", folder.display());

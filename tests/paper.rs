@@ -4,9 +4,9 @@ mod common;
 
 use common::{Scene, looking_at, ring};
 use svbrdf::calibration::{Paper, PaperEstimate, Target, detect, estimate_pose};
-use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::networks::Networks;
+use svbrdf::photo::Photo;
 use svbrdf::session::{Method, Outcome, RestoreOptions, Scene as Shown, Session, Settings};
 
 fn camera() -> Camera {
@@ -46,7 +46,7 @@ fn session(target: &Target, camera: Option<Camera>) -> Session {
 /// Largest view error over all photographs, and the paper, once all are in.
 fn calibrated(session: &Session, scenes: &[Scene], photos: &[Photo]) -> (f64, PaperEstimate) {
     for photo in photos {
-        let pushed = session.push(photo).unwrap();
+        let pushed = session.add_photo(photo).unwrap();
         assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
     }
     let errors =

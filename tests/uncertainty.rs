@@ -51,7 +51,11 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
     assert!(matches!(session.snapshot_with_uncertainty(), Err(Error::NoMaps)));
     let mut stated = Vec::new();
     for (i, position) in POSITIONS.into_iter().enumerate() {
-        session.push_rectified(&photo(&truth, position), position, position).unwrap();
+        session
+            .add_rectified_photo(&photo(&truth, position), position, position)
+            .unwrap()
+            .into_result()
+            .unwrap();
         if i == 1 {
             continue;
         }

@@ -76,10 +76,10 @@ fn camera_flash_and_ambient_come_from_the_photographs() {
         // Calibration alone: the fit waits.
         session.pause();
         let mut last = [0.0; 3];
-        for (index, frame) in capture.frames.iter().enumerate() {
-            let photo = frame.read().unwrap();
+        for (index, file) in capture.photos.iter().enumerate() {
+            let photo = file.read().unwrap();
             let begun = std::time::Instant::now();
-            let Outcome::Accepted(_) = session.push(&photo).unwrap() else {
+            let Outcome::Accepted(_) = session.add_photo(&photo).unwrap() else {
                 panic!("{name}/{index} was rejected")
             };
             let seconds = begun.elapsed().as_secs_f64();

@@ -220,7 +220,7 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
     assert!(kept.planes().iter().zip(known.planes()).all(|(a, b)| (a - b).abs() < 1e-6));
     let truth = std::fs::read_to_string(out.join("truth/truth.json")).unwrap();
     let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
-    for (i, frame) in capture.frames.iter().enumerate() {
+    for (i, file) in capture.photos.iter().enumerate() {
         let number = |v: &serde_json::Value| v.as_f64().unwrap();
         let pose = &truth["frames"][i];
         let rows: Vec<f64> = (0..9).map(|k| number(&pose["rotation"][k / 3][k % 3])).collect();
@@ -228,7 +228,7 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
         assert!((rotation.determinant() - 1.0).abs() < 1e-9);
         let translation = DVec3::from_array([0, 1, 2].map(|k| number(&pose["translation_mm"][k])));
         let pose = Pose { rotation, translation };
-        let photo = frame.read().unwrap();
+        let photo = file.read().unwrap();
         let see = |p: DVec2| {
             let px = camera.project(pose.transform(p.extend(0.0))).unwrap();
             photo.pixel(px.x.round() as u32, px.y.round() as u32)[1]
@@ -285,9 +285,9 @@ fn simulated_faults_are_those_of_the_truth() {
     let truth: serde_json::Value = serde_json::from_slice(&read(&a, "truth/truth.json")).unwrap();
     let lobe = truth["faults"]["flash_exponent"].as_f64().unwrap();
     let capture = Capture::load(&a).unwrap();
-    assert_eq!(capture.frames.len(), 3);
-    for (frame, truth) in capture.frames.iter().zip(truth["frames"].as_array().unwrap()) {
-        let told = frame.rectified.unwrap();
+    assert_eq!(capture.photos.len(), 3);
+    for (file, truth) in capture.photos.iter().zip(truth["frames"].as_array().unwrap()) {
+        let told = file.rectified.unwrap();
         assert_eq!(told.camera_mm, told.light_mm);
         let light = DVec3::from_array([0, 1, 2].map(|k| truth["light_mm"][k].as_f64().unwrap()));
         let offset = (light - glam::Vec3::from(told.light_mm).as_dvec3()).length();
@@ -299,7 +299,7 @@ fn simulated_faults_are_those_of_the_truth() {
         let axis = [0, 1, 2].map(|k| truth["rotation"][2][k].as_f64().unwrap());
         let flash = (-light.normalize()).dot(DVec3::from_array(axis)).powf(lobe);
         let expected = exposure * 0.3 * 260.0 * 260.0 * flash * light.z / light.length().powi(3);
-        let photo = frame.read().unwrap();
+        let photo = file.read().unwrap();
         let found = f64::from(photo.pixel(32, 32)[1]);
         assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
     }
@@ -316,7 +316,7 @@ fn simulated_faults_of_a_board_do_not_tell_the_flash() {
     let Scene::Board { target, camera: Some(_), flash_offset_mm: None, .. } = &capture.scene else {
         panic!("{:?}", capture.scene)
     };
-    let photo = capture.frames[0].read().unwrap();
+    let photo = capture.photos[0].read().unwrap();
     let luma = svbrdf::calibration::LumaImage::from_photo(&photo);
     assert!(svbrdf::calibration::detect(&luma, target).is_ok());
 }

@@ -150,7 +150,7 @@ fn a_linear_png_is_read_as_linear() {
     Written::default().save(&plain, &SHOTS[0]);
     let deep = image::ImageBuffer::from_fn(SHOTS[0].width(), SHOTS[0].height(), |x, y| {
         let stored = |v: u8| {
-            let value = svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0);
+            let value = svbrdf::photo::Encoding::Srgb.decode(f64::from(v) / 255.0);
             (65_535.0 * value).round() as u16
         };
         image::Rgb(SHOTS[0].get_pixel(x, y).0.map(stored))
@@ -220,7 +220,7 @@ fn a_display_p3_picture_gives_the_colours_of_a_rec_709_one() {
     let steep = {
         let mut steep = wide.clone();
         for (to, from) in steep.pixels_mut().zip(wide.pixels()) {
-            let linear = from.0.map(|v| svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0));
+            let linear = from.0.map(|v| svbrdf::photo::Encoding::Srgb.decode(f64::from(v) / 255.0));
             to.0 = linear.map(|v| (255.0 * v.powf(1.0 / 1.8)).round() as u8);
         }
         steep

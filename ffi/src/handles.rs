@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use crate::status::{Fault, SVBRDF_INVALID_HANDLE};
 
-/// A capture in progress: push photos, take maps at any time.
+/// A session: add photos, take maps at any time.
 pub struct svbrdf_session {
     _opaque: (),
 }

@@ -33,7 +33,7 @@ pub(crate) struct Live {
     /// The thread that calls back, if there is one.
     pub(crate) notifier: Mutex<Option<JoinHandle<()>>>,
     /// Photos that are taken in on a thread of their own.
-    pub(crate) pushes: Queue,
+    pub(crate) photos: Queue,
     /// What leads the hand that holds the camera.
     pub(crate) guide: Mutex<Guide>,
 }
@@ -54,7 +54,7 @@ impl Live {
             cancelled: AtomicBool::new(false),
             failed: OnceLock::new(),
             notifier: Mutex::new(None),
-            pushes: Queue::default(),
+            photos: Queue::default(),
             guide: Mutex::default(),
         }
     }

@@ -186,7 +186,7 @@ pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
     Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
 }
 
-/// One of the maps as a picture.
+/// One of the maps as an image.
 struct MapPicture<'a> {
     maps: &'a Svbrdf,
     map: svbrdf_map,

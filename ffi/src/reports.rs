@@ -32,7 +32,7 @@ pub const SVBRDF_REJECTION_TOO_DARK: svbrdf_rejection = 7;
 pub const SVBRDF_REJECTION_CLIPPED: svbrdf_rejection = 8;
 /// The camera is too far off the vertical.
 pub const SVBRDF_REJECTION_TOO_GRAZING: svbrdf_rejection = 9;
-/// Too little of the sample is in the picture.
+/// Too little of the sample is in the image.
 pub const SVBRDF_REJECTION_SAMPLE_OUTSIDE: svbrdf_rejection = 10;
 /// The flash does not light the board, or is stated to be off.
 pub const SVBRDF_REJECTION_LIGHT_NOT_VISIBLE: svbrdf_rejection = 11;
@@ -69,7 +69,7 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
     }
 }
 
-/// Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
+/// Hints about an accepted photo: bits. Bits may be added; svbrdf_photo_report.advice has words for
 /// all.
 pub type svbrdf_hints = u32;
 /// A hint that this version of the header does not know.
@@ -81,10 +81,10 @@ pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
 /// the photo is as good as a linear one.
 pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 
-/// Bytes of svbrdf_frame_report.advice.
+/// Bytes of svbrdf_photo_report.advice.
 pub const SVBRDF_ADVICE_BYTES: usize = 256;
 
-/// What was measured and the limit it did not keep, see [`svbrdf_frame_report`].
+/// What was measured and the limit it did not keep, see [`svbrdf_photo_report`].
 pub(crate) fn measured(rejection: &Rejection) -> (f32, f32) {
     match *rejection {
         Rejection::TooFewCorners { found, needed, .. } => (found as f32, needed as f32),
@@ -113,7 +113,7 @@ pub(crate) fn text<const N: usize>(text: &str) -> [c_char; N] {
 /// What became of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct svbrdf_frame_report {
+pub struct svbrdf_photo_report {
     /// Size of this struct.
     pub size: usize,
     /// 1 when the photo takes part in the fit, 0 when it was rejected.
@@ -155,7 +155,7 @@ pub struct svbrdf_frame_report {
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
 }
 
-impl Default for svbrdf_frame_report {
+impl Default for svbrdf_photo_report {
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -178,9 +178,9 @@ impl Default for svbrdf_frame_report {
         }
     }
 }
-versioned!(svbrdf_frame_report, offset_of!(svbrdf_frame_report, hints));
+versioned!(svbrdf_photo_report, offset_of!(svbrdf_photo_report, hints));
 
-impl svbrdf_frame_report {
+impl svbrdf_photo_report {
     pub(crate) fn accepted(accepted: &AcceptedPhoto, timestamp_ns: i64) -> Self {
         let mut report = Self {
             accepted: 1,
@@ -225,13 +225,13 @@ impl svbrdf_frame_report {
     }
 }
 
-/// Fills a report with defaults: pass sizeof(svbrdf_frame_report).
+/// Fills a report with defaults: pass sizeof(svbrdf_photo_report).
 ///
 /// # Safety
 /// `report` is NULL or has `size` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_frame_report_init(
-    report: *mut svbrdf_frame_report,
+pub unsafe extern "C" fn svbrdf_photo_report_init(
+    report: *mut svbrdf_photo_report,
     size: usize,
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
@@ -325,7 +325,7 @@ pub struct svbrdf_progress {
     /// One of SVBRDF_STATE_.
     pub state: svbrdf_state,
     /// Photos accepted so far.
-    pub frames: u32,
+    pub photos: u32,
     /// 1 when the fit has finished on all photos so far.
     pub settled: u32,
     /// Fraction of the work that is done, 0 to 1. On photos announced by svbrdf_session_announce() it never
@@ -354,7 +354,7 @@ impl Default for svbrdf_progress {
         Self {
             size: size_of::<Self>(),
             state: SVBRDF_STATE_READY,
-            frames: 0,
+            photos: 0,
             settled: 0,
             fraction: 0.0,
             loss_before: 0.0,
@@ -373,7 +373,7 @@ impl svbrdf_progress {
     pub(crate) fn new(progress: &Progress, state: svbrdf_state, maps_revision: u64) -> Self {
         Self {
             state,
-            frames: progress.frames as u32,
+            photos: progress.photos as u32,
             settled: progress.settled.into(),
             fraction: progress.fraction,
             loss_before: progress.loss_before,
@@ -403,7 +403,7 @@ pub unsafe extern "C" fn svbrdf_progress_init(
 mod tests {
     use super::*;
 
-    fn advice(report: &svbrdf_frame_report) -> String {
+    fn advice(report: &svbrdf_photo_report) -> String {
         let bytes = report.advice.iter().take_while(|c| **c != 0).map(|c| c.to_ne_bytes()[0]);
         String::from_utf8(bytes.collect()).unwrap()
     }
@@ -411,7 +411,7 @@ mod tests {
     #[test]
     fn figures_of_rejections_are_told() {
         let told = |rejection| {
-            let report = svbrdf_frame_report::rejected(&rejection, 7);
+            let report = svbrdf_photo_report::rejected(&rejection, 7);
             assert_eq!((advice(&report), report.timestamp_ns), (rejection.to_string(), 7));
             (report.measured, report.limit, report.blur_direction_deg)
         };
@@ -429,7 +429,7 @@ mod tests {
     fn hints_of_accepted_photos_are_told() {
         let told = |hints| {
             let accepted = AcceptedPhoto { index: 9, pose: None, maps_seconds: 0.1, hints };
-            svbrdf_frame_report::accepted(&accepted, 0)
+            svbrdf_photo_report::accepted(&accepted, 0)
         };
         let report = told(vec![
             Hint::NothingNew { index: 4 },
@@ -446,7 +446,7 @@ mod tests {
     #[test]
     fn long_words_are_cut_between_characters() {
         let long = "\u{e4}".repeat(200);
-        let report = svbrdf_frame_report { advice: text(&long), ..Default::default() };
+        let report = svbrdf_photo_report { advice: text(&long), ..Default::default() };
         assert_eq!(advice(&report), "\u{e4}".repeat(127));
     }
 }

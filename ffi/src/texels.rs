@@ -58,7 +58,7 @@ enum Sample {
     Float,
 }
 
-/// A format as it applies to a picture.
+/// A format as it applies to an image.
 pub(crate) struct Layout {
     sample: Sample,
     channels: Range<usize>,
@@ -120,7 +120,7 @@ impl Layout {
         }
     }
 
-    /// Copies a picture into rows of `row_stride` bytes (0: no gap), of which the last may end with its
+    /// Copies an image into rows of `row_stride` bytes (0: no gap), of which the last may end with its
     /// last texel.
     ///
     /// # Safety

@@ -4,8 +4,8 @@
 use std::sync::{Arc, OnceLock};
 
 use engine::calibration::Target;
-use engine::frame::{Encoding, Photo, Primaries};
 use engine::networks::Networks;
+use engine::photo::{Encoding, Photo, Primaries};
 use engine::session::{Outcome, Scene, Session, Settings};
 
 /// Whether something was made of it.
@@ -33,12 +33,12 @@ pub fn run(data: &[u8]) -> bool {
     session.pause();
     let probe = session.probe(&photo).expect("a photo is no misuse");
     assert!(probe.corners.iter().all(|corner| corner.px.is_finite()));
-    match session.push(&photo).expect("a photo is no misuse") {
+    match session.add_photo(&photo).expect("a photo is no misuse") {
         Outcome::Accepted(accepted) => {
             assert!(accepted.pose.is_some_and(|p| p.pose.translation.is_finite()));
             assert!(session.snapshot().is_ok());
-            assert!(session.remove_frame(1).is_err() && session.remove_frame(0).is_ok());
-            assert!(session.snapshot().is_err() && session.progress().frames == 0);
+            assert!(session.remove_photo(1).is_err() && session.remove_photo(0).is_ok());
+            assert!(session.snapshot().is_err() && session.progress().photos == 0);
         }
         Outcome::Rejected(_) => assert!(session.snapshot().is_err()),
     }

@@ -60,7 +60,7 @@ enum class BoardKind : svbrdf_board_kind {
     charuco_ring = SVBRDF_BOARD_CHARUCO_RING,
 };
 
-/// Layouts of a picture in memory.
+/// Layouts of an image in memory.
 enum class PixelFormat : svbrdf_pixel_format {
     rgb8 = SVBRDF_PIXEL_RGB8,
     rgba8 = SVBRDF_PIXEL_RGBA8,
@@ -241,7 +241,7 @@ enum class Thread : svbrdf_thread {
     work = SVBRDF_THREAD_WORK,
     fit = SVBRDF_THREAD_FIT,
     callback = SVBRDF_THREAD_CALLBACK,
-    push = SVBRDF_THREAD_PUSH,
+    photos = SVBRDF_THREAD_PHOTOS,
 };
 
 }  // namespace svbrdf

@@ -5,8 +5,8 @@ use super::detector::Corner;
 use super::luma::LumaImage;
 use super::target::Target;
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use crate::statistics::median;
 
 /// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.

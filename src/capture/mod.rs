@@ -12,9 +12,9 @@ use serde_json::Value;
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 #[cfg(feature = "files")]
 use crate::files::{self, Remark};
-use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
+use crate::photo::{Encoding, Photo, Rotation};
 use crate::rectification::elevation;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
@@ -39,7 +39,7 @@ pub struct Capture {
     /// What the photographs show.
     pub scene: Scene,
     /// The photographs in the order of the file; at least one.
-    pub frames: Vec<Frame>,
+    pub photos: Vec<PhotoFile>,
     /// Fields of the file that are not known, hence ignored, and lengths that are rarely meant: a sentence
     /// each.
     pub warnings: Vec<String>,
@@ -47,7 +47,7 @@ pub struct Capture {
 
 /// One photograph of a capture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
+pub struct PhotoFile {
     /// The picture file, which exists.
     pub path: PathBuf,
     /// Transfer curve of its values.
@@ -72,7 +72,7 @@ pub struct RectifiedView {
     pub light_mm: [f32; 3],
 }
 
-impl Frame {
+impl PhotoFile {
     /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] stands for what the file says
     /// of its colours, and DNG is read.
     ///
@@ -86,10 +86,10 @@ impl Frame {
         self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
     }
 
-    /// As [`Frame::read`], and what is to be said about the file.
+    /// As [`PhotoFile::read`], and what is to be said about the file.
     ///
     /// # Errors
-    /// As [`Frame::read`].
+    /// As [`PhotoFile::read`].
     #[cfg(feature = "files")]
     pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
         let mut remarks = None;
@@ -153,19 +153,19 @@ impl Capture {
         let (scene, sample_mm) = scene(&root, camera)?;
         let rectified = matches!(scene, Scene::Rectified { .. });
         let list = root.get("frames");
-        let frames = list
+        let photos = list
             .list()?
             .iter()
-            .map(|node| frame(dir, node, rectified))
+            .map(|node| photo_file(dir, node, rectified))
             .collect::<Result<Vec<_>>>()?;
-        if frames.is_empty() {
+        if photos.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
         let mut warnings = unknown::warnings(file, value);
         if let Scene::Board { target, .. } = &scene {
             warnings.extend(lengths::warning(file, target, sample_mm));
         }
-        Ok(Self { sample_mm, scene, frames, warnings })
+        Ok(Self { sample_mm, scene, photos, warnings })
     }
 }
 
@@ -341,7 +341,7 @@ fn camera(node: &Node) -> Result<Camera> {
     }
 }
 
-fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
+fn photo_file(dir: &Path, node: &Node, rectified: bool) -> Result<PhotoFile> {
     node.object()?;
     let path = picture(dir, &node.get("image"))?;
     let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
@@ -367,7 +367,7 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
         None
     };
     let turn = turn(node.get("turn"))?;
-    Ok(Frame { path, encoding, exposure, rectified, turn, ambient })
+    Ok(PhotoFile { path, encoding, exposure, rectified, turn, ambient })
 }
 
 /// A picture file that exists.

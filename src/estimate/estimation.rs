@@ -131,7 +131,7 @@ impl Estimation {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
+    pub fn photos(&self) -> usize {
         self.photographs.len()
     }
 

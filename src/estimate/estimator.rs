@@ -69,7 +69,7 @@ impl Estimator {
     /// # Errors
     /// When its size is not that of the first or does not suit the networks.
     pub fn add(&mut self, observation: Observation) -> Result<()> {
-        let start = match (self.frames(), self.start.take()) {
+        let start = match (self.photos(), self.start.take()) {
             (0, Some(maps)) => Some(maps),
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
@@ -107,8 +107,8 @@ impl Estimator {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
-        self.estimation.frames()
+    pub fn photos(&self) -> usize {
+        self.estimation.photos()
     }
 
     /// One step.

@@ -76,7 +76,7 @@ pub use parts::Part;
 pub use phases::{Phase, PhaseReport};
 pub use prior::{Prior, coordinates};
 pub use relief::FitRecord;
-pub use residuals::FrameFit;
+pub use residuals::PhotoFit;
 pub(crate) use saved::SavedEstimate;
 pub use task::Method;
 pub(crate) use task::Task;

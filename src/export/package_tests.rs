@@ -7,7 +7,7 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use crate::svbrdf::{LOBES, channel, lobe};
 
 /// Plastic, varnish, metals and mixtures with slopes that change: `w` x `h` texels.

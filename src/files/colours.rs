@@ -3,7 +3,7 @@
 use moxcms::{Chromaticity, ColorPrimaries, ColorProfile, ToneReprCurve, XyY};
 
 use super::profile::Profile;
-use crate::frame::{Encoding, Primaries};
+use crate::photo::{Encoding, Primaries};
 
 /// A stated gamma this near to another one is meant to be it.
 const SAME_GAMMA: f64 = 0.006;

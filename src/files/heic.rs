@@ -6,7 +6,7 @@ use heic_decoder::{ColorInfo, DecodedImage, RgbOptions};
 
 use super::colours::Colours;
 use super::guard;
-use crate::frame::{Encoding, Limits, Photo};
+use crate::photo::{Encoding, Limits, Photo};
 use crate::{Error, Result};
 
 /// Memory for a pixel while it is decoded: planes of tiles and of the whole, twice 16-bit RGB.

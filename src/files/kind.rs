@@ -1,7 +1,7 @@
 //! What a file is, by its content: names lie.
 
 use super::dng;
-use crate::frame::is_tiff;
+use crate::photo::is_tiff;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Photographs as cameras write them: encoded files with what their metadata say, and colours as
 //! their profiles mean them.
 //!
-//! [`read`] and [`decode`] make a [`Photo`](crate::frame::Photo) of JPEG, PNG, TIFF, OpenEXR and DNG
+//! [`read`] and [`decode`] make a [`Photo`](crate::photo::Photo) of JPEG, PNG, TIFF, OpenEXR and DNG
 //! files, with feature `heic` of HEIC ones too, told apart by their content. What is read, and how it is checked, is listed in
 //! `docs/formats.md`.
 
@@ -30,4 +30,4 @@ pub use read::{Decoded, Options, decode, read};
 pub use remark::Remark;
 pub use renditions::LeftOut;
 
-pub use crate::frame::Limits;
+pub use crate::photo::Limits;

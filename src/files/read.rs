@@ -9,7 +9,7 @@ use super::kind::Kind;
 use super::metadata::Metadata;
 use super::remark::Remark;
 use super::{dng, jpeg, png_colours};
-use crate::frame::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
+use crate::photo::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
 use crate::{Error, Result};
 
 /// Smallest stored value that counts as clipped, 8 bits: lossy compression moves 255 by one.

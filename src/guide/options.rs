@@ -19,7 +19,7 @@ pub struct GuideOptions {
     pub most: usize,
     /// Steepest view of the first photograph, degrees off the top.
     pub first_tilt_deg: f32,
-    /// A photograph that has not been pushed so long after [`Action::Shoot`](super::Action::Shoot) is not going to be, seconds.
+    /// A photograph that has not been added so long after [`Action::Shoot`](super::Action::Shoot) is not going to be, seconds.
     pub shot_seconds: f64,
 }
 

@@ -1,9 +1,9 @@
 //! Photographs that show the top view already.
 
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::observation::{FULL_WEIGHT, Observation, View};
 use crate::parallel;
+use crate::photo::Photo;
 use crate::svbrdf::bands;
 
 /// Takes a photo that shows exactly the sample's rectangle from the top, row 0 at the +Y edge.

@@ -1,4 +1,4 @@
-//! A capture in progress: push photographs, take maps at any time.
+//! A session: add photographs, take maps at any time.
 //!
 //! A photograph goes one way: `capture` makes of it and of what is known a capture with it, `fit` is told
 //! what that adds and changes, and publishes maps, which callers take whenever they like.
@@ -34,10 +34,10 @@ pub use self::reports::{
 };
 pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
 pub use self::survey::{NextView, Survey, SurveyedView};
-pub use crate::estimate::{Budget, FrameFit, LightCorrection, Method, Phase, PhaseReport};
+pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport, PhotoFit};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
-use crate::frame::Photo;
 pub use crate::networks::Networks;
+use crate::photo::Photo;
 use crate::threads::Pool;
 use crate::{Error, Rejection, Result};
 
@@ -135,7 +135,7 @@ impl Session {
     }
 
     /// The capture with every photograph rectified as it should be, or told why not; no other comes before the
-    /// guard is dropped. Waits for a push, and for a step of the fit where a photograph has just come.
+    /// guard is dropped. Waits for a photograph that is being added, and for a step of the fit where a photograph has just come.
     fn settled(&self) -> Result<(MutexGuard<'_, Remaking>, Arc<Capture>)> {
         let mut remade = lock(&self.intake);
         if let Some(receiver) = remade.take() {
@@ -174,8 +174,8 @@ impl Session {
     }
 
     /// Announces that so many photographs are still to come: from then on [`Progress::fraction`] is that of the work
-    /// on all of them together, and never falls before they have come. Each push takes one of them away, whether the
-    /// photograph is accepted or rejected. If fewer or more come after all, say so by another call.
+    /// on all of them together, and never falls before they have come. Each photograph added takes one of them away,
+    /// whether it is accepted or rejected. If fewer or more come after all, say so by another call.
     ///
     /// Without it, where nobody knows how many there will be, the fraction is that of each photograph.
     pub fn announce(&self, photographs: usize) {
@@ -203,15 +203,15 @@ impl Session {
     /// # Errors
     /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
     /// [`Outcome::Rejected`].
-    pub fn push(&self, photo: &Photo) -> Result<Outcome<AcceptedPhoto>> {
+    pub fn add_photo(&self, photo: &Photo) -> Result<Outcome<AcceptedPhoto>> {
         self.add(photo, None)
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
     ///
     /// # Errors
-    /// As [`Session::push`].
-    pub fn push_rectified(
+    /// As [`Session::add_photo`].
+    pub fn add_rectified_photo(
         &self,
         photo: &Photo,
         camera_mm: [f32; 3],
@@ -246,7 +246,7 @@ impl Session {
         if !photo.is_finite() {
             return Ok(Err(Rejection::NotFinite));
         }
-        let photographs = self.fit.shared.lock().progress.frames + 1;
+        let photographs = self.fit.shared.lock().progress.photos + 1;
         let kept = known.board().map_or(0, Board::kept_bytes);
         self.check_memory(photographs, memory::while_pushed(photo, kept))?;
         self.pool.install(|| {
@@ -280,9 +280,9 @@ impl Session {
             }
             shared.next = next;
             (shared.progress.settled, shared.progress.seconds_left) = (false, None);
-            shared.progress.frames += 1;
+            shared.progress.photos += 1;
             shared.regroup(fit::Group::accept);
-            shared.progress.frames - 1
+            shared.progress.photos - 1
         };
         self.fit.shared.notify();
         let (reply, receiver) = bounded(1);
@@ -303,7 +303,7 @@ impl Session {
     /// not fitted to.
     ///
     /// # Errors
-    /// As [`Session::push`].
+    /// As [`Session::add_photo`].
     pub fn observe(&self, photo: &Photo) -> Result<Outcome<Observed>> {
         self.look(photo, None)
     }
@@ -312,7 +312,7 @@ impl Session {
     /// positions in mm.
     ///
     /// # Errors
-    /// As [`Session::push_rectified`].
+    /// As [`Session::add_rectified_photo`].
     pub fn observe_rectified(
         &self,
         photo: &Photo,
@@ -338,17 +338,17 @@ impl Session {
     /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
     /// with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
     ///
-    /// Waits for a push, and for a step of the fit.
+    /// Waits for a photograph that is being added, and for a step of the fit.
     ///
     /// # Errors
     /// [`Error::Argument`] for `index` when there is no such photograph, or when another one would have
     /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
-    pub fn remove_frame(&self, index: usize) -> Result<()> {
+    pub fn remove_photo(&self, index: usize) -> Result<()> {
         self.fit.shared.usable()?;
         let (_intake, known) = self.settled()?;
-        let frames = self.fit.shared.lock().progress.frames;
-        if index >= frames {
-            let message = format!("{index} given, but there are {frames} photographs");
+        let photos = self.fit.shared.lock().progress.photos;
+        if index >= photos {
+            let message = format!("{index} given, but there are {photos} photographs");
             return Err(Error::argument("index", message));
         }
         let left = self.pool.install(|| known.without(index));
@@ -364,17 +364,17 @@ impl Session {
         Ok(())
     }
 
-    /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
+    /// Counts `bytes` that a caller holds of a photograph until it is added as memory of this session,
     /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
-    /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for
+    /// made of them, `pixels` its pixels. What may be held may be added, one after the other, but for
     /// what a session keeps of photographs. Waits for nothing.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
-        let frames = self.fit.shared.lock().progress.frames;
+        let photos = self.fit.shared.lock().progress.photos;
         let kept = self.board(Board::kept_bytes).unwrap_or(0);
-        self.waiting.hold(&self.settings, frames, kept, [bytes, photo_bytes, pixels])
+        self.waiting.hold(&self.settings, photos, kept, [bytes, photo_bytes, pixels])
     }
 
     /// Refuses what would need more than is allowed, with what callers hold.
@@ -429,7 +429,7 @@ impl Session {
         self.fit.wake();
     }
 
-    /// Ends the fit after the step in progress. The maps stay available; pushes are refused.
+    /// Ends the fit after the step in progress. The maps stay available; further photographs are refused.
     pub fn cancel(&self) {
         self.fit.cancel();
     }
@@ -440,7 +440,7 @@ mod tests {
     use super::*;
     use crate::observation::Falloff;
 
-    /// Who waits for maps may cancel as soon as they are there, before the push has returned.
+    /// Who waits for maps may cancel as soon as they are there, before `add_photo` has returned.
     #[test]
     fn a_photograph_counts_that_was_being_taken_in_when_its_session_was_cancelled() {
         let falloff = RectifiedFalloff::Given(Falloff::None { power: [1.0; 3] });
@@ -459,6 +459,6 @@ mod tests {
         assert!(matches!(accepted, Ok(AcceptedPhoto { index: 0, .. })), "{accepted:?}");
         drop(remade);
         assert!(session.snapshot().is_ok());
-        assert!(matches!(session.push(&photo), Err(Error::Cancelled)));
+        assert!(matches!(session.add_photo(&photo), Err(Error::Cancelled)));
     }
 }

@@ -10,9 +10,9 @@ use super::survey::{NextView, Survey};
 use super::{Hint, Session, diagnosis, memory};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
-use crate::estimate::{Evidence, FrameFit, LightCorrection, PhaseReport};
-use crate::frame::{Photo, ToneCurve};
+use crate::estimate::{Evidence, LightCorrection, PhaseReport, PhotoFit};
 use crate::geometry::Camera;
+use crate::photo::{Photo, ToneCurve};
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Result, Svbrdf};
 
@@ -107,7 +107,7 @@ impl Session {
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
-    pub fn frame_fits(&self) -> Result<Vec<FrameFit>> {
+    pub fn photo_fits(&self) -> Result<Vec<PhotoFit>> {
         // Without photographs there is nothing to tell.
         self.fit.ask(|fit| Ok(fit.estimation.residuals().unwrap_or_default()))
     }
@@ -120,7 +120,7 @@ impl Session {
     /// When the session has failed or was cancelled.
     pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
         let (_intake, capture) = self.settled()?;
-        let fits = self.frame_fits()?;
+        let fits = self.photo_fits()?;
         let maps = self.snapshot().ok();
         Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
     }
@@ -171,11 +171,11 @@ impl Session {
         self.fit.shared.usable().ok()?;
         let candidates = self.board(Board::candidates)??;
         let mut state = self.fit.shared.lock();
-        let (frames, settled) = (state.progress.frames, state.progress.settled);
-        let latest = state.survey.clone().filter(|survey| survey.photographs == frames);
+        let (photos, settled) = (state.progress.photos, state.progress.settled);
+        let latest = state.survey.clone().filter(|survey| survey.photos == photos);
         // What the fit has not taken over yet it cannot tell of.
-        if state.fitted == frames && state.surveyed != Some((frames, settled)) {
-            state.surveyed = Some((frames, settled));
+        if state.fitted == photos && state.surveyed != Some((photos, settled)) {
+            state.surveyed = Some((photos, settled));
             drop(state);
             self.fit.send(move |fit| {
                 // without an answer the latest stays
@@ -189,14 +189,14 @@ impl Session {
     }
 
     /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in: corners,
-    /// pose, blur, exposure, view, and what a push would say of a photograph like it, unless it is a
+    /// pose, blur, exposure, view, and what `add_photo` would say of a photograph like it, unless it is a
     /// matter of pixels, or of what all photographs tell together.
     ///
     /// A picture of another size than the session's camera is taken for a preview of it: scaled to its
     /// width or height and cut at the other sides. Where that does not fit, and before a camera is
     /// known, the camera is estimated from the picture. Pictures from 1280 px on are reduced first.
     ///
-    /// Runs on the calling thread alone and waits neither for the fit nor for a push.
+    /// Runs on the calling thread alone and waits neither for the fit nor for a photograph that is being added.
     ///
     /// # Errors
     /// On misuse, when the session has failed or was cancelled, and when the memory limit is reached.
@@ -221,7 +221,7 @@ impl Session {
         })?;
         let (photographs, next) = {
             let state = self.fit.shared.lock();
-            (state.progress.frames, state.next)
+            (state.progress.photos, state.next)
         };
         self.check_memory(photographs.max(1), memory::while_probed(photo))?;
         Ok(board.judge(photo, lit, next))
@@ -246,35 +246,35 @@ mod tests {
     fn a_survey_tells_of_the_photographs_there_are() {
         let (session, capture) = session();
         session.pause();
-        let push = |i: usize| {
-            let pushed = session.push(&capture.frames[i].read().unwrap());
-            assert!(matches!(pushed, Ok(Outcome::Accepted(_))), "{pushed:?}");
+        let add = |i: usize| {
+            let outcome = session.add_photo(&capture.photos[i].read().unwrap());
+            assert!(matches!(outcome, Ok(Outcome::Accepted(_))), "{outcome:?}");
         };
         // The fit answers what it is asked in turn.
         let surveyed = || {
             session.survey();
-            session.frame_fits().unwrap();
+            session.photo_fits().unwrap();
             session.survey().unwrap()
         };
-        push(0);
-        push(1);
-        session.frame_fits().unwrap();
+        add(0);
+        add(1);
+        session.photo_fits().unwrap();
         let before = surveyed();
-        session.remove_frame(1).unwrap();
-        push(4);
-        session.frame_fits().unwrap();
+        session.remove_photo(1).unwrap();
+        add(4);
+        session.photo_fits().unwrap();
         assert!(session.survey().is_none(), "that of a photograph taken back");
         let after = surveyed();
-        assert_eq!([before.photographs, after.photographs], [2, 2]);
+        assert_eq!([before.photos, after.photos], [2, 2]);
         assert_ne!(before.views, after.views);
     }
 
-    /// Whoever pushes or saves holds the intake, and a fit the threads: a probe needs neither.
+    /// A caller that adds a photograph or saves holds the intake, and a fit the threads: a probe needs neither.
     #[test]
     fn a_probe_waits_for_nobody() {
         let (session, capture) = session();
-        let photo = capture.frames[0].read().unwrap();
-        assert!(matches!(session.push(&photo), Ok(Outcome::Accepted(_))));
+        let photo = capture.photos[0].read().unwrap();
+        assert!(matches!(session.add_photo(&photo), Ok(Outcome::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
         let _held = session.intake.lock().unwrap();
         std::thread::scope(|scope| {

@@ -12,7 +12,6 @@ use crate::{Rejection, Svbrdf};
 
 /// The answer to a photograph: it can be used, or the reason why not. A rejection changes nothing.
 #[derive(Debug, Clone, PartialEq)]
-#[must_use = "a rejected photograph is a value, not an error"]
 pub enum Outcome<T> {
     /// The photograph can be used.
     Accepted(T),
@@ -59,7 +58,7 @@ pub struct AcceptedPhoto {
     pub index: usize,
     /// Pose of the board; `None` for rectified photographs.
     pub pose: Option<BoardPose>,
-    /// Seconds from the call of push to maps being available.
+    /// Seconds from the call to maps being available.
     pub maps_seconds: f64,
     /// What the user may want to know about it.
     pub hints: Vec<Hint>,
@@ -167,7 +166,7 @@ pub struct MapsWithUncertainty {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
     /// Accepted photographs.
-    pub frames: usize,
+    pub photos: usize,
     /// Fraction of the work that is done, 0 to 1: on the photographs announced by
     /// [`Session::announce`](super::Session::announce), during which it never falls; without, on the latest
     /// photograph, with each of which it begins at 0. It begins anew as well where a photograph is taken back or a

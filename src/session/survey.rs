@@ -29,7 +29,7 @@ pub struct NextView {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
     /// Accepted photographs that it knows of.
-    pub photographs: usize,
+    pub photos: usize,
     /// Whether the fit had settled on them.
     pub settled: bool,
     /// Views within reach of a hand, in rings of equal tilt, from the top outwards.
@@ -130,7 +130,7 @@ pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<C
 impl Survey {
     /// By what a photograph from each candidate, of which there is one at least, would take away.
     pub(super) fn new(
-        photographs: usize,
+        photos: usize,
         settled: bool,
         candidates: &[Candidate],
         gains: &[f64],
@@ -138,7 +138,7 @@ impl Survey {
         let views = candidates.iter().zip(gains);
         let views = views.map(|(c, &gain)| SurveyedView { view: c.view, gain: gain as f32 });
         let distance_mm = candidates[0].camera_mm.length() as f32;
-        Self { photographs, settled, views: views.collect(), distance_mm }
+        Self { photos, settled, views: views.collect(), distance_mm }
     }
 
     /// The view that tells most.
@@ -193,7 +193,7 @@ mod tests {
             [10.0, 30.0].into_iter().flat_map(|t| (0..8).map(move |k| (t, 45.0 * k as f32)));
         let views = views.map(|(t, a)| SurveyedView { view: view(t, a), gain: gain(t, a) });
         let survey =
-            Survey { photographs: 1, settled: true, views: views.collect(), distance_mm: 300.0 };
+            Survey { photos: 1, settled: true, views: views.collect(), distance_mm: 300.0 };
         let check = |tilt, azimuth, expected: f32| {
             let found = survey.gain(view(tilt, azimuth).direction);
             assert!((found - expected).abs() < 1e-4, "{tilt} {azimuth}: {found} {expected}");

@@ -3,8 +3,8 @@
 
 use std::f32::consts::PI;
 
-use svbrdf::frame::Photo;
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::photo::Photo;
 use svbrdf::session::{RectifiedFalloff, Scene};
 use svbrdf::svbrdf::channel;
 use svbrdf::{Svbrdf, render};

@@ -184,7 +184,7 @@ pub fn resolution(
             for observation in observations {
                 estimator.add(observation)?;
                 seconds[0] +=
-                    if estimator.frames() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
+                    if estimator.photos() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
                 estimator.settle()?;
             }
             let maps = estimator.settle()?;

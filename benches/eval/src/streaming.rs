@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use svbrdf::capture::{Capture, FILE_NAME, Frame};
+use svbrdf::capture::{Capture, FILE_NAME, PhotoFile};
 use svbrdf::estimate::{EstimateOptions, Estimator};
 use svbrdf::networks::Networks;
 use svbrdf::session::{Method, Outcome, Scene, Session, Settings};
@@ -70,11 +70,11 @@ impl Setup {
 }
 
 /// Pushes a photograph; the reason where it is rejected.
-pub fn push(session: &Session, frame: &Frame) -> Result<Option<Rejection>> {
-    let photo = frame.read()?;
-    let pushed = match frame.rectified {
-        Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-        None => session.push(&photo)?,
+pub fn push(session: &Session, file: &PhotoFile) -> Result<Option<Rejection>> {
+    let photo = file.read()?;
+    let pushed = match file.rectified {
+        Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+        None => session.add_photo(&photo)?,
     };
     Ok(match pushed {
         Outcome::Accepted(_) => None,

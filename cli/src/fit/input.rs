@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use svbrdf::calibration::Target;
-use svbrdf::capture::{Capture, FILE_NAME, Frame, read_camera};
+use svbrdf::capture::{Capture, FILE_NAME, PhotoFile, read_camera};
 use svbrdf::export::check_writable;
 use svbrdf::files::{Choice, Chosen, LeftOut, Metadata};
-use svbrdf::frame::{Encoding, Rotation};
+use svbrdf::photo::{Encoding, Rotation};
 
 use super::arguments::Arguments;
 use crate::board;
@@ -143,8 +143,8 @@ impl Photographs {
         let chosen = &self.choice.chosen;
         let json = pictures::describe(&self.setup, chosen, out)?.to_string();
         let mut capture = Capture::parse(out, json.as_bytes()).map_err(Failure::input)?;
-        for (frame, chosen) in capture.frames.iter_mut().zip(chosen) {
-            frame.path.clone_from(&chosen.path);
+        for (file, chosen) in capture.photos.iter_mut().zip(chosen) {
+            file.path.clone_from(&chosen.path);
         }
         Ok(capture)
     }
@@ -216,8 +216,8 @@ fn choose(paths: Vec<PathBuf>) -> Choice {
 }
 
 /// The photograph as a session takes it.
-pub fn frame(chosen: &Chosen) -> Frame {
-    Frame {
+pub fn photo_file(chosen: &Chosen) -> PhotoFile {
+    PhotoFile {
         path: chosen.path.clone(),
         encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
         exposure: chosen.exposure,

@@ -65,7 +65,7 @@ impl Output<'_> {
             let subject = Subject {
                 report: &document.value,
                 capture: &input.capture,
-                frames: &fit.frames,
+                photos: &fit.photos,
                 camera: session.camera(),
                 maps: &maps,
                 predictions: errors.indices.iter().copied().zip(&errors.predictions).collect(),

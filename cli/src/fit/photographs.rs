@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use svbrdf::Error;
-use svbrdf::capture::Frame;
+use svbrdf::capture::PhotoFile;
 use svbrdf::files::Remark;
-use svbrdf::frame::Photo;
+use svbrdf::photo::Photo;
 use svbrdf::session::{AcceptedPhoto, BoardPose, Hint, Observed, Outcome, Session};
 
 use super::held_out::{Errors, HeldOut, Stage};
@@ -38,7 +38,7 @@ pub struct Fit<'a> {
     session: &'a Session,
     interrupt: &'a Interrupt,
     /// The photographs, in the order of their rows.
-    pub frames: Vec<Frame>,
+    pub photos: Vec<PhotoFile>,
     /// The first that is not gone through yet.
     next: usize,
     /// Photographs accepted and not fitted yet: the last ones stay so.
@@ -59,7 +59,7 @@ pub struct Fit<'a> {
 impl<'a> Fit<'a> {
     pub fn new(
         options: Options,
-        frames: Vec<Frame>,
+        photos: Vec<PhotoFile>,
         session: &'a Session,
         interrupt: &'a Interrupt,
         progress: Progress,
@@ -72,11 +72,11 @@ impl<'a> Fit<'a> {
             rows: Vec::new(),
             stages: Vec::new(),
             progress,
-            recorder: Recorder::new(frames.len(), options.report),
+            recorder: Recorder::new(photos.len(), options.report),
             recorded: 0,
             cut: false,
             remarks: HashMap::new(),
-            frames,
+            photos,
             options,
         }
     }
@@ -87,7 +87,7 @@ impl<'a> Fit<'a> {
         if self.options.at_once {
             self.session.pause();
         }
-        while self.next < self.frames.len() {
+        while self.next < self.photos.len() {
             if self.interrupt.is_set() {
                 self.cut = true;
                 break;
@@ -115,7 +115,7 @@ impl<'a> Fit<'a> {
 
     /// Tells the session how many photographs it will still get, if all can be used.
     fn announce(&self) {
-        let left = self.frames.len() - self.next + self.waiting.len();
+        let left = self.photos.len() - self.next + self.waiting.len();
         self.session.announce(left.saturating_sub(self.options.hold_out));
     }
 
@@ -126,7 +126,7 @@ impl<'a> Fit<'a> {
 
     /// Number of photographs in the fit.
     pub fn fitted(&self) -> usize {
-        self.session.progress().frames
+        self.session.progress().photos
     }
 
     /// One line about every photograph.
@@ -137,7 +137,7 @@ impl<'a> Fit<'a> {
     /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
-        match self.frames[index].read_with_remarks() {
+        match self.photos[index].read_with_remarks() {
             Ok((photo, remarks)) => {
                 self.remarks.insert(index, remarks);
                 self.recorder.photograph(index, &photo)?;
@@ -166,7 +166,7 @@ impl<'a> Fit<'a> {
             Ok(photo) => photo,
             Err(fault) => return Ok(Err(("unreadable".into(), fault))),
         };
-        let observed = match self.frames[index].rectified {
+        let observed = match self.photos[index].rectified {
             Some(view) => self.session.observe_rectified(&photo, view.camera_mm, view.light_mm)?,
             None => self.session.observe(&photo)?,
         };
@@ -194,9 +194,11 @@ impl<'a> Fit<'a> {
             Ok(photo) => photo,
             Err(fault) => return Ok(rejected(index, "unreadable", fault, begun)),
         };
-        let pushed = match self.frames[index].rectified {
-            Some(view) => self.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => self.session.push(&photo)?,
+        let pushed = match self.photos[index].rectified {
+            Some(view) => {
+                self.session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?
+            }
+            None => self.session.add_photo(&photo)?,
         };
         let accepted = match pushed {
             Outcome::Accepted(accepted) => accepted,
@@ -313,7 +315,7 @@ impl<'a> Fit<'a> {
     /// Adds how the maps explain each photograph, and what there is to tell about it in the end: hints of earlier
     /// states are withdrawn.
     fn add_residuals(&mut self) {
-        let fits = self.session.frame_fits().unwrap_or_default();
+        let fits = self.session.photo_fits().unwrap_or_default();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
             row["weight"] = json!(fit.weight);
@@ -347,7 +349,7 @@ impl<'a> Fit<'a> {
         }
         for (text, photos) in told {
             let paths: Vec<String> =
-                photos.iter().map(|i| self.frames[*i].path.display().to_string()).collect();
+                photos.iter().map(|i| self.photos[*i].path.display().to_string()).collect();
             let which = match paths.as_slice() {
                 [one] => one.clone(),
                 [first, rest @ ..] => format!("{first} and {} more", rest.len()),
@@ -368,7 +370,7 @@ impl<'a> Fit<'a> {
             return true;
         };
         let path = path.display();
-        if let Err(why) = self.session.remove_frame(place) {
+        if let Err(why) = self.session.remove_photo(place) {
             self.progress
                 .say(&format!("note: {path}: overwritten, but the first photo stays: {why}"));
             return false;
@@ -377,7 +379,7 @@ impl<'a> Fit<'a> {
         row["status"] = json!("rejected");
         row["reason"] = json!(REPLACED);
         row["hint"] = json!("the file was overwritten; what it holds now is taken instead");
-        self.recorded = self.recorded.min(self.session.progress().frames);
+        self.recorded = self.recorded.min(self.session.progress().photos);
         self.progress.say(&format!("note: {path}: overwritten, read again"));
         true
     }
@@ -389,7 +391,7 @@ impl<'a> Fit<'a> {
 
     /// The file of a row.
     pub fn path(&self, row: &Value) -> &Path {
-        &self.frames[row["index"].as_u64().unwrap_or(0) as usize].path
+        &self.photos[row["index"].as_u64().unwrap_or(0) as usize].path
     }
 
     /// Whether the latest word on a file is that it cannot be read.
@@ -404,7 +406,7 @@ impl<'a> Fit<'a> {
         if self.options.endless {
             format!("photo {number}")
         } else {
-            format!("photo {number}/{}", self.frames.len())
+            format!("photo {number}/{}", self.photos.len())
         }
     }
 

@@ -10,7 +10,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use svbrdf::Svbrdf;
 use svbrdf::export::resized;
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::photo::{Encoding, Photo};
 use svbrdf::svbrdf::{LOBE_RANGE, channel, lobe};
 
 use crate::failure::{Failure, Result};

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use svbrdf::Svbrdf;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::comparison::Prediction;
 use svbrdf::geometry::Camera;
 
@@ -12,7 +12,7 @@ pub struct Subject<'a> {
     pub report: &'a Value,
     pub capture: &'a Capture,
     /// The photographs used, in the order of the capture.
-    pub frames: &'a [Frame],
+    pub photos: &'a [PhotoFile],
     /// As used.
     pub camera: Option<Camera>,
     /// The latest maps.

@@ -6,9 +6,9 @@ use std::time::Duration;
 use clap::ValueEnum;
 use glam::{DMat3, DVec3};
 use svbrdf::calibration::Target;
-use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Pose;
 use svbrdf::guide::{Action, Guidance, Guide, GuideOptions};
+use svbrdf::photo::{Encoding, Photo};
 use svbrdf::random::Random;
 use svbrdf::session::{
     self, BoardPose, Budget, Hint, Outcome, Probe, ProbedView, Scene, Session, Settings,
@@ -167,14 +167,14 @@ impl Walk {
     /// Takes the photograph in and waits for the fit, so that the path depends on the seed alone.
     pub fn taken(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(Led { session, guide }) = &mut self.led else { return Ok(()) };
-        match session.push(&Photo::decode(bytes, Encoding::Srgb, 1.0)?)? {
+        match session.add_photo(&Photo::decode(bytes, Encoding::Srgb, 1.0)?)? {
             Outcome::Accepted(_) => session.wait()?,
             Outcome::Rejected(why) => {
                 guide.missed();
                 eprintln!("rejected: {why}");
             }
         }
-        while session.progress().frames > 0 && session.survey().is_none_or(|s| !s.settled) {
+        while session.progress().photos > 0 && session.survey().is_none_or(|s| !s.settled) {
             std::thread::sleep(Duration::from_millis(1));
         }
         Ok(())

@@ -28,7 +28,7 @@ pub struct Maps {
     maps: Arc<Svbrdf>,
     uncertainty: Option<Arc<Uncertainty>>,
     sample_mm: [f32; 2],
-    photographs: Py<PyTuple>,
+    photos: Py<PyTuple>,
 }
 
 impl Maps {
@@ -39,7 +39,7 @@ impl Maps {
         uncertainty: Option<Arc<Uncertainty>>,
         sample_mm: [f32; 2],
     ) -> Self {
-        Self { maps, uncertainty, sample_mm, photographs: PyTuple::empty(py).unbind() }
+        Self { maps, uncertainty, sample_mm, photos: PyTuple::empty(py).unbind() }
     }
 
     fn shape(&self) -> [usize; 2] {
@@ -71,7 +71,7 @@ impl Maps {
     /// Accepted photographs that they come from, where that is known.
     fn count(&self, py: Python<'_>) -> PyResult<Option<u32>> {
         let mut count = 0;
-        for photograph in self.photographs.bind(py) {
+        for photograph in self.photos.bind(py) {
             count += u32::from(photograph.getattr("accepted")?.is_truthy()?);
         }
         Ok((count > 0).then_some(count))
@@ -197,8 +197,8 @@ impl Maps {
 
     /// What became of each photograph of a fit; empty for other maps.
     #[getter]
-    fn photographs<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
-        self.photographs.bind(py).clone()
+    fn photos<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
+        self.photos.bind(py).clone()
     }
 
     /// Unit normals, (height, width, 3): X right, Y up, Z out of the sample.
@@ -361,9 +361,9 @@ impl Maps {
     }
 
     /// The same maps with what became of each photograph.
-    fn _with_photographs(&self, photographs: Py<PyTuple>) -> Self {
+    fn _with_photos(&self, photos: Py<PyTuple>) -> Self {
         let (maps, uncertainty) = (self.maps.clone(), self.uncertainty.clone());
-        Self { maps, uncertainty, sample_mm: self.sample_mm, photographs }
+        Self { maps, uncertainty, sample_mm: self.sample_mm, photos }
     }
 
     fn __repr__(&self) -> String {

@@ -102,7 +102,7 @@ impl Rejected {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Accepted photographs.
-    photographs: usize,
+    photos: usize,
     /// Fraction of the work that is done, 0 to 1: on the photographs of ``Session.announce``, without on the latest one.
     fraction: f32,
     /// Mean difference of the logarithms of photographs and renderings.
@@ -115,16 +115,16 @@ pub struct Progress {
 
 impl From<session::Progress> for Progress {
     fn from(p: session::Progress) -> Self {
-        let session::Progress { frames, fraction, loss, seconds_left, settled, .. } = p;
-        Self { photographs: frames, fraction, loss, seconds_left, settled }
+        let session::Progress { photos, fraction, loss, seconds_left, settled, .. } = p;
+        Self { photos, fraction, loss, seconds_left, settled }
     }
 }
 
 #[pymethods]
 impl Progress {
     fn __repr__(&self) -> String {
-        let Self { photographs, fraction, .. } = self;
-        format!("<Progress {:.0} % of {photographs} photographs>", 100.0 * fraction)
+        let Self { photos, fraction, .. } = self;
+        format!("<Progress {:.0} % of {photos} photographs>", 100.0 * fraction)
     }
 }
 

@@ -215,13 +215,13 @@ impl Session {
 
     /// Adds a photograph of the board: ``Accepted``, or ``Rejected`` with the reason. Maps that know of it are there when
     /// this returns; the fit goes on by itself.
-    fn push(&self, py: Python<'_>, photo: &Photo) -> PyResult<Py<PyAny>> {
-        Self::answer(py, detached(py, || self.native().push(&photo.0))?)
+    fn add_photo(&self, py: Python<'_>, photo: &Photo) -> PyResult<Py<PyAny>> {
+        Self::answer(py, detached(py, || self.native().add_photo(&photo.0))?)
     }
 
     /// Adds a photograph that shows the sample from the top already, with the positions of camera and light.
     #[pyo3(signature = (photo, *, camera_mm, light_mm))]
-    fn push_rectified(
+    fn add_rectified_photo(
         &self,
         py: Python<'_>,
         photo: &Photo,
@@ -229,7 +229,7 @@ impl Session {
         light_mm: (f32, f32, f32),
     ) -> PyResult<Py<PyAny>> {
         let (camera, light) = (camera_mm.into(), light_mm.into());
-        let pushed = detached(py, || self.native().push_rectified(&photo.0, camera, light))?;
+        let pushed = detached(py, || self.native().add_rectified_photo(&photo.0, camera, light))?;
         Self::answer(py, pushed)
     }
 
@@ -245,8 +245,8 @@ impl Session {
     }
 
     /// Takes an accepted photograph back; later ones move up.
-    fn remove(&self, py: Python<'_>, index: usize) -> PyResult<()> {
-        detached(py, || self.native().remove_frame(index))
+    fn remove_photo(&self, py: Python<'_>, index: usize) -> PyResult<()> {
+        detached(py, || self.native().remove_photo(index))
     }
 
     /// The maps as they are now.
@@ -263,10 +263,10 @@ impl Session {
     }
 
     /// Announces that so many photographs are still to come: ``Progress.fraction`` is then that of the work on all of them
-    /// together, and never falls before they have come. Each push takes one of them away, whether the photograph is accepted or
+    /// together, and never falls before they have come. Each photograph added takes one of them away, whether it is accepted or
     /// rejected. If fewer or more come after all, say so by another call. Without it the fraction is that of each photograph.
-    fn announce(&self, photographs: usize) {
-        self.native().announce(photographs);
+    fn announce(&self, photos: usize) {
+        self.native().announce(photos);
     }
 
     /// State of the fit.
@@ -334,7 +334,7 @@ impl Session {
     }
 
     fn __repr__(&self) -> String {
-        let frames = self.native().progress().frames;
+        let frames = self.native().progress().photos;
         format!("<Session of {frames} photographs>")
     }
 }

@@ -19,9 +19,9 @@ use crate::versioned::{self, versioned};
 
 /// What the photos show.
 pub type svbrdf_scene = u32;
-/// The sample inside a printed board: svbrdf_session_push_frame().
+/// The sample inside a printed board: svbrdf_session_add_photo().
 pub const SVBRDF_SCENE_BOARD: svbrdf_scene = 1;
-/// The sample's top view, camera and light given: svbrdf_session_push_rectified().
+/// The sample's top view, camera and light given: svbrdf_session_add_rectified_photo().
 pub const SVBRDF_SCENE_RECTIFIED: svbrdf_scene = 2;
 
 /// How the maps are found.
@@ -85,7 +85,7 @@ pub struct svbrdf_session_options {
     /// Passed to the callbacks.
     pub user_data: *mut c_void,
     /// Limit of the session's memory by its own estimate, bytes; 0: no limit. Includes copies of photos
-    /// that svbrdf_session_push_frame_async() holds, but not the models (about 30 MB, shared by all
+    /// that svbrdf_session_add_photo_async() holds, but not the models (about 30 MB, shared by all
     /// sessions). Calls that would need more return SVBRDF_MEMORY_LIMIT.
     pub memory_limit_bytes: u64,
     /// For a board: height of the sample's surface above the printed side, -5 to 20 mm. Default: NaN,

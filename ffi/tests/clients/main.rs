@@ -55,7 +55,7 @@ fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
     let capture = Capture::load(root().join("examples/captures/tile")).unwrap();
     let settings = Settings { sample_mm: capture.sample_mm, threads: 2, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings).unwrap();
-    let pushed = session.push(&capture.frames[0].read().unwrap()).unwrap();
+    let pushed = session.add_photo(&capture.photos[0].read().unwrap()).unwrap();
     assert!(matches!(pushed, Outcome::Accepted(_)));
     session.wait().unwrap();
     let (found, expected) =

@@ -165,7 +165,7 @@ impl Scan {
     pub fn progress(&self) -> String {
         let p = self.session.progress();
         json!({
-            "photographs": p.frames,
+            "photographs": p.photos,
             "fraction": p.fraction,
             "loss": p.loss,
             "loss_before": p.loss_before,
@@ -265,7 +265,7 @@ impl Scan {
             .find(|format| name == format!("material.{}", format.name()));
         let files = match format {
             Some(format) => {
-                let photographs = u32::try_from(self.session.progress().frames).ok();
+                let photographs = u32::try_from(self.session.progress().photos).ok();
                 let formats = vec![format];
                 export(
                     &maps,

@@ -1,7 +1,7 @@
-//! One photograph: read, matched with the others, pushed.
+//! One photograph: read, matched with the others, added to the session.
 
 use svbrdf::files::{Choice, Decoded, Limits, Metadata, Options, decode};
-use svbrdf::frame::{Encoding, Rotation};
+use svbrdf::photo::{Encoding, Rotation};
 use svbrdf::session::{AcceptedPhoto, Outcome, Session};
 use svbrdf::{Error, Result};
 
@@ -37,7 +37,7 @@ pub fn push(
     };
     let (small_size, rgba) = pictures::small(&photo).unzip();
     *small = rgba.unwrap_or_default();
-    let mut row = match session.push(&photo) {
+    let mut row = match session.add_photo(&photo) {
         Ok(Outcome::Accepted(accepted)) => self::accepted(&accepted),
         Ok(Outcome::Rejected(why)) => rejected(why.code(), &why.to_string()),
         Err(fault @ Error::MemoryLimit { .. }) => rejected("memory", &message(&fault)),

@@ -1,7 +1,7 @@
 //! Maps and photographs as pages show them.
 
 use svbrdf::Svbrdf;
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::photo::{Encoding, Photo};
 use svbrdf::svbrdf::channel;
 
 use crate::lobes::{self, Shown};

@@ -9,7 +9,7 @@ use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 /// The report: `rows` of the photographs with what is known of them now.
 pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
     let mut rows = rows.to_vec();
-    let fits = session.frame_fits().unwrap_or_default();
+    let fits = session.photo_fits().unwrap_or_default();
     let hints = session.hints().unwrap_or_default();
     let accepted = rows.iter_mut().filter(|row| row["status"] == "accepted");
     for (((row, known), fit), hints) in accepted.zip(session.poses()).zip(&fits).zip(&hints) {

@@ -1,7 +1,7 @@
 //! What is expected of a camera before its photographs are looked at.
 
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 

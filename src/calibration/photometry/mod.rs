@@ -14,7 +14,7 @@
 //! for a dark sample: their true albedo is one more unknown per channel.
 //!
 //! Photographs that a camera has tone-mapped have one curve more, the same for all of a capture, see
-//! [`ToneCurve`](crate::frame::ToneCurve): with the same light on black, gray and white, and white under light that falls off,
+//! [`ToneCurve`](crate::photo::ToneCurve): with the same light on black, gray and white, and white under light that falls off,
 //! they tell it. It is looked for in all captures and believed where values cannot be linear.
 //!
 //! # What the squares can and cannot tell
@@ -41,8 +41,8 @@ use glam::DVec3;
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 
 use light::Light;
 use model::{Ink, Problem, Sample, Shot};

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
-use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround, ToneCurve};
 use crate::statistics::median;
 
 /// Squares narrower than this on the photo hold no pixel free of their neighbours.

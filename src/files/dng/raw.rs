@@ -1,7 +1,7 @@
 //! Sensor values as strips or tiles hold them.
 
-use crate::frame::{MAX_PIXELS, size_fault};
 use crate::parallel;
+use crate::photo::{MAX_PIXELS, size_fault};
 
 use super::colour::WHITE;
 #[cfg(feature = "jxl")]

@@ -55,7 +55,7 @@ impl State {
 
     /// Whether the fit has taken all photographs over.
     pub fn is_current(&self) -> bool {
-        self.fitted == self.progress.frames
+        self.fitted == self.progress.photos
     }
 
     /// Changes what progress is told of; whether that changes its fraction.

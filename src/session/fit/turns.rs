@@ -107,23 +107,23 @@ impl Fit {
         next: Option<NextView>,
     ) {
         let estimation = &self.estimation;
-        let frames = estimation.frames();
+        let photos = estimation.photos();
         let mut state = self.shared.lock();
         if maps.is_some() || state.maps.is_some() {
             state.publish(maps.map(Arc::new));
         }
         (state.light_correction, state.fitted, state.cut) =
-            (correction, frames, estimation.is_cut());
+            (correction, photos, estimation.is_cut());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
-            frames,
+            photos,
             loss_before,
             loss: estimation.loss(),
             settled: estimation.is_done(),
             ..Progress::default()
         };
-        let share = if frames > 0 { estimation.fraction() } else { 0.0 };
-        state.regroup(|group| group.anew(frames, share));
+        let share = if photos > 0 { estimation.fraction() } else { 0.0 };
+        state.regroup(|group| group.anew(photos, share));
     }
 
     /// One turn; faults end up in [`Shared`].
@@ -155,7 +155,7 @@ impl Fit {
             jobs.try_recv()
         };
         match job {
-            // What cancels a session may come from a push that has the threads of the pool.
+            // The session may be cancelled by a call that occupies the threads of the pool.
             Ok(_) if self.shared.cancelled.load(Ordering::Relaxed) => return Ok(Turn::Ended),
             Ok(job) => job(self)?,
             Err(TryRecvError::Empty) if idle || work == Work::Jobs => return Ok(Turn::Idle),
@@ -185,7 +185,7 @@ impl Fit {
             replaced
         });
         self.estimation.add(Addition { observation, replaced, restart }, start)?;
-        // Whoever pushed may not wait for it any more.
+        // The caller may no longer wait for the answer.
         let _ = reply.send(all);
         self.meter.reset();
         (self.busy, self.begun) = (true, Some(self.here()));
@@ -227,9 +227,9 @@ impl Fit {
         };
         let places: Vec<Place> = candidates.iter().map(place).collect();
         let gains = self.estimation.outlook(&places)?;
-        let survey = Survey::new(self.estimation.frames(), settled, candidates, &gains);
+        let survey = Survey::new(self.estimation.photos(), settled, candidates, &gains);
         let mut state = self.shared.lock();
-        if state.progress.frames == survey.photographs {
+        if state.progress.photos == survey.photos {
             state.next = survey.best().map(|best| best.view);
         }
         drop(state);
@@ -251,8 +251,8 @@ impl Fit {
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
             let share = self.estimation.fraction();
-            let frames = state.fitted;
-            state.regroup(|group| group.anew(frames, share));
+            let photos = state.fitted;
+            state.regroup(|group| group.anew(photos, share));
         } else {
             state.progress.settled = state.is_current();
         }
@@ -274,7 +274,7 @@ impl Fit {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
         let mut state = self.shared.lock();
-        // Work that a photograph pushed meanwhile adds to is not told of any more.
+        // A photograph that was added meanwhile adds to this work: its progress is no longer reported.
         let is_current = state.is_current();
         if is_current {
             state.regroup(|group| group.work(step.fraction));
@@ -291,8 +291,8 @@ impl Fit {
         if step.done {
             (self.busy, self.begun) = (false, None);
             state.cut = estimation.is_cut();
-            // A photograph pushed meanwhile is still on its way.
-            let waiting = state.progress.frames - state.fitted;
+            // A photograph that was added meanwhile is still on its way.
+            let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));
             state.progress.settled = is_current;
             state.progress.seconds_left = None;

@@ -48,7 +48,7 @@ impl Session {
     /// [`Session::restore`] does again what the fit has done since, and ends with the same bits as this
     /// session if the budget stays the same and is none of time.
     ///
-    /// Waits for a push in progress and for a step of the fit, not for the fit.
+    /// Waits for a photograph that is being added and for a step of the fit, not for the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
@@ -63,7 +63,7 @@ impl Session {
                 (state.budget, state.progress.loss_before, maps, correction)
             };
             let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
-            let photographs = fit.estimation.frames();
+            let photographs = fit.estimation.photos();
             let head = Head { settings, scene, budget, photographs };
             let (capture, maps) = (Cow::Borrowed(&*capture), maps.as_deref().map(Cow::Borrowed));
             let milestone = fit.milestone();

@@ -28,8 +28,8 @@ fn example() -> &'static [u8] {
         let session = Session::with_networks(scene, settings, networks()).unwrap();
         let budget = Budget { steps: Some(4), ..Budget::default() };
         session.set_budget(budget).unwrap();
-        for frame in &capture.frames[..2] {
-            session.push(&frame.read().unwrap()).unwrap();
+        for file in &capture.photos[..2] {
+            session.add_photo(&file.read().unwrap()).unwrap();
         }
         session.wait().unwrap();
         session.save().unwrap()

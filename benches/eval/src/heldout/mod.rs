@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ArgAction;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::export::{resized, write_atomic};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::from_rectified;
@@ -148,7 +148,7 @@ pub fn evaluate(
                     part: plan.part,
                     fitted: stage.fitted,
                     order,
-                    photograph: name(&capture.frames[frame].path),
+                    photograph: name(&capture.photos[frame].path),
                     score: photograph.score(&radiance, protocol.gain),
                     artifacts,
                 };
@@ -169,7 +169,7 @@ fn courses(
     ideal: Option<&[(usize, HeldOut)]>,
     protocol: &Protocol,
 ) -> Result<Vec<Plan>> {
-    let count = capture.frames.len();
+    let count = capture.photos.len();
     let plans = match (ideal, &capture.scene) {
         (Some(ideal), _) => {
             let held_out: Vec<usize> = ideal.iter().map(|(i, _)| *i).collect();
@@ -223,9 +223,9 @@ impl Course {
         let mut course = Self { session, accepted: Vec::new(), stages: Vec::new() };
         let most = counts.iter().copied().max().unwrap_or(0);
         for (i, &index) in plan.fitted.iter().enumerate().take(most) {
-            let frame = &capture.frames[index];
-            match push(&course.session, frame)? {
-                Some(reason) => eprintln!("{}: {reason}", frame.path.display()),
+            let file = &capture.photos[index];
+            match push(&course.session, file)? {
+                Some(reason) => eprintln!("{}: {reason}", file.path.display()),
                 None => {
                     course.session.wait()?;
                     course.accepted.push(index);
@@ -258,7 +258,7 @@ impl Course {
             RectifiedFalloff::Given(falloff) => falloff,
             // the session's own choice: the first photograph's distance
             RectifiedFalloff::InverseSquareAuto => {
-                let first = capture.frames[plan.fitted[0]].rectified;
+                let first = capture.photos[plan.fitted[0]].rectified;
                 let camera_mm = first.map_or([0.0; 3], |view| view.camera_mm);
                 let square: f32 = camera_mm.iter().map(|v| v * v).sum();
                 Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * square; 3] }
@@ -266,16 +266,16 @@ impl Course {
         };
         plan.held_out
             .iter()
-            .map(|&index| rectified(&capture.frames[index], capture.sample_mm, falloff))
+            .map(|&index| rectified(&capture.photos[index], capture.sample_mm, falloff))
             .collect()
     }
 }
 
 /// A rectified photograph as its file has it.
-fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
-    let place = frame
+fn rectified(file: &PhotoFile, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
+    let place = file
         .rectified
-        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", frame.path.display())))?;
+        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", file.path.display())))?;
     let view = View {
         sample_mm,
         camera_mm: place.camera_mm,
@@ -284,11 +284,11 @@ fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<Hel
         ambient: [0.0; 3],
         mirrored: 1.0,
     };
-    let observation = from_rectified(&frame.read()?, view, SIDE, SIDE)
-        .map_err(|e| Error::Image { path: frame.path.clone(), message: e.to_string() })?;
+    let observation = from_rectified(&file.read()?, view, SIDE, SIDE)
+        .map_err(|e| Error::Image { path: file.path.clone(), message: e.to_string() })?;
     let n = observation.texels();
     // negative radiances mark saturated values
     let observed =
-        (0..3 * n).map(|i| frame.exposure * observation.radiance(i / n, i % n).abs()).collect();
-    Ok(HeldOut { view, exposure: frame.exposure, observed, side: SIDE, seen: None })
+        (0..3 * n).map(|i| file.exposure * observation.radiance(i / n, i % n).abs()).collect();
+    Ok(HeldOut { view, exposure: file.exposure, observed, side: SIDE, seen: None })
 }

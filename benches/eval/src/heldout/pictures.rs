@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::{ImageFormat, Rgb, RgbImage};
 use svbrdf::export::{self, resized, write_atomic};
-use svbrdf::frame::Encoding;
+use svbrdf::photo::Encoding;
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf};
 

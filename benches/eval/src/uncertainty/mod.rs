@@ -101,9 +101,9 @@ fn of_capture(folder: &Path, photos: &[usize], setup: &Setup, judge: &mut Judge)
     let (capture, truth) = with_truth(folder, setup.resolution)?;
     let session = setup.session(&capture, Variant::Deep)?;
     let mut accepted = 0;
-    for frame in &capture.frames {
-        if let Some(reason) = push(&session, frame)? {
-            eprintln!("{}: {reason}", frame.path.display());
+    for file in &capture.photos {
+        if let Some(reason) = push(&session, file)? {
+            eprintln!("{}: {reason}", file.path.display());
             continue;
         }
         accepted += 1;

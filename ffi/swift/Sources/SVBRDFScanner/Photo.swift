@@ -196,9 +196,9 @@ extension Photo {
     /// Hands a photo over as C takes it, valid during the call.
     func with<Result>(
         _ info: PhotoInfo,
-        _ body: (UnsafePointer<svbrdf_image>, UnsafePointer<svbrdf_frame_info>) throws -> Result
+        _ body: (UnsafePointer<svbrdf_image>, UnsafePointer<svbrdf_photo_info>) throws -> Result
     ) throws -> Result {
-        var stated = try filled(svbrdf_frame_info(), svbrdf_frame_info_init)
+        var stated = try filled(svbrdf_photo_info(), svbrdf_photo_info_init)
         (stated.exposure, stated.flash) = (info.exposure, info.flash.code)
         (stated.timestamp_ns, stated.focal_35mm) = (info.timestamp, info.focal35MM)
         stated.ambient_exposure = info.ambientExposure

@@ -56,13 +56,13 @@ public struct Pose: Hashable, Sendable {
 }
 
 /// What became of a photo.
-public enum Pushed: Hashable, Sendable {
+public enum Outcome: Hashable, Sendable {
     case accepted(index: Int, hints: Hints, pose: Pose?, advice: String)
     /// The scan is as if it had not come. `advice` is for the user; `measured` and `limit` are what the
     /// reason is about.
     case rejected(Rejection, measured: Float, limit: Float, advice: String)
 
-    init(_ report: svbrdf_frame_report) {
+    init(_ report: svbrdf_photo_report) {
         let advice = text(report.advice)
         guard report.accepted == 1 else {
             let reason = Rejection(rawValue: report.rejection)
@@ -131,7 +131,7 @@ public struct Guidance: Hashable, Sendable {
         case hold
         /// Go to the target.
         case move
-        /// Nothing: take the photo now, and push it.
+        /// Nothing: take the photo now, and add it.
         case shoot
         /// Nothing more: a further photo would tell little.
         case enough
@@ -222,7 +222,7 @@ public struct Progress: Hashable, Sendable {
         case svbrdf_state(SVBRDF_STATE_FAILED): .failed
         default: .fitting
         }
-        (photos, settled) = (Int(progress.frames), progress.settled == 1)
+        (photos, settled) = (Int(progress.photos), progress.settled == 1)
         (fraction, mapsRevision) = (progress.fraction, progress.maps_revision)
         let none = progress.phase == svbrdf_phase(SVBRDF_PHASE_NONE)
         phase = none ? "" : String(cString: svbrdf_phase_name(progress.phase))

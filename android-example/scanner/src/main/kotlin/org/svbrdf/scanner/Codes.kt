@@ -151,8 +151,8 @@ enum class ThreadRole(internal val code: Int) {
     /** Calls [MaterialScanner.Listener.onProgress] and [MaterialScanner.Listener.onMaps]. */
     CALLBACK(3),
 
-    /** Takes photos of [MaterialScanner.pushAsync] in, and tells what became of them. */
-    PUSH(4);
+    /** Takes photos of [MaterialScanner.addPhotoAsync] in, and tells what became of them. */
+    PHOTOS(4);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
@@ -239,12 +239,12 @@ enum class Rejection(internal val code: Int) {
     }
 }
 
-/** Something to tell about a photo that was accepted; [Pushed.Accepted.advice] has the words. */
+/** Something to tell about a photo that was accepted; [Outcome.Accepted.advice] has the words. */
 enum class Hint(internal val code: Int) {
     /** Something that a newer library may tell. */
     OTHER(1),
 
-    /** An earlier photo has nearly the same view: [Pushed.Accepted.sameViewAs]. */
+    /** An earlier photo has nearly the same view: [Outcome.Accepted.sameViewAs]. */
     NOTHING_NEW(2),
 
     /** The board's grays are not those of a linear photo: a tone curve is on. */
@@ -260,7 +260,7 @@ enum class Hint(internal val code: Int) {
 
 /** What kind of fault a [ScannerException] is. */
 enum class Fault(internal val code: Int) {
-    /** Three photos of [MaterialScanner.pushAsync] are on their way: try again when one is through. */
+    /** Three photos of [MaterialScanner.addPhotoAsync] are on their way: try again when one is through. */
     BUSY(4),
 
     /** The material does not show this [Lobe], so that there is no such map. */

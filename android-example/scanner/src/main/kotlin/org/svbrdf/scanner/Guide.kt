@@ -14,7 +14,7 @@ enum class Action(internal val code: Int) {
     /** Go to [Guidance.target]. */
     MOVE(3),
 
-    /** Nothing: take the photo now, and push it. */
+    /** Nothing: take the photo now, and add it. */
     SHOOT(4),
 
     /** Nothing more: a further photo would tell little. */
@@ -94,6 +94,6 @@ data class GuideOptions(
     val most: Int = 20,
     /** Steepest view of the first photo, degrees off the top. */
     val firstTiltDeg: Float = 20f,
-    /** A photo that has not been pushed so long after [Action.SHOOT] is not going to be, seconds. */
+    /** A photo that has not been added so long after [Action.SHOOT] is not going to be, seconds. */
     val shotSeconds: Float = 3f,
 )

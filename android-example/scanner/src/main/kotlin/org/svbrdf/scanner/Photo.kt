@@ -47,34 +47,34 @@ class Photo @JvmOverloads constructor(
     /** Of all formats but [PixelFormat.BAYER16]. */
     val primaries: Primaries = Primaries.REC709,
 ) {
-    internal fun push(
+    internal fun addTo(
         scanner: MaterialScanner,
         handle: Long,
         info: PhotoInfo,
         cameraMm: FloatArray?,
         lightMm: FloatArray?,
-    ): Pushed {
+    ): Outcome {
         val photo = numbers()
         val dark = info.ambient?.numbers()
-        val report = DoubleArray(Pushed.SIZE)
-        val advice = Native.sessionPush(
+        val report = DoubleArray(Outcome.SIZE)
+        val advice = Native.sessionAddPhoto(
             scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels, info.exposure,
             info.flash.code, info.timestampNs, cameraMm, lightMm, dark?.ints, dark?.buffers,
             dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, report,
         )
-        return Pushed.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
+        return Outcome.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
     }
 
-    internal fun pushAsync(
+    internal fun addToAsync(
         scanner: MaterialScanner,
         handle: Long,
         info: PhotoInfo,
-        done: MaterialScanner.PushCallback,
+        done: MaterialScanner.OutcomeCallback,
     ) {
         val photo = numbers()
         val dark = info.ambient?.numbers()
         Native.await(info.timestampNs, done) { id ->
-            Native.sessionPushAsync(
+            Native.sessionAddPhotoAsync(
                 scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels,
                 info.exposure, info.flash.code, info.timestampNs, dark?.ints, dark?.buffers,
                 dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, id,

@@ -34,22 +34,22 @@ class PhotoFile @JvmOverloads constructor(
         return FileInfo.of(values, names)
     }
 
-    internal fun push(scanner: MaterialScanner, handle: Long): PushedFile {
+    internal fun addTo(scanner: MaterialScanner, handle: Long): PhotoFileOutcome {
         val file = Photo.direct(content)
         val (values, names) = FileInfo.empty()
-        val report = DoubleArray(Pushed.SIZE)
-        val advice = Native.sessionPushEncoded(
+        val report = DoubleArray(Outcome.SIZE)
+        val advice = Native.sessionAddPhotoFile(
             scanner, handle, file, file.position().toLong(), file.remaining().toLong(), exposure,
             transfer?.code ?: 0, rotation, flash.code, timestampNs, maxPixels, maxBytes, values,
             names, report,
         )
-        val pushed = Pushed.of(report, String(advice, Charsets.UTF_8), timestampNs)
-        return PushedFile(pushed, FileInfo.of(values, names))
+        val outcome = Outcome.of(report, String(advice, Charsets.UTF_8), timestampNs)
+        return PhotoFileOutcome(outcome, FileInfo.of(values, names))
     }
 }
 
 /** What became of a photo, and what its file says. */
-data class PushedFile(val pushed: Pushed, val info: FileInfo)
+data class PhotoFileOutcome(val outcome: Outcome, val info: FileInfo)
 
 /** What is to be said about a photo's file. */
 enum class FileRemark(internal val bit: Int) {

@@ -26,9 +26,9 @@ class Probe internal constructor(
     val whiteLevel: Float?,
     /** Share of the white squares that are clipped; null where it is not known. */
     val whiteClipped: Float?,
-    /** As in [Pushed.Rejected]. */
+    /** As in [Outcome.Rejected]. */
     val measured: Float,
-    /** As in [Pushed.Rejected]. */
+    /** As in [Outcome.Rejected]. */
     val limit: Float,
     /** The timestamp given with the photo. */
     val timestampNs: Long,

@@ -3,7 +3,7 @@ package org.svbrdf.scanner
 import kotlin.math.acos
 
 /** What became of a photo. */
-sealed class Pushed {
+sealed class Outcome {
     /** The timestamp given with the photo. */
     abstract val timestampNs: Long
 
@@ -26,7 +26,7 @@ sealed class Pushed {
         val sameViewAs: Int? = null,
         /** For [Hint.NOT_LINEAR]: value of the board's black or gray over that of its white. */
         val overWhite: Float? = null,
-    ) : Pushed()
+    ) : Outcome()
 
     /** The photo cannot be used; nothing has changed. */
     data class Rejected(
@@ -36,7 +36,7 @@ sealed class Pushed {
         override val timestampNs: Long,
         /**
          * What was measured: corners found, error or blur in px, level of white, share clipped or
-         * seen, degrees off the top; 0 for other reasons. See `svbrdf_frame_report` in svbrdf.h.
+         * seen, degrees off the top; 0 for other reasons. See `svbrdf_photo_report` in svbrdf.h.
          */
         val measured: Float = 0f,
         /** For corners and degrees: what was needed, or still useful; otherwise 0. */
@@ -46,12 +46,12 @@ sealed class Pushed {
          * null: soft all round, as out of focus.
          */
         val blurDirectionDeg: Float? = null,
-    ) : Pushed()
+    ) : Outcome()
 
     internal companion object {
         const val SIZE = 24
 
-        fun of(report: DoubleArray, advice: String, timestampNs: Long): Pushed {
+        fun of(report: DoubleArray, advice: String, timestampNs: Long): Outcome {
             if (report[0] != 1.0) {
                 val direction = report[23].toFloat().takeIf { it >= 0f }
                 return Rejected(

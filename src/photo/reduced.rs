@@ -3,7 +3,7 @@
 
 use std::ops::AddAssign;
 
-use super::photo::{LUMA, Photo, Pixels};
+use super::pixels::{LUMA, Photo, Pixels};
 
 impl Photo {
     /// The photograph at a `step`-th of its size: blocks of `step` x `step` pixels averaged as they
@@ -88,7 +88,7 @@ fn blocks<T: Copy, S: Copy + Default + AddAssign + From<T>>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
+    use crate::photo::Encoding;
 
     #[test]
     fn blocks_are_averaged_and_what_is_left_over_is_dropped() {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::frame::{Encoding, Photo};
+use crate::photo::{Encoding, Photo};
 
 /// What a page holds.
 enum Values {

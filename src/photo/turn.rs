@@ -1,6 +1,6 @@
 //! Photographs turned by quarters.
 
-use super::photo::{Photo, Pixels};
+use super::pixels::{Photo, Pixels};
 use super::plane::Rotation;
 
 impl Rotation {
@@ -54,7 +54,7 @@ fn gather<T: Copy>(data: &[T], order: impl Iterator<Item = usize>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
+    use crate::photo::Encoding;
 
     #[test]
     fn pixels_go_where_a_turned_print_has_them() {

@@ -3,7 +3,7 @@
 //! Planes are bytes with strides in bytes, values in the machine's byte order, so that no
 //! alignment is asked for.
 
-use super::photo::MAX_PIXELS;
+use super::pixels::MAX_PIXELS;
 use crate::{Error, Result};
 
 /// A plane of a picture in memory.
