@@ -481,7 +481,7 @@ fn a_fit_of_raw_photographs_is_that_of_pictures() {
     }
 
     // Raw values have no curve.
-    description["frames"][1]["encoding"] = "srgb".into();
+    description["frames"][1]["encoding"] = "gamma2.2".into();
     fs::write(at("raw").join("capture.json"), description.to_string()).unwrap();
     let (status, said) = common::failure(&["fit", text(&at("raw")), "--out", text(&at("none"))]);
     assert!(status != 0 && said.contains("1.dng") && said.contains("`linear`"), "{said}");

@@ -50,8 +50,9 @@ pub struct Capture {
 pub struct PhotoFile {
     /// The picture file, which exists.
     pub path: PathBuf,
-    /// Transfer curve of its values.
-    pub encoding: Encoding,
+    /// Transfer curve of its values. `None` (`srgb` in `capture.json`): with feature `files` the
+    /// colours that the file states, sRGB where it states none.
+    pub encoding: Option<Encoding>,
     /// Relative exposure: value = radiance * exposure.
     pub exposure: f32,
     /// Camera and light of an already rectified photograph.
@@ -73,8 +74,7 @@ pub struct RectifiedView {
 }
 
 impl PhotoFile {
-    /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] stands for what the file says
-    /// of its colours, and DNG is read.
+    /// Reads the photograph; with feature `files` also DNG.
     ///
     /// # Errors
     /// Those of `files::read`, or of [`Photo::read`] without that feature, and when a photograph
@@ -83,7 +83,7 @@ impl PhotoFile {
         #[cfg(feature = "files")]
         return Ok(self.read_with_remarks()?.0);
         #[cfg(not(feature = "files"))]
-        self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
+        self.less_ambient(|path, exposure| Photo::read(path, self.encoding.unwrap_or(Encoding::Srgb), exposure))
     }
 
     /// As [`PhotoFile::read`], and what is to be said about the file.
@@ -94,7 +94,7 @@ impl PhotoFile {
     pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
         let mut remarks = None;
         let photo = self.less_ambient(|path, exposure| {
-            let (encoding, exposure) = (Some(self.encoding), Some(exposure));
+            let (encoding, exposure) = (self.encoding, Some(exposure));
             let decoded =
                 files::read(path, &files::Options { encoding, exposure, ..Default::default() })?;
             // Those of the photograph, which comes before the one without flash.
@@ -345,6 +345,7 @@ fn photo_file(dir: &Path, node: &Node, rectified: bool) -> Result<PhotoFile> {
     node.object()?;
     let path = picture(dir, &node.get("image"))?;
     let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
+    let encoding = Some(encoding).filter(|stated| *stated != Encoding::Srgb);
     let exposure = exposure(node.get("exposure"), 1.0)?;
     let ambient = match node.get("ambient").optional() {
         None => None,

@@ -71,8 +71,8 @@ fn a_board_capture_is_read() {
     assert_eq!(*flash_offset_mm, Some(DVec3::new(-4.7, -7.0, 0.0)));
     assert_eq!(capture.photos.len(), 2);
     assert_eq!(capture.photos[0].path, dir.path().join("a.png"));
-    assert_eq!((capture.photos[0].encoding, capture.photos[0].exposure), (Encoding::Srgb, 1.0));
-    assert_eq!((capture.photos[1].encoding, capture.photos[1].exposure), (Encoding::Linear, 0.5));
+    assert_eq!((capture.photos[0].encoding, capture.photos[0].exposure), (None, 1.0));
+    assert_eq!((capture.photos[1].encoding, capture.photos[1].exposure), (Some(Encoding::Linear), 0.5));
 }
 
 #[test]

@@ -23,9 +23,9 @@ const SATURATED: f32 = 0.991;
 /// How a file is read.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
-    /// Transfer curve of the stored values. `None`: what the file says, sRGB where it is silent,
-    /// linear for floats and raw values. [`Encoding::Srgb`]: the same for files of integers only.
-    /// Any other is taken at its word, in primaries of Rec. 709.
+    /// Transfer curve of the stored values, with primaries of Rec. 709: the colours that the file
+    /// states are ignored. `None`: the colours that the file states (ICC profile, PNG's cICP and
+    /// gAMA), sRGB where it states none, linear for floats and raw values.
     pub encoding: Option<Encoding>,
     /// Relative exposure: value = radiance * exposure. `None`: that of the metadata
     /// ([`Metadata::exposure`]), or 1.
@@ -132,12 +132,11 @@ fn picture(
         remarks.push(Remark::Gray);
     }
     let photo = |picture, encoding| Photo::from_picture(path, picture, encoding, exposure);
-    match options.encoding {
-        None | Some(Encoding::Srgb) => (),
-        Some(encoding) => return photo(picture, encoding),
+    if let Some(encoding) = options.encoding {
+        return photo(picture, encoding);
     }
     let Some(clipped) = clipped(&picture) else {
-        return photo(picture, options.encoding.unwrap_or(Encoding::Linear));
+        return photo(picture, Encoding::Linear);
     };
     let colours = match (kind, picture.profile.take()) {
         (Kind::Png, _) => png_colours::read(bytes),
@@ -166,7 +165,7 @@ fn heic(
     }
     let clipped = if decoded.is_deep() { CLIPPED_16 } else { CLIPPED_8 };
     match options.encoding {
-        None | Some(Encoding::Srgb) => {
+        None => {
             coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
                 decoded.photo(path, encoding, exposure)
             })

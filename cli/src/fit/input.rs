@@ -219,7 +219,7 @@ fn choose(paths: Vec<PathBuf>) -> Choice {
 pub fn photo_file(chosen: &Chosen) -> PhotoFile {
     PhotoFile {
         path: chosen.path.clone(),
-        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: chosen.exposure,
         rectified: None,
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),

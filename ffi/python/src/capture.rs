@@ -32,8 +32,8 @@ impl PhotoFile {
 
     /// Transfer curve of its values.
     #[getter]
-    fn encoding(&self) -> &'static str {
-        self.0.encoding.name()
+    fn encoding(&self) -> Option<&'static str> {
+        self.0.encoding.map(Encoding::name)
     }
 
     /// Relative exposure.
@@ -152,7 +152,7 @@ fn kind(path: &Path) -> Option<Kind> {
 fn photo_file(chosen: Chosen) -> PhotoFile {
     PhotoFile(capture::PhotoFile {
         path: chosen.path,
-        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: chosen.exposure,
         rectified: None,
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),

@@ -66,7 +66,7 @@ fn chosen(
         return Err(choice.left_out.last().map_or_else(String::new, |left| left.reason.clone()));
     };
     Ok(Options {
-        encoding: Some(if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb }),
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: Some(chosen.exposure),
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),
         ..Options::default()
