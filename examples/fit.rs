@@ -7,7 +7,7 @@
 use std::error::Error;
 
 use svbrdf::capture::Capture;
-use svbrdf::export::{write_maps, write_preview};
+use svbrdf::export::{MapsOptions, write_maps, write_preview};
 use svbrdf::session::{Outcome, Session, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let maps = session.snapshot()?;
-    write_maps(&out, &maps)?;
+    write_maps(&out, &maps, &MapsOptions::default())?;
     write_preview(format!("{out}/preview.png"), &maps, capture.sample_mm)?;
     println!("maps are in {out}");
     Ok(())

@@ -10,19 +10,14 @@
 //!
 //! ```no_run
 //! use svbrdf::calibration::Target;
-//! use svbrdf::export::write_maps;
+//! use svbrdf::export::{MapsOptions, write_maps};
 //! use svbrdf::photo::{Encoding, Photo};
 //! use svbrdf::session::{Outcome, Scene, Session, Settings};
 //!
 //! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { (0, 0, Vec::new()) }
 //! # fn main() -> svbrdf::Result<()> {
 //! // The board that `svbrdf board` prints; camera, flash and height are estimated from the photographs.
-//! let scene = Scene::Board {
-//!     target: Target::default(),
-//!     camera: None,
-//!     flash_offset_mm: None,
-//!     elevation_mm: None,
-//! };
+//! let scene = Scene::board(Target::default());
 //! let settings = Settings { sample_mm: [100.0, 80.0], ..Settings::default() };
 //! let session = Session::new(scene, settings)?;
 //! for name in ["0.jpg", "1.jpg", "2.jpg"] {
@@ -34,7 +29,7 @@
 //!     }
 //! }
 //! session.wait()?; // until the fit has settled
-//! write_maps("maps", &*session.snapshot()?)?;
+//! write_maps("maps", &*session.snapshot()?, &MapsOptions::default())?;
 //! # Ok(())
 //! # }
 //! ```

@@ -265,9 +265,7 @@ fn the_photograph_that_contradicts_the_others_is_named() {
     let truth = material();
     let mut other = material();
     for c in 0..3 {
-        other
-            .plane_mut(channel::DIFFUSE + c)
-            .copy_from_slice(truth.plane(channel::DIFFUSE + 2 - c));
+        other.diffuse_mut()[c].copy_from_slice(truth.plane(channel::DIFFUSE + 2 - c));
     }
     // Driven from here: the fit begins with all of them, and no phase is missed.
     let (method, driver) = (Method::Classic, Driver::Caller);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use rectified::{POSITIONS, SIZE, material, observation, photo, scene, view};
 use svbrdf::estimate::{Estimator, Method, Place};
-use svbrdf::export::{read_maps, write_assessed_maps};
+use svbrdf::export::{MapsOptions, read_maps, write_maps};
 use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
 use svbrdf::session::{Driver, MapsWithUncertainty, RestoreOptions, Session, Settings};
@@ -154,7 +154,12 @@ fn files_of_maps_hold_deviations_beside_what_others_read() {
     let uncertainty = svbrdf::uncertainty::Uncertainty::from_planes(4, 2, planes.clone()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("maps");
-    write_assessed_maps(&dir, &maps, &uncertainty, [10.0, 5.0]).unwrap();
+    write_maps(
+        &dir,
+        &maps,
+        &MapsOptions { sample_mm: Some([10.0, 5.0]), uncertainty: Some(&uncertainty) },
+    )
+    .unwrap();
     let read = read_maps(&dir).unwrap();
     let image = exr::prelude::read_first_flat_layer_from_file(dir.join("maps.exr")).unwrap();
     std::fs::remove_dir_all(&dir).unwrap();
@@ -168,7 +173,11 @@ fn files_of_maps_hold_deviations_beside_what_others_read() {
     }
     let small = Svbrdf::new(2, 2);
     assert!(matches!(
-        write_assessed_maps(&dir, &small, &uncertainty, [1.0; 2]),
+        write_maps(
+            &dir,
+            &small,
+            &MapsOptions { sample_mm: Some([1.0; 2]), uncertainty: Some(&uncertainty) }
+        ),
         Err(Error::Argument { .. })
     ));
     assert!(!dir.exists());

@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         metallic: arguments.metallic,
         tile: arguments.tile,
         texture: TextureFormat::from_name(&arguments.texture).expect("one of three names"),
-        max_size: arguments.max_size.unwrap_or(0) as usize,
+        max_size: arguments.max_size.map(|texels| texels as usize),
         photographs: photographs(dir),
     };
     let package = export(&maps, &options).map_err(|fault| match fault {

@@ -434,7 +434,8 @@ fn a_fit_of_raw_photographs_is_that_of_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let [capture, raw] = [at("capture"), at("raw")];
-    svbrdf::export::write_maps(at("known"), &maps(32)).unwrap();
+    svbrdf::export::write_maps(at("known"), &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     succeed(&["simulate", text(&at("known")), "--out", text(&capture), "--frames", "3"]);
     fs::create_dir(&raw).unwrap();
     let file = capture.join("capture.json");

@@ -139,7 +139,7 @@ unsafe fn package(
         metallic: flag("svbrdf_export_options.metallic", given.metallic)?,
         tile: flag("svbrdf_export_options.tile", given.tile)?,
         texture,
-        max_size: given.max_size as usize,
+        max_size: (given.max_size > 0).then_some(given.max_size as usize),
         photographs: (given.photos > 0).then_some(given.photos),
     };
     Ok(export(&maps, &options)?)

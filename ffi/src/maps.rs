@@ -5,8 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
-use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
-use engine::svbrdf::channel;
+use engine::export::{MapsOptions, write_maps, write_preview};
 use engine::uncertainty::Uncertainty;
 
 use crate::handles::Handles;
@@ -179,10 +178,9 @@ pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> 
 
 /// Writes the maps themselves and a preview, as svbrdf_maps_export() without options.
 pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
-    match &maps.uncertainty {
-        None => write_sized_maps(dir, &maps.maps, maps.sample_mm)?,
-        Some(known) => write_assessed_maps(dir, &maps.maps, known, maps.sample_mm)?,
-    }
+    let uncertainty = maps.uncertainty.as_ref();
+    let options = MapsOptions { sample_mm: Some(maps.sample_mm), uncertainty };
+    write_maps(dir, &maps.maps, &options)?;
     Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
 }
 
@@ -247,8 +245,6 @@ impl Picture for MapPicture<'_> {
 
     fn row(&self, y: usize, out: &mut [[f32; 4]]) {
         let (maps, width) = (self.maps, self.maps.width());
-        let plane = |c: usize| &maps.plane(c)[y * width..][..width];
-        let three = |first: usize| [plane(first), plane(first + 1), plane(first + 2)];
         match self.map {
             SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => {
                 let up = if self.map == SVBRDF_MAP_NORMAL { 1.0 } else { -1.0 };
@@ -258,7 +254,7 @@ impl Picture for MapPicture<'_> {
                 }
             }
             SVBRDF_MAP_ROUGHNESS if maps.lobes().is_empty() => {
-                for (out, roughness) in out.iter_mut().zip(plane(channel::ROUGHNESS)) {
+                for (out, roughness) in out.iter_mut().zip(&maps.roughness()[y * width..]) {
                     *out = [1.0, *roughness, 0.0, 1.0];
                 }
             }
@@ -279,8 +275,10 @@ impl Picture for MapPicture<'_> {
                     *out = [weight, roughness, 0.0, 1.0];
                 }
             }
-            SVBRDF_MAP_DIFFUSE => interleave(three(channel::DIFFUSE), out),
-            _ => interleave(three(channel::SPECULAR), out),
+            SVBRDF_MAP_DIFFUSE => {
+                interleave(maps.diffuse().map(|plane| &plane[y * width..][..width]), out)
+            }
+            _ => interleave(maps.specular().map(|plane| &plane[y * width..][..width]), out),
         }
     }
 }

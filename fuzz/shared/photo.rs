@@ -22,12 +22,7 @@ pub fn run(data: &[u8]) -> bool {
     let photo = photo.with_primaries(primaries[usize::from(choice >> 5) % 3]);
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
-    let scene = Scene::Board {
-        target: Target::default(),
-        camera: None,
-        flash_offset_mm: None,
-        elevation_mm: None,
-    };
+    let scene = Scene::board(Target::default());
     let settings = Settings { threads: 1, ..Settings::default() };
     let session = Session::with_networks(scene, settings, networks.clone()).expect("defaults");
     session.pause();

@@ -83,7 +83,9 @@ impl PhotoFile {
         #[cfg(feature = "files")]
         return Ok(self.read_with_remarks()?.0);
         #[cfg(not(feature = "files"))]
-        self.less_ambient(|path, exposure| Photo::read(path, self.encoding.unwrap_or(Encoding::Srgb), exposure))
+        self.less_ambient(|path, exposure| {
+            Photo::read(path, self.encoding.unwrap_or(Encoding::Srgb), exposure)
+        })
     }
 
     /// As [`PhotoFile::read`], and what is to be said about the file.

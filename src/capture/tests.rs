@@ -72,7 +72,10 @@ fn a_board_capture_is_read() {
     assert_eq!(capture.photos.len(), 2);
     assert_eq!(capture.photos[0].path, dir.path().join("a.png"));
     assert_eq!((capture.photos[0].encoding, capture.photos[0].exposure), (None, 1.0));
-    assert_eq!((capture.photos[1].encoding, capture.photos[1].exposure), (Some(Encoding::Linear), 0.5));
+    assert_eq!(
+        (capture.photos[1].encoding, capture.photos[1].exposure),
+        (Some(Encoding::Linear), 0.5)
+    );
 }
 
 #[test]

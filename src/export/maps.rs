@@ -8,7 +8,7 @@ use super::lobes;
 use super::textures::{Density, Texture, TextureFormat};
 use crate::parallel;
 use crate::photo::{Encoding, read_picture};
-use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, channel, lobe};
+use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, lobe};
 use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
@@ -37,6 +37,17 @@ pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
 
+/// What the files of maps state beside the maps.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MapsOptions<'a> {
+    /// Width and height of the sample, mm: in every file (PNG: `pHYs`, OpenEXR: the attributes
+    /// `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
+    pub sample_mm: Option<[f32; 2]>,
+    /// Standard deviations: in `maps.exr`, in the channels `deviation.normal` (of each slope),
+    /// `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`.
+    pub uncertainty: Option<&'a Uncertainty>,
+}
+
 /// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB
 /// curve), `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`,
 /// `diffuse.R/G/B`, `specular.R/G/B`, `roughness.Y`) into a folder, which is made if missing: all
@@ -50,45 +61,18 @@ const DEVIATIONS: [&str; 4] =
 /// earlier maps are removed.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that cannot be written.
-pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
-    replace_files(dir, &map_files(maps, None)?, &LOBE_FILES)
+/// [`Error::Io`] naming the file that cannot be written; [`Error::Argument`] where a length is not
+/// positive or the deviations are those of other texels.
+pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf, options: &MapsOptions) -> Result<()> {
+    replace_files(dir, &encode_maps(maps, options)?, &LOBE_FILES)
 }
 
-/// As [`write_maps`]; the width and height of the sample go into every file (PNG: `pHYs`, OpenEXR:
-/// the attributes `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
+/// The files of [`write_maps`] in memory: names and bytes.
 ///
 /// # Errors
-/// As [`write_maps`]; [`Error::Argument`] where a length is not positive.
-pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
-    check_size(sample_mm)?;
-    replace_files(dir, &map_files(maps, Some(sample_mm))?, &LOBE_FILES)
-}
-
-/// As [`write_sized_maps`]; `maps.exr` has the standard deviations as well, in the channels
-/// `deviation.normal` (of each slope), `deviation.diffuse` and `deviation.specular` (of each colour,
-/// linear), `deviation.roughness`.
-///
-/// # Errors
-/// As [`write_sized_maps`]; [`Error::Argument`] where the sizes differ.
-pub fn write_assessed_maps(
-    dir: impl AsRef<Path>,
-    maps: &Svbrdf,
-    uncertainty: &Uncertainty,
-    sample_mm: [f32; 2],
-) -> Result<()> {
-    replace_files(dir, &encode_maps(maps, Some(uncertainty), Some(sample_mm))?, &LOBE_FILES)
-}
-
-/// The files of [`write_sized_maps`], or of [`write_assessed_maps`], in memory: names and bytes.
-///
-/// # Errors
-/// [`Error::Argument`] as those.
-pub fn encode_maps(
-    maps: &Svbrdf,
-    uncertainty: Option<&Uncertainty>,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
+/// [`Error::Argument`] as [`write_maps`].
+pub fn encode_maps(maps: &Svbrdf, options: &MapsOptions) -> Result<Vec<(String, Vec<u8>)>> {
+    let MapsOptions { sample_mm, uncertainty } = *options;
     sample_mm.map_or(Ok(()), check_size)?;
     let size = [maps.width(), maps.height()];
     let other = uncertainty.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
@@ -96,7 +80,12 @@ pub fn encode_maps(
         let message = format!("{found:?} texels given, {size:?} expected");
         return Err(Error::argument("uncertainty", message));
     }
-    files(maps, uncertainty, sample_mm)
+    let density = sample_mm.map(|mm| Density::of(size, mm));
+    let anisotropy = lobes::anisotropy(maps);
+    let mut files = pictures(maps, anisotropy.as_deref(), density)?;
+    let floats = floats(maps, anisotropy.as_deref(), uncertainty, sample_mm)?;
+    files.push(("maps.exr".into(), floats));
+    Ok(files)
 }
 
 /// Checks that both lengths are positive.
@@ -108,27 +97,6 @@ pub(super) fn check_size(sample_mm: [f32; 2]) -> Result<()> {
     Err(Error::argument("sample_mm", message))
 }
 
-/// Names and bytes of the files of [`write_maps`].
-pub(super) fn map_files(
-    maps: &Svbrdf,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
-    files(maps, None, sample_mm)
-}
-
-fn files(
-    maps: &Svbrdf,
-    uncertainty: Option<&Uncertainty>,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
-    let density = sample_mm.map(|mm| Density::of([maps.width(), maps.height()], mm));
-    let anisotropy = lobes::anisotropy(maps);
-    let mut files = pictures(maps, anisotropy.as_deref(), density)?;
-    let floats = floats(maps, anisotropy.as_deref(), uncertainty, sample_mm)?;
-    files.push(("maps.exr".into(), floats));
-    Ok(files)
-}
-
 /// Names and bytes of the pictures.
 fn pictures(
     maps: &Svbrdf,
@@ -136,8 +104,7 @@ fn pictures(
     density: Option<Density>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
-    let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
-    let (diffuse, specular) = (three(channel::DIFFUSE), three(channel::SPECULAR));
+    let (diffuse, specular) = (maps.diffuse(), maps.specular());
     let roughness = stored_roughness(maps, anisotropy);
     let mut textures = vec![
         ("normal", Texture::data(w, h, |i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5))),
@@ -167,7 +134,7 @@ fn stored_roughness<'a>(
     maps: &'a Svbrdf,
     anisotropy: Option<&'a [Anisotropy]>,
 ) -> impl Fn(usize) -> f32 + Sync + 'a {
-    let roughness = maps.plane(channel::ROUGHNESS);
+    let roughness = maps.roughness();
     move |i| anisotropy.map_or(roughness[i], |lobes| lobes[i].roughness())
 }
 
@@ -185,7 +152,7 @@ fn floats(
     }
     let [colours @ .., roughness] = OTHERS;
     for (c, name) in colours.into_iter().enumerate() {
-        planes.push((name, maps.plane(channel::DIFFUSE + c).to_vec()));
+        planes.push((name, maps.diffuse()[c].to_vec()));
     }
     planes.push((roughness, (0..w * h).map(stored_roughness(maps, anisotropy)).collect()));
     if let Some(lobes) = anisotropy {
@@ -304,7 +271,7 @@ fn add_lobes(
     }
     let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
     if let Some([x, y, strength]) = anisotropy {
-        let roughness = maps.plane_mut(channel::ROUGHNESS);
+        let roughness = maps.roughness_mut();
         for i in 0..n {
             let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
             if strength[i] > 0.0 {

@@ -165,11 +165,9 @@ fn heic(
     }
     let clipped = if decoded.is_deep() { CLIPPED_16 } else { CLIPPED_8 };
     match options.encoding {
-        None => {
-            coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
-                decoded.photo(path, encoding, exposure)
-            })
-        }
+        None => coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
+            decoded.photo(path, encoding, exposure)
+        }),
         Some(encoding) => decoded.photo(path, encoding, exposure),
     }
 }

@@ -26,13 +26,16 @@ use web_time::Instant;
 use self::capture::{Board, Capture, Placed, Remake, Taken};
 use self::fit::{Fit, FitHandle};
 pub use self::hint::{Group, Hint};
+#[doc(hidden)]
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
     AcceptedPhoto, BoardPose, MapsWithUncertainty, Observed, Outcome, Probe, ProbedLight,
     ProbedView, Progress, Revision,
 };
-pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
+pub use self::settings::{
+    BoardScene, Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings,
+};
 pub use self::survey::{NextView, Survey, SurveyedView};
 pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport, PhotoFit};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
@@ -70,7 +73,7 @@ impl Session {
     /// # Errors
     /// When a setting is out of range or a model is damaged.
     #[cfg(feature = "embedded-models")]
-    pub fn new(scene: Scene, settings: Settings) -> Result<Self> {
+    pub fn new(scene: impl Into<Scene>, settings: Settings) -> Result<Self> {
         Self::with_networks(scene, settings, Arc::new(Networks::embedded()?))
     }
 
@@ -79,7 +82,7 @@ impl Session {
     /// # Errors
     /// When a setting is out of range.
     pub fn with_networks(
-        scene: Scene,
+        scene: impl Into<Scene>,
         settings: Settings,
         networks: Arc<Networks>,
     ) -> Result<Self> {
@@ -93,11 +96,12 @@ impl Session {
     /// When a setting is out of range.
     #[doc(hidden)]
     pub fn with_options(
-        scene: Scene,
+        scene: impl Into<Scene>,
         settings: Settings,
         networks: Arc<Networks>,
         options: EstimateOptions,
     ) -> Result<Self> {
+        let scene = scene.into();
         settings.check()?;
         memory::check(&settings, 1, 0)?;
         let capture = Capture::new(scene.clone(), &settings)?;
@@ -371,6 +375,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
+    #[doc(hidden)]
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
         let photos = self.fit.shared.lock().progress.photos;
         let kept = self.board(Board::kept_bytes).unwrap_or(0);

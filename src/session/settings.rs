@@ -41,6 +41,50 @@ pub enum Scene {
     },
 }
 
+impl Scene {
+    /// Photographs of a board. Camera, flash and height of the sample are estimated unless the
+    /// setters of [`BoardScene`] state them.
+    pub fn board(target: Target) -> BoardScene {
+        BoardScene { target, camera: None, flash_offset_mm: None, elevation_mm: None }
+    }
+}
+
+/// Builds [`Scene::Board`]; made by [`Scene::board`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardScene {
+    target: Target,
+    camera: Option<Camera>,
+    flash_offset_mm: Option<DVec3>,
+    elevation_mm: Option<f64>,
+}
+
+impl BoardScene {
+    /// States the intrinsics of all photographs.
+    #[must_use]
+    pub fn camera(self, camera: Camera) -> Self {
+        Self { camera: Some(camera), ..self }
+    }
+
+    /// States the flash position in the camera frame, mm.
+    #[must_use]
+    pub fn flash_offset_mm(self, offset: DVec3) -> Self {
+        Self { flash_offset_mm: Some(offset), ..self }
+    }
+
+    /// States the height of the sample's surface above the printed side of the board, mm.
+    #[must_use]
+    pub fn elevation_mm(self, height: f64) -> Self {
+        Self { elevation_mm: Some(height), ..self }
+    }
+}
+
+impl From<BoardScene> for Scene {
+    fn from(board: BoardScene) -> Self {
+        let BoardScene { target, camera, flash_offset_mm, elevation_mm } = board;
+        Self::Board { target, camera, flash_offset_mm, elevation_mm }
+    }
+}
+
 /// Light of rectified photographs.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub enum RectifiedFalloff {

@@ -6,7 +6,6 @@ use svbrdf::comparison::compare;
 use svbrdf::estimate::Method;
 use svbrdf::export::resized;
 use svbrdf::observation::Observation;
-use svbrdf::svbrdf::channel;
 use svbrdf::{Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
@@ -210,9 +209,9 @@ const SIDE_OF_CODE: [usize; 2] = [16, 16];
 /// The start that the paper's Figure 16 warns of: much too rough, too little specular.
 fn spoiled(maps: &Svbrdf) -> Svbrdf {
     let mut maps = maps.clone();
-    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
+    maps.roughness_mut().iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
     for c in 0..3 {
-        maps.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|s| *s *= 0.3);
+        maps.specular_mut()[c].iter_mut().for_each(|s| *s *= 0.3);
     }
     maps
 }

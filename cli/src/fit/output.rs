@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::capture;
 use svbrdf::export::{
-    ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
+    ExportOptions, LOBE_FILES, MapsOptions, encode_maps, encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
 use svbrdf::uncertainty::{MapDeviations, Uncertainty};
@@ -43,7 +43,8 @@ impl Output<'_> {
         // A fit that was interrupted is not asked any more.
         let known = session.snapshot_with_uncertainty().ok().filter(|known| known.maps == maps);
         let uncertainty = known.map(|known| known.uncertainty);
-        let mut files = encode_maps(&maps, uncertainty.as_ref(), Some(sample_mm))?;
+        let options = MapsOptions { sample_mm: Some(sample_mm), uncertainty: uncertainty.as_ref() };
+        let mut files = encode_maps(&maps, &options)?;
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {

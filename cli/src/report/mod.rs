@@ -187,7 +187,6 @@ mod tests {
     use svbrdf::capture::{Capture, PhotoFile};
     use svbrdf::random::Random;
     use svbrdf::session::{RectifiedFalloff, Scene};
-    use svbrdf::svbrdf::channel;
 
     /// Maps that compress as badly as any, and a photograph with a little of it.
     fn noise(texels: usize) -> (Svbrdf, Photo) {
@@ -195,7 +194,7 @@ mod tests {
         let mut value = || random.uniform() as f32;
         let mut maps = Svbrdf::new(texels, texels);
         maps.planes_mut().iter_mut().for_each(|v| *v = value());
-        maps.plane_mut(channel::SLOPE_X).iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
+        maps.normal_slopes_mut()[0].iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
         let rgb = (0..3 * 200 * 150).map(|_| 0.4 + 0.02 * value()).collect();
         (maps, Photo::from_linear(200, 150, rgb, 1.0, 9.0).unwrap())
     }
@@ -212,7 +211,7 @@ mod tests {
             let falloff = RectifiedFalloff::InverseSquareAuto;
             let file = PhotoFile {
                 path: "frames/00.png".into(),
-                encoding: svbrdf::photo::Encoding::Linear,
+                encoding: Some(svbrdf::photo::Encoding::Linear),
                 exposure: 1.0,
                 rectified: None,
                 turn: svbrdf::photo::Rotation::None,

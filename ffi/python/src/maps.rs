@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
 use svbrdf::observation::{Falloff, View};
-use svbrdf::svbrdf::{MAX_SLOPE, channel};
+use svbrdf::svbrdf::MAX_SLOPE;
 use svbrdf::uncertainty::Uncertainty;
 use svbrdf::{Svbrdf, render};
 
@@ -47,8 +47,7 @@ impl Maps {
     }
 
     /// Texel by texel from three planes.
-    fn colours<'py>(&self, py: Python<'py>, first: usize) -> Bound<'py, PyArray3<f32>> {
-        let planes = [0, 1, 2].map(|c| self.maps.plane(first + c));
+    fn colours<'py>(&self, py: Python<'py>, planes: [&[f32]; 3]) -> Bound<'py, PyArray3<f32>> {
         self.texels(py, |i| planes.map(|plane| plane[i]))
     }
 
@@ -84,7 +83,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Package> {
         let names = Format::ALL.map(Format::name);
         let formats = formats
@@ -211,13 +210,13 @@ impl Maps {
     /// Diffuse albedo, (height, width, 3), linear RGB.
     #[getter]
     fn diffuse<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        self.colours(py, channel::DIFFUSE)
+        self.colours(py, self.maps.diffuse())
     }
 
     /// Specular albedo at normal incidence (F0), (height, width, 3), linear RGB.
     #[getter]
     fn specular<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        self.colours(py, channel::SPECULAR)
+        self.colours(py, self.maps.specular())
     }
 
     /// Roughness, (height, width): GGX with alpha = roughness squared. Where the material is anisotropic, of the smaller alpha.
@@ -273,10 +272,9 @@ impl Maps {
     /// Writes ``normal.png``, ``diffuse.png``, ``specular.png``, ``roughness.png`` (16 bits) and ``maps.exr`` into a folder,
     /// which is made if missing: all files or none.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        detached(py, || match &self.uncertainty {
-            Some(known) => export::write_assessed_maps(folder, &self.maps, known, self.sample_mm),
-            None => export::write_sized_maps(folder, &self.maps, self.sample_mm),
-        })
+        let uncertainty = self.uncertainty.as_deref();
+        let options = export::MapsOptions { sample_mm: Some(self.sample_mm), uncertainty };
+        detached(py, || export::write_maps(folder, &self.maps, &options))
     }
 
     /// Writes a picture of the material under four lights.
@@ -288,8 +286,8 @@ impl Maps {
     ///
     /// ``formats``: ``glb``, ``usdz``, ``materialx``, ``unreal``, ``unity-hdrp``, ``unity-urp``, ``blender``. ``tile`` makes the maps
     /// seamless, ``metallic`` stores base colour and metalness, ``texture`` is ``png8``, ``png16`` or ``jpeg``, ``max_size`` the
-    /// longer side of textures at most (0: any).
-    #[pyo3(signature = (folder, formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    /// largest longer side of textures.
+    #[pyo3(signature = (folder, formats, *, tile = false, metallic = false, texture = "png8", max_size = None))]
     fn export(
         &self,
         py: Python<'_>,
@@ -298,7 +296,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Vec<String>> {
         let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
         detached(py, || package.write(folder))?;
@@ -306,7 +304,7 @@ impl Maps {
     }
 
     /// As ``export``, in memory: names and bytes of the files.
-    #[pyo3(signature = (formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    #[pyo3(signature = (formats, *, tile = false, metallic = false, texture = "png8", max_size = None))]
     fn package<'py>(
         &self,
         py: Python<'py>,
@@ -314,7 +312,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
         let files = PyDict::new(py);

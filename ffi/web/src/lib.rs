@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use svbrdf::board_sheet::{BoardSheet, Paper, SheetFormat};
 use svbrdf::calibration::Target;
 use svbrdf::capture::parse_scene;
-use svbrdf::export::{ExportOptions, Format, encode_maps, export};
+use svbrdf::export::{ExportOptions, Format, MapsOptions, encode_maps, export};
 use svbrdf::files::Choice;
 use svbrdf::networks::Networks;
 use svbrdf::session::{Driver, Scene, Session, Settings};
@@ -275,7 +275,8 @@ impl Scan {
             }
             None => {
                 let known = self.session.snapshot_with_uncertainty()?;
-                encode_maps(&known.maps, Some(&known.uncertainty), Some(sample_mm))?
+                let uncertainty = Some(&known.uncertainty);
+                encode_maps(&known.maps, &MapsOptions { sample_mm: Some(sample_mm), uncertainty })?
             }
         };
         let file = files.into_iter().find(|(found, _)| found == name);
@@ -331,6 +332,6 @@ pub fn version() -> String {
 fn default_scene() -> (Scene, [f32; 2]) {
     let target = Target::default();
     let sample_mm = target.usual_sample_mm();
-    let scene = Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+    let scene = Scene::board(target).into();
     (scene, sample_mm)
 }

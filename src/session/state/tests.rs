@@ -21,8 +21,7 @@ fn example() -> &'static [u8] {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
         let capture = crate::capture::Capture::load(dir).unwrap();
         let Scene::Board { target, .. } = capture.scene else { panic!("no board") };
-        let scene =
-            Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+        let scene = Scene::board(target);
         let (sample_mm, driver) = (capture.sample_mm, Driver::Caller);
         let settings = Settings { sample_mm, threads: 2, driver, ..Settings::default() };
         let session = Session::with_networks(scene, settings, networks()).unwrap();

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use svbrdf::estimate::{Evidence, Method};
 use svbrdf::random::Random;
-use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::table::{Group, MAPS, Table};
@@ -53,7 +52,7 @@ impl Judge {
     fn add(&mut self, evidence: &Evidence, truth: &Svbrdf, photos: usize) -> Result<()> {
         let uncertainty = evidence.uncertainty()?;
         let (maps, n) = (evidence.maps(), truth.texels());
-        let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
+        let roughness = truth.roughness().iter().map(|v| f64::from(*v));
         let matt = median(roughness).is_some_and(|middle| middle >= MATT);
         let group = Group { case: self.cases, photos, matt };
         let stride = (n / SAMPLES).max(1) | 1;

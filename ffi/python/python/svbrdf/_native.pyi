@@ -253,7 +253,7 @@ class Maps:
         tile: bool = False,
         metallic: bool = False,
         texture: _Texture = "png8",
-        max_size: int = 0,
+        max_size: int | None = None,
     ) -> list[str]: ...
     def package(
         self,
@@ -262,7 +262,7 @@ class Maps:
         tile: bool = False,
         metallic: bool = False,
         texture: _Texture = "png8",
-        max_size: int = 0,
+        max_size: int | None = None,
     ) -> dict[str, bytes]: ...
     def render(self, *, camera_mm: _Position, light_mm: _Position) -> _Array: ...
     def _with_photos(self, photos: tuple[Any, ...]) -> Maps: ...
