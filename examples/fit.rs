@@ -20,12 +20,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let session = Session::new(capture.scene.clone(), settings)?;
     for file in &capture.photos {
         let photo = file.read()?;
-        let pushed = match file.rectified {
+        let outcome = match file.rectified {
             Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
             None => session.add_photo(&photo)?,
         };
         let name = file.path.display();
-        match pushed {
+        match outcome {
             Outcome::Accepted(accepted) => {
                 println!("{name}: maps after {:.2} s", accepted.maps_seconds);
                 for hint in &accepted.hints {

@@ -24,8 +24,8 @@ fn session(capture: &Capture, driver: Driver, steps: Option<u32>) -> Session {
 }
 
 fn accepted(session: &Session, photo: &Photo) {
-    let pushed = session.add_photo(photo).unwrap();
-    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 #[test]

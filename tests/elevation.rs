@@ -42,8 +42,8 @@ fn calibrating(elevation_mm: Option<f64>) -> Session {
 }
 
 fn push(session: &Session, photo: &Photo) {
-    let pushed = session.add_photo(photo).unwrap();
-    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 fn photos(maps: &Svbrdf, elevation_mm: f64, count: u32) -> Vec<Photo> {

@@ -1,4 +1,4 @@
-//! Photographs that are looked at before they are pushed, taken back afterwards, and weighed.
+//! Photographs that are looked at before they are added, removed afterwards, and weighed.
 
 #[path = "common/rectified.rs"]
 mod rectified;
@@ -36,8 +36,8 @@ fn paused(with_camera: bool) -> Session {
 }
 
 fn push(session: &Session, photo: &Photo) {
-    let pushed = session.add_photo(photo).unwrap();
-    assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 /// Another look at a photograph's values, row by row.
@@ -50,8 +50,8 @@ fn changed(photo: &Photo, change: impl Fn(&[f32], usize) -> f32) -> Photo {
 }
 
 /// Degrees between two lines of sight, and mm between two distances.
-fn apart(probe: &Probe, pushed: &svbrdf::geometry::Pose) -> (f64, f64) {
-    let (a, b) = (probe.pose.unwrap().pose.camera_centre(), pushed.camera_centre());
+fn apart(probe: &Probe, accepted: &svbrdf::geometry::Pose) -> (f64, f64) {
+    let (a, b) = (probe.pose.unwrap().pose.camera_centre(), accepted.camera_centre());
     (a.angle_between(b).to_degrees(), (a.length() - b.length()).abs())
 }
 

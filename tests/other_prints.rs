@@ -49,8 +49,8 @@ fn said(printed: &Target, described: &Target) -> Option<BoardDifference> {
     let settings = Settings { sample_mm: hole, threads: 1, ..Settings::default() };
     let session = Session::new(scene, settings).unwrap();
     session.pause();
-    let pushed = session.add_photo(&photo(printed)).unwrap();
-    let Outcome::Accepted(accepted) = pushed else { panic!("{pushed:?}") };
+    let outcome = session.add_photo(&photo(printed)).unwrap();
+    let Outcome::Accepted(accepted) = outcome else { panic!("{outcome:?}") };
     accepted.hints.iter().find_map(|hint| match hint {
         Hint::BoardDiffers(difference) => Some(*difference),
         _ => None,

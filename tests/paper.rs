@@ -46,8 +46,8 @@ fn session(target: &Target, camera: Option<Camera>) -> Session {
 /// Largest view error over all photographs, and the paper, once all are in.
 fn calibrated(session: &Session, scenes: &[Scene], photos: &[Photo]) -> (f64, PaperEstimate) {
     for photo in photos {
-        let pushed = session.add_photo(photo).unwrap();
-        assert!(matches!(pushed, Outcome::Accepted(_)), "{pushed:?}");
+        let outcome = session.add_photo(photo).unwrap();
+        assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
     }
     let errors =
         session.poses().into_iter().zip(scenes).map(|(k, s)| view_error_deg(&k.pose, &s.pose));

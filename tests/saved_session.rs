@@ -31,9 +31,9 @@ fn session(settings: Settings) -> Session {
 }
 
 fn push(session: &Session, i: usize) {
-    let pushed =
+    let outcome =
         session.add_rectified_photo(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
-    assert!(matches!(pushed, Outcome::Accepted(_)));
+    assert!(matches!(outcome, Outcome::Accepted(_)));
 }
 
 fn restore(state: &[u8]) -> Session {
@@ -109,8 +109,8 @@ fn fifty_photographs_are_saved_small() {
     let photo = photo(POSITIONS[0]);
     for i in 0..50 {
         let at = [i as f32, 0.0, 110.0];
-        let pushed = session.add_rectified_photo(&photo, at, at).unwrap();
-        assert!(matches!(pushed, Outcome::Accepted(_)));
+        let outcome = session.add_rectified_photo(&photo, at, at).unwrap();
+        assert!(matches!(outcome, Outcome::Accepted(_)));
     }
     let begun = Instant::now();
     let state = session.save().unwrap();

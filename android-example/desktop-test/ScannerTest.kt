@@ -116,7 +116,7 @@ fun captureToMaps() {
             val outcome = scanner.addPhoto(photo(i, direct = i == 0), info)
             verify(outcome is Outcome.Accepted && outcome.index == i) { "$outcome" }
             verify(outcome.timestampNs == 1000L + i) { "$outcome" }
-            verify((outcome as Outcome.Accepted).reprojectionRmsPx < 0.5) { "$outcome" }
+            verify((outcome as Outcome.Accepted).pose!!.reprojectionRmsPx < 0.5) { "$outcome" }
             verify(outcome.hints.isEmpty() && outcome.advice.isEmpty()) { "$outcome" }
             // The sample's centre is where the pose says, and all corners are in the picture.
             val pose = outcome.pose!!

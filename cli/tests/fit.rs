@@ -29,7 +29,7 @@ fn faults_of_the_description_exit_with_2_and_write_nothing() {
         ("\"fx\": 1480.0", "\"fx\": NaN", "fx", "finite"),
         ("\"height\": 1512,", "", "camera.height", "whole number"),
         ("\"srgb\"", "\"rec2020\"", "frames[0].encoding", "linear"),
-        ("frames/01.png", "frames/99.png", "frames[1].image", "picture file"),
+        ("frames/01.png", "frames/99.png", "frames[1].image", "image file"),
         ("svbrdf-capture/1", "svbrdf-capture/9", "format", "svbrdf-capture/1"),
     ] {
         assert!(good.contains(from), "{from} in {good}");

@@ -1,4 +1,4 @@
-//! Pictures of a preview judged, and what to tell the hand that holds the camera.
+//! Pictures of a preview judged, and instructions for the hand that holds the camera.
 
 use std::ffi::c_char;
 use std::sync::PoisonError;
@@ -14,7 +14,7 @@ use crate::reports::{SVBRDF_ADVICE_BYTES, text};
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What the user is to do: one of SVBRDF_ACTION_.
+/// The user's next action: one of SVBRDF_ACTION_.
 pub type svbrdf_action = u32;
 /// Correct what svbrdf_probe.rejection names: a photo would not be used.
 pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
@@ -87,7 +87,7 @@ impl From<svbrdf_guide_options> for GuideOptions {
     }
 }
 
-/// What to do now, see svbrdf_session_guide().
+/// The next action, see svbrdf_session_guide().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_guidance {

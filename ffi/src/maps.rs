@@ -127,7 +127,7 @@ pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_ma
     insert(maps, sample_mm, None)
 }
 
-/// The same with their standard deviations.
+/// Hands out maps with their standard deviations.
 pub(crate) fn hand_out_with_uncertainty(
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
@@ -148,7 +148,7 @@ fn insert(
     std::ptr::without_provenance_mut(handle)
 }
 
-/// What is behind a handle.
+/// The value behind a handle.
 pub(crate) fn get(maps: *const svbrdf_maps) -> Result<Arc<Maps>, Fault> {
     MAPS.get(maps.addr())
 }
@@ -289,7 +289,7 @@ impl Maps {
         *self.shown.get_or_init(|| Shown::of(&self.maps))
     }
 
-    /// Standard deviations, where they were asked for.
+    /// The standard deviations, if the maps have them.
     pub(crate) fn uncertainty(&self) -> Result<&Uncertainty, Fault> {
         self.uncertainty.as_ref().ok_or_else(|| {
             Fault::argument(

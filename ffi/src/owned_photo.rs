@@ -10,7 +10,7 @@ use crate::options::svbrdf_photo_info;
 use crate::status::Fault;
 use crate::versioned;
 
-/// How many planes an image has.
+/// Number of planes of an image.
 fn planes(image: &svbrdf_image) -> usize {
     match image.format {
         SVBRDF_PIXEL_YUV420 | SVBRDF_PIXEL_P010 => 3,
@@ -67,7 +67,7 @@ impl OwnedImage {
     }
 }
 
-/// A photo and what is known about it, counted as memory of its session.
+/// A photo and its metadata, counted as memory of its session.
 pub(crate) struct OwnedPhoto {
     info: svbrdf_photo_info,
     image: OwnedImage,

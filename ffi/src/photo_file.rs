@@ -89,7 +89,7 @@ pub unsafe extern "C" fn svbrdf_file_options_init(
     entry(|| unsafe { versioned::init(options, size) })
 }
 
-/// What the file of a photo says of how it was taken.
+/// Metadata in the file of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_file_info {
@@ -205,7 +205,7 @@ pub unsafe extern "C" fn svbrdf_session_add_photo_file(
     })
 }
 
-/// What the file of a photo says of how it was taken, without reading its pixels: to sort photos by
+/// Reads the metadata in the file of a photo without its pixels: to sort photos by
 /// camera and time before they are added. Unknown fields keep their defaults.
 ///
 /// # Safety

@@ -1,4 +1,4 @@
-//! What each photo is worth.
+//! Fit of the maps to each photo.
 
 use std::mem::offset_of;
 
@@ -9,7 +9,7 @@ use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// How well the current maps explain an accepted photo.
+/// Fit of the current maps to an accepted photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_photo_fit {
@@ -31,7 +31,7 @@ pub struct svbrdf_photo_fit {
     pub part_share: f32,
     /// Middle of that part: of the sample's width from the left, of its height from the top.
     pub part_centre: [f32; 2],
-    /// How many times as bright it is as the other photos have it; below 1: darker.
+    /// Its brightness relative to the prediction from the other photos; below 1: darker.
     pub part_ratio: f32,
 }
 
@@ -79,7 +79,7 @@ pub unsafe extern "C" fn svbrdf_photo_fit_init(
     entry(|| unsafe { versioned::init(fit, size) })
 }
 
-/// How well the current maps explain an accepted photo; meaningful once the fit has settled.
+/// The fit of the current maps to an accepted photo; meaningful once the fit has settled.
 /// `index` counts the accepted photos from 0. Waits for a step of the fit.
 ///
 /// # Safety

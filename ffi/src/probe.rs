@@ -9,13 +9,13 @@ use crate::image::svbrdf_image;
 use crate::live::act;
 use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
 use crate::reports::{
-    SVBRDF_ADVICE_BYTES, SVBRDF_REJECTION_NONE, hint_bits, measured, rejection_code, svbrdf_hints,
-    svbrdf_rejection, text, words,
+    SVBRDF_ADVICE_BYTES, SVBRDF_MEASURE_NONE, SVBRDF_REJECTION_NONE, hint_bits, measured,
+    rejection_code, svbrdf_hints, svbrdf_measure, svbrdf_rejection, text, words,
 };
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What a photo would be good for that is judged and not taken in; see svbrdf_session_probe(). Lengths
+/// The verdict on a photo or preview image that is not added; see svbrdf_session_probe(). Lengths
 /// in px belong to the image as given, after svbrdf_image.rotation.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -29,7 +29,7 @@ pub struct svbrdf_probe {
     /// Hints, whether it would be accepted or not: bits of SVBRDF_HINT_.
     pub hints: svbrdf_hints,
     /// As in svbrdf_photo_report.
-    pub same_view_as: u32,
+    pub same_view_as: i32,
     /// Corners of the board that were found.
     pub corners_found: u32,
     /// Corners that lie inside the image; 0 where the board was not found.
@@ -72,15 +72,17 @@ pub struct svbrdf_probe {
     pub white_level: f32,
     /// Share of the white squares that are clipped, 0 to 1; negative when not known.
     pub white_clipped: f32,
-    /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+    /// As in svbrdf_photo_report.
     pub over_white: f32,
+    /// As in svbrdf_photo_report.
+    pub measure: svbrdf_measure,
     /// As in svbrdf_photo_report.
     pub measured: f32,
     /// As in svbrdf_photo_report.
     pub limit: f32,
     /// The timestamp that was given with the photo.
     pub timestamp_ns: i64,
-    /// What to tell the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
+    /// Advice for the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
     /// Set by the caller: memory for the corners found, x and y of each, px; or NULL.
     pub corners_px: *mut f32,
@@ -97,7 +99,7 @@ impl Default for svbrdf_probe {
             acceptable: 0,
             rejection: SVBRDF_REJECTION_NONE,
             hints: 0,
-            same_view_as: 0,
+            same_view_as: -1,
             corners_found: 0,
             corners_in_view: 0,
             corners_expected: 0,
@@ -117,7 +119,8 @@ impl Default for svbrdf_probe {
             blur_direction_deg: -1.0,
             white_level: -1.0,
             white_clipped: -1.0,
-            over_white: 0.0,
+            over_white: -1.0,
+            measure: SVBRDF_MEASURE_NONE,
             measured: 0.0,
             limit: 0.0,
             timestamp_ns: 0,
@@ -145,7 +148,7 @@ impl svbrdf_probe {
         out.hints = hint_bits(&probe.hints);
         for hint in &probe.hints {
             match *hint {
-                Hint::NothingNew { index } => out.same_view_as = index as u32,
+                Hint::NothingNew { index } => out.same_view_as = index as i32,
                 Hint::NotLinear { ratio, .. } => out.over_white = ratio,
                 _ => {}
             }
@@ -173,14 +176,14 @@ impl svbrdf_probe {
         out.advice = text(&words(&probe.hints));
         if let Some(rejection) = &probe.rejection {
             out.rejection = rejection_code(rejection);
-            (out.measured, out.limit) = measured(rejection);
+            (out.measure, out.measured, out.limit) = measured(rejection);
             out.advice = text(&rejection.to_string());
         }
         out
     }
 }
 
-/// Where a caller wants a probe, and its corners.
+/// The caller's memory for a probe and its corners.
 pub(crate) struct Room {
     probe: *mut svbrdf_probe,
     size: usize,
@@ -201,7 +204,7 @@ impl Room {
         Ok(Some(Self { probe, size, given }))
     }
 
-    /// Writes what was found.
+    /// Writes the result.
     ///
     /// # Safety
     /// The probe is still there, and there is room for as many corners as it says.

@@ -1,4 +1,4 @@
-//! Work of a session that is done one piece after the other on a thread of its own.
+//! A queue of work for a session, done in order on a thread of its own.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -12,7 +12,7 @@ use crate::threads::{self, SVBRDF_THREAD_PHOTOS};
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Pieces that are waiting or being worked on at most: each holds a photo.
+/// Largest number of jobs that wait or run: each holds a photo.
 pub(crate) const PLACES: usize = 3;
 
 /// A place in a queue, free again when dropped.

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use engine::threads::{Role, set_start_hook};
 
-/// What a thread of the library does. Values may be added.
+/// Role of a thread of the library. Values may be added.
 pub type svbrdf_thread = u32;
 /// Shares the work of fits and calls among the cores.
 pub const SVBRDF_THREAD_WORK: svbrdf_thread = 1;

@@ -1,4 +1,4 @@
-//! How far maps may be off.
+//! Uncertainty of maps.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
 //! Anything as a picture file, then as a photograph of a board whose camera is not known: judged,
-//! pushed, taken back. The first byte chooses encoding, exposure and primaries.
+//! added, removed. The first byte chooses encoding, exposure and primaries.
 
 use std::sync::{Arc, OnceLock};
 

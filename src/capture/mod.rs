@@ -48,7 +48,7 @@ pub struct Capture {
 /// One photograph of a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhotoFile {
-    /// The picture file, which exists.
+    /// The image file, which exists.
     pub path: PathBuf,
     /// Transfer curve of its values. `None` (`srgb` in `capture.json`): with feature `files` the
     /// colours that the file states, sRGB where it states none.
@@ -373,9 +373,9 @@ fn photo_file(dir: &Path, node: &Node, rectified: bool) -> Result<PhotoFile> {
     Ok(PhotoFile { path, encoding, exposure, rectified, turn, ambient })
 }
 
-/// A picture file that exists.
+/// An image file that exists.
 fn picture(dir: &Path, node: &Node) -> Result<PathBuf> {
-    let expected = "the path of a picture file, relative to the capture's folder";
+    let expected = "the path of an image file, relative to the capture's folder";
     let name = node.text(expected)?;
     let path = dir.join(name);
     if name.is_empty() || !path.is_file() {

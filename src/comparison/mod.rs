@@ -269,9 +269,9 @@ mod tests {
     #[test]
     fn a_prediction_by_wrong_maps_errs_as_the_closed_form_says() {
         let (uniform, mut halves) = (flat(0.3), flat(0.2));
-        for c in channel::DIFFUSE..channel::SPECULAR {
-            let width = halves.width();
-            for (i, v) in halves.plane_mut(c).iter_mut().enumerate() {
+        let width = halves.width();
+        for plane in halves.diffuse_mut() {
+            for (i, v) in plane.iter_mut().enumerate() {
                 *v = if i % width < width / 2 { 0.2 } else { 0.4 };
             }
         }

@@ -257,8 +257,8 @@ mod tests {
             maps.specular_mut()[c].fill(specular);
         }
         maps.roughness_mut().fill(roughness);
-        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-            for v in maps.plane_mut(c) {
+        for plane in maps.normal_slopes_mut() {
+            for v in plane {
                 *v = relief * (2.0 * random.uniform() as f32 - 1.0);
             }
         }

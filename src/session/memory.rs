@@ -1,4 +1,4 @@
-//! How much memory a session needs, estimated before it is taken.
+//! Estimates the memory that a session needs before it is allocated.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 

@@ -1,7 +1,7 @@
 //! A session: add photographs, take maps at any time.
 //!
-//! A photograph goes one way: `capture` makes of it and of what is known a capture with it, `fit` is told
-//! what that adds and changes, and publishes maps, which callers take whenever they like.
+//! A photograph goes one way. `capture` combines it with the present knowledge into a new capture; `fit`
+//! receives the additions and changes, and publishes maps, which callers may take at any time.
 
 mod advice;
 mod capture;
@@ -44,8 +44,8 @@ use crate::photo::Photo;
 use crate::threads::Pool;
 use crate::{Error, Rejection, Result};
 
-/// A capture in progress. All methods may be called from any thread. The fit goes on on a thread
-/// of the session's own, or in [`Session::step`].
+/// Turns photographs of one sample into maps. All methods may be called from any thread. The fit runs on
+/// a thread of the session, or in [`Session::step`].
 pub struct Session {
     scene: Scene,
     settings: Settings,
@@ -53,7 +53,7 @@ pub struct Session {
     networks: Arc<Networks>,
     /// Held while a photograph is taken in or back: what becomes of those that the fit rectifies better.
     intake: Mutex<Remaking>,
-    /// What is known from the photographs so far: replaced with every photograph, never waited for.
+    /// Knowledge from the photographs so far: replaced with every photograph, never waited for.
     capture: Mutex<Arc<Capture>>,
     waiting: Waiting,
     fit: FitHandle,
@@ -62,7 +62,7 @@ pub struct Session {
 /// What the fit will have rectified better.
 type Remaking = Option<Receiver<Vec<Remake>>>;
 
-/// What a mutex holds: no panic leaves it half changed.
+/// Locks a mutex whose value no panic leaves half changed.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -128,12 +128,12 @@ impl Session {
         Ok(Self { scene, settings, pool, networks, intake, capture, waiting, fit })
     }
 
-    /// What is known from the photographs so far.
+    /// Knowledge from the photographs so far.
     fn capture(&self) -> Arc<Capture> {
         lock(&self.capture).clone()
     }
 
-    /// What is known of the board; `None` for rectified photographs.
+    /// A value of the board; `None` for rectified photographs.
     fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
         self.capture().board().map(of)
     }
@@ -151,12 +151,12 @@ impl Session {
         Ok((remade, self.capture()))
     }
 
-    /// The settings, as restored sessions have them from their saved state.
+    /// The settings; those of a restored session come from its saved state.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the photographs show.
+    /// The content of the photographs.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -170,18 +170,18 @@ impl Session {
         budget.check()?;
         let mut shared = self.fit.shared.lock();
         let changed = std::mem::replace(&mut shared.budget, budget) != budget;
-        // The fit finds out what is to do; who waits, waits for that.
+        // The fit decides whether there is work to do; waiting callers wait for its decision.
         shared.progress.settled &= !(changed && shared.cut);
         drop(shared);
         self.fit.wake();
         Ok(())
     }
 
-    /// Announces that so many photographs are still to come: from then on [`Progress::fraction`] is that of the work
-    /// on all of them together, and never falls before they have come. Each photograph added takes one of them away,
-    /// whether it is accepted or rejected. If fewer or more come after all, say so by another call.
+    /// Announces the number of photographs still to come. From then on [`Progress::fraction`] is that of the work
+    /// on all of them together and does not fall before they have come. Each photograph added counts as one of
+    /// them, whether it is accepted or rejected. If the number changes, announce it again.
     ///
-    /// Without it, where nobody knows how many there will be, the fraction is that of each photograph.
+    /// Without an announcement the fraction is that of each photograph.
     pub fn announce(&self, photographs: usize) {
         let mut shared = self.fit.shared.lock();
         let settled = shared.progress.settled;
@@ -192,7 +192,7 @@ impl Session {
         }
     }
 
-    /// Counts a photograph that cannot be used for a reason that is known without looking at it as rejected.
+    /// Counts a photograph as rejected whose fault is known without its pixels.
     pub fn reject(&self, why: Rejection) -> Outcome<AcceptedPhoto> {
         let changed = self.fit.shared.lock().regroup(fit::Group::reject);
         if changed {
@@ -227,7 +227,7 @@ impl Session {
     fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<AcceptedPhoto>> {
         let begun = Instant::now();
         self.fit.shared.usable()?;
-        // Photographs are taken in one after the other; a fit in progress is not disturbed.
+        // Photographs are added one after the other; a running fit is not disturbed.
         let (mut remade, known) = self.settled()?;
         let taken = self.take(photo, &known, placed)?;
         drop(known);
@@ -291,7 +291,7 @@ impl Session {
         self.fit.shared.notify();
         let (reply, receiver) = bounded(1);
         *remade = (!remakes.is_empty()).then_some(receiver);
-        // Whoever saw the maps may have cancelled already: the photograph counts all the same.
+        // A caller that saw the maps may already have cancelled: the photograph counts all the same.
         let add =
             move |fit: &mut Fit| fit.add(observation, remakes, restart, start.as_deref(), &reply);
         if !self.fit.send(add)
@@ -302,9 +302,9 @@ impl Session {
         Ok(AcceptedPhoto { index, pose, maps_seconds: begun.elapsed().as_secs_f64(), hints })
     }
 
-    /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
-    /// it: what the maps should predict, for instance to measure them on photographs that they were
-    /// not fitted to.
+    /// Calibrates and rectifies a photograph of a board with the present knowledge, without adding it.
+    /// The maps should predict the result: it serves to measure them on photographs that they were not
+    /// fitted to.
     ///
     /// # Errors
     /// As [`Session::add_photo`].
@@ -333,10 +333,10 @@ impl Session {
         Ok(taken.map(|(_, taken)| taken.observed).into())
     }
 
-    /// Takes an accepted photograph back: the session is as if it had never come, calibration
-    /// included. `index` counts the accepted photographs from 0; later ones move up by one. The fit
-    /// begins anew with the photographs that are left; when this returns, the maps are those that the
-    /// first of them gives. Without any left, there are none.
+    /// Removes an accepted photograph: the session, including its calibration, is as if it had never come.
+    /// `index` counts the accepted photographs from 0; later ones move up by one. The fit starts again with
+    /// the remaining photographs; when this returns, the maps are those from the first of them. Without any
+    /// photograph left there are no maps.
     ///
     /// The others are taken in again from what is kept of them: maps are those of a session without the
     /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
@@ -387,9 +387,9 @@ impl Session {
         memory::check(&self.settings, photographs, beside.saturating_add(self.waiting.bytes()))
     }
 
-    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]): takes over a
-    /// photograph, or does a step of the optimiser. Returns whether there may be more to do; without,
-    /// the fit has settled or is paused. Other methods work between two steps, and from other threads.
+    /// Continues the fit of a session that its caller drives ([`Driver::Caller`]): receives a photograph,
+    /// or does a step of the optimiser. Returns whether there may be more to do; otherwise the fit has
+    /// settled or is paused. Other methods work between two steps, and from other threads.
     ///
     /// # Errors
     /// When the session has a thread of its own, has failed or was cancelled.
@@ -398,7 +398,7 @@ impl Session {
     }
 
     /// Blocks until the fit has settled on all photographs so far. Never returns while paused
-    /// with work left. Goes on with the fit itself where the caller drives it.
+    /// with work left. Runs the fit itself if the caller drives it.
     ///
     /// # Errors
     /// When the fit failed or was cancelled.

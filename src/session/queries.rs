@@ -1,4 +1,4 @@
-//! What a session is asked.
+//! Queries of a session.
 
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ impl Session {
         self.fit.shared.lock().light_correction.clone()
     }
 
-    /// What each phase of the fit has done for the photographs so far, in their order.
+    /// The report of each phase of the fit of the photographs so far, in order.
     ///
     /// # Errors
     /// When the fit has failed or was cancelled.
@@ -44,7 +44,7 @@ impl Session {
         self.fit.shared.lock().progress
     }
 
-    /// The internal error that ended the fit: what every call that needs the fit returns from then on.
+    /// The internal error that ended the fit. Every call that needs the fit returns it from then on.
     pub fn failure(&self) -> Option<String> {
         self.fit.shared.lock().failed.clone()
     }
@@ -77,7 +77,7 @@ impl Session {
         self.board(|board| board.elevation)
     }
 
-    /// Poses of the accepted photographs as the latest tells them. Empty for rectified photographs.
+    /// Latest estimates of the poses of the accepted photographs. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         let pose = |p: &Photograph| BoardPose { pose: p.pose, reprojection_rms_px: p.rms_px };
         self.board(|board| board.photographs.iter().map(pose).collect()).unwrap_or_default()
@@ -102,19 +102,19 @@ impl Session {
         self.board(|board| board.photometry.as_ref().map(tone)).flatten().unwrap_or_default()
     }
 
-    /// How the maps of the moment explain each accepted photograph, and whether one contradicts the
+    /// The fit of the current maps to each accepted photograph, and whether it contradicts the
     /// others. Empty before the first. Waits for a step of the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn photo_fits(&self) -> Result<Vec<PhotoFit>> {
-        // Without photographs there is nothing to tell.
+        // Without photographs there are no residuals.
         self.fit.ask(|fit| Ok(fit.estimation.residuals().unwrap_or_default()))
     }
 
-    /// What there is to tell about each accepted photograph with all that is known now: hints given when it came
-    /// may hold no longer, and others may. Computed when asked for; meaningful once the fit has settled. Empty for
-    /// rectified photographs but for contradictions. Waits for a step of the fit.
+    /// Hints about each accepted photograph from all present knowledge: hints given when it was added may no
+    /// longer hold, and others may. Computed by the call; meaningful once the fit has settled. For rectified
+    /// photographs only contradictions are reported. Waits for a step of the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
@@ -150,12 +150,12 @@ impl Session {
         self.fit.ask(|fit| fit.estimation.evidence())
     }
 
-    /// Where the next photograph tells most: the view within reach of a hand, 10 to 50 degrees off the
-    /// top, that lowers the expected error of renderings most. Probes refer to it from then on. `None`
-    /// before the first photograph, and for rectified ones.
+    /// The most informative view for the next photograph: of the views within reach of a hand, 10 to 50
+    /// degrees off the vertical, the one that lowers the expected error of renderings most. Later probes
+    /// refer to it. `None` before the first photograph, and for rectified ones.
     ///
-    /// Waits for a step of the fit. Where the fit has failed or was cancelled, the view whose highlights
-    /// reach slopes of the sample that none has swept.
+    /// Waits for a step of the fit. If the fit has failed or was cancelled, the result is the view whose
+    /// highlights reach slopes of the sample that no photograph has covered.
     pub fn next_view(&self) -> Option<NextView> {
         let candidates = self.board(Board::candidates)??;
         match self.fit.ask(move |fit| fit.survey(&candidates, false)) {
@@ -164,21 +164,21 @@ impl Session {
         }
     }
 
-    /// What photographs from all round would tell. Waits for nothing: where photographs have come or the
-    /// fit has settled since, the fit is asked, and until it has told of all photographs, this is `None`; so
-    /// it is for rectified photographs, and where the fit has failed or was cancelled.
+    /// Expected information of photographs from all sides. Does not wait: when photographs were added or the
+    /// fit has settled, it asks the fit for a new survey and returns `None` until that covers all
+    /// photographs. Also `None` for rectified photographs, and when the fit has failed or was cancelled.
     pub fn survey(&self) -> Option<Arc<Survey>> {
         self.fit.shared.usable().ok()?;
         let candidates = self.board(Board::candidates)??;
         let mut state = self.fit.shared.lock();
         let (photos, settled) = (state.progress.photos, state.progress.settled);
         let latest = state.survey.clone().filter(|survey| survey.photos == photos);
-        // What the fit has not taken over yet it cannot tell of.
+        // The fit can survey only the photographs that it has received.
         if state.fitted == photos && state.surveyed != Some((photos, settled)) {
             state.surveyed = Some((photos, settled));
             drop(state);
             self.fit.send(move |fit| {
-                // without an answer the latest stays
+                // On an error the latest survey stays.
                 if let Ok(survey) = fit.survey(&candidates, settled) {
                     fit.shared.lock().survey = Some(Arc::new(survey));
                 }
@@ -188,15 +188,15 @@ impl Session {
         latest
     }
 
-    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in: corners,
-    /// pose, blur, exposure, view, and what `add_photo` would say of a photograph like it, unless it is a
-    /// matter of pixels, or of what all photographs tell together.
+    /// Judges a photograph of a board, or an image of a camera's preview, without adding it: corners, pose,
+    /// blur, exposure, view, and the outcome that `add_photo` would have for such a photograph. Faults that
+    /// only the full resolution or all photographs together show are not found.
     ///
-    /// A picture of another size than the session's camera is taken for a preview of it: scaled to its
-    /// width or height and cut at the other sides. Where that does not fit, and before a camera is
-    /// known, the camera is estimated from the picture. Pictures from 1280 px on are reduced first.
+    /// An image of another size than the session's camera counts as a preview of it, scaled to its width or
+    /// height and cropped at the other sides. If that does not fit, and before a camera is known, the camera
+    /// is estimated from the image. Images of 1280 px or more are reduced first.
     ///
-    /// Runs on the calling thread alone and waits neither for the fit nor for a photograph that is being added.
+    /// Runs only on the calling thread and waits neither for the fit nor for a photograph that is being added.
     ///
     /// # Errors
     /// On misuse, when the session has failed or was cancelled, and when the memory limit is reached.
@@ -204,8 +204,8 @@ impl Session {
         self.judge(photo, true)
     }
 
-    /// As [`Session::probe`] for a picture without the flash: how it is lit says nothing about the
-    /// photograph to come.
+    /// As [`Session::probe`] for an image without the flash: its light is not judged, because it says
+    /// nothing about the photograph to come.
     ///
     /// # Errors
     /// As [`Session::probe`].

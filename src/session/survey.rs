@@ -1,4 +1,5 @@
-//! Where the next photograph tells most, and what photographs from all round would tell.
+//! The most informative view for the next photograph, and the expected information of photographs from
+//! all sides.
 
 use glam::{DVec2, DVec3};
 
@@ -14,7 +15,7 @@ const SLOPES: i32 = 9;
 const TILTS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
 const AZIMUTHS: u32 = 16;
 
-/// Where the next photograph tells most.
+/// The most informative view for the next photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NextView {
     /// Unit vector from the sample towards the camera, board frame.
@@ -25,10 +26,10 @@ pub struct NextView {
     pub azimuth_deg: f32,
 }
 
-/// What photographs from all round would tell, see [`Session::survey`](super::Session::survey).
+/// Expected information of photographs from all sides, see [`Session::survey`](super::Session::survey).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
-    /// Accepted photographs that it knows of.
+    /// Number of accepted photographs that it covers.
     pub photos: usize,
     /// Whether the fit had settled on them.
     pub settled: bool,
@@ -38,10 +39,10 @@ pub struct Survey {
     pub distance_mm: f32,
 }
 
-/// What a photograph from one place would tell.
+/// Expected information of a photograph from one place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurveyedView {
-    /// Where it would be taken from.
+    /// The view from there.
     pub view: NextView,
     /// Share of the expected squared error of renderings that it would take away, 0 to 1.
     pub gain: f32,
@@ -141,7 +142,7 @@ impl Survey {
         Self { photos, settled, views: views.collect(), distance_mm }
     }
 
-    /// The view that tells most.
+    /// The most informative view.
     pub fn best(&self) -> Option<&SurveyedView> {
         self.views.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
     }

@@ -72,11 +72,11 @@ impl Setup {
 /// Pushes a photograph; the reason where it is rejected.
 pub fn push(session: &Session, file: &PhotoFile) -> Result<Option<Rejection>> {
     let photo = file.read()?;
-    let pushed = match file.rectified {
+    let outcome = match file.rectified {
         Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
         None => session.add_photo(&photo)?,
     };
-    Ok(match pushed {
+    Ok(match outcome {
         Outcome::Accepted(_) => None,
         Outcome::Rejected(reason) => Some(reason),
     })

@@ -26,7 +26,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Maps after so many photographs, and what they go with.
+    /// Maps after a number of photographs, with their light correction.
     pub fn new(photographs: usize, maps: &Svbrdf, correction: LightCorrection) -> Self {
         Self { photographs, maps: resized(maps, TEXELS, TEXELS), correction }
     }

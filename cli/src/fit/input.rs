@@ -1,4 +1,4 @@
-//! What is fitted: a capture with its description, or photographs without one.
+//! The input of a fit: a capture with its description, or photographs without one.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::interrupt::Interrupt;
 use crate::pictures::{self, Setup, Watch};
 use crate::progress::Progress;
 
-/// More photographs than this take long and tell little more.
+/// More photographs than this take long and add little.
 const MOST: usize = 100;
 /// Time between two looks into a folder.
 pub const LOOK: Duration = Duration::from_millis(400);
@@ -27,7 +27,7 @@ pub struct Input {
     pub capture: Capture,
     /// Name for the report.
     pub name: String,
-    /// What messages about the capture as a whole are about.
+    /// The subject of messages about the capture as a whole.
     pub origin: String,
     /// Set where there was no description.
     pub photographs: Option<Photographs>,
@@ -54,7 +54,7 @@ impl Input {
         }
     }
 
-    /// Says what is to be said before the fit begins.
+    /// Prints the remarks that precede the fit.
     pub fn tell(&self, progress: &mut Progress) {
         for warning in &self.capture.warnings {
             progress.say(&format!("warning: {warning}"));
@@ -171,7 +171,7 @@ impl Photographs {
     }
 }
 
-/// Says which photographs are left out, and what is remarkable about the others.
+/// Names the photographs that are left out, and prints remarks about the others.
 pub fn tell(left_out: &[LeftOut], remarks: &[String], progress: &mut Progress) {
     for LeftOut { path, reason } in left_out {
         progress.say(&format!("left out: {}: {reason}", path.display()));

@@ -1,4 +1,4 @@
-//! What a fit writes.
+//! The files that a fit writes.
 
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ use crate::failure::Result;
 use crate::report::{self, Subject};
 use crate::terminal;
 
-/// Maps and what lies beside them, but for the report.
+/// Maps and the files beside them, except the report.
 const FILES: [&str; 6] =
     ["normal.png", "diffuse.png", "specular.png", "roughness.png", "maps.exr", PREVIEW];
 const PREVIEW: &str = "preview.png";
@@ -76,7 +76,7 @@ impl Output<'_> {
             files.push((PAGE.into(), page.into_bytes()));
         }
         files.push(document.seal(&files)?);
-        // What an earlier fit has left would lie beside maps of this one.
+        // Files of an earlier fit would lie beside the maps of this one.
         let [anisotropy, coat] = LOBE_FILES;
         replace_files(out, &files, &[anisotropy, coat, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });

@@ -20,11 +20,11 @@ use crate::report::Recorder;
 /// Reason of a photograph whose file was overwritten.
 const REPLACED: &str = "replaced";
 
-/// How photographs are gone through.
+/// Options of the way through the photographs.
 pub struct Options {
     /// Whether the fit begins when all are taken in.
     pub at_once: bool,
-    /// How many of the last ones are predicted instead of fitted.
+    /// Number of the last ones that are predicted instead of fitted.
     pub hold_out: usize,
     /// Whether more photographs may come.
     pub endless: bool,
@@ -52,7 +52,7 @@ pub struct Fit<'a> {
     /// Photographs of the fit when its maps were kept last.
     recorded: usize,
     cut: bool,
-    /// What is to be said about photographs besides the session's hints.
+    /// Remarks about photographs besides the session's hints.
     remarks: HashMap<usize, Vec<Remark>>,
 }
 
@@ -160,7 +160,7 @@ impl<'a> Fit<'a> {
         Ok(if over { self.waiting.pop_front() } else { None })
     }
 
-    /// What a photograph shows, without adding it; or the code and sentence of its rejection.
+    /// A photograph as the session sees it, without adding it; or the code and sentence of its rejection.
     fn observe(&mut self, index: usize) -> Result<std::result::Result<Observed, (String, String)>> {
         let photo = match self.read(index)? {
             Ok(photo) => photo,
@@ -194,13 +194,13 @@ impl<'a> Fit<'a> {
             Ok(photo) => photo,
             Err(fault) => return Ok(rejected(index, "unreadable", fault, begun)),
         };
-        let pushed = match self.photos[index].rectified {
+        let outcome = match self.photos[index].rectified {
             Some(view) => {
                 self.session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?
             }
             None => self.session.add_photo(&photo)?,
         };
-        let accepted = match pushed {
+        let accepted = match outcome {
             Outcome::Accepted(accepted) => accepted,
             Outcome::Rejected(why) => {
                 return Ok(rejected(index, why.code(), why.to_string(), begun));
@@ -288,7 +288,7 @@ impl<'a> Fit<'a> {
         Ok(held_out)
     }
 
-    /// How many photographs wait to be held out.
+    /// Number of photographs that wait to be held out.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
@@ -332,7 +332,7 @@ impl<'a> Fit<'a> {
             let before: Vec<Value> = std::mem::take(said);
             let new = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
             said.extend(new.clone());
-            // What the session does not tell: of the file, and of what could not be done.
+            // Hints that the session does not repeat: about the file, and about failed corrections.
             let is_of_files = |hint: &&Value| {
                 let code = hint["code"].as_str().unwrap_or_default();
                 !Hint::CODES.contains(&code) || code == "not_remade"
@@ -394,7 +394,7 @@ impl<'a> Fit<'a> {
         &self.photos[row["index"].as_u64().unwrap_or(0) as usize].path
     }
 
-    /// Whether the latest word on a file is that it cannot be read.
+    /// Whether the latest attempt to read a file failed.
     pub fn is_unreadable(&self, path: &Path) -> bool {
         let row = self.rows.iter().rev().find(|row| self.path(row) == path);
         row.is_some_and(|row| row["reason"] == "unreadable")
@@ -454,7 +454,7 @@ fn set_pose(row: &mut Value, known: Option<&BoardPose>) {
     row["reprojection_rms_px"] = json!(known.map(|k| k.reprojection_rms_px));
 }
 
-/// What the fit made of an accepted photograph, and of those before.
+/// Adds the losses of the fit of an accepted photograph and those before.
 fn add_losses(row: &mut Value, session: &Session) {
     if row["status"] == "accepted" {
         let progress = session.progress();

@@ -1,4 +1,4 @@
-//! What a page is made from.
+//! The content of a page.
 
 use serde_json::Value;
 use svbrdf::Svbrdf;
@@ -6,7 +6,7 @@ use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::comparison::Prediction;
 use svbrdf::geometry::Camera;
 
-/// What the page is about.
+/// The subject of the page.
 pub struct Subject<'a> {
     /// The contents of `report.json`.
     pub report: &'a Value,

@@ -1,4 +1,4 @@
-//! What may be wrong with a capture or its maps, in words.
+//! Possible faults of a capture or its maps, in words.
 
 use std::path::Path;
 

@@ -35,7 +35,8 @@ const ARRIVAL_SECONDS: f64 = 0.4;
 /// and how long it remembers it, seconds.
 const TREMBLING: [f64; 2] = [15.0, 4.0];
 const TREMBLING_SECONDS: f64 = 0.2;
-/// Nobody goes exactly where told: standard deviation over the way, and how near is there, mm.
+/// Nobody goes exactly to the target: standard deviation over the way, and the distance that counts as
+/// arrived, mm.
 const AIM: f64 = 0.15;
 const ARRIVED_MM: f64 = 10.0;
 /// Tilt of a person's circle, degrees, and how evenly it is kept.
@@ -198,7 +199,7 @@ impl Led {
                 (Action::Shoot, _) => return Ok(gain.zip(best_gain).map(|(a, b)| [a, b])),
                 (Action::Hold, _) | (_, None) => hand.step(None),
                 (_, Some(target)) => {
-                    // Who has arrived and is told to go on looks again.
+                    // A user who has arrived and is sent on looks again.
                     let arrived = |(view, there): (session::NextView, DVec3)| {
                         view != target.view || hand.at.distance(there) < ARRIVED_MM
                     };
@@ -230,7 +231,7 @@ fn circle(index: u32, frames: u32, random: &mut Random) -> DVec3 {
     DVec3::new(tilt.sin() * side.cos(), tilt.sin() * side.sin(), tilt.cos()) * distance
 }
 
-/// What a probe of the preview would tell of a view, by geometry.
+/// The probe that the preview would give for a view, from geometry.
 fn probe(pose: &Pose, taken: &[DVec3], sample_mm: [f32; 2]) -> Probe {
     let (eye, camera) = (pose.camera_centre(), camera());
     let direction = eye.normalize();

@@ -24,7 +24,7 @@ pub struct PhotoFile(capture::PhotoFile);
 
 #[pymethods]
 impl PhotoFile {
-    /// The picture file.
+    /// The image file.
     #[getter]
     fn path(&self) -> PathBuf {
         self.0.path.clone()
@@ -105,7 +105,7 @@ impl Capture {
 /// Photographs to be used, others with why they are not, and remarks.
 type Chose = (Vec<PhotoFile>, Vec<(PathBuf, String)>, Vec<String>);
 
-/// Photographs of one camera among picture files, in the order in which they were taken, with their exposures:
+/// Photographs of one camera among image files, in the order in which they were taken, with their exposures:
 /// frames; files left out, and why; remarks.
 #[pyfunction]
 pub fn _choose(py: Python<'_>, paths: Vec<PathBuf>) -> Chose {
@@ -130,7 +130,7 @@ pub fn _choose(py: Python<'_>, paths: Vec<PathBuf>) -> Chose {
     })
 }
 
-/// Files of a folder that are pictures by their content, by name.
+/// Files of a folder that are images by their content, by name.
 #[pyfunction]
 pub fn _pictures(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
     detached(py, || {

@@ -166,7 +166,7 @@ impl Maps {
         Ok(Self::of(py, Arc::new(maps), None, sample_mm))
     }
 
-    /// Reads a folder with ``maps.exr`` or pictures ``normal``, ``diffuse``, ``specular``, ``roughness``.
+    /// Reads a folder with ``maps.exr`` or images ``normal``, ``diffuse``, ``specular``, ``roughness``.
     ///
     /// ``sample_mm`` is the size of the sample; by default what the files state.
     #[staticmethod]
@@ -277,7 +277,7 @@ impl Maps {
         detached(py, || export::write_maps(folder, &self.maps, &options))
     }
 
-    /// Writes a picture of the material under four lights.
+    /// Writes an image of the material under four lights.
     fn save_preview(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         detached(py, || export::write_preview(path, &self.maps, self.sample_mm))
     }

@@ -175,9 +175,9 @@ pub struct Probe {
     distance_mm: Option<f32>,
     /// Angle to the view that would tell most, degrees.
     off_next_deg: Option<f32>,
-    /// Share of the sample inside the picture, 0 to 1.
+    /// Share of the sample inside the image, 0 to 1.
     sample_seen: Option<f32>,
-    /// The sample's corners in the picture, px, clockwise from the upper left of the maps.
+    /// The sample's corners in the image, px, clockwise from the upper left of the maps.
     sample_px: Option<Vec<(f32, f32)>>,
     /// Median level of the white squares, share of full scale.
     white_level: Option<f32>,

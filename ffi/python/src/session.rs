@@ -233,7 +233,7 @@ impl Session {
         Self::answer(py, pushed)
     }
 
-    /// Judges a photograph or a picture of a preview without adding it. ``flash=False``: it is lit by something else, and how
+    /// Judges a photograph or an image of a preview without adding it. ``flash=False``: it is lit by something else, and how
     /// says nothing.
     #[pyo3(signature = (photo, *, flash = true))]
     fn probe(&self, py: Python<'_>, photo: &Photo, flash: bool) -> PyResult<Probe> {

@@ -1,4 +1,4 @@
-//! What is known about a photo.
+//! Metadata of a photo.
 
 use std::mem::offset_of;
 
@@ -9,7 +9,7 @@ use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
-/// What lit a photo.
+/// Light of a photo.
 pub type svbrdf_flash = u32;
 /// Not stated: judged from the photo.
 pub const SVBRDF_FLASH_UNKNOWN: svbrdf_flash = 0;
@@ -20,7 +20,7 @@ pub const SVBRDF_FLASH_FIRED: svbrdf_flash = 2;
 /// The lamp was on all the time, as a torch.
 pub const SVBRDF_FLASH_TORCH: svbrdf_flash = 3;
 
-/// What is known about a photo.
+/// Metadata of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_photo_info {

@@ -1,4 +1,4 @@
-//! What a session knows: the fit's state, camera and light, maps.
+//! Queries of a session: the fit's state, camera and light, maps.
 
 use std::time::Duration;
 

@@ -93,7 +93,7 @@ unsafe fn add(
     })
 }
 
-/// Logs and reports what became of a photo.
+/// Logs and reports the outcome of a photo.
 ///
 /// # Safety
 /// `report` has `size` writable bytes, if any.
@@ -112,7 +112,7 @@ pub(crate) unsafe fn tell(
     result
 }
 
-/// Logs what became of a photo: the result of the call and its report.
+/// Logs the outcome of a photo; returns the result of the call and its report.
 pub(crate) fn logged(
     live: &Live,
     outcome: &Outcome<AcceptedPhoto>,

@@ -15,7 +15,7 @@ use crate::reports::svbrdf_photo_report;
 use crate::status::{Fault, svbrdf_status};
 use crate::versioned;
 
-/// Called with what became of a photo of svbrdf_session_add_photo_async(): the status and report that
+/// Called with the outcome of a photo of svbrdf_session_add_photo_async(): the status and report that
 /// svbrdf_session_add_photo() would have given. If the status is neither SVBRDF_OK nor
 /// SVBRDF_REJECTED, the report contains only the timestamp. The report is valid during the call, and
 /// svbrdf_last_error_message() until the next call of the library. See "Threads" at the top.

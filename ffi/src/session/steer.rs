@@ -8,7 +8,7 @@ use crate::handles::svbrdf_session;
 use crate::live::{SESSIONS, act};
 use crate::status::{entry, svbrdf_status};
 
-/// Announces that so many photos are still to come: from then on svbrdf_progress.fraction is that of the
+/// Announces the number of photos still to come: from then on svbrdf_progress.fraction is that of the
 /// work on all of them together, and never falls before they have come. Each photo added takes one of them
 /// away, whether it is accepted or rejected; a call that returns another status does not. If fewer
 /// or more come after all, say so by another call. Without it, where nobody knows how many there will be,

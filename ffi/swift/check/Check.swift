@@ -111,7 +111,7 @@ func capture(_ folder: String, _ out: URL) async throws {
         try verify(pose.rotation.count == 9 && pose.reprojectionRMSPixels < 0.5, "\(pose)")
     }
     let dark = Photo(.rgb8, width: 2016, height: 1512, pixels: [UInt8](repeating: 0, count: 9_144_576))
-    guard case .rejected(.tooDark, _, _, let advice) = try await scanner.addPhoto(dark) else {
+    guard case .rejected(.tooDark, _, let advice) = try await scanner.addPhoto(dark) else {
         throw Failure(description: "a black photo was not rejected")
     }
     try verify(advice.contains("too dark"), advice)

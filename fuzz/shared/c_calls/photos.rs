@@ -4,7 +4,7 @@ use std::ptr;
 
 use super::arguments::{image, info};
 use super::bytes::Bytes;
-use super::world::{World, on_pushed};
+use super::world::{World, on_outcome};
 use crate::capture::*;
 use crate::handles::svbrdf_session;
 use crate::photo_fit::*;
@@ -83,7 +83,7 @@ unsafe fn push(more: bool, board: bool, bytes: &mut Bytes, world: &mut World) ->
     };
     // SAFETY: as above.
     assert_eq!(unsafe { (*report).accepted } == 1, status == SVBRDF_OK);
-    world.pushed(status);
+    world.added(status);
     status
 }
 
@@ -120,7 +120,7 @@ unsafe fn add_photo_async(bytes: &mut Bytes, world: &mut World) -> svbrdf_status
         ambient = super::arguments::image(bytes, &world.noise);
         info.ambient = &raw const ambient;
     }
-    let callback: svbrdf_photo_callback = if bytes.u8() < 240 { Some(on_pushed) } else { None };
+    let callback: svbrdf_photo_callback = if bytes.u8() < 240 { Some(on_outcome) } else { None };
     if !world.may_push() {
         return SVBRDF_BUSY;
     }

@@ -29,7 +29,7 @@ pub struct World {
     pub noise: Picture,
     photos: usize,
     looks: usize,
-    /// Photos that were pushed without waiting, and those that were answered.
+    /// Photos that were added without waiting, and those that were answered.
     pub asked: usize,
     pub answered: Box<Answers>,
 }
@@ -90,17 +90,17 @@ impl World {
 
     /// Whether one more photo may get as far as the networks.
     pub fn may_push(&mut self) -> bool {
-        let pushed = self.photos + self.answered.accepted.load(Ordering::Relaxed);
-        pushed < MAX_PHOTOS && self.may_look()
+        let added = self.photos + self.answered.accepted.load(Ordering::Relaxed);
+        added < MAX_PHOTOS && self.may_look()
     }
 
-    pub fn pushed(&mut self, status: svbrdf_status) {
+    pub fn added(&mut self, status: svbrdf_status) {
         self.photos += usize::from(status == SVBRDF_OK);
     }
 }
 
 /// Counts an answer, and calls the library again.
-pub unsafe extern "C" fn on_pushed(
+pub unsafe extern "C" fn on_outcome(
     user: *mut c_void,
     session: *mut svbrdf_session,
     status: svbrdf_status,

@@ -80,7 +80,7 @@ def fit(
 ) -> Maps:
     """Fits maps to photographs, as ``svbrdf fit`` does, and says how far they may be off.
 
-    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board``: a folder of them, picture files
+    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board``: a folder of them, image files
     (JPEG, PNG, TIFF, OpenEXR, DNG) or ``Photo`` objects. Of files, exposure, order and camera are read from their metadata;
     those of another camera are left out. A capture says itself what sample, board and flash are; for photographs
     ``sample_mm`` is by default a square that the board's hole holds with 5 mm to spare, and ``camera`` and

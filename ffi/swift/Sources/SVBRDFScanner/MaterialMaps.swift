@@ -136,7 +136,7 @@ public final class MaterialMaps: @unchecked Sendable {
         }
     }
 
-    /// The material under a light, as a picture.
+    /// The material under a light, as an image.
     public func rendered(
         _ lighting: Lighting = Lighting(), _ format: TexelFormat = .rgba8, alignment: Int = 1
     ) throws -> TextureData {

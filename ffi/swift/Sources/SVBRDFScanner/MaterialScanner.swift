@@ -42,7 +42,7 @@ public actor MaterialScanner {
         session = try Session(options, listener, make)
     }
 
-    /// Judges a photo, or a picture of the preview of any size, without taking it in.
+    /// Judges a photo, or an image of the preview of any size, without taking it in.
     public func probe(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) throws -> Probe {
         try photo.with(info) { image, info in
             var probe = try filled(svbrdf_probe(), svbrdf_probe_init)
@@ -51,8 +51,8 @@ public actor MaterialScanner {
         }
     }
 
-    /// Judges a picture of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
-    /// with every picture; the info's time says when it was taken. After `.shoot` it asks to hold until
+    /// Judges an image of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
+    /// with every image; the info's time says when it was taken. After `.shoot` it asks to hold until
     /// the photo has been added.
     public func guide(_ preview: Photo, _ info: PhotoInfo) throws -> Guidance {
         try preview.with(info) { image, info in

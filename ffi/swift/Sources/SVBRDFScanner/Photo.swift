@@ -1,6 +1,6 @@
 import SVBRDF
 
-/// Layout of a picture in memory.
+/// Layout of an image in memory.
 public struct PixelFormat: RawRepresentable, Hashable, Sendable {
     public let rawValue: UInt32
 
@@ -91,7 +91,7 @@ public struct Plane {
     }
 }
 
-/// A picture in memory that nobody writes to meanwhile, which is what makes it sendable.
+/// An image in memory that nobody writes to meanwhile, which is what makes it sendable.
 public final class Photo: @unchecked Sendable {
     public let format: PixelFormat
     public let width: Int
@@ -99,14 +99,14 @@ public final class Photo: @unchecked Sendable {
     public let transfer: Transfer
     public let primaries: Primaries
     public let yuvMatrix: YUVMatrix
-    /// How far it is turned clockwise before use, degrees; the camera describes the turned picture.
+    /// How far it is turned clockwise before use, degrees; the camera describes the turned image.
     public let rotation: Int
     /// For floats: the level at which a channel is clipped.
     public let saturation: Float
     private let planes: [Plane]
     private let release: () -> Void
 
-    /// A picture where it lies: one plane, or three for YUV. `release` is called when the photo is not
+    /// An image where it lies: one plane, or three for YUV. `release` is called when the photo is not
     /// needed any more.
     public init(
         _ format: PixelFormat, width: Int, height: Int, planes: [Plane], transfer: Transfer = .srgb,

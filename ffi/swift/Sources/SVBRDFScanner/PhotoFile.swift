@@ -8,9 +8,9 @@ public struct PhotoFile: Sendable {
     public var exposure: Float?
     /// Curve of the values; nil: what the file says.
     public var transfer: Transfer?
-    /// How far the upright picture is turned clockwise, degrees; the camera describes the turned picture.
+    /// How far the upright image is turned clockwise, degrees; the camera describes the turned image.
     public var rotation: Int
-    /// Largest picture, pixels; nil: 100 million.
+    /// Largest image, pixels; nil: 100 million.
     public var maxPixels: UInt64?
     /// Most memory that decoding may take, bytes; nil: 6 GiB.
     public var maxBytes: UInt64?
@@ -78,7 +78,7 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
 public struct FileInfo: Hashable, Sendable {
     /// As the sensor has it, px.
     public let width, height: Int
-    /// How far the stored picture is turned clockwise to stand upright, degrees.
+    /// How far the stored image is turned clockwise to stand upright, degrees.
     public let uprightDegrees: Int
     /// Floats or raw values.
     public let isLinear: Bool

@@ -57,9 +57,9 @@ void call_log(void *user, svbrdf_log_level level, const char *message);
 void call_library_log(void *user, svbrdf_log_level level, const char *message);
 void call_thread_start(void *user, svbrdf_thread thread);
 /* A photo that was added without waiting; `user` is its id. */
-enum { REPORT = 24 };
+enum { REPORT = 25 };
 void fill_report(const svbrdf_photo_report *report, jdouble out[REPORT]);
-void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
+void call_outcome(void *user, svbrdf_session *session, svbrdf_status status,
                  const svbrdf_photo_report *report);
 
 /* A board as Native.kt hands it over: 1 and an exception when something is missing. Its dictionary, if

@@ -124,7 +124,7 @@ void call_thread_start(void *user, svbrdf_thread thread)
     }
 }
 
-void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
+void call_outcome(void *user, svbrdf_session *session, svbrdf_status status,
                  const svbrdf_photo_report *report)
 {
     const int used = status == SVBRDF_OK || status == SVBRDF_REJECTED;

@@ -8,7 +8,7 @@ enum {
     IMAGE_INTS = 8,
     PLANE_LONGS = 4,
     LEVELS = 18,
-    PROBE = 43,
+    PROBE = 44,
     CORNERS = 1024,
     FILE_INFO = 9,
     GUIDANCE = 11,
@@ -79,9 +79,10 @@ void fill_report(const svbrdf_photo_report *report, jdouble out[REPORT])
     out[21] = (jdouble)report->measured;
     out[22] = (jdouble)report->limit;
     out[23] = (jdouble)report->blur_direction_deg;
+    out[24] = report->measure;
 }
 
-/* A picture and how it was taken. */
+/* An image and how it was taken. */
 static int read_lit(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                     jfloatArray levels, jfloat exposure, jint flash, jfloat focal_35mm,
                     svbrdf_image *image, svbrdf_photo_info *info)
@@ -118,7 +119,7 @@ static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
 }
 
 /* What to tell the user; empty where there is nothing to tell. */
-static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong handle,
+static jbyteArray session_add_photo(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                                jfloatArray camera_mm, jfloatArray light_mm, jintArray dark_ints,
@@ -186,7 +187,7 @@ static int give_info(JNIEnv *env, const svbrdf_file_info *info, jdoubleArray out
     return (*env)->ExceptionCheck(env) != 0;
 }
 
-/* As session_push() with a file. */
+/* As session_add_photo() with a file. */
 static jbyteArray session_add_photo_file(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                        jobject file, jlong position, jlong bytes, jfloat exposure,
                                        jint transfer, jint rotation, jint flash, jlong timestamp,
@@ -245,7 +246,7 @@ static void file_look_at(JNIEnv *env, jclass class, jobject file, jlong position
 }
 
 /* Native.onOutcome() is told of `id`, unless an exception is thrown. */
-static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
+static void session_add_photo_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                                jintArray dark_ints, jobjectArray dark_planes,
@@ -260,7 +261,7 @@ static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong h
                     dark_ints, dark_planes, dark_layout, dark_levels, dark_exposure, &image, &dark,
                     &info)) {
         throw_status(env, svbrdf_session_add_photo_async(HANDLE(svbrdf_session, handle), &image,
-                                                          &info, call_pushed,
+                                                          &info, call_outcome,
                                                           (void *)(intptr_t)id));
     }
 }
@@ -302,6 +303,7 @@ static void fill_probe(const svbrdf_probe *probe, jdouble out[PROBE])
     out[40] = (jdouble)probe->over_white;
     out[41] = (jdouble)probe->measured;
     out[42] = (jdouble)probe->limit;
+    out[43] = probe->measure;
 }
 
 /* What to tell the user; empty where there is nothing to tell. */
@@ -438,9 +440,9 @@ const JNINativeMethod photo_methods[] = {
     METHOD("sessionGuideBegin", "(" OWNER "J[F)V", session_guide_begin),
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
     METHOD("sessionAddPhoto", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
-           session_push),
+           session_add_photo),
     METHOD("sessionAddPhotoFile", "(" OWNER "J" BUFFER "JJFIIIJJJ[D[[B[D)[B", session_add_photo_file),
     METHOD("sessionAddPhotoAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
-           session_push_async),
+           session_add_photo_async),
 };
 const jint photo_method_count = COUNT(photo_methods);

@@ -30,7 +30,7 @@ class Guidance internal constructor(
     val action: Action,
     /** For the user, in English. */
     val message: String,
-    /** The picture that was judged. */
+    /** The image that was judged. */
     val probe: Probe,
     /** Accepted photos so far. */
     val photos: Int,
@@ -52,7 +52,7 @@ class Guidance internal constructor(
         val azimuthDeg: Float,
         /**
          * From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
-         * the picture shows the way.
+         * the image shows the way.
          */
         val offsetMm: FloatArray,
         /** Angle between the view and the target, seen from the sample, degrees. */
@@ -82,7 +82,7 @@ data class GuideOptions(
      * low: less walking.
      */
     val worth: Float = 0.8f,
-    /** The camera is steady where the sample moves less across the picture, in its widths a second. */
+    /** The camera is steady where the sample moves less across the image, in its widths a second. */
     val steady: Float = 0.1f,
     /** For so long, seconds. */
     val steadySeconds: Float = 0.15f,

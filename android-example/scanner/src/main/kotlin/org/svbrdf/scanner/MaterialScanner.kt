@@ -109,7 +109,7 @@ class MaterialScanner private constructor(
     ): Outcome = photo.addTo(this, handle.now, info, cameraMm, lightMm)
 
     /**
-     * Judges a photo of the board, or a picture of the preview of any size, without taking it in:
+     * Judges a photo of the board, or an image of the preview of any size, without taking it in:
      * nothing of the scan changes. Waits for nothing; some hundredths of a second. With [Flash.OFF]
      * the light is not judged. [PhotoInfo.ambient] is ignored.
      */
@@ -118,8 +118,8 @@ class MaterialScanner private constructor(
         photo.probe(this, handle.now, info)
 
     /**
-     * Judges a picture of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
-     * now, or enough. Call it with every picture; [PhotoInfo.timestampNs] says when it was taken. After
+     * Judges an image of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
+     * now, or enough. Call it with every image; [PhotoInfo.timestampNs] says when it was taken. After
      * [Action.SHOOT] it asks to hold until the photo has been added. Waits neither for the fit nor for a push.
      */
     @JvmOverloads
@@ -216,7 +216,7 @@ class MaterialScanner private constructor(
     fun pose(index: Int): Pose {
         val v = DoubleArray(13)
         Native.sessionPose(this, handle.now, index, v)
-        return Pose(v.copyOf(9), v.copyOfRange(9, 12))
+        return Pose(v.copyOf(9), v.copyOfRange(9, 12), v[12])
     }
 
     /** The maps as they are now; null before the first accepted photo. */

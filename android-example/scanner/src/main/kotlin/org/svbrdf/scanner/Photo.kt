@@ -4,7 +4,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 
 /**
- * A plane of a picture: what [buffer] holds from its position to its limit. Direct buffers, such as
+ * A plane of an image: what [buffer] holds from its position to its limit. Direct buffers, such as
  * those of Android's `Image`, are read in place, others copied first. The position stays.
  */
 class Plane @JvmOverloads constructor(
@@ -28,7 +28,7 @@ class Bayer @JvmOverloads constructor(
     val colorMatrix: FloatArray = floatArrayOf(1f, 0f, 0f, 0f, 1f, 0f, 0f, 0f, 1f),
 )
 
-/** A picture in memory: what [planes] hold must stay as it is during the call it is given to. */
+/** An image in memory: what [planes] hold must stay as it is during the call it is given to. */
 class Photo @JvmOverloads constructor(
     val format: PixelFormat,
     val width: Int,
@@ -37,7 +37,7 @@ class Photo @JvmOverloads constructor(
     val planes: List<Plane>,
     /** Curve of 8- and 16-bit RGB and of YUV. */
     val transfer: Transfer = Transfer.SRGB,
-    /** How far it is turned clockwise before use; the camera describes the turned picture. */
+    /** How far it is turned clockwise before use; the camera describes the turned image. */
     val rotation: Int = 0,
     val yuvMatrix: YuvMatrix = YuvMatrix.BT601_FULL,
     /** For floats: the level at which a channel is clipped. */

@@ -12,12 +12,12 @@ class PhotoFile @JvmOverloads constructor(
     val exposure: Float = 0f,
     /** Curve of the values; null: what the file says. */
     val transfer: Transfer? = null,
-    /** How far the upright picture is turned clockwise; the camera describes the turned picture. */
+    /** How far the upright image is turned clockwise; the camera describes the turned image. */
     val rotation: Int = 0,
     val flash: Flash = Flash.UNKNOWN,
     /** Handed back with what became of the photo. */
     val timestampNs: Long = 0,
-    /** Largest picture, pixels; 0: 100 million. */
+    /** Largest image, pixels; 0: 100 million. */
     val maxPixels: Long = 0,
     /** Most memory that decoding may take, bytes; 0: 6 GiB. */
     val maxBytes: Long = 0,
@@ -77,7 +77,7 @@ data class FileInfo(
     /** As the sensor has it, px; 0: not known. */
     val width: Int,
     val height: Int,
-    /** How far the stored picture is turned clockwise to stand upright, degrees. */
+    /** How far the stored image is turned clockwise to stand upright, degrees. */
     val uprightDeg: Int,
     /** Floats or raw values. */
     val isLinear: Boolean,
