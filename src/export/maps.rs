@@ -151,9 +151,8 @@ fn floats(
         planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
     let [colours @ .., roughness] = OTHERS;
-    for (c, name) in colours.into_iter().enumerate() {
-        planes.push((name, maps.diffuse()[c].to_vec()));
-    }
+    let albedos = maps.diffuse().into_iter().chain(maps.specular());
+    planes.extend(colours.into_iter().zip(albedos.map(<[f32]>::to_vec)));
     planes.push((roughness, (0..w * h).map(stored_roughness(maps, anisotropy)).collect()));
     if let Some(lobes) = anisotropy {
         let [x, y, strength] = ANISOTROPY;

@@ -158,7 +158,7 @@ mod tests {
     fn red_with_a_hole() -> (Svbrdf, Svbrdf, Observation, impl Fn(usize) -> bool) {
         let mut truth = Svbrdf::new(SIDE, SIDE);
         for (c, value) in [0.5, 0.05, 0.04, 0.05, 0.05, 0.05, 0.2].into_iter().enumerate() {
-            truth.diffuse_mut()[c].fill(value);
+            truth.plane_mut(channel::DIFFUSE + c).fill(value);
         }
         // detail that is to stay
         for c in channel::DIFFUSE..channel::DIFFUSE + 3 {

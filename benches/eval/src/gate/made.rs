@@ -87,7 +87,7 @@ pub fn maps(kind: Kind, side: usize, random: &mut Random) -> Svbrdf {
         let colour = &colours[rank * colours.len() / order.len()];
         for (c, value) in colour.iter().enumerate() {
             let shade = if c < 3 { 1.0 + 0.1 * shade[i] } else { 1.0 };
-            maps.diffuse_mut()[c][i] = (value * shade) as f32;
+            maps.plane_mut(channel::DIFFUSE + c)[i] = (value * shade) as f32;
         }
     }
     relief(&mut maps, between(random, ranges.slopes), random);
