@@ -5,8 +5,8 @@ use super::detector::Corner;
 use super::luma::LumaImage;
 use super::target::Target;
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use crate::statistics::median;
 
 /// Narrower squares contain too few pixels free of their neighbours, px.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::belief::Belief;
 use super::budget::Meter;
-use super::correction::Exposure;
+use super::correction::LightCorrection;
 use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::options::{EstimateOptions, NoiseOptions};
@@ -138,7 +138,7 @@ impl Estimation {
     }
 
     /// What was found of exposure and flash.
-    pub fn exposure(&self) -> &Exposure {
+    pub fn light_correction(&self) -> &LightCorrection {
         &self.photographs.correction().exposure
     }
 
@@ -148,7 +148,7 @@ impl Estimation {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
+    pub fn photos(&self) -> usize {
         self.photographs.len()
     }
 

@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
-use crate::confidence::Confidence;
 use crate::estimate::coordinates::is_albedo;
 use crate::estimate::{Estimation, Method, Noise, Spread, spread};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, channel};
+use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
 /// Coordinates of each map.
@@ -190,7 +190,7 @@ impl Evidence {
     ///
     /// # Errors
     /// Never, unless the calibration is no numbers.
-    pub fn confidence(&self) -> Result<Confidence> {
+    pub fn uncertainty(&self) -> Result<Uncertainty> {
         let texels = self.maps.texels();
         let planes = CALIBRATION.iter().enumerate().flat_map(|(map, coefficients)| {
             parallel::values(texels, |t| {
@@ -202,7 +202,7 @@ impl Evidence {
                 found.hypot(prior).clamp(LEAST, MOST[map])
             })
         });
-        Confidence::from_planes(self.maps.width(), self.maps.height(), planes.collect())
+        Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())
     }
 }
 

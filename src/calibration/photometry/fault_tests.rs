@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::tests::{Truth, camera, pose, poses};
 use super::*;
-use crate::frame::Surround;
+use crate::photo::Surround;
 
 fn many() -> Vec<Pose> {
     poses().into_iter().chain([pose(0.4, 0.4, 2.2, 270.0), pose(-0.5, -0.2, 0.8, 300.0)]).collect()

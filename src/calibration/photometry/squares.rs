@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
-use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround, ToneCurve};
 use crate::statistics::median;
 
 /// Narrower squares contain no pixel free of their neighbours, px.

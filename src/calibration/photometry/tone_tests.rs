@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::tests::{Truth, camera, poses};
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 
 /// A long shoulder and a short toe; an s-curve of encoded values; a power.
 const CURVES: [fn(f64) -> f64; 3] = [

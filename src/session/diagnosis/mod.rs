@@ -11,7 +11,7 @@ mod material;
 use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
-use crate::assessment::FrameFit;
+use crate::assessment::PhotoFit;
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
@@ -22,7 +22,7 @@ pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
 pub(super) fn of_capture(
     capture: &Capture,
     maps: Option<&Svbrdf>,
-    fits: &[FrameFit],
+    fits: &[PhotoFit],
 ) -> Vec<Vec<Hint>> {
     let photographs = capture.observations();
     let mut all = match capture.board() {
