@@ -56,7 +56,7 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "assessment",
         &[
-            "confidence",
+            "uncertainty",
             "estimate",
             "loss",
             "observation",
