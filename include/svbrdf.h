@@ -1518,7 +1518,8 @@ svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, 
  * preview.png. No file is ever half-written under its name.
  *
  * With options: material.glb, material.usdz, a folder for every other format, and material.json,
- * height.png and height.exr. All files are written or none.
+ * height.png and height.exr. All files are written or none. Lobes that a format does not have are
+ * named in the log of svbrdf_set_log_callback().
  */
 svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps,
                                  const struct svbrdf_export_options *options,
