@@ -126,7 +126,7 @@ impl Estimation {
     }
 
     /// Whether the maps are those of the joint solve, or soon will be.
-    fn is_joint(&self) -> bool {
+    pub(in crate::estimate) fn is_joint(&self) -> bool {
         self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
     }
 
