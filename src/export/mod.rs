@@ -6,6 +6,7 @@
 
 mod blender;
 mod bundle;
+mod classes;
 mod convert;
 mod cut;
 mod engines;
@@ -32,6 +33,7 @@ mod tile_picture;
 mod transpose;
 mod usdz;
 
+pub use classes::{CLASS_FILE, encode_classes};
 pub use files::{
     check_writable, replace_files, write_atomic, write_exr_image, write_files, write_png16_image,
 };

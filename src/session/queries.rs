@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::capture::{Board, Photograph};
 use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
-use super::{Hint, Session, diagnosis, memory};
+use super::{Hint, Session, deviations, diagnosis, memory};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
 use crate::estimate::{Evidence, Exposure, FrameFit, PhaseReport};
@@ -130,15 +130,28 @@ impl Session {
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
-    /// are those of one that leaves such residuals.
+    /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
+    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
+    /// of the albedos cover what it changes.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
     pub fn assess(&self) -> Result<Assessed> {
+        let (_intake, capture) = self.settled()?;
         let evidence = self.evidence()?;
-        let confidence = self.pool.install(|| evidence.confidence())?;
+        let confidence = self.pool.install(|| deviations::of_maps(&evidence, &capture))?;
         Ok(Assessed { maps: Arc::new(evidence.into_maps()), confidence })
+    }
+
+    /// The class of colour of each texel of the maps, rows as in them: classes share their gloss. 0 is the class of
+    /// most texels. Empty where the fit has none: of one photograph, and without refinement. Waits for a step of
+    /// the fit.
+    ///
+    /// # Errors
+    /// When the session has failed or was cancelled.
+    pub fn classes(&self) -> Result<Vec<u8>> {
+        self.fit.ask(|fit| Ok(fit.estimation.classes()))
     }
 
     /// What those deviations are computed from.

@@ -7,7 +7,8 @@ use svbrdf::Svbrdf;
 use svbrdf::capture;
 use svbrdf::confidence::{Confidence, MapDeviations};
 use svbrdf::export::{
-    ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
+    CLASS_FILE, ExportOptions, LOBE_FILES, encode_classes, encode_maps, encode_preview, export,
+    replace_files,
 };
 use svbrdf::session::Session;
 
@@ -44,6 +45,11 @@ impl Output<'_> {
         let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
         let confidence = assessed.map(|assessed| assessed.confidence);
         let mut files = encode_maps(&maps, confidence.as_ref(), Some(sample_mm))?;
+        let classes = session.classes().unwrap_or_default();
+        if !classes.is_empty() {
+            let picture = encode_classes(maps.width(), maps.height(), &classes)?;
+            files.push((CLASS_FILE.into(), picture));
+        }
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
@@ -77,7 +83,7 @@ impl Output<'_> {
         files.push(document.seal(&files)?);
         // What an earlier fit has left would lie beside maps of this one.
         let [anisotropy, coat] = LOBE_FILES;
-        replace_files(out, &files, &[anisotropy, coat, PAGE])?;
+        replace_files(out, &files, &[anisotropy, coat, CLASS_FILE, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())

@@ -12,6 +12,7 @@ use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
 use crate::estimate::FrameFit;
+pub(super) use highlights::{LostHighlights, narrowest};
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
@@ -34,8 +35,14 @@ pub(super) fn of_capture(
         geometry::of_capture(capture, &mut all);
     }
     let group = board.and_then(|_| groups::find(&photographs));
-    fits::tell(board, maps, &photographs, fits, group, &mut all);
-    highlights::tell(maps, &photographs, &mut all);
+    let lost = maps.and_then(|maps| LostHighlights::find(maps, &photographs));
+    if let Some(&LostHighlights { share, .. }) = lost.as_ref() {
+        all.iter_mut().for_each(|hints| hints.push(Hint::Saturated { share }));
+    }
+    // Highlights that the maps do not explain make photographs contradict each other.
+    if lost.is_none_or(|lost| !lost.unexplained) || group.is_some() {
+        fits::tell(board, maps, &photographs, fits, group, &mut all);
+    }
     all
 }
 
