@@ -33,6 +33,7 @@ mod fit;
 mod light;
 mod lobe;
 mod model;
+mod patches;
 mod radiometry;
 mod squares;
 mod turned;
@@ -165,7 +166,7 @@ impl PhotometricCalibrator {
         camera: &Camera,
         pose: &Pose,
     ) -> Result<Radiometry, Rejection> {
-        let squares = Squares::measure(photo, &self.target, camera, pose)?;
+        let squares = Squares::measure(photo, &self.target, camera, pose, 0.0)?;
         self.push_squares(squares, pose)
     }
 
@@ -328,8 +329,10 @@ impl PhotometricCalibrator {
             };
             misfit(&flash, problem) - misfit(&even, &any) < NO_FLASH_EVIDENCE
         };
-        // Tone mapping makes the light look more even than it is.
-        leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
+        // Tone mapping, of the whole picture or place by place, makes the light look more even than it is.
+        leaves_room(&problem)
+            || leaves_room(&problem.with_tone_curve())
+            || (0..Surround::SCALES.len()).any(|k| leaves_room(&problem.with_local_tone(k)))
     }
 
     /// Fits all photos.

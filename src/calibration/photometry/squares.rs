@@ -3,8 +3,9 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use super::patches::{patch_value, patch_values};
 use crate::Rejection;
-use crate::calibration::{Patch, Target, TargetKind};
+use crate::calibration::{Target, TargetKind};
 use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
 use crate::statistics::median;
@@ -15,6 +16,10 @@ const MIN_SQUARE_PX: f64 = 6.0;
 const EDGE_PX: f64 = 2.0;
 /// The same inside black squares, where a little light of the neighbours weighs sixteen times.
 const BLACK_EDGE_PX: f64 = 3.0;
+/// The same in standard deviations of a blur, round white and black squares; as a share of a square at most.
+const EDGE_BLURS: f64 = 2.0;
+const BLACK_EDGE_BLURS: f64 = 3.0;
+const EDGE_MOST: f64 = 0.38;
 /// The same as a share of a square: print tolerance and error of the pose.
 const EDGE_SHARE: f64 = 0.08;
 /// A rim round a marker narrower than this is nowhere free of blur; its brightest part is used.
@@ -23,8 +28,6 @@ const MIN_RIM_PX: f64 = 3.5;
 const MAX_SPREAD: f32 = 0.12;
 /// Share of saturated pixels above which a channel of a square is not used.
 const MAX_CLIPPED: f32 = 0.01;
-/// A patch over the next brighter one: at most this, whatever tone curve is on.
-const PATCH_STEP: f64 = 0.8;
 /// Black over white that no ink on paper goes below, and share of black squares that may be all 0.
 const MIN_BLACK: f64 = 0.015;
 const MAX_VOID: f32 = 0.3;
@@ -136,7 +139,7 @@ impl Squares {
         if ratios.len() >= MIN_SQUARES { median(ratios) } else { None }
     }
 
-    /// Measures every square that lies wholly inside the photo.
+    /// Measures every square that lies wholly inside the photo, whose edges have a spread of `blur_px` (one sigma).
     ///
     /// # Errors
     /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] when too
@@ -146,6 +149,7 @@ impl Squares {
         target: &Target,
         camera: &Camera,
         pose: &Pose,
+        blur_px: f64,
     ) -> Result<Self, Rejection> {
         let mut scratch = Scratch::default();
         let surrounds = Surround::at_scales(photo);
@@ -164,7 +168,8 @@ impl Squares {
                     continue;
                 }
                 let white = target.is_white(row, col);
-                let Some(place) = Placed::new(photo, target, camera, pose, row, col) else {
+                let Some(place) = Placed::new(photo, target, camera, pose, blur_px, [row, col])
+                else {
                     continue;
                 };
                 scratch.collect(photo, target, camera, pose, &place);
@@ -271,47 +276,6 @@ fn gray_patch(
     Some(Square::new(false, board_mm, px, value, around(px)))
 }
 
-/// Mean stored values of the black, the gray and the white patch in linear light; `None` where they
-/// are not seen: out of view, covered, clipped, or the board was printed without them.
-fn patch_values(
-    photo: &Photo,
-    target: &Target,
-    camera: &Camera,
-    pose: &Pose,
-) -> Option<[[f64; 3]; 3]> {
-    let patches = target.patches.then(|| target.patches())?;
-    let values = patches.map(|patch| patch_value(photo, camera, pose, &patch));
-    let values = [values[0]?, values[1]?, values[2]?];
-    let sums = values.map(|value| sum(&value));
-    (sums[0] < PATCH_STEP * sums[1] && sums[1] < PATCH_STEP * sums[2]).then_some(values)
-}
-
-fn sum(value: &[f64; 3]) -> f64 {
-    value.iter().sum()
-}
-
-/// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
-/// or clipped.
-fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<[f64; 3]> {
-    const ACROSS: i32 = 9;
-    let mut sum = [0.0; 3];
-    for i in 0..ACROSS * ACROSS {
-        let offset = DVec2::new(f64::from(i % ACROSS), f64::from(i / ACROSS)) - 4.0;
-        let p = patch.centre_mm + offset * (0.5 * patch.side_mm / f64::from(ACROSS));
-        let px = camera.project(pose.transform(p.extend(0.0)))?.round();
-        let inside = px.cmpge(DVec2::ZERO).all()
-            && px.x < f64::from(photo.width())
-            && px.y < f64::from(photo.height());
-        let (x, y) = (px.x as u32, px.y as u32);
-        if !inside || photo.is_clipped(x, y) {
-            return None;
-        }
-        let pixel = photo.pixel(x, y);
-        (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
-    }
-    Some(sum.map(|v| v / f64::from(ACROSS * ACROSS)))
-}
-
 /// A square on the photo: where its plain part may be read.
 struct Placed {
     row: f64,
@@ -335,10 +299,10 @@ impl Placed {
         target: &Target,
         camera: &Camera,
         pose: &Pose,
-        row: i64,
-        col: i64,
+        blur_px: f64,
+        square: [i64; 2],
     ) -> Option<Self> {
-        let (row, col) = (row as f64, col as f64);
+        let [row, col] = square.map(|i| i as f64);
         let at = |dr: f64, dc: f64| {
             camera.project(pose.transform(target.grid_mm(row + dr, col + dc).extend(0.0)))
         };
@@ -356,10 +320,13 @@ impl Placed {
         if !width.is_finite() || width.min_element() < MIN_SQUARE_PX {
             return None;
         }
-        let white = target.is_white(row as i64, col as i64);
-        let edge = if white { EDGE_PX } else { BLACK_EDGE_PX };
-        let (mut margin, mut marker, mut quantile) =
-            ((DVec2::splat(edge) / width).max(DVec2::splat(EDGE_SHARE)), DVec2::ZERO, 0.5);
+        let white = target.is_white(square[0], square[1]);
+        let [sharp, blurs] =
+            if white { [EDGE_PX, EDGE_BLURS] } else { [BLACK_EDGE_PX, BLACK_EDGE_BLURS] };
+        let edge = DVec2::splat(sharp) / width;
+        let soft = (DVec2::splat(blurs * blur_px) / width).min(DVec2::splat(EDGE_MOST));
+        let margin = edge.max(soft).max(DVec2::splat(EDGE_SHARE));
+        let (mut margin, mut marker, mut quantile) = (margin, DVec2::ZERO, 0.5);
         if let TargetKind::CharucoRing { marker_mm, .. } = &target.kind
             && white
         {
