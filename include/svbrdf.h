@@ -1595,6 +1595,25 @@ svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
                                        struct svbrdf_frame_fit *fit);
 
 /**
+ * Called with a hint about an accepted photo: the photo's number among the accepted ones, from 0, the
+ * hint's name for programs, such as "two_groups", and its sentence for people (UTF-8). Both texts are valid
+ * during the call.
+ */
+typedef void (*svbrdf_hint_callback)(void *user_data,
+                                     uint32_t index,
+                                     const char *code,
+                                     const char *text);
+
+/**
+ * Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
+ * it returns and on the calling thread. Hints given when a photo came (svbrdf_frame_report.hints) may hold no
+ * longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
+ */
+svbrdf_status svbrdf_session_hints(const struct svbrdf_session *session,
+                                   svbrdf_hint_callback callback,
+                                   void *user_data);
+
+/**
  * Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
  * improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
  * svbrdf_frame_report; each may be NULL.

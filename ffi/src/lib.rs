@@ -19,6 +19,7 @@ pub mod frame_fit;
 mod gate;
 pub mod guide;
 mod handles;
+pub mod hints;
 pub mod image;
 pub mod info;
 mod live;

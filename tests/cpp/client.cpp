@@ -2,6 +2,7 @@
 #include "check.hpp"
 #include "svbrdf.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -147,6 +148,11 @@ void board(const std::string& folder) {
     CHECK(thrown([&] { session.frame_fit(2); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.remove(2); }) == StatusCode::invalid_argument);
     CHECK(session.push(first->view()) && session.progress().frames == 3);
+    const auto hints = session.hints();
+    const auto same = [](const svbrdf::PhotoHint& hint) {
+        return hint.index == 2 && hint.code == "nothing_new" && !hint.text.empty();
+    };
+    CHECK(std::count_if(hints.begin(), hints.end(), same) == 1);
     CHECK(session.progress().fraction == 0.0f);
     session.remove(2);
     CHECK(session.progress().frames == 2);
