@@ -19,7 +19,7 @@ const BLACK_EDGE_PX: f64 = 3.0;
 /// The same in standard deviations of a blur, round white and black squares; as a share of a square at most.
 const EDGE_BLURS: f64 = 2.0;
 const BLACK_EDGE_BLURS: f64 = 3.0;
-const EDGE_MOST: f64 = 0.38;
+const EDGE_MOST: f64 = 0.3;
 /// The same as a share of a square: print tolerance and error of the pose.
 const EDGE_SHARE: f64 = 0.08;
 /// A rim round a marker narrower than this is nowhere free of blur; its brightest part is used.
