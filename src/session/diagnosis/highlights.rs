@@ -23,10 +23,11 @@ const BINS: usize = 14;
 /// that are enough, relative to those.
 const LOST: f32 = 0.003;
 const SEEN: f32 = 0.1;
-/// Maps must explain so much of a highlight; values so many times those that are usually saturated are seen in a darker
-/// photograph only. Share of a material's texels that may be brighter.
+/// Maps must explain so much of a saturated highlight, and so much of one that a darker photograph shows: values so many
+/// times those that are usually saturated. Share of a material's texels that may be brighter.
 const EXPLAINED: f32 = 0.4;
-const BEYOND: f32 = 2.0;
+const EXPLAINED_SEEN: f32 = 0.6;
+const BEYOND: f32 = 1.5;
 const DIM: f32 = 0.02;
 /// Weight of a coat whose highlight counts.
 const COAT: f32 = 0.05;
@@ -139,7 +140,8 @@ fn dim_texels(maps: &Svbrdf, photographs: &[Observation], level: f32) -> Vec<boo
         for t in (0..texels).filter(|t| photograph.weight(*t) > 0.0) {
             let (value, saturated) = seen(photograph, t);
             let explained = (0..3).map(|c| rendered[c * texels + t]).sum::<f32>() / 3.0;
-            if explained < EXPLAINED * value && (saturated || value > BEYOND * level) {
+            let least = if saturated { EXPLAINED } else { EXPLAINED_SEEN };
+            if explained < least * value && (saturated || value > BEYOND * level) {
                 if half_tangent(photograph, t) < MIRROR {
                     dim[t] = true;
                     near += 1;
