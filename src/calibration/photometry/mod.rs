@@ -329,10 +329,8 @@ impl PhotometricCalibrator {
             };
             misfit(&flash, problem) - misfit(&even, &any) < NO_FLASH_EVIDENCE
         };
-        // Tone mapping, of the whole picture or place by place, makes the light look more even than it is.
-        leaves_room(&problem)
-            || leaves_room(&problem.with_tone_curve())
-            || (0..Surround::SCALES.len()).any(|k| leaves_room(&problem.with_local_tone(k)))
+        // Tone mapping makes the light look more even than it is.
+        leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
     }
 
     /// Fits all photos.
