@@ -39,10 +39,7 @@ pub(super) fn of_capture(
     if let Some(&LostHighlights { share, .. }) = lost.as_ref() {
         all.iter_mut().for_each(|hints| hints.push(Hint::Saturated { share }));
     }
-    // Highlights that the maps do not explain make photographs contradict each other.
-    if lost.is_none_or(|lost| !lost.unexplained) || group.is_some() {
-        fits::tell(board, maps, &photographs, fits, group, &mut all);
-    }
+    fits::tell(board, maps, &photographs, fits, group, &mut all);
     all
 }
 

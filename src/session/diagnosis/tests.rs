@@ -196,22 +196,11 @@ fn highlights_that_are_lost_are_told() {
         let dimmer = glossy(0.003, 0.2 * f0, roughness * 5.0_f32.powf(0.25));
         let open = found(&dimmer, &bright).unwrap();
         assert!(open.texels.iter().all(|open| *open), "{f0} {roughness}");
-        // As one has it that mistakes it for a matt black: no photograph is to blame.
-        let matt = found(&glossy(0.003, 0.0, 0.7), &bright).unwrap();
-        assert!(matt.unexplained && matt.texels.iter().all(|open| *open), "{f0} {roughness}");
-        // A darker photograph that is not made use of.
-        bright.push(clipped(&polished, 60.0, 4.0, 1.0 / 8.0));
-        assert!(found(&dimmer, &bright).is_some(), "{f0} {roughness}");
         bright.push(clipped(&polished, 10.0, 1.0, 1.0 / 200.0));
         assert!(!told(&polished, &bright), "{f0} {roughness}");
     }
     for (f0, roughness) in [(0.04, 0.2), (0.04, 0.3), (0.9, 0.5), (0.3, 0.6)] {
         let maps = glossy(0.3, f0, roughness);
         assert!(!told(&maps, &photographs(&maps)), "{f0} {roughness}");
-        // Sun that saturates where no highlight is, too.
-        let sunny = glossy(10.0, f0, roughness);
-        let mut sun = photographs(&maps);
-        sun.push(clipped(&sunny, 200.0, 1.0, 1.0));
-        assert!(!told(&maps, &sun), "{f0} {roughness}");
     }
 }
