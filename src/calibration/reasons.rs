@@ -254,7 +254,7 @@ mod tests {
             });
             LumaImage { width, height, data: data.collect() }
         };
-        for degrees in [0.0, 11.0, 90.0, 125.0] {
+        for degrees in [0.0, 11.0, 90.0] {
             let said = too_soft_to_find(&smeared(degrees, 25.0), &why);
             let Some(Rejection::Blurred { direction_deg: Some(said), .. }) = said else {
                 panic!("{degrees}: {said:?}")
