@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::capture::{Board, Photograph};
 use super::reports::{BoardPose, MapsWithUncertainty, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
-use super::{Hint, Session, diagnosis, memory};
+use super::{Hint, Session, deviations, diagnosis, memory};
 use crate::assessment::{Evidence, PhotoFit};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
@@ -131,15 +131,28 @@ impl Session {
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
-    /// are those of one that leaves such residuals.
+    /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
+    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
+    /// of the albedos cover what it changes.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
     pub fn snapshot_with_uncertainty(&self) -> Result<MapsWithUncertainty> {
+        let (_intake, capture) = self.settled()?;
         let evidence = self.evidence()?;
-        let uncertainty = self.pool.install(|| evidence.uncertainty())?;
+        let uncertainty = self.pool.install(|| deviations::of_maps(&evidence, &capture))?;
         Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
+    }
+
+    /// The class of colour of each texel of the maps, rows as in them: classes share their gloss. 0 is the class of
+    /// most texels. Empty where the fit has none: of one photograph, and without refinement. Waits for a step of
+    /// the fit.
+    ///
+    /// # Errors
+    /// When the session has failed or was cancelled.
+    pub fn classes(&self) -> Result<Vec<u8>> {
+        self.fit.ask(|fit| Ok(fit.estimation.classes()))
     }
 
     /// The inputs of those deviations, for evaluation.
