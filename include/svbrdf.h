@@ -1632,7 +1632,7 @@ typedef void (*svbrdf_hint_callback)(void *user_data,
 
 /**
  * Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
- * it returns and on the calling thread. Hints given when a photo came (svbrdf_frame_report.hints) may hold no
+ * it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
  * longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
  */
 svbrdf_status svbrdf_session_hints(const struct svbrdf_session *session,

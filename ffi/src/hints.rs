@@ -21,7 +21,7 @@ pub type svbrdf_hint_callback = Option<
 >;
 
 /// Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
-/// it returns and on the calling thread. Hints given when a photo came (svbrdf_frame_report.hints) may hold no
+/// it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
 /// longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
 ///
 /// # Safety
