@@ -51,6 +51,13 @@
 //! Misuse, unreadable files and broken models are [`Error`]s. A photograph that cannot be used is not an error
 //! but a [`Rejection`] with its reason, and it leaves the session untouched.
 //!
+//! # Events
+//! Sessions and fits emit events of the crate [`tracing`](https://docs.rs/tracing), which cost nothing without a
+//! subscriber. Targets: `svbrdf::photo` (info: accepted, removed; warn: rejected), `svbrdf::session` (info: restored,
+//! paused, resumed, cancelled), `svbrdf::calibration` (debug: camera, flash and ambient light after each photograph),
+//! `svbrdf::fit` (debug: the end of each phase, in a span `fit` with the number of photographs). The threads of a
+//! session keep the subscriber of the thread that started it, if it had one of its own.
+//!
 //! # Features
 //! * `embedded-models` (default): compiles the networks into the library (10 MB, crate `svbrdf-models`).
 //! * `networks` (part of the former): runs networks, which [`session::Networks`] can also read from files. Without

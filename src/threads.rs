@@ -3,6 +3,10 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, PoisonError, RwLock};
 
+use tracing::Dispatch;
+use tracing::dispatcher::{get_default, with_default};
+use tracing::subscriber::NoSubscriber;
+
 use crate::{Error, Result};
 
 /// Purpose of a thread.
@@ -44,6 +48,26 @@ pub(crate) fn started(role: Role) {
     }
 }
 
+/// The subscriber of the thread that hands work to others, which receives the events of that work. `None`: the one
+/// of the whole program, if there is one.
+pub(crate) struct Subscriber(Option<Dispatch>);
+
+impl Subscriber {
+    /// That of the calling thread.
+    pub(crate) fn current() -> Self {
+        let is_none = |current: &Dispatch| current.is::<NoSubscriber>();
+        Self(get_default(|current| (!is_none(current)).then(|| current.clone())))
+    }
+
+    /// Runs `work` on this thread with it.
+    pub(crate) fn follow<R>(&self, work: impl FnOnce() -> R) -> R {
+        match &self.0 {
+            Some(subscriber) => with_default(subscriber, work),
+            None => work(),
+        }
+    }
+}
+
 /// Threads that share the work of a session.
 pub(crate) enum Pool {
     /// Threads of its own.
@@ -67,10 +91,14 @@ impl Pool {
             .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))
     }
 
-    /// Runs `work` so that [`parallel`](crate::parallel) uses these threads.
+    /// Runs `work` so that [`parallel`](crate::parallel) uses these threads. Its events go to the subscriber of the
+    /// calling thread.
     pub(crate) fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match self {
-            Self::Threads(pool) => pool.install(work),
+            Self::Threads(pool) => {
+                let subscriber = Subscriber::current();
+                pool.install(|| subscriber.follow(work))
+            }
             Self::Caller => work(),
         }
     }

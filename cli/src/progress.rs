@@ -24,6 +24,8 @@ pub enum Log {
 pub struct Progress {
     quiet: bool,
     log: Log,
+    /// Whether a bar may be drawn.
+    bars: bool,
     /// The work that is shown.
     bar: Option<ProgressBar>,
     /// Fraction at the latest event.
@@ -33,7 +35,13 @@ pub struct Progress {
 impl Progress {
     /// Says nothing if `quiet`. Bars are drawn on terminals only.
     pub fn new(quiet: bool, log: Log) -> Self {
-        Self { quiet, log, bar: None, reported: 0.0 }
+        Self { quiet, log, bars: true, bar: None, reported: 0.0 }
+    }
+
+    /// Without bars: other lines come between.
+    pub fn without_bars(mut self) -> Self {
+        self.bars = false;
+        self
     }
 
     /// Shows how far the work is.
@@ -46,6 +54,9 @@ impl Progress {
                 self.reported = fraction;
                 self.event("progress", json!({ "fraction": fraction, "text": message }));
             }
+            return;
+        }
+        if !self.bars {
             return;
         }
         let bar = self.bar.get_or_insert_with(|| {

@@ -226,3 +226,28 @@ fn the_fraction_of_a_fit_never_falls() {
     // A fast fit tells little of it.
     assert!(told.is_sorted() && told.iter().all(|f| (0.0..=1.0).contains(f)), "{told:?}");
 }
+
+/// `-v` tells of photographs, `-vv` also of phases in their order, with the photographs fitted; neither is on
+/// without it.
+#[test]
+fn verbose_fits_say_what_they_did() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = capture(dir.path());
+    std::fs::write(capture.join("frames/01.png"), b"no picture").unwrap();
+    let out = dir.path().join("out");
+    let said = |verbose: &[&str]| {
+        let fit = ["fit", text(&capture), "--out", text(&out), "--no-report", "--steps", "20"];
+        let output = run(&[&fit[..], &["--quiet"], verbose].concat());
+        assert!(output.status.success() && output.stdout.is_empty());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(said(&[]), "");
+    let info = said(&["-v"]);
+    assert!(info.contains("INFO photo accepted index=0"), "{info}");
+    assert!(!info.contains("DEBUG"), "{info}");
+    let debug = said(&["-vv"]);
+    let at = |what: &str| debug.find(what).unwrap_or_else(|| panic!("{what} is not in {debug}"));
+    let latent = at("DEBUG fit{photos=1}: phase ended phase=latent steps=");
+    assert!(at("INFO photo accepted") < latent && latent < at("phase=relief"), "{debug}");
+    assert!(at("calibrated photos=1 focal_px=") < latent, "{debug}");
+}

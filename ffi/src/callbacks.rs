@@ -1,6 +1,7 @@
 //! The caller's functions: log, progress, maps.
 
 use std::ffi::c_void;
+use std::sync::{Mutex, PoisonError};
 
 use crate::gate::Gate;
 use crate::handles::svbrdf_session;
@@ -15,6 +16,8 @@ pub(crate) struct Callbacks {
     log: Sink,
     /// What a session's log lines pass; closed when the session is destroyed.
     pub(crate) logging: Gate,
+    /// Lines for the callback thread.
+    later: Mutex<Vec<(svbrdf_log_level, String)>>,
     user_data: *mut c_void,
 }
 
@@ -31,13 +34,19 @@ impl Callbacks {
             on_maps: options.on_maps,
             log: Sink::new(options.on_log, options.user_data),
             logging: Gate::default(),
+            later: Mutex::default(),
             user_data: options.user_data,
         }
     }
 
     /// Whether a thread is needed.
     pub(crate) fn notifies(&self) -> bool {
-        self.on_progress.is_some() || self.on_maps.is_some()
+        self.on_progress.is_some() || self.on_maps.is_some() || self.logs()
+    }
+
+    /// Whether the session has a log.
+    pub(crate) fn logs(&self) -> bool {
+        self.log.is_some()
     }
 
     /// Writes a line to the session's log and the library's.
@@ -45,6 +54,19 @@ impl Callbacks {
         // Calls on other threads may outlast the session, `user_data` need not.
         let inside = self.logging.enter();
         log::write_to(if inside.is_some() { self.log } else { Sink::NONE }, level, text);
+    }
+
+    /// Has the callback thread write a line.
+    pub(crate) fn log_later(&self, level: svbrdf_log_level, text: String) {
+        self.later.lock().unwrap_or_else(PoisonError::into_inner).push((level, text));
+    }
+
+    /// Writes the lines for the callback thread.
+    pub(crate) fn log_now(&self) {
+        let lines = std::mem::take(&mut *self.later.lock().unwrap_or_else(PoisonError::into_inner));
+        for (level, text) in lines {
+            self.log(level, || text);
+        }
     }
 
     /// Says that there are newer maps.

@@ -12,6 +12,7 @@ pub mod budget;
 pub mod buffer;
 mod callbacks;
 pub mod capture;
+mod events;
 pub mod export;
 mod gate;
 pub mod guide;

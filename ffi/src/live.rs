@@ -2,13 +2,14 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::JoinHandle;
 
 use engine::guide::Guide;
 use engine::session::Session;
 
 use crate::callbacks::Callbacks;
+use crate::events::Events;
 use crate::handles::{Handles, svbrdf_session};
 use crate::log::SVBRDF_LOG_ERROR;
 use crate::queue::Queue;
@@ -21,7 +22,9 @@ use crate::status::{Fault, SVBRDF_FAILED, entry, panic_text, svbrdf_status};
 /// A session behind a handle. Lives until destroyed and the last call inside it has returned.
 pub(crate) struct Live {
     pub(crate) session: Session,
-    pub(crate) callbacks: Callbacks,
+    pub(crate) callbacks: Arc<Callbacks>,
+    /// Those of its calls.
+    events: Events,
     /// No callback starts after this.
     pub(crate) destroyed: AtomicBool,
     handle: usize,
@@ -42,10 +45,11 @@ pub(crate) static SESSIONS: Handles<Live> = Handles::new("session");
 
 impl Live {
     /// A session under a handle of its own.
-    pub(crate) fn new(session: Session, callbacks: Callbacks) -> Self {
+    pub(crate) fn new(session: Session, callbacks: Arc<Callbacks>) -> Self {
         let sample_mm = session.settings().sample_mm;
         Self {
             session,
+            events: Events::of_calls(&callbacks),
             callbacks,
             destroyed: AtomicBool::new(false),
             handle: Handles::<Self>::reserve(),
@@ -81,7 +85,7 @@ impl Live {
 
     /// Runs a call; a panic makes the session fail for ever.
     fn guarded(&self, body: impl FnOnce() -> Result<(), Fault>) -> Result<(), Fault> {
-        catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| {
+        catch_unwind(AssertUnwindSafe(|| self.events.inside(body))).unwrap_or_else(|panic| {
             let message = self.failed.get_or_init(|| panic_text(&*panic)).clone();
             self.session.cancel();
             self.callbacks.log(SVBRDF_LOG_ERROR, || message.clone());

@@ -11,6 +11,8 @@ pub const SVBRDF_LOG_ERROR: svbrdf_log_level = 1;
 pub const SVBRDF_LOG_WARNING: svbrdf_log_level = 2;
 /// Information.
 pub const SVBRDF_LOG_INFO: svbrdf_log_level = 3;
+/// Details: the end of each phase of a fit, calibration.
+pub const SVBRDF_LOG_DEBUG: svbrdf_log_level = 4;
 
 /// Called with a line of text (UTF-8, without a line end, valid during the call), on a thread inside a
 /// call or on one of the session's callback threads.
@@ -39,6 +41,10 @@ impl Sink {
         Self { call, user_data }
     }
 
+    pub(crate) fn is_some(self) -> bool {
+        self.call.is_some()
+    }
+
     fn write(self, level: svbrdf_log_level, line: &CString) {
         if let Some(call) = self.call {
             // SAFETY: the caller's function with the arguments that the header says.
@@ -55,6 +61,11 @@ pub(crate) fn set_library_sink(sink: Sink) {
     *LIBRARY.write().unwrap_or_else(PoisonError::into_inner) = sink;
 }
 
+/// Whether somebody receives the lines of the whole library.
+pub(crate) fn has_library_sink() -> bool {
+    LIBRARY.read().unwrap_or_else(PoisonError::into_inner).is_some()
+}
+
 /// Writes a line that belongs to no session.
 pub(crate) fn write(level: svbrdf_log_level, text: impl FnOnce() -> String) {
     write_to(Sink::NONE, level, text);
@@ -64,7 +75,7 @@ pub(crate) fn write(level: svbrdf_log_level, text: impl FnOnce() -> String) {
 pub(crate) fn write_to(session: Sink, level: svbrdf_log_level, text: impl FnOnce() -> String) {
     // Copied: no lock is held while a callback runs.
     let library = *LIBRARY.read().unwrap_or_else(PoisonError::into_inner);
-    if session.call.is_some() || library.call.is_some() {
+    if session.is_some() || library.is_some() {
         let line = CString::new(text().replace('\0', " ")).unwrap_or_default();
         session.write(level, &line);
         library.write(level, &line);

@@ -28,6 +28,7 @@ fn run(live: &Live) {
         if live.destroyed.load(Ordering::Acquire) {
             return;
         }
+        live.callbacks.log_now();
         let now = live.session.revision();
         if now.maps != seen.maps {
             live.callbacks.maps(live.handle());

@@ -2,6 +2,7 @@
 
 use std::ffi::c_void;
 
+use crate::events;
 use crate::log::{self, Sink, svbrdf_log_callback};
 use crate::status::{entry, svbrdf_status};
 use crate::threads::{self, svbrdf_thread_hook};
@@ -24,7 +25,8 @@ pub extern "C" fn svbrdf_set_thread_hook(
 
 /// From now on, `callback` is called with the log lines of all sessions, in addition to their on_log,
 /// and with internal errors that belong to no session; NULL ends that. Lines come on many threads,
-/// several at a time. Lines that are being written during a change may still go to the former
+/// several at a time, among them those of a fit: `callback` must not call what waits for a fit, such as
+/// svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to the former
 /// callback.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_set_log_callback(
@@ -33,6 +35,7 @@ pub extern "C" fn svbrdf_set_log_callback(
 ) -> svbrdf_status {
     entry(|| {
         log::set_library_sink(Sink::new(callback, user_data));
+        events::library_sink_changed();
         Ok(())
     })
 }

@@ -187,6 +187,7 @@ enum class LogLevel : svbrdf_log_level {
     error = SVBRDF_LOG_ERROR,
     warning = SVBRDF_LOG_WARNING,
     info = SVBRDF_LOG_INFO,
+    debug = SVBRDF_LOG_DEBUG,
 };
 
 /// One of the maps.

@@ -7,6 +7,7 @@ mod advice;
 mod capture;
 mod deviations;
 mod diagnosis;
+mod events;
 mod fit;
 mod hint;
 mod memory;
@@ -196,6 +197,7 @@ impl Session {
 
     /// Counts a photograph as rejected whose fault is known without its pixels.
     pub fn reject(&self, why: Rejection) -> Outcome<AcceptedPhoto> {
+        events::rejected(why);
         let changed = self.fit.shared.lock().regroup(fit::Group::reject);
         if changed {
             self.fit.shared.notify();
@@ -236,6 +238,8 @@ impl Session {
         match taken {
             Ok((capture, taken)) => {
                 let accepted = self.accept(capture, taken, &mut remade, begun)?;
+                events::accepted(&accepted);
+                self.board(events::calibrated);
                 Ok(Outcome::Accepted(accepted))
             }
             Err(rejection) => Ok(self.reject(rejection)),
@@ -365,6 +369,7 @@ impl Session {
         let photographs = left.observations();
         let next = left.board().and_then(Board::next_view);
         self.fit.ask(move |fit| fit.begin_anew(photographs, next))?;
+        events::removed(index);
         *lock(&self.capture) = Arc::new(left);
         self.fit.shared.notify();
         Ok(())
@@ -427,17 +432,24 @@ impl Session {
 
     /// Pauses the fit after the step in progress.
     pub fn pause(&self) {
-        self.fit.shared.paused.store(true, Ordering::Relaxed);
+        if !self.fit.shared.paused.swap(true, Ordering::Relaxed) {
+            events::paused();
+        }
     }
 
     /// Continues after [`Session::pause`].
     pub fn resume(&self) {
-        self.fit.shared.paused.store(false, Ordering::Relaxed);
+        if self.fit.shared.paused.swap(false, Ordering::Relaxed) {
+            events::resumed();
+        }
         self.fit.wake();
     }
 
     /// Ends the fit after the step in progress. The maps stay available; further photographs are refused.
     pub fn cancel(&self) {
+        if !self.fit.shared.cancelled.load(Ordering::Relaxed) {
+            events::cancelled();
+        }
         self.fit.cancel();
     }
 }

@@ -22,7 +22,7 @@ picture read_ppm(const char *folder, const char *name)
 }
 
 typedef struct {
-    int progress, maps, log;
+    int progress, maps, log, phases;
     float last_fraction;
 } counts;
 
@@ -40,7 +40,7 @@ static int told(const counts *c)
 {
     int all;
     CHECK(pthread_mutex_lock(&lock) == 0);
-    all = c->progress > 0 && c->maps > 0 && c->log >= 4 && c->last_fraction >= 1.0f;
+    all = c->progress > 0 && c->maps > 0 && c->log >= 4 && c->phases == 2 && c->last_fraction >= 1.0f;
     CHECK(pthread_mutex_unlock(&lock) == 0);
     return all;
 }
@@ -71,8 +71,15 @@ static void on_maps(void *user, svbrdf_session *session)
 static void on_log(void *user, svbrdf_log_level level, const char *message)
 {
     count(&((counts *)user)->log);
-    CHECK(level >= SVBRDF_LOG_ERROR && level <= SVBRDF_LOG_INFO);
+    CHECK(level >= SVBRDF_LOG_ERROR && level <= SVBRDF_LOG_DEBUG);
     CHECK(message[0] != '\0');
+    if (strstr(message, "phase ended: ") == message) {
+        /* The fit's, of one photo: on the callback thread, one after the other. */
+        counts *c = user;
+        CHECK(level == SVBRDF_LOG_DEBUG && strstr(message, " milliseconds=") != NULL);
+        CHECK(strstr(message, c->phases == 0 ? " phase=latent " : " phase=relief ") != NULL);
+        count(&c->phases);
+    }
     printf("log: %s\n", message);
 }
 
@@ -137,7 +144,7 @@ void rgb8(svbrdf_image *image, const picture *p)
 void test_board(const char *folder)
 {
     char out[4096];
-    counts c = {0, 0, 0, 0.0f};
+    counts c = {0, 0, 0, 0, 0.0f};
     picture photo = read_ppm(folder, "00.ppm");
     svbrdf_session *session = create(&c);
     svbrdf_image image;

@@ -14,7 +14,7 @@ static struct {
     svbrdf_photo_report report;
     char message[256];
 } came[MOST];
-static int arrived, pushed, held, started[8], lines;
+static int arrived, pushed, held, started[8], lines, phases;
 
 static void wait_for(const int *what, int value)
 {
@@ -84,7 +84,8 @@ static void on_start(void *user, svbrdf_thread thread)
 static void on_line(void *user, svbrdf_log_level level, const char *message)
 {
     CHECK(user == &lines && level >= SVBRDF_LOG_ERROR && message[0] != '\0');
-    add(&lines, 1);
+    add(&lines, level < SVBRDF_LOG_DEBUG);
+    add(&phases, strstr(message, "phase ended: ") == message);
 }
 
 static void on_progress(void *user, svbrdf_session *session, const svbrdf_progress *progress)
@@ -143,6 +144,7 @@ static void answers(const picture *photo, const picture *black)
 {
     svbrdf_session *session = create(), *other = create();
     svbrdf_photo_report waited;
+    svbrdf_budget budget;
     svbrdf_image image;
     int i;
     OK(push(session, photo, 1, SVBRDF_FLASH_FIRED, on_pushed));
@@ -165,6 +167,11 @@ static void answers(const picture *photo, const picture *black)
     for (i = 0; i < 3; i++) {
         CHECK(fabs(waited.translation_mm[i] - came[0].report.translation_mm[i]) < 1e-9);
     }
+    OK(svbrdf_budget_init(&budget, sizeof budget));
+    budget.max_steps = 2;
+    OK(svbrdf_session_set_budget(other, &budget));
+    OK(svbrdf_session_resume(other));
+    OK(svbrdf_session_wait(other, -1));
     OK(svbrdf_session_destroy(other));
 
     /* What is wrong with the planes is said later, of the rest at once, and nothing comes. */
@@ -277,8 +284,8 @@ void test_flow(const char *folder)
     wait_for(&started[SVBRDF_THREAD_CALLBACK], 2);
     wait_for(&started[SVBRDF_THREAD_WORK], 4);
     CHECK(now(&started[SVBRDF_THREAD_PHOTOS]) == 1 && now(&started[SVBRDF_THREAD_FIT]) == 2);
-    /* Starts, four answers and a hint, one answer. */
-    CHECK(now(&lines) == 2 + 5 + 1);
+    /* Starts, pauses, ends; four answers and a hint; one answer, and the fit of that photo. */
+    CHECK(now(&lines) == 3 * 2 + 5 + 1 + 1 && now(&phases) == 2);
     ends(&photo);
 
     /* Ended by the first answer: the others come all the same. */

@@ -74,6 +74,10 @@ pub struct Arguments {
     /// Also export the maps, as `svbrdf export` does: glb, usdz, materialx, unreal, unity-hdrp, unity-urp, blender
     #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = crate::export::format)]
     pub export: Vec<Format>,
+    /// Say on standard error what happens: photographs, pauses; twice (-vv): also each phase of a fit and
+    /// calibration
+    #[arg(short, long, action = clap::ArgAction::Count)]
+    pub verbose: u8,
     /// Do not show progress
     #[arg(long)]
     pub quiet: bool,

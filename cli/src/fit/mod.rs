@@ -6,6 +6,7 @@ mod held_out;
 mod input;
 mod output;
 mod photographs;
+mod verbose;
 mod watch;
 
 use std::time::Instant;
@@ -26,6 +27,7 @@ use crate::progress::Progress;
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    verbose::listen(arguments.verbose);
     let result = fit(arguments);
     let progress = Progress::new(arguments.quiet, arguments.log);
     let out = arguments.out.to_string_lossy();
@@ -42,6 +44,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 fn fit(arguments: &Arguments) -> Result<()> {
     let begun = Instant::now();
     let mut progress = Progress::new(arguments.quiet, arguments.log);
+    if arguments.verbose > 0 {
+        progress = progress.without_bars();
+    }
     place::folder("--out", &arguments.out)?;
     if arguments.skip_existing && output::is_complete(arguments) {
         progress.say(&format!("{} is complete: nothing to do", arguments.out.display()));

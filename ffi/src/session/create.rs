@@ -6,6 +6,7 @@ use engine::session::{Session, Settings};
 
 use crate::callbacks::Callbacks;
 use crate::capture::CAPTURES;
+use crate::events::Events;
 use crate::handles::svbrdf_session;
 use crate::live::{Live, SESSIONS};
 use crate::log::SVBRDF_LOG_INFO;
@@ -56,7 +57,9 @@ pub(crate) unsafe fn open(
         }
         // SAFETY: the caller vouches for the options.
         let options = unsafe { versioned::read(options) }?;
-        let live = Arc::new(Live::new(make(&options)?, Callbacks::new(&options)));
+        let callbacks = Arc::new(Callbacks::new(&options));
+        let made = Events::of_fit(&callbacks).inside(|| make(&options))?;
+        let live = Arc::new(Live::new(made, callbacks));
         live.callbacks.log(SVBRDF_LOG_INFO, || {
             format!("session of {0} x {0} texels started", live.session.settings().resolution)
         });

@@ -119,7 +119,7 @@ pub unsafe extern "C" fn on_outcome(
 }
 
 pub unsafe extern "C" fn on_line(_: *mut c_void, level: svbrdf_log_level, _: *const c_char) {
-    assert!(level <= SVBRDF_LOG_INFO);
+    assert!(level <= SVBRDF_LOG_DEBUG);
 }
 
 pub unsafe extern "C" fn on_thread(_: *mut c_void, thread: svbrdf_thread) {

@@ -19,6 +19,7 @@ mod work;
 
 use std::collections::VecDeque;
 
+use tracing::{Span, debug, debug_span};
 use web_time::Instant;
 
 use super::task::{Method, Task};
@@ -35,6 +36,23 @@ pub(super) struct Schedule {
     photographs: usize,
     /// Cost of the phases that have ended.
     spent: f32,
+    /// Holds the events of the phases.
+    span: Span,
+}
+
+/// An event for the end of a phase.
+fn tell(report: &PhaseReport) {
+    let [cost_before, cost_after] = report.cost.map(|cost| cost.is_finite().then_some(cost));
+    debug!(
+        target: "svbrdf::fit",
+        phase = %report.name,
+        steps = report.steps,
+        cost_before,
+        cost_after,
+        milliseconds = report.milliseconds.round() as u64,
+        result = report.result.as_deref(),
+        "phase ended"
+    );
 }
 
 impl Schedule {
@@ -56,7 +74,8 @@ impl Schedule {
                 left.push_back(Box::new(texels::Phase::default()));
             }
         }
-        Self { left, reports: Vec::new(), begun: false, photographs, spent: 0.0 }
+        let span = debug_span!(target: "svbrdf::fit", "fit", photos = photographs);
+        Self { left, reports: Vec::new(), begun: false, photographs, spent: 0.0, span }
     }
 
     /// What it is at for the user.
@@ -81,6 +100,7 @@ impl Schedule {
             report.result = work.result();
         }
         if ended {
+            self.span.in_scope(|| self.reports.last().map(tell));
             self.spent += work.cost(self.photographs);
             self.begun = false;
             self.left.pop_front();

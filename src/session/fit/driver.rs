@@ -38,9 +38,10 @@ impl FitHandle {
             Driver::Caller => Engine::Caller(Mutex::new(Some(Box::new((fit, received))))),
             Driver::Thread => {
                 let thread = std::thread::Builder::new().name("svbrdf-fit".into());
+                let subscriber = threads::Subscriber::current();
                 let thread = thread.spawn(move || {
                     threads::started(threads::Role::Fit);
-                    while fit.turn(&received, Work::Wait) != Turn::Ended {}
+                    subscriber.follow(|| while fit.turn(&received, Work::Wait) != Turn::Ended {})
                 });
                 let fault = |e| Error::Internal(format!("cannot start the thread of the fit: {e}"));
                 Engine::Thread(Some(thread.map_err(fault)?))

@@ -16,7 +16,7 @@ use self::format::{as_damage, damaged};
 use super::capture::{Board, Capture};
 use super::fit::{Fit, Milestone};
 use super::settings::{Scene, Settings};
-use super::{RestoreOptions, Session, memory};
+use super::{RestoreOptions, Session, events, memory};
 use crate::estimate::{Budget, EstimateOptions, Estimation, LightCorrection};
 use crate::networks::Networks;
 use crate::{Result, Svbrdf};
@@ -113,7 +113,9 @@ impl Session {
         fit.shared.lock().budget = budget;
         fit.show(maps, correction, body.loss_before, capture.board().and_then(Board::next_view));
         pool.install(|| fit.follow_budget());
-        Self::start(scene, settings, networks, capture, pool, fit)
+        let session = Self::start(scene, settings, networks, capture, pool, fit)?;
+        events::restored(photographs);
+        Ok(session)
     }
 }
 

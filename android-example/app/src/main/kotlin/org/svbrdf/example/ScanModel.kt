@@ -250,6 +250,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
                 LogLevel.ERROR -> Log.ERROR
                 LogLevel.WARNING -> Log.WARN
                 LogLevel.INFO -> Log.INFO
+                LogLevel.DEBUG -> Log.DEBUG
             },
             TAG, line,
         )

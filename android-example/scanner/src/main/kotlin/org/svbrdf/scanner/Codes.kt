@@ -216,7 +216,7 @@ enum class Flash(internal val code: Int) { UNKNOWN(0), OFF(1), FIRED(2), TORCH(3
 
 /** How much a log line matters. */
 enum class LogLevel(internal val code: Int) {
-    ERROR(1), WARNING(2), INFO(3);
+    ERROR(1), WARNING(2), INFO(3), DEBUG(4);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: INFO

@@ -36,7 +36,7 @@ class MaterialScanner private constructor(
         /** Newer maps can be taken with [snapshot]. */
         fun onMaps(scanner: MaterialScanner) {}
 
-        /** A line for the log, on the thread it happens on. */
+        /** A line for the log, on the thread it happens on; those of the fit come on the thread of the others. */
         fun onLog(level: LogLevel, line: String) {}
     }
 
