@@ -339,6 +339,8 @@ typedef uint32_t svbrdf_log_level;
 #define SVBRDF_LOG_WARNING 2
 /** Information. */
 #define SVBRDF_LOG_INFO 3
+/** Details: the end of each phase of a fit, calibration. */
+#define SVBRDF_LOG_DEBUG 4
 
 /**
  * Called with a line of text (UTF-8, without a line end, valid during the call), on a thread inside a
@@ -1833,7 +1835,8 @@ svbrdf_status svbrdf_models_destroy(struct svbrdf_models *models);
 /**
  * From now on, `callback` is called with the log lines of all sessions, in addition to their on_log,
  * and with internal errors that belong to no session; NULL ends that. Lines come on many threads,
- * several at a time. Lines that are being written during a change may still go to the former
+ * several at a time, among them those of a fit: `callback` must not call what waits for a fit, such as
+ * svbrdf_session_wait() and svbrdf_session_destroy(). Lines that are being written during a change may still go to the former
  * callback.
  */
 svbrdf_status svbrdf_set_log_callback(svbrdf_log_callback callback,

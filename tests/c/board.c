@@ -246,7 +246,7 @@ static void expect_pose(const svbrdf_photo_report *a, const svbrdf_photo_report 
 /* The same photo in every layout: the same pose. */
 void test_layouts(const char *folder)
 {
-    counts c = {0, 0, 0, 0.0f};
+    counts c = {0, 0, 0, 0, 0.0f};
     picture p = read_ppm(folder, "00.ppm");
     size_t w = p.width, h = p.height, x, y, n = w * h, i;
     svbrdf_session *session = create(&c);
