@@ -1,5 +1,6 @@
 //! Events for subscribers of the crate `tracing`; those of the phases of a fit are in `estimate`.
 
+use tracing::field::debug as shown;
 use tracing::{debug, info, warn};
 
 use super::capture::Board;
@@ -33,11 +34,11 @@ pub(super) fn calibrated(board: &Board) {
     debug!(
         target: "svbrdf::calibration",
         photos = board.photographs.len(),
-        focal_px = ?camera.map(|camera| [camera.fx, camera.fy]),
-        centre_px = ?camera.map(|camera| [camera.cx, camera.cy]),
-        distortion = ?camera.map(|camera| camera.distortion),
+        focal_px = camera.map(|camera| shown([camera.fx, camera.fy])),
+        centre_px = camera.map(|camera| shown([camera.cx, camera.cy])),
+        distortion = camera.map(|camera| shown(camera.distortion)),
         flash_offset_mm = ?board.flash_offset_mm().to_array(),
-        ambient = ?light.map(|light| light.ambient),
+        ambient = light.map(|light| shown(light.ambient)),
         "calibrated"
     );
 }
