@@ -6,7 +6,7 @@ use crate::Result;
 use crate::estimate::relief::FitRecord;
 
 /// Steps before the network completes the maps, and those of one photograph, which it does not complete.
-const STEPS: usize = 3;
+const STEPS: usize = 4;
 const OF_ONE: usize = 8;
 
 /// Steps of the texels round the latent maps, then the network.
