@@ -77,7 +77,11 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
     let networks = Arc::new(Networks::embedded().unwrap());
     let restored = Session::restore(&saved, networks, RestoreOptions::default()).unwrap();
     let [before, after] = [session.assess().unwrap(), restored.assess().unwrap()];
-    assert!(before == after, "a restored session says the same");
+    assert_eq!(before.maps, after.maps);
+    // The latent code is found anew: roundings.
+    for (a, b) in before.confidence.planes().iter().zip(after.confidence.planes()) {
+        assert!((a - b).abs() < 0.01 * a, "a restored session says the same: {a} {b}");
+    }
     session.cancel();
     assert!(matches!(session.assess(), Err(Error::Cancelled)));
 }

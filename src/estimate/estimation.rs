@@ -41,23 +41,6 @@ pub struct Step {
     pub done: bool,
 }
 
-/// A photograph for an estimate, and what it changes about earlier ones.
-#[derive(Debug, Clone)]
-pub(crate) struct Addition<I> {
-    pub observation: Observation,
-    /// Earlier ones rectified better, by their indices; views are as given.
-    pub replaced: I,
-    /// Whether these lie so far elsewhere now that the maps so far are no start any more.
-    pub restart: bool,
-}
-
-impl Addition<[(usize, Observation); 0]> {
-    /// One that changes nothing about others.
-    pub fn new(observation: Observation) -> Self {
-        Self { observation, replaced: [], restart: false }
-    }
-}
-
 /// Where an estimate is, with the maps that it shows there.
 pub(super) enum Stage {
     /// Nothing is left to do; no maps before the first photograph.
@@ -155,20 +138,34 @@ impl Estimation {
         self.loss
     }
 
-    /// Adds a photograph, the first with the maps to start from.
+    /// A photograph with its view as given.
+    pub fn observation(&self, index: usize) -> Observation {
+        let mut observation = self.photographs.seen(index);
+        observation.view = self.photographs.given()[index];
+        observation
+    }
+
+    /// Puts a better rectified one in the place of a photograph. To be followed by [`Estimation::add`].
+    ///
+    /// # Errors
+    /// When its size is another.
+    pub fn replace(&mut self, index: usize, observation: Observation) -> Result<()> {
+        self.settle(None);
+        self.photographs.replace(index, observation)
+    }
+
+    /// Adds a photograph, the first with the maps to start from. `restart`: earlier ones were replaced by others that
+    /// lie so far elsewhere that the maps so far are no start any more.
     ///
     /// # Errors
     /// When sizes differ, the first has no start, or a network is broken.
     pub fn add(
         &mut self,
-        addition: Addition<impl IntoIterator<Item = (usize, Observation)>>,
+        observation: Observation,
+        restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        let Addition { observation, replaced, restart } = addition;
         self.settle(None);
-        for (index, observation) in replaced {
-            self.photographs.replace(index, observation)?;
-        }
         if let Some(start) = start {
             self.stage = Stage::Settled(Some(start.clone()));
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::budget::{Budget, Meter};
 use super::confidence::Evidence;
 use super::correction::Exposure;
-use super::estimation::{Addition, Estimation, Step, first_maps};
+use super::estimation::{Estimation, Step, first_maps};
 use super::options::EstimateOptions;
 use super::outlook::Place;
 use super::phases::PhaseReport;
@@ -74,7 +74,7 @@ impl Estimator {
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
         };
-        self.estimation.add(Addition::new(observation), start.as_ref())
+        self.estimation.add(observation, false, start.as_ref())
     }
 
     /// What was found of exposure and flash.

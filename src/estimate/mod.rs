@@ -68,7 +68,7 @@ pub(crate) use budget::Meter;
 pub use confidence::Evidence;
 pub use correction::{Correction, Exposure};
 pub use estimation::Step;
-pub(crate) use estimation::{Addition, Estimation, first_maps};
+pub(crate) use estimation::{Estimation, first_maps};
 pub use estimator::Estimator;
 pub(crate) use memory::bytes_needed;
 pub use options::EstimateOptions;

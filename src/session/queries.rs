@@ -14,6 +14,7 @@ use crate::estimate::{Evidence, Exposure, FrameFit, PhaseReport};
 use crate::frame::{Photo, ToneCurve};
 use crate::geometry::Camera;
 use crate::rectification::elevation::ElevationEstimate;
+use crate::threads::lock;
 use crate::{Error, Result, Svbrdf};
 
 impl Session {
@@ -119,10 +120,16 @@ impl Session {
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
-        let (_intake, capture) = self.settled()?;
-        let fits = self.frame_fits()?;
+        // No photograph may come between what the fit and the record know.
+        let _intake = lock(&self.intake);
+        let capture = self.capture();
+        let (photographs, fits) = self.fit.ask(|fit| {
+            let fits = fit.estimation.residuals().unwrap_or_default();
+            Ok((fit.observations(), fits))
+        })?;
         let maps = self.snapshot().ok();
-        Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
+        let hints = || diagnosis::of_capture(&capture, &photographs, maps.as_deref(), &fits);
+        Ok(self.pool.install(hints))
     }
 
     /// The maps of the moment with the standard deviation of each at every texel. Computed when asked

@@ -333,11 +333,9 @@ impl<'a> Fit<'a> {
             let before: Vec<Value> = std::mem::take(said);
             let new = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
             said.extend(new.clone());
-            // What the session does not tell: of the file, and of what could not be done.
-            let is_of_files = |hint: &&Value| {
-                let code = hint["code"].as_str().unwrap_or_default();
-                !Hint::CODES.contains(&code) || code == "not_remade"
-            };
+            // What the session does not tell: of the file.
+            let is_of_files =
+                |hint: &&Value| !Hint::CODES.contains(&hint["code"].as_str().unwrap_or_default());
             said.extend(before.iter().filter(is_of_files).cloned());
             let index = row["index"].as_u64().unwrap_or(0) as usize;
             for hint in new.filter(|hint| before.iter().all(|old| old["code"] != hint["code"])) {

@@ -31,12 +31,9 @@ use crate::observation::Observation;
 use crate::svbrdf::{encoding, halved, halvings_to};
 use crate::{Error, Result, Svbrdf};
 use code::Code;
-pub(crate) use code::SavedCode;
 
 /// Photographs that came before the fit had settled and add their steps, at most.
 const MAX_PENDING: usize = 8;
-/// Most steps and photographs that a saved fit is believed.
-const MAX_SAVED: usize = 1 << 24;
 
 /// What a step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,29 +54,31 @@ pub(crate) struct LatentFit {
     first: Option<Svbrdf>,
     /// Of averages of the texels.
     code: Code,
+    /// The maps from before the first step since the latest photograph.
+    began: Svbrdf,
     /// Photographs so far.
     photographs: usize,
     position: LatentPosition,
 }
 
 /// How far a fit is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct LatentPosition {
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct LatentPosition {
     /// Steps done since the latest photograph.
-    pub done: usize,
+    done: usize,
     /// Photographs since the fit had settled.
-    pub fresh: usize,
+    fresh: usize,
     /// Mean log-L1 of the latest step; not a number before the first.
-    pub loss: f64,
+    loss: f64,
 }
 
-/// What a [`LatentFit`] holds apart from photographs and networks.
+/// What a [`LatentFit`] goes on from later.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SavedFit {
-    pub position: LatentPosition,
-    pub start: Svbrdf,
-    pub first: Option<Svbrdf>,
-    pub code: SavedCode,
+pub(crate) struct SavedLatent {
+    /// The maps of the code.
+    maps: Svbrdf,
+    /// Photographs whose steps are left; 0 where none is.
+    fresh: usize,
 }
 
 impl LatentFit {
@@ -106,7 +105,8 @@ impl LatentFit {
         let code = Code::new(&networks, &averaged(&start))?;
         let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
         let first = (options.all_steps_to > 1).then(|| start.clone());
-        Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
+        let (options, began) = (*options, start.clone());
+        Ok(Self { networks, options, start, first, code, began, photographs: 0, position })
     }
 
     /// A photograph was added; the fit begins again from where it is, with the third anew.
@@ -132,6 +132,7 @@ impl LatentFit {
                 self.position.fresh = photographs;
             }
         }
+        self.began = self.maps();
         Ok(())
     }
 
@@ -160,8 +161,7 @@ impl LatentFit {
         if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }
-        // A restored fit may have done more than what one photograph asks for.
-        let progress = (done as f32 / steps as f32).min(1.0);
+        let progress = done as f32 / steps as f32;
         let rate = options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
         self.position.loss = self.code.step(&self.networks, &observations, rate, options)?;
         self.position.done += 1;
@@ -211,42 +211,44 @@ impl LatentFit {
         self.position.fresh = 0;
     }
 
-    /// The fit as plain data.
-    pub fn save(&self) -> SavedFit {
-        SavedFit {
-            position: self.position,
-            start: self.start.clone(),
-            first: self.first.clone(),
-            code: self.code.save(),
-        }
+    /// The fit as it is; where steps are in progress, as it was before them.
+    pub fn save(&self, in_progress: bool) -> SavedLatent {
+        let settled = self.is_settled();
+        let maps = if in_progress && !settled { self.began.clone() } else { self.maps() };
+        SavedLatent { maps, fresh: if settled { 0 } else { self.position.fresh } }
     }
 
-    /// Goes on from a saved fit with its photographs. Without `same_networks` the code is found
-    /// anew from the maps.
+    /// Goes on from what was saved, with its photographs. Code and detail are found anew from the maps.
     ///
     /// # Errors
     /// When sizes do not fit each other or the networks, or a network is broken.
     pub fn restore(
         networks: Arc<Networks>,
-        saved: SavedFit,
+        saved: SavedLatent,
         photographs: &Photographs,
-        same_networks: bool,
         options: &LatentOptions,
     ) -> Result<Self> {
-        let SavedFit { mut position, start, first, code } = saved;
-        // More than anyone takes.
-        position.done = position.done.min(MAX_SAVED);
-        position.fresh = position.fresh.min(MAX_SAVED);
-        let of = |all: &[Observation]| all.first().map(|first| [first.width(), first.height()]);
-        if Some(size(&start)) != of(photographs.working().full())
-            || first.as_ref().is_some_and(|first| size(first) != size(&start))
-            || Some(size(&code.maps)) != of(&photographs.averaged())
-        {
-            return Err(Error::argument("fit", "maps of the photographs' size are expected"));
+        let (all, SavedLatent { maps, fresh }) = (photographs.full(), saved);
+        let of_maps = size(&maps);
+        let first = photographs.working().full().first();
+        if first.map(|first| [first.width(), first.height()]) != Some(of_maps) {
+            return Err(Error::argument("latent", "maps of the photographs' size are expected"));
         }
-        let code = Code::restore(&networks, code, same_networks)?;
-        let photographs = photographs.len();
-        Ok(Self { networks, options: *options, start, first, code, photographs, position })
+        let mut fit = Self::new(networks, &maps, of_maps, options)?;
+        fit.first = None;
+        for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
+            let maps = to_size(&fit.networks.photo_maps(photograph)?, of_maps)?;
+            let part = (i as f32 + 1.0).recip();
+            fit.first = Some(match &fit.first {
+                Some(mean) => moved(mean, &maps, part),
+                None => maps,
+            });
+        }
+        (fit.photographs, fit.position.fresh) = (all.len(), fresh.min(all.len()));
+        if fresh == 0 {
+            fit.position.done = fit.steps();
+        }
+        Ok(fit)
     }
 
     /// Steps for the photographs that the fit has not settled on: each has those that it would have had

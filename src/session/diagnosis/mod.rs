@@ -12,6 +12,7 @@ use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
 use crate::estimate::FrameFit;
+use crate::observation::Observation;
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
@@ -21,10 +22,10 @@ pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
 /// What there is to tell about each photograph of a capture, and how the maps explain it.
 pub(super) fn of_capture(
     capture: &Capture,
+    photographs: &[Observation],
     maps: Option<&Svbrdf>,
     fits: &[FrameFit],
 ) -> Vec<Vec<Hint>> {
-    let photographs = capture.observations();
     let mut all = match capture.board() {
         Some(board) => of_board(board),
         None => vec![Vec::new(); photographs.len()],
@@ -33,9 +34,9 @@ pub(super) fn of_capture(
     if board.is_some() {
         geometry::of_capture(capture, &mut all);
     }
-    let group = board.and_then(|_| groups::find(&photographs));
-    fits::tell(board, maps, &photographs, fits, group, &mut all);
-    highlights::tell(maps, &photographs, &mut all);
+    let group = board.and_then(|_| groups::find(photographs));
+    fits::tell(board, maps, photographs, fits, group, &mut all);
+    highlights::tell(maps, photographs, &mut all);
     all
 }
 

@@ -10,7 +10,8 @@ use crate::{Error, Result, StateFault};
 
 /// First bytes of a saved session.
 const MAGIC: &[u8; 8] = b"SVBRDFST";
-/// Version written; what another one writes is not read.
+/// The version that is written. It counts up with every change of what [`write()`] is given; versions that a release has
+/// written stay readable by all later ones. What a newer one has written is not read.
 const VERSION: u16 = 1;
 const HEADER: usize = 26;
 
