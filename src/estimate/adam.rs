@@ -1,4 +1,4 @@
-//! Adam (Kingma and Ba 2015) with moments that survive a new photograph.
+//! Adam (Kingma and Ba 2015).
 
 use crate::parallel;
 

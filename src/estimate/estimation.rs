@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::belief::Belief;
 use super::budget::Meter;
-use super::correction::Exposure;
+use super::correction::{Correction, Exposure};
 use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::options::{EstimateOptions, NoiseOptions};
@@ -69,6 +69,8 @@ pub(crate) struct Estimation {
     pub(super) stage: Stage,
     pub(super) loss: f32,
     fraction: f32,
+    /// The correction that the latest fit began with.
+    pub(super) begun_with: Correction,
     /// What ended it before its time.
     pub(super) cut: Option<Cut>,
     /// Phases of the photographs so far that have ended.
@@ -91,6 +93,7 @@ impl Estimation {
             stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
+            begun_with: Correction::default(),
             cut: None,
             reports: Vec::new(),
             keep_record: false,
@@ -218,6 +221,7 @@ impl Estimation {
     /// Begins the fit of the photographs so far.
     pub(super) fn begin(&mut self) {
         (self.fraction, self.reports) = (0.0, Vec::new());
+        self.begun_with = self.photographs.correction().clone();
         let Stage::Settled(maps) = &mut self.stage else { return };
         // The baseline goes on with the maps, all others with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);

@@ -34,12 +34,15 @@ pub(crate) struct SavedEstimate {
 impl Estimation {
     /// The estimate as it is, but for what is in progress.
     pub fn save(&self) -> SavedEstimate {
+        let unfinished = !self.is_done();
+        let latest = self.photographs.correction();
+        let correction = if unfinished { &self.begun_with } else { latest };
         SavedEstimate {
             maps: self.maps().ok(),
-            latent: self.latent.as_ref().map(|latent| latent.save(!self.is_done())),
-            correction: self.photographs.correction().clone(),
+            latent: self.latent.as_ref().map(|latent| latent.save(unfinished)),
+            correction: correction.clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
-            unfinished: !self.is_done(),
+            unfinished,
             cut: self.cut,
             loss: self.loss,
         }

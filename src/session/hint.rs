@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::estimate::Part;
 use crate::BoardDifference;
+use crate::estimate::Part;
 
 /// Something to tell about a photograph that was accepted. Each names what was seen, with its figure, and the
 /// remedy.

@@ -9,10 +9,10 @@
 //! The code sees averages of at most [`CODE_TEXELS`] texels a side: finer relief is the start's, and that of the
 //! phases that follow. `maps = start + upsampled(D(z) + detail - averaged start)`, in encoded space.
 //!
-//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. After a
-//! new photograph it begins again, with code and moments as they were. With the third it begins
-//! anew, from the mean of what each photograph says alone: one or two photographs are ambiguous, and
-//! steps do not lead out of where a wrong reading of them has led the code.
+//! The fit is a stepper: photographs may be added, and maps taken, between any two steps. With each new
+//! photograph the code is found anew from the maps so far: these are all that a saved fit needs to keep. With the
+//! third it is found from the mean of the maps that each photograph gives alone: one or two photographs are
+//! ambiguous, and steps do not lead out of a wrong reading of them.
 
 mod code;
 mod gains;
@@ -48,14 +48,12 @@ pub(super) struct StepReport {
 pub(crate) struct LatentFit {
     networks: Arc<Networks>,
     options: LatentOptions,
-    /// Where the code began, of as many texels as the phases work with.
+    /// The maps that the code was found from with the latest photograph, of as many texels as the phases work with.
     start: Svbrdf,
     /// Mean of the first maps of each photograph, until the code begins anew from it.
     first: Option<Svbrdf>,
     /// Of averages of the texels.
     code: Code,
-    /// The maps from before the first step since the latest photograph.
-    began: Svbrdf,
     /// Photographs so far.
     photographs: usize,
     position: LatentPosition,
@@ -105,11 +103,10 @@ impl LatentFit {
         let code = Code::new(&networks, &averaged(&start))?;
         let position = LatentPosition { done: 0, fresh: 0, loss: f64::NAN };
         let first = (options.all_steps_to > 1).then(|| start.clone());
-        let (options, began) = (*options, start.clone());
-        Ok(Self { networks, options, start, first, code, began, photographs: 0, position })
+        Ok(Self { networks, options: *options, start, first, code, photographs: 0, position })
     }
 
-    /// A photograph was added; the fit begins again from where it is, with the third anew.
+    /// A photograph was added; the fit begins again from its maps, with the third from the mean of first maps.
     ///
     /// # Errors
     /// When a network is broken.
@@ -118,21 +115,22 @@ impl LatentFit {
         let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
         self.begin_again()?;
         (self.position.fresh, self.photographs) = (fresh, photographs);
-        if photographs > 1
-            && let Some(mean) = self.first.take()
-        {
+        if photographs == 1 {
+            return Ok(());
+        }
+        self.start = self.maps();
+        if let Some(mean) = self.first.take() {
             let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
             let mean = moved(&mean, &maps, (photographs as f32).recip());
             if photographs < self.options.all_steps_to {
                 self.first = Some(mean);
             } else {
-                self.code = Code::new(&self.networks, &averaged(&mean))?;
                 self.start = mean;
                 // It has settled on none.
                 self.position.fresh = photographs;
             }
         }
-        self.began = self.maps();
+        self.code = Code::new(&self.networks, &averaged(&self.start))?;
         Ok(())
     }
 
@@ -214,7 +212,7 @@ impl LatentFit {
     /// The fit as it is; where steps are in progress, as it was before them.
     pub fn save(&self, in_progress: bool) -> SavedLatent {
         let settled = self.is_settled();
-        let maps = if in_progress && !settled { self.began.clone() } else { self.maps() };
+        let maps = if in_progress && !settled { self.start.clone() } else { self.maps() };
         SavedLatent { maps, fresh: if settled { 0 } else { self.position.fresh } }
     }
 
@@ -237,7 +235,10 @@ impl LatentFit {
         let mut fit = Self::new(networks, &maps, of_maps, options)?;
         fit.first = None;
         for (i, photograph) in all.iter().enumerate().filter(|_| all.len() < options.all_steps_to) {
-            let maps = to_size(&fit.networks.photo_maps(photograph)?, of_maps)?;
+            // As it came, before anything was corrected.
+            let mut photograph = photograph.clone();
+            photograph.view = photographs.given()[i];
+            let maps = to_size(&fit.networks.photo_maps(&photograph)?, of_maps)?;
             let part = (i as f32 + 1.0).recip();
             fit.first = Some(match &fit.first {
                 Some(mean) => moved(mean, &maps, part),

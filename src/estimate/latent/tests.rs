@@ -245,7 +245,7 @@ fn with_three_photographs_the_code_forgets_how_they_came() {
     assert!(run(true) == run(false));
 }
 
-/// Code and moments are not saved: a fit that goes on from its maps comes close to one that was never left.
+/// Steps in progress are done again, from the same maps; those of a settled fit are off by roundings.
 #[test]
 fn a_saved_fit_goes_on_from_its_maps() {
     let networks = networks();
@@ -275,7 +275,6 @@ fn a_saved_fit_goes_on_from_its_maps() {
         }
     };
     let (steps, plain) = run(&[]);
-    // Of one photograph alone everything begins as before, and is done again.
     assert_eq!(steps, 4 + 6);
     for (left_at, expected) in [(&[4][..], steps), (&[7], steps + 3)] {
         let (found, maps) = run(left_at);
@@ -283,6 +282,6 @@ fn a_saved_fit_goes_on_from_its_maps() {
         let off = plain.planes().iter().zip(maps.planes()).map(|(a, b)| (a - b).powi(2));
         let off = (off.sum::<f32>() / plain.planes().len() as f32).sqrt();
         println!("{off} off when left at {left_at:?}");
-        assert!(off < 0.01, "{off}");
+        assert!(off < 1e-4, "{off}");
     }
 }
