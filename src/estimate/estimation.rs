@@ -69,8 +69,8 @@ pub(crate) struct Estimation {
     pub(super) stage: Stage,
     pub(super) loss: f32,
     fraction: f32,
-    /// The correction that the latest fit began with.
-    pub(super) begun_with: Correction,
+    /// The correction that the latest fit began with, and the maps of the baseline.
+    pub(super) begun_with: (Correction, Option<Svbrdf>),
     /// What ended it before its time.
     pub(super) cut: Option<Cut>,
     /// Phases of the photographs so far that have ended.
@@ -93,7 +93,7 @@ impl Estimation {
             stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
-            begun_with: Correction::default(),
+            begun_with: Default::default(),
             cut: None,
             reports: Vec::new(),
             keep_record: false,
@@ -221,10 +221,10 @@ impl Estimation {
     /// Begins the fit of the photographs so far.
     pub(super) fn begin(&mut self) {
         (self.fraction, self.reports) = (0.0, Vec::new());
-        self.begun_with = self.photographs.correction().clone();
         let Stage::Settled(maps) = &mut self.stage else { return };
         // The baseline goes on with the maps, all others with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
+        self.begun_with = (self.photographs.correction().clone(), maps.clone());
         let belief = maps.map(|maps| Belief::new(maps, &self.options));
         let coarse = self.photographs.thinning() > 0;
         let schedule = Schedule::new(self.task, self.photographs.len(), coarse, &self.options);

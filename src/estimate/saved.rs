@@ -18,7 +18,7 @@ use crate::{Error, Result, Svbrdf};
 /// An [`Estimation`] apart from photographs, networks, options and what it is asked for.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct SavedEstimate {
-    /// The latest maps; none before the first photograph.
+    /// The latest maps, of the baseline in progress those that it began with; none before the first photograph.
     pub maps: Option<Svbrdf>,
     /// What the next fit begins from, and deviations refer to; none of the baseline.
     latent: Option<SavedLatent>,
@@ -32,13 +32,15 @@ pub(crate) struct SavedEstimate {
 }
 
 impl Estimation {
-    /// The estimate as it is, but for what is in progress.
+    /// The estimate as it is; a fit in progress as it began.
     pub fn save(&self) -> SavedEstimate {
         let unfinished = !self.is_done();
-        let latest = self.photographs.correction();
-        let correction = if unfinished { &self.begun_with } else { latest };
+        let (correction, maps) = match &self.begun_with {
+            (correction, maps) if unfinished => (correction, maps.clone()),
+            _ => (self.photographs.correction(), None),
+        };
         SavedEstimate {
-            maps: self.maps().ok(),
+            maps: maps.or_else(|| self.maps().ok()),
             latent: self.latent.as_ref().map(|latent| latent.save(unfinished)),
             correction: correction.clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),

@@ -298,7 +298,6 @@ impl Session {
         placed: Option<Placed>,
     ) -> Result<std::result::Result<Observed, Rejection>> {
         self.fit.shared.usable()?;
-        let _intake = lock(&self.intake);
         Ok(self.take(photo, &self.capture(), placed)?.map(|(capture, taken)| {
             let Taken { rectified: Rectified { observation, .. }, pose, .. } = taken;
             Observed { observation, pose, hints: self.hints_of_latest(&capture) }

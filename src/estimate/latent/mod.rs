@@ -112,36 +112,25 @@ impl LatentFit {
     /// When a network is broken.
     pub fn add_photograph(&mut self, observation: &Observation) -> Result<()> {
         let photographs = self.photographs + 1;
-        let fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
-        self.begin_again()?;
-        (self.position.fresh, self.photographs) = (fresh, photographs);
-        if photographs == 1 {
-            return Ok(());
-        }
-        self.start = self.maps();
-        if let Some(mean) = self.first.take() {
-            let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
-            let mean = moved(&mean, &maps, (photographs as f32).recip());
-            if photographs < self.options.all_steps_to {
-                self.first = Some(mean);
-            } else {
-                self.start = mean;
-                // It has settled on none.
-                self.position.fresh = photographs;
+        let mut fresh = if self.is_settled() { 1 } else { self.position.fresh + 1 };
+        if photographs > 1 {
+            self.refresh()?;
+            self.start = self.maps();
+            if let Some(mean) = self.first.take() {
+                let maps = to_size(&self.networks.photo_maps(observation)?, size(&self.start))?;
+                let mean = moved(&mean, &maps, (photographs as f32).recip());
+                if photographs < self.options.all_steps_to {
+                    self.first = Some(mean);
+                } else {
+                    self.start = mean;
+                    // It has settled on none.
+                    fresh = photographs;
+                }
             }
+            self.code = Code::new(&self.networks, &averaged(&self.start))?;
         }
-        self.code = Code::new(&self.networks, &averaged(&self.start))?;
-        Ok(())
-    }
-
-    /// Begins again from where the fit is, as light or ambient light were estimated anew.
-    ///
-    /// # Errors
-    /// When a network is broken.
-    pub fn begin_again(&mut self) -> Result<()> {
-        let fresh = if self.is_settled() { 0 } else { self.position.fresh };
-        self.refresh()?;
-        (self.position.done, self.position.fresh) = (0, fresh);
+        self.photographs = photographs;
+        self.position = LatentPosition { done: 0, fresh, ..self.position };
         Ok(())
     }
 

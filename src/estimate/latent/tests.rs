@@ -180,8 +180,6 @@ fn photographs_that_come_before_the_fit_has_settled_add_their_steps() {
     assert_eq!(fit.settle(), 5 + 3 + 3, "the third begins anew");
     fit.add(&side).unwrap();
     assert_eq!(fit.settle(), 3, "one alone");
-    fit.latent.begin_again().unwrap();
-    assert_eq!(fit.settle(), 3, "known ones again: as one");
 }
 
 /// Detail that averages hide stays the start's.

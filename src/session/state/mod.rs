@@ -25,16 +25,11 @@ use crate::threads::lock;
 /// Most threads a saved session may ask for.
 const MAX_THREADS: usize = 64;
 
-/// What has to be known before anything large is read.
+/// A session without what follows from this.
 #[derive(Serialize, Deserialize)]
-struct Head<'a> {
+struct Saved<'a> {
     settings: Cow<'a, Settings>,
     scene: Cow<'a, Scene>,
-    photographs: usize,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Body<'a> {
     capture: Cow<'a, Capture>,
     /// Photographs that cannot be rectified again as they are: their pixels are not kept, or do not serve.
     rectified: Vec<Option<Rectified>>,
@@ -55,23 +50,21 @@ impl Session {
     pub fn save(&self) -> Result<Vec<u8>> {
         // No photograph may come between what the fit and the record know.
         let _intake = lock(&self.intake);
-        let capture = self.capture();
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
+        let capture = self.capture();
         self.fit.ask(move |fit| {
-            let wanted = capture.wanted();
-            let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
-            let head = Head { settings, scene, photographs: wanted.len() };
-            let rectified = wanted.iter().enumerate().map(|(index, wanted)| {
-                Some(fit.rectified(index)).filter(|rectified| !can_be_made(rectified, wanted))
+            let rectified = capture.wanted().into_iter().enumerate().map(|(index, wanted)| {
+                Some(fit.rectified(index)).filter(|rectified| !can_be_made(rectified, &wanted))
             });
-            let body = Body {
+            format::write(&Saved {
+                settings: Cow::Owned(settings),
+                scene: Cow::Owned(scene),
                 capture: Cow::Borrowed(&*capture),
                 rectified: rectified.collect(),
                 estimate: fit.estimation.save(),
                 meter: fit.meter(),
                 loss_before: fit.shared.lock().progress.loss_before,
-            };
-            format::write(&head, &body)
+            })
         })
     }
 
@@ -82,22 +75,21 @@ impl Session {
     /// [`Error::State`](crate::Error::State) when the bytes are not what was written or of another
     /// version, [`Error::MemoryLimit`](crate::Error::MemoryLimit).
     pub fn restore(saved: &[u8], networks: Arc<Networks>, options: RestoreOptions) -> Result<Self> {
-        let (head, rest) = format::read::<Head>(format::content(saved)?)?;
-        let Head { settings, scene, photographs } = head;
+        let saved = format::read::<Saved>(format::content(saved)?)?;
+        let Saved { settings, scene, capture, rectified, estimate, meter, loss_before } = saved;
         let (mut settings, scene) = (settings.into_owned(), scene.into_owned());
         settings.check().map_err(as_damage)?;
         check::scene(&scene)?;
         settings.threads = options.threads.unwrap_or(settings.threads).min(MAX_THREADS);
         settings.memory_limit_bytes = options.memory_limit_bytes;
         settings.driver = options.driver;
-        memory::check(&settings, photographs.max(1), 0)?;
-        let (body, rest) = format::read::<Body>(rest)?;
-        let Body { capture, rectified, estimate, meter, loss_before } = body;
         let fresh = Capture::new(scene.clone(), &settings).map_err(as_damage)?;
         let capture = resumed(fresh, capture.into_owned())?;
         let wanted = capture.wanted();
-        if [wanted.len(), rectified.len()] != [photographs; 2] || !rest.is_empty() {
-            return Err(damaged("photographs are missing, or there is more than a session"));
+        let kept = capture.board().map_or(0, Board::kept_bytes);
+        memory::check(&settings, wanted.len().max(1), kept)?;
+        if wanted.len() != rectified.len() {
+            return Err(damaged("photographs are missing"));
         }
         meter.budget.check().map_err(as_damage)?;
         if !loss_before.is_finite() {
