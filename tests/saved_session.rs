@@ -78,6 +78,7 @@ fn gone_on_with(session: Session, push: Push, count: usize, saved: bool) -> Sess
         println!("{} bytes restored in {:?}", state.len(), begun.elapsed());
         assert_eq!(restored.progress().frames, session.progress().frames);
         assert_eq!(restored.progress().settled, session.progress().settled);
+        assert!(restored.snapshot().is_ok());
         restored
     };
     let mut session = session;

@@ -95,7 +95,7 @@ impl Session {
         if !loss_before.is_finite() {
             return Err(damaged("progress is not a number"));
         }
-        let (task, pool) = (settings.task(&scene), settings.pool()?);
+        let (task, pool, maps) = (settings.task(&scene), settings.pool()?, estimate.maps.clone());
         let (estimation, made) = pool.install(|| {
             let each = wanted.iter().zip(rectified);
             let each = each.map(|(wanted, saved)| again(wanted, saved, &settings));
@@ -110,7 +110,6 @@ impl Session {
         let budget = meter.budget;
         let fit = Fit::new(pool.clone(), estimation, made, meter);
         fit.shared.lock().budget = budget;
-        let maps = fit.estimation.maps().ok();
         let exposure = fit.estimation.exposure().clone();
         fit.show(maps, exposure, loss_before, capture.board().and_then(Board::next_view));
         Self::start(scene, settings, networks, capture, pool, fit)
