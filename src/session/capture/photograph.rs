@@ -113,6 +113,7 @@ pub struct Photograph {
 
 /// How the fit is to rectify a photograph.
 #[derive(Debug, Clone)]
+#[allow(clippy::large_enum_variant)] // there are as many as photographs, for a moment
 pub enum Wanted {
     /// A photograph of a board.
     Board {
