@@ -240,13 +240,12 @@ fn camera_and_light_go_on_as_well() {
         assert_eq!(restored.ambient_fraction(), straight.ambient_fraction());
         // The fit has the same photographs but for roundings, those rectified anew too.
         let few = Budget { steps: Some(5), ..Budget::default() };
-        let maps = [&straight, &restored].map(|session| {
+        for session in [&straight, &restored] {
             session.set_budget(few).unwrap();
             session.wait().unwrap();
-            session.snapshot().unwrap()
-        });
-        let off = difference(&maps[0], &maps[1]);
-        assert!(off < 1e-3, "{off}");
+        }
+        let off = deviations_off(&straight, &restored);
+        assert!(off.iter().all(|off| *off < 0.05), "{off:?}");
     }
 }
 

@@ -66,7 +66,7 @@ struct LatentPosition {
     done: usize,
     /// Photographs since the fit had settled.
     fresh: usize,
-    /// Mean log-L1 of the latest step; not a number before the first.
+    /// Mean log-L1 of the latest step; not a number before the first, while the maps are the start's.
     loss: f64,
 }
 
@@ -130,7 +130,7 @@ impl LatentFit {
             self.code = Code::new(&self.networks, &averaged(&self.start))?;
         }
         self.photographs = photographs;
-        self.position = LatentPosition { done: 0, fresh, ..self.position };
+        self.position = LatentPosition { done: 0, fresh, loss: f64::NAN };
         Ok(())
     }
 
@@ -165,6 +165,9 @@ impl LatentFit {
 
     /// The maps as they are now: where the code began, and what it has moved of the averages since, interpolated.
     pub fn maps(&self) -> Svbrdf {
+        if self.position.loss.is_nan() {
+            return self.start.clone();
+        }
         let began = averaged(&self.start);
         let mut change = self.code.maps().clone();
         let n = change.texels();
