@@ -149,7 +149,10 @@ impl LatentFit {
             self.code.apply_gains(&self.networks, &observations)?;
         }
         let progress = done as f32 / steps as f32;
-        let rate = options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
+        // Moments begin at zero with each photograph, which makes first steps long: maps of many move less.
+        let few = (options.all_steps_to as f32 / self.photographs as f32).min(1.0);
+        let rate =
+            few * options.learning_rate * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos());
         self.position.loss = self.code.step(&self.networks, &observations, rate, options)?;
         self.position.done += 1;
         if self.is_settled() {
