@@ -1,10 +1,9 @@
-//! How long detection and pose take on one core for a photo of 12 megapixels, with and without a
-//! board in it:
+//! Time of detection and pose for a 12-megapixel photo on one core, with and without a board:
 //!
 //! ```sh
 //! cargo bench --bench calibration
 //! ```
-//! Milliseconds of processor time where the system tells, the least of several runs.
+//! Milliseconds of processor time where available, the least of several runs.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -12,14 +11,14 @@ mod common;
 use common::{Random, Scene, charuco, looking_at, ring};
 use std::time::Instant;
 use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
-use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Camera;
+use svbrdf::photo::{Encoding, Photo};
 
 const WIDTH: u32 = 4032;
 const HEIGHT: u32 = 3024;
 const RUNS: usize = 3;
 
-/// Milliseconds that this thread has run.
+/// Milliseconds of this thread's run time.
 fn clock(start: Instant) -> f64 {
     let spent = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let nanoseconds = spent.and_then(|s| s.split_whitespace().next()?.parse::<f64>().ok());

@@ -2,10 +2,10 @@
 //!
 //! `cargo bench --bench stages [-- FILTER] [threads=N]`
 //!
-//! Counts hold on any machine; times only compare within one run: least and median of several
-//! runs. `MB` is what a stage has to read and write at least; `calls`, `allocated` and `largest` (MB) are what
-//! one run asks of the allocator. Photographs are those of `examples/captures/tile`; the 12-megapixel
-//! one is the first of them enlarged.
+//! Counts are machine-independent; times (least and median of several runs) compare only within one
+//! run. `MB` is the least amount of data that a stage must read and write; `calls`, `allocated` and
+//! `largest` (MB) are the allocator's counts for one run. Photographs come from
+//! `examples/captures/tile`; the 12-megapixel one is the first of them enlarged.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -17,10 +17,11 @@ use svbrdf::Svbrdf;
 use svbrdf::calibration::photometry::{FlashOffset, PhotometricCalibrator};
 use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
-use svbrdf::estimate::{Estimator, Method};
-use svbrdf::frame::{Encoding, Photo, Plane, Rotation, YuvMatrix};
+use svbrdf::estimate::Method;
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::{Networks, Workspace};
 use svbrdf::observation::Observation;
+use svbrdf::photo::{Encoding, Photo, Plane, Rotation, YuvMatrix};
 use svbrdf::rectification::rectify;
 use svbrdf::render;
 use svbrdf::session::{Scene, Session, Settings};
@@ -35,18 +36,18 @@ static ALLOCATOR: allocations::Counting = allocations::Counting;
 type Failure = Box<dyn Error + Send + Sync>;
 
 const SIDE: usize = 256;
-/// Photographs of the fits.
+/// Number of photographs in the fits.
 const PHOTOS: usize = 5;
-/// Time for one stage.
+/// Time limit per stage.
 const STAGE_TIME: Duration = Duration::from_secs(2);
 const MOST_RUNS: usize = 30;
 
-/// Runs stages and prints a line for each.
+/// Runs stages and prints one line for each.
 struct Bench {
     filter: String,
 }
 
-/// Work of one run as far as it is known: multiply-adds, bytes.
+/// Work of one run, if known: multiply-adds, bytes.
 #[derive(Default)]
 struct Work {
     multiply_adds: f64,
@@ -103,14 +104,14 @@ fn main() -> Result<(), Failure> {
     pool.install(|| stages(&Bench { filter }, threads))
 }
 
-/// Pictures that are judged and not taken in, on one thread whatever their number.
+/// Probes of pictures, which are judged but not used; on one thread.
 fn probes(
     bench: &Bench,
     capture: &Capture,
     networks: &Arc<Networks>,
     large: &Path,
 ) -> Result<(), Failure> {
-    let picture = image::open(&capture.frames[0].path)?.to_rgb8();
+    let picture = image::open(&capture.photos[0].path)?.to_rgb8();
     let wide = image::imageops::crop_imm(&picture, 0, 189, 2016, 1134).to_image();
     let filter = image::imageops::FilterType::CatmullRom;
     let preview = image::imageops::resize(&wide, 1280, 720, filter);
@@ -125,8 +126,8 @@ fn probes(
         let session = Session::with_networks(scene, settings.clone(), networks.clone())?;
         session.pause();
         if what == "camera known" {
-            for frame in &capture.frames[..4] {
-                session.push(&frame.read()?)?;
+            for file in &capture.photos[..4] {
+                session.add_photo(&file.read()?)?;
             }
         }
         for (photo, size) in [(&preview, "1280x720"), (&large, "12 megapixels")] {
@@ -160,8 +161,8 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
         return Err("a board and a known camera are expected".into());
     };
 
-    // A photograph of 12 megapixels and the camera that would take it.
-    let first = &capture.frames[0].path;
+    // A 12-megapixel photograph and its camera.
+    let first = &capture.photos[0].path;
     let large = tempfile::Builder::new().suffix(".jpg").tempfile()?;
     let small = image::open(first)?.to_rgb8();
     let (w, h) = small.dimensions();
@@ -206,8 +207,8 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     probes(bench, &capture, &networks, large.path())?;
     let mut observations = Vec::new();
     let mut calibrator = PhotometricCalibrator::new(target.clone(), FlashOffset::Known(flash));
-    for frame in &capture.frames[..PHOTOS] {
-        let photo = frame.read()?;
+    for file in &capture.photos[..PHOTOS] {
+        let photo = file.read()?;
         let corners = detect(&LumaImage::from_photo(&photo), &target)?.corners;
         let pose = estimate_pose(&camera, &target, &corners)?.pose;
         let radiometry = calibrator.push(&photo, &camera, &pose)?;
@@ -218,19 +219,19 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     phases(bench, &networks, &observations)?;
 
     let photos: Vec<Photo> =
-        capture.frames.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
+        capture.photos.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
     let settings = Settings { sample_mm: capture.sample_mm, threads, ..Settings::default() };
     let session =
         || Session::with_networks(capture.scene.clone(), settings.clone(), networks.clone());
     let photo = photos[0].clone();
     bench.run("push, first maps", Work::default(), || {
-        let pushed = session().and_then(|s| s.push(&photo));
+        let pushed = session().and_then(|s| s.add_photo(&photo));
         black_box(pushed).expect("a good photograph");
     });
     let fit = |photos: &[Photo]| -> Result<(), svbrdf::Error> {
         let session = session()?;
         for photo in photos {
-            session.push(photo)?;
+            session.add_photo(photo)?;
             session.wait()?;
         }
         Ok(())
@@ -241,11 +242,11 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     bench.run("push until settled, fifth", Work::default(), || {
         let session = session().expect("good settings");
         for photo in &photos[..PHOTOS - 1] {
-            session.push(photo).expect("a good photograph");
+            session.add_photo(photo).expect("a good photograph");
         }
         session.wait().expect("a fit");
         let begun = Instant::now();
-        session.push(&photos[PHOTOS - 1]).expect("a good photograph");
+        session.add_photo(&photos[PHOTOS - 1]).expect("a good photograph");
         session.wait().expect("a fit");
         settled = Some(begun.elapsed().as_secs_f64());
     });
@@ -255,8 +256,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Steps of each phase of an estimate of the photographs, added one by one: how many, and the mean of
-/// their times.
+/// Number and mean time of the steps of each phase, for photographs added one by one.
 fn phases(
     bench: &Bench,
     networks: &Arc<Networks>,
@@ -316,7 +316,7 @@ fn networks_and_optimisers(
     let texels = (SIDE * SIDE) as f64;
     networks.prepare(SIDE, SIDE)?;
     bench.run("plans of photo network and encoder", Work::default(), || {
-        // The networks' files are parsed again: plans are kept.
+        // Parse the networks again, because plans are cached.
         let again = Networks::embedded().and_then(|n| n.prepare(SIDE, SIDE));
         black_box(again).expect("embedded networks");
     });

@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 use std::time::Instant;
-use svbrdf::estimate::{EstimateOptions, Estimator, Method};
+use svbrdf::estimate::{EstimateOptions, Method};
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::Networks;
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::{Svbrdf, render};
@@ -37,7 +38,7 @@ fn run() {
     print("step of the maps", FRAMES, steps.fold(f64::INFINITY, f64::min));
 }
 
-/// Seconds of the solver's second step.
+/// Seconds of the second step of the solver.
 fn step_of_the_maps(start: &Svbrdf, observations: &[Observation]) -> f64 {
     let mut options = EstimateOptions::default();
     (options.latent.first_steps, options.latent.steps) = (1, 1);
@@ -75,7 +76,7 @@ fn observe(maps: &Svbrdf, i: usize) -> Observation {
     Observation::new(SIZE, SIZE, view, &radiance, &weight).expect("planes of this size")
 }
 
-/// Prints the least time of several runs.
+/// Prints the shortest of several run times.
 fn report(name: &str, frames: usize, mut work: impl FnMut()) {
     let mut least = f64::INFINITY;
     for _ in 0..REPEATS {

@@ -1,4 +1,4 @@
-//! Fits the maps of a capture, photograph by photograph, as an app does with its camera:
+//! Fits the maps of a capture photograph by photograph, like a camera app:
 //!
 //! ```sh
 //! cargo run --release --example fit -- examples/captures/tile maps
@@ -7,8 +7,8 @@
 use std::error::Error;
 
 use svbrdf::capture::Capture;
-use svbrdf::export::{write_maps, write_preview};
-use svbrdf::session::{Pushed, Session, Settings};
+use svbrdf::export::{MapsOptions, write_maps, write_preview};
+use svbrdf::session::{Outcome, Session, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -18,27 +18,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     let capture = Capture::load(folder)?;
     let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings)?;
-    for frame in &capture.frames {
-        let photo = frame.read()?;
-        let pushed = match frame.rectified {
-            Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => session.push(&photo)?,
+    for file in &capture.photos {
+        let photo = file.read()?;
+        let outcome = match file.rectified {
+            Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+            None => session.add_photo(&photo)?,
         };
-        let name = frame.path.display();
-        match pushed {
-            Pushed::Accepted(accepted) => {
+        let name = file.path.display();
+        match outcome {
+            Outcome::Accepted(accepted) => {
                 println!("{name}: maps after {:.2} s", accepted.maps_seconds);
                 for hint in &accepted.hints {
                     println!("  {hint}");
                 }
             }
-            // The others count.
-            Pushed::Rejected(reason) => {
+            // Rejections do not end the capture.
+            Outcome::Rejected(reason) => {
                 println!("{name}: {reason}");
                 continue;
             }
         }
-        // The fit goes on in the background; maps can be taken at any time.
+        // The fit continues in the background; maps are available at any time.
         session.wait()?;
         println!("  settled, mean error {:.4}", session.progress().loss);
         if let Some(view) = session.next_view() {
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let maps = session.snapshot()?;
-    write_maps(&out, &maps)?;
+    write_maps(&out, &maps, &MapsOptions::default())?;
     write_preview(format!("{out}/preview.png"), &maps, capture.sample_mm)?;
     println!("maps are in {out}");
     Ok(())

@@ -1,5 +1,4 @@
-//! Names the shared library's major version inside it, keeps it loaded until the process ends, and leaves symbols
-//! out that nobody asked for.
+//! Sets the shared library's version name, keeps it loaded until the process ends, and strips unused symbols.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -12,20 +11,20 @@ fn main() {
             true
         }
         "android" => {
-            // Android packages have no versioned names; devices may have pages of 16 KB.
+            // Android packages have no versioned names; some devices have 16 KB pages.
             link("-soname,libsvbrdf.so");
             link("-z,max-page-size=16384");
             true
         }
         _ => false,
     };
-    // Threads that have called the library run destructors of its thread-local values when they end, also after
-    // `dlclose`. Android's C library does not keep the code for them as glibc does.
+    // Threads that have called the library run its thread-local destructors when they end, even
+    // after `dlclose`. Android's C library unloads their code, unlike glibc.
     if elf {
         link("-z,nodelete");
     }
-    // The profile's own `strip` would take the names out of the tests' backtraces as well. With debug
-    // information (`dist-debug`, CARGO_PROFILE_RELEASE_DEBUG) everything stays.
+    // The profile's own `strip` would also remove names from the tests' backtraces. Builds with
+    // debug information (`dist-debug`, CARGO_PROFILE_RELEASE_DEBUG) keep everything.
     if elf && target("PROFILE") == "release" && target("DEBUG") == "false" {
         link("--strip-all");
     }

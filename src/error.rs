@@ -1,4 +1,4 @@
-//! Faults ([`Error`]) apart from photographs that cannot be used ([`Rejection`]).
+//! Faults ([`Error`]) and unusable photographs ([`Rejection`]).
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A file that should be a picture could not be decoded.
@@ -22,19 +22,19 @@ pub enum Error {
     Image {
         /// The file.
         path: PathBuf,
-        /// What the decoder said.
+        /// Message of the decoder.
         message: String,
     },
-    /// A field of a file (or of a struct handed over) has no usable value.
+    /// A field of a file, or of a struct passed in, has no usable value.
     #[error("{}: field `{field}`: {message}; expected {expected}", path.display())]
     Field {
-        /// The file the field stands in.
+        /// The file that contains the field.
         path: PathBuf,
         /// The field, in dotted notation.
         field: String,
-        /// What is wrong with it.
+        /// The fault.
         message: String,
-        /// What would have been right.
+        /// The values allowed.
         expected: String,
     },
     /// An argument of a call is out of range.
@@ -42,15 +42,15 @@ pub enum Error {
     Argument {
         /// Name of the argument.
         argument: &'static str,
-        /// What is wrong and what is expected.
+        /// The fault and the values allowed.
         message: String,
     },
     /// A network file is damaged or does not fit this version.
     #[error("model {model}: {message}")]
     Model {
-        /// Which network.
+        /// Name of the network.
         model: String,
-        /// What is wrong.
+        /// The fault.
         message: String,
     },
     /// A saved session cannot be read.
@@ -59,9 +59,9 @@ pub enum Error {
     /// The work would need more memory than [`Settings`](crate::session::Settings) allow.
     #[error("about {} MiB of memory are needed, but only {} MiB are allowed", needed >> 20, limit >> 20)]
     MemoryLimit {
-        /// Estimate of what all of the session would need, bytes.
+        /// Estimated need of the whole session, bytes.
         needed: u64,
-        /// What is allowed, bytes.
+        /// Memory allowed, bytes.
         limit: u64,
     },
     /// No photograph has been accepted yet, so there are no maps.
@@ -70,7 +70,7 @@ pub enum Error {
     /// The work was cancelled by the caller.
     #[error("cancelled")]
     Cancelled,
-    /// A fault inside the library; the session it happened in answers this from then on.
+    /// A fault inside the library. Every later call of the same session returns it again.
     #[error("internal fault: {0}")]
     Internal(String),
 }
@@ -92,36 +92,36 @@ impl Error {
     }
 }
 
-/// What is wrong with a saved session.
+/// Fault of a saved session.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateFault {
-    /// It is something else.
+    /// The data are no saved session.
     #[error("not a saved session")]
     Foreign,
-    /// Its end is missing.
+    /// The end is missing.
     #[error("the saved session is truncated")]
     Truncated,
-    /// It is not what was written.
+    /// The data were changed after they were written.
     #[error("the saved session is damaged: {0}")]
     Damaged(String),
-    /// It was written in a newer format.
+    /// A newer version of the library wrote it.
     #[error(
         "the saved session has format version {found}; this library reads versions up to {known}"
     )]
     Newer {
-        /// Version of its format.
+        /// Format version of the data.
         found: u16,
-        /// Latest one that this version reads.
+        /// Latest format version that this library reads.
         known: u16,
     },
 }
 
-/// Why a photograph was not used. Nothing of the session changed.
+/// The reason why a photograph was not used. The session is unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Rejection {
-    /// The photograph's size is not the camera's.
+    /// The size of the photograph differs from that of the camera.
     #[error("the photo has {found_width}x{found_height} pixels, the camera {width}x{height}")]
     WrongSize {
         /// Width of the photograph, px.
@@ -133,10 +133,10 @@ pub enum Rejection {
         /// Height expected, px.
         height: u32,
     },
-    /// Nothing like the target was found.
+    /// The photograph shows no target.
     #[error("no board found: show the whole checkerboard ring")]
     BoardNotFound,
-    /// A part of the target was found, too little for a safe pose.
+    /// Too little of the target is visible for a reliable pose.
     #[error(
         "only {found} of {expected} board corners were found, {needed} are needed: show more of the board"
     )]
@@ -148,7 +148,7 @@ pub enum Rejection {
         /// Corners needed.
         needed: u32,
     },
-    /// Several places on the board fit what is seen equally well.
+    /// The corners fit several places on the board equally well.
     #[error(
         "{found} board corners fit the board in more than one place: show more of its outline and hole"
     )]
@@ -156,15 +156,15 @@ pub enum Rejection {
         /// Corners found.
         found: u32,
     },
-    /// What is printed is not the board described.
+    /// The printed board differs from the description.
     #[error("this is not the board described: {0}")]
     BoardDiffers(BoardDifference),
-    /// The corners do not fit the board seen by the given camera, but by one of another focal length.
+    /// The corners do not fit the given camera, but one with another focal length.
     #[error(
         "the photo was taken with {focal_ratio:.2} times the focal length of the camera: another lens or zoom, or cropped?"
     )]
     OtherCamera {
-        /// The focal length that fits over that of the camera.
+        /// Fitted focal length over that of the camera.
         focal_ratio: f32,
     },
     /// The board's squares are too small in the photograph.
@@ -190,8 +190,8 @@ pub enum Rejection {
     Blurred {
         /// Width of the edge spread (one sigma) along `direction_deg`, px.
         blur_px: f32,
-        /// Direction in the photograph, degrees clockwise from its x axis, 0 to 180: across those
-        /// of the board's edges that are clearly softer than the others. `None`: soft all round.
+        /// Direction of the blur in the photograph, degrees clockwise from its x axis, 0 to 180.
+        /// `None`: equal in all directions.
         direction_deg: Option<f32>,
     },
     /// The white squares are too dark.
@@ -206,7 +206,7 @@ pub enum Rejection {
         /// Share of saturated pixels, 0 to 1.
         share: f32,
     },
-    /// The camera looks too flat across the sample.
+    /// The view is too oblique.
     #[error(
         "the camera looks at the sample {degrees:.0} degrees from its normal, at most {limit:.0} are allowed"
     )]
@@ -222,10 +222,10 @@ pub enum Rejection {
         /// Share of the sample seen, 0 to 1.
         share: f32,
     },
-    /// The flash is missing: white squares do not show its fall-off, or it is behind the sample.
+    /// The flash is missing: the white squares show no fall-off, or the light is behind the sample.
     #[error("the flash does not light the board: switch it on")]
     LightNotVisible,
-    /// Bright and dark stripes run along its rows or columns.
+    /// Bright and dark stripes run along the rows or columns of the photograph.
     #[error(
         "bright and dark stripes (of {:.0} %) run across the photo: the light flickers; use the flash instead of the torch, or a longer exposure",
         amplitude * 100.0
@@ -234,39 +234,39 @@ pub enum Rejection {
         /// Relative amplitude of the stripes.
         amplitude: f32,
     },
-    /// Black is not what the print has: the contrast was changed.
+    /// The black squares are not as dark as printed: the contrast was changed.
     #[error(
         "the black squares are {black:.3} of white, not {usual:.3} as printed: the contrast was changed; use the photo as the camera wrote it, not an edited one"
     )]
     Edited {
-        /// Black over white as the file has them.
+        /// Black over white in the file.
         black: f32,
-        /// The same of most photographs, or of the board described.
+        /// The same ratio in most photographs, or of the board described.
         usual: f32,
     },
-    /// Values that are not numbers.
+    /// The photograph contains values that are not finite.
     #[error("the photo contains values that are not finite")]
     NotFinite,
 }
 
-/// What tells a printed board from its description.
+/// Difference between a printed board and its description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BoardDifference {
-    /// Squares are missing along its outline: the description has a row or column too many.
+    /// Squares are missing along the outline: the description has too many rows or columns.
     #[error(
         "its {side} {} of squares is not printed where {rows} rows and {cols} columns are described: count them anew, with the hole",
         if matches!(side, Side::Top | Side::Bottom) { "row" } else { "column" }
     )]
     SquaresMissing {
-        /// Where they should be.
+        /// Side of the missing squares.
         side: Side,
         /// Rows described.
         rows: u32,
         /// Columns described.
         cols: u32,
     },
-    /// Its markers name other squares: `top_left` or the order of the markers is another.
+    /// The markers belong to other squares: `top_left` or the order of the markers differs.
     #[error(
         "{count} markers name other squares, or stand upside down: check `top_left`, and the dictionary (older OpenCV begins boards of an even number of rows with a white square)"
     )]
@@ -274,36 +274,36 @@ pub enum BoardDifference {
         /// Markers that contradict the description.
         count: u32,
     },
-    /// Its markers are of another dictionary.
+    /// The markers belong to another dictionary.
     #[error("its {count} markers are none of the dictionary described")]
     MarkersUnknown {
-        /// Markers that were read.
+        /// Markers read.
         count: u32,
     },
-    /// White and black squares are exchanged, and the markers with them.
+    /// White and black squares are exchanged, and their markers too.
     #[error(
         "white and black squares are exchanged (as OpenCV before 4.6 prints boards with markers): it was used as it is; state `top_left`"
     )]
     ColoursExchanged,
-    /// Its white squares hold markers, and the description is of a board without.
+    /// The white squares hold markers, but the description has none.
     #[error(
         "its white squares hold markers: it was used by its squares alone; describe it as a `charuco-ring`"
     )]
     MarkersNotDescribed,
-    /// Its markers are those of a dictionary, counted otherwise.
+    /// The markers belong to a known dictionary, with another size or first number.
     #[error(
         "its markers are of {inner} x {inner} modules and begin with number {first}, not as described: it was used by its squares alone"
     )]
     MarkersShifted {
-        /// Id of its first marker.
+        /// Id of the first marker.
         first: i32,
         /// Modules along a marker's side without the border.
         inner: u32,
     },
-    /// Its markers are mirrored.
+    /// The markers are mirrored.
     #[error("its markers are mirrored: the photo, or the print, was flipped")]
     MarkersMirrored {
-        /// Markers that are right once they are mirrored.
+        /// Markers that are valid after mirroring.
         count: u32,
     },
 }

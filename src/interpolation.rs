@@ -1,13 +1,14 @@
 //! Interpolation between the texels of coarser planes.
 
-/// The two of `n` samples either side of a place, the first at 0, and the second's part; ends repeat.
+/// The two samples of `n` around `place` (the first sample lies at 0), and the weight of the
+/// second. The end samples extend outwards.
 pub(crate) fn between(place: f32, n: usize) -> (usize, usize, f32) {
     let place = place.clamp(0.0, (n - 1) as f32);
     let first = place as usize;
     (first, (first + 1).min(n - 1), place - first as f32)
 }
 
-/// Value at `[x, y]`, 0 to 1, between four: the upper two from left to right, then the lower two.
+/// Interpolates at `[x, y]`, 0 to 1, between four values: upper left, upper right, lower left, lower right.
 pub(crate) fn bilinear([a, b, c, d]: [f32; 4], [x, y]: [f32; 2]) -> f32 {
     let (above, below) = (a + x * (b - a), c + x * (d - c));
     above + y * (below - above)

@@ -1,16 +1,13 @@
-//! Levenberg-Marquardt for small problems (Marquardt 1963): the loop of pose, camera and
-//! photometry.
+//! Levenberg-Marquardt for small problems (Marquardt 1963): the loop of pose, camera and photometry.
 //!
-//! Each step linearises the problem, then solves its normal equations with their diagonal enlarged
-//! by a factor of `1 + damping`. The damping grows until a step lowers the cost and shrinks after
-//! each one that does.
+//! Each step solves the normal equations with their diagonal scaled by `1 + damping`. The damping
+//! grows until a step lowers the cost, and shrinks after each such step.
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, OMatrix, OVector};
 
-/// A least-squares problem.
 pub(crate) trait LeastSquares {
-    /// What is estimated.
+    /// The unknowns.
     type State;
     /// The problem linearised at a state.
     type Equations;
@@ -18,11 +15,10 @@ pub(crate) trait LeastSquares {
     /// Weighted sum of squared residuals.
     fn cost(&self, state: &Self::State) -> f64;
 
-    /// Normal equations at a state.
+    /// Normal equations at `state`.
     fn linearise(&self, state: &Self::State) -> Self::Equations;
 
-    /// The state after a damped step; `None` where the equations cannot be solved or the state
-    /// would make no sense.
+    /// The state after a damped step; `None` if the equations have no solution or the state is impossible.
     fn step(
         &self,
         state: &Self::State,
@@ -30,42 +26,42 @@ pub(crate) trait LeastSquares {
         damping: f64,
     ) -> Option<Self::State>;
 
-    /// Whether a step was so small that the next ones do not matter.
+    /// Whether a step was too small for further steps to matter.
     fn is_settled(&self, _before: &Self::State, _after: &Self::State) -> bool {
         false
     }
 }
 
-/// How a problem is minimised.
+/// Settings of a minimisation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Options {
     /// Most steps.
     pub max_steps: usize,
     /// Dampings tried for a step.
     pub max_trials: usize,
-    /// Damping of the first trial; 0: Gauss-Newton.
+    /// Damping of the first trial; 0 is Gauss-Newton.
     pub damping: f64,
-    /// Least damping after steps that lowered the cost.
+    /// Lower limit of the damping.
     pub min_damping: f64,
-    /// A step that lowers the cost by no more than this fraction of it is the last one.
+    /// Iteration ends at a step that lowers the cost by no more than this fraction.
     pub min_gain: f64,
-    /// Whether steps must lower the cost. Those of a problem whose weights follow its residuals
-    /// are taken as they come: it is another problem after each.
+    /// Whether each step must lower the cost. False for reweighted problems: their cost changes
+    /// with the weights.
     pub descent: bool,
 }
 
-/// Why a minimisation has ended.
+/// Reason for the end of a minimisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stop {
-    /// Steps have become small.
+    /// The last step was small.
     Converged,
-    /// No damping that was tried lowers the cost.
+    /// No damping tried lowers the cost.
     NoDescent,
-    /// All steps allowed were taken.
+    /// `max_steps` steps were taken.
     MaxSteps,
 }
 
-/// What a minimisation has done.
+/// Outcome of a minimisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Summary {
     /// Steps taken.
@@ -76,7 +72,7 @@ pub(crate) struct Summary {
     pub stop: Stop,
 }
 
-/// The minimum next to a state.
+/// Finds the minimum near a state.
 pub(crate) fn minimise<P: LeastSquares>(
     problem: &P,
     mut state: P::State,
@@ -116,8 +112,7 @@ pub(crate) fn minimise<P: LeastSquares>(
     (state, Summary { steps, cost, stop })
 }
 
-/// Solves dense normal equations, damped: the step against the gradient. `None` where the matrix
-/// is not positive definite.
+/// Step against the gradient by damped dense normal equations; `None` unless the matrix is positive definite.
 pub(crate) fn damped_step<D: Dim>(
     normal: &OMatrix<f64, D, D>,
     gradient: &OVector<f64, D>,
@@ -189,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn undamped_steps_taken_as_they_come_are_gauss_newton() {
+    fn undamped_unconditional_steps_are_gauss_newton() {
         // From (-1.2, 1) Gauss-Newton climbs first, then hits the minimum: residuals are linear in
         // y, so that two steps suffice.
         let newton = Options { damping: 0.0, min_damping: 0.0, max_trials: 1, ..OPTIONS };
@@ -204,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn equations_that_cannot_be_solved_are_no_step() {
+    fn singular_equations_give_no_step() {
         let singular = Matrix2::new(1.0, 1.0, 1.0, 1.0);
         assert!(damped_step(&singular, &Vector2::new(1.0, 0.0), 0.0).is_none());
         assert!(damped_step(&singular, &Vector2::new(1.0, 0.0), 0.1).is_some());

@@ -1,5 +1,5 @@
-//! Vectors of numbers as bytes in saved states, for `#[serde(with = "crate::little_endian")]`: serde's own
-//! form of a sequence goes number by number, and 16 bits take up to three bytes.
+//! Vectors of numbers as little-endian bytes, for `#[serde(with = "crate::little_endian")]`. serde
+//! itself writes number by number, and a 16-bit number takes up to three bytes.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -11,7 +11,7 @@ use serde::ser::Serializer;
 pub(crate) trait Number: Copy {
     const BYTES: usize;
     fn write(self, to: &mut Vec<u8>);
-    /// From so many bytes; `None` where they are no number.
+    /// `None` if the bytes are no valid number.
     fn read(bytes: &[u8]) -> Option<Self>;
 }
 
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_themselves_again_and_take_their_own_bytes() {
+    fn numbers_round_trip_in_their_own_size() {
         let both = Both { half: vec![0, 0x3c00, 0xffff], single: vec![-0.0, 1.5, f32::MAX] };
         let bytes = postcard::to_stdvec(&both).unwrap();
         assert_eq!(bytes.len(), 1 + 6 + 1 + 12);
@@ -89,11 +89,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_refused() {
+    fn invalid_numbers_are_refused() {
         let nan = Both { half: Vec::new(), single: vec![1.0, f32::NAN] };
         let bytes = postcard::to_stdvec(&nan).unwrap();
         assert!(postcard::from_bytes::<Both>(&bytes).is_err());
-        // Three bytes are no two halves; lengths beyond the end take no memory.
+        // Three bytes are not two halves. A length beyond the end must not allocate.
         for bytes in [&[3, 1, 2, 3, 0][..], &[0xff, 0xff, 0xff, 0xff, 0x0f, 1]] {
             assert!(postcard::from_bytes::<Both>(bytes).is_err(), "{bytes:?}");
         }

@@ -10,7 +10,7 @@ use crate::simd::{Kernel, LANES, Lanes, dispatch};
 /// Offset inside the logarithm: differences below it (in radiance) count little.
 pub const EPSILON: f32 = 0.01;
 
-/// Signed log residual `ln(rendered + 0.01) - ln(|observed| + 0.01)`, never above zero where the
+/// Signed log residual `ln(rendered + 0.01) - ln(|observed| + 0.01)`, at most zero where the
 /// measurement is saturated.
 pub fn log_residual(rendered: f64, observed: f64) -> f64 {
     let epsilon = EPSILON as f64;
@@ -23,14 +23,14 @@ pub fn log_l1(rendered: f64, observed: f64) -> f64 {
     log_residual(rendered, observed).abs()
 }
 
-/// Derivative of [`log_l1`] with respect to the rendering; 0 where both agree and where a saturated
-/// measurement is explained.
+/// Derivative of [`log_l1`] by the rendering; 0 where both agree or the rendering explains a
+/// saturated measurement.
 pub fn log_l1_derivative(rendered: f64, observed: f64) -> f64 {
     let residual = log_residual(rendered, observed);
     if residual == 0.0 { 0.0 } else { residual.signum() / (rendered + EPSILON as f64) }
 }
 
-/// Radiances to what the loss compares, `ln(max(x, 0) + 0.01)`; to within 2e-7 of `max(1, |ln|)`.
+/// Replaces radiances by `ln(max(x, 0) + 0.01)`, to within 2e-7 of `max(1, |ln|)`.
 pub fn to_logarithms(radiances: &mut [f32]) {
     dispatch(Logarithms(radiances));
 }
@@ -49,30 +49,29 @@ impl Kernel for Logarithms<'_> {
     }
 }
 
-/// Huber's function of a residual: `r² / (2 threshold)` near zero, `|r| - threshold / 2` beyond:
-/// L1 with its corner rounded, so that second-order methods converge.
+/// Huber's function, `r² / (2 threshold)` near zero and `|r| - threshold / 2` beyond: L1 with a
+/// rounded corner, so that second-order methods converge.
 pub fn huber(residual: f64, threshold: f64) -> f64 {
     let a = residual.abs();
     if a > threshold { a - 0.5 * threshold } else { 0.5 * a * a / threshold }
 }
 
-/// Weight of a squared residual that makes weighted least squares step towards the minimum of
-/// [`huber`] (iteratively re-weighted least squares).
+/// Weight of a squared residual in iteratively reweighted least squares that minimises [`huber`].
 pub fn huber_weight(residual: f64, threshold: f64) -> f64 {
     residual.abs().max(threshold).recip()
 }
 
-/// A rendering and a measurement, both offset by [`EPSILON`], ready for either form of the loss.
+/// A rendering and a measurement, both offset by [`EPSILON`].
 #[derive(Clone, Copy)]
 pub(crate) struct OffsetPair<V> {
-    /// Rendering; lowered to the measurement where a saturated one is explained.
+    /// Rendering, lowered to the measurement where it explains a saturated one.
     pub rendered: V,
     /// Absolute value of the measurement.
     pub observed: V,
 }
 
 impl<V: Lanes> OffsetPair<V> {
-    /// `offset_rendered` holds [`EPSILON`] already.
+    /// `offset_rendered` includes [`EPSILON`].
     #[inline(always)]
     pub fn new(offset_rendered: V, observed: V) -> Self {
         let offset = observed.abs() + V::splat(EPSILON);
@@ -95,8 +94,8 @@ impl<V: Lanes> OffsetPair<V> {
         (self.rendered / self.observed).ln()
     }
 
-    /// Sum of [`log_l1`] over three channels with one logarithm: offsets keep the products far
-    /// from the limits of `f32` for radiances up to 1e10.
+    /// Sum of [`log_l1`] over three channels with one logarithm. The products stay within the range
+    /// of `f32` for radiances up to 1e10.
     #[inline(always)]
     pub fn log_l1_of_three(pairs: [Self; 3]) -> V {
         let (mut numerator, mut denominator) = (V::splat(1.0), V::splat(1.0));
@@ -119,8 +118,8 @@ mod tests {
                 let h = 1e-6;
                 let numeric =
                     (log_l1(rendered + h, observed) - log_l1(rendered - h, observed)) / (2.0 * h);
-                // Central differences are good to h² times the third derivative, here at most
-                // 2 / 0.01³, and rounding to 1e-16 / h.
+                // Error of central differences: h² times the third derivative, here at most 2 /
+                // 0.01³, plus rounding of 1e-16 / h.
                 let error = (numeric - log_l1_derivative(rendered, observed)).abs();
                 assert!(error < 1e-5, "{rendered} {observed}");
             }
@@ -137,7 +136,7 @@ mod tests {
 
     #[test]
     fn logarithms_are_those_of_the_loss() {
-        // A length that is no multiple of the lanes; negative radiances count as none.
+        // The length is no multiple of the lanes. Negative radiances count as zero.
         let radiances: Vec<f32> = (0..1003).map(|i| 1e-4 * 1.02f32.powi(i) - 0.01).collect();
         let mut logs = radiances.clone();
         to_logarithms(&mut logs);

@@ -1,5 +1,4 @@
-//! One photograph as the fit sees it: radiance of every texel from the top, and the geometry of
-//! camera and light that produced it.
+//! A rectified photograph: radiance of every texel seen from above, with the geometry of camera and light.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -11,18 +10,18 @@ use crate::parallel;
 use crate::svbrdf::{MAX_SAVED_SIDE, bands, thinned};
 use crate::{Error, Result};
 
-/// How the light's strength depends on distance.
+/// Dependence of the light's strength on distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Falloff {
-    /// The same irradiance at every texel (before the cosine): the reference renderer's light.
+    /// The same irradiance at every texel, before the cosine: the light of the reference renderer.
     None {
-        /// Irradiance per channel; pi makes a white Lambertian texel facing the light come out
-        /// at its albedo.
+        /// Irradiance per channel. At pi, a white Lambertian texel facing the light has its albedo
+        /// as radiance.
         power: [f32; 3],
     },
     /// `power / distance²`.
     InverseSquare {
-        /// Intensity per channel times mm², i.e. irradiance at 1 mm.
+        /// Intensity per channel times mm²: the irradiance at 1 mm.
         power_mm2: [f32; 3],
     },
 }
@@ -30,8 +29,8 @@ pub enum Falloff {
 /// Camera and light of one photograph in the board frame.
 ///
 /// Radiance of a texel: `BRDF * NoL * E(texel) + ambient * (kd + mirrored * ks)` with `E` from
-/// [`Falloff`]. With `power_mm2 = pi * d²` a white Lambertian texel facing a light at distance `d`
-/// comes out at its albedo: all of a capture's photographs share one such `d`, so that albedos are
+/// [`Falloff`]. With `power_mm2 = pi * d²`, a white Lambertian texel facing a light at distance `d`
+/// has its albedo as radiance. All photographs of a capture share one `d`, so that albedos are
 /// absolute and radiances lie near [0, 1].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct View {
@@ -43,15 +42,14 @@ pub struct View {
     pub light_mm: [f32; 3],
     /// Strength of the light over distance.
     pub falloff: Falloff,
-    /// Radiance of a surround per channel, in the same units: its mean, weighted by the cosine.
+    /// Radiance of the surroundings per channel in the same units: the mean, weighted by the cosine.
     pub ambient: [f32; 3],
-    /// Radiance of the surround where the sample mirrors it to the camera, relative to its mean: 1
-    /// where it is uniform.
+    /// Radiance of the surroundings in the mirror direction over their mean; 1 if they are uniform.
     pub mirrored: f32,
 }
 
 impl View {
-    /// Whether all is finite, and the camera above a sample that is lit.
+    /// Whether all values are finite, the camera is above the sample and the light has power.
     fn is_possible(&self) -> bool {
         let Self { sample_mm, camera_mm, light_mm, falloff, ambient, mirrored } = self;
         let (Falloff::None { power } | Falloff::InverseSquare { power_mm2: power }) = falloff;
@@ -71,8 +69,8 @@ impl View {
 
 /// A rectified photograph: linear radiance and weight of each texel, with its [`View`].
 ///
-/// A capture has many of them at full resolution, so they are kept small: six bytes a texel, see
-/// `Packed`. Clones share the texels.
+/// A capture holds many of them at full resolution, so a texel takes six bytes (see `Packed`).
+/// Clones share the texels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SavedObservation")]
 pub struct Observation {
@@ -80,16 +78,15 @@ pub struct Observation {
     height: usize,
     /// Camera and light.
     pub view: View,
-    /// Standard deviation of the logarithm of radiances that their calibration shows, see
-    /// [`Radiometry::log_sigma`](crate::calibration::photometry::Radiometry::log_sigma); 0 where
-    /// nothing tells.
+    /// Standard deviation of log radiances as measured by the calibration, see
+    /// [`Radiometry::log_sigma`](crate::calibration::photometry::Radiometry::log_sigma); 0 if not measured.
     pub log_sigma: f32,
     /// Three planes.
     #[serde(serialize_with = "crate::little_endian::serialize")]
     packed: Arc<Vec<Packed>>,
 }
 
-/// An observation that somebody may have written.
+/// Saved form, whose values need checks.
 #[derive(Deserialize)]
 struct SavedObservation {
     width: usize,
@@ -119,26 +116,25 @@ impl TryFrom<SavedObservation> for Observation {
     }
 }
 
-/// One channel of a texel: the radiance as a half float, rounded so that its lowest bit is one of
-/// the three (red has the lowest, blue the highest) of what the texel's weight lacks of 1, in
-/// sevenths (see [`LEAST_WEIGHT`]). A radiance errs by 0.1 % at most, less than a camera's noise.
+/// One channel of a texel: the radiance as a half float whose lowest bit holds one of three bits of
+/// the texel's weight (red the lowest, blue the highest), coded as `7 * (1 - weight)` (see
+/// [`LEAST_WEIGHT`]). Rounding errs by 0.1 % at most, less than a camera's noise.
 pub(crate) type Packed = u16;
 
 /// A weight of 1.
 pub(crate) const FULL_WEIGHT: u8 = 7;
 
-/// What the least weight but 0 stands for, in place of a seventh: a texel that counts where no
+/// Meaning of the smallest code above 0, in place of one seventh: the texel counts only where no
 /// photograph shows it better.
 pub(crate) const LEAST_WEIGHT: f32 = 0.02;
 
 impl Observation {
-    /// From three planes (R, G, B) of `width * height` radiances in the units of [`View`], and the
-    /// weight of each texel, 0 (not seen) to 1: validity times foreshortening. A *negative*
-    /// radiance `-v` marks a saturated measurement: the true one is at least `v`. Texels with
-    /// values that are not finite get weight 0.
+    /// Takes three planes (R, G, B) of `width * height` radiances in the units of [`View`], and a weight per
+    /// texel, 0 (not seen) to 1: validity times foreshortening. A *negative* radiance `-v` marks a saturated
+    /// measurement: the true radiance is at least `v`. Texels with values that are not finite get weight 0.
     ///
     /// # Errors
-    /// When lengths do not fit the size.
+    /// If a length does not fit the size.
     pub fn new(
         width: usize,
         height: usize,
@@ -164,7 +160,7 @@ impl Observation {
         Ok(Self::from_planes(width, height, view, radiance, &weight))
     }
 
-    /// From three planes of radiances, and weights as [`pack_weight`] gives them.
+    /// Takes three planes of radiances and weights coded by [`pack_weight`].
     pub(crate) fn from_planes(
         width: usize,
         height: usize,
@@ -180,7 +176,7 @@ impl Observation {
         Self { width, height, view, log_sigma: 0.0, packed: Arc::new(packed) }
     }
 
-    /// From planes as they are kept.
+    /// Takes packed planes.
     pub(crate) fn from_packed(
         width: usize,
         height: usize,
@@ -233,7 +229,7 @@ impl Observation {
         (radiance, (0..n).map(|i| self.weight(i)).collect())
     }
 
-    /// Another one with these changed.
+    /// A copy whose radiances and weights `change` has edited.
     #[cfg(test)]
     pub(crate) fn changed(&self, change: impl FnOnce(&mut [f32], &mut [f32])) -> Self {
         let (mut radiance, mut weight) = self.planes();
@@ -241,24 +237,24 @@ impl Observation {
         Self::new(self.width, self.height, self.view, &radiance, &weight).unwrap()
     }
 
-    /// Three planes as they are kept.
+    /// Three packed planes.
     pub(crate) fn packed(&self) -> &[Packed] {
         &self.packed
     }
 
-    /// The same, to be changed; weights stay those of texels whose radiances are known.
+    /// The packed planes, mutable. Weights of texels with known radiances must not change.
     pub(crate) fn packed_mut(&mut self) -> &mut [Packed] {
         Arc::make_mut(&mut self.packed).as_mut_slice()
     }
 
-    /// One of `2^times` texels along each side, as it is.
+    /// Every `2^times`-th texel in each direction, unfiltered.
     pub(crate) fn thinned(&self, times: u32) -> Self {
         let packed = thinned(&self.packed, self.width, times);
         let (width, height) = (self.width >> times, self.height >> times);
         Self { width, height, packed: Arc::new(packed), ..*self }
     }
 
-    /// The same without the texels of which this holds, by column and row.
+    /// A copy without the texels for which `is_out(column, row)` holds.
     pub(crate) fn without(&self, is_out: impl Fn(usize, usize) -> bool) -> Self {
         let mut left = self.clone();
         let (width, texels) = (self.width, self.texels());
@@ -270,11 +266,11 @@ impl Observation {
         left
     }
 
-    /// The same photograph at half the resolution: weighted means of 2x2 texels; saturated where
-    /// one of the four is. Sizes must be even.
+    /// The photograph at half the resolution: weighted means of 2x2 texels, saturated where one of
+    /// the four is.
     ///
     /// # Panics
-    /// When width or height is odd.
+    /// If width or height is odd.
     pub fn downsampled(&self) -> Self {
         let (w, h) = (self.width, self.height);
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
@@ -318,7 +314,7 @@ impl Observation {
     }
 }
 
-/// The nearest weight that can be kept, sevenths but for [`LEAST_WEIGHT`]: what is seen at all stays so.
+/// Code of the nearest weight: sevenths, and [`LEAST_WEIGHT`] for any small weight above 0.
 pub(crate) fn pack_weight(weight: f32) -> u8 {
     let full = f32::from(FULL_WEIGHT);
     match weight {
@@ -328,19 +324,19 @@ pub(crate) fn pack_weight(weight: f32) -> u8 {
     }
 }
 
-/// What a weight that is kept stands for.
+/// The weight of a code.
 fn weight_of(packed: u8) -> f32 {
     if packed == 1 { LEAST_WEIGHT } else { f32::from(packed) / f32::from(FULL_WEIGHT) }
 }
 
-/// The weight in a texel's three channels.
+/// Code of the weight in a texel's three channels.
 pub(crate) fn unpack_weight(channels: [Packed; 3]) -> u8 {
     let [low, middle, high] = channels.map(|v| v & 1);
     FULL_WEIGHT - (low | middle << 1 | high << 2) as u8
 }
 
-/// Radiances and weights of channel `c` as they are kept: numbers too large for half floats become
-/// the largest, what is not a number zero, and no saturated value loses its sign.
+/// Packs channel `c`. Radiances too large for half floats become the largest half, NaN becomes
+/// zero, and saturated values keep their sign.
 pub(crate) fn pack(radiance: &[f32], weight: &[u8], c: usize, to: &mut [Packed]) {
     const BLOCK: usize = 64;
     let (mut block, mut halves) = ([0.0; BLOCK], [0.0; BLOCK]);
@@ -360,7 +356,7 @@ pub(crate) fn pack(radiance: &[f32], weight: &[u8], c: usize, to: &mut [Packed])
             let lacks = Packed::from(FULL_WEIGHT - weight) >> c;
             if (*packed ^ lacks) & 1 == 1 {
                 let beyond = value.abs() - half.abs();
-                // halfway between the two: as often up as down, else a mean would be off
+                // Ties alternate, to keep the mean unbiased.
                 let up = beyond > 0.0 || (beyond == 0.0 && *packed & 2 == 0);
                 *packed = if up { *packed + 1 } else { *packed - 1 };
             }
@@ -368,12 +364,12 @@ pub(crate) fn pack(radiance: &[f32], weight: &[u8], c: usize, to: &mut [Packed])
     }
 }
 
-/// Radiances of what [`pack`] made.
+/// Radiances of packed values.
 pub(crate) fn unpack(from: &[Packed], radiance: &mut [f32]) {
     from.reinterpret_cast::<f16>().convert_to_f32_slice(radiance);
 }
 
-/// The least normal half float.
+/// The smallest normal half float.
 const LEAST: f32 = 6.103_515_6e-5;
 
 #[cfg(test)]
@@ -411,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn every_weight_finds_room_and_means_stay() {
+    fn every_weight_is_coded_and_means_are_unbiased() {
         let mut random = Random::new(3);
         for weight in 0..=FULL_WEIGHT {
             let count = 20_000;
@@ -429,7 +425,7 @@ mod tests {
                 for (error, &v) in errors.iter().zip(&radiance) {
                     assert!(error.abs() <= f64::from(v) / 1024.0, "{v}: {error}");
                 }
-                // a unit is 2e-4 on average, of which a mean of so many keeps a hundredth
+                // One unit is 2e-4 on average; its mean over all values is smaller by sqrt(count).
                 assert!((errors.iter().sum::<f64>() / count as f64).abs() < 4e-6);
             }
             for i in 0..count {
@@ -472,7 +468,7 @@ mod tests {
                 let four = [corner, corner + 1, corner + w, corner + w + 1];
                 let sum: f32 = four.iter().map(|&i| o.weight(i)).sum();
                 let mean = four.iter().map(|&i| o.weight(i) * o.radiance(c, i).abs()).sum::<f32>();
-                // one unit of a weight; rounding of a radiance
+                // Tolerances: one unit of a weight; rounding of a radiance.
                 assert!((half.weight(i) - sum / 4.0).abs() < 1.0 / 7.0);
                 let found = half.radiance(c, i).abs();
                 assert!((found - mean / sum.max(1e-9)).abs() < 1.5e-3 * found.max(0.1));

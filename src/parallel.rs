@@ -1,18 +1,18 @@
-//! Work shared out among the threads of the pool it is called in.
+//! Parallel loops on the current rayon pool.
 //!
-//! rayon's iterators are compiled anew for every closure, some thirty functions each time. Here
-//! closures go through a trait object: one call per part of the work, compiled once.
+//! rayon's iterators compile some thirty functions for every closure. These functions call closures
+//! through a trait object, so the machinery compiles once.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// Parts of the work for each thread: enough that none waits long for the last one.
+/// Parts of the work per thread, so that no thread waits long for the last part.
 const PARTS: usize = 4;
 
-/// Values that one task of [`values`] makes: enough to hide what a task costs.
+/// Values per task of [`values`]: enough to hide the cost of a task.
 const CHUNK: usize = 4096;
 
-/// Calls `f` for every index below `count`; every task makes its `scratch` once.
+/// Calls `f` for every index below `count`. Every task makes one `scratch`.
 fn for_each<S>(count: usize, scratch: impl Fn() -> S + Sync, f: impl Fn(&mut S, usize) + Sync) {
     share(0..count, &|range| {
         let mut scratch = scratch();
@@ -20,12 +20,12 @@ fn for_each<S>(count: usize, scratch: impl Fn() -> S + Sync, f: impl Fn(&mut S, 
     });
 }
 
-/// What `f` makes of every index below `count`, in order.
+/// Results of `f` for every index below `count`, in order.
 pub(crate) fn map<R: Send>(count: usize, f: impl Fn(usize) -> R + Sync) -> Vec<R> {
     map_with(count, || (), |(), i| f(i))
 }
 
-/// As [`map`]; every task makes its `scratch` once.
+/// As [`map`] with one `scratch` per task.
 pub(crate) fn map_with<S, R: Send>(
     count: usize,
     scratch: impl Fn() -> S + Sync,
@@ -36,12 +36,12 @@ pub(crate) fn map_with<S, R: Send>(
     results.into_iter().map(emptied).collect()
 }
 
-/// Calls `f` with every part of what is split, and its index.
+/// Calls `f` with the index and value of every part.
 pub(crate) fn parts<P: Send>(parts: impl Iterator<Item = P>, f: impl Fn(usize, P) + Sync) {
     parts_with(parts, || (), |(), i, part| f(i, part));
 }
 
-/// As [`parts`]; every task makes its `scratch` once.
+/// As [`parts`] with one `scratch` per task.
 pub(crate) fn parts_with<P: Send, S>(
     parts: impl Iterator<Item = P>,
     scratch: impl Fn() -> S + Sync,
@@ -51,7 +51,7 @@ pub(crate) fn parts_with<P: Send, S>(
     for_each(parts.len(), scratch, |scratch, i| f(scratch, i, taken(&parts[i])));
 }
 
-/// What `f` makes of every part of what is split, in order.
+/// Results of `f` for every part, in order.
 pub(crate) fn map_parts<P: Send, R: Send>(
     parts: impl Iterator<Item = P>,
     f: impl Fn(usize, P) -> R + Sync,
@@ -59,7 +59,7 @@ pub(crate) fn map_parts<P: Send, R: Send>(
     map_parts_with(parts, || (), |(), i, part| f(i, part))
 }
 
-/// As [`map_parts`]; every task makes its `scratch` once.
+/// As [`map_parts`] with one `scratch` per task.
 pub(crate) fn map_parts_with<P: Send, S, R: Send>(
     parts: impl Iterator<Item = P>,
     scratch: impl Fn() -> S + Sync,
@@ -69,7 +69,7 @@ pub(crate) fn map_parts_with<P: Send, S, R: Send>(
     map_with(parts.len(), scratch, |scratch, i| f(scratch, i, taken(&parts[i])))
 }
 
-/// `f` of every index below `count`, for what is quickly made.
+/// Results of a cheap `f` for every index below `count`.
 pub(crate) fn values<T: Send + Clone + Default>(
     count: usize,
     f: impl Fn(usize) -> T + Sync,
@@ -83,7 +83,7 @@ pub(crate) fn values<T: Send + Clone + Default>(
     out
 }
 
-/// What one task takes or leaves.
+/// Input or output of one task.
 type Slot<T> = Mutex<Option<T>>;
 
 fn slots<T>(values: impl Iterator<Item = Option<T>>) -> Vec<Slot<T>> {
@@ -102,7 +102,7 @@ fn emptied<T>(slot: Slot<T>) -> T {
     slot.into_inner().unwrap_or_else(PoisonError::into_inner).expect("every index comes")
 }
 
-/// Calls `task` with ranges that together are `range`.
+/// Calls `task` with ranges that partition `range`.
 fn share(range: Range<usize>, task: &(dyn Fn(Range<usize>) + Sync)) {
     match rayon::current_num_threads() {
         1 => task(range),
@@ -110,8 +110,8 @@ fn share(range: Range<usize>, task: &(dyn Fn(Range<usize>) + Sync)) {
     }
 }
 
-/// Halves while there are threads to share with; a half that another thread has taken shows that
-/// threads wait, and is split among all of them again.
+/// Splits in halves while threads are free. A half stolen by another thread is a sign of waiting
+/// threads, so it is split among all of them again.
 fn split(range: Range<usize>, parts: usize, taken: bool, task: &(dyn Fn(Range<usize>) + Sync)) {
     let parts = if taken { rayon::current_num_threads().max(parts) } else { parts };
     if range.len() < 2 || parts < 2 {
@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// In pools of one and of more threads than there is work.
+    /// Runs `test` in pools of one thread, of several, and of more threads than tasks.
     fn in_pools(test: impl Fn() + Send + Sync) {
         for threads in [1, 2, 5] {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(&test);
@@ -182,13 +182,12 @@ mod tests {
     }
 
     #[test]
-    fn threads_that_wait_get_work_of_one_that_is_slow() {
-        // All costs lie in the first half: without splitting what was taken, the second thread
-        // would do none of them.
+    fn waiting_threads_take_work_from_a_slow_one() {
+        // All costs lie in the first half, so the second thread helps only if stolen work is split again.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let helpers = Mutex::new(std::collections::HashSet::new());
         let helped = || helpers.lock().unwrap().len() == 2;
-        // So many milliseconds: a busy machine takes its time to run the second thread.
+        // Milliseconds; a busy machine needs time to start the second thread.
         let half = 60_000;
         pool.install(|| {
             for_each(

@@ -23,13 +23,13 @@ impl Random {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Mean 0, variance 1: the sum of four uniform numbers, close enough to a normal for noise.
+    /// Mean 0, variance 1: the sum of four uniform numbers, a sufficient approximation of normal noise.
     pub fn bell(&mut self) -> f64 {
         let sum: f64 = (0..4).map(|_| self.uniform()).sum();
         (sum - 2.0) * 3.0f64.sqrt()
     }
 
-    /// A direction uniform over the cap of the hemisphere within `limit` radians of +Z.
+    /// A direction uniform over the spherical cap within `limit` radians of +Z.
     pub fn direction(&mut self, limit: f64) -> [f64; 3] {
         let z = 1.0 - self.uniform() * (1.0 - limit.cos());
         let (sin, cos) = (std::f64::consts::TAU * self.uniform()).sin_cos();

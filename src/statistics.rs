@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 /// Standard deviation of a normal distribution over its median absolute deviation.
 pub(crate) const MAD_TO_SIGMA: f64 = 1.4826;
 
-/// `f32` or `f64`.
+/// Total order of the standard library.
 pub(crate) trait Float: Copy {
     /// Total order, as of the standard library.
     fn compare(&self, other: &Self) -> Ordering;
@@ -23,7 +23,7 @@ impl Float for f64 {
     }
 }
 
-/// The median, the larger of the two in the middle of an even number; `None` of no values.
+/// The median; the upper of the two middle values of an even number; `None` without values.
 pub(crate) fn median<T: Float>(values: impl IntoIterator<Item = T>) -> Option<T> {
     let mut values: Vec<T> = values.into_iter().collect();
     let middle = values.len() / 2;
@@ -43,7 +43,7 @@ mod tests {
         assert_eq!(median([3.0, f64::INFINITY, -1.0]), Some(3.0));
     }
 
-    /// The definition of [`MAD_TO_SIGMA`]: 40 000 normal deviates know their sigma to 0.6 %.
+    /// By definition of [`MAD_TO_SIGMA`]. 40 000 normal deviates determine their sigma to 0.6 %.
     #[test]
     fn the_deviation_of_normal_values_is_their_sigma() {
         let mut random = Random::new(1);

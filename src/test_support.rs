@@ -1,9 +1,8 @@
-//! What unit tests share: numbers, a material, views and photographs of known maps.
+//! Helpers of unit tests: numbers, a material, views, and photographs of known maps.
 
 use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
 use crate::render::render;
-use crate::svbrdf::channel;
 use std::f32::consts::PI;
 
 #[path = "../tests/common/picture.rs"]
@@ -11,7 +10,7 @@ mod picture;
 pub(crate) use picture::picture;
 
 #[path = "../tests/common/test_data.rs"]
-#[allow(dead_code)] // for tests of modules on reference photographs
+#[allow(dead_code)] // used by tests on reference photographs
 pub(crate) mod test_data;
 
 /// Numbers in [0, 1) from a counter (splitmix64).
@@ -26,24 +25,24 @@ pub(crate) fn noise(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A bumpy material in two tones, each with its own gloss.
+/// A bumpy material in two tones with different gloss.
 pub(crate) fn two_tones(side: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(side, side);
     for i in 0..side * side {
         let [u, v] = [i % side, i / side].map(|n| n as f32 / side as f32 * 12.0);
         let tone = if u.sin() * v.cos() > 0.0 { 0.6 } else { 0.25 };
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * u.cos();
-        maps.plane_mut(channel::SLOPE_Y)[i] = 0.3 * v.sin();
+        maps.normal_slopes_mut()[0][i] = 0.3 * u.cos();
+        maps.normal_slopes_mut()[1][i] = 0.3 * v.sin();
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c)[i] = tone * [1.0, 0.7, 0.4][c];
+            maps.diffuse_mut()[c][i] = tone * [1.0, 0.7, 0.4][c];
         }
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.2 + 0.6 * tone;
+        maps.roughness_mut()[i] = 0.2 + 0.6 * tone;
     }
     maps
 }
 
-/// A sample of 100 mm a side seen and lit from one point, mm, the light as strong at every texel,
-/// nothing ambient.
+/// A sample of 100 mm per side, seen and lit from one point (mm), with uniform irradiance and no
+/// ambient light.
 pub(crate) fn view_from(at: [f32; 3]) -> View {
     View {
         sample_mm: [100.0; 2],
@@ -55,7 +54,7 @@ pub(crate) fn view_from(at: [f32; 3]) -> View {
     }
 }
 
-/// An exact photograph of known maps, nothing saturated.
+/// An exact, unsaturated photograph of known maps.
 pub(crate) fn photograph(truth: &Svbrdf, view: View) -> Observation {
     let mut radiance = vec![0.0; 3 * truth.texels()];
     render(truth, &view, &mut radiance);

@@ -1,11 +1,11 @@
-//! The threads that share work, and a hook at their start, by which programs set priorities.
+//! Threads of the library, and a hook at their start for programs that set priorities.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use crate::{Error, Result};
 
-/// What a thread is for.
+/// Purpose of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Role {
@@ -20,14 +20,14 @@ pub type StartHook = Arc<dyn Fn(Role) + Send + Sync>;
 
 static HOOK: RwLock<Option<StartHook>> = RwLock::new(None);
 
-/// Has every thread that the library starts from now on call `hook` first; `None` ends that. What
-/// runs outside of sessions, such as renderings and exports, is shared among rayon's global threads:
-/// the first hook starts them, unless the program has. A panic of the hook is dropped.
+/// Sets the hook that every new thread of the library calls first; `None` removes it. Work outside
+/// of sessions, such as rendering and export, runs on rayon's global threads: the first hook starts
+/// them unless the program has. A panic of the hook is ignored.
 pub fn set_start_hook(hook: Option<StartHook>) {
     let starts = hook.is_some();
     *HOOK.write().unwrap_or_else(PoisonError::into_inner) = hook;
     if starts {
-        // Fails where they run already: then they are not of the library's starting.
+        // Fails if the program has started them: they are then not the library's.
         let _ = rayon::ThreadPoolBuilder::new()
             .thread_name(|i| format!("svbrdf-global-{i}"))
             .start_handler(|_| started(Role::Work))
@@ -44,22 +44,21 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 pub(crate) fn started(role: Role) {
     let hook = HOOK.read().unwrap_or_else(PoisonError::into_inner).clone();
     if let Some(hook) = hook {
-        // Threads of a pool would end the process.
+        // An unwinding panic would abort the process.
         let _ = catch_unwind(AssertUnwindSafe(|| hook(role)));
     }
 }
 
-/// What the work of a session is shared among.
+/// Threads that share the work of a session.
 pub(crate) enum Pool {
     /// Threads of its own.
     Threads(rayon::ThreadPool),
-    /// The calling thread alone: WebAssembly in a browser has no other without headers that few
-    /// servers send.
+    /// The calling thread alone. WebAssembly threads in a browser need headers that few servers send.
     Caller,
 }
 
 impl Pool {
-    /// As many threads as are asked for, where the platform has threads.
+    /// Uses `threads` threads where the platform has threads.
     pub(crate) fn new(threads: usize) -> Result<Self> {
         if cfg!(all(target_family = "wasm", not(target_feature = "atomics"))) {
             return Ok(Self::Caller);
@@ -73,7 +72,7 @@ impl Pool {
             .map_err(|e| Error::Internal(format!("cannot start the threads of the fit: {e}")))
     }
 
-    /// Does `work` where [`parallel`](crate::parallel) shares it among these threads.
+    /// Runs `work` so that [`parallel`](crate::parallel) uses these threads.
     pub(crate) fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match self {
             Self::Threads(pool) => pool.install(work),

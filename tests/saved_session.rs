@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use rectified::{POSITIONS, material, scene};
 use svbrdf::capture::Capture;
-use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
+use svbrdf::photo::Photo;
 use svbrdf::session::{
-    Budget, Driver, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
+    Budget, Driver, Method, Outcome, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };
 use svbrdf::{Error, StateFault, Svbrdf};
 
@@ -31,8 +31,9 @@ fn session(settings: Settings) -> Session {
 }
 
 fn push(session: &Session, i: usize) {
-    let pushed = session.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)));
+    let outcome =
+        session.add_rectified_photo(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)));
 }
 
 fn restore(state: &[u8]) -> Session {
@@ -52,7 +53,7 @@ fn step_until(session: &Session, fraction: f32) {
 
 /// Root mean square differences of each map, in units of the first session's stated deviation.
 fn deviations_off(session: &Session, other: &Session) -> Vec<f32> {
-    let stated = session.assess().unwrap().confidence.of_maps();
+    let stated = session.snapshot_with_uncertainty().unwrap().uncertainty.of_maps();
     let stated = [stated.normal, stated.diffuse, stated.specular, stated.roughness];
     let (maps, others) = (session.snapshot().unwrap(), other.snapshot().unwrap());
     let of_map = |(planes, stated): (std::ops::Range<usize>, f32)| {
@@ -64,10 +65,10 @@ fn deviations_off(session: &Session, other: &Session) -> Vec<f32> {
     [0..2, 2..5, 5..8, 8..9].into_iter().zip(stated).map(of_map).collect()
 }
 
-/// What is pushed in turn.
+/// Adds the photograph of a number.
 type Push<'a> = &'a dyn Fn(&Session, usize);
 
-/// Pushes one photograph after the other, most before the fit has settled. `saved`: after each, and again in the
+/// Adds one photograph after the other, most before the fit has settled. `saved`: after each, and again in the
 /// middle of its fit, the session is replaced by one that was restored.
 fn gone_on_with(session: Session, push: Push, count: usize, saved: bool) -> Session {
     let options = RestoreOptions { driver: Driver::Caller, ..RestoreOptions::default() };
@@ -76,7 +77,7 @@ fn gone_on_with(session: Session, push: Push, count: usize, saved: bool) -> Sess
         let begun = Instant::now();
         let restored = Session::restore(&state, networks(), options).unwrap();
         println!("{} bytes restored in {:?}", state.len(), begun.elapsed());
-        assert_eq!(restored.progress().frames, session.progress().frames);
+        assert_eq!(restored.progress().photos, session.progress().photos);
         assert_eq!(restored.progress().settled, session.progress().settled);
         assert!(restored.snapshot().is_ok());
         restored
@@ -104,13 +105,13 @@ fn going_on_after_restoring_is_going_on() {
     let settings = Settings { driver: Driver::Caller, threads: 2, ..Settings::default() };
     let tile = Capture::load(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile"));
     let tile = tile.unwrap();
-    let photos: Vec<Photo> = tile.frames[..4].iter().map(|f| f.read().unwrap()).collect();
+    let photos: Vec<Photo> = tile.photos[..4].iter().map(|f| f.read().unwrap()).collect();
     let of_board = |session: &Session, i: usize| {
-        assert!(matches!(session.push(&photos[i]).unwrap(), Pushed::Accepted(_)));
+        assert!(matches!(session.add_photo(&photos[i]).unwrap(), Outcome::Accepted(_)));
     };
     let board = Settings { sample_mm: tile.sample_mm, ..settings.clone() };
     let Scene::Board { target, .. } = tile.scene.clone() else { panic!("no board") };
-    let unknown = Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+    let unknown = Scene::board(target).into();
     let cases: [(&str, Scene, Settings, Push, usize); 3] = [
         ("rectified", scene(), settings, &push, 3),
         ("board", tile.scene.clone(), board.clone(), &of_board, 4),
@@ -140,7 +141,7 @@ fn settled_sessions_come_back_as_they_are() {
     assert_eq!(restored.progress(), session.progress());
     assert_eq!(restored.settings().sample_mm, session.settings().sample_mm);
     assert_eq!(restored.scene(), session.scene());
-    assert_eq!(restored.exposure(), session.exposure());
+    assert_eq!(restored.light_correction(), session.light_correction());
 }
 
 /// A photograph takes six bytes a texel, and what is measured in it; two sets of maps 36 bytes a texel each.
@@ -151,14 +152,14 @@ fn fifty_photographs_are_saved_small() {
     let photo = photo(POSITIONS[0]);
     for i in 0..50 {
         let at = [i as f32, 0.0, 110.0];
-        let pushed = session.push_rectified(&photo, at, at).unwrap();
-        assert!(matches!(pushed, Pushed::Accepted(_)));
+        let outcome = session.add_rectified_photo(&photo, at, at).unwrap();
+        assert!(matches!(outcome, Outcome::Accepted(_)));
     }
     let begun = Instant::now();
     let state = session.save().unwrap();
     let saved = begun.elapsed();
     let begun = Instant::now();
-    assert_eq!(restore(&state).progress().frames, 50);
+    assert_eq!(restore(&state).progress().photos, 50);
     let texels = rectified::SIZE * rectified::SIZE;
     println!("{} bytes, saved in {saved:?}, restored in {:?}", state.len(), begun.elapsed());
     assert!(state.len() < 50 * (6 * texels + 200) + 80 * texels, "{} bytes", state.len());
@@ -219,8 +220,8 @@ fn camera_and_light_go_on_as_well() {
         let settings = Settings { sample_mm: capture.sample_mm, driver, ..Settings::default() };
         let straight = Session::with_networks(scene, settings, networks()).unwrap();
         let push = |session: &Session, i: usize| {
-            let photo = capture.frames[i].read().unwrap();
-            assert!(matches!(session.push(&photo).unwrap(), Pushed::Accepted(_)));
+            let photo = capture.photos[i].read().unwrap();
+            assert!(matches!(session.add_photo(&photo).unwrap(), Outcome::Accepted(_)));
         };
         push(&straight, 0);
         push(&straight, 1);
@@ -418,13 +419,13 @@ fn memory_limits_are_answered_before_anything_is_taken() {
     let mut taken = 0;
     let fault = loop {
         let i = taken % POSITIONS.len();
-        match tight.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]) {
+        match tight.add_rectified_photo(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]) {
             Ok(_) => taken += 1,
             Err(fault) => break fault,
         }
         assert!(taken < 50);
     };
     assert!(taken > 0 && matches!(fault, Error::MemoryLimit { .. }), "{taken}: {fault}");
-    assert_eq!(tight.progress().frames, taken);
+    assert_eq!(tight.progress().photos, taken);
     assert!(tight.snapshot().is_ok() && tight.save().is_ok());
 }

@@ -1,7 +1,8 @@
 //! What runs in every step of a fit allocates no planes: only lists of bands, the packing of small
 //! matrices and the thread pool's own bookkeeping.
 
-use svbrdf::estimate::{EstimateOptions, Estimator, Method};
+use svbrdf::estimate::{EstimateOptions, Method};
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::{Networks, Workspace};
 use svbrdf::observation::{Falloff, Observation, View};
 use svbrdf::svbrdf::CHANNELS;

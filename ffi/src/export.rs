@@ -139,7 +139,7 @@ unsafe fn package(
         metallic: flag("svbrdf_export_options.metallic", given.metallic)?,
         tile: flag("svbrdf_export_options.tile", given.tile)?,
         texture,
-        max_size: given.max_size as usize,
+        max_size: (given.max_size > 0).then_some(given.max_size as usize),
         photographs: (given.photos > 0).then_some(given.photos),
     };
     Ok(export(&maps, &options)?)
@@ -148,7 +148,7 @@ unsafe fn package(
 /// Writes maps into a folder (UTF-8), which is made if missing.
 ///
 /// Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
-/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_with_uncertainty()) and
 /// preview.png. No file is ever half-written under its name.
 ///
 /// With options: material.glb, material.usdz, a folder for every other format, and material.json,

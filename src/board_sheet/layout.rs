@@ -1,18 +1,19 @@
-//! Where everything goes.
+//! Layout of a sheet.
 
 use super::lettering::text;
 use super::page::{Page, Rect};
 use crate::calibration::{Marker, Target, TargetKind};
 
-/// What printers leave blank, mm.
+/// Unprintable margin of printers, mm.
 const MARGIN_MM: f64 = 4.0;
-/// Room above the ring, where the page is long enough for it, mm.
+/// Space above the ring if the page is long enough, mm.
 const TOP_MM: f64 = 20.0;
-/// Gaps below the ring's patches and from one line to the next, mm.
+/// Gaps below the ring's patches and between lines, mm.
 const GAP_MM: f64 = 7.0;
 const RULER_MM: f64 = 100.0;
 
-/// Black squares, markers, patches, ruler and name; what would have fitted where it does not fit.
+/// Lays out black squares, markers, patches, ruler and name; the error states the size that would
+/// have fitted.
 pub(super) fn layout(target: &Target, size_mm: [f64; 2]) -> Result<Page, String> {
     let s = target.square_mm;
     let (width, height) = (f64::from(target.cols) * s, f64::from(target.rows) * s);
@@ -41,7 +42,7 @@ pub(super) fn layout(target: &Target, size_mm: [f64; 2]) -> Result<Page, String>
         }
     }
     let mut y = top + height;
-    // Framed, so that the white one is seen.
+    // A frame makes the white patch visible.
     for patch in patches {
         let side = patch.side_mm;
         let x = left + 0.5 * width + patch.centre_mm.x - 0.5 * side;
@@ -51,7 +52,7 @@ pub(super) fn layout(target: &Target, size_mm: [f64; 2]) -> Result<Page, String>
         y = y.max(patch_top + side);
     }
     y += GAP_MM;
-    // Wider than the ring, where that is a small one.
+    // The ruler may be wider than a small ring.
     let left = left.min(0.5 * (size_mm[0] - RULER_MM) - 27.0);
     rects.push(Rect(left, y + 4.8, RULER_MM, 0.2, 0.0));
     for mm in (0..=RULER_MM as u32).step_by(5) {
@@ -85,7 +86,7 @@ fn name(target: &Target) -> String {
     )
 }
 
-/// The black modules of a marker, neighbours in a row as one rectangle.
+/// Black modules of a marker; adjacent ones in a row form one rectangle.
 fn marker(rects: &mut Vec<Rect>, marker: Marker, left: f64, top: f64, side: f64) {
     let modules = marker.modules();
     let module = side / f64::from(modules);

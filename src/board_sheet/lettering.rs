@@ -1,11 +1,11 @@
-//! Text of dots, so that all formats look the same and need no fonts.
+//! Text made of dots, identical in all formats and independent of fonts.
 
 use super::page::Rect;
 
 /// Side of a dot, mm.
 const DOT_MM: f64 = 0.4;
 
-/// Capital letters 5 x 7 dots high; each byte is a column, its lowest bit the top dot.
+/// Capital letters of 5 x 7 dots; each byte is a column with the top dot in its lowest bit.
 const GLYPHS: &[(char, [u8; 5])] = &[
     ('0', [0x3E, 0x51, 0x49, 0x45, 0x3E]),
     ('1', [0x00, 0x42, 0x7F, 0x40, 0x00]),
@@ -45,8 +45,7 @@ const GLYPHS: &[(char, [u8; 5])] = &[
     ('%', [0x23, 0x13, 0x08, 0x64, 0x62]),
 ];
 
-/// Text whose top left is at `left`, `top` (mm), 2.8 mm high. Characters without a glyph are left
-/// out.
+/// Text with its top left corner at `left`, `top` (mm), 2.8 mm high. Characters without a glyph are skipped.
 pub(super) fn text(left: f64, top: f64, text: &str) -> impl Iterator<Item = Rect> {
     text.chars().enumerate().flat_map(move |(i, character)| {
         let columns = GLYPHS.iter().find(|(c, _)| *c == character).map_or([0; 5], |(_, c)| *c);

@@ -1,4 +1,4 @@
-//! The board on paper, at true scale: squares, markers, patches, a ruler and the board's name as
+//! The board on paper at true scale: squares, markers, patches, a ruler and the board's name as
 //! PDF, SVG or PNG.
 
 mod layout;
@@ -32,25 +32,25 @@ impl Paper {
 /// Format of a sheet's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SheetFormat {
-    /// PDF of one page that asks viewers not to scale it.
+    /// PDF of one page that disables scaling in viewers.
     Pdf,
     /// SVG in mm.
     Svg,
-    /// PNG, 8-bit gray, 600 px per inch, which its pHYs chunk states.
+    /// PNG, 8-bit gray, 600 px per inch (stated in its pHYs chunk).
     Png,
 }
 
-/// A board laid out on paper, to be printed at 100 %.
+/// A board laid out on paper, for printing at 100 %.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoardSheet {
     page: Page,
 }
 
 impl BoardSheet {
-    /// Lays a board out.
+    /// Lays out a board.
     ///
     /// # Errors
-    /// [`Error::Argument`] when the board's description has a fault, a white square has no marker in
+    /// [`Error::Argument`] if the board's description has a fault, a white square has no marker in
     /// its dictionary, or the board is too large for the paper.
     pub fn new(target: &Target, paper: Paper) -> Result<Self> {
         let fault = |message: String| Error::argument("board", message);
@@ -62,10 +62,10 @@ impl BoardSheet {
         Ok(Self { page })
     }
 
-    /// The sheet as a file.
+    /// Encodes the sheet.
     ///
     /// # Errors
-    /// [`Error::Internal`] when a picture cannot be encoded.
+    /// [`Error::Internal`] if a picture cannot be encoded.
     pub fn encode(&self, format: SheetFormat) -> Result<Vec<u8>> {
         match format {
             SheetFormat::Pdf => Ok(writers::pdf(&self.page).into_bytes()),

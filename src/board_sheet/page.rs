@@ -1,4 +1,4 @@
-//! What is printed, and where.
+//! Printed rectangles.
 
 /// A filled rectangle on the page: left, top, width, height in mm from the top left; gray 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]

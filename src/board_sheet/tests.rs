@@ -20,8 +20,7 @@ fn boards() -> Vec<Target> {
     ]
 }
 
-/// CRC-32 of files that were printed and measured: a board that is in use stays the same to the
-/// byte.
+/// CRC-32 of files that were printed and measured. Boards in use must not change by a byte.
 #[test]
 fn sheets_stay_as_they_were_printed() {
     let expected = [
@@ -60,7 +59,7 @@ fn boards_that_cannot_be_printed_say_why() {
     let mut few = boards().swap_remove(1);
     few.kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_50".into(), marker_mm: 8.0 };
     assert!(refused(few, Paper::A4).contains("DICT_4X4_250"));
-    // 240 mm of squares and what is below them: too long for a sheet of 279.4 mm.
+    // 240 mm of squares and the parts below them exceed a sheet of 279.4 mm.
     let long = Target { rows: 19, cols: 14, square_mm: 12.6, ..Target::default() };
     assert!(refused(long.clone(), Paper::Letter).contains("too large"));
     assert!(BoardSheet::new(&Target { patches: false, ..long }, Paper::Letter).is_ok());
@@ -74,7 +73,7 @@ fn colours_and_patches_are_those_of_the_board() {
     };
     let black = Target::default();
     let squares = |svg: &str| svg.matches("width=\"11.500\" height=\"11.500\"").count();
-    // A square of 184 mm in the middle of 210 mm.
+    // A square of 184 mm centred on 210 mm.
     let top_left = "x=\"13.000\" y=\"20.000\" width=\"11.500\"";
     assert!(svg(&black).contains(top_left) && svg(&black).contains("fill=\"#808080\""));
     let white = Target { top_left: TopLeft::White, patches: false, ..black };

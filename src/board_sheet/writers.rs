@@ -1,4 +1,4 @@
-//! Pages as files.
+//! Encodes pages.
 
 use std::fmt::Write;
 use std::io::Cursor;
@@ -79,7 +79,7 @@ pub(super) fn png(page: &Page) -> Result<Vec<u8>> {
         .write_to(&mut bytes, ImageFormat::Png)
         .map_err(|e| Error::Internal(format!("cannot encode the board: {e}")))?;
     let mut bytes = bytes.into_inner();
-    // The encoder states no scale: pHYs in px per metre, right after the 33 bytes up to IHDR's end.
+    // Insert pHYs (px per metre) after IHDR, which ends at byte 33; the encoder writes none.
     let per_metre = ((DPI / 0.0254).round() as u32).to_be_bytes();
     let chunk = [b"pHYs".as_slice(), &per_metre, &per_metre, &[1]].concat();
     let sum = crc32fast::hash(&chunk).to_be_bytes();

@@ -1,38 +1,37 @@
-//! How soft the board's edges are.
+//! Sharpness of the board's edges.
 
 use super::layout::{Labelling, Layout};
 use super::luma::LumaImage;
 use crate::statistics::median;
 use glam::DVec2;
 
-/// Half length of an edge's profile, in squares, where squares are plain.
+/// Half length of an edge profile on plain squares, in squares.
 const PROFILE_CELLS: f64 = 0.3;
 
-/// Edges this many times softer than the others tell a direction.
+/// Edges must be this many times softer than the others to indicate a direction.
 const DIRECTED: f64 = 1.5;
 
-/// How soft edges are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EdgeSpread {
     /// Standard deviation, px.
     pub px: f64,
-    /// Across the softer edges, where they clearly are: degrees clockwise from the picture's x
-    /// axis, 0 to 180.
+    /// Direction across the softer edges if they are clearly softer: degrees clockwise from the
+    /// picture's x axis, 0 to 180.
     pub direction_deg: Option<f64>,
 }
 
-/// The edge spread in the softer of the board's two directions (the median over edges of each
-/// direction); `None` where no edge has both ends.
+/// Edge spread in the softer of the board's two directions, the median over its edges; `None` if no
+/// edge has both ends.
 ///
-/// The profile across an edge is taken as a step smoothed by a Gaussian. On boards with markers
-/// only a narrow profile is plain, and widths beyond it come out as its half length.
+/// The profile across an edge is modelled as a step smoothed by a Gaussian. On boards with markers
+/// the profile is narrow, and a larger width is reported as its half length.
 pub(super) fn edge_spread(
     image: &LumaImage,
     layout: &Layout,
     labelling: &Labelling,
 ) -> Option<EdgeSpread> {
     let mut spreads = [Vec::new(), Vec::new()];
-    // Of doubled angles: a normal and its opposite are one direction.
+    // Angles are doubled, because a normal and its opposite are one direction.
     let mut normals = [DVec2::ZERO; 2];
     for (i, &(row, col)) in layout.corners.iter().enumerate() {
         let Some(from) = labelling.px[i] else { continue };
@@ -43,7 +42,7 @@ pub(super) fn edge_spread(
             let cell = labelling.model.cell(middle);
             let across = if along == 0 { cell.y_axis } else { cell.x_axis };
             let reach = if layout.plain() < 0.2 { layout.plain() } else { PROFILE_CELLS };
-            // Only what stands square on the edge counts as its width.
+            // Project the reach onto the edge's normal.
             let normal = (to - from).perp().normalize_or_zero();
             let half = reach * across.dot(normal).abs();
             if let Some(spread) = spread_of_edge(image, from, to, half) {
@@ -60,7 +59,7 @@ pub(super) fn edge_spread(
     Some(EdgeSpread { px, direction_deg: directed.then_some(degrees.rem_euclid(180.0)) })
 }
 
-/// Width of the edge from `from` to `to` by two differences across it, at `inner` and `half` px:
+/// Width of the edge from `from` to `to`, from two differences across it at `inner` and `half` px:
 /// their ratio is `erf(inner / (sqrt(2) sigma)) / erf(half / (sqrt(2) sigma))`.
 fn spread_of_edge(image: &LumaImage, from: DVec2, to: DVec2, half: f64) -> Option<f64> {
     if half < 1.5 {
@@ -71,7 +70,7 @@ fn spread_of_edge(image: &LumaImage, from: DVec2, to: DVec2, half: f64) -> Optio
         let mut sum = 0.0;
         for t in [0.35, 0.425, 0.5, 0.575, 0.65] {
             let p = from + t * (to - from);
-            // Blur acts on light, not on its square root.
+            // Blur acts on linear light; the image holds square roots.
             let (a, b) = (image.sample(p + offset * normal), image.sample(p - offset * normal));
             sum += f64::from(a * a - b * b);
         }
@@ -123,7 +122,7 @@ mod tests {
             let image = LumaImage { width, height, data };
             let ends = (DVec2::new(40.2, 15.0), DVec2::new(40.2, 45.0));
             let found = spread_of_edge(&image, ends.0, ends.1, 9.0).unwrap();
-            // Bilinear interpolation alone widens an edge by up to half a pixel (in square).
+            // Bilinear interpolation widens an edge by up to half a pixel, added in squares.
             assert!((found - sigma).abs() < 0.12 * sigma + 0.05, "{sigma}: {found}");
         }
     }

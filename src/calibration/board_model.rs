@@ -1,6 +1,6 @@
-//! Where grid points of the board appear, without knowing the camera: a homography followed by two
-//! radial terms about the picture's centre. Good for a few per cent of a cell over the whole board,
-//! enough to predict corners and to find false ones.
+//! Predicts grid points of the board without a camera: a homography followed by two radial terms
+//! about the picture's centre. The error of a few per cent of a cell is small enough to predict
+//! corners and to reject false ones.
 
 use crate::geometry::Homography;
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
@@ -8,15 +8,15 @@ use crate::statistics::median;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
-/// Standard deviation expected of the radial terms, at the picture's corner.
+/// Prior standard deviation of the radial terms, at the picture's corner.
 const RADIAL_PRIOR: f64 = 0.15;
-/// Noise that weighs the prior against the corners, px.
+/// Corner noise that weighs the prior against the corners, px.
 const NOISE_PX: f64 = 0.5;
 /// Weight of the prior of each radial term.
 const PRIOR: f64 = (NOISE_PX / RADIAL_PRIOR) * (NOISE_PX / RADIAL_PRIOR);
-/// Least scale of the Cauchy weights, px.
+/// Lower limit of the scale of the Cauchy weights, px.
 const SCALE_MIN_PX: f64 = 0.3;
-/// The scale follows the residuals so often, with steps in between.
+/// Number of updates of the scale from the residuals.
 const ROUNDS: usize = 10;
 const STEPS: Options = Options {
     max_steps: 2,
@@ -40,13 +40,13 @@ pub(super) struct BoardModel {
 }
 
 impl BoardModel {
-    /// Fits the model to corners: robust (Cauchy weights scaled by the median residual). `None`
-    /// where corners are fewer than four or on one line.
+    /// Fits the model to corners with Cauchy weights scaled by the median residual. `None` for
+    /// fewer than four corners or collinear ones.
     pub fn fit(size: (usize, usize), grid: &[DVec2], px: &[DVec2]) -> Option<Self> {
         let centre = 0.5 * DVec2::new(size.0 as f64 - 1.0, size.1 as f64 - 1.0);
         let radius = centre.length().max(1.0);
         let homography = Homography::fit(grid, px)?.0;
-        // Grid coordinates with the origin inside the board keep the last element away from 0.
+        // An origin inside the board keeps the matrix's last element away from 0.
         let middle = grid.iter().sum::<DVec2>() / grid.len() as f64;
         let to_middle = DMat3::from_translation(middle);
         let local = homography * to_middle;
@@ -78,7 +78,7 @@ impl BoardModel {
         let p = q.truncate() / q.z - self.centre;
         let r2 = p.length_squared() / (self.radius * self.radius);
         let [k, l] = self.radial;
-        // Past its turning point the radial polynomial means nothing.
+        // Beyond its turning point the radial polynomial is invalid.
         if 1.0 + r2 * (3.0 * k + 5.0 * l * r2) <= 0.0 {
             return DVec2::splat(-1e9);
         }
@@ -108,7 +108,7 @@ impl BoardModel {
         }
     }
 
-    /// The model of the same picture in grid coordinates `m` times homogeneous new ones.
+    /// The model of the same picture in new grid coordinates, which `m` maps to the present ones.
     pub fn in_grid(&self, m: DMat3) -> Self {
         Self { homography: self.homography * m, ..*self }
     }
@@ -124,7 +124,7 @@ impl BoardModel {
     }
 }
 
-/// Corners that a model is fitted to, with Cauchy weights of a scale in px.
+/// Corners to fit, with Cauchy weights of scale `scale` px.
 struct Corners<'a> {
     grid: &'a [DVec2],
     px: &'a [DVec2],
@@ -157,7 +157,7 @@ impl LeastSquares for Corners<'_> {
             let r2 = p.length_squared() / scale2;
             let stretch = 1.0 + r2 * (k + l * r2);
             let error = model.centre + p * stretch - *target;
-            // Corners that the model sees behind the camera weigh next to nothing.
+            // Corners that the model places behind the camera have almost no weight.
             let seen = model.project(*g) - *target;
             let weight = (1.0 + seen.length_squared() / (self.scale * self.scale)).recip();
             // d(pixel)/d(p), then d(p)/d(homography).
@@ -228,7 +228,7 @@ mod tests {
         }
         let model = BoardModel::fit(size, &grid, &px).unwrap();
         for (i, (g, p)) in grid.iter().zip(&px).enumerate().filter(|(i, _)| i % 15 != 0) {
-            // A twentieth of a cell: the false corners keep some Cauchy weight.
+            // Tolerance: a twentieth of a cell, since false corners keep some Cauchy weight.
             assert!((model.project(*g) - *p).length() < 1.5, "{i}");
         }
         let twice = model.doubled((2000, 1400));

@@ -1,28 +1,27 @@
 //! X-corners: saddle points of the picture at which two edges cross.
 //!
-//! Candidates are maxima of `-det(Hessian)`, relative to the local brightness. Each must then show
-//! a ring of exactly four alternating sectors, opposite ones alike; the ring's four transitions
-//! give the directions of the two edges.
+//! Candidates are maxima of `-det(Hessian)` relative to the local brightness. A ring around each
+//! must show exactly four alternating sectors, with equal opposite ones. The four transitions give
+//! the directions of the two edges.
 
 use super::luma::LumaImage;
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
 
-/// Radius of the ring that a candidate is checked on, px of its level. Squares must be a little
-/// larger than that.
+/// Radius of the ring, px of the level. Squares must be slightly larger.
 const RING_RADIUS_PX: f64 = 4.0;
 const RING_SAMPLES: usize = 24;
-/// Candidates looked at per level.
+/// Candidates checked per level.
 const CANDIDATES_MAX: usize = 12_000;
 /// Corners kept per level.
 const SADDLES_MAX: usize = 4_000;
 /// Response relative to brightness: a quarter of full contrast with 3 px of blur.
 const RESPONSE_MIN: f32 = 0.008;
-/// Difference of bright and dark sectors relative to the bright ones (square-root scale).
+/// Difference of bright and dark sectors relative to the bright ones, on the square-root scale.
 const CONTRAST_MIN: f32 = 0.12;
-/// Two edges of a square may look this narrow, radians (tilt of about 75 degrees).
+/// Smallest angle between two edges, radians, at a tilt of about 75 degrees.
 const SECTOR_MIN: f64 = 0.3;
-/// How far opposite transitions may be from a straight line, radians.
+/// Largest deviation of opposite transitions from a straight line, radians.
 const BEND_MAX: f64 = 0.45;
 
 /// An X-corner of one level of the pyramid.
@@ -73,7 +72,7 @@ pub(super) fn find(level: &LumaImage) -> Vec<Saddle> {
 /// Relative response and pixel of every local maximum (5 x 5) above the threshold.
 fn response_maxima(smooth: &LumaImage) -> Vec<(f32, u32)> {
     let (w, h) = (smooth.width, smooth.height);
-    // The noise floor of the relative response: deep shadows hold no board.
+    // Ignore deep shadows, where noise dominates the relative response.
     let mean = smooth.data.iter().map(|&v| f64::from(v)).sum::<f64>() / smooth.data.len() as f64;
     let floor = 0.1 * mean as f32 + 1e-6;
     let mut response = vec![0.0f32; w * h];
@@ -112,7 +111,7 @@ fn response_maxima(smooth: &LumaImage) -> Vec<(f32, u32)> {
     maxima
 }
 
-/// Where the gradient vanishes near a pixel, by the local quadratic.
+/// Zero of the gradient near a pixel, by the local quadratic.
 fn saddle_point(smooth: &LumaImage, x: usize, y: usize) -> Option<DVec2> {
     let w = smooth.width;
     let at = |dx: isize, dy: isize| {
@@ -131,7 +130,7 @@ fn saddle_point(smooth: &LumaImage, x: usize, y: usize) -> Option<DVec2> {
     (shift.abs().max_element() < 1.5).then(|| DVec2::new(x as f64, y as f64) + shift)
 }
 
-/// Four alternating sectors on a ring round `px`, or nothing.
+/// Checks for four alternating sectors on a ring around `px`.
 fn ring_check(smooth: &LumaImage, px: DVec2) -> Option<Saddle> {
     if !smooth.contains(px, RING_RADIUS_PX) {
         return None;
@@ -165,7 +164,7 @@ fn ring_check(smooth: &LumaImage, px: DVec2) -> Option<Saddle> {
     if count != 4 {
         return None;
     }
-    // Extremes of the four sectors: opposite ones must be alike.
+    // Extremes of the four sectors; opposite sectors must agree.
     let mut extremes = [0.0f32; 4];
     for (k, extreme) in extremes.iter_mut().enumerate() {
         let (from, bright) = crossings[k];
@@ -200,7 +199,7 @@ fn ring_check(smooth: &LumaImage, px: DVec2) -> Option<Saddle> {
 mod tests {
     use super::*;
 
-    /// Two edges crossing at `centre` under the given angles, slightly soft.
+    /// Two slightly soft edges that cross at `centre` at the given angles.
     fn crossing(centre: DVec2, angles: [f64; 2], noise: f32) -> LumaImage {
         let (width, height) = (64, 48);
         let normals = angles.map(|a| DVec2::from_angle(a).perp());
@@ -224,7 +223,7 @@ mod tests {
             let found = find(&crossing(centre, [first, second], 0.02));
             assert_eq!(found.len(), 1);
             let saddle = found[0];
-            // 5 x 5 pixels of a noisy picture: a fifth of a pixel is enough for what follows.
+            // A fifth of a pixel from 5 x 5 noisy pixels suffices for the later refinement.
             assert!((saddle.px - centre).length() < 0.2);
             for angle in [first, second] {
                 let d = DVec2::from_angle(angle);

@@ -1,8 +1,8 @@
 //! Finds the board's corners in a photograph, without knowing the camera.
 //!
 //! Coarse to fine: X-corners are found and joined on a small version of the picture, placed on the
-//! known layout, followed down to full size, and completed there. When the small version does not
-//! show the whole board, the next larger one is tried.
+//! known layout, tracked up to full size and completed there. If the small version does not show
+//! the whole board, the next larger one is tried.
 
 use super::blur::{self, EdgeSpread};
 use super::corners;
@@ -18,22 +18,22 @@ use crate::{BoardDifference, Rejection};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Long side of the smallest version searched, px.
+/// Long side of the smallest version, px.
 const COARSE_PX: usize = 640;
-/// With this share of the corners in view, larger versions are not searched.
+/// Larger versions are not searched if this share of the visible corners is found.
 const ENOUGH: f64 = 0.85;
-/// Share of the corners in view that must be found.
+/// Least share of the visible corners found.
 const SHARE_MIN: f64 = 0.6;
-/// The share where most of the board is out of view: there are fewer corners to be sure by.
+/// The same if most of the board is out of view, where fewer corners support the placement.
 const SHARE_MIN_PART: f64 = 0.85;
-/// Share of grid points off the printed squares that may look like corners.
+/// Largest share of grid points off the printed squares that may look like corners.
 const PHANTOM_SHARE_MAX: f64 = 0.25;
-/// The first two with markers that agree: corners that fix a plane, and a safety margin.
+/// Limits with agreeing markers: enough corners to determine a plane, with a margin.
 const CORNERS_MIN_MARKED: usize = 6;
 const SHARE_MIN_MARKED: f64 = 0.6;
-/// Markers that must agree for each that does not.
+/// Agreeing markers required per contradicting one.
 const AGREE_MIN: usize = 4;
-/// Edges softer than this part of a square, or of the picture's diagonal, are of no use.
+/// Edges softer than this part of a square, or of the picture's diagonal, are unusable.
 const BLUR_CELLS_MAX: f64 = 0.22;
 const BLUR_DIAGONAL_MAX: f64 = 0.005;
 
@@ -48,26 +48,25 @@ pub struct Corner {
     pub px: DVec2,
 }
 
-/// The board as found in a photograph.
+/// The detected board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detection {
-    /// Corners, in the order of [`Target::corners`]; those not found are left out.
+    /// Detected corners, in the order of [`Target::corners`].
     pub corners: Vec<Corner>,
     /// Edge spread (one sigma) in the board's softer direction, px. A sharp photo has about 0.7.
     pub blur_px: f64,
 }
 
-/// Finds the corners of `target`. Works for a part of the board too, as long as what is seen fits
-/// in one place only; six corners on two sides of a board with markers that can be read.
+/// Finds the corners of `target`. A part of the board suffices if it fits one place only; with
+/// legible markers, six corners on two sides suffice.
 ///
-/// A full checkerboard (an empty hole, `row_start == row_end`) is found as well, for calibrating a
-/// camera; when it looks the same after a turn (rows + columns even), one of the labellings comes
-/// out.
+/// A full checkerboard (an empty hole, `row_start == row_end`) also works, for camera calibration.
+/// If it is symmetric under a half-turn (rows + columns even), either labelling may result.
 ///
 /// # Errors
 /// [`Rejection::BoardNotFound`], [`Rejection::TooFewCorners`], [`Rejection::PlacementAmbiguous`],
-/// [`Rejection::BoardDiffers`] or [`Rejection::Blurred`];
-/// [`Rejection::NotFinite`] when the picture holds such values or its sizes do not fit.
+/// [`Rejection::BoardDiffers`] or [`Rejection::Blurred`]; [`Rejection::NotFinite`] if a value is
+/// not finite or the data do not fit the size.
 pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection> {
     let Sighting { corners, blur, rejection, .. } = sight(luma, target)?;
     match rejection {
@@ -76,25 +75,25 @@ pub fn detect(luma: &LumaImage, target: &Target) -> Result<Detection, Rejection>
     }
 }
 
-/// What is seen of a board, of use or not.
+/// A detected board, usable or not.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sighting {
     /// As in [`Detection`].
     pub corners: Vec<Corner>,
-    /// Corners that lie inside the picture if these are right.
+    /// Corners inside the picture according to the model.
     pub in_view: usize,
-    /// How soft edges are; `None` where no edge has both ends.
+    /// Edge spread; `None` if no edge has both ends.
     pub blur: Option<EdgeSpread>,
-    /// Why it is of no use.
+    /// The reason if it is unusable.
     pub rejection: Option<Rejection>,
 }
 
-/// As [`detect`], but tells of a board of no use what was found.
+/// As [`detect`], but also returns the corners of an unusable board.
 ///
 /// # Errors
-/// As [`detect`], where nothing fits the board.
+/// As [`detect`] if nothing fits the board.
 pub(crate) fn sight(luma: &LumaImage, target: &Target) -> Result<Sighting, Rejection> {
-    // Whole blocks at a time: this way it runs in vector registers.
+    // Folding whole blocks vectorises.
     let finite = |block: &[f32]| block.iter().fold(true, |all, v| all & v.is_finite());
     if luma.data.len() != luma.width * luma.height || !luma.data.chunks(4096).all(finite) {
         return Err(Rejection::NotFinite);
@@ -127,7 +126,7 @@ pub(crate) fn sight(luma: &LumaImage, target: &Target) -> Result<Sighting, Rejec
     Ok(Sighting { corners, in_view: in_view.round() as usize, blur, rejection })
 }
 
-/// What tells the board in the picture from the one described.
+/// Difference between the pictured and the described board.
 fn difference(layout: &Layout, luma: &LumaImage, labelling: &Labelling) -> Option<BoardDifference> {
     let Target { rows, cols, .. } = *layout.target;
     let missing = |side| BoardDifference::SquaresMissing { side, rows, cols };
@@ -148,8 +147,7 @@ fn too_soft(
     (spread.px > limit).then_some(Rejection::Blurred { blur_px: spread.px as f32, direction_deg })
 }
 
-/// The best labelling of the board in the picture, the smallest version that shows enough of it
-/// first.
+/// The best labelling of the board, from the smallest version that shows enough of it.
 fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
     let mut smaller: Vec<LumaImage> = Vec::new();
     loop {
@@ -175,7 +173,7 @@ fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
             let mut labelling = match placed {
                 Ok(labelling) => labelling,
                 Err(reason) => {
-                    rejection = more_telling(rejection, reason);
+                    rejection = more_informative(rejection, reason);
                     continue;
                 }
             };
@@ -191,7 +189,7 @@ fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
             }
             layout.refine(&mut refiner, luma, &mut labelling);
             let found = Found::new(layout, luma, labelling);
-            // Markers that name other squares, checks that go on where none are printed.
+            // Markers contradict, or the checkerboard continues outside its printed area.
             if found.agree < AGREE_MIN * found.differ
                 || layout.phantom_share(&mut refiner, luma, &found.labelling) > PHANTOM_SHARE_MAX
             {
@@ -208,13 +206,13 @@ fn search(layout: &Layout, luma: &LumaImage) -> Result<Found, Rejection> {
     best.ok_or(rejection)
 }
 
-/// A labelling at full size and what speaks for it.
+/// A labelling at full size and its evidence.
 struct Found {
     labelling: Labelling,
     corners: usize,
     /// Share of the corners in view.
     share: f64,
-    /// Markers that name the squares as labelled, or otherwise.
+    /// Markers that agree with the labelling, and markers that contradict it.
     agree: usize,
     differ: usize,
 }
@@ -228,19 +226,19 @@ impl Found {
         Self { corners, share: corners as f64 / seen.max(1) as f64, agree, differ, labelling }
     }
 
-    /// Corners, and share of those in view, that are needed.
+    /// Least number of corners, and least share of the visible ones.
     fn needed(&self) -> (usize, f64) {
         if self.agree >= marker_reading::VOTES_MIN {
             return (CORNERS_MIN_MARKED, SHARE_MIN_MARKED);
         }
-        // From a third of the board to two thirds.
+        // Interpolates between a third and two thirds of the board.
         let all = self.labelling.px.len() as f64;
         let part = (3.0 * self.corners as f64 / all - 1.0).clamp(0.0, 1.0);
         (CORNERS_MIN, SHARE_MIN_PART + part * (SHARE_MIN - SHARE_MIN_PART))
     }
 }
 
-/// Carries a labelling to the version of twice the size.
+/// Transfers a labelling to the version of twice the size.
 fn follow(labelling: &mut Labelling, finer: &LumaImage) {
     labelling.model = labelling.model.doubled((finer.width, finer.height));
     for px in labelling.px.iter_mut().flatten() {
@@ -248,8 +246,8 @@ fn follow(labelling: &mut Labelling, finer: &LumaImage) {
     }
 }
 
-/// The reason that says more.
-fn more_telling(a: Rejection, b: Rejection) -> Rejection {
+/// The more informative reason.
+fn more_informative(a: Rejection, b: Rejection) -> Rejection {
     let corners = |r: &Rejection| match r {
         Rejection::TooFewCorners { found, .. } | Rejection::PlacementAmbiguous { found } => *found,
         _ => 0,

@@ -1,8 +1,8 @@
 //! Joins X-corners to pieces of a square lattice.
 //!
-//! A link runs from a corner along one of its edges to the nearest corner that looks back, has the
-//! other colour order, and between which the edge is dark on one side and bright on the other all
-//! the way. Links need no neighbourhood, so a single row of corners grows as well as a plane.
+//! A link leads from a corner along one of its edges to the nearest corner that points back and has the
+//! opposite colour order. The edge between them must be dark on one side and bright on the other throughout.
+//! Links need no two-dimensional neighbourhood, so single rows of corners grow as well as planes.
 
 use super::corners::Saddle;
 use super::luma::LumaImage;
@@ -10,27 +10,27 @@ use glam::{DVec2, IVec2};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
-/// Sine of the angle a link may be off the edge's direction at its start.
+/// Sine of the largest angle between a link and the edge's direction at its start.
 const LINK_SINE_MAX: f64 = 0.25;
 /// Side of a bucket of the spatial index, px.
 const BUCKET_PX: f64 = 16.0;
-/// Corners looked at for the links of one corner.
+/// Corners considered for the links of one corner.
 const LOOKED_AT_MAX: usize = 250;
-/// Contrast across a link relative to the corners' own.
+/// Least contrast across a link relative to that of the corners.
 const EDGE_CONTRAST_MIN: f32 = 0.3;
 
-/// Links of one corner differ in length by foreshortening only.
+/// Largest ratio of lengths of a corner's links, caused by foreshortening.
 const ASPECT_MAX: f64 = 4.5;
-/// A link is at most this many times the longest one of its direction in the piece so far.
+/// Largest ratio of a link to the longest one of its direction in the piece so far.
 const STRETCH_MAX: f64 = 2.0;
 
 /// Lattice directions of ports in ascending angle: right, down, left, up as displayed.
 const DIRECTIONS: [IVec2; 4] = [IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y];
 
-/// A corner with its place in a piece of lattice.
+/// A corner and its place in a piece of lattice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
-    /// Lattice position; origin and rotation by quarter turns are arbitrary, handedness is not.
+    /// Lattice position. Origin and quarter turns are arbitrary; handedness is not.
     pub at: IVec2,
     /// Position, px of the level.
     pub px: DVec2,
@@ -47,10 +47,10 @@ impl Node {
     }
 }
 
-/// Connected pieces of lattice, largest first; single corners are left out.
+/// Connected pieces of lattice, largest first, without single corners.
 ///
-/// Pieces grow by the link that is shortest for its place, so that a false link across the hole
-/// (the sample's own outline may lie on the lattice) finds its ends already placed.
+/// Pieces grow by the relatively shortest link. A false link across the hole, where the sample's
+/// outline may lie on the lattice, thus finds its ends already placed.
 pub(super) fn grow(level: &LumaImage, saddles: &[Saddle]) -> Vec<Vec<Node>> {
     let links = mutual_links(level, saddles);
     let length = |a: usize, b: usize| saddles[a].px.distance(saddles[b].px);
@@ -95,7 +95,7 @@ pub(super) fn grow(level: &LumaImage, saddles: &[Saddle]) -> Vec<Vec<Node>> {
                 }
                 let direction = (port + step.turn) % 4;
                 queue.push(Reverse(Step {
-                    // Positive floats sort as their bits.
+                    // Positive floats sort like their bits.
                     rank: relative.to_bits(),
                     to: b,
                     at: step.at + DIRECTIONS[direction],
@@ -112,7 +112,7 @@ pub(super) fn grow(level: &LumaImage, saddles: &[Saddle]) -> Vec<Vec<Node>> {
     pieces
 }
 
-/// A corner that a link offers to a piece; the lowest rank is placed first.
+/// A corner proposed for a piece by a link; the lowest rank is placed first.
 struct Step {
     rank: u64,
     to: usize,
@@ -143,7 +143,7 @@ impl PartialEq for Step {
 
 impl Eq for Step {}
 
-/// For each port of each corner: the neighbour and its port that looks back, where both agree.
+/// For each port of each corner, the neighbour and its port that points back, if the link is mutual.
 fn mutual_links(level: &LumaImage, saddles: &[Saddle]) -> Vec<[Option<(usize, usize)>; 4]> {
     let index = Buckets::new(level, saddles);
     let one_way: Vec<_> =
@@ -167,7 +167,7 @@ fn links_from(
     let mut near: Vec<(f64, usize)> = Vec::new();
     let mut looked_at = 0;
     for ring in 0..index.rings {
-        // Corners gathered so far are complete out to this distance.
+        // All corners within this distance have been gathered.
         let complete = BUCKET_PX * ring as f64;
         index.visit_ring(saddles[a].px, ring, |b| {
             near.push(((saddles[b].px - saddles[a].px).length(), b));
@@ -197,23 +197,23 @@ fn links_from(
     links
 }
 
-/// The port of `b` that looks back to `a`, if directions and colours agree.
+/// The port of `b` that points back to `a`, if directions and colours agree.
 fn matches_back(a: &Saddle, b: &Saddle, port: usize, towards: DVec2) -> Option<usize> {
     let back = argmax(b.ports.map(|p| -p.dot(towards)));
     let side = (back + 3) % 4;
-    // Straight on within about 20 degrees, the crossing edges parallel within 30.
+    // Straight within about 20 degrees; the crossing edges are parallel within 30.
     let parallel =
         -b.ports[back].dot(towards) > 0.94 && a.ports[(port + 1) % 4].dot(b.ports[side]) > 0.85;
-    // The square between `port` and the next one lies at `b` between `side` and `back`.
+    // The square between `port` and the next port lies between `side` and `back` at `b`.
     (parallel && a.is_bright(port) == b.is_bright(side)).then_some(back)
 }
 
-/// Whether the edge from `a` to `b` is bright on the side of the next port, dark on the other (or
-/// the reverse), all the way.
+/// Whether the edge from `a` to `b` is bright on the side of the next port and dark on the other
+/// (or the reverse) throughout.
 fn edge_between(level: &LumaImage, a: &Saddle, b: &Saddle, port: usize) -> bool {
     let along = b.px - a.px;
     let length = along.length();
-    // Close to the edge: markers keep about a tenth of a square free.
+    // Stay close to the edge: markers leave about a tenth of a square free.
     let offset = (0.1 * length).clamp(1.2, 4.0) * along.perp() / length;
     let sign = if a.is_bright(port) { 1.0 } else { -1.0 };
     let needed = EDGE_CONTRAST_MIN * a.contrast.min(b.contrast);
@@ -231,7 +231,7 @@ fn argmax(values: [f64; 4]) -> usize {
 struct Buckets {
     columns: usize,
     rows: usize,
-    /// Rings worth visiting.
+    /// Rings to visit.
     rings: usize,
     members: Vec<Vec<u32>>,
 }
@@ -310,7 +310,7 @@ mod tests {
                 inside(r, 8, 0) && inside(c, 10, 0) && !(inside(r, 8, 2) && inside(c, 10, 2))
             });
             let pieces = grow(&image, &corners::find(&image));
-            // The hole's own corners look like X-corners when the paper there is bright.
+            // The corners of the hole look like X-corners on bright paper.
             assert!((28..=32).contains(&pieces[0].len()), "angle {angle}");
             let x = pieces[0].iter().map(|n| n.at.x);
             let y = pieces[0].iter().map(|n| n.at.y);

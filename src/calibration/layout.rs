@@ -1,5 +1,4 @@
-//! The known board, and the corners of a picture labelled with its grid points: looks for all that a
-//! placement predicts.
+//! The known board, and the labelling of a picture's corners with its grid points.
 
 use super::board_model::BoardModel;
 use super::luma::LumaImage;
@@ -10,17 +9,17 @@ use super::turns::symmetry;
 use crate::statistics::median;
 use glam::{DVec2, IVec2};
 
-/// Side of squares at the level at which the board is found, px.
+/// Least side of squares at the detection level, px.
 pub(super) const CELL_MIN_PX: f64 = 5.0;
-/// A predicted corner is looked for, and a found one kept, within this part of a cell.
+/// Search radius around predicted corners, and largest shift of detected ones, in cells.
 const SEARCH_CELLS: f64 = 0.25;
-/// Corners are predicted this many cells beyond labelled ones, further when none is found there.
+/// Successive distances from labelled corners, in cells, at which corners are predicted.
 const REACHES: [i64; 3] = [2, 5, i64::MAX];
-/// Part of the distance to a marker that is sampled and gathered for edges.
+/// Part of the distance to a marker that is used for edges.
 const PLAIN_PART: f64 = 0.8;
-/// Length of edge gathered on each side of a corner, in cells.
+/// Length of edge used on each side of a corner, in cells.
 const ARM_CELLS: f64 = 0.45;
-/// Bright minus dark relative to bright (square-root scale).
+/// Bright minus dark relative to bright, on the square-root scale.
 const CONTRAST_MIN: f32 = 0.1;
 
 /// A board with the lists that labelling needs.
@@ -28,18 +27,18 @@ pub(super) struct Layout<'a> {
     pub target: &'a Target,
     /// (row, col) of every X-corner.
     pub corners: Vec<(u32, u32)>,
-    /// Corner that each corner goes to, for every turn that maps the board to itself. None for
-    /// boards whose colours tell half-turns apart.
+    /// For every turn that maps the board to itself, the image of each corner. Empty if the colours
+    /// distinguish half-turns.
     pub symmetries: Vec<Vec<usize>>,
-    /// How far from a corner, in squares, the four squares round it are plain.
+    /// Radius around a corner, in squares, within which the four squares are plain.
     plain: f64,
-    /// Markers that can be read.
+    /// Legible markers.
     pub markers: Vec<Placed>,
-    /// White squares (column, row) in and round the grid without one.
+    /// White squares (column, row) in and around the grid without a marker.
     pub unprinted: Vec<IVec2>,
 }
 
-/// Corners found, in the order of [`Layout::corners`], and the model that predicts them.
+/// Detected corners, in the order of [`Layout::corners`], and the model that predicts them.
 #[derive(Debug, Clone)]
 pub(super) struct Labelling {
     pub px: Vec<Option<DVec2>>,
@@ -81,8 +80,8 @@ impl<'a> Layout<'a> {
         median(labelled.map(|(i, _)| smallest_side(&labelling.model, self.grid(i)))).unwrap_or(0.0)
     }
 
-    /// Printed squares round a grid point: 4 at X-corners, 3 at the hole's corners, which look
-    /// like X-corners when the paper in the hole has the missing square's colour.
+    /// Printed squares around a grid point: 4 at X-corners, 3 at the corners of the hole. The
+    /// latter look like X-corners if the paper in the hole has the colour of the missing square.
     pub fn squares_round(&self, row: i64, col: i64) -> usize {
         let round = [(row - 1, col - 1), (row - 1, col), (row, col - 1), (row, col)];
         round.iter().filter(|(r, c)| self.target.has_square(*r, *c)).count()
@@ -94,7 +93,7 @@ impl<'a> Layout<'a> {
         DVec2::new(col.into(), row.into())
     }
 
-    /// Which corners the model puts inside the picture.
+    /// Which corners the model places inside the picture.
     pub fn visible(&self, image: &LumaImage, model: &BoardModel) -> Vec<bool> {
         (0..self.corners.len())
             .map(|i| {
@@ -104,8 +103,8 @@ impl<'a> Layout<'a> {
             .collect()
     }
 
-    /// Whether the four squares round `px` look as the board has them, or would have them where
-    /// the grid goes on.
+    /// Whether the four squares around `px` have the colours of the board, or of its continuation
+    /// beyond the grid.
     pub fn looks_right(
         &self,
         image: &LumaImage,
@@ -125,7 +124,7 @@ impl<'a> Layout<'a> {
             && bright[0].min(bright[1]) - dark[0].max(dark[1]) > 0.3 * contrast
     }
 
-    /// Looks for predicted corners, outward from labelled ones, until none is added.
+    /// Searches for predicted corners outward from labelled ones until none is added.
     pub fn extend(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
         let mut reach = 0;
         for _ in 0..20 {
@@ -154,7 +153,7 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Refines every labelled corner on this image and drops those that do not stay.
+    /// Refines every labelled corner on this image and drops those that move away.
     pub fn refine(&self, refiner: &mut Refiner, image: &LumaImage, labelling: &mut Labelling) {
         for i in 0..self.corners.len() {
             if let Some(px) = labelling.px[i] {
@@ -176,7 +175,7 @@ impl<'a> Layout<'a> {
         let cell = model.cell(grid);
         let side = cell.x_axis.length().min(cell.y_axis.length());
         let reach = (SEARCH_CELLS * side).max(1.5);
-        // A square window draws the start in, the cross is the more precise.
+        // The square window has the larger capture range, the cross is more precise.
         let across = self.plain / PLAIN_PART;
         let square = Window { along: across, across };
         let cross = Window { along: ARM_CELLS, across: across.min(ARM_CELLS) };
@@ -187,8 +186,8 @@ impl<'a> Layout<'a> {
             .then_some(px)
     }
 
-    /// Share of the visible grid points off the printed squares, in the hole and one square beyond
-    /// the outline, that show corners: where the checks go on it is not this board.
+    /// Share of the visible grid points off the printed squares (in the hole and one square beyond
+    /// the outline) that show corners. A large share means another board.
     pub fn phantom_share(
         &self,
         refiner: &mut Refiner,
@@ -212,8 +211,7 @@ impl<'a> Layout<'a> {
         f64::from(phantoms as u32) / f64::from(looked.max(1))
     }
 
-    /// Fits the model to the labelled corners and drops those that do not fit; false when too few
-    /// are left for a model.
+    /// Fits the model to the labelled corners and drops outliers; false if too few remain.
     fn refit(&self, image: &LumaImage, labelling: &mut Labelling) -> bool {
         for _ in 0..3 {
             let labelled: Vec<(usize, DVec2)> =
@@ -263,7 +261,7 @@ fn smallest_side(model: &BoardModel, grid: DVec2) -> f64 {
     cell.x_axis.length().min(cell.y_axis.length())
 }
 
-/// Markers of the ring as (column, row), none where the board has none that are known.
+/// Markers of the ring as (column, row); empty without known markers.
 fn printed(target: &Target) -> Vec<Placed> {
     let squares = (0..i64::from(target.rows))
         .flat_map(|row| (0..i64::from(target.cols)).map(move |col| (row, col)));
@@ -275,7 +273,7 @@ fn printed(target: &Target) -> Vec<Placed> {
         .collect()
 }
 
-/// White squares of the grid, and of two rows and columns beyond, where no marker is printed.
+/// White squares of the grid and of two rows and columns beyond it that hold no marker.
 fn unprinted(target: &Target) -> Vec<IVec2> {
     if printed(target).is_empty() {
         return Vec::new();

@@ -1,30 +1,30 @@
 //! The single-channel picture that the detector works on.
 
-use crate::frame::Photo;
+use crate::photo::Photo;
 use glam::DVec2;
 
 /// Luminance on a square-root scale, row by row.
 ///
-/// The square root makes the two sides of a printed edge move alike under the flash's fall-off: in
-/// linear light the white side dominates every gradient sum and pulls corners towards the brighter
-/// white square. It also makes photon noise uniform.
+/// Under the flash's fall-off, the square root gives both sides of a printed edge similar
+/// gradients. In linear light the white side dominates every gradient sum and pulls corners towards
+/// the brighter white square. The square root also makes photon noise uniform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LumaImage {
     /// Width, px.
     pub width: usize,
     /// Height, px.
     pub height: usize,
-    /// `width * height` values, at least 0, finite.
+    /// `width * height` finite values, at least 0.
     pub data: Vec<f32>,
 }
 
 impl LumaImage {
-    /// Square-rooted luminance of a photograph. Values that are not finite or negative count as 0.
+    /// Square root of a photograph's luminance. Negative values and values that are not finite become 0.
     pub fn from_photo(photo: &Photo) -> Self {
         Self::from_luma(photo, photo.luma())
     }
 
-    /// The same, made on the calling thread alone.
+    /// The same, computed on the calling thread alone.
     pub(crate) fn on_this_thread(photo: &Photo) -> Self {
         Self::from_luma(photo, photo.luma_on_this_thread())
     }
@@ -37,8 +37,8 @@ impl LumaImage {
         Self { width, height, data }
     }
 
-    /// Half the size by averaging 2 x 2 pixels; an odd last row or column is dropped. A position
-    /// `p` there is `2 p + 0.5` here.
+    /// Half the size by averages of 2 x 2 pixels, without an odd last row or column. Position `p`
+    /// of the result is `2 p + 0.5` here.
     pub(super) fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut data = vec![0.0; width * height];
@@ -54,8 +54,7 @@ impl LumaImage {
         Self { width, height, data }
     }
 
-    /// Smoothed with the binomial filter 1 4 6 4 1 (sigma 1 px) in both directions; borders
-    /// repeat.
+    /// Smoothed with the binomial filter 1 4 6 4 1 (sigma 1 px) in both directions; borders repeat.
     pub(super) fn smoothed(&self) -> Self {
         let (w, h) = (self.width, self.height);
         let mut across = vec![0.0f32; w * h];
@@ -122,7 +121,7 @@ mod tests {
         let (width, height) = (31, 22);
         let data = (0..width * height).map(|i| (i % width + 2 * (i / width)) as f32).collect();
         let image = LumaImage { width, height, data };
-        // A plane is reproduced exactly by every symmetric filter away from the border.
+        // Symmetric filters reproduce a plane exactly away from the border.
         let half = image.halved();
         let p = DVec2::new(5.25, 4.5);
         assert!((half.sample(p) - image.sample(2.0 * p + 0.5)).abs() < 1e-5);
@@ -131,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_no_radiance_count_as_black() {
+    fn invalid_radiances_count_as_black() {
         let rgb = [f32::NAN, 0.0, 0.0, -1.0, -1.0, -1.0, 4.0, 4.0, 4.0].to_vec();
         let photo = Photo::from_linear(3, 1, rgb, 1.0, f32::INFINITY).unwrap();
         let luma = LumaImage::from_photo(&photo);

@@ -1,5 +1,5 @@
-//! Placement by the markers of a charuco ring: they name the squares, so that a few corners of a
-//! board that the picture crops suffice.
+//! Placement by the markers of a charuco ring. Markers name their squares, so a few corners of a
+//! cropped board suffice.
 
 use super::board_model::BoardModel;
 use super::lattice::Node;
@@ -14,34 +14,34 @@ use std::collections::HashMap;
 
 /// Modules along the side of the largest markers.
 const MODULES_MAX: usize = 9;
-/// White minus black relative to white (square-root scale).
+/// White minus black relative to white, on the square-root scale.
 const CONTRAST_MIN: f32 = 0.25;
-/// Border modules that may be misread, and quiet samples.
+/// Border modules that may be misread, and samples of the quiet zone.
 const BORDER_WRONG_MAX: usize = 1;
 const QUIET_WRONG_MAX: usize = 3;
-/// Side of a square that is read well, px.
+/// Side of a square that is legible, px.
 const SQUARE_PX: f64 = 48.0;
-/// Pieces of lattice looked at.
+/// Pieces of lattice tried.
 const PIECES_TRIED: usize = 60;
 /// Markers that must agree on a placement.
 pub(super) const VOTES_MIN: usize = 2;
-/// Markers that make a contradiction: of the board's own ids, and of none.
+/// Markers that establish a contradiction: known ids of the board, and unknown ones.
 const CONTRADICTING_MIN: u32 = 4;
 const UNKNOWN_MIN: u32 = 8;
-/// Depths of a square relative to its width that are tried where a row of corners tells the
-/// direction only.
+/// Depths of a square relative to its width to try for a single row of corners, which fixes only
+/// the direction.
 const DEPTHS: [f64; 19] = [
     0.3, 0.34, 0.38, 0.43, 0.48, 0.54, 0.61, 0.69, 0.77, 0.87, 0.98, 1.1, 1.24, 1.4, 1.57, 1.77,
     2.0, 2.24, 2.52,
 ];
 
-/// The level of the pyramid (full size first) on which squares of so many px at `level` are read.
+/// The pyramid level (full size first) for reading squares that have `square_px` px at `level`.
 pub(super) fn reading_level(square_px: f64, level: usize) -> usize {
     (0..=level).rev().find(|k| square_px * f64::from(1 << (level - k)) >= SQUARE_PX).unwrap_or(0)
 }
 
-/// How many visible markers say what the labelling says, and how many clearly say something else:
-/// another square's name, or any name where none is printed (a board of other counts).
+/// Number of visible markers that agree with the labelling, and that clearly contradict it: markers
+/// of other squares, or markers where none is printed (a board of another size).
 pub(super) fn agreement(
     layout: &Layout,
     image: &LumaImage,
@@ -66,8 +66,8 @@ pub(super) fn agreement(
     (agree, differ)
 }
 
-/// What speaks against the description: markers that are those of other squares, stand turned, are
-/// mirrored or of another dictionary, where clearly fewer are as described.
+/// Contradiction of the description: most markers belong to other squares, are turned, mirrored or
+/// of another dictionary.
 pub(super) fn contradiction(
     layout: &Layout,
     image: &LumaImage,
@@ -103,7 +103,7 @@ pub(super) fn contradiction(
     }
 }
 
-/// Places pieces of lattice found at `level` of the pyramid by the markers between their corners.
+/// Places pieces of lattice found at pyramid level `level` by the markers between their corners.
 pub(super) fn place(
     layout: &Layout,
     levels: &[&LumaImage],
@@ -136,7 +136,7 @@ pub(super) fn place(
     Some(Labelling { px, model: BoardModel::fit(size, &grid, &at)? })
 }
 
-/// Rotation and shift of a piece that its markers agree on, and how many do.
+/// Rotation and shift that the markers of a piece agree on, and their number.
 fn placement_of(
     layout: &Layout,
     levels: &[&LumaImage],
@@ -154,12 +154,12 @@ fn placement_of(
         let px: Vec<DVec2> = piece.iter().map(|n| n.px).collect();
         BoardModel::fit(size, &lattice, &px)
     };
-    // A row with a false corner beside it has a plane too, but a wrong one.
+    // A row with a false corner beside it also has a plane, but a wrong one.
     let by_plane = model.and_then(|m| tally_of(layout, levels, level, piece, print, Some(&m)));
     by_plane.or_else(|| tally_of(layout, levels, level, piece, print, None))
 }
 
-/// Votes of a piece's markers, squares given by a model of its plane or by links alone.
+/// Votes of a piece's markers. Squares come from a model of the piece's plane or from links alone.
 fn tally_of(
     layout: &Layout,
     levels: &[&LumaImage],
@@ -188,7 +188,7 @@ fn tally_of(
             };
             let Some((turn, on_board)) = named else { continue };
             seen.push(square);
-            // The square's first corner on the board is the least of its turned corners.
+            // The square's first corner on the board is the smallest of its turned corners.
             let a = board_of_lattice(square, turn, IVec2::ZERO);
             let b = board_of_lattice(square + IVec2::ONE, turn, IVec2::ZERO);
             let shift = on_board - a.min(b);
@@ -200,12 +200,12 @@ fn tally_of(
     }
     tally.sort_by_key(|t| std::cmp::Reverse(t.2));
     let best = *tally.first()?;
-    // A clear majority of the piece's markers.
+    // Require a clear majority of the piece's markers.
     let others: usize = tally[1..].iter().map(|t| t.2).sum();
     (best.2 > 2 * others).then_some(best)
 }
 
-/// Reads the square beside a link of a row of corners: its depth is unknown.
+/// Reads the square beside a link of a single row, whose depth is unknown.
 fn along_row(
     levels: &[&LumaImage],
     level: usize,
@@ -233,7 +233,7 @@ fn along_row(
     })
 }
 
-/// Turn and square on the board of the marker in a square; `at` gives pixels at `level`.
+/// Turn and board square of the marker in a square; `at` gives pixels at `level`.
 fn read_square(
     levels: &[&LumaImage],
     level: usize,
@@ -249,7 +249,7 @@ fn read_square(
     (0..4).find_map(|turn| Some((turn, named(layout, bits, turn)?)))
 }
 
-/// The printed marker that looks like `bits` when the board is turned clockwise against it.
+/// The printed marker that equals `bits` on a board turned clockwise `turn` times.
 fn named(layout: &Layout, bits: u64, turn: usize) -> Option<IVec2> {
     let alike = |placed: &&Placed| {
         (0..turn).fold(placed.marker, |marker, _| marker.quarter_turn()).is(bits)
@@ -257,7 +257,6 @@ fn named(layout: &Layout, bits: u64, turn: usize) -> Option<IVec2> {
     layout.markers.iter().find(alike).map(|m| m.square)
 }
 
-/// How markers are printed.
 struct Print {
     dictionary: Dictionary,
     /// Side of a marker relative to its square.
@@ -265,7 +264,7 @@ struct Print {
 }
 
 impl Print {
-    /// `None` for boards without markers that are known.
+    /// `None` for boards without known markers.
     fn of(target: &Target) -> Option<Self> {
         let TargetKind::CharucoRing { dictionary, marker_mm } = &target.kind else { return None };
         let dictionary = Dictionary::named(dictionary);
@@ -273,7 +272,7 @@ impl Print {
         (dictionary.inner > 0).then_some(Self { dictionary, share })
     }
 
-    /// Modules as a mirror shows them.
+    /// Modules of the mirrored marker.
     fn mirrored(&self, bits: u64) -> u64 {
         let n = self.dictionary.inner;
         let at = |row: u32, col: u32| bits >> (n * n - 1 - (row * n + col)) & 1;
@@ -284,20 +283,21 @@ impl Print {
 /// Markers in the white squares of a board whose corners are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MarkersRead {
-    /// Id of the marker where the board of a description that counts from 0 has the first, if most agree.
+    /// Id of the marker that is the first of a board counted from 0, if most markers agree.
     pub first: Option<i32>,
-    /// Modules along a side without the border; 0 where none was read.
+    /// Modules along a side without the border; 0 if none was read.
     pub inner: u32,
     /// Markers read.
     pub count: usize,
 }
 
-/// Shares of squares that markers are printed with, tried where they are unknown.
+/// Marker sides relative to their squares, to try for unknown boards.
 const SHARES: [f64; 5] = [0.5, 0.6, 0.7, 0.75, 0.8];
-/// Dictionaries that are tried, the largest of each size.
+/// Dictionaries to try, the largest of each size.
 const DICTIONARIES: [&str; 4] = ["DICT_4X4_250", "DICT_5X5_250", "DICT_6X6_250", "DICT_7X7_250"];
 
-/// Reads the markers of a board of which `grid` points (column, row) lie at `px`, of whichever dictionary: the one that names most.
+/// Reads the markers of a board whose `grid` points (column, row) lie at `px`, with the dictionary
+/// that recognises most.
 pub(crate) fn read_markers(
     image: &LumaImage,
     target: &Target,
@@ -336,7 +336,7 @@ pub(crate) fn read_markers(
 }
 
 /// Bits of the marker in a square, row by row; `at` maps (0..1, 0..1) to pixels. `None` unless the
-/// border is black and what surrounds it white.
+/// border is black and the quiet zone white.
 fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, print: &Print) -> Option<u64> {
     let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(&at);
     if !corners.iter().all(|c| image.contains(*c, 0.0)) {
@@ -361,7 +361,7 @@ fn read(image: &LumaImage, at: impl Fn(DVec2) -> DVec2, print: &Print) -> Option
     let border = || (0..modules * modules).filter(|i| outer(i / modules) || outer(i % modules));
     let black = border().map(|i| level[i / modules][i % modules]).sum::<f32>();
     let black = black / (4 * (modules - 1)) as f32;
-    // Half-way between marker and edge.
+    // Halfway between marker and edge.
     let mut quiet = [0.0f32; 16];
     for (i, value) in quiet.iter_mut().enumerate() {
         let t = gap + share * ((i % 4) as f64 + 0.5) / 4.0;

@@ -1,5 +1,5 @@
-//! The markers of charuco rings: OpenCV's predefined dictionaries `DICT_nXn_50`, `_100` and `_250`,
-//! which share their first entries.
+//! Markers of charuco rings: OpenCV's predefined dictionaries `DICT_nXn_50`, `_100` and `_250`,
+//! which have common first entries.
 
 use glam::IVec2;
 
@@ -17,7 +17,7 @@ impl Marker {
         self.inner + 2
     }
 
-    /// Whether a module is white; the border's are not.
+    /// Whether a module is white; border modules are black.
     pub fn is_white(&self, row: u32, col: u32) -> bool {
         let inside = 1..=self.inner;
         let place = self.inner * row.saturating_sub(1) + col.saturating_sub(1);
@@ -26,9 +26,9 @@ impl Marker {
             && self.bits >> (self.inner * self.inner - 1 - place) & 1 == 1
     }
 
-    /// Whether modules as read are the marker's, up to fewer errors than make another of it.
+    /// Whether the modules read match this marker, with fewer errors than separate it from another.
     pub(super) fn is(&self, bits: u64) -> bool {
-        // Dictionaries differ in 3, 6, 11 and 17 modules at least.
+        // Minimum distances of the dictionaries: 3, 6, 11 and 17 modules.
         let wrong = if self.inner == 4 { 1 } else { 2 };
         (self.bits ^ bits).count_ones() <= wrong
     }
@@ -37,7 +37,7 @@ impl Marker {
     pub(super) fn quarter_turn(self) -> Self {
         let n = self.inner;
         let turned = (0..n * n).fold(0, |bits, i| {
-            // Row i / n is column n - 1 - i / n of the old one.
+            // Column n - 1 - i / n of the old marker becomes row i / n.
             bits << 1 | u64::from(self.is_white(i % n + 1, n - i / n))
         });
         Self { bits: turned, ..self }
@@ -53,7 +53,7 @@ pub(super) struct Dictionary {
 }
 
 impl Dictionary {
-    /// By OpenCV's name; an empty one for those that are not known here.
+    /// By OpenCV's name; an unknown name gives an empty dictionary.
     pub fn named(name: &str) -> Self {
         let empty = Self { bits: &[], inner: 0 };
         let Some((kind, count)) = name.strip_prefix("DICT_").and_then(|n| n.split_once('_')) else {
@@ -79,12 +79,12 @@ impl Dictionary {
         self.bits.get(id).map(|&bits| Marker { bits, inner: self.inner })
     }
 
-    /// The marker that modules as read are exactly.
+    /// Id of the marker with exactly these modules.
     pub fn id(&self, bits: u64) -> Option<usize> {
         self.bits.iter().position(|known| *known == bits)
     }
 
-    /// Whether modules as read are exactly some marker's.
+    /// Whether a marker has exactly these modules.
     pub fn contains(&self, bits: u64) -> bool {
         self.bits.contains(&bits)
     }

@@ -1,24 +1,22 @@
-//! From a photograph to pose, light and radiometric scale: the target, its detector, pose,
-//! photometry.
+//! From a photograph to pose, light and radiometric scale: target, detector, pose, photometry.
 //!
 //! # Corners
-//! [`detect`] needs no camera. On the smallest version of the picture that shows the board it
-//! finds X-corners, joins them to pieces of a square lattice and places these on the known layout:
-//! colours of squares, corners missing along the hole and the outline leave one placement, or the
-//! photograph is refused. The placement is followed to full size, completed by prediction, and
-//! each corner refined to a few hundredths of a pixel. Markers in white squares, where they are read, place
-//! pieces of a board that the picture crops, and refuse a wrong placement; refinement keeps clear
-//! of them.
+//! [`detect`] needs no camera. It finds X-corners on the smallest version of the picture that shows
+//! the board, joins them to pieces of a square lattice and places these on the known layout.
+//! Colours of squares and missing corners along hole and outline must leave one placement, or the
+//! photograph is rejected. The placement is tracked to full size and completed by prediction, and
+//! each corner is refined to a few hundredths of a pixel. Legible markers in white squares place
+//! pieces of a cropped board and veto a wrong placement; refinement avoids them.
 //!
 //! # Pose
-//! [`estimate_pose`] refines both poses that nearly explain a plane's picture, leaves out corners
-//! that do not fit, and accepts on observables only: the number and share of fitting corners,
-//! their reprojection error, the lead over the second pose.
+//! [`estimate_pose`] refines both poses that nearly explain a plane's picture and rejects outlying
+//! corners. Acceptance depends on observables only: number and share of inliers, reprojection
+//! error, and the lead over the second pose.
 //!
 //! # Camera
 //! [`estimate_camera`] finds intrinsics and distortion from the corners of one or more photographs;
-//! what these do not tell stays at what [`CameraPrior`] expects. A print that is stretched or bent
-//! ([`Paper`]) is estimated with it, or with a given camera by [`estimate_paper`].
+//! undetermined values keep the mean of [`CameraPrior`]. Stretch and bend of the print ([`Paper`])
+//! are estimated at the same time, or with a given camera by [`estimate_paper`].
 
 mod blur;
 mod board_model;

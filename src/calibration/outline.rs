@@ -1,4 +1,4 @@
-//! Whether the outermost rows and columns of a board are printed where its description has them.
+//! Checks whether the outermost rows and columns of a board are printed as described.
 
 use super::board_model::BoardModel;
 use super::layout::Layout;
@@ -6,28 +6,27 @@ use super::luma::LumaImage;
 use crate::Side;
 use glam::DVec2;
 
-/// Contrast of two squares along the outline relative to that of the two behind them, from which on
-/// down they are not printed.
+/// Contrast of two squares along the outline relative to the two squares behind them, below which
+/// they count as not printed.
 const CONTRAST_SHARE: f32 = 0.3;
-/// White minus black relative to white (square-root scale) of squares that are seen.
+/// Least contrast of visible squares, white minus black relative to white, on the square-root scale.
 const CONTRAST_MIN: f32 = 0.2;
-/// Pairs that must be looked at, and the share of them that must be missing.
+/// Fewest pairs checked, and the share that must be missing.
 const LOOKED_MIN: usize = 4;
 const MISSING_SHARE: f64 = 0.85;
-/// Squares narrower than this are not looked at, px.
+/// Narrower squares are not checked, px.
 const SQUARE_MIN_PX: f64 = 5.0;
 
-/// The side of the board along which the picture has no squares, though the next row or column is
-/// there.
+/// The side of the board without squares although the next row or column is printed.
 pub(super) fn missing(layout: &Layout, image: &LumaImage, model: &BoardModel) -> Option<Side> {
-    // A full checkerboard, for the camera alone, is often printed up to the edge of its sheet, where its
-    // outer squares merge with what lies around.
+    // A full checkerboard for camera calibration is often printed up to the edge of its sheet,
+    // where its outer squares merge with the background.
     let hole = &layout.target.hole;
     if hole.row_start == hole.row_end {
         return None;
     }
     let (rows, cols) = (i64::from(layout.target.rows), i64::from(layout.target.cols));
-    // A line of squares by its first one, the step along it, the step to the next line.
+    // Each line of squares by its first square, the step along it and the step to the next line.
     [
         (Side::Top, (0, 0), (0, 1), (1, 0), cols),
         (Side::Bottom, (rows - 1, 0), (0, 1), (-1, 0), cols),
@@ -45,7 +44,7 @@ pub(super) fn missing(layout: &Layout, image: &LumaImage, model: &BoardModel) ->
             let Some(inner) = contrast(layout, image, model, pair.map(|s| step(s, inward))) else {
                 continue;
             };
-            // Where the next line is not seen either, this one tells nothing.
+            // Skip pairs whose inner neighbours are not visible either.
             if inner > CONTRAST_MIN {
                 looked += 1;
                 missing += usize::from(outer < CONTRAST_SHARE * inner);
@@ -56,8 +55,8 @@ pub(super) fn missing(layout: &Layout, image: &LumaImage, model: &BoardModel) ->
     .map(|line| line.0)
 }
 
-/// White minus black relative to white of two neighbouring squares; `None` where they are not printed
-/// or not seen.
+/// Contrast of two neighbouring squares, white minus black relative to white; `None` if not printed
+/// or not visible.
 fn contrast(
     layout: &Layout,
     image: &LumaImage,
@@ -73,8 +72,8 @@ fn contrast(
     Some((white - black) / white.max(1e-6))
 }
 
-/// Level of a square: in its middle, or of white ones with a marker beside that. `None` outside the
-/// picture, or where squares are too small.
+/// Level of a square in its middle, or beside the marker in white ones. `None` outside the picture,
+/// or if squares are too small.
 fn level(
     layout: &Layout,
     image: &LumaImage,
@@ -103,7 +102,7 @@ mod tests {
     use super::super::target::{Hole, Target};
     use super::*;
 
-    /// A picture of a board of so many squares at 20 px each, from the top.
+    /// A picture of a board from above, 20 px per square.
     fn picture(target: &Target) -> LumaImage {
         let (width, height) = (20 * target.cols as usize + 80, 20 * target.rows as usize + 80);
         let data = (0..width * height)
@@ -117,7 +116,7 @@ mod tests {
         LumaImage { width, height, data }
     }
 
-    /// The grid of the board in such a picture, with the description's first square there.
+    /// Model of the grid in such a picture, with the description's first square at `[row, col]`.
     fn model(image: &LumaImage, [row, col]: [f64; 2]) -> BoardModel {
         let grid: Vec<DVec2> =
             (0..100).map(|i| DVec2::new(f64::from(i % 10), f64::from(i / 10))).collect();
@@ -140,7 +139,7 @@ mod tests {
                 col_start: hole.col_start + col,
                 col_end: hole.col_end + col,
             };
-            // The first square's colour follows from the shift.
+            // The shift determines the colour of the first square.
             let top_left = if printed.is_white(-i64::from(row), -i64::from(col)) {
                 super::super::target::TopLeft::White
             } else {

@@ -1,27 +1,27 @@
-//! How a print differs from its plan: stretched by the printer, bent by its curl.
+//! Deviations of a print from its plan: stretch by the printer, bend by curl.
 
 use super::target::Target;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// What is expected: printers' feed errs by some tenths of a per cent, paper that was rolled up
-/// rises by a millimetre.
+/// Priors: the feed of printers errs by some tenths of a per cent, and paper from a roll rises by a
+/// millimetre.
 const ASPECT_SIGMA: f64 = 0.005;
 const BOW_SIGMA_MM: f64 = 1.0;
-/// Known as well as this (a fortieth of a degree of the pose), nothing more is to be learnt.
+/// At this precision (a fortieth of a degree of the pose) further photographs do not help.
 const ASPECT_KNOWN: f64 = 5e-4;
 const BOW_KNOWN_MM: f64 = 0.2;
 
-/// Numbers of [`Paper`].
+/// Number of parameters of [`Paper`].
 pub(super) const PARAMETERS: usize = 3;
 
 /// The printed sheet, the same in all photographs of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Paper {
-    /// Scale along Y relative to that along X, which is as planned.
+    /// Scale along Y relative to the scale along X, which is as planned.
     pub aspect: f64,
-    /// How far the board's left and right edges rise above its middle, and its upper and lower
-    /// edges, mm: parabolas, with their mean over the corners in the board's plane.
+    /// Rise of the board's left and right edges, and of its upper and lower edges, above its
+    /// middle, mm: parabolas whose mean over the corners lies in the board's plane.
     pub bow_mm: [f64; 2],
 }
 
@@ -33,7 +33,7 @@ impl Default for Paper {
 }
 
 impl Paper {
-    /// Where a planned position of the target's print lies, mm.
+    /// Position of a planned point of the target's print, mm.
     pub fn place(&self, target: &Target, board_mm: DVec2) -> DVec3 {
         Sheet::new(target, *self).at(board_mm)
     }
@@ -43,55 +43,54 @@ impl Paper {
         Self { aspect: self.aspect + step[0], bow_mm: [x + step[1], y + step[2]] }
     }
 
-    /// Deviations from the plan in standard deviations of what is expected, and the reciprocals of
-    /// these.
+    /// Deviations from the plan in prior standard deviations, and the reciprocals of the latter.
     pub(super) fn deviations(&self) -> [(f64, f64); PARAMETERS] {
         let bow = self.bow_mm.map(|b| (b / BOW_SIGMA_MM, BOW_SIGMA_MM.recip()));
         [((self.aspect - 1.0) / ASPECT_SIGMA, ASPECT_SIGMA.recip()), bow[0], bow[1]]
     }
 
-    /// Whether such values may come from a print at all.
+    /// Whether a print can have these values.
     pub(crate) fn is_plausible(&self) -> bool {
         (self.aspect - 1.0).abs() < 0.1 && self.bow_mm.iter().all(|b| b.abs() < 30.0)
     }
 }
 
-/// An estimated sheet and how well it is known.
+/// An estimated sheet and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PaperEstimate {
-    /// The sheet; as planned unless the corners contradict that clearly.
+    /// The sheet; as planned unless the corners clearly contradict it.
     pub paper: Paper,
     /// Standard deviations of the aspect and of the two bows (mm).
     pub sigma: [f64; 3],
 }
 
 impl Default for PaperEstimate {
-    /// As planned, known as well as prints are in general.
+    /// As planned, with the prior's deviations.
     fn default() -> Self {
         Self { paper: Paper::default(), sigma: [ASPECT_SIGMA, BOW_SIGMA_MM, BOW_SIGMA_MM] }
     }
 }
 
 impl PaperEstimate {
-    /// Whether it may come from a print, and its deviations are such.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         self.paper.is_plausible() && self.sigma.iter().all(|s| (0.0..=f64::MAX).contains(s))
     }
 
-    /// Whether more photographs would change nothing that matters.
+    /// Whether further photographs would not improve the estimate noticeably.
     pub(crate) fn is_settled(&self) -> bool {
         let [aspect, x, y] = self.sigma;
         aspect < ASPECT_KNOWN && x.max(y) < BOW_KNOWN_MM
     }
 }
 
-/// A paper with its target's measures.
+/// A paper with the dimensions of its target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sheet {
     pub paper: Paper,
     /// Half the board's width and height, mm.
     pub half_mm: DVec2,
-    /// Mean of the squares of x and y in these units over the corners.
+    /// Mean of x² and y² over the corners, in units of `half_mm`.
     pub mean: DVec2,
 }
 
@@ -107,7 +106,7 @@ impl Sheet {
         Self { paper, half_mm, mean }
     }
 
-    /// Where a planned position lies, mm.
+    /// Position of a planned point, mm.
     pub fn at(&self, board_mm: DVec2) -> DVec3 {
         let rise = self.rise(board_mm);
         let [x, y] = self.paper.bow_mm;
@@ -159,7 +158,7 @@ mod tests {
         for (i, slope) in sheet(paper).slopes(at).into_iter().enumerate() {
             let mut step = [0.0; PARAMETERS];
             step[i] = 1.0;
-            // Linear: exact but for rounding.
+            // Linear, so exact up to rounding.
             let difference = sheet(paper.moved(&step)).at(at) - sheet(paper).at(at);
             assert!((difference - slope).length() < 1e-12, "{i}");
         }

@@ -1,4 +1,4 @@
-//! Tells which corner is which: places grown pieces of lattice on the known board.
+//! Identifies corners: places grown pieces of lattice on the known board.
 
 use super::board_model::BoardModel;
 use super::lattice::Node;
@@ -9,21 +9,21 @@ use super::turns::{lattice_of_board, rotate};
 use crate::Rejection;
 use glam::{DVec2, IVec2};
 
-/// Corners without which no placement is trusted.
+/// Fewest corners of a reliable placement.
 pub(super) const CORNERS_MIN: usize = 20;
-/// Pieces of lattice smaller than this start no placement.
+/// Fewest corners of a piece that starts a placement.
 const PIECE_MIN: usize = 6;
 const PIECES_TRIED: usize = 12;
 const PLACEMENTS_GROWN: usize = 4;
-/// Share of a piece's corners that may lie where the board has none.
+/// Largest share of a piece's corners outside the board's corners.
 const PHANTOM_SHARE_MAX: f64 = 0.12;
 
 impl Layout<'_> {
-    /// Finds the one placement of the pieces on the board that the picture supports.
+    /// Finds the one placement of the pieces that the picture supports.
     ///
     /// # Errors
-    /// [`Rejection::BoardNotFound`] when no placement fits, [`Rejection::TooFewCorners`] when one
-    /// fits but too little is seen, [`Rejection::PlacementAmbiguous`] when several fit equally.
+    /// [`Rejection::BoardNotFound`] if no placement fits, [`Rejection::TooFewCorners`] if one fits
+    /// but too little is visible, [`Rejection::PlacementAmbiguous`] if several fit equally.
     pub fn place(&self, image: &LumaImage, pieces: &[Vec<Node>]) -> Result<Labelling, Rejection> {
         let mut placements: Vec<(f64, Labelling)> = Vec::new();
         for piece in pieces.iter().filter(|p| p.len() >= PIECE_MIN).take(PIECES_TRIED) {
@@ -35,7 +35,7 @@ impl Layout<'_> {
         let mut grown: Vec<(f64, Labelling)> = Vec::new();
         for (_, mut labelling) in placements {
             self.extend(&mut refiner, image, &mut labelling);
-            // Squares narrower than what tells a corner look right anywhere.
+            // Narrower squares look right anywhere.
             if self.usual_cell(&labelling) < CELL_MIN_PX {
                 continue;
             }
@@ -43,8 +43,8 @@ impl Layout<'_> {
             let seen = visible.iter().filter(|v| **v).count();
             let found = labelling.count();
             let score = 1.5 * found as f64 - 0.5 * seen as f64;
-            // Placements that grow into the same labelling are one, and so are those that a
-            // symmetry of the board exchanges.
+            // Placements that grow into the same labelling, or that a symmetry of the board
+            // exchanges, are one.
             if !grown.iter().any(|(_, other)| self.same_labels(other, &labelling)) {
                 grown.push((score, labelling));
             }
@@ -75,7 +75,7 @@ impl Layout<'_> {
         Ok(best.clone())
     }
 
-    /// Whether two labellings name most corners alike, up to a symmetry of the board.
+    /// Whether two labellings agree on most corners, up to a symmetry of the board.
     fn same_labels(&self, a: &Labelling, b: &Labelling) -> bool {
         let alike = |target: &dyn Fn(usize) -> usize| {
             let both = a.px.iter().enumerate().filter_map(|(i, p)| Some(((*p)?, b.px[target(i)]?)));
@@ -155,7 +155,7 @@ impl Layout<'_> {
     }
 }
 
-/// Least and greatest of the numbers when so many are left out at each end.
+/// Smallest and largest number without `left_out` numbers at each end.
 fn extent(values: impl Iterator<Item = i32>, left_out: usize) -> (i32, i32) {
     let mut sorted: Vec<i32> = values.collect();
     sorted.sort_unstable();

@@ -3,22 +3,21 @@
 use crate::geometry::{Camera, Pose};
 use glam::{DMat3, DVec2, DVec3};
 
-/// A projected point with the derivatives of its pixel, first those of x, then those of y.
-///
-/// Rows of the Jacobian for pose refinement and for estimating the camera itself.
+/// A projected point with the derivatives of its pixel (x, then y): rows of the Jacobian for
+/// refinement of pose and camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     /// The pixel.
     pub px: DVec2,
-    /// By the pose: rotation vector of a small turn applied after the pose's rotation (camera
-    /// axes), then translation in mm.
+    /// By the pose: rotation vector of a small rotation after that of the pose (camera axes), then
+    /// translation in mm.
     pub by_pose: [[f64; 6]; 2],
     /// By fx, fy, cx, cy, k1, k2, p1, p2, k3.
     pub by_intrinsics: [[f64; 9]; 2],
 }
 
 impl Projection {
-    /// Projects a board point, mm; `None` behind the camera and past the fold of the distortion,
+    /// Projects a board point, mm; `None` behind the camera and beyond the fold of the distortion,
     /// as [`Camera::project`].
     pub fn of(camera: &Camera, pose: &Pose, board: DVec3) -> Option<Self> {
         let turned = pose.rotation * board;
@@ -126,7 +125,7 @@ mod tests {
                     camera.project(moved(&pose, &step).transform(board)).unwrap()
                 };
                 let slope = (at(h) - at(-h)) / (2.0 * h);
-                // Pixels of about 1e3 in double precision over 2e-6: 1e-7; slopes up to 2e3.
+                // Tolerance: rounding of pixels around 1e3 over 2e-6 gives 1e-7; slopes reach 2e3.
                 let tolerance = 1e-6 * (1.0 + slope.length());
                 assert!((slope.x - p.by_pose[0][i]).abs() < tolerance, "pose {i}");
                 assert!((slope.y - p.by_pose[1][i]).abs() < tolerance, "pose {i}");

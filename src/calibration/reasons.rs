@@ -1,27 +1,27 @@
-//! Why a photograph of a board cannot be used, where what was met first is not the cause.
+//! Finds the root cause of a rejection.
 
 use super::camera_estimation::{CameraPrior, estimate_camera};
 use super::detector::Corner;
 use super::luma::LumaImage;
 use super::target::Target;
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use crate::statistics::median;
 
-/// Squares narrower than this hold too few pixels free of their neighbours to tell the light, px.
+/// Narrower squares contain too few pixels free of their neighbours, px.
 const SQUARE_MIN_PX: f64 = 9.0;
-/// Edges softer than this part of a square mix black and white inside it.
+/// Softer edges, as a part of a square, mix black and white inside it.
 const BLUR_MAX_SQUARES: f64 = 0.1;
-/// Edges softer than this, px and part of a square, explain squares that are not plain.
+/// Edges softer than this, px and part of a square, explain uneven squares.
 const BLUR_TELLING_PX: f64 = 2.5;
 const BLUR_TELLING_SQUARES: f64 = 0.06;
-/// Relative difference of focal lengths that is no matter of focus or of rounded metadata.
+/// Relative difference of focal lengths that focus or rounded metadata can explain.
 const OTHER_FOCAL: f64 = 0.05;
-/// The camera that fits must leave this much less of the corners' error.
+/// Largest ratio of the corners' error for the other camera.
 const BETTER: f64 = 0.5;
 
-/// How soft a photograph's edges are.
+/// Blur of a photograph's edges.
 #[derive(Debug, Clone, Copy)]
 pub struct Softness {
     blur_px: f64,
@@ -29,7 +29,7 @@ pub struct Softness {
 }
 
 impl Softness {
-    /// From the corners found and the spread of edges.
+    /// Takes the corners and their edge spread.
     ///
     /// # Errors
     /// [`Rejection::SquaresTooSmall`], [`Rejection::Blurred`].
@@ -43,7 +43,7 @@ impl Softness {
         if blur_px > BLUR_MAX_SQUARES * square_px { Err(softness.blurred()) } else { Ok(softness) }
     }
 
-    /// Another reason, if it is that edges are soft: squares do not look plain then.
+    /// Replaces the reason by blur if soft edges explain it: squares then look uneven.
     pub fn explained(&self, rejection: Rejection) -> Rejection {
         let soft = self.blur_px > BLUR_TELLING_PX.max(BLUR_TELLING_SQUARES * self.square_px);
         match rejection {
@@ -57,7 +57,7 @@ impl Softness {
     }
 }
 
-/// Median distance of neighbouring corners, px; infinite where there are none.
+/// Median distance of neighbouring corners, px; infinite without neighbours.
 fn usual_square(corners: &[Corner]) -> f64 {
     let sides = corners.iter().flat_map(|a| {
         let right = (a.row, a.col + 1);
@@ -68,7 +68,7 @@ fn usual_square(corners: &[Corner]) -> f64 {
     median(sides).unwrap_or(f64::INFINITY)
 }
 
-/// Refuses a photograph whose metadata state another focal length than those of the first one.
+/// Rejects a photograph whose metadata state another focal length than the first one's.
 ///
 /// # Errors
 /// [`Rejection::OtherCamera`].
@@ -83,7 +83,7 @@ pub fn same_lens(first: Option<&CameraPrior>, new: &CameraPrior) -> Result<(), R
     }
 }
 
-/// Whether a photograph that does not fit the known camera fits one of another focal length.
+/// Whether a photograph that does not fit the known camera fits another focal length.
 pub fn other_camera(
     target: &Target,
     known: &Camera,
@@ -100,16 +100,16 @@ pub fn other_camera(
     (differs && better).then_some(Rejection::OtherCamera { focal_ratio: ratio as f32 })
 }
 
-/// Blocks of a picture along its sides, looked at for edges; the least contrast of one (of square roots), and how
-/// many of the sharpest may be something else than the board.
+/// Blocks per side in the search for edges, least contrast of a block (square roots), and number of
+/// the sharpest blocks to ignore because they may show something else.
 const BLOCKS: usize = 12;
 const BLOCK_CONTRAST: f32 = 0.2;
 const SHARPEST: usize = 3;
-/// Edges of a board that is not found are too soft from here on, px.
+/// Edge spread above which a missing board is out of focus, px.
 const SOFT_PX: f32 = 3.0;
 
-/// Whether a board is not found because it is out of focus: nowhere in the picture is an edge sharp. A step of a
-/// contrast whose steepest slope is `g` has a spread of `contrast / (sqrt(2 pi) g)`.
+/// Whether the board was not found for lack of focus: no edge of the picture is sharp. A step with
+/// contrast `c` and steepest slope `g` has a spread of `c / (sqrt(2 pi) g)`.
 pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> {
     if !matches!(why, Rejection::BoardNotFound | Rejection::TooFewCorners { .. }) {
         return None;
@@ -127,7 +127,7 @@ pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> 
                 let at = |x: usize, y: usize| luma.data[y * w + x];
                 let value = at(x, y);
                 (low, high) = (low.min(value), high.max(value));
-                // Over four pixels: noise is no slope.
+                // Differences over four pixels suppress noise.
                 let across = at(x + 2, y) - at(x - 2, y);
                 let down = at(x, y + 2) - at(x, y - 2);
                 slope = slope.max(0.25 * across.hypot(down));
@@ -143,7 +143,7 @@ pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> 
     (blur_px > SOFT_PX).then_some(Rejection::Blurred { blur_px, direction_deg: None })
 }
 
-/// What hides the board, if the exposure does: nearly everything black, or most of it saturated.
+/// Exposure fault that hides the board: nearly everything black, or most of it saturated.
 pub fn why_no_board(photo: &Photo) -> Rejection {
     const SAMPLES: u32 = 128;
     let (w, h) = (photo.width(), photo.height());
@@ -193,14 +193,14 @@ mod tests {
         assert_eq!(Softness::new(&corners(40.0), 0.8).unwrap().explained(lit), lit);
     }
 
-    /// Without a single corner: a checkerboard is seen, and nowhere sharp.
+    /// A visible checkerboard without sharp edges or detectable corners.
     #[test]
     fn a_blurred_picture_says_so_though_no_board_is_found() {
         let picture = |blur: f32, contrast: f32| {
             let (width, height) = (600, 450);
             let data = (0..width * height).map(|i| {
                 let (x, y) = ((i % width) as f32, (i / width) as f32);
-                // A checkerboard of squares of 30 px whose edges are as steep as blurred ones.
+                // Squares of 30 px whose edges are as steep as blurred ones.
                 let wave = |v: f32| {
                     let edge = (std::f32::consts::PI * v / 30.0).sin();
                     (edge * 7.6 / blur).tanh()
@@ -214,13 +214,13 @@ mod tests {
             let said = too_soft_to_find(&picture(blur, 0.6), &why);
             assert_eq!(said.is_some(), soft, "{blur}: {said:?}");
         }
-        // Nothing is there that could be sharp.
+        // The picture has no contrast.
         assert_eq!(too_soft_to_find(&picture(6.0, 0.1), &why), None);
         assert_eq!(too_soft_to_find(&picture(9.0, 0.6), &Rejection::NotFinite), None);
     }
 
     #[test]
-    fn metadata_tell_another_lens() {
+    fn metadata_reveal_another_lens() {
         let ordinary = CameraPrior::ordinary(400, 300);
         let stated = |focal| CameraPrior::ordinary(400, 300).with_focal(focal, 0.04);
         assert!(same_lens(None, &stated(300.0)).is_ok());

@@ -1,18 +1,18 @@
 //! Sub-pixel position of an X-corner.
 //!
-//! On an edge through the corner the gradient stands across the edge, elsewhere it vanishes: for
-//! every pixel `p` with gradient `g`, `g . (q - p) = 0` at the corner `q` (Förstner and Gülch
-//! 1987). The weighted least-squares solution is iterated with the window moved to it.
+//! On an edge through the corner the gradient is perpendicular to the edge; elsewhere it vanishes.
+//! Every pixel `p` with gradient `g` thus satisfies `g . (q - p) = 0` at the corner `q` (Förstner
+//! and Gülch 1987). The weighted least-squares solution is iterated with a moving window.
 //!
-//! The window is a cross along the two edges, sheared as the cell is: it takes in much of both
-//! edges, none of the neighbours' and little of the noise between, however the board is tilted.
+//! The window is a cross along the two edges, sheared like the cell. It covers much of both edges,
+//! no neighbouring edge and little noise between them, for any tilt of the board.
 
 use super::luma::LumaImage;
 use glam::{DMat2, DVec2};
 
-/// Arms are shorter than this, px: beyond it lens distortion bends edges.
+/// Longest arm, px: lens distortion bends longer edges.
 const ARM_MAX_PX: f64 = 24.0;
-/// Arms are at least this long and wide, px.
+/// Least length and width of an arm, px.
 const ARM_MIN_PX: f64 = 2.5;
 const ITERATIONS_MAX: usize = 12;
 /// Steps shorter than this end the iteration, px.
@@ -29,7 +29,7 @@ pub(super) struct Window {
     pub across: f64,
 }
 
-/// Refines corners; holds the memory for it.
+/// Refines corners, with reused buffers.
 #[derive(Default)]
 pub(super) struct Refiner {
     raw: Vec<f32>,
@@ -47,9 +47,9 @@ struct Patch {
 }
 
 impl Refiner {
-    /// Moves `start` to the X-corner near it. `cell` holds the pixels per column and per row of
-    /// the board. `None` when it leaves the picture, moves further than `max_shift` px, or the
-    /// window holds no crossing edges.
+    /// Moves `start` to the X-corner near it. `cell` holds the pixels per column and per row of the
+    /// board. `None` if it leaves the picture, moves by more than `max_shift` px, or the window
+    /// holds no crossing edges.
     pub fn refine(
         &mut self,
         image: &LumaImage,
@@ -90,12 +90,12 @@ impl Refiner {
         Some(q)
     }
 
-    /// Gradient products of the smoothed picture round `q`.
+    /// Gradient products of the smoothed picture around `q`.
     fn gradients(&mut self, image: &LumaImage, q: DVec2, half: DVec2) -> Option<Patch> {
         if !image.contains(q, 4.0) {
             return None;
         }
-        // Two pixels on each side go into smoothing and differences.
+        // Smoothing and differences need two pixels on each side.
         let low = (q - half).floor().max(DVec2::splat(2.0));
         let limit = DVec2::new(image.width as f64, image.height as f64) - 3.0;
         let high = (q + half).ceil().min(limit);

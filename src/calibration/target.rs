@@ -1,12 +1,11 @@
-//! The printed board round the sample.
+//! The printed board around the sample.
 
 use super::markers::{Dictionary, Marker};
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Gap between the lowest row of squares and the patches below it, side of a patch and distance
-/// from one to the next, mm.
+/// Gap between the lowest row of squares and the patches, side of a patch, and spacing of the patches, mm.
 const PATCH_GAP_MM: f64 = 8.0;
 const PATCH_SIDE_MM: f64 = 15.0;
 const PATCH_STEP_MM: f64 = 20.0;
@@ -20,7 +19,7 @@ pub struct Patch {
     pub centre_mm: DVec2,
     /// Side, mm.
     pub side_mm: f64,
-    /// sRGB value it is printed with: 0 black, 1 paper.
+    /// Printed sRGB value: 0 black, 1 paper.
     pub gray: f64,
 }
 
@@ -60,14 +59,14 @@ pub struct Hole {
     pub col_end: u32,
 }
 
-/// The printed board round the sample. Its centre is the origin of the board frame.
+/// The printed board around the sample. Its centre is the origin of the board frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// Plain or with markers.
+    /// Kind of board.
     pub kind: TargetKind,
-    /// Rows of squares, the hole's included. `rows + cols` is odd, so colours tell a half-turn.
+    /// Rows of squares, including the hole. `rows + cols` is odd, so that colours distinguish half-turns.
     pub rows: u32,
-    /// Columns of squares, the hole's included.
+    /// Columns of squares, including the hole.
     pub cols: u32,
     /// Side of a square, mm.
     pub square_mm: f64,
@@ -101,7 +100,7 @@ impl Default for Target {
     }
 }
 
-/// What a sample leaves free of the board's hole on each side where nobody states its size, mm.
+/// Default margin between a sample and the hole on each side, mm.
 const MARGIN_MM: f64 = 5.0;
 
 impl Target {
@@ -112,8 +111,8 @@ impl Target {
             .map(|(start, end)| f64::from(end.saturating_sub(start)) * self.square_mm)
     }
 
-    /// Width and height of a sample whose size nobody states, mm: a square that the hole holds with 5 mm to
-    /// spare on each side, or a tenth of its shorter side where that is less.
+    /// Default width and height of a sample, mm: the largest square with a margin of 5 mm in the
+    /// hole, or of a tenth of the hole's shorter side if that is less.
     pub fn usual_sample_mm(&self) -> [f32; 2] {
         let [width, height] = self.hole_mm();
         let side = width.min(height);
@@ -134,8 +133,8 @@ impl Target {
         ((row + col).rem_euclid(2) == 0) == (self.top_left == TopLeft::White)
     }
 
-    /// Whether grid point (`row`, `col`), the upper left corner of that square, is an X-corner:
-    /// all four squares round it are printed.
+    /// Whether grid point (`row`, `col`), the upper left corner of that square, is an X-corner: all
+    /// four squares around it are printed.
     pub fn has_corner(&self, row: i64, col: i64) -> bool {
         self.has_square(row - 1, col - 1)
             && self.has_square(row - 1, col)
@@ -151,7 +150,7 @@ impl Target {
             .collect()
     }
 
-    /// Board position of a grid point, mm; fractions give positions inside squares.
+    /// Board position of a grid point, mm; fractions lie inside squares.
     pub fn grid_mm(&self, row: f64, col: f64) -> DVec2 {
         DVec2::new(
             (col - 0.5 * f64::from(self.cols)) * self.square_mm,
@@ -159,22 +158,21 @@ impl Target {
         )
     }
 
-    /// The marker printed in a white square; `None` for squares without one, and for dictionaries
-    /// other than `DICT_nXn_50`, `_100` and `_250` with `n` from 4 to 7. Ids count the white
-    /// squares of the full grid row by row, the hole's included.
+    /// The marker of a white square; `None` for squares without one, and for dictionaries other
+    /// than `DICT_nXn_50`, `_100` and `_250` with `n` from 4 to 7. Ids count the white squares of
+    /// the full grid row by row, including the hole.
     pub fn marker(&self, row: i64, col: i64) -> Option<Marker> {
         let TargetKind::CharucoRing { dictionary, .. } = &self.kind else { return None };
         if !self.has_square(row, col) || !self.is_white(row, col) {
             return None;
         }
         let cols = i64::from(self.cols);
-        // Of every two squares one is white, within rows and from one row to the next of odd grids.
+        // Every other square is white, also from one row to the next of an odd grid.
         let id = (row * cols + col) / 2;
         Dictionary::named(dictionary).get(id as usize)
     }
 
-    /// Black, gray and white patch below the ring: they tell whether a photograph's values are
-    /// linear.
+    /// Black, gray and white patch below the ring, for a test of linearity.
     pub fn patches(&self) -> [Patch; 3] {
         let corner = self.grid_mm(self.rows.into(), 0.0);
         [0.0, PATCH_GRAY, 1.0].map(|gray| {
@@ -185,14 +183,13 @@ impl Target {
         })
     }
 
-    /// Diffuse albedo that a patch is planned to have: between those of black and white squares as
-    /// its linear value is between 0 and 1.
+    /// Nominal diffuse albedo of a patch: interpolated between black and white squares by its linear value.
     pub fn patch_albedo(&self, patch: &Patch) -> f64 {
         let share = Encoding::Srgb.decode(patch.gray);
         self.black_albedo + (self.white_albedo - self.black_albedo) * share
     }
 
-    /// What is wrong with the layout, if anything: the field and what was expected.
+    /// Fault of the layout, if any: the field and the expected values.
     pub fn fault(&self) -> Option<(&'static str, String)> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let h = &self.hole;
@@ -240,8 +237,8 @@ impl Target {
         None
     }
 
-    /// What keeps the board from being printed, if anything: as [`Target::fault`], or white squares
-    /// for which the dictionary has no marker.
+    /// Fault that prevents printing, if any: as [`Target::fault`], or white squares without a
+    /// marker in the dictionary.
     pub fn print_fault(&self) -> Option<(&'static str, String)> {
         self.fault().or_else(|| {
             let (rows, cols) = (i64::from(self.rows), i64::from(self.cols));

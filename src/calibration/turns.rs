@@ -1,5 +1,4 @@
-//! Quarter turns of the board: between positions in a piece of lattice and on the board, and those
-//! that leave a board unchanged.
+//! Quarter turns of the board: positions in a piece of lattice and on the board, and symmetries of the board.
 
 use super::target::Target;
 use glam::{DMat3, DVec3, IVec2};
@@ -14,12 +13,12 @@ pub(super) fn rotate(p: IVec2, turn: usize) -> IVec2 {
     }
 }
 
-/// Grid point of the board at a lattice position of a piece placed by turn and shift.
+/// Board grid point of a lattice position, for a piece placed by turn and shift.
 pub(super) fn board_of_lattice(at: IVec2, turn: usize, shift: IVec2) -> IVec2 {
     rotate(at, turn) + shift
 }
 
-/// Homogeneous map from board grid to lattice positions; undoes `rotate` by `turn`, then `shift`.
+/// Homogeneous map from board grid to lattice positions: the inverse of `rotate` by `turn` plus `shift`.
 pub(super) fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
     let back = (4 - turn) % 4;
     let (x, y) = (rotate(IVec2::X, back).as_dvec2(), rotate(IVec2::Y, back).as_dvec2());
@@ -27,13 +26,12 @@ pub(super) fn lattice_of_board(turn: usize, shift: IVec2) -> DMat3 {
     DMat3::from_cols(x.extend(0.0), y.extend(0.0), DVec3::new(origin.x, origin.y, 1.0))
 }
 
-/// Where corners go when the board is turned by quarter turns about its centre, if that leaves it
-/// unchanged.
+/// Image of each corner under quarter turns of the board about its centre, if the board is symmetric.
 pub(super) fn symmetry(target: &Target, corners: &[(u32, u32)], turn: usize) -> Option<Vec<usize>> {
     if turn % 2 == 1 && target.rows != target.cols {
         return None;
     }
-    // Twice the offset from the centre stays whole for corners and squares alike.
+    // Doubled offsets from the centre are integers for corners and squares.
     let (rows, cols) = (target.rows as i32, target.cols as i32);
     let turned = |row2: i32, col2: i32| {
         let p = rotate(IVec2::new(col2 - cols, row2 - rows), turn) + IVec2::new(cols, rows);

@@ -1,4 +1,4 @@
-//! A JSON document whose faults name file, field, what was found and what was expected.
+//! A JSON document with error messages that name file, field, value found and values expected.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::{Error, Result};
 
-/// Largest description read, bytes.
+/// Largest description, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
 /// Reads a JSON file.
@@ -23,7 +23,7 @@ pub fn read_json(path: &Path) -> Result<Value> {
     parse_json(path, &std::fs::read(path).map_err(|e| Error::io(path, e))?)
 }
 
-/// Reads JSON that stands, or would stand, in a file.
+/// Parses JSON; `path` names the source in errors.
 pub fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     serde_json::from_slice(text).map_err(|fault| {
@@ -59,7 +59,7 @@ fn last_key(text: &str) -> Option<&str> {
     None
 }
 
-/// A place in a document: its value, if there is one, and the way to it.
+/// A position in a document, with its value if present.
 pub struct Node<'a> {
     file: &'a Path,
     path: String,
@@ -72,7 +72,7 @@ impl<'a> Node<'a> {
         Self { file, path: String::new(), value: Some(value) }
     }
 
-    /// A field of an object; it may be missing.
+    /// A field of an object, present or not.
     pub fn get(&self, key: &str) -> Self {
         let path =
             if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
@@ -89,7 +89,7 @@ impl<'a> Node<'a> {
         self.file
     }
 
-    /// The way to the node in dotted notation.
+    /// Path of the node in dotted notation.
     pub fn path(&self) -> &str {
         &self.path
     }
@@ -99,7 +99,7 @@ impl<'a> Node<'a> {
         self.value
     }
 
-    /// A fault of this node: what stands there and what was expected instead.
+    /// A fault of this node: the value found and the values expected.
     pub fn fault(&self, expected: impl Into<String>) -> Error {
         let message = match self.value {
             None => "missing".into(),
@@ -123,7 +123,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Checks that an object stands here.
+    /// Checks that the value is an object.
     pub fn object(&self) -> Result<()> {
         match self.value {
             Some(Value::Object(_)) => Ok(()),
@@ -171,13 +171,13 @@ impl<'a> Node<'a> {
         numbers.and_then(|v| v.try_into().ok()).ok_or_else(|| self.fault(expected))
     }
 
-    /// A whole number; `17.0` is one.
+    /// An integer; `17.0` is one.
     pub fn count(&self, expected: &str) -> Result<u32> {
         let number = self.number(expected)?;
         whole(number).ok_or_else(|| self.fault(expected))
     }
 
-    /// `N` whole numbers.
+    /// `N` integers.
     pub fn counts<const N: usize>(&self, expected: &str) -> Result<[u32; N]> {
         let whole: Option<Vec<u32>> = self.numbers::<N>(expected)?.into_iter().map(whole).collect();
         whole.and_then(|v| v.try_into().ok()).ok_or_else(|| self.fault(expected))

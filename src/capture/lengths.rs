@@ -1,4 +1,4 @@
-//! Lengths that do not look like millimetres.
+//! Detects lengths that are probably not in millimetres.
 
 use std::path::Path;
 
@@ -6,15 +6,15 @@ use super::document::Node;
 use crate::Result;
 use crate::calibration::Target;
 
-/// Smaller squares, mm, are none that a phone could tell apart.
+/// Smallest square that a phone could resolve, mm.
 pub const LEAST_SQUARE_MM: f64 = 0.5;
-/// Smaller squares, mm, are rare: a board of them round a sample of 100 mm has a thousand.
+/// Smallest usual square, mm: at this size, a board around a sample of 100 mm has a thousand.
 const USUAL_SQUARE_MM: f64 = 3.0;
-/// A side of a sample that is a smaller share of the hole is rarely meant.
+/// Smallest usual side of a sample, as a share of the hole.
 const USUAL_SHARE: f64 = 0.12;
 const OTHER_UNITS: &str = "lengths are in mm; are these metres, centimetres or inches?";
 
-/// Refuses squares that no camera could see.
+/// Rejects squares that no camera could resolve.
 pub(super) fn check(board: &Node, target: &Target) -> Result<()> {
     let mm = target.square_mm;
     if mm < LEAST_SQUARE_MM {
@@ -25,7 +25,7 @@ pub(super) fn check(board: &Node, target: &Target) -> Result<()> {
     Ok(())
 }
 
-/// Asks about lengths that are rarely meant.
+/// A warning about unusual lengths.
 pub(super) fn warning(file: &Path, target: &Target, [width, height]: [f32; 2]) -> Option<String> {
     let (file, mm) = (file.display(), target.square_mm);
     if mm < USUAL_SQUARE_MM {

@@ -12,9 +12,9 @@ use serde_json::Value;
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 #[cfg(feature = "files")]
 use crate::files::{self, Remark};
-use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
+use crate::photo::{Encoding, Photo, Rotation};
 use crate::rectification::elevation;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
@@ -26,40 +26,40 @@ pub const FORMAT: &str = "svbrdf-capture/1";
 /// Name of the description inside a capture folder.
 pub const FILE_NAME: &str = "capture.json";
 
-/// Shortest length taken for meant, mm: smaller ones vanish in single precision.
+/// Smallest length accepted, mm; smaller ones vanish in single precision.
 const MIN_LENGTH_MM: f64 = 1e-6;
-/// Longest length taken for meant, mm.
+/// Largest length accepted, mm.
 const MAX_LENGTH_MM: f64 = 1e6;
 
-/// What a capture folder holds; the photographs themselves are read one at a time.
+/// Contents of a capture folder; photographs are read one at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {
     /// Width and height of the sample, mm.
     pub sample_mm: [f32; 2],
-    /// What the photographs show.
+    /// Scene of the photographs.
     pub scene: Scene,
-    /// The photographs in the order of the file; at least one.
-    pub frames: Vec<Frame>,
-    /// Fields of the file that are not known, hence ignored, and lengths that are rarely meant: a sentence
-    /// each.
+    /// The photographs in the order of the file, at least one.
+    pub photos: Vec<PhotoFile>,
+    /// Warnings about unknown fields, which are ignored, and about unusual lengths; one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// One photograph of a capture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
-    /// The picture file, which exists.
+pub struct PhotoFile {
+    /// The image file; it exists.
     pub path: PathBuf,
-    /// Transfer curve of its values.
-    pub encoding: Encoding,
+    /// Transfer curve of its values. `None` (`srgb` in `capture.json`): with feature `files` the
+    /// colours that the file states, sRGB where it states none.
+    pub encoding: Option<Encoding>,
     /// Relative exposure: value = radiance * exposure.
     pub exposure: f32,
     /// Camera and light of an already rectified photograph.
     pub rectified: Option<RectifiedView>,
-    /// How far the upright picture is turned clockwise, so that the camera's sides are those of the
+    /// Clockwise rotation of the upright picture that aligns the camera's sides with those of the
     /// other photographs.
     pub turn: Rotation,
-    /// The same view without flash, to be subtracted: the file and its relative exposure.
+    /// Photograph of the same view without flash, to be subtracted: file and relative exposure.
     pub ambient: Option<(PathBuf, f32)>,
 }
 
@@ -72,39 +72,40 @@ pub struct RectifiedView {
     pub light_mm: [f32; 3],
 }
 
-impl Frame {
-    /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] stands for what the file says
-    /// of its colours, and DNG is read.
+impl PhotoFile {
+    /// Reads the photograph. With feature `files`, DNG is supported.
     ///
     /// # Errors
-    /// Those of `files::read`, or of [`Photo::read`] without that feature, and when a photograph
-    /// without flash has another size.
+    /// As `files::read`, or as [`Photo::read`] without that feature; also if the photograph without
+    /// flash has another size.
     pub fn read(&self) -> Result<Photo> {
         #[cfg(feature = "files")]
         return Ok(self.read_with_remarks()?.0);
         #[cfg(not(feature = "files"))]
-        self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
+        self.less_ambient(|path, exposure| {
+            Photo::read(path, self.encoding.unwrap_or(Encoding::Srgb), exposure)
+        })
     }
 
-    /// As [`Frame::read`], and what is to be said about the file.
+    /// As [`PhotoFile::read`], with remarks about the file.
     ///
     /// # Errors
-    /// As [`Frame::read`].
+    /// As [`PhotoFile::read`].
     #[cfg(feature = "files")]
     pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
         let mut remarks = None;
         let photo = self.less_ambient(|path, exposure| {
-            let (encoding, exposure) = (Some(self.encoding), Some(exposure));
+            let (encoding, exposure) = (self.encoding, Some(exposure));
             let decoded =
                 files::read(path, &files::Options { encoding, exposure, ..Default::default() })?;
-            // Those of the photograph, which comes before the one without flash.
+            // Remarks about the first photograph, not about the one without flash.
             remarks.get_or_insert(decoded.remarks);
             Ok(decoded.photo)
         })?;
         Ok((photo, remarks.unwrap_or_default()))
     }
 
-    /// The photograph without the light of the one without flash, and turned.
+    /// Subtracts the photograph without flash, then rotates.
     fn less_ambient(&self, mut read: impl FnMut(&Path, f32) -> Result<Photo>) -> Result<Photo> {
         let photo = read(&self.path, self.exposure)?;
         let Some((path, exposure)) = &self.ambient else { return Ok(photo.turned(self.turn)) };
@@ -116,17 +117,16 @@ impl Frame {
 }
 
 impl Capture {
-    /// Reads `capture.json` of folder `dir` and checks every field of it and that the picture
-    /// files exist.
+    /// Reads `capture.json` of folder `dir`, checks every field, and checks that the picture files exist.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be read, [`Error::Field`] naming the field at fault,
-    /// what was found and what was expected.
+    /// [`Error::Io`] if the file cannot be read, [`Error::Field`] with the field, the value found
+    /// and the values expected.
     pub fn load(dir: impl AsRef<Path>) -> Result<Self> {
         Self::load_with_camera(dir, None)
     }
 
-    /// As [`Capture::load`], with a camera that takes the place of the file's.
+    /// As [`Capture::load`], with a camera that replaces the file's.
     ///
     /// # Errors
     /// As [`Capture::load`].
@@ -137,8 +137,7 @@ impl Capture {
         Self::read(dir, &file, &value, camera)
     }
 
-    /// As [`Capture::load`] with the contents of `capture.json` given; pictures are looked for in
-    /// folder `dir`.
+    /// As [`Capture::load`], from the content of a `capture.json` whose pictures are in folder `dir`.
     ///
     /// # Errors
     /// As [`Capture::load`].
@@ -153,24 +152,24 @@ impl Capture {
         let (scene, sample_mm) = scene(&root, camera)?;
         let rectified = matches!(scene, Scene::Rectified { .. });
         let list = root.get("frames");
-        let frames = list
+        let photos = list
             .list()?
             .iter()
-            .map(|node| frame(dir, node, rectified))
+            .map(|node| photo_file(dir, node, rectified))
             .collect::<Result<Vec<_>>>()?;
-        if frames.is_empty() {
+        if photos.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
         let mut warnings = unknown::warnings(file, value);
         if let Scene::Board { target, .. } = &scene {
             warnings.extend(lengths::warning(file, target, sample_mm));
         }
-        Ok(Self { sample_mm, scene, frames, warnings })
+        Ok(Self { sample_mm, scene, photos, warnings })
     }
 }
 
-/// Scene and size of the sample, mm, of the contents of a `capture.json` whose photographs come by
-/// other ways than files: `frames` is not looked at.
+/// Scene and size of the sample, mm, of a `capture.json` whose photographs do not come from files:
+/// `frames` is ignored.
 ///
 /// # Errors
 /// [`Error::Field`] as [`Capture::load`].
@@ -195,8 +194,7 @@ fn scene(root: &Node, camera: Option<Camera>) -> Result<(Scene, [f32; 2])> {
     Ok((scene, sample_mm.map(|v| v as f32)))
 }
 
-/// Reads a camera file: the object that `capture.json` has under `camera`; unknown fields are
-/// ignored.
+/// Reads a camera file: the object `camera` of `capture.json`. Unknown fields are ignored.
 ///
 /// # Errors
 /// As [`Capture::load`].
@@ -206,13 +204,13 @@ pub fn read_camera(path: impl AsRef<Path>) -> Result<Camera> {
     camera(&Node::root(path, &value))
 }
 
-/// Checks that the sample is not larger than the board's hole, if the board has one.
+/// Checks that the sample is not larger than the board's hole, if any.
 fn fits_hole(sample: &Node, target: &Target) -> Result<()> {
     let sides = ["width_mm", "height_mm"].into_iter().zip(target.hole_mm());
     for (name, hole) in sides.filter(|(_, hole)| *hole > 0.0) {
         let side = sample.get(name);
         let expected = format!("at most {hole} mm: the board's hole is no larger");
-        // Rounding of lengths in inches.
+        // Tolerance for lengths in inches.
         if side.number(&expected)? > hole + 0.1 {
             return Err(side.fault(expected));
         }
@@ -341,10 +339,11 @@ fn camera(node: &Node) -> Result<Camera> {
     }
 }
 
-fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
+fn photo_file(dir: &Path, node: &Node, rectified: bool) -> Result<PhotoFile> {
     node.object()?;
     let path = picture(dir, &node.get("image"))?;
     let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
+    let encoding = Some(encoding).filter(|stated| *stated != Encoding::Srgb);
     let exposure = exposure(node.get("exposure"), 1.0)?;
     let ambient = match node.get("ambient").optional() {
         None => None,
@@ -367,12 +366,12 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
         None
     };
     let turn = turn(node.get("turn"))?;
-    Ok(Frame { path, encoding, exposure, rectified, turn, ambient })
+    Ok(PhotoFile { path, encoding, exposure, rectified, turn, ambient })
 }
 
-/// A picture file that exists.
+/// Path of an existing image file.
 fn picture(dir: &Path, node: &Node) -> Result<PathBuf> {
-    let expected = "the path of a picture file, relative to the capture's folder";
+    let expected = "the path of an image file, relative to the capture's folder";
     let name = node.text(expected)?;
     let path = dir.join(name);
     if name.is_empty() || !path.is_file() {

@@ -1,10 +1,10 @@
-//! Fields of a description that nobody reads: misspelt ones, mostly.
+//! Unknown fields of a description, mostly misspelt ones.
 
 use std::path::Path;
 
 use serde_json::Value;
 
-/// Fields that are known, by the object they stand in.
+/// Known fields by object.
 const KNOWN: [(&str, &[&str]); 6] = [
     (
         "",
@@ -37,7 +37,7 @@ const KNOWN: [(&str, &[&str]); 6] = [
             "patches",
         ],
     ),
-    // With what `svbrdf calibrate` writes beside the camera.
+    // With the additional fields of `svbrdf calibrate`.
     (
         "camera",
         &[
@@ -69,14 +69,14 @@ const KNOWN: [(&str, &[&str]); 6] = [
         ],
     ),
 ];
-/// Beginnings of names that are remarks for people.
+/// Prefixes of names for comments.
 const REMARKS: [&str; 5] = ["_", "$", "comment", "note", "name"];
-/// Most fields that are named.
+/// Most fields reported.
 const MOST: usize = 10;
-/// Letters by which a misspelt name may differ.
+/// Largest number of wrong letters in a misspelt name.
 const MISSPELT: usize = 2;
 
-/// A sentence for each field of a description that is not known.
+/// A warning for each unknown field of a description.
 pub(super) fn warnings(file: &Path, root: &Value) -> Vec<String> {
     let mut found = Vec::new();
     for (object, known) in KNOWN {
@@ -106,7 +106,7 @@ pub(super) fn warnings(file: &Path, root: &Value) -> Vec<String> {
     said
 }
 
-/// Fields of an object that are not known, by their path, and what may be meant.
+/// Unknown fields of an object with their paths and likely meanings.
 fn look(
     value: &Value,
     path: &str,
@@ -125,7 +125,7 @@ fn look(
     }
 }
 
-/// Letters to add, drop or change to make one word of another.
+/// Edit distance of two words.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn misspelt_fields_are_named_with_what_is_meant() {
+    fn misspelt_fields_are_reported_with_suggestions() {
         let value = json!({
             "format": "svbrdf-capture/1", "comment": "mine", "Board": {},
             "sample": { "width_mm": 1, "heigth_mm": 1 },

@@ -1,4 +1,4 @@
-//! Colour differences as people see them.
+//! Perceptual colour differences.
 
 use crate::parallel;
 
@@ -21,7 +21,7 @@ pub fn lab(rgb: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// CIEDE2000 of two colours in L*a*b*, all weights 1; about 1 is just seen side by side.
+/// CIEDE2000 of two colours in L*a*b* with unit weights; about 1 is just visible side by side.
 pub fn delta_e_2000(first: [f64; 3], second: [f64; 3]) -> f64 {
     let ([l1, a1, b1], [l2, a2, b2]) = (first, second);
     let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25f64.powi(7))).sqrt();
@@ -59,13 +59,13 @@ pub fn delta_e_2000(first: [f64; 3], second: [f64; 3]) -> f64 {
     (l * l + c * c + h * h + rt * c * h).sqrt()
 }
 
-/// Mean CIEDE2000 of so many pairs of linear colours; those that are `None` do not count.
+/// Mean CIEDE2000 of `count` pairs of linear colours, without those that are `None`.
 pub(super) fn mean(count: usize, pair: impl Fn(usize) -> Option<[[f64; 3]; 2]> + Sync) -> f64 {
     const PART: usize = 4096;
     let sums = parallel::map(count.div_ceil(PART), |part| {
         let pairs = (part * PART..count.min((part + 1) * PART)).filter_map(&pair);
         pairs.fold((0.0, 0usize), |(sum, n), [a, b]| {
-            // Most texels of a map compared with itself need no formula.
+            // Shortcut for identical colours, as in most texels of a map compared with itself.
             let difference = if a == b { 0.0 } else { delta_e_2000(lab(a), lab(b)) };
             (sum + difference, n + 1)
         })
@@ -78,7 +78,7 @@ pub(super) fn mean(count: usize, pair: impl Fn(usize) -> Option<[[f64; 3]; 2]> +
 mod tests {
     use super::*;
 
-    /// The published pairs that tell the parts of the formula apart.
+    /// Published pairs that test each part of the formula.
     #[test]
     fn colour_differences_are_those_of_the_standard() {
         for (a, b, expected) in [
@@ -90,13 +90,13 @@ mod tests {
         ] {
             assert!((delta_e_2000(a, b) - expected).abs() < 1e-4, "{}", delta_e_2000(a, b));
         }
-        // 18 % gray and white.
+        // 18 % gray; white.
         assert!((lab([0.184_187; 3])[0] - 50.0).abs() < 1e-3);
         assert!((lab([1.0; 3])[0] - 100.0).abs() < 1e-9);
     }
 
     #[test]
-    fn means_leave_out_what_is_not_there() {
+    fn means_ignore_missing_pairs() {
         let pair = |i: usize| {
             i.is_multiple_of(2).then_some([[0.2; 3], [if i == 0 { 0.3 } else { 0.2 }; 3]])
         };

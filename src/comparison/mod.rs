@@ -1,4 +1,4 @@
-//! How far apart two sets of maps are, in their values and in what they look like.
+//! Differences of two sets of maps in values and in appearance.
 
 mod colour_difference;
 
@@ -10,19 +10,18 @@ use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::random::Random;
 use crate::render::render;
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf};
 
 /// Novel renderings compared.
 pub const RENDERINGS: usize = 100;
 
-/// Largest angle of their view and light directions from the normal of the sample, degrees.
+/// Largest angle of their view and light directions from the sample's normal, degrees.
 pub const LIMIT_DEGREES: f64 = 70.0;
 
-/// Distance of camera and light in sizes of the sample: far, so that directions are one each.
+/// Distance of camera and light in sizes of the sample: far, so that directions are constant.
 const DISTANCE: f64 = 1e3;
 
-/// Differences of two sets of maps: root mean squares, unless a field says otherwise.
+/// Differences of two sets of maps: RMS, unless stated otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Differences {
     /// Components of the unit normals.
@@ -33,9 +32,8 @@ pub struct Differences {
     pub specular: f64,
     /// Roughness.
     pub roughness: f64,
-    /// [`RENDERINGS`] pictures, each under a light and from a view drawn uniformly over the
-    /// hemisphere up to [`LIMIT_DEGREES`], without fall-off, clipped to [0, 1]. The directions are
-    /// always the same.
+    /// [`RENDERINGS`] pictures under lights and from views drawn uniformly over the hemisphere up
+    /// to [`LIMIT_DEGREES`], without fall-off, clipped to [0, 1]. The directions are fixed.
     pub render: f64,
     /// Mean angle between the normals, degrees.
     pub normal_deg: f64,
@@ -44,19 +42,19 @@ pub struct Differences {
     /// Mean CIEDE2000 of the specular albedo.
     pub specular_delta_e: f64,
     /// The two parameters of anisotropy, [`ANISOTROPY_X`](crate::svbrdf::lobe::ANISOTROPY_X) and
-    /// [`ANISOTROPY_Y`](crate::svbrdf::lobe::ANISOTROPY_Y); `None` unless both
-    /// materials are anisotropic. Roughness is the geometric mean of both directions then.
+    /// [`ANISOTROPY_Y`](crate::svbrdf::lobe::ANISOTROPY_Y); `None` unless both materials are
+    /// anisotropic. Roughness is then the geometric mean of both directions.
     pub anisotropy: Option<f64>,
-    /// Weight of the coat; `None` unless both materials have one.
+    /// Weight of the coat; `None` unless both materials have a coat.
     pub coat: Option<f64>,
-    /// Roughness of the coat, likewise.
+    /// Roughness of the coat, under the same condition.
     pub coat_roughness: Option<f64>,
 }
 
-/// Compares maps of one size.
+/// Compares maps of equal size.
 ///
 /// # Errors
-/// When sizes differ.
+/// If the sizes differ.
 pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
     if (a.width(), a.height()) != (b.width(), b.height()) {
         let (found, expected) = ((a.width(), a.height()), (b.width(), b.height()));
@@ -68,13 +66,13 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         |plane: usize| coat.map(|(a, b)| rms(squares(a[plane], b[plane]), a[plane].len()));
     Ok(Differences {
         normal: normals(a, b),
-        diffuse: planes(a, b, channel::DIFFUSE, 3),
-        specular: planes(a, b, channel::SPECULAR, 3),
-        roughness: planes(a, b, channel::ROUGHNESS, 1),
+        diffuse: planes(a.diffuse(), b.diffuse()),
+        specular: planes(a.specular(), b.specular()),
+        roughness: planes([a.roughness()], [b.roughness()]),
         render: renderings(a, b),
         normal_deg: mean_angle(a, b).to_degrees(),
-        diffuse_delta_e: colours(a, b, channel::DIFFUSE),
-        specular_delta_e: colours(a, b, channel::SPECULAR),
+        diffuse_delta_e: colours(a.diffuse(), b.diffuse()),
+        specular_delta_e: colours(a.specular(), b.specular()),
         anisotropy: anisotropy.map(|(a, b)| {
             let sum = a.iter().zip(b).map(|(a, b)| squares(a, b)).sum();
             rms(sum, 2 * a[0].len())
@@ -84,7 +82,7 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
     })
 }
 
-/// Mean angle between the normals, from the distance of their tips: exact for small ones too.
+/// Mean angle between the normals, from the distance of their tips, which is accurate for small angles.
 fn mean_angle(a: &Svbrdf, b: &Svbrdf) -> f64 {
     let mut sum = 0.0;
     for y in 0..a.height() {
@@ -96,10 +94,10 @@ fn mean_angle(a: &Svbrdf, b: &Svbrdf) -> f64 {
     sum / a.texels() as f64
 }
 
-/// Mean CIEDE2000 of three planes.
-fn colours(a: &Svbrdf, b: &Svbrdf, first: usize) -> f64 {
-    let colour = |maps: &Svbrdf, i: usize| [0, 1, 2].map(|c| f64::from(maps.plane(first + c)[i]));
-    colour_difference::mean(a.texels(), |i| Some([colour(a, i), colour(b, i)]))
+/// Mean CIEDE2000 of planes of red, green and blue.
+fn colours(a: [&[f32]; 3], b: [&[f32]; 3]) -> f64 {
+    let colour = |planes: [&[f32]; 3], i: usize| planes.map(|plane| f64::from(plane[i]));
+    colour_difference::mean(a[0].len(), |i| Some([colour(a, i), colour(b, i)]))
 }
 
 fn rms(sum: f64, count: usize) -> f64 {
@@ -110,9 +108,9 @@ fn squares(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum()
 }
 
-fn planes(a: &Svbrdf, b: &Svbrdf, first: usize, count: usize) -> f64 {
-    let sum = (first..first + count).map(|c| squares(a.plane(c), b.plane(c))).sum();
-    rms(sum, count * a.texels())
+fn planes<const N: usize>(a: [&[f32]; N], b: [&[f32]; N]) -> f64 {
+    let sum = a.iter().zip(b).map(|(a, b)| squares(a, b)).sum();
+    rms(sum, N * a[0].len())
 }
 
 fn normals(a: &Svbrdf, b: &Svbrdf) -> f64 {
@@ -149,31 +147,31 @@ fn renderings(a: &Svbrdf, b: &Svbrdf) -> f64 {
     rms(sums.iter().sum(), RENDERINGS * 3 * a.texels())
 }
 
-/// Encoding in which predictions are compared: differences as they are seen.
+/// Encoding for the comparison of predictions, for perceptual differences.
 const GAMMA: f32 = 2.2;
-/// Encoded values up to which the brightness factor is found: above, photographs saturate.
+/// Largest encoded value in the estimate of the brightness factor, to exclude saturation.
 const UNSATURATED: f64 = 0.95;
 
 /// How well maps predict a photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prediction {
-    /// Root-mean-square difference over all texels seen, in gamma 2.2 on [0, 1].
+    /// RMS difference over all visible texels, in gamma 2.2 on [0, 1].
     pub error: f64,
     /// Mean CIEDE2000 over the same texels.
     pub delta_e: f64,
-    /// Factor on the predicted radiances that explains the photograph best: its brightness.
+    /// Factor on the predicted radiances that fits the photograph best.
     pub brightness: f64,
-    /// The photograph: three planes in gamma 2.2 on [0, 1]; 0 where it does not show the sample.
+    /// The photograph: three planes in gamma 2.2 on [0, 1]; 0 outside the sample.
     pub photograph: Vec<f32>,
-    /// What the maps predict, likewise, the brightness factor applied.
+    /// The prediction in the same form, with the brightness factor.
     pub predicted: Vec<f32>,
 }
 
-/// Predicts a photograph that maps were not fitted to. Exposures may differ between photographs: one
-/// factor on brightness is free, found where neither is saturated.
+/// Predicts a photograph that was not used in the fit. One brightness factor is free, because
+/// exposures may differ; it is estimated from unsaturated values.
 ///
 /// # Errors
-/// When sizes differ.
+/// If the sizes differ.
 pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
     let (found, expected) =
         ((photograph.width(), photograph.height()), (maps.width(), maps.height()));
@@ -192,7 +190,7 @@ pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
     let measured: Vec<f32> = (0..3 * n)
         .map(|i| if seen[i % n] { encode(photograph.radiance(i / n, i % n).abs()) } else { 0.0 })
         .collect();
-    // Least squares in the encoding, where a factor on radiances is one on encoded values.
+    // Least squares in the encoding, where a factor on radiances remains a factor.
     let (mut cross, mut square) = (0.0, 0.0);
     for i in (0..3 * n).filter(|&i| seen[i % n] && photograph.radiance(i / n, i % n) >= 0.0) {
         let (p, m) = (f64::from(predicted[i].min(1.0)), f64::from(measured[i]));
@@ -206,7 +204,7 @@ pub fn predict(maps: &Svbrdf, photograph: &Observation) -> Result<Prediction> {
         let p = &mut predicted[i];
         *p = if seen[i % n] { (*p * factor as f32).min(1.0) } else { 0.0 };
         if photograph.radiance(i / n, i % n) < 0.0 {
-            // Saturated: at least so bright, which a brighter prediction does not contradict.
+            // A saturated value is a lower bound, which a brighter prediction does not contradict.
             *p = p.min(measured[i]);
         }
         sum += f64::from(*p - measured[i]).powi(2);
@@ -244,7 +242,7 @@ mod tests {
         render(of, &view, &mut radiance);
         let mut weight = vec![1.0; n];
         radiance.iter_mut().for_each(|v| *v *= factor);
-        // The first texel is not seen, the second saturated in red.
+        // The first texel is unseen, the second saturated in red.
         (weight[0], radiance[0]) = (0.0, 9.0);
         radiance[1] *= -0.5;
         Observation::new(of.width(), of.height(), view, &radiance, &weight).unwrap()
@@ -253,26 +251,26 @@ mod tests {
     #[test]
     fn a_prediction_by_the_true_maps_differs_by_brightness_only() {
         let mut maps = flat(0.4);
-        for (i, v) in maps.plane_mut(channel::DIFFUSE).iter_mut().enumerate() {
+        for (i, v) in maps.diffuse_mut()[0].iter_mut().enumerate() {
             *v = 0.1 + 0.5 * (i % 7) as f32 / 7.0;
         }
         let found = predict(&maps, &photograph(&maps, 0.7)).unwrap();
-        // Radiances of an observation are rounded to 0.1 %, in gamma 2.2 to 0.05 %.
+        // Radiances are rounded to 0.1 %, i.e. 0.05 % in gamma 2.2.
         assert!(found.error < 3e-4, "{}", found.error);
         assert!((found.brightness - 0.7).abs() < 1e-3, "{}", found.brightness);
         assert_eq!((found.photograph[0], found.predicted[0]), (0.0, 0.0), "not seen");
         assert!(found.predicted[1] <= found.photograph[1] + 1e-6, "saturated");
     }
 
-    /// Albedo 0.2 in the left half, 0.4 in the right one, predicted by a uniform one: the best
-    /// factor in gamma 2.2 takes the mean of the two encoded values, the error is half their
-    /// difference. The light's cosine changes by 1 % over the sample.
+    /// Albedo 0.2 in the left half and 0.4 in the right, predicted by a uniform one. The best
+    /// factor in gamma 2.2 gives the mean of the encoded values, and the error is half their
+    /// difference. The light's cosine varies by 1 % over the sample.
     #[test]
     fn a_prediction_by_wrong_maps_errs_as_the_closed_form_says() {
         let (uniform, mut halves) = (flat(0.3), flat(0.2));
-        for c in channel::DIFFUSE..channel::SPECULAR {
-            let width = halves.width();
-            for (i, v) in halves.plane_mut(c).iter_mut().enumerate() {
+        let width = halves.width();
+        for plane in halves.diffuse_mut() {
+            for (i, v) in plane.iter_mut().enumerate() {
                 *v = if i % width < width / 2 { 0.2 } else { 0.4 };
             }
         }
@@ -286,9 +284,9 @@ mod tests {
     fn flat(diffuse: f32) -> Svbrdf {
         let mut maps = Svbrdf::new(32, 32);
         maps.planes_mut().fill(0.0);
-        maps.plane_mut(channel::ROUGHNESS).fill(0.5);
+        maps.roughness_mut().fill(0.5);
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c).fill(diffuse);
+            maps.diffuse_mut()[c].fill(diffuse);
         }
         maps
     }
@@ -300,15 +298,15 @@ mod tests {
         assert_eq!([d.normal_deg, d.diffuse_delta_e, d.specular_delta_e], [0.0; 3]);
     }
 
-    /// Half of the texels tilted by 10 degrees, and grays of L* 50 and 60: differences of lightness
-    /// count 1 / S_L each.
+    /// Half of the texels are tilted by 10 degrees, with grays of L* 50 and 60, whose difference
+    /// has weight 1 / S_L.
     #[test]
     fn angles_and_colour_differences_are_means() {
         let (a, mut b) = (flat(0.184_187), flat(0.184_187));
         let half = b.texels() / 2;
-        b.plane_mut(channel::SLOPE_X)[..half].fill(10f32.to_radians().tan());
+        b.normal_slopes_mut()[0][..half].fill(10f32.to_radians().tan());
         for c in 0..3 {
-            b.plane_mut(channel::DIFFUSE + c)[half..].fill(0.281_233);
+            b.diffuse_mut()[c][half..].fill(0.281_233);
         }
         let d = compare(&a, &b).unwrap();
         assert!((d.normal_deg - 5.0).abs() < 1e-4, "{}", d.normal_deg);
@@ -317,9 +315,8 @@ mod tests {
         assert_eq!(d.specular_delta_e, 0.0);
     }
 
-    /// Lambertian surfaces differ by the difference of their albedos times the cosine of the light,
-    /// whose mean square over the cap is (1 - c³) / (3 (1 - c)) with c = cos 70°. 100 draws leave
-    /// about 4 %.
+    /// Lambertian surfaces differ by their albedos times the cosine of the light, whose mean square
+    /// over the cap is (1 - c³) / (3 (1 - c)) with c = cos 70°. 100 draws leave about 4 %.
     #[test]
     fn lambertian_surfaces_differ_as_the_closed_form_says() {
         let d = compare(&flat(0.4), &flat(0.3)).unwrap();
@@ -330,7 +327,7 @@ mod tests {
         assert_eq!((d.normal, d.specular, d.roughness), (0.0, 0.0, 0.0));
     }
 
-    /// Lobes are compared where both have them, and seen in the renderings where one has.
+    /// Lobes are compared if both have them, and affect the renderings if one has.
     #[test]
     fn lobes_differ_by_their_parameters() {
         let with = |lobes: [f32; LOBES]| {

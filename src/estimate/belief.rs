@@ -22,8 +22,6 @@ pub(crate) struct Belief {
     pub prior: Prior,
     /// The widths that the latest steps have found.
     pub found: Prior,
-    /// Mean noise of the colours that the latest steps have found.
-    pub noise: f32,
     /// Noise of the next steps where it is given, not found.
     pub fixed_noise: Option<f32>,
     /// The prior of the joint solve.
@@ -38,7 +36,6 @@ impl Belief {
             maps,
             prior: options.prior,
             found: options.prior,
-            noise: options.noise.expected,
             fixed_noise: None,
             joint: options.joint.few,
         }

@@ -19,7 +19,7 @@ pub struct Correction {
     /// Logarithm of [`View::mirrored`] per photograph.
     pub mirrored: Vec<f64>,
     /// Exposure and place of the flash.
-    pub exposure: Exposure,
+    pub exposure: LightCorrection,
 }
 
 /// Exposure of each photograph and the place of the flash beside what was given.
@@ -27,7 +27,7 @@ pub struct Correction {
 /// Photograph `i` is brighter than its view says by `exp(gains[i]) * (d[i] / d_mean)^exponent`, `d`
 /// the camera's distance from the sample's centre and `d_mean` the geometric mean of all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Exposure {
+pub struct LightCorrection {
     /// Logarithm of each photograph's gain.
     pub gains: Vec<f64>,
     /// Exponent of exposure over distance.
@@ -38,7 +38,7 @@ pub struct Exposure {
     pub offset_mm: [f64; 3],
 }
 
-impl Exposure {
+impl LightCorrection {
     /// One that was read, within what is believed.
     ///
     /// # Errors

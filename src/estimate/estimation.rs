@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::belief::Belief;
 use super::budget::Meter;
-use super::correction::{Correction, Exposure};
+use super::correction::{Correction, LightCorrection};
 use super::finer::interpolated;
 use super::latent::LatentFit;
 use super::options::{EstimateOptions, NoiseOptions};
@@ -58,12 +58,12 @@ pub(super) struct Run {
 
 /// An estimate of all photographs so far, in steps.
 pub(crate) struct Estimation {
-    pub(super) networks: Arc<Networks>,
-    pub(super) options: EstimateOptions,
+    pub(crate) networks: Arc<Networks>,
+    pub(crate) options: EstimateOptions,
     /// Noise expected of photographs whose calibration shows none.
-    pub(super) least_noise: NoiseOptions,
-    pub(super) task: Task,
-    pub(super) photographs: Photographs,
+    pub(crate) least_noise: NoiseOptions,
+    pub(crate) task: Task,
+    pub(crate) photographs: Photographs,
     /// From the first photograph on; the baseline has none.
     pub(super) latent: Option<LatentFit>,
     pub(super) stage: Stage,
@@ -76,8 +76,8 @@ pub(crate) struct Estimation {
     /// Phases of the photographs so far that have ended.
     reports: Vec<PhaseReport>,
     /// Whether to keep what the network is asked about.
-    pub(super) keep_record: bool,
-    pub(super) record: Option<FitRecord>,
+    pub(crate) keep_record: bool,
+    pub(crate) record: Option<FitRecord>,
 }
 
 impl Estimation {
@@ -106,8 +106,25 @@ impl Estimation {
         Photographs::new().limited(options.schedule.photographs, options.schedule.texels)
     }
 
+    /// An estimate of the same kind without photographs.
+    pub fn afresh(&self) -> Self {
+        let mut fresh = Self::new(self.networks.clone(), self.task, self.least_options());
+        fresh.keep_record = self.keep_record;
+        fresh
+    }
+
+    /// The options before any photograph has shown its noise.
+    pub(super) fn least_options(&self) -> EstimateOptions {
+        EstimateOptions { noise: self.least_noise, ..self.options.clone() }
+    }
+
+    /// Expects as much noise as the photographs' calibration shows.
+    pub(super) fn expect_noise(&mut self) {
+        self.options.noise = self.least_noise.calibrated(self.photographs.log_sigma());
+    }
+
     /// What was found of exposure and flash.
-    pub fn exposure(&self) -> &Exposure {
+    pub fn light_correction(&self) -> &LightCorrection {
         &self.photographs.correction().exposure
     }
 
@@ -117,7 +134,7 @@ impl Estimation {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
+    pub fn photos(&self) -> usize {
         self.photographs.len()
     }
 
@@ -148,7 +165,7 @@ impl Estimation {
         observation
     }
 
-    /// Puts a better rectified one in the place of a photograph. To be followed by [`Estimation::add`].
+    /// Replaces a photograph by a better rectified one. [`Estimation::add`] must follow.
     ///
     /// # Errors
     /// When its size is another.
@@ -157,12 +174,11 @@ impl Estimation {
         self.photographs.replace(index, observation)
     }
 
-    /// Adds a photograph, the first with the maps to start from. `restart`: earlier ones were replaced by others that
-    /// lie so far elsewhere that the maps so far are no start any more.
+    /// Takes a photograph as [`Estimation::add`] does; [`Estimation::start`] begins its fit.
     ///
     /// # Errors
-    /// When sizes differ, the first has no start, or a network is broken.
-    pub fn add(
+    /// When sizes differ, or the first has no start.
+    pub(crate) fn take(
         &mut self,
         observation: Observation,
         restart: bool,
@@ -178,8 +194,14 @@ impl Estimation {
         if restart {
             self.restart()?;
         }
-        self.photographs.add(observation)?;
-        self.set_contradictions_aside()?;
+        self.photographs.add(observation)
+    }
+
+    /// Begins the fit of the photographs taken, `start` as for the latest of them.
+    ///
+    /// # Errors
+    /// When a network is broken.
+    pub(crate) fn start(&mut self, start: Option<&Svbrdf>) -> Result<()> {
         self.expect_noise();
         if self.task.method == Method::Deep {
             if self.latent.is_none() {
@@ -227,7 +249,7 @@ impl Estimation {
         self.begun_with = (self.photographs.correction().clone(), maps.clone());
         let belief = maps.map(|maps| Belief::new(maps, &self.options));
         let coarse = self.photographs.thinning() > 0;
-        let schedule = Schedule::new(self.task, self.photographs.len(), coarse, &self.options);
+        let schedule = Schedule::new(self.task, self.photographs.len(), coarse);
         self.stage = Stage::Running(Box::new(Run { schedule, belief }));
     }
 
@@ -271,13 +293,18 @@ impl Estimation {
     }
 
     /// Maps in work at the photographs' resolution.
-    pub(super) fn full_size(&self, maps: Svbrdf) -> Svbrdf {
+    fn full_size(&self, maps: Svbrdf) -> Svbrdf {
         match self.photographs.full().first() {
             Some(full) if maps.width() < full.width() => {
                 interpolated(&maps, self.photographs.thinning())
             }
             _ => maps,
         }
+    }
+
+    /// The maps of the latent code alone, at the photographs' resolution.
+    pub fn latent_maps(&self) -> Option<Svbrdf> {
+        self.latent.as_ref().map(|latent| self.full_size(latent.maps()))
     }
 
     /// The maps as they are now.

@@ -11,8 +11,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::bundle::colours;
 use super::clusters::Feature;
+use super::coordinates::{coordinates, from_coordinate};
 use super::photographs::Photographs;
-use super::prior::{coordinates, from_coordinate};
 use crate::Svbrdf;
 use crate::interpolation::{between, bilinear};
 use crate::parallel;

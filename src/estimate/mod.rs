@@ -27,7 +27,7 @@
 //! `phases` has the phases and their order, [`options`] the numbers of the model, `estimation` the state of an
 //! estimate. `latent` is the latent code, `solver` and `posterior` are steps of single texels, `relief` is the
 //! network that completes them, `joint` is the joint solve and the choice of its prior, `bundle` its engine.
-//! `contradiction`, `confidence` and `outlook` read the result.
+//! [`assessment`](crate::assessment) reads the result.
 //!
 //! Phases work on at most 256 texels along each side, the latent code on averages of at most 128, and see at most
 //! twelve photographs in a step (`photographs`); the last steps see all photographs at full size (`finer`).
@@ -40,44 +40,41 @@ mod belief;
 mod budget;
 mod bundle;
 mod clusters;
-mod confidence;
-mod contradiction;
+pub(crate) mod coordinates;
 mod correction;
 mod estimation;
-mod estimator;
 mod finer;
 mod joint;
 mod latent;
 mod memory;
 mod noise;
 pub mod options;
-mod outlook;
 mod parts;
 mod phases;
 mod photographs;
 mod posterior;
 mod prior;
 mod relief;
-mod residuals;
 mod saved;
 mod solver;
 mod task;
 
 pub use budget::Budget;
 pub(crate) use budget::Meter;
-pub use confidence::Evidence;
-pub use correction::{Correction, Exposure};
+pub use coordinates::coordinates;
+pub use correction::{Correction, LightCorrection};
 pub use estimation::Step;
 pub(crate) use estimation::{Estimation, first_maps};
-pub use estimator::Estimator;
 pub(crate) use memory::bytes_needed;
+pub(crate) use noise::Noise;
 pub use options::EstimateOptions;
-pub use outlook::Place;
+pub(crate) use parts::Contradiction;
 pub use parts::Part;
 pub use phases::{Phase, PhaseReport};
-pub use prior::{Prior, coordinates};
+pub(crate) use posterior::{Spread, spread};
+pub use prior::Prior;
 pub use relief::FitRecord;
-pub use residuals::FrameFit;
 pub(crate) use saved::SavedEstimate;
+pub(crate) use solver::Solver;
 pub use task::Method;
 pub(crate) use task::Task;

@@ -4,9 +4,6 @@
 use super::options::NoiseOptions;
 use crate::{Error, Result};
 
-/// Standard deviation of a normal distribution over its median absolute deviation.
-pub(super) const MAD_TO_SIGMA: f32 = 1.4826;
-
 /// How far log residuals of a colour are expected to be off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Noise {

@@ -65,9 +65,9 @@ impl Estimation {
         let correction = saved.correction.believed()?;
         let none = Self::no_photographs(&estimation.options);
         estimation.photographs = none.restored(photographs, correction)?;
-        let begun = estimation.frames() > 0;
+        let begun = estimation.photos() > 0;
         let size = estimation.photographs.full().first().map(|o| [o.width(), o.height()]);
-        if saved.contradictions.len() != estimation.frames()
+        if saved.contradictions.len() != estimation.photos()
             || saved.maps.as_ref().map(|maps| [maps.width(), maps.height()]) != size
             || saved.latent.is_some() != (begun && task.method == Method::Deep)
             || (saved.unfinished && !begun)

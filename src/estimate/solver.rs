@@ -12,10 +12,11 @@
 
 use std::ops::Range;
 
+use super::coordinates::{from_coordinates, limits, to_coordinates};
 use super::noise::Noise;
 use super::options::NoiseOptions;
 use super::posterior::{NormalEquations, Posterior, cost};
-use super::prior::{Prior, from_coordinates, limits, probable_variance, same_size, to_coordinates};
+use super::prior::{Prior, probable_variance, same_size};
 use crate::Result;
 use crate::observation::Observation;
 use crate::parallel;
@@ -36,7 +37,7 @@ const MAX_WIDENING: f32 = 4.0;
 
 /// What so many steps have come to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Summary {
+pub(crate) struct Summary {
     /// Steps taken.
     pub steps: usize,
     /// [`render::loss`] of the maps; not a number before the first step.
@@ -50,7 +51,7 @@ pub(super) struct Summary {
 
 /// Steps in progress on maps that the caller keeps.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Solver {
+pub(crate) struct Solver {
     options: NoiseOptions,
     /// As given.
     prior: Prior,

@@ -7,7 +7,7 @@ use super::lobes;
 use super::template::filled;
 use crate::Result;
 
-/// The script and its textures below `folder`, and what they hold.
+/// The script and its textures below `folder`, and their description.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result<(Files, Value)> {
     let roughness = bundle.roughness();
     let mut textures = vec![

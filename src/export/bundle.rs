@@ -1,4 +1,4 @@
-//! What every export starts from: maps of one size, height and occlusion, and textures of them.
+//! Common input of all exports: maps of one size, height and occlusion, and their textures.
 
 use super::convert::{Albedos, Interface, MetallicModel, Split};
 use super::floats::encode_channels;
@@ -6,43 +6,43 @@ use super::height::Height;
 use super::lobes;
 use super::metalness::Layer;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::svbrdf::{Anisotropy, channel};
+use crate::svbrdf::Anisotropy;
 use crate::{Result, Svbrdf, parallel};
 
 /// Files by name.
 pub(super) type Files = Vec<(String, Vec<u8>)>;
 
-/// Maps and what follows from them.
+/// Maps and derived data.
 pub(super) struct Bundle {
     pub maps: Svbrdf,
     pub sample_mm: [f32; 2],
     pub tileable: bool,
     pub height: Height,
-    /// One value a texel, 1 = open.
+    /// One value per texel, 1 = open.
     pub occlusion: Vec<f32>,
     pub texture: TextureFormat,
-    /// Base colour and metalness in place of a specular colour where there is a choice.
+    /// Whether to use base colour and metalness in place of a specular colour, where the format allows both.
     pub metallic: bool,
-    /// Both alphas of every texel, where some are anisotropic.
+    /// Both alphas of every texel, if any texel is anisotropic.
     pub anisotropy: Option<Vec<Anisotropy>>,
 }
 
-/// Texels split for a renderer with metalness, and what they lose.
+/// Texels split for a renderer with metalness, and the error of the split.
 pub(super) struct Splits {
     pub texels: Vec<Split>,
-    /// Root-mean-square difference of diffuse albedo and of F0, as that renderer shows them.
+    /// RMS difference of diffuse albedo and of F0, as that renderer shows them.
     pub rms: [f32; 2],
 }
 
 /// Inputs of renderers that follow glTF's layering: a diffuse base under one interface.
 pub(super) struct Layered {
     pub base: Texture,
-    /// Scales the interface's reflectance; none: white.
+    /// Scales the interface's reflectance; `None` is white.
     pub tint: Option<Texture>,
     /// Occlusion, roughness, metalness.
     pub orm: Texture,
     pub ior: f32,
-    /// What metalness lost; with a tint, what renderers that ignore it lose.
+    /// Error of the metalness split; with a tint, error in renderers that ignore the tint.
     pub rms: Option<[f32; 2]>,
 }
 
@@ -54,23 +54,24 @@ impl Bundle {
 
     /// Albedos of a texel.
     pub fn albedos(&self, i: usize) -> Albedos {
-        let three = |first: usize| [0, 1, 2].map(|c| self.maps.plane(first + c)[i]);
-        Albedos { diffuse: three(channel::DIFFUSE), specular: three(channel::SPECULAR) }
+        Albedos {
+            diffuse: self.maps.diffuse().map(|plane| plane[i]),
+            specular: self.maps.specular().map(|plane| plane[i]),
+        }
     }
 
-    /// The index of refraction that the largest F0 of all texels asks for.
+    /// The index of refraction for the largest F0 of all texels.
     pub fn interface(&self) -> Interface {
-        let n = self.maps.texels();
-        let specular = &self.maps.planes()[channel::SPECULAR * n..channel::ROUGHNESS * n];
-        Interface::of(specular.iter().copied().fold(0.0, f32::max))
+        let specular = self.maps.specular().into_iter().flatten();
+        Interface::of(specular.copied().fold(0.0, f32::max))
     }
 
-    /// With anisotropy, its square is the geometric mean of both alphas.
+    /// With anisotropy, the square of the roughness is the geometric mean of both alphas.
     pub fn roughness(&self) -> &[f32] {
-        self.maps.plane(channel::ROUGHNESS)
+        self.maps.roughness()
     }
 
-    /// The roughness of glTF: with anisotropy, that across the direction.
+    /// glTF's roughness; with anisotropy, the roughness across the direction.
     pub fn roughness_across(&self, i: usize) -> f32 {
         self.anisotropy.as_ref().map_or(self.roughness()[i], |lobes| lobes[i].roughness())
     }
@@ -84,7 +85,7 @@ impl Bundle {
         }))
     }
 
-    /// The direction of the larger alpha as a vector in the tangent frame, `(v + 1) / 2`; `up` as in
+    /// The direction of the larger alpha as a tangent-space vector, `(v + 1) / 2`; `up` as in
     /// [`Bundle::normals`].
     pub fn tangents(&self, up: f32) -> Option<Texture> {
         let lobes = self.anisotropy.as_ref()?;
@@ -94,7 +95,7 @@ impl Bundle {
         }))
     }
 
-    /// A gray texture of what is made of both alphas.
+    /// A gray texture of a function of both alphas.
     pub fn of_anisotropy(&self, value: impl Fn(&Anisotropy) -> f32 + Sync) -> Option<Texture> {
         let lobes = self.anisotropy.as_ref()?;
         Some(self.gray(|i| value(&lobes[i])))
@@ -105,7 +106,7 @@ impl Bundle {
         self.of_coat(|[weight, roughness]| [weight, roughness, 0.0])
     }
 
-    /// A texture of what is made of the coat's weight and roughness.
+    /// A texture of a function of the coat's weight and roughness.
     pub fn of_coat(&self, value: impl Fn([f32; 2]) -> [f32; 3] + Sync) -> Option<Texture> {
         let [weight, roughness] = self.maps.coat()?;
         Some(self.data(|i| value([weight[i], roughness[i]])))
@@ -126,12 +127,12 @@ impl Bundle {
         Texture::gray(self.maps.width(), self.maps.height(), value)
     }
 
-    /// A texture of four channels; `colour`: the first three with the sRGB curve.
+    /// A texture of four channels; with `colour`, the first three have the sRGB curve.
     pub fn rgba(&self, colour: bool, value: impl Fn(usize) -> [f32; 4] + Sync) -> Texture {
         Texture::rgba(self.maps.width(), self.maps.height(), colour, value)
     }
 
-    /// Normals as `(n + 1) / 2`; `up` 1: green towards +Y (OpenGL), -1: towards -Y (DirectX).
+    /// Normals as `(n + 1) / 2`; green points to +Y for `up` = 1 (OpenGL), to -Y for -1 (DirectX).
     pub fn normals(&self, up: f32) -> Texture {
         let width = self.maps.width();
         self.data(|i| {
@@ -140,7 +141,7 @@ impl Bundle {
         })
     }
 
-    /// Every texel split for a kind of renderer.
+    /// Splits every texel for a renderer.
     pub fn splits(&self, model: MetallicModel) -> Splits {
         let width = self.maps.width();
         let rows = parallel::map(self.maps.height(), |y| {
@@ -189,7 +190,7 @@ impl Bundle {
         }
     }
 
-    /// The same for a GLB: with a tint, also near the material where it is ignored.
+    /// As [`Bundle::layered`], for a GLB: with a tint, programs that ignore it also show nearly the material.
     pub fn layered_with_metalness(&self) -> Layered {
         if self.metallic {
             return self.layered();
@@ -235,8 +236,8 @@ impl Bundle {
         encode_channels(w, h, vec![("Y", self.height.mm.clone())], Some(self.sample_mm))
     }
 
-    /// Encodes textures in the format of the export, each under its folder, stem and ending.
-    /// Height is always stored in 16 bits.
+    /// Encodes textures in the export's format; names are folder, stem and extension. Height always
+    /// has 16 bits.
     pub fn encode(&self, folder: &str, textures: &[(&str, Texture)]) -> Result<Files> {
         let density = Some(Density::of(self.size(), self.sample_mm));
         let encoded = parallel::map(textures.len(), |i| {
@@ -252,7 +253,7 @@ impl Bundle {
 /// Stem of the height's texture.
 pub(super) const HEIGHT: &str = "height";
 
-/// A number as JSON that reads as short as it is.
+/// A number in JSON with no more digits than necessary.
 pub(super) fn number(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }

@@ -1,16 +1,16 @@
-//! Formulas between this library's BRDF and those of other renderers, texel by texel.
+//! Conversions between this library's BRDF and those of other renderers, per texel.
 //!
-//! The library adds `kd / pi` to a GGX lobe with the Fresnel reflectance `F0` at normal incidence and
-//! has no factor on the diffuse part. Others weaken the diffuse part by what the surface reflects,
-//! know one index of refraction a material, or have a metalness in place of a specular colour.
+//! The library adds `kd / pi` to a GGX lobe with the Fresnel reflectance `F0` at normal incidence, without a
+//! factor on the diffuse part. Other renderers reduce the diffuse part by the reflected light, have one index
+//! of refraction per material, or use metalness in place of a specular colour.
 
-/// Largest reflectance that an index of refraction is stated for: at 1 it would be infinite.
+/// Largest reflectance with an index of refraction; the index diverges at 1.
 const MAX_F0: f32 = 0.999;
 
-/// Cost of metalness in squared albedo: decides between splits that are equally good.
+/// Cost of metalness in squared albedo, which decides between equally good splits.
 const METALNESS_COST: f32 = 1e-6;
 
-/// Metalnesses above 0 that are tried first.
+/// Metalness values above 0 of the coarse search.
 const STEPS: usize = 16;
 const METALNESSES: [f32; STEPS] = {
     let mut all = [0.0; STEPS];
@@ -43,7 +43,7 @@ impl Albedos {
     }
 }
 
-/// One index of refraction for a material whose largest F0 is given, and the F0 it stands for.
+/// An index of refraction for a given largest F0, and the F0 of that index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interface {
     pub ior: f32,
@@ -64,8 +64,8 @@ impl Interface {
     }
 }
 
-/// How a renderer makes albedos of base colour and metalness:
-/// `kd = diffuse (1 - m) base`, `F0 = d (1 - m) + m base` with the dielectric's reflectance `d`.
+/// Conversion of base colour and metalness to albedos in a renderer: `kd = diffuse (1 - m) base`,
+/// `F0 = d (1 - m) + m base` with the dielectric's reflectance `d`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MetallicModel {
     /// Share of the light that reaches the diffuse layer of a dielectric.
@@ -78,19 +78,19 @@ pub(super) struct MetallicModel {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Dielectric {
     Fixed(f32),
-    /// From 0 to this, a value of each texel.
+    /// A value per texel, from 0 to this.
     UpTo(f32),
 }
 
 impl MetallicModel {
-    /// glTF without extensions: the diffuse layer gets what the interface of index 1.5 lets through.
+    /// glTF without extensions: the diffuse layer receives the light transmitted at index 1.5.
     pub const GLTF: Self = Self { diffuse: 0.96, dielectric: Dielectric::Fixed(0.04) };
     /// USD's preview surface and Unity's HDRP: no loss at the interface.
     pub const LOSSLESS: Self = Self { diffuse: 1.0, dielectric: Dielectric::Fixed(0.04) };
     /// Unreal: no loss, reflectance of 0.08 times the value of `Specular`.
     pub const UNREAL: Self = Self { diffuse: 1.0, dielectric: Dielectric::UpTo(0.08) };
 
-    /// Albedos that a renderer of this kind shows.
+    /// Albedos of a split in this renderer.
     pub fn albedos(&self, split: &Split) -> Albedos {
         let (m, d) = (split.metallic, split.dielectric);
         Albedos {
@@ -99,9 +99,9 @@ impl MetallicModel {
         }
     }
 
-    /// The split that differs least from the albedos: least squares over the six values. For each
-    /// metalness the best base colour (and dielectric, where free) has a closed form, or nearly so;
-    /// the metalness is the best of some, and then where the cost's slope beside it is 0.
+    /// The split nearest to the albedos, by least squares over the six values. Base colour (and
+    /// dielectric, if free) have a nearly closed form for each metalness. The metalness comes from
+    /// a coarse search, refined to where the slope of the cost is 0.
     pub fn split(&self, albedos: &Albedos) -> Split {
         let flat = self.tried(albedos, [0.0]);
         if flat.cost[0] < METALNESS_COST / STEPS as f32 {
@@ -127,15 +127,15 @@ impl MetallicModel {
         self.refined(albedos, best, bracket)
     }
 
-    /// The best of a split with its cost and those met on the way to where the cost's slope is 0,
-    /// by regula falsi (the Illinois algorithm) between two metalnesses with the slopes there.
+    /// The best of a split with its cost and of those tried on the way to zero slope, by regula
+    /// falsi (the Illinois algorithm) between two metalness values with known slopes.
     fn refined(
         &self,
         albedos: &Albedos,
         mut best: (f32, Split),
         [mut low, mut high]: [(f32, f32); 2],
     ) -> Split {
-        // What a step may still gain, in squared albedo.
+        // Least gain worth a step, in squared albedo.
         const LEAST_GAIN: f32 = 0.01 * METALNESS_COST;
         let mut last = 0.0;
         for _ in 0..12 {
@@ -151,7 +151,7 @@ impl MetallicModel {
             if slope.abs() * (high.0 - low.0) < LEAST_GAIN {
                 break;
             }
-            // An end that stays twice pulls half as much.
+            // Illinois: halve the weight of an end that stays twice.
             if slope > 0.0 {
                 high = (tried.metallic[0], slope);
                 low.1 *= if last > 0.0 { 0.5 } else { 1.0 };
@@ -164,7 +164,7 @@ impl MetallicModel {
         best.1
     }
 
-    /// The best splits for some metalnesses. Loops run over these, so that they are done at once.
+    /// The best splits for several metalness values, all at once for vectorisation.
     fn tried<const N: usize>(&self, albedos: &Albedos, metallic: [f32; N]) -> Tried<N> {
         let dielectric = match self.dielectric {
             Dielectric::Fixed(d) => [d; N],
@@ -181,16 +181,16 @@ impl MetallicModel {
                 let specular = albedos.specular[c] - d * (1.0 - m) - m * b;
                 base[c][i] = b;
                 cost[i] += diffuse * diffuse + specular * specular;
-                // Base colour and dielectric are at their best: their part is 0.
+                // Base colour and dielectric are optimal, so their part of the slope is 0.
                 slope[i] += 2.0 * (diffuse * self.diffuse * b + specular * (d - b));
             }
         }
         Tried { metallic, base, dielectric, cost, slope }
     }
 
-    /// The dielectrics' reflectances, from 0 to `limit`, that are best together with the base
-    /// colours that are best for them. Their cost is convex in it and its derivative piecewise
-    /// linear, as base colours stop at 0 and 1: Newton's steps end in few.
+    /// The dielectrics' reflectances from 0 to `limit` that are optimal together with their base
+    /// colours. The cost is convex with a piecewise linear derivative (base colours are clipped to
+    /// 0 and 1), so Newton's method needs few steps.
     fn best_dielectrics<const N: usize>(
         &self,
         albedos: &Albedos,
@@ -225,13 +225,13 @@ impl MetallicModel {
     }
 }
 
-/// Best base colour of channel `c` for a metalness, beyond its range where it would be better there.
+/// Optimal base colour of channel `c` for a metalness, not clipped to its range.
 fn best_base(albedos: &Albedos, c: usize, k: f32, m: f32, dielectric: f32) -> f32 {
     let metal = albedos.specular[c] - dielectric * (1.0 - m);
     (k * albedos.diffuse[c] + m * metal) / (k * k + m * m)
 }
 
-/// Splits for some metalnesses, their costs (squared albedo), and the costs' derivatives.
+/// Splits for several metalness values with their costs (squared albedo) and the derivatives of these.
 struct Tried<const N: usize> {
     metallic: [f32; N],
     base: [[f32; N]; 3],
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn the_index_of_refraction_gives_back_its_reflectance() {
-        // Water, glass, diamond: indices and reflectances from the Fresnel equations.
+        // Water, glass, diamond: indices and reflectances by the Fresnel equations.
         for (ior, f0) in [(1.0f32, 0.0f32), (1.333, 0.020_37), (1.5, 0.04), (2.417, 0.171_98)] {
             assert!((Interface::of(f0).ior - ior).abs() < 1e-3);
         }
@@ -301,7 +301,7 @@ mod tests {
             assert_eq!(split.metallic, 0.0);
             assert!(squared_error(&model, &split, &plastic) < 1e-9);
             let split = model.split(&gold);
-            // The cost of metalness keeps it 1e-6 or so below its limit.
+            // The cost of metalness keeps it about 1e-6 below its limit.
             assert!(split.metallic > 0.9999 && squared_error(&model, &split, &gold) < 1e-8);
         }
         let lacquer = Albedos { diffuse: [0.4, 0.4, 0.1], specular: [0.07; 3] };
@@ -310,8 +310,8 @@ mod tests {
     }
 
     proptest! {
-        /// A dense search over metalness and base colour, which knows no closed form, finds
-        /// nothing better: a grid of 1/50 is within (1/100)² x 6 of the least cost.
+        /// A dense search over metalness and base colour without closed forms finds nothing better:
+        /// a grid of 1/50 lies within (1/100)² x 6 of the least cost.
         #[test]
         fn no_other_split_is_better(albedos in albedos(), which in 0usize..3) {
             let model = MODELS[which];
@@ -330,20 +330,20 @@ mod tests {
                         };
                         error += (0..=50).map(|b| channel(b as f32 / 50.0)).fold(f32::MAX, f32::min);
                     }
-                    // Sixteen samples of the metalness may take the other of two minima of like depth.
+                    // Sixteen metalness samples may select the other one of two similar minima.
                     prop_assert!(found <= 1.01 * error + 2e-5, "{found} for {error} at {m} {dielectric}");
                 }
             }
         }
 
-        /// What was made of base colour and metalness comes back as the same albedos.
+        /// Materials of base colour and metalness keep their albedos.
         #[test]
         fn metallic_materials_lose_nothing(base in [0.05..1.0f32, 0.05..1.0f32, 0.05..1.0f32],
             metallic in 0.0..1.0f32, which in 0usize..2) {
             let model = MODELS[which];
             let albedos = model.albedos(&Split { base, metallic, dielectric: 0.04 });
             let error = squared_error(&model, &model.split(&albedos), &albedos);
-            // The cost of metalness moves the optimum by its own size.
+            // The cost of metalness shifts the optimum by its own size.
             prop_assert!(error < 2.0 * METALNESS_COST, "{error}");
         }
 

@@ -1,5 +1,5 @@
-//! Where a patch over the left and right borders of a [`Stack`] comes from, and where it begins and
-//! ends: places and paths at which it differs least from what lies below.
+//! Chooses source and outline of a patch over the left and right borders of a [`Stack`]: the
+//! position and the cuts with the least difference to the material below.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -7,34 +7,34 @@ use std::ops::Range;
 use super::stack::Stack;
 use crate::parallel;
 
-/// Longer side at which places for the patch are tried first, texels.
+/// Longer side of the smallest copy for the position search, texels.
 const SEARCH_SIDE: usize = 96;
 
 /// Weight of differences of values beside those of slopes.
 const VALUES: f32 = 0.3;
 
-/// How much finer each search is than the one before.
+/// Ratio of the resolutions of successive searches.
 const REFINEMENT: usize = 4;
 
-/// Columns that a patch may cover of each border, sixteenths of the width: wider ones leave the cuts
-/// more choice, narrower ones have more places to come from.
+/// Largest number of columns covered at each border, in sixteenths of the width: wide patches leave
+/// more choice of cuts, narrow ones more source positions.
 const WIDTHS: [usize; 2] = [2, 3];
 
-/// A patch over the left and right borders, and what it covers.
+/// A patch over the left and right borders, and its outline.
 #[derive(Debug)]
 pub(super) struct Cuts {
-    /// Column and row of the source that come to lie at column 0, row 0.
+    /// Column and row of the source at column 0, row 0.
     pub source: [usize; 2],
-    /// Columns that the patch may cover of each border.
+    /// Largest number of columns covered at each border.
     pub half: usize,
-    /// First patched column of each row at the right.
+    /// First patched column of each row on the right.
     pub begin: Vec<usize>,
-    /// First column of each row behind the patch at the left.
+    /// First column of each row after the patch on the left.
     pub end: Vec<usize>,
 }
 
 impl Cuts {
-    /// The patch whose cuts cost least. `closed`: rows are periodic.
+    /// The patch with the cheapest cuts. With `closed`, rows are periodic.
     pub fn cheapest(stack: &Stack, closed: bool) -> Self {
         let levels = Levels::of(stack);
         let places = WIDTHS.map(|sixteenths| Search { sixteenths, closed }.place(&levels));
@@ -49,7 +49,7 @@ impl Cuts {
             source,
             half,
             begin: begin.into_iter().map(|x| first + x).collect(),
-            // At least one column of the patch on either side of the border.
+            // At least one column of the patch lies on either side of the border.
             end: end.into_iter().map(|x| x.max(1)).collect(),
         }
     }
@@ -59,7 +59,7 @@ impl Cuts {
 struct Level<'a> {
     stack: Cow<'a, Stack>,
     weights: Vec<f32>,
-    /// Texels that make one of the copy's, along each side.
+    /// Texels per texel of the copy, along each side.
     factor: usize,
 }
 
@@ -73,7 +73,7 @@ impl<'a> Level<'a> {
     }
 }
 
-/// What places are searched on, one after the other; the last are the maps themselves.
+/// Resolutions of the search; the last are the maps themselves.
 struct Levels<'a> {
     coarsest: Level<'a>,
     finer: Vec<Level<'a>>,
@@ -96,7 +96,7 @@ impl<'a> Levels<'a> {
     }
 }
 
-/// A search for the place that a patch of some width comes from.
+/// A search for the source position of a patch of some width.
 struct Search {
     sixteenths: usize,
     /// Whether rows are periodic.
@@ -108,12 +108,12 @@ impl Search {
         (self.sixteenths * stack.width / 16).max(2)
     }
 
-    /// Cost, source and half width, see [`Cuts`]: the best of all places of a small copy, then of
-    /// those around it in larger ones.
+    /// Cost, source and half width, see [`Cuts`]: the best position of the smallest copy, refined
+    /// in larger ones.
     fn place(&self, levels: &Levels) -> (f32, [usize; 2], usize) {
         let (small, mut factor) = (&levels.coarsest.stack, levels.coarsest.factor);
         let half = self.half(small);
-        // Differences across a cut need one column more of the source on either side.
+        // Differences across a cut need one more source column on either side.
         let columns = half + 1..small.width - half;
         let rows = if self.closed { small.height } else { 1 };
         let places: Vec<_> = columns.flat_map(|x| (0..rows).map(move |y| [x, y])).collect();
@@ -136,13 +136,13 @@ impl Search {
         (cost, at, self.half(&levels.finest().stack))
     }
 
-    /// The place whose two cuts cost least, and what they cost.
+    /// The position with the cheapest cuts, and their cost.
     fn cheapest(&self, level: &Level, places: &[[usize; 2]]) -> (f32, [usize; 2]) {
-        /// Places looked at together, row by row: they share what is read.
+        /// Positions evaluated together, row by row, to share reads.
         const TOGETHER: usize = 4;
         let half = self.half(&level.stack);
         let groups: Vec<_> = places.chunks(TOGETHER).collect();
-        // Of the left and of the right cut of each group.
+        // One cost for the left and one for the right cut of each group.
         let costs = parallel::map(2 * groups.len(), |i| {
             let right = i % 2 == 1;
             let strip = |&source| Strip { level, half, source, right };
@@ -154,7 +154,7 @@ impl Search {
     }
 }
 
-/// The columns at the left or right end of a patch in which it may begin or end.
+/// The columns at the left or right end of a patch that may contain the cut.
 struct Strip<'a> {
     level: &'a Level<'a>,
     half: usize,
@@ -164,9 +164,9 @@ struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// How much the material and the patch differ in a row: squared differences of their slopes, and
-    /// some of their values, which are brought together later on. `above`: by how much each channel
-    /// differs in the row before, afterwards in this one.
+    /// Differences between material and patch in a row: squared differences of slopes, plus
+    /// weighted squared differences of values, which are blended later. `above` holds the
+    /// difference of each channel in the row before, and afterwards in this one.
     fn errors(&self, y: usize, above: &mut [f32], errors: &mut [f32]) {
         let (stack, half, [sx, sy]) = (&self.level.stack, self.half, self.source);
         let (w, h) = (stack.width, stack.height);
@@ -187,7 +187,7 @@ impl Strip<'_> {
             let first = here[0] - there[0];
             errors[0] += weight * cost(first, 0.0, first - above[0]);
             above[0] = first;
-            // Slices of one length let the loop be vectorised.
+            // Equal slice lengths allow vectorisation.
             let n = half - 1;
             let (before, here) = (&here[..n], &here[1..]);
             let (there_before, there) = (&there[..n], &there[1..]);
@@ -201,7 +201,6 @@ impl Strip<'_> {
         }
     }
 
-    /// The errors of all rows.
     fn all_errors(&self) -> Vec<f32> {
         let mut errors = vec![0.0; self.half * self.level.stack.height];
         let mut above = vec![0.0; self.half * self.level.stack.planes.len()];
@@ -212,7 +211,7 @@ impl Strip<'_> {
     }
 }
 
-/// What the cheapest path through each of some strips of one size costs.
+/// Cost of the cheapest path through each of several strips of one size.
 fn least_costs(strips: &[Strip]) -> Vec<f32> {
     let Some(Strip { level, half, .. }) = strips.first() else { return Vec::new() };
     let mut errors = vec![0.0; *half];
@@ -229,7 +228,7 @@ fn least_costs(strips: &[Strip]) -> Vec<f32> {
 
 /// Costs of the cheapest paths to each column of a row.
 struct Totals {
-    /// Between two that no path reaches.
+    /// Padded by two unreachable columns.
     row: Vec<f32>,
     next: Vec<f32>,
 }
@@ -241,7 +240,7 @@ impl Totals {
         Self { next: row.clone(), row }
     }
 
-    /// Goes on to a row of such costs.
+    /// Advances to the next row with the given costs.
     fn advance(&mut self, costs: &[f32]) {
         let n = costs.len();
         let (left, here, right) = (&self.row[..n], &self.row[1..][..n], &self.row[2..][..n]);
@@ -253,14 +252,14 @@ impl Totals {
         std::mem::swap(&mut self.row, &mut self.next);
     }
 
-    /// The least of some columns.
+    /// The smallest cost of some columns.
     fn least(&self, columns: Range<usize>) -> f32 {
         self.row[1..][columns].iter().copied().fold(f32::INFINITY, f32::min)
     }
 }
 
-/// The path of least cost from the first to the last row, a column to either side at most from row
-/// to row: its columns. With `start`, it begins there and ends so that it can go on there.
+/// Columns of the cheapest path from the first to the last row, with at most one column of shift
+/// per row. With `start`, the path starts there and ends next to it, so that it can continue there.
 fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> Vec<usize> {
     let rows = costs.len() / width;
     let mut total: Vec<f32> = match start {
@@ -294,7 +293,7 @@ fn least_path(costs: &[f32], width: usize, start: Option<usize>) -> Vec<usize> {
     path
 }
 
-/// The path of least cost that closes on itself: the best over all starts.
+/// The cheapest closed path: the best over all starts.
 fn least_closed_path(costs: &[f32], width: usize) -> Vec<usize> {
     let closed = parallel::map(width, |start| {
         let only = |x: usize| if x == start { costs[x] } else { f32::INFINITY };
@@ -311,7 +310,7 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Against all paths of a small grid, enumerated.
+    /// Comparison with all paths of a small grid.
     #[test]
     fn the_cheapest_path_is_found() {
         let (width, rows) = (4, 5);

@@ -1,4 +1,4 @@
-//! Textures as Unreal and Unity read them.
+//! Textures for Unreal and Unity.
 
 use serde_json::{Value, json};
 
@@ -11,13 +11,13 @@ fn lost(splits: &Splits) -> Value {
     json!({ "diffuse": number(splits.rms[0]), "specular": number(splits.rms[1]) })
 }
 
-/// Roughness and anisotropy of a texel as Unreal and HDRP have them.
+/// Roughness and anisotropy of a texel in the convention of Unreal and HDRP.
 fn arithmetic(bundle: &Bundle, i: usize) -> [f32; 2] {
     let lobes = bundle.anisotropy.as_ref();
     lobes.map_or([bundle.roughness()[i], 0.0], |lobes| lobes::arithmetic(&lobes[i]))
 }
 
-/// What both make of it.
+/// Description of that convention.
 const ANISOTROPY: &str = "linear; alpha = roughness^2 (1 + anisotropy) along the tangent, roughness^2 (1 - anisotropy) across it";
 
 /// Unreal's default lit model: DirectX normals, occlusion, roughness and metalness in one texture,

@@ -1,6 +1,6 @@
-//! Discrete Fourier transforms of any length, small in code: powers of two in steps of four (Stockham),
-//! other lengths as a convolution of such a length (Bluestein, *A Linear Filtering Approach to the
-//! Computation of the Discrete Fourier Transform*, 1970).
+//! Discrete Fourier transforms of any length in little code: Stockham radix 4 for powers of two,
+//! and Bluestein's convolution (*A Linear Filtering Approach to the Computation of the Discrete
+//! Fourier Transform*, 1970) for other lengths.
 
 use std::f64::consts::PI;
 
@@ -8,13 +8,13 @@ use num_complex::Complex;
 
 /// The transform of one length: `X[k] = sum x[n] exp(-2 pi i k n / length)`.
 pub(super) struct Fft {
-    /// `exp(-2 pi i k / n)` for the power of two `n` that is worked with.
+    /// `exp(-2 pi i k / n)` for the internal power of two `n`.
     twiddles: Vec<Complex<f64>>,
-    /// For lengths that are no power of two.
+    /// For lengths other than powers of two.
     chirp: Option<Chirp>,
 }
 
-/// What makes a transform a convolution.
+/// Data of Bluestein's convolution.
 struct Chirp {
     /// `exp(-pi i n² / length)`
     values: Vec<Complex<f64>>,
@@ -43,7 +43,7 @@ impl Fft {
         Self { twiddles, chirp: Some(Chirp { values, spectrum }) }
     }
 
-    /// Transforms as many values in place.
+    /// Transforms `length` values in place.
     pub fn process(&self, values: &mut [Complex<f64>], scratch: &mut Vec<Complex<f64>>) {
         let n = self.twiddles.len();
         let Some(chirp) = &self.chirp else {
@@ -66,14 +66,14 @@ impl Fft {
     }
 }
 
-/// The transform of as many values as there are twiddles.
+/// Transforms as many values as there are twiddles.
 fn powers_of_two(
     twiddles: &[Complex<f64>],
     values: &mut [Complex<f64>],
     scratch: &mut [Complex<f64>],
 ) {
     let n = values.len();
-    // `done` values at a time are transformed already.
+    // Blocks of `done` values are transformed.
     let (mut from, mut to, mut done) = (&mut *values, &mut *scratch, 1);
     let mut swapped = false;
     while done < n {
@@ -100,7 +100,7 @@ fn powers_of_two(
     }
 }
 
-/// A step of four parts.
+/// A radix-4 step.
 fn quarter(
     out: &mut [Complex<f64>],
     [a, b, c, d]: [&[Complex<f64>]; 4],
@@ -115,7 +115,7 @@ fn quarter(
     for k in 0..n {
         let (even, even_turned) = (a[k] + c[k], a[k] - c[k]);
         let (odd, difference) = (b[k] + d[k], b[k] - d[k]);
-        // Times i.
+        // times i
         let odd_turned = Complex::new(-difference.im, difference.re);
         out0[k] = even + odd;
         out1[k] = twiddles[0] * (even_turned - odd_turned);
@@ -129,7 +129,6 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Against the sum itself.
     #[test]
     fn spectra_are_those_of_the_definition() {
         let mut random = Random::new(3);
@@ -137,7 +136,7 @@ mod tests {
             let mut number = || random.uniform() - 0.5;
             let values: Vec<_> = (0..length).map(|_| Complex::new(number(), number())).collect();
             let mut found = values.clone();
-            // What is in the scratch does not matter.
+            // The content of the scratch is irrelevant.
             Fft::new(length).process(&mut found, &mut vec![Complex::new(7.0, 7.0); 3]);
             for (k, found) in found.iter().enumerate() {
                 let angle = |n: usize| -2.0 * PI * ((k * n) % length) as f64 / length as f64;

@@ -1,4 +1,4 @@
-//! Writing files whole, and single pictures.
+//! Atomic writing of files, and of single pictures.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,11 +12,11 @@ use super::floats::encode_channels;
 use super::temporary;
 use crate::{Error, Result};
 
-/// Writes a file under a temporary name in the same folder, then renames it, so that nothing
-/// half-written stands under `path`.
+/// Writes a file under a temporary name in the same folder, then renames it: `path` never holds a
+/// partial file.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; what stood there before is untouched.
+/// [`Error::Io`] with `path`; an existing file is unchanged.
 pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
     let temporary = temporary::name(path);
@@ -24,31 +24,29 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&temporary, path));
     written.map_err(|fault| {
-        // The first fault is the one to tell.
+        // Report the first fault.
         let _ = fs::remove_file(&temporary);
         Error::io(path, fault)
     })
 }
 
-/// Writes several files below `dir`, all of them or none: first under temporary names, then renamed.
-/// Folders are made if missing. Names are relative, with `/` between folders.
+/// Writes several files below `dir`, all or none: first under temporary names, then renamed.
+/// Creates missing folders. Names are relative, with `/` between folders.
 ///
-/// The last file seals the others: it is removed before any of them is replaced, and comes last. A
-/// process that is killed meanwhile leaves it neither beside files of another set nor beside a part of
-/// its own.
+/// The last file seals the set: it is removed before any other is replaced, and renamed last. A
+/// killed process thus never leaves it beside files of another or of an incomplete set.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that cannot be written; files that stood there before are untouched
-/// unless renaming itself fails part way.
+/// [`Error::Io`] with the file that cannot be written; existing files are unchanged unless a rename fails.
 pub fn write_files(dir: impl AsRef<Path>, files: &[(String, Vec<u8>)]) -> Result<()> {
     replace_files(dir, files, &[])
 }
 
-/// As [`write_files`]; files of an earlier set with the names `gone` are removed, unless `files` has them. They
-/// go after the file that seals that set.
+/// As [`write_files`], and removes files of an earlier set with the names `gone` unless `files` has
+/// them. They go after the file that seals that set.
 ///
 /// # Errors
-/// As [`write_files`], and naming the file that cannot be removed.
+/// As [`write_files`], or [`Error::Io`] with the file that cannot be removed.
 pub fn replace_files(
     dir: impl AsRef<Path>,
     files: &[(String, Vec<u8>)],
@@ -65,10 +63,10 @@ pub fn replace_files(
     result
 }
 
-/// What [`replace_files`] has made so far.
+/// Files and folders created by [`replace_files`] so far.
 #[derive(Default)]
 struct Made {
-    /// Folders, outer ones first.
+    /// Folders, outermost first.
     folders: Vec<PathBuf>,
     files: Vec<PathBuf>,
 }
@@ -109,7 +107,7 @@ impl Made {
         Ok(())
     }
 
-    /// Makes a folder and those above it that are missing.
+    /// Creates a folder and its missing parents.
     fn folder(&mut self, dir: &Path) -> Result<()> {
         let missing = dir.ancestors().take_while(|d| !d.as_os_str().is_empty() && !d.exists());
         let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
@@ -120,7 +118,7 @@ impl Made {
         Ok(())
     }
 
-    /// Removes everything again; the first fault is the one to tell.
+    /// Removes everything again; the first fault is the one reported.
     fn undo(&self) {
         for file in &self.files {
             let _ = fs::remove_file(file);
@@ -131,11 +129,11 @@ impl Made {
     }
 }
 
-/// Creates a folder if it is missing, removes temporary files that killed processes have left in it, and
-/// checks that files can be made there.
+/// Creates a missing folder, removes temporary files of killed processes from it, and checks that
+/// it is writable.
 ///
 /// # Errors
-/// [`Error::Io`] naming the folder.
+/// [`Error::Io`] with the folder.
 pub fn check_writable(dir: impl AsRef<Path>) -> Result<()> {
     let dir = dir.as_ref();
     let probe = temporary::name(&dir.join("probe"));
@@ -146,7 +144,6 @@ pub fn check_writable(dir: impl AsRef<Path>) -> Result<()> {
         .map_err(|e| Error::io(dir, e))
 }
 
-/// The bytes of a picture as PNG.
 pub(super) fn encode_png(picture: &DynamicImage) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     picture
@@ -162,7 +159,7 @@ fn rgb16(width: usize, height: usize, value: impl Fn(usize) -> [f32; 3]) -> Dyna
     DynamicImage::ImageRgb16(buffer.expect("three values a pixel"))
 }
 
-/// The nearest 16-bit value; what is not a number becomes 0.
+/// The nearest 16-bit value; NaN becomes 0.
 fn quantise(value: f32) -> u16 {
     (f64::from(value) * 65535.0).round() as u16
 }
@@ -180,7 +177,7 @@ pub(super) fn check_planes(width: usize, height: usize, rgb: &[f32]) -> Result<(
 /// Writes three planes (R, G, B) of linear values as a 16-bit linear PNG, clipped to [0, 1].
 ///
 /// # Errors
-/// When the sizes do not fit or the file cannot be written.
+/// If the sizes do not fit or the file cannot be written.
 pub fn write_png16_image(
     path: impl AsRef<Path>,
     width: usize,
@@ -196,7 +193,7 @@ pub fn write_png16_image(
 /// Writes three planes (R, G, B) of linear values as a float EXR picture.
 ///
 /// # Errors
-/// When the sizes do not fit or the file cannot be written.
+/// If the sizes do not fit or the file cannot be written.
 pub fn write_exr_image(
     path: impl AsRef<Path>,
     width: usize,

@@ -10,15 +10,14 @@ use exr::prelude::{
     ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
 };
 
-use crate::frame::MAX_PIXELS;
+use crate::photo::MAX_PIXELS;
 use crate::{Error, Result};
 
-/// Attribute with the width and height of all texels together, mm.
+/// Attribute with width and height of the sample, mm.
 const SAMPLE_MM: &str = "sampleSizeMm";
 
-/// The bytes of a file with planes of `width * height` floats as the channels of one layer. The
-/// size of the sample goes into its attributes `sampleSizeMm` (two floats), `xDensity` (texels an
-/// inch) and `pixelAspectRatio`.
+/// Encodes planes of `width * height` floats as the channels of one layer. The attributes `sampleSizeMm` (two
+/// floats), `xDensity` (texels per inch) and `pixelAspectRatio` state the size of the sample.
 pub fn encode_channels(
     width: usize,
     height: usize,
@@ -46,7 +45,7 @@ pub fn encode_channels(
         image.attributes.pixel_aspect = (x / width as f32) / (y / height as f32);
     }
     let mut bytes = Cursor::new(Vec::new());
-    // One thread: the same bytes every time.
+    // A single thread gives the same bytes every time.
     image
         .write()
         .non_parallel()
@@ -63,7 +62,7 @@ pub struct Channels {
     pub height: usize,
     /// Planes by name.
     pub planes: HashMap<String, Vec<f32>>,
-    /// Width and height of all texels together, mm, where stated.
+    /// Width and height of the sample, mm, if stated.
     pub sample_mm: Option<[f32; 2]>,
 }
 

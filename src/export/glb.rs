@@ -6,7 +6,7 @@ use super::bundle::{Bundle, Layered, number};
 use super::textures::Texture;
 use crate::Result;
 
-/// What a GLB holds, in words and numbers, with the extensions of the optional lobes.
+/// Description of a GLB, with the extensions of the optional lobes.
 pub(super) fn describe_all(bundle: &Bundle, layered: &Layered) -> Value {
     let mut description = describe(layered);
     if bundle.anisotropy.is_some() {
@@ -20,7 +20,7 @@ pub(super) fn describe_all(bundle: &Bundle, layered: &Layered) -> Value {
     description
 }
 
-/// The part of it that MaterialX and Blender share.
+/// The part of the description common with MaterialX and Blender.
 pub(super) fn describe(layered: &Layered) -> Value {
     let error = |[diffuse, specular]: [f32; 2]| json!({ "diffuse": number(diffuse), "specular": number(specular) });
     match (&layered.tint, layered.rms) {
@@ -43,7 +43,6 @@ pub(super) fn describe(layered: &Layered) -> Value {
     }
 }
 
-/// The bytes of a file.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
     let mut textures = vec![("baseColor", layered.base.clone()), ("normal", bundle.normals(1.0))];
     textures.push(("occlusionRoughnessMetallic", layered.orm.clone()));
@@ -90,7 +89,7 @@ pub(super) fn encode(bundle: &Bundle, layered: &Layered) -> Result<Vec<u8>> {
     Ok(container(&root, &data.bytes))
 }
 
-/// The material of textures by name, and the extensions that it uses.
+/// The material of the named textures, and the extensions it uses.
 fn material(bundle: &Bundle, textures: &[(&str, Texture)], ior: f32) -> (Value, Vec<&'static str>) {
     let index = |name: &str| textures.iter().position(|(own, _)| *own == name);
     let mut extensions = Map::new();
@@ -140,7 +139,7 @@ fn material(bundle: &Bundle, textures: &[(&str, Texture)], ior: f32) -> (Value, 
     (material, used)
 }
 
-/// Trilinear; repeats tiles, and ends what is none at its border.
+/// Trilinear; repeats if tileable, otherwise clamps.
 fn sampler(tileable: bool) -> Value {
     const LINEAR: u32 = 9729;
     const LINEAR_MIPMAP_LINEAR: u32 = 9987;
@@ -164,7 +163,7 @@ fn accessors(half: [f32; 2]) -> Value {
     ])
 }
 
-/// The binary chunk and its views.
+/// The binary chunk and its buffer views.
 #[derive(Default)]
 struct Data {
     bytes: Vec<u8>,
@@ -172,7 +171,7 @@ struct Data {
 }
 
 impl Data {
-    /// A quad in the plane of x and y that faces +z, metres; row 0 of the maps is at +y.
+    /// A quad in the x-y plane that faces +z, metres; row 0 of the maps lies at +y.
     fn geometry(&mut self, [x, y]: [f32; 2]) {
         const VERTICES: Option<u32> = Some(34962);
         const INDICES: Option<u32> = Some(34963);

@@ -2,40 +2,38 @@
 
 use super::poisson::{Border, Differences, Grid};
 use crate::parallel;
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf};
 
-/// Height above the mean plane, found from normals.
+/// Height above the mean plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Height {
-    /// One value a texel, mm, row by row; mean 0.
+    /// One value per texel, mm, row by row; mean 0.
     pub mm: Vec<f32>,
-    /// Share of the squared slopes that no height explains, 0 to 1: noise, and normals that are no
-    /// surface's.
+    /// Share of the squared slopes that no height explains, 0 to 1: noise and non-integrable normals.
     pub unexplained: f32,
 }
 
 impl Height {
-    /// Finds the height whose slopes differ least from those of the maps in the squares' sum.
-    /// `periodic`: the maps are tileable, and so is the height.
+    /// Finds the height whose slopes fit those of the maps best, by least squares. `periodic`: the
+    /// maps, and thus the height, are tileable.
     ///
-    /// Slopes are integrated from texel to texel by cubic interpolation, so that smooth surfaces
-    /// come back to fourth order; borders need no assumption but that the surface ends there.
+    /// Slopes are integrated between texels by cubic interpolation, with fourth-order accuracy on
+    /// smooth surfaces. Borders are free.
     ///
     /// # Errors
-    /// [`Error::Argument`] where the size of the sample is not positive.
+    /// [`Error::Argument`] if the size of the sample is not positive.
     pub fn of(maps: &Svbrdf, sample_mm: [f32; 2], periodic: bool) -> Result<Self> {
         let (w, h) = (maps.width(), maps.height());
         let spacing = texel_mm(maps, sample_mm)?;
         let border = if periodic { Border::Periodic } else { Border::Free };
         let grid =
             Grid { width: w, height: h, borders: [border; 2], spacing: spacing.map(f64::from) };
-        let (p, q) = (maps.plane(channel::SLOPE_X), maps.plane(channel::SLOPE_Y));
+        let [p, q] = maps.normal_slopes();
         let mut differences = Differences { right: vec![0.0; w * h], down: vec![0.0; w * h] };
         let rows = differences.right.chunks_mut(w).zip(differences.down.chunks_mut(w));
         parallel::parts(rows, |y, (right, down)| {
             for x in 0..w {
-                // The surface falls where the normal leans, and rows run downwards.
+                // The surface falls in the direction of the normal; rows run downwards.
                 right[x] = -spacing[0] * step(w, border, x, |x| p[y * w + x]);
                 down[x] = spacing[1] * step(h, border, y, |y| q[y * w + x]);
             }
@@ -63,7 +61,7 @@ pub(super) fn texel_mm(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<[f32; 2]> {
 }
 
 /// Mean slope between the centres of texels `i` and `i + 1` of `n`: the integral of the cubic
-/// through four neighbours, of the line through two where there are fewer.
+/// through four neighbours, or of the line through two near an end.
 fn step(n: usize, border: Border, i: usize, slope: impl Fn(usize) -> f32) -> f32 {
     if border == Border::Free && i + 1 == n {
         return 0.0;

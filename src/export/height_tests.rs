@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Maps of `w` x `h` texels over `mm` whose normals are those of a height (mm) with the given
-/// derivatives, at the centres of texels; and the height.
+/// Maps of `w` x `h` texels over `mm` with the normals of a height given in mm with its
+/// derivatives, sampled at texel centres; and the height.
 fn surface(
     (w, h): (usize, usize),
     mm: [f32; 2],
@@ -16,8 +16,8 @@ fn surface(
         let y = f64::from(mm[1]) * (0.5 - ((i / w) as f64 + 0.5) / h as f64);
         let [z, by_x, by_y] = height(x, y);
         values.push(z);
-        maps.plane_mut(channel::SLOPE_X)[i] = -by_x as f32;
-        maps.plane_mut(channel::SLOPE_Y)[i] = -by_y as f32;
+        maps.normal_slopes_mut()[0][i] = -by_x as f32;
+        maps.normal_slopes_mut()[1][i] = -by_y as f32;
     }
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter_mut().for_each(|v| *v -= mean);
@@ -31,7 +31,7 @@ fn error(found: &Height, known: &[f64]) -> f64 {
     (squares.sum::<f64>() / known.len() as f64).sqrt() / (high - low)
 }
 
-/// A bump beside the centre, a tilt and a ripple: nothing of it ends at the borders.
+/// A bump off centre, a tilt and a ripple; none of them ends at the borders.
 fn free(x: f64, y: f64) -> [f64; 3] {
     let (u, v) = (x - 7.0, y + 4.0);
     let bump = 3.0 * (-(u * u + v * v) / 180.0).exp();
@@ -52,13 +52,13 @@ fn a_known_height_comes_back_from_its_normals() {
         let (maps, known) = surface(texels, mm, free);
         let found = Height::of(&maps, mm, false).unwrap();
         let error = error(&found, &known);
-        // Fourth order in the texel, which is a tenth of the ripple's wave here.
+        // Fourth order in the texel, which is a tenth of the ripple's wavelength.
         assert!(error < 1e-3, "{texels:?}: {error}");
         assert!(found.unexplained < 1e-4);
     }
 }
 
-/// Normals as others make them from a height: differences of neighbours two texels apart.
+/// Normals from central differences of a height, as other programs make them.
 #[test]
 fn heights_come_back_from_central_differences() {
     let (w, h, mm) = (96, 96, [90.0, 90.0]);
@@ -71,8 +71,8 @@ fn heights_come_back_from_central_differences() {
         };
         let (x0, x1) = (x.saturating_sub(1), (x + 1).min(w - 1));
         let (y0, y1) = (y.saturating_sub(1), (y + 1).min(h - 1));
-        maps.plane_mut(channel::SLOPE_X)[i] = -slope(y * w + x0, y * w + x1, x1 - x0);
-        maps.plane_mut(channel::SLOPE_Y)[i] = slope(y0 * w + x, y1 * w + x, y1 - y0);
+        maps.normal_slopes_mut()[0][i] = -slope(y * w + x0, y * w + x1, x1 - x0);
+        maps.normal_slopes_mut()[1][i] = slope(y0 * w + x, y1 * w + x, y1 - y0);
     }
     let found = Height::of(&maps, mm, false).unwrap();
     let error = error(&found, &known);
@@ -100,7 +100,7 @@ fn a_periodic_height_goes_on_across_its_border() {
 }
 
 #[test]
-fn sizes_that_are_none_are_named() {
+fn invalid_sizes_are_errors() {
     let maps = Svbrdf::new(8, 8);
     for mm in [[0.0, 1.0], [1.0, f32::NAN], [-1.0, 1.0]] {
         let fault = Height::of(&maps, mm, false).unwrap_err().to_string();

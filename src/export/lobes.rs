@@ -1,24 +1,24 @@
-//! The optional lobes of maps in the forms of other renderers.
+//! The optional lobes in the conventions of other renderers.
 
-use crate::svbrdf::{Anisotropy, channel};
+use crate::svbrdf::Anisotropy;
 use crate::{Svbrdf, parallel};
 
-/// Index of refraction of a coat: its F0 is .04.
+/// Index of refraction of a coat, for an F0 of 0.04.
 pub(super) const COAT_IOR: f32 = 1.5;
 
-/// Both alphas of every texel, `None` where no texel is anisotropic. Directions are those of the two
-/// opposite ones that are nearer to the mean direction, so that textures of them can be filtered.
+/// Both alphas of every texel, `None` if no texel is anisotropic. Of two opposite directions, the
+/// one nearer to the mean direction is taken, so that textures can be filtered.
 pub(super) fn anisotropy(maps: &Svbrdf) -> Option<Vec<Anisotropy>> {
     let [x, y] = maps.anisotropy()?;
     let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
     let mean = 0.5 * sum(y).atan2(sum(x)) as f32;
-    let roughness = maps.plane(channel::ROUGHNESS);
+    let roughness = maps.roughness();
     let width = maps.width();
     let rows = parallel::map(maps.height(), |row| {
         let texels = row * width..(row + 1) * width;
         let of = |i: usize| {
             let lobe = Anisotropy::new(roughness[i], [x[i], y[i]]);
-            // Without anisotropy there is no direction; the mean one disturbs no neighbour.
+            // Isotropic texels get the mean direction, which disturbs no neighbour.
             if lobe.along > lobe.across {
                 lobe.facing(mean)
             } else {
@@ -36,31 +36,29 @@ pub(super) fn direction(lobe: &Anisotropy, up: f32) -> [f32; 2] {
     [0.5 * x + 0.5, 0.5 * up * y + 0.5]
 }
 
-/// As Unreal and Unity's HDRP have it (Kulla and Conty 2017): `along = r² (1 + a)`, `across = r² (1 - a)`;
-/// the roughness `r` and `a`.
+/// Convention of Unreal and Unity's HDRP (Kulla and Conty 2017): `along = r² (1 + a)`, `across = r²
+/// (1 - a)`; returns the roughness `r` and `a`.
 pub(super) fn arithmetic(lobe: &Anisotropy) -> [f32; 2] {
     let mean = 0.5 * (lobe.along + lobe.across);
     [mean.sqrt().min(1.0), (lobe.along - lobe.across) / (lobe.along + lobe.across)]
 }
 
-/// As OpenPBR has it: `along² + across² = 2 r⁴`, `across = (1 - a) along`; `r` and `a`.
+/// Convention of OpenPBR: `along² + across² = 2 r⁴`, `across = (1 - a) along`; returns `r` and `a`.
 pub(super) fn quadratic(lobe: &Anisotropy) -> [f32; 2] {
     let square = 0.5 * (lobe.along * lobe.along + lobe.across * lobe.across);
     [square.sqrt().sqrt().min(1.0), 1.0 - lobe.across / lobe.along]
 }
 
-/// As Cycles has it: `along = r² / s`, `across = r² s`, `s² = 1 - 0.9 a`; `a` and the turns from X to the
-/// direction, 0 to 1. Ratios above 10 become 10. `r` is the roughness of the maps.
+/// Convention of Cycles: `along = r² / s`, `across = r² s`, `s² = 1 - 0.9 a`; returns `a` and the rotation
+/// from X to the direction in turns, 0 to 1. Ratios above 10 become 10. `r` is the roughness of the maps.
 pub(super) fn cycles(lobe: &Anisotropy) -> [f32; 2] {
     use std::f32::consts::TAU;
-    // Directions lie at most a quarter turn from the mean one, and that as much from X: half a turn more
-    // brings all of them above 0.
+    // Directions lie within half a turn of X, so adding half a turn makes them positive.
     [((1.0 - lobe.across / lobe.along) / 0.9).min(1.0), (lobe.angle / TAU + 0.5).clamp(0.0, 1.0)]
 }
 
-/// Roughness that OpenPBR is given so that the lobe below a coat has the roughness `wanted`: rays that pass
-/// a rough coat are spread, `r -> (r⁴ + 2 coat⁴)^(1/4)`, mixed by the coat's weight. 0 where the coat
-/// alone spreads more.
+/// OpenPBR roughness that makes the lobe below a coat have the roughness `wanted`: a rough coat spreads rays,
+/// `r -> (r⁴ + 2 coat⁴)^(1/4)`, mixed by its weight. 0 if the coat alone spreads more.
 pub(super) fn below_rough_coat(wanted: f32, [weight, coat]: [f32; 2]) -> f32 {
     const HALVINGS: usize = 16;
     let spread = 2.0 * coat.powi(4);
@@ -88,7 +86,7 @@ mod tests {
     use crate::svbrdf::{LOBES, lobe};
 
     proptest! {
-        /// Each renderer's own formula on what it is given makes the two alphas.
+        /// Each renderer's formulas convert the output back to the two alphas.
         #[test]
         fn other_forms_hold_the_same_alphas(roughness in 0.1..0.7f32, log_ratio in 0.0..2.2f32, angle in -1.57..1.57f32) {
             let (sin, cos) = (2.0 * angle).sin_cos();
@@ -119,12 +117,12 @@ mod tests {
     #[test]
     fn directions_face_the_mean_one() {
         let mut maps = Svbrdf::new(2, 2);
-        // Just above and below the direction of -X and X, and one without.
+        // Just above and below the direction of -X and X, and one isotropic texel.
         let mut planes = vec![0.0; LOBES * 4];
         planes[4 * lobe::ANISOTROPY_X..][..3].copy_from_slice(&[-1.0; 3]);
         planes[4 * lobe::ANISOTROPY_Y..][..3].copy_from_slice(&[-0.1, 0.1, 0.1]);
         maps.set_lobes(planes).unwrap();
-        maps.plane_mut(channel::ROUGHNESS).fill(0.4);
+        maps.roughness_mut().fill(0.4);
         let lobes = anisotropy(&maps).unwrap();
         let spread = |i: usize| (lobes[i].angle - lobes[0].angle).abs();
         assert!((1..4).all(|i| spread(i) < 0.2), "{lobes:?}");

@@ -7,10 +7,10 @@ use super::lobes;
 use super::textures::Texture;
 use crate::Result;
 
-/// A texture of the graph: its name, the type of its values, and itself.
+/// A texture of the graph: name, type and values.
 type Image = (&'static str, &'static str, Texture);
 
-/// The document and its textures below `folder`, and what they hold.
+/// The document and its textures below `folder`, and their description.
 pub(super) fn encode(bundle: &Bundle, layered: &Layered, folder: &str) -> Result<(Files, Value)> {
     let images = images(bundle, layered);
     let textures: Vec<_> =
@@ -117,8 +117,8 @@ fn output(name: &str, kind: &str, node: &str) -> String {
     format!("    <output name=\"{name}_out\" type=\"{kind}\" nodename=\"{node}\" />\n")
 }
 
-/// OpenPBR takes the base's index relative to the coat's, as far as there is a coat: `n (1 - w) + w n / 1.5`. Nodes
-/// that give it the `n` for which this is `ior`.
+/// Nodes for the index below a coat. OpenPBR uses the base's index relative to the coat's, in proportion to
+/// the coat's weight: `n (1 - w) + w n / 1.5`. The nodes compute the `n` for which this equals `ior`.
 fn ior_below_coat(ior: f32) -> String {
     format!(
         r#"    <multiply name="coat_third" type="float">

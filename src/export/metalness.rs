@@ -1,24 +1,24 @@
-//! Base colour, metalness and specular colour of glTF that are exact with `KHR_materials_specular` and
-//! `KHR_materials_ior`, and near the material for importers that ignore these.
+//! Base colour, metalness and specular colour of glTF that are exact with `KHR_materials_specular`
+//! and `KHR_materials_ior`, and approximate for importers that ignore these.
 //!
-//! With `S` the dielectric's reflectance (index of refraction times specular colour), glTF shows
-//! `kd = (1 - m) b (1 - max S)`, `F0 = m b + (1 - m) S`. For most metalnesses `m` there are `b` and `S`
-//! that make any `kd` and `F0`. Importers without the extensions take 0.04 for `S`: of all these
-//! metalnesses the one is stored with which that differs least.
+//! With the dielectric's reflectance `S` (index of refraction times specular colour), glTF renders
+//! `kd = (1 - m) b (1 - max S)`, `F0 = m b + (1 - m) S`. For most values of the metalness `m`, some
+//! `b` and `S` give any `kd` and `F0`. Importers without the extensions use 0.04 for `S`, so the
+//! stored metalness is the one with the least error there.
 
 use super::convert::Albedos;
 
-/// What importers without the extensions take for the dielectric's reflectance.
+/// Reflectance of the dielectric in importers without the extensions.
 const PLAIN: f32 = 0.04;
-/// Metalnesses there are in 8 bits.
+/// Metalness steps in 8 bits.
 const STEPS: i32 = 255;
-/// Those that are tried first are so many steps apart.
+/// Distance of the steps in the coarse search.
 const COARSE: i32 = 15;
-/// Squared albedo below which the plain dielectric is left as it is.
+/// Squared albedo error below which metalness stays 0.
 const NEAR: f32 = 1e-5;
-/// Diffuse albedo below which there is none.
+/// Smallest diffuse albedo that counts.
 const BLACK: f32 = 1e-4;
-/// Largest reflectance of a dielectric: at 1 nothing would be left below it.
+/// Largest reflectance of a dielectric; at 1 no light would pass.
 const MAX: f32 = 0.98;
 
 /// A texel for glTF.
@@ -62,17 +62,17 @@ impl Layer {
         best.2
     }
 
-    /// The layer with a metalness of so many steps; `None` where there is none.
+    /// The layer with a metalness of `step` steps; `None` if impossible.
     fn at(albedos: &Albedos, step: i32) -> Option<Self> {
         let m = step as f32 / STEPS as f32;
         let rest = 1.0 - m;
-        // For one channel the reflectance t that fits solves a square equation; the largest of the
-        // three is that of the layer.
+        // For one channel the reflectance t solves a quadratic equation; the layer needs the
+        // largest of the three.
         let of = |c: usize| {
             let (k, f0) = (albedos.diffuse[c] / rest, albedos.specular[c]);
             let half = 0.5 * (rest + f0);
             let root = half * half - rest * (f0 - m * k);
-            // The smaller root, in the form that loses no digits.
+            // The smaller root in its stable form.
             let t = (f0 - m * k) / (half + root.max(0.0).sqrt());
             (root >= 0.0).then_some(t)
         };
@@ -87,7 +87,7 @@ impl Layer {
         fits.then(|| Self { metallic: m, base, dielectric: dielectric.map(|s| s.max(0.0)) })
     }
 
-    /// What is shown without the extensions.
+    /// Albedos without the extensions.
     pub fn plain(&self) -> Albedos {
         let rest = 1.0 - self.metallic;
         Albedos {
@@ -96,7 +96,7 @@ impl Layer {
         }
     }
 
-    /// Squared difference of that from the albedos.
+    /// Squared error of those albedos.
     fn cost(&self, albedos: &Albedos) -> f32 {
         let shown = self.plain();
         let square =
@@ -133,7 +133,7 @@ mod tests {
             let layer = Layer::of(&albedos);
             let shown = exact(&layer);
             for c in 0..3 {
-                // What cannot be is cut off: a diffuse layer below a coat that lets too little through.
+                // Diffuse albedo below an interface that transmits too little is clipped.
                 prop_assert!((shown.diffuse[c] - diffuse[c]).abs() < 1e-4, "{layer:?}");
                 prop_assert!((shown.specular[c] - specular[c]).abs() < 1e-4, "{layer:?}");
             }
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn metals_keep_their_reflectance_without_extensions() {
-        // What stays diffuse decides about the base colour's hue where it is to be exact.
+        // The remaining diffuse albedo limits the hue of the base colour if it is to be exact.
         for (diffuse, allowed) in
             [([0.0; 3], 1e-6), ([0.02, 0.015, 0.008], 0.1), ([0.06, 0.05, 0.05], 0.5)]
         {
@@ -152,7 +152,7 @@ mod tests {
             let layer = Layer::of(&gold);
             let plain = layer.plain();
             for c in 0..3 {
-                // Black would be an error of 0.9.
+                // Black would be wrong by 0.9.
                 let off = [plain.specular[c] - gold.specular[c], plain.diffuse[c] - diffuse[c]];
                 assert!(off.iter().all(|off| off.abs() <= allowed), "{layer:?} {plain:?}");
             }

@@ -1,8 +1,7 @@
-//! Maps to files and back, and to what other programs read: PNG, OpenEXR, previews; glTF, USDZ,
-//! MaterialX, Unreal, Unity and Blender ([`export()`]).
+//! Maps to files and back, and to the formats of other programs: PNG, OpenEXR, previews; glTF,
+//! USDZ, MaterialX, Unreal, Unity and Blender ([`export()`]).
 //!
-//! Every file appears under its name complete or not at all: it is written under a temporary name
-//! in the same folder, then renamed.
+//! Files are written atomically, under a temporary name in the same folder.
 
 mod blender;
 mod bundle;
@@ -36,10 +35,7 @@ pub use files::{
     check_writable, replace_files, write_atomic, write_exr_image, write_files, write_png16_image,
 };
 pub use height::Height;
-pub use maps::{
-    LOBE_FILES, encode_maps, read_maps, read_sample_mm, write_assessed_maps, write_maps,
-    write_sized_maps,
-};
+pub use maps::{LOBE_FILES, MapsOptions, encode_maps, read_maps, read_sample_mm, write_maps};
 pub use occlusion::occlusion;
 pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, encode_preview, relit, write_preview};

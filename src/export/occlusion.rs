@@ -1,23 +1,22 @@
-//! Light of the surround that reaches a texel between others that are higher.
+//! Ambient occlusion from height.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use super::height::{Height, texel_mm};
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf, parallel};
 
-/// Slices through a texel, each looking both ways.
+/// Slices through a texel, each in both directions.
 const SLICES: usize = 8;
 
-/// Distances at which a slice looks for what stands in the way, texels.
+/// Distances of the horizon samples of a slice, texels.
 const DISTANCES: [f32; 9] = [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 27.0, 40.0];
 
-/// Share of a uniform surround's light that reaches each texel, 0 to 1: the cosine-weighted part of
-/// the sky above the horizon within 40 texels, slice by slice in closed form (Jimenez et al.,
-/// *Practical Real-Time Strategies for Accurate Indirect Occlusion*, 2016).
+/// Share of uniform ambient light that reaches each texel, 0 to 1: the cosine-weighted sky above
+/// the horizon within 40 texels, in closed form per slice (Jimenez et al., *Practical Real-Time
+/// Strategies for Accurate Indirect Occlusion*, 2016).
 ///
 /// # Errors
-/// [`Error::Argument`] where the size of the sample is not positive or the height is of other maps.
+/// [`Error::Argument`] if the size of the sample is not positive or the height is of other maps.
 pub fn occlusion(
     maps: &Svbrdf,
     height: &Height,
@@ -32,9 +31,9 @@ pub fn occlusion(
     }
     let surface = Surface { mm: &height.mm, width: w, height: h, periodic };
     let slices: Vec<Slice> = (0..SLICES).map(|k| Slice::new(k, spacing)).collect();
-    let (p, q) = (maps.plane(channel::SLOPE_X), maps.plane(channel::SLOPE_Y));
+    let [p, q] = maps.normal_slopes();
     let mut out = vec![0.0; w * h];
-    // A row at a time: loops over its texels have no branches and are vectorised.
+    // Branch-free loops over the texels of a row vectorise.
     let rows = || [(); 3].map(|()| vec![0.0; w]);
     parallel::parts_with(out.chunks_mut(w), rows, |[lean, ahead, behind], y, row| {
         let (p, q) = (&p[y * w..][..w], &q[y * w..][..w]);
@@ -58,11 +57,12 @@ pub fn occlusion(
     Ok(out)
 }
 
-/// Light between two horizons of one slice, relative to an open sky over a level texel, times the
-/// normal's share in the slice relative to its height. `lean`: tangent of the normal's angle
-/// towards the direction; `ahead`, `behind`: tangents of the horizons' elevations.
+/// Light between two horizons of one slice relative to an open sky over a level texel, times the
+/// normal's length in the slice over its height. `lean`: tangent of the normal's angle towards the
+/// direction; `ahead`, `behind`: tangents of the horizons' elevations.
 fn open_part(lean: f32, ahead: f32, behind: f32) -> f32 {
-    // cos(2a + c) and the like by the tangents; c is the lean's angle, projected length 1 / cos c.
+    // cos(2a + c) and similar terms from tangents; c is the angle of the lean, 1 / cos c the
+    // projected length.
     let double = |t: f32| {
         let k = (1.0 + t * t).recip();
         ((1.0 - t * t) * k, 2.0 * t * k)
@@ -98,7 +98,7 @@ struct Surface<'a> {
     mm: &'a [f32],
     width: usize,
     height: usize,
-    /// Whether it goes on behind each border at the opposite one.
+    /// Whether it repeats beyond the borders.
     periodic: bool,
 }
 
@@ -107,7 +107,7 @@ impl Surface<'_> {
         &self.mm[y * self.width..][..self.width]
     }
 
-    /// The row so many rows below another; `None` outside.
+    /// The row `rows` below row `y`; `None` outside.
     fn row_from(&self, y: usize, rows: isize) -> Option<&[f32]> {
         let at = y as isize + rows;
         let at = if self.periodic { at.rem_euclid(self.height as isize) } else { at };
@@ -116,7 +116,7 @@ impl Surface<'_> {
     }
 }
 
-/// A direction and the texels along it.
+/// A direction and its samples.
 struct Slice {
     /// Unit vector, X right, Y up.
     direction: [f32; 2],
@@ -136,7 +136,7 @@ impl Slice {
         Self { direction: [angle.cos(), angle.sin()], steps }
     }
 
-    /// Raises the tangents of the horizon's elevation of a row's texels to what stands on one side.
+    /// Raises the tangents of the horizon's elevation of a row by the samples on one side.
     fn raise(&self, horizon: &mut [f32], surface: &Surface, y: usize, side: isize) {
         let (w, here) = (surface.width, surface.row(y));
         for &(dx, dy, distance) in &self.steps {
@@ -173,8 +173,8 @@ mod tests {
         }
     }
 
-    /// In the middle of an endless trench of width `w` and depth `d` the sky's part is the form factor
-    /// of its opening: `(w / 2) / hypot(w / 2, d)`; a level plane and a tilted one see all.
+    /// In the middle of an endless trench of width `w` and depth `d`, the visible sky is the form
+    /// factor of the opening: `(w / 2) / hypot(w / 2, d)`. Planes, level or tilted, see all of it.
     #[test]
     fn occlusion_is_the_form_factor_of_what_is_open() {
         let n = 96;
@@ -185,9 +185,9 @@ mod tests {
         let flat = Svbrdf::new(n, n);
         assert!((open(&flat, vec![0.0; n * n], true) - 1.0).abs() < 1e-5);
         let mut tilted = Svbrdf::new(n, n);
-        tilted.plane_mut(channel::SLOPE_X).fill(-0.5);
+        tilted.normal_slopes_mut()[0].fill(-0.5);
         let ramp = (0..n * n).map(|i| 0.5 * (i % n) as f32).collect();
-        // Sixteen directions stand for all.
+        // Tolerance for sixteen directions.
         assert!((open(&tilted, ramp, false) - 1.0).abs() < 0.02);
         for (width, depth) in [(6usize, 3.0f32), (6, 6.0), (10, 5.0)] {
             let wall = |i: usize| (i % n).abs_diff(n / 2) >= width / 2;
@@ -195,7 +195,7 @@ mod tests {
             let half = 0.5 * width as f32;
             let expected = half / half.hypot(depth);
             let found = open(&flat, mm, true);
-            // Horizons are looked for at nine distances only, which sees walls from a little further.
+            // Nine sample distances place walls slightly too far away.
             assert!((found - expected).abs() < 0.06, "{width} {depth}: {found} for {expected}");
         }
     }

@@ -1,4 +1,4 @@
-//! Materials as other programs read them: the exporter.
+//! Exports materials to other programs.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::bundle::{Bundle, Files, HEIGHT, number};
 use super::files::replace_files;
 use super::height::Height;
 use super::lobes;
-use super::maps::{LOBE_FILES, check_size, map_files};
+use super::maps::{LOBE_FILES, MapsOptions, check_size, encode_maps};
 use super::occlusion::occlusion;
 use super::resample::resized;
 use super::textures::TextureFormat;
@@ -17,7 +17,7 @@ use super::{blender, engines, glb, materialx, tile, usdz};
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result, Svbrdf};
 
-/// What an export is made for.
+/// Target of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// `material.glb`: binary glTF 2.0 with `KHR_materials_specular` and `KHR_materials_ior`, and with
@@ -67,7 +67,7 @@ impl Format {
         Self::ALL.into_iter().find(|format| format.name() == name)
     }
 
-    /// What the format leaves out of the optional lobes of a material, if anything.
+    /// Parts of the optional lobes that the format cannot represent, if any.
     pub fn leaves_out(self, maps: &Svbrdf) -> Option<&'static str> {
         const NO_ANISOTROPY: &str =
             "has no anisotropy: the roughness is the mean of both directions";
@@ -81,24 +81,24 @@ impl Format {
     }
 }
 
-/// How to export.
+/// Options of an export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportOptions {
     /// Formats to make.
     pub formats: Vec<Format>,
     /// Width and height of the sample, mm.
     pub sample_mm: [f32; 2],
-    /// GLB, MaterialX and Blender: base colour and metalness (a least-squares split whose error
-    /// `material.json` states) in place of a specular colour, for programs that do not know it. The
-    /// other formats follow what their programs know.
+    /// GLB, MaterialX and Blender: use base colour and metalness in place of a specular colour, for
+    /// programs without one. `material.json` states the error of this least-squares split. The
+    /// other formats have one fixed form.
     pub metallic: bool,
     /// Make the maps seamless first.
     pub tile: bool,
-    /// How textures are stored; height always has 16 bits.
+    /// Storage of textures; height always has 16 bits.
     pub texture: TextureFormat,
-    /// Longer side of the textures at most, texels; 0: no limit.
-    pub max_size: usize,
-    /// Photographs that the maps were estimated from, if known.
+    /// Largest longer side of the textures, texels, at least 2; `None`: no limit.
+    pub max_size: Option<usize>,
+    /// Number of photographs of the estimate, if known.
     pub photographs: Option<u32>,
 }
 
@@ -111,7 +111,7 @@ impl Default for ExportOptions {
             metallic: false,
             tile: false,
             texture: TextureFormat::default(),
-            max_size: 0,
+            max_size: None,
             photographs: None,
         }
     }
@@ -122,7 +122,7 @@ impl Default for ExportOptions {
 pub struct Package {
     /// Names (relative, `/` between folders) and bytes.
     pub files: Vec<(String, Vec<u8>)>,
-    /// What formats leave out of the material: a line each.
+    /// Parts of the material that formats leave out, one line each.
     pub remarks: Vec<String>,
 }
 
@@ -132,28 +132,27 @@ impl Package {
         self.files.iter().find(|(n, _)| n == name).map(|(_, bytes)| bytes.as_slice())
     }
 
-    /// Writes all files below a folder, which is made if missing, or none of them.
+    /// Writes all files below a folder, or none. Creates a missing folder.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file that cannot be written.
+    /// [`Error::Io`] with the file that cannot be written.
     pub fn write(&self, dir: impl AsRef<Path>) -> Result<()> {
         let gone = LOBE_FILES.map(|name| format!("maps/{name}"));
         let gone: Vec<&str> = gone.iter().map(String::as_str).collect();
-        // Those of an earlier material, where this one has such a folder as well.
+        // Lobe files of an earlier material, if this one has such a folder too.
         let gone = if self.file("maps/maps.exr").is_some() { gone.as_slice() } else { &[] };
         replace_files(dir, &self.files, gone)
     }
 }
 
-/// Exports maps: `material.glb`, `material.usdz` and a folder for every other format. Beside them
-/// stand `material.json` (units, conventions, size, what each file holds; in every folder, too),
-/// `height.png` (16 bits, range in `material.json`), `height.exr` (mm), and, for seamless maps,
-/// `maps/` (as [`write_maps`](super::write_maps) writes them) and `tile.png`, a picture of 3 x 3.
+/// Exports maps: `material.glb`, `material.usdz` and a folder for each other format. Adds
+/// `material.json` (units, conventions, size and contents of each file; also in every folder),
+/// `height.png` (16 bits, range in `material.json`), `height.exr` (mm) and, for seamless maps,
+/// `maps/` (see [`write_maps`](super::write_maps)) and `tile.png`, a picture of 3 x 3 tiles.
 ///
 /// # Errors
-/// [`Error::Argument`] where no format is given, the size of the sample is not positive, the maps
-/// have fewer than two texels along a side (sixteen, to become seamless) or hold values that are
-/// not finite.
+/// [`Error::Argument`] if no format is given, the size of the sample is not positive, the maps have fewer
+/// than two texels along a side (sixteen for seamless maps) or hold values that are not finite.
 pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     check(maps, options)?;
     let mut maps = limited(maps, options.max_size);
@@ -187,7 +186,8 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
                         joins: the same across the cuts; cuts: how much both sides of the cuts \
                         disagree, in the same unit; of the map for which it is greatest",
         });
-        let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
+        let sized = MapsOptions { sample_mm: Some(bundle.sample_mm), ..MapsOptions::default() };
+        let maps = encode_maps(&bundle.maps, &sized)?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
         files.push(("tile.png".into(), tile_picture(&bundle.maps, bundle.sample_mm)?));
     }
@@ -213,7 +213,7 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
     Ok(Package { files, remarks })
 }
 
-/// Files of one format and what they hold.
+/// Files of one format and their description.
 fn encode(bundle: &Bundle, format: Format) -> Result<(Files, Value)> {
     let folder = &format!("{}/", format.name());
     match format {
@@ -256,8 +256,8 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
         let message = format!("{w} x {h} texels given, at least 2 x 2 expected");
         return Err(Error::argument("maps", message));
     }
-    if options.max_size == 1 {
-        return Err(Error::argument("max_size", "1 given, 0 or at least 2 expected"));
+    if let Some(given @ 0..2) = options.max_size {
+        return Err(Error::argument("max_size", format!("{given} given, at least 2 expected")));
     }
     if let Some(i) = maps.lobes().iter().position(|v| !v.is_finite()) {
         let (value, texel) = (maps.lobes()[i], i % maps.texels());
@@ -278,17 +278,15 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
     Ok(())
 }
 
-/// Maps whose longer side has at most so many texels, the other in proportion.
-fn limited(maps: &Svbrdf, max_size: usize) -> Svbrdf {
+/// Maps scaled to at most `max_size` texels along the longer side.
+fn limited(maps: &Svbrdf, max_size: Option<usize>) -> Svbrdf {
     let longer = maps.width().max(maps.height());
-    if max_size == 0 || longer <= max_size {
-        return maps.clone();
-    }
+    let Some(max_size) = max_size.filter(|size| longer > *size) else { return maps.clone() };
     let side = |n: usize| ((n * max_size + longer / 2) / longer).max(2);
     resized(maps, side(maps.width()), side(maps.height()))
 }
 
-/// What `material.json` says of all formats.
+/// The part of `material.json` common to all formats.
 fn record(bundle: &Bundle, photographs: Option<u32>) -> Value {
     let (size, mm) = (bundle.size(), bundle.sample_mm);
     let mut maps = vec!["normal", "diffuse", "specular", "roughness"];

@@ -1,4 +1,4 @@
-//! Exports against the formulas: what is stored, put through a renderer's formula, is the maps.
+//! Checks that each renderer's formula applied to the exported values gives the maps.
 
 use std::io::Cursor;
 
@@ -7,28 +7,28 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use crate::svbrdf::{LOBES, channel, lobe};
 
-/// Plastic, varnish, metals and mixtures with slopes that change: `w` x `h` texels.
+/// Plastic, varnish, metals and mixtures with varying slopes: `w` x `h` texels.
 fn materials(w: usize, h: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(w, h);
     for i in 0..w * h {
         let (u, v) = (i as f32 / (w * h) as f32, (i * 7 % 11) as f32 / 11.0);
         let metal = if i % 3 == 0 { 1.0 } else { 0.0 };
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.6 * (6.0 * u).sin();
-        maps.plane_mut(channel::SLOPE_Y)[i] = 0.4 * (9.0 * v).cos();
+        maps.normal_slopes_mut()[0][i] = 0.6 * (6.0 * u).sin();
+        maps.normal_slopes_mut()[1][i] = 0.4 * (9.0 * v).cos();
         for c in 0..3 {
             let hue = 1.0 - 0.3 * c as f32 * v;
-            maps.plane_mut(channel::DIFFUSE + c)[i] = (1.0 - metal) * (0.05 + 0.6 * u) * hue;
-            maps.plane_mut(channel::SPECULAR + c)[i] = 0.03 + 0.04 * v + metal * 0.7 * hue;
+            maps.diffuse_mut()[c][i] = (1.0 - metal) * (0.05 + 0.6 * u) * hue;
+            maps.specular_mut()[c][i] = 0.03 + 0.04 * v + metal * 0.7 * hue;
         }
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.1 + 0.8 * v;
+        maps.roughness_mut()[i] = 0.1 + 0.8 * v;
     }
     maps
 }
 
-/// Encoded values of a picture, 0 to 1, four channels a texel.
+/// Encoded values of a picture, 0 to 1, four channels per texel.
 fn picture(package: &Package, name: &str) -> Vec<[f32; 4]> {
     let bytes = package.file(name).unwrap_or_else(|| panic!("{name} is missing"));
     let picture = image::load_from_memory(bytes).unwrap().into_rgba32f();
@@ -48,12 +48,12 @@ fn json(package: &Package, name: &str) -> Value {
     serde_json::from_slice(package.file(name).unwrap()).unwrap()
 }
 
-/// Half a step of a stored value, and rounding of single precision.
+/// Half a step of a stored value, plus single-precision rounding.
 fn half_step(texture: TextureFormat) -> f32 {
     0.5 / if texture == TextureFormat::Png8 { 255.0 } else { 65535.0 } + 2e-6
 }
 
-/// The same of a linear channel, which is dithered in 8 bits: a whole step.
+/// The same for a linear channel, which is dithered in 8 bits: a whole step.
 fn linear_step(texture: TextureFormat) -> f32 {
     if texture == TextureFormat::Png8 { 2.0 * half_step(texture) } else { half_step(texture) }
 }
@@ -64,7 +64,7 @@ fn check_colour(stored: f32, expected: f32, texture: TextureFormat, what: &str) 
     assert!((stored - encoded).abs() <= half_step(texture), "{what}: {stored} for {encoded}");
 }
 
-/// Parts of a GLB: the JSON and the images by name.
+/// Parts of a GLB: JSON and images by name.
 #[allow(clippy::type_complexity)] // a test helper
 fn glb(package: &Package) -> (Value, Vec<(String, Vec<[f32; 4]>)>) {
     let bytes = package.file("material.glb").unwrap();
@@ -84,7 +84,7 @@ fn glb(package: &Package) -> (Value, Vec<(String, Vec<[f32; 4]>)>) {
     (json, images)
 }
 
-/// glTF's own formulas on what the file holds give back kd, F0, roughness and the normal.
+/// glTF's formulas applied to the file give kd, F0, roughness and the normal.
 #[test]
 fn a_glb_holds_the_material_by_gltf_s_formulas() {
     let maps = materials(9, 5);
@@ -102,8 +102,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
         assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 1);
         let ior = material["extensions"]["KHR_materials_ior"]["ior"].as_f64().unwrap();
         let interface = ((ior - 1.0) / (ior + 1.0)).powi(2) as f32;
-        // One stored step moves the square roots of albedos by less than two; base and specular colour
-        // add up.
+        // One stored step changes square roots of albedos by less than two; base and specular colour add up.
         let near = |shown: f32, wanted: f32, what: &str| {
             let off = (shown.max(0.0).sqrt() - wanted.sqrt()).abs();
             assert!(off < 4.0 * half_step(texture) + 1e-3, "{what}: {shown} for {wanted}");
@@ -113,18 +112,17 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
             let s = [0, 1, 2].map(|c| interface * linear(tint[i][c]));
             let below = 1.0 - s.into_iter().fold(0.0, f32::max);
             for c in 0..3 {
-                let (kd, f0) =
-                    (maps.plane(channel::DIFFUSE + c)[i], maps.plane(channel::SPECULAR + c)[i]);
+                let (kd, f0) = (maps.diffuse()[c][i], maps.specular()[c][i]);
                 let b = linear(base[i][c]);
                 near((1.0 - m) * b * below, kd, "kd");
                 near(m * b + (1.0 - m) * s[c], f0, "F0");
-                // What importers without the extensions show: metals are no black.
+                // In importers without the extensions, metals are not black.
                 let (plain_kd, plain_f0) = (0.96 * (1.0 - m) * b, m * b + 0.04 * (1.0 - m));
                 assert!((plain_kd - kd).abs() < 0.04 && (plain_f0 - f0).abs() < 0.04, "{i}");
                 let n = maps.normal(i % 9, i / 9)[c];
                 assert!((2.0 * normal[i][c] - 1.0 - n).abs() <= 2.0 * linear_step(texture));
             }
-            assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() <= linear_step(texture));
+            assert!((orm[i][1] - maps.roughness()[i]).abs() <= linear_step(texture));
         }
     }
 }
@@ -144,7 +142,7 @@ fn a_glb_states_size_and_borders() {
     assert!(json.get("extensionsUsed").is_none() && images.len() == 3);
     assert_eq!(json["samplers"][0]["wrapS"], 33071);
     let error = &super::tests::json(&package, "material.json")["exports"]["glb"]["rms_error"];
-    // A dielectric's F0 from 0.03 to 0.07 and coloured metals are near what metalness can say.
+    // Metalness approximates a dielectric's F0 from 0.03 to 0.07 and coloured metals well.
     assert!(
         error["diffuse"].as_f64().unwrap() < 0.05 && error["specular"].as_f64().unwrap() < 0.05
     );
@@ -165,17 +163,17 @@ fn unreal_s_textures_are_its_formulas() {
             let b = linear(base[i][c]);
             let (kd, f0) =
                 ((1.0 - metallic) * b, 0.08 * specular[i][0] * (1.0 - metallic) + metallic * b);
-            // Metals with hues and dielectrics below 0.08 are exactly of this form.
-            assert!((kd - maps.plane(channel::DIFFUSE + c)[i]).abs() < 1e-2, "kd {i}");
-            assert!((f0 - maps.plane(channel::SPECULAR + c)[i]).abs() < 1e-2, "F0 {i}");
+            // Coloured metals and dielectrics below 0.08 have exactly this form.
+            assert!((kd - maps.diffuse()[c][i]).abs() < 1e-2, "kd {i}");
+            assert!((f0 - maps.specular()[c][i]).abs() < 1e-2, "F0 {i}");
         }
         if i % 3 != 0 {
-            let f0 = maps.plane(channel::SPECULAR)[i];
+            let f0 = maps.specular()[0][i];
             assert!(metallic == 0.0 && (specular[i][0] - f0 / 0.08).abs() < 1e-4);
         }
         let n = maps.normal(i % 9, i / 9);
         assert!((2.0 * normal[i][1] - 1.0 + n[1]).abs() < 1e-4, "green points down");
-        assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() < 1e-4);
+        assert!((orm[i][1] - maps.roughness()[i]).abs() < 1e-4);
     }
 }
 
@@ -191,15 +189,15 @@ fn unity_s_textures_are_its_formulas() {
     let below = picture(&package, "unity-urp/base_map.png");
     let texture = TextureFormat::Png8;
     for i in 0..maps.texels() {
-        let roughness = maps.plane(channel::ROUGHNESS)[i];
-        let f0 = [0, 1, 2].map(|c| maps.plane(channel::SPECULAR + c)[i]);
+        let roughness = maps.roughness()[i];
+        let f0 = maps.specular().map(|plane| plane[i]);
         let largest = f0.into_iter().fold(0.0, f32::max);
         for smoothness in [mask[i][3], specular[i][3]] {
             assert!((smoothness - (1.0 - roughness)).abs() <= linear_step(texture));
         }
         assert_eq!(mask[i][2], 1.0);
         for c in 0..3 {
-            let kd = maps.plane(channel::DIFFUSE + c)[i];
+            let kd = maps.diffuse()[c][i];
             check_colour(specular[i][c], f0[c], texture, "F0");
             check_colour(below[i][c], kd / (1.0 - largest), texture, "base");
             let (m, b) = (mask[i][0], linear(base[i][c]));
@@ -209,8 +207,7 @@ fn unity_s_textures_are_its_formulas() {
     }
 }
 
-/// Every folder is complete: the files that scripts and documents name are there, and each says
-/// what it is.
+/// Every folder is complete: it has the files that scripts and documents name, and each has a description.
 #[test]
 fn every_format_is_complete() {
     let maps = materials(16, 16);
@@ -258,7 +255,7 @@ fn every_format_is_complete() {
     assert_eq!(Format::from_name("gltf"), None);
 }
 
-/// The same with lobes: ratios of both alphas up to 4 in all directions, a coat on some.
+/// The materials with lobes: ratios of both alphas up to 4 in all directions, a coat on some.
 fn lobed(w: usize, h: usize) -> Svbrdf {
     let mut maps = materials(w, h);
     let n = maps.texels();
@@ -271,18 +268,18 @@ fn lobed(w: usize, h: usize) -> Svbrdf {
         lobes[lobe::COAT_ROUGHNESS * n + i] = 0.1 + 0.5 * t;
     }
     maps.set_lobes(lobes).unwrap();
-    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|v| *v = 0.2 + 0.4 * *v);
+    maps.roughness_mut().iter_mut().for_each(|v| *v = 0.2 + 0.4 * *v);
     maps
 }
 
-/// Alphas along and across, and twice the angle of the direction as a vector.
+/// Alphas along and across, and the doubled angle of the direction as a vector.
 fn alphas(maps: &Svbrdf, i: usize) -> ([f32; 2], [f32; 2]) {
     let [u, v] = maps.anisotropy().unwrap().map(|plane| plane[i]);
-    let (alpha, m) = (maps.plane(channel::ROUGHNESS)[i].powi(2), u.hypot(v));
+    let (alpha, m) = (maps.roughness()[i].powi(2), u.hypot(v));
     ([alpha * (0.5 * m).exp(), alpha * (-0.5 * m).exp()], [u / m, v / m])
 }
 
-/// Whether a stored vector has the direction of twice its angle, or there is next to no anisotropy.
+/// Checks a stored vector against a direction given by its doubled angle, unless anisotropy is negligible.
 fn check_direction(
     stored: &[f32; 4],
     up: f32,
@@ -296,7 +293,7 @@ fn check_direction(
     assert!(off < 2e-3 || lobe[0] / lobe[1] < 1.001, "{what}: {off}");
 }
 
-/// Every format's own formulas on what it stores give back both alphas, the direction and the coat.
+/// Every format's formulas applied to its files give both alphas, the direction and the coat.
 #[test]
 fn lobes_are_stored_as_each_format_has_them() {
     let maps = lobed(9, 5);
@@ -356,7 +353,7 @@ fn lobes_are_stored_as_each_format_has_them() {
         let through = (given.powi(4) + 2.0 * coat_roughness[i].powi(4)).min(1.0).powf(0.25);
         let (r, a) = (given + w * (through - given), open[1][i][0]);
         let wide = r * r * (2.0 / (1.0 + (1.0 - a).powi(2))).sqrt();
-        // A coat may be rougher than what lies below it.
+        // A coat may be rougher than the layer below it.
         if given > 0.01 {
             near([wide, (1.0 - a) * wide], [along, across], "OpenPBR");
         }
@@ -369,7 +366,7 @@ fn lobes_are_stored_as_each_format_has_them() {
     }
 }
 
-/// Scripts and documents name what there is, and each format says what it leaves out.
+/// Scripts and documents name existing files, and each format states its omissions.
 #[test]
 fn lobes_are_named_where_there_are_some() {
     let text = |package: &Package, name: &str| {
@@ -413,7 +410,7 @@ fn lobes_are_named_where_there_are_some() {
 fn height_states_its_range() {
     let mut maps = Svbrdf::new(32, 32);
     for i in 0..32 * 32 {
-        maps.plane_mut(channel::SLOPE_X)[i] = (i as f32 / 9.0).sin();
+        maps.normal_slopes_mut()[0][i] = (i as f32 / 9.0).sin();
     }
     let package = exported(&maps, &[Format::Glb], TextureFormat::Jpeg);
     let range = json(&package, "material.json")["height"]["range_mm"].clone();
@@ -436,7 +433,7 @@ fn height_states_its_range() {
 }
 
 #[test]
-fn what_cannot_be_exported_is_named() {
+fn invalid_exports_name_the_fault() {
     let fault = |maps: &Svbrdf, change: fn(&mut ExportOptions)| {
         let mut options = ExportOptions::default();
         change(&mut options);
@@ -450,7 +447,7 @@ fn what_cannot_be_exported_is_named() {
         ((|o| o.formats.clear()) as fn(&mut ExportOptions), "formats"),
         (|o| o.sample_mm = [f32::NAN, 1.0], "sample_mm"),
         (|o| o.sample_mm = [1.0, 0.0], "sample_mm"),
-        (|o| o.max_size = 1, "max_size"),
+        (|o| o.max_size = Some(1), "max_size"),
         (|o| o.tile = true, "maps"),
     ] {
         let fault = fault(&maps, options);
@@ -475,7 +472,7 @@ fn packages_are_written_whole_or_not_at_all() {
     for (name, bytes) in &package.files {
         assert_eq!(&std::fs::read(out.join(name)).unwrap(), bytes);
     }
-    // A folder in the way of the last file: nothing is left, and it is named.
+    // A folder blocks the last file: no file remains, and the error names it.
     let taken = dir.path().join("taken");
     std::fs::create_dir_all(taken.join("material.json")).unwrap();
     let fault = package.write(&taken).unwrap_err();
@@ -489,7 +486,7 @@ fn packages_are_written_whole_or_not_at_all() {
 #[test]
 fn textures_are_limited_in_size() {
     let options =
-        ExportOptions { formats: vec![Format::UnityUrp], max_size: 10, ..Default::default() };
+        ExportOptions { formats: vec![Format::UnityUrp], max_size: Some(10), ..Default::default() };
     let package = export(&materials(40, 20), &options).unwrap();
     let base = image::load_from_memory(package.file("unity-urp/base_map.png").unwrap()).unwrap();
     assert_eq!((base.width(), base.height()), (10, 5));

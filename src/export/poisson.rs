@@ -1,6 +1,6 @@
-//! Functions from their differences between neighbours, by least squares (Poisson's equation),
-//! solved with trigonometric transforms as by Frankot and Chellappa (PAMI 10(4), 1988), here with
-//! the eigenvalues of finite differences, for which borders are exact.
+//! Least-squares integration of differences between neighbours (Poisson's equation) by
+//! trigonometric transforms, as by Frankot and Chellappa (PAMI 10(4), 1988), with the eigenvalues
+//! of finite differences, which are exact at the borders.
 
 use std::f64::consts::PI;
 
@@ -10,35 +10,34 @@ use super::fft::Fft;
 use super::transpose::transpose;
 use crate::parallel;
 
-/// How an axis ends.
+/// Boundary of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Border {
-    /// Nothing is known beyond the last value: the solution is extended by its mirror image.
+    /// Unknown beyond the last value: the solution continues as its mirror image.
     Free,
-    /// The last value stands beside the first.
+    /// The last value is adjacent to the first.
     Periodic,
 }
 
-/// Differences from each value to its right and lower neighbour; in the last column or row of a
-/// free axis they do not count.
+/// Differences from each value to its right and lower neighbour; ignored in the last column or row
+/// of a free axis.
 pub(super) struct Differences {
     pub right: Vec<f32>,
     pub down: Vec<f32>,
 }
 
-/// A grid of values.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     pub width: usize,
     pub height: usize,
-    /// Of rows (from left to right) and of columns.
+    /// Boundaries along rows and along columns.
     pub borders: [Border; 2],
-    /// Distances between columns and between rows: differences are weighed as slopes.
+    /// Distances between columns and between rows, for the conversion of differences to slopes.
     pub spacing: [f64; 2],
 }
 
 impl Grid {
-    /// The function of mean 0 whose slopes differ least from the given ones in the squares' sum.
+    /// The function of mean 0 whose slopes fit the given ones best, by least squares.
     pub fn integrate(&self, differences: &Differences) -> Vec<f32> {
         let mut solver = Solver::new(*self, 0.0);
         self.diverge(differences, &mut solver.values);
@@ -46,7 +45,7 @@ impl Grid {
         solver.values.into_iter().map(|v| v as f32).collect()
     }
 
-    /// Share of the squared slopes that the function does not have, 0 to 1; 0 where there are none.
+    /// Share of the squared slopes that the function does not have, 0 to 1; 0 without slopes.
     pub fn unexplained(&self, differences: &Differences, values: &[f32]) -> f32 {
         let (w, h) = (self.width, self.height);
         let [kx, ky] = self.spacing.map(|s| (s * s).recip());
@@ -87,16 +86,16 @@ impl Grid {
     }
 }
 
-/// A difference that is to be made between two values.
+/// A target difference between two values.
 pub(super) struct Step {
     pub from: usize,
     pub to: usize,
     pub by: f32,
 }
 
-/// Spreads single steps over their surroundings: finds the function whose differences are least but
-/// for these steps in the squares' sum, and that is to be 0 as well: it dies away over a distance.
-/// For many functions on one grid, whose distances between columns and rows are 1.
+/// Spreads single steps over their surroundings: finds the function with these steps whose other
+/// differences and values are least, by least squares. It decays with distance. For many functions
+/// on a grid with unit spacing.
 pub(super) struct Spread(Solver);
 
 impl Spread {
@@ -105,7 +104,7 @@ impl Spread {
         Self(Solver::new(grid, (range * range).recip()))
     }
 
-    /// The function; steps lead from values to their neighbours.
+    /// The function; steps connect neighbours.
     pub fn spread(&mut self, steps: impl IntoIterator<Item = Step>) -> &[f64] {
         let values = &mut self.0.values;
         values.fill(0.0);
@@ -118,17 +117,16 @@ impl Spread {
     }
 }
 
-/// Poisson's equation on a grid, screened: least squares of slopes, and of values times the root of
-/// a weight.
+/// Screened Poisson equation on a grid: least squares of slopes and weighted values.
 struct Solver {
     along: Axis,
     down: Axis,
-    /// What each frequency is divided by, of each axis.
+    /// Divisors of the frequencies, per axis.
     eigenvalues: [Vec<f64>; 2],
     screening: f64,
-    /// The slopes' divergence, then the solution.
+    /// First the divergence of the slopes, then the solution.
     values: Vec<f64>,
-    /// Space for its columns.
+    /// Scratch for columns.
     columns: Vec<f64>,
 }
 
@@ -144,7 +142,7 @@ impl Solver {
         Self { along, down, eigenvalues, screening, values, columns }
     }
 
-    /// Puts the solution in place of the divergence.
+    /// Replaces the divergence by the solution.
     fn solve(&mut self) {
         let (w, h) = (self.along.length, self.down.length);
         let [x_eigenvalues, y_eigenvalues] = &self.eigenvalues;
@@ -164,8 +162,8 @@ impl Solver {
     }
 }
 
-/// Transform of one axis whose basis are the eigenvectors of second differences: cosines where it
-/// ends free (DCT-II, after Makhoul 1980), cosine plus sine where it is periodic (Hartley).
+/// Transform of one axis into the eigenvectors of second differences: cosines for a free axis
+/// (DCT-II, after Makhoul 1980), cosine plus sine for a periodic one (Hartley).
 struct Axis {
     border: Border,
     length: usize,
@@ -174,14 +172,14 @@ struct Axis {
     twiddles: Vec<Complex<f64>>,
 }
 
-/// Values of a transform, and space for it.
+/// Values of a transform, and scratch.
 #[derive(Default)]
 struct Buffer {
     values: Vec<Complex<f64>>,
     scratch: Vec<Complex<f64>>,
 }
 
-/// A transform of two rows in place, as the real and the imaginary part of one.
+/// Transforms two rows in place, as real and imaginary part of one.
 type Transform = fn(&Axis, [&mut [f64]; 2], &mut Buffer);
 
 impl Axis {
@@ -195,7 +193,7 @@ impl Axis {
         }
     }
 
-    /// Of minus the second differences.
+    /// Eigenvalue of the negative second difference.
     fn eigenvalue(&self, k: usize) -> f64 {
         let turn = if self.border == Border::Free { PI } else { 2.0 * PI };
         2.0 - 2.0 * (turn * k as f64 / self.length as f64).cos()
@@ -209,14 +207,14 @@ impl Axis {
         };
         parallel::parts_with(rows.chunks_mut(2 * n), scratch, |(buffer, spare), _, rows| {
             let (first, second) = rows.split_at_mut(n);
-            // The last of an odd number has no partner.
+            // The last of an odd number of rows has no partner.
             let second = if second.is_empty() { spare.as_mut_slice() } else { second };
             transform(self, [first, second], buffer);
         });
     }
 
-    /// What the transform of two rows is of each: it is real, so that the spectrum of one is
-    /// symmetric, and that of the other antisymmetric.
+    /// Separates the transform of two rows. Both are real, so their spectra are the symmetric and
+    /// the antisymmetric part.
     fn apart(&self, values: &[Complex<f64>], k: usize) -> [Complex<f64>; 2] {
         let (a, b) = (values[k], values[(self.length - k) % self.length]);
         let first = Complex::new(0.5 * (a.re + b.re), 0.5 * (a.im - b.im));
@@ -267,7 +265,7 @@ impl Axis {
         }
     }
 
-    /// Even values in order, then odd ones backwards.
+    /// Even values in order, then odd ones in reverse.
     fn folded(&self, n: usize) -> usize {
         if n.is_multiple_of(2) { n / 2 } else { self.length - 1 - n / 2 }
     }
@@ -277,7 +275,6 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// Differences of given values.
     fn differences(values: &[f32], w: usize, h: usize) -> Differences {
         let to = |f: fn(usize, usize, usize, usize) -> usize| {
             (0..w * h).map(|i| values[f(i % w, i / w, w, h)] - values[i]).collect()
@@ -288,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Any function comes back from its own differences, whatever the size and the borders.
+    /// Differences reconstruct any function, for all sizes and boundaries.
     #[test]
     fn values_come_back_from_their_differences() {
         for (w, h) in [(2, 2), (5, 8), (16, 9), (1, 7), (30, 1), (13, 13)] {
@@ -313,16 +310,16 @@ mod tests {
         }
     }
 
-    /// One step in a long periodic row: the solution takes half of it on either side and decays as
-    /// the difference equation says.
+    /// One step in a long periodic row: each side takes half of it, and the solution decays as the
+    /// difference equation predicts.
     #[test]
-    fn near_solutions_die_away() {
+    fn spread_steps_decay() {
         let (n, range) = (200, 10.0);
         let mut spread = Spread::new(n, 1, [Border::Periodic; 2], range);
-        // What was spread before does not matter.
+        // Earlier calls have no influence.
         spread.spread([Step { from: 3, to: 4, by: 5.0 }]);
         let found = spread.spread([Step { from: 99, to: 100, by: 1.0 }]);
-        // (u[i+1] - 2 u[i] + u[i-1]) range² = u[i] decays by this from value to value.
+        // (u[i+1] - 2 u[i] + u[i-1]) range² = u[i] gives this decay per value.
         let decay = (0.5 / range).asinh() * 2.0;
         for i in 0..60 {
             let expected = found[100] * (-decay * i as f64).exp();
@@ -332,7 +329,7 @@ mod tests {
         assert!((found[100] - 0.5).abs() < 0.03);
     }
 
-    /// A field that turns round has no height; what is found is flat, and all of it unexplained.
+    /// A vortex has no height: the result is flat, and everything is unexplained.
     #[test]
     fn a_vortex_stays_unexplained() {
         let (w, h) = (16, 16);

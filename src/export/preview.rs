@@ -1,4 +1,4 @@
-//! A sheet to judge maps by: the maps themselves and the material relit, each with its name.
+//! A contact sheet of maps: the maps and the material relit, with captions.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
@@ -12,11 +12,9 @@ use super::resample::resized;
 use super::textures::srgb_byte as srgb;
 use crate::observation::{Falloff, View};
 use crate::render::render;
-use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
 
-/// Longer side of one picture of the sheet, px: larger maps are averaged, smaller ones enlarged by
-/// a whole number.
+/// Longer side of one picture, px. Larger maps are averaged, smaller ones magnified by an integer.
 const CELL: usize = 256;
 /// Space between pictures, px.
 const GAP: usize = 12;
@@ -26,31 +24,30 @@ const FONT: RasterHeight = RasterHeight::Size16;
 const BACKGROUND: [u8; 3] = [28, 29, 32];
 const TEXT: [u8; 3] = [222, 223, 226];
 
-/// Distance of camera and light from the middle of the sample, in its longer sides.
+/// Distance of camera and light from the sample's centre, in longer sides of the sample.
 const DISTANCE: f32 = 2.5;
-/// Angles off the top for light from one side, degrees: the lowest light that still brightens
-/// something is taken, since it shows relief best.
+/// Angles from the normal for side lights, degrees. The lowest light with a visible effect shows relief best.
 const RAKING_DEG: [f32; 8] = [68.0, 60.0, 50.0, 40.0, 31.0, 23.0, 16.0, 10.0];
-/// A picture shows something if this share of its pixels reaches [`BRIGHT`].
+/// Share of pixels that must reach [`BRIGHT`] for a visible effect.
 const BRIGHT_SHARE: f32 = 0.25;
 /// Level that counts as bright, sRGB values in [0, 1].
 const BRIGHT: f32 = 0.2;
-/// Texels along each side at which lights are chosen.
+/// Texels along each side for the choice of lights.
 const TRIAL: usize = 64;
-/// The exposure brings this share of the pixels below [`EXPOSED_LEVEL`].
+/// The exposure keeps this share of the pixels below [`EXPOSED_LEVEL`].
 const EXPOSED_SHARE: f32 = 0.93;
 /// Linear level, 1 = white.
 const EXPOSED_LEVEL: f32 = 0.8;
-/// Range of exposures: two stops brighter, so that dark materials still look dark; five darker.
+/// Range of exposures: at most two stops brighter, to keep dark materials dark; five darker.
 const EXPOSURES: [f32; 2] = [1.0 / 32.0, 4.0];
 
-/// A material under one light, as a viewer shows it.
+/// A rendering of a material under one light, for display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relit {
-    /// What the light does, in a few words.
+    /// Short description of the light.
     pub label: &'static str,
-    /// Camera and light. The picture is the top view whatever the camera's place: texels keep
-    /// theirs, the camera only decides what they reflect to it.
+    /// Camera and light. The picture is always the top view; the camera's position affects only the
+    /// reflection.
     pub view: View,
     /// Factor on radiances: the sRGB curve is applied to `exposure * radiance`.
     pub exposure: f32,
@@ -62,12 +59,12 @@ pub struct Relit {
     pub rgb: Vec<u8>,
 }
 
-/// Renders a material under four lights that between them show highlights and relief, at most
-/// `longest` texels along each side. Lights from the side are as low as the material's gloss
-/// allows: near the mirror direction of some texels where nothing else is bright.
+/// Renders a material under four lights that together show highlights and relief, at most `longest`
+/// texels along each side. Side lights are as low as the material's gloss allows; without other
+/// brightness they lie near the mirror direction of some texels.
 ///
 /// # Panics
-/// When `longest` is 0.
+/// If `longest` is 0.
 pub fn relit(maps: &Svbrdf, sample_mm: [f32; 2], longest: usize) -> Vec<Relit> {
     let small = at_most(maps, TRIAL.min(longest));
     let maps = at_most(maps, longest);
@@ -84,13 +81,13 @@ pub fn relit(maps: &Svbrdf, sample_mm: [f32; 2], longest: usize) -> Vec<Relit> {
     .collect()
 }
 
-/// A position at [`DISTANCE`], so many degrees off the top, azimuth counter-clockwise from +X.
+/// A position at [`DISTANCE`], `off_top_deg` from the normal, azimuth counter-clockwise from +X.
 fn direction(off_top_deg: f32, azimuth: f32) -> [f32; 3] {
     let (s, c) = off_top_deg.to_radians().sin_cos();
     [s * azimuth.cos(), s * azimuth.sin(), c].map(|v| v * DISTANCE)
 }
 
-/// Camera and light given in longer sides of the sample.
+/// Camera and light, given in longer sides of the sample.
 fn view(sample_mm: [f32; 2], camera: [f32; 3], light: [f32; 3]) -> View {
     let unit = sample_mm[0].max(sample_mm[1]);
     View {
@@ -103,7 +100,7 @@ fn view(sample_mm: [f32; 2], camera: [f32; 3], light: [f32; 3]) -> View {
     }
 }
 
-/// The lowest light from one side under which enough is bright, or else the one under which most is.
+/// The lowest side light that makes enough pixels bright, or else the one with the most bright pixels.
 fn lowest_light(maps: &Svbrdf, sample_mm: [f32; 2], azimuth: f32) -> [f32; 3] {
     let mut best = (0.0, direction(RAKING_DEG[RAKING_DEG.len() - 1], azimuth));
     for off_top in RAKING_DEG {
@@ -127,7 +124,7 @@ fn bright_share(picture: &Relit) -> f32 {
     bright as f32 / pixels.len() as f32
 }
 
-/// Renders the top view at the exposure that suits it.
+/// Renders the top view with automatic exposure.
 fn picture(label: &'static str, maps: &Svbrdf, view: View) -> Relit {
     let n = maps.texels();
     let mut radiance = vec![0.0; 3 * n];
@@ -145,27 +142,27 @@ fn byte(value: f32) -> u8 {
     (255.0 * value).round() as u8
 }
 
-/// Maps of at most so many texels along each side.
+/// Maps of at most `longest` texels along each side.
 fn at_most(maps: &Svbrdf, longest: usize) -> Svbrdf {
     let scale = (longest as f64 / maps.width().max(maps.height()) as f64).min(1.0);
     let side = |n: usize| ((n as f64 * scale).round() as usize).max(1);
     resized(maps, side(maps.width()), side(maps.height()))
 }
 
-/// Writes a sheet (8-bit sRGB PNG): normal, diffuse, specular and roughness in the first row; in the next one
-/// anisotropy (direction and strength as red, green and blue) and the weight of the coat, where the material has
-/// them; in the last one the material under the four lights of [`relit`]. Each picture has its caption.
+/// Writes a sheet (8-bit sRGB PNG) with captions. First row: normal, diffuse, specular and
+/// roughness. Second row, for materials with lobes: anisotropy (direction and strength as RGB) and
+/// weight of the coat. Last row: the material under the four lights of [`relit`].
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write_preview(path: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
     write_atomic(path, &encode_preview(maps, sample_mm)?)
 }
 
-/// The bytes of the file of [`write_preview`].
+/// Encodes the sheet of [`write_preview`].
 ///
 /// # Errors
-/// None that a caller could cause.
+/// Internal faults only.
 pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let relit = relit(maps, sample_mm, CELL);
     let maps = at_most(maps, CELL);
@@ -173,13 +170,11 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let (anisotropy, coat) = (lobes::anisotropy(&maps), maps.coat());
     let lit = if anisotropy.is_some() || coat.is_some() { 2 } else { 1 };
     let mut sheet = Sheet::new(w, maps.height(), lit + 1);
-    let colour =
-        |first: usize| move |m: &Svbrdf, i: usize| [0, 1, 2].map(|c| srgb(m.plane(first + c)[i]));
-    let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
+    let (diffuse, specular) = (maps.diffuse(), maps.specular());
     sheet.put(0, 0, "Normal", |i| maps.normal(i % w, i / w).map(|v| byte(0.5 * v + 0.5)));
-    sheet.put(1, 0, "Diffuse albedo", |i| diffuse(&maps, i));
-    sheet.put(2, 0, "Specular albedo (F0)", |i| specular(&maps, i));
-    sheet.put(3, 0, "Roughness", |i| [byte(maps.plane(channel::ROUGHNESS)[i]); 3]);
+    sheet.put(1, 0, "Diffuse albedo", |i| diffuse.map(|plane| srgb(plane[i])));
+    sheet.put(2, 0, "Specular albedo (F0)", |i| specular.map(|plane| srgb(plane[i])));
+    sheet.put(3, 0, "Roughness", |i| [byte(maps.roughness()[i]); 3]);
     if let Some(texels) = &anisotropy {
         sheet.put(0, 1, "Anisotropy", |i| {
             let [x, y] = lobes::direction(&texels[i], 1.0);
@@ -195,14 +190,14 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     encode_png(&DynamicImage::ImageRgb8(sheet.pixels))
 }
 
-/// Rows of four captioned pictures.
+/// Rows of four pictures with captions.
 struct Sheet {
     pixels: RgbImage,
     width: usize,
     height: usize,
-    /// Pixels of the sheet for each of a picture, along both axes.
+    /// Magnification of a picture along both axes.
     enlarged: usize,
-    /// Width of a column: that of a picture, and of a caption at least.
+    /// Width of a column: that of the wider of picture and caption.
     column: usize,
 }
 
@@ -227,7 +222,7 @@ impl Sheet {
         }
     }
 
-    /// Writes a line of ASCII from a top left corner on.
+    /// Writes a line of ASCII from its top left corner.
     fn write(&mut self, x0: usize, y0: usize, line: &str) {
         for (i, glyph) in
             line.chars().filter_map(|c| get_raster(c, FontWeight::Regular, FONT)).enumerate()
@@ -251,17 +246,17 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Uniform albedos and gloss; slopes of a given spread.
+    /// Uniform albedos and gloss; slopes of a given deviation.
     fn material(diffuse: f32, specular: f32, roughness: f32, relief: f32) -> Svbrdf {
         let mut maps = Svbrdf::new(96, 96);
         let mut random = Random::new(5);
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c).fill(diffuse);
-            maps.plane_mut(channel::SPECULAR + c).fill(specular);
+            maps.diffuse_mut()[c].fill(diffuse);
+            maps.specular_mut()[c].fill(specular);
         }
-        maps.plane_mut(channel::ROUGHNESS).fill(roughness);
-        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-            for v in maps.plane_mut(c) {
+        maps.roughness_mut().fill(roughness);
+        for plane in maps.normal_slopes_mut() {
+            for v in plane {
                 *v = relief * (2.0 * random.uniform() as f32 - 1.0);
             }
         }
@@ -326,7 +321,7 @@ mod tests {
             assert!(lit.label.len() <= 24, "{}", lit.label);
         }
         assert!(24 * width <= CELL);
-        // Small and narrow maps leave room for captions too.
+        // Small and narrow maps also leave room for captions.
         let sheet = Sheet::new(3, 40, 2);
         assert_eq!((sheet.enlarged, sheet.column), (6, 24 * width));
     }

@@ -1,12 +1,12 @@
-//! Maps of another size.
+//! Resamples maps.
 
 use crate::{Svbrdf, parallel};
 
-/// Maps resampled to `width * height` texels that share the same rectangle: area means where texels
-/// merge, linear interpolation between texel centres where they split; borders repeat.
+/// Resamples maps to `width * height` texels over the same rectangle: area means to fewer texels,
+/// linear interpolation between texel centres to more. Border texels extend outwards.
 ///
 /// # Panics
-/// When a size is 0.
+/// If a size is 0. When a size is 0.
 pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
     let (w, h) = (maps.width(), maps.height());
     if (w, h) == (width, height) {
@@ -36,8 +36,8 @@ pub fn resized(maps: &Svbrdf, width: usize, height: usize) -> Svbrdf {
     maps.with_planes([width, height], resampled)
 }
 
-/// Source texels of an axis and their weights (which sum to 1) for each texel of the result: a
-/// triangle between centres, or a box where texels merge.
+/// Source texels along an axis and their weights (sum 1) for each texel of the result: triangles
+/// between centres, or boxes where texels merge.
 fn taps(from: usize, to: usize) -> Vec<Vec<(usize, f32)>> {
     let step = from as f64 / to as f64;
     let last = from as i64 - 1;

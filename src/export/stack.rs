@@ -1,11 +1,11 @@
-//! Maps as planes in which differences mean about the same to the eye, for [`tile`](super::tile).
+//! Maps in perceptually comparable units, for [`tile`](super::tile).
 
 use super::transpose::transpose;
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 
-/// Channels of the normal, diffuse, specular and roughness maps, and of those of the optional lobes.
+/// Channels of the normal, diffuse, specular and roughness maps, and of the optional lobes.
 const MAPS: [std::ops::Range<usize>; 6] = [
     channel::SLOPE_X..channel::DIFFUSE,
     channel::DIFFUSE..channel::SPECULAR,
@@ -15,10 +15,10 @@ const MAPS: [std::ops::Range<usize>; 6] = [
     CHANNELS + lobe::COAT..CHANNELS + LOBES,
 ];
 
-/// Smallest mean difference of neighbours that is told from none.
+/// Lower limit of the mean difference of neighbours.
 const LEAST_DIFFERENCE: f32 = 1e-4;
 
-/// Slopes, square roots of albedos, roughness; parameters of lobes where there are any.
+/// Slopes, square roots of albedos, roughness; parameters of lobes if present.
 #[derive(Debug, Clone)]
 pub(super) struct Stack {
     pub width: usize,
@@ -43,7 +43,7 @@ impl Stack {
         Self { width: maps.width(), height: maps.height(), planes }
     }
 
-    /// The maps, within their physical range.
+    /// Converts back to maps within their physical range.
     pub fn into_maps(self) -> Svbrdf {
         let mut data: Vec<f32> = self.planes.concat();
         let n = self.width * self.height;
@@ -67,7 +67,7 @@ impl Stack {
         Self { width: self.height, height: self.width, planes }
     }
 
-    /// Means of blocks of `factor` by `factor` texels; what is left over at the end is dropped.
+    /// Means of blocks of `factor` by `factor` texels, without incomplete blocks.
     pub fn reduced(&self, factor: usize) -> Self {
         let (w, h) = (self.width / factor, self.height / factor);
         let area = (factor * factor) as f32;
@@ -83,7 +83,7 @@ impl Stack {
         Self { width: w, height: h, planes }
     }
 
-    /// Weight of each channel's squared differences: neighbours inside differ by 1 in the mean.
+    /// Weights of each channel's squared differences that make the mean difference of neighbours 1.
     pub fn weights(&self) -> Vec<f32> {
         parallel::map(self.planes.len(), |c| {
             let rows = self.planes[c].chunks_exact(self.width);
@@ -95,9 +95,9 @@ impl Stack {
         })
     }
 
-    /// The same tiles, cut where neighbours differ little, as where a tile begins is arbitrary; and
-    /// the mean difference of neighbours across the border against that of all neighbours in the same
-    /// direction, of the map and axis for which it is greatest.
+    /// The same tiles, shifted so that their borders lie where neighbours differ least. Also
+    /// returns the mean difference across the border over that of all neighbours in the same
+    /// direction, for the worst map and axis.
     pub fn with_quiet_borders(&self) -> (Self, f32) {
         let (w, h) = (self.width, self.height);
         let lines = self.lines();
@@ -116,9 +116,8 @@ impl Stack {
         (Self { width: w, height: h, planes }, across.max(down))
     }
 
-    /// Mean of what `difference` gives for channels of pairs of neighbours against the mean
-    /// difference of all neighbours in the same direction (`axis`: 0 to the right, 1 below), of the
-    /// map for which it is greatest; 0 without pairs.
+    /// Mean of `difference` over the channels of pairs of neighbours, relative to the mean difference of all
+    /// neighbours in the same direction (`axis`: 0 right, 1 below), for the worst map; 0 without pairs.
     pub fn relative<P: Sync>(
         &self,
         pairs: &[P],
@@ -138,7 +137,7 @@ impl Stack {
         greatest(ratios)
     }
 
-    /// Differences between neighbours of each map, to the right and below.
+    /// Differences between neighbours of each map, right and below.
     fn lines(&self) -> Vec<[Lines; 2]> {
         let maps = MAPS.iter().filter(|map| map.end <= self.planes.len()).count();
         parallel::map(maps, |map| [0, 1].map(|axis| self.lines_of(MAPS[map].clone(), axis)))
@@ -166,7 +165,7 @@ impl Stack {
     }
 }
 
-/// Sum of what is made of pairs of values, in an order that lets it be vectorised.
+/// Sum of `f` over pairs of values, in an order that vectorises.
 fn sum_of(first: &[f32], second: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     const LANES: usize = 8;
     let mut sums = [0.0; LANES];
@@ -187,20 +186,19 @@ fn greatest(values: impl IntoIterator<Item = f32>) -> f32 {
 
 /// Differences of one map between neighbours in one direction.
 struct Lines {
-    /// Between each line and the next, the last and the first.
+    /// Sum between each line and the next; the last entry between the last and the first.
     sums: Vec<f64>,
     /// Pairs of neighbours between two lines.
     across: usize,
 }
 
 impl Lines {
-    /// Mean of all pairs.
     fn mean(&self) -> f64 {
         let mean = self.sums.iter().sum::<f64>() / (self.sums.len() * self.across) as f64;
         mean.max(LEAST_DIFFERENCE.into())
     }
 
-    /// Of the pairs between a line and the next against all.
+    /// Mean difference between a line and the next, relative to that of all.
     fn ratio(&self, line: usize) -> f32 {
         (self.sums[line] / self.across as f64 / self.mean()) as f32
     }

@@ -1,6 +1,6 @@
-//! Text files with marks such as `{{size}}` in place of what differs.
+//! Text templates with placeholders such as `{{size}}`.
 
-/// A template with every mark replaced by the value of its name.
+/// A template with all placeholders replaced.
 pub(super) fn filled(template: &str, values: &[(&str, &str)]) -> String {
     let mut text = String::with_capacity(template.len());
     let mut rest = template;
@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_are_replaced_and_what_values_hold_stays() {
+    fn placeholders_are_replaced_and_values_are_not() {
         let text = filled("{ {{b}}, {{a}}{{b}} }", &[("a", "{{b}}"), ("b", "2")]);
         assert_eq!(text, "{ 2, {{b}}2 }");
     }

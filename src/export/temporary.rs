@@ -1,4 +1,4 @@
-//! Names of files that are being written, and what killed processes have left of them.
+//! Names of temporary files, and removal of those of killed processes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use web_time::{SystemTime, UNIX_EPOCH};
 
-/// Older files are left over where systems do not tell which processes run.
+/// Age of stale files on systems that do not list processes.
 const OLD: Duration = Duration::from_secs(24 * 60 * 60);
 
-/// A hidden name beside `path` that nobody else uses.
+/// A unique hidden name beside `path`.
 pub fn name(path: &Path) -> PathBuf {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -19,19 +19,19 @@ pub fn name(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}-{:x}-{count}.tmp", std::process::id(), start()))
 }
 
-/// Removes files under such names whose processes do not run any more.
+/// Removes temporary files of processes that no longer run.
 pub fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         let path = entry.path();
         let writer = path.file_name().and_then(|name| writer(name.to_str()?));
         if writer.is_some_and(|writer| is_left_over(&path, writer)) {
-            // It may be gone already.
+            // Another process may have removed it.
             let _ = fs::remove_file(path);
         }
     }
 }
 
-/// Tells processes of the same number apart: every container counts from 1.
+/// Distinguishes processes with the same id: every container counts from 1.
 fn start() -> u64 {
     static START: OnceLock<u64> = OnceLock::new();
     *START.get_or_init(|| {
@@ -40,7 +40,7 @@ fn start() -> u64 {
     })
 }
 
-/// Number and start of the process that writes under a name.
+/// Id and start of the process in a temporary name.
 fn writer(name: &str) -> Option<(u32, u64)> {
     let (_, ending) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
     let mut parts = ending.split('-');
@@ -66,13 +66,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_killed_processes_have_left_is_swept() {
+    fn temporary_files_of_killed_processes_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
         let own = name(&at("maps.exr"));
         assert_ne!(own, name(&at("maps.exr")));
         let number = std::process::id();
-        // No process has a number as large as this.
+        // No process has an id this large.
         let gone = at(&format!(".maps.exr.{}-1a-0.tmp", u32::MAX));
         let earlier = at(&format!(".maps.exr.{number}-1a-0.tmp"));
         let others =

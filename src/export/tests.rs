@@ -3,7 +3,7 @@ use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, channel, lobe};
 use crate::test_support::picture;
 use crate::{Error, Svbrdf};
 
-/// Maps whose every channel varies over its range.
+/// Maps whose channels vary over their ranges.
 fn varied(width: usize, height: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(width, height);
     let n = maps.texels();
@@ -28,18 +28,18 @@ fn largest_difference(a: &Svbrdf, b: &Svbrdf, c: usize) -> f32 {
 fn maps_come_back_from_floats_and_from_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let maps = varied(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let back = read_maps(dir.path()).unwrap();
     assert_eq!((back.width(), back.height()), (12, 7));
     for c in 0..CHANNELS {
-        // Slopes pass through the unit normal: a few roundings; the rest is stored as it is.
+        // Slopes are converted to the unit normal and back; other channels are stored directly.
         let tolerance = if c < channel::DIFFUSE { 1e-6 } else { 0.0 };
         assert!(largest_difference(&maps, &back, c) <= tolerance, "channel {c}");
     }
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     let back = read_maps(dir.path()).unwrap();
     for c in 0..CHANNELS {
-        // Half a step of 1/65535; times 2 and the slope's derivative 1/nz² + ... < 6 for normals;
+        // Half a step of 1/65535, times 2 and the slope's derivative 1/nz² + ... < 6 for normals,
         // times the sRGB curve's steepest slope 2.28 for albedos.
         let steps = match c {
             channel::SLOPE_X | channel::SLOPE_Y => 12.0,
@@ -55,11 +55,11 @@ fn maps_come_back_from_floats_and_from_pictures() {
     assert_eq!(normal.color(), image::ColorType::Rgb16);
 }
 
-/// The same with lobes whose parameters vary: ratios of both alphas up to 4, a coat on the last two thirds.
+/// The maps with varying lobes: ratios of both alphas up to 4, a coat on the last two thirds.
 fn lobed(width: usize, height: usize) -> Svbrdf {
     let mut maps = varied(width, height);
     let n = maps.texels();
-    for v in maps.plane_mut(channel::ROUGHNESS) {
+    for v in maps.roughness_mut() {
         *v *= 0.6;
     }
     let mut lobes = vec![0.0; LOBES * n];
@@ -88,7 +88,7 @@ fn names(dir: &std::path::Path) -> Vec<String> {
 fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     let dir = tempfile::tempdir().unwrap();
     let maps = lobed(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let compare = |back: &Svbrdf, tolerances: [f32; 3], kind: &str| {
         let difference = largest_difference(&maps, back, channel::ROUGHNESS);
         assert!(difference < tolerances[0], "{kind}: roughness {difference}");
@@ -102,7 +102,7 @@ fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     compare(&read_maps(dir.path()).unwrap(), [1e-6, 2e-3, 0.0], "floats");
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     compare(&read_maps(dir.path()).unwrap(), [1e-4, 5e-3, 1e-5], "pictures");
-    // As glTF's textures: in the first texel with anisotropy, along the direction the alpha is mixed.
+    // As in glTF: the first anisotropic texel, where the alpha along the direction is mixed.
     let stored = picture(dir.path().join("anisotropy.png")).into_rgb32f();
     let across = picture(dir.path().join("roughness.png")).into_luma16();
     let (x, y) = (7, 2);
@@ -113,21 +113,21 @@ fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     let (u, v) =
         (maps.lobe(lobe::ANISOTROPY_X).unwrap()[i], maps.lobe(lobe::ANISOTROPY_Y).unwrap()[i]);
     assert!(((along / across).ln() - u.hypot(v)).abs() < 5e-3);
-    assert!(((along * across).sqrt() - maps.plane(channel::ROUGHNESS)[i].powi(2)).abs() < 1e-4);
-    // Twice the angle of the stored direction is the angle of the parameters.
+    assert!(((along * across).sqrt() - maps.roughness()[i].powi(2)).abs() < 1e-4);
+    // The parameters hold the doubled angle of the stored direction.
     let [dx, dy] = [2.0 * r - 1.0, 2.0 * g - 1.0];
     assert!((dx.hypot(dy) - 1.0).abs() < 1e-4);
     let (cos, sin) = (dx * dx - dy * dy, 2.0 * dx * dy);
     assert!((cos * v - sin * u).abs() < 1e-3 && cos * u + sin * v > 0.0);
 
-    write_maps(dir.path(), &varied(12, 7)).unwrap();
+    write_maps(dir.path(), &varied(12, 7), &MapsOptions::default()).unwrap();
     let left = ["diffuse.png", "maps.exr", "normal.png", "roughness.png", "specular.png"];
     assert_eq!(names(dir.path()), left);
     assert!(read_maps(dir.path()).unwrap().lobes().is_empty());
-    // Planes without a lobe are none; other people's files are checked.
+    // Lobes of zeros are not written; foreign files are checked.
     let mut flat = varied(12, 7);
     flat.set_lobes(vec![0.0; LOBES * 84]).unwrap();
-    write_maps(dir.path(), &flat).unwrap();
+    write_maps(dir.path(), &flat, &MapsOptions::default()).unwrap();
     assert_eq!(names(dir.path()), left);
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     image::RgbImage::new(3, 3).save(dir.path().join("coat.png")).unwrap();
@@ -135,7 +135,7 @@ fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     assert!(fault.contains("coat.png") && fault.contains("12 x 7"), "{fault}");
 }
 
-/// A folder of 8-bit textures as somebody may have made them by hand.
+/// 8-bit textures as made by hand.
 #[test]
 fn textures_of_eight_bits_are_read() {
     let dir = tempfile::tempdir().unwrap();
@@ -155,35 +155,47 @@ fn textures_of_eight_bits_are_read() {
     let along = across + (1.0 - across) * (128f32 / 255.0).powi(2);
     assert!((at(lobe::ANISOTROPY_Y) - (along / across).ln()).abs() < 1e-4);
     assert!(at(lobe::ANISOTROPY_X).abs() < 1e-4);
-    assert!((maps.plane(channel::ROUGHNESS)[3] - (along * across).powf(0.25)).abs() < 1e-6);
+    assert!((maps.roughness()[3] - (along * across).powf(0.25)).abs() < 1e-6);
     assert_eq!((at(lobe::COAT), at(lobe::COAT_ROUGHNESS)), (1.0, 0.2));
 }
 
-/// Both kinds of files state the size of the sample; others state none.
+/// Both kinds of files state the size of the sample; other files do not.
 #[test]
 fn maps_state_the_size_of_their_sample() {
     let dir = tempfile::tempdir().unwrap();
     let maps = varied(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     assert_eq!(read_sample_mm(dir.path()).unwrap(), None);
-    write_sized_maps(dir.path(), &maps, [60.0, 35.5]).unwrap();
+    write_maps(
+        dir.path(),
+        &maps,
+        &MapsOptions { sample_mm: Some([60.0, 35.5]), uncertainty: None },
+    )
+    .unwrap();
     assert_eq!(read_sample_mm(dir.path()).unwrap(), Some([60.0, 35.5]));
     assert_eq!(read_maps(dir.path()).unwrap().texels(), 84);
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
-    // Whole texels a metre: half of one in 200.
+    // PNG stores whole texels per metre: an error of half of one in 200.
     let [x, y] = read_sample_mm(dir.path()).unwrap().unwrap();
     assert!((x - 60.0).abs() < 0.16 && (y - 35.5).abs() < 0.1, "{x} {y}");
-    assert!(write_sized_maps(dir.path(), &maps, [0.0, 1.0]).is_err());
+    assert!(
+        write_maps(
+            dir.path(),
+            &maps,
+            &MapsOptions { sample_mm: Some([0.0, 1.0]), uncertainty: None }
+        )
+        .is_err()
+    );
     std::fs::remove_file(dir.path().join("normal.png")).unwrap();
     assert!(read_sample_mm(dir.path()).unwrap_err().to_string().contains("normal"));
 }
 
 #[test]
-fn values_that_are_no_numbers_are_named() {
+fn values_that_are_not_finite_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let mut maps = varied(6, 4);
-    maps.plane_mut(channel::SPECULAR + 2)[8] = f32::NAN;
-    write_maps(dir.path(), &maps).unwrap();
+    maps.specular_mut()[2][8] = f32::NAN;
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let fault = read_maps(dir.path()).unwrap_err();
     let text = fault.to_string();
     assert!(matches!(&fault, Error::Field { .. }) && text.contains("maps.exr"), "{text}");
@@ -194,9 +206,9 @@ fn values_that_are_no_numbers_are_named() {
 fn a_slope_to_the_right_is_red_and_one_upwards_green() {
     let dir = tempfile::tempdir().unwrap();
     let mut maps = Svbrdf::new(2, 1);
-    maps.plane_mut(channel::SLOPE_X)[0] = 1.0;
-    maps.plane_mut(channel::SLOPE_Y)[1] = 1.0;
-    write_maps(dir.path(), &maps).unwrap();
+    maps.normal_slopes_mut()[0][0] = 1.0;
+    maps.normal_slopes_mut()[1][1] = 1.0;
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let normal = picture(dir.path().join("normal.png")).into_rgb32f();
     let raised = 0.5 + 0.5 * 0.5f32.sqrt();
     let (right, up) = (normal.get_pixel(0, 0), normal.get_pixel(1, 0));
@@ -212,7 +224,7 @@ fn missing_and_odd_files_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let missing = read_maps(dir.path()).unwrap_err();
     assert!(matches!(&missing, Error::Io { .. }) && missing.to_string().contains("normal"));
-    write_maps(dir.path(), &varied(4, 4)).unwrap();
+    write_maps(dir.path(), &varied(4, 4), &MapsOptions::default()).unwrap();
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     image::GrayImage::new(3, 3).save(dir.path().join("roughness.png")).unwrap();
     let fault = read_maps(dir.path()).unwrap_err().to_string();
@@ -232,14 +244,14 @@ fn files_appear_whole_or_not_at_all() {
     write_atomic(&path, b"first").unwrap();
     write_atomic(&path, b"second").unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), b"second");
-    // A folder in the way: renaming fails, no temporary file stays.
+    // A folder blocks the rename: no temporary file remains.
     let taken = dir.path().join("taken");
     std::fs::create_dir(&taken).unwrap();
     std::fs::write(taken.join("inside"), b"").unwrap();
     let fault = write_atomic(&taken, b"data").unwrap_err();
     assert!(fault.to_string().contains("taken"));
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
-    // Below a file nothing can be made.
+    // Nothing can be created below a file.
     let fault = check_writable(path.join("below")).unwrap_err();
     assert!(matches!(&fault, Error::Io { .. }) && fault.to_string().contains("below"));
     check_writable(dir.path().join("new/deep")).unwrap();
@@ -288,9 +300,9 @@ fn the_preview_shows_maps_and_renderings_with_captions() {
     let path = dir.path().join("preview.png");
     write_preview(&path, &varied(40, 20), [100.0, 50.0]).unwrap();
     let sheet = picture(&path).into_rgb8();
-    // Enlarged six times: pictures of 240 x 120 px under captions of 24 px, 12 px apart.
+    // Magnified six times: pictures of 240 x 120 px below captions of 24 px, 12 px apart.
     assert_eq!(sheet.dimensions(), (4 * 240 + 5 * 12, 2 * (120 + 24) + 3 * 12));
-    // Every one of the eight pictures has something to show, and a caption above it.
+    // Each of the eight pictures has content and a caption.
     for (column, row) in (0..4).flat_map(|c| (0..2).map(move |r| (c, r))) {
         let (x0, y0) = (12 + column * 252, 12 + row * 156);
         let bright = |x: u32, y: u32| sheet.get_pixel(x0 + x, y0 + y)[1] > 60;
@@ -300,7 +312,7 @@ fn the_preview_shows_maps_and_renderings_with_captions() {
         assert!(any(0..24), "caption {column} {row}");
         assert!(any(24..144), "picture {column} {row}");
     }
-    // Lobes have a row between both.
+    // Lobes add a row between both.
     write_preview(&path, &lobed(40, 20), [100.0, 50.0]).unwrap();
     let sheet = picture(&path).into_rgb8();
     assert_eq!(sheet.height(), 3 * (120 + 24) + 4 * 12);

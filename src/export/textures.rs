@@ -1,26 +1,26 @@
-//! Textures: values of texels to PNG and JPEG, with their physical size.
+//! Textures: texel values to PNG and JPEG with their physical size.
 
 use std::sync::{Arc, OnceLock};
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::{JpegEncoder, PixelDensity, PixelDensityUnit};
 
-use crate::frame::Encoding;
 use crate::parallel;
+use crate::photo::Encoding;
 use crate::{Error, Result};
 
 /// Quality of JPEG textures, 1 to 100.
 const JPEG_QUALITY: u8 = 95;
 
-/// How textures are stored.
+/// Storage of textures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TextureFormat {
-    /// PNG of 8 bits a channel.
+    /// PNG with 8 bits per channel.
     #[default]
     Png8,
-    /// PNG of 16 bits a channel.
+    /// PNG with 16 bits per channel.
     Png16,
-    /// JPEG of quality 95. Textures with four channels become [`TextureFormat::Png8`].
+    /// JPEG at quality 95. Textures with four channels become [`TextureFormat::Png8`].
     Jpeg,
 }
 
@@ -42,7 +42,7 @@ impl TextureFormat {
         Self::ALL.into_iter().find(|format| format.name() == name)
     }
 
-    /// Ending of file names.
+    /// File extension.
     pub fn extension(self) -> &'static str {
         if self == Self::Jpeg { "jpg" } else { "png" }
     }
@@ -58,7 +58,7 @@ impl TextureFormat {
 pub(super) struct Density(pub [f64; 2]);
 
 impl Density {
-    /// Of `texels` that share a rectangle of `size_mm`.
+    /// Density of `texels` over a rectangle of `size_mm`.
     pub fn of(texels: [usize; 2], size_mm: [f32; 2]) -> Self {
         Self(std::array::from_fn(|i| 1000.0 * texels[i] as f64 / f64::from(size_mm[i])))
     }
@@ -93,7 +93,7 @@ impl Texture {
         Self::new(width, height, true, value)
     }
 
-    /// A texture of four channels; `colour`: the first three are stored with the sRGB curve.
+    /// A texture of four channels; with `colour`, the first three are stored with the sRGB curve.
     pub fn rgba(
         width: usize,
         height: usize,
@@ -123,7 +123,7 @@ impl Texture {
         self.values[texel * self.channels + channel]
     }
 
-    /// The format it is stored in where `wanted` is asked for: JPEG has no fourth channel.
+    /// The actual format for `wanted`; JPEG has no fourth channel.
     pub fn format(&self, wanted: TextureFormat) -> TextureFormat {
         match wanted {
             TextureFormat::Jpeg if self.channels == 4 => TextureFormat::Png8,
@@ -131,7 +131,7 @@ impl Texture {
         }
     }
 
-    /// The bytes of a file, see [`Texture::format`].
+    /// Encodes the file, see [`Texture::format`].
     pub fn encode(&self, wanted: TextureFormat, density: Option<Density>) -> Result<Vec<u8>> {
         match self.format(wanted) {
             TextureFormat::Png8 => self.png(png::BitDepth::Eight, &self.bytes(true), density),
@@ -145,9 +145,9 @@ impl Texture {
         self.colour && channel < 3
     }
 
-    /// 8-bit values: the nearest, by the distance of encoded values; or else, of linear channels, one of
-    /// the two nearest such that means over some texels are right. Normals and roughness of smooth glossy
-    /// maps would show steps otherwise.
+    /// 8-bit values. Colours are rounded in the encoded domain. Linear channels are dithered
+    /// between the two nearest values to preserve local means: normals and roughness of smooth
+    /// glossy maps would show steps otherwise.
     fn bytes(&self, dithered: bool) -> Vec<u8> {
         let mut bytes = vec![0; self.values.len()];
         let row = self.width * self.channels;
@@ -169,7 +169,7 @@ impl Texture {
         bytes
     }
 
-    /// Whether a channel is linear and has no single value, in which there would be no steps.
+    /// Whether a channel is linear and not constant.
     fn is_to_dither(&self, channel: usize) -> bool {
         let mut values = self.values.iter().skip(channel).step_by(self.channels);
         let first = values.next();
@@ -233,8 +233,8 @@ impl Texture {
     }
 }
 
-/// One of the two nearest bytes: the upper one as often as thresholds from 0 to 1 say. What is a byte but for
-/// rounding stays one.
+/// One of the two nearest bytes: the upper one if fraction plus `threshold` (0 to 1) reach 1.
+/// Values within rounding of a byte are not dithered.
 fn dithered_byte(value: f32, threshold: f32) -> u8 {
     const ROUNDING: f32 = 1.0 / 256.0;
     let scaled = value * 255.0;
@@ -242,15 +242,15 @@ fn dithered_byte(value: f32, threshold: f32) -> u8 {
     (scaled + if is_byte { 0.5 } else { threshold }) as u8
 }
 
-/// From 0 to 1, evenly spread over the texels of any neighbourhood: the additive recurrence of the plastic
-/// number (Roberts 2018). Channels have patterns of their own.
+/// Dither thresholds, 0 to 1, evenly distributed over every neighbourhood: the additive recurrence
+/// of the plastic number (Roberts 2018). Each channel has its own pattern.
 fn threshold(x: usize, y: usize, channel: usize) -> f32 {
     const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
     let place = STEPS[0] * x as f64 + STEPS[1] * y as f64 + channel as f64 / 3.0;
     place.fract() as f32
 }
 
-/// A fault of an encoder, which writes to memory: none that a caller could cause.
+/// An encoding error; encoders write to memory, so the caller cannot cause one.
 fn encoding_fault(fault: impl std::fmt::Display) -> Error {
     Error::Internal(format!("a picture could not be encoded: {fault}"))
 }
@@ -260,9 +260,9 @@ pub(super) fn srgb_byte(linear: f32) -> u8 {
     SrgbBytes::get().encode(linear)
 }
 
-/// Nearest 8-bit sRGB values of linear ones, without a power for each.
+/// Nearest 8-bit sRGB values of linear ones, without a power function.
 struct SrgbBytes {
-    /// Linear value from which on each byte is the nearest.
+    /// Smallest linear value for which each byte is the nearest.
     from: [f32; 256],
     /// Byte of the lowest value in each of equal cells of [0, 1].
     cells: Vec<u8>,
@@ -307,14 +307,14 @@ mod tests {
         for i in 0..=100_000 {
             let v = i as f32 / 100_000.0;
             let encoded = Encoding::Srgb.encode(f64::from(v)) * 255.0;
-            // Where two bytes are equally near within rounding, either is right.
+            // Within rounding of a tie, both bytes are correct.
             assert!((f64::from(table.encode(v)) - encoded).abs() < 0.5 + 1e-4, "{v}");
         }
         assert_eq!([-1.0, f32::NAN, 2.0].map(|v| table.encode(v)), [0, 0, 255]);
     }
 
-    /// Slopes of 0.03 over 1024 texels have eight values of 8 bits. A step is half a value off at its
-    /// edges; means over 8 x 8 texels, and so mip maps, are a seventh of that off at most.
+    /// Slopes of 0.03 over 1024 texels span eight 8-bit values. Steps err by half a value at their
+    /// edges; means over 8 x 8 texels, and thus mip maps, by a seventh of that at most.
     #[test]
     fn smooth_normals_and_roughness_have_no_steps() {
         let (w, h) = (1024, 64);
@@ -338,7 +338,7 @@ mod tests {
             let (dithered, nearest) = (worst(&texture.bytes(true)), worst(&texture.bytes(false)));
             assert!(dithered < 0.07 && nearest > 0.4, "{channels}: {dithered} {nearest}");
         }
-        // What has one value, or one that a byte holds, stays as it is.
+        // Constant channels, and values that are bytes, are unchanged.
         let flat = Texture::data(w, h, |i| [0.5, 51.0 / 255.0, if i == 0 { 0.0 } else { 1.0 }]);
         let bytes = flat.bytes(true);
         assert_eq!(bytes[..6], [128, 51, 0, 128, 51, 255]);
@@ -356,7 +356,7 @@ mod tests {
             let back = image::load_from_memory(&bytes).unwrap();
             assert_eq!((back.width() as usize, back.height() as usize), (w, h));
             if format == TextureFormat::Jpeg {
-                // JFIF: 13 dots an inch.
+                // JFIF: 13 dots per inch.
                 assert_eq!(bytes[13..18], [1, 0, 13, 0, 13]);
                 continue;
             }

@@ -1,13 +1,12 @@
 //! Seamless maps: a patch from inside laid over each border, with one cut for all maps, joined in
 //! the gradient domain.
 //!
-//! Along each axis the two borders are brought together and covered by a patch of the material
-//! itself, placed where its edges fit best. Where the patch begins and ends is the path of least
-//! difference over all maps at once (Kwatra et al., *Graphcut Textures*, 2003; a path is the cut of
-//! least cost here, and is found by dynamic programming). What steps are left across the cuts is
-//! spread over their surroundings, so that differences across a cut become the mean of either
-//! side's: by least squares that hold on to the values farther away (Bhat et al., *Fourier Analysis
-//! of the 2D Screened Poisson Equation*, 2008). The size in texels and mm stays.
+//! Along each axis, the two borders are brought together and covered by a patch of the material, from the
+//! position that fits best. The cuts around the patch are paths of least difference over all maps (Kwatra et
+//! al., *Graphcut Textures*, 2003); a path is a minimal cut here, found by dynamic programming. Remaining
+//! steps across the cuts are spread over their surroundings so that each difference becomes the mean of both
+//! sides', by least squares with a penalty on changes (Bhat et al., *Fourier Analysis of the 2D Screened
+//! Poisson Equation*, 2008). The size in texels and mm is unchanged.
 
 use super::cut::Cuts;
 use super::poisson::{Border, Spread, Step};
@@ -21,20 +20,20 @@ const MIN_SIDE: usize = 16;
 #[derive(Debug)]
 pub(super) struct Tiled {
     pub maps: Svbrdf,
-    /// Mean difference of neighbours where tiles meet against that inside, of the map for which it
-    /// is greatest; 1: the border is like the inside.
+    /// Mean difference of neighbours across the tile's border relative to the inside, for the worst
+    /// map; 1 is no visible border.
     pub seam: f32,
-    /// The same of neighbours across the cuts.
+    /// The same across the cuts.
     pub joins: f32,
-    /// How much the two sides of the cuts disagree about the difference of neighbours, in the same
-    /// unit; independent textures would be at about 1.4.
+    /// Disagreement of the two sides of the cuts about the difference of neighbours, in the same
+    /// unit; independent textures have about 1.4.
     pub cuts: f32,
 }
 
 /// Makes maps seamless.
 ///
 /// # Errors
-/// [`Error::Argument`] where a side has fewer than 16 texels.
+/// [`Error::Argument`] if a side has fewer than 16 texels.
 pub(super) fn seamless(maps: &Svbrdf) -> Result<Tiled> {
     let (w, h) = (maps.width(), maps.height());
     if w.min(h) < MIN_SIDE {
@@ -53,7 +52,7 @@ pub(super) fn seamless(maps: &Svbrdf) -> Result<Tiled> {
     })
 }
 
-/// A stack with periodic columns, and how well they are joined, see [`Tiled`].
+/// A stack with periodic columns and the quality of its joins, see [`Tiled`].
 struct Joined {
     stack: Stack,
     joins: f32,
@@ -61,13 +60,13 @@ struct Joined {
 }
 
 impl Joined {
-    /// `closed`: rows are periodic already.
+    /// `closed`: rows are already periodic.
     fn new(stack: &Stack, closed: bool) -> Self {
         let (w, h) = (stack.width, stack.height);
         let patch = Patch { stack, cuts: Cuts::cheapest(stack, closed) };
         let pairs = patch.pairs(closed);
         let borders = [Border::Periodic, if closed { Border::Periodic } else { Border::Free }];
-        // Steps are spread inside of the patch, rather than over the whole sample.
+        // Spread steps inside the patch, not over the whole sample.
         let mut spread = Spread::new(w, h, borders, 0.5 * patch.cuts.half as f64);
         let planes = (0..stack.planes.len()).map(|c| {
             let mut plane = patch.plane(c);
@@ -102,7 +101,7 @@ impl Texel {
     }
 }
 
-/// Neighbours on either side of a cut, one to the right of the other (axis 0) or below it (axis 1).
+/// Neighbours across a cut, side by side (axis 0) or one above the other (axis 1).
 struct Pair {
     from: Texel,
     to: Texel,
@@ -116,7 +115,7 @@ struct Patch<'a> {
 }
 
 impl Patch<'_> {
-    /// The material with the patch on it.
+    /// The material covered by the patch.
     fn plane(&self, c: usize) -> Vec<f32> {
         let (w, own) = (self.stack.width, &self.stack.planes[c]);
         let mut plane = own.clone();
@@ -129,7 +128,7 @@ impl Patch<'_> {
         plane
     }
 
-    /// Where the patch's texel comes from.
+    /// Source texel of a texel of the patch.
     fn origin(&self, Texel(x, y): Texel) -> usize {
         let (w, h) = (self.stack.width, self.stack.height);
         let [sx, sy] = self.cuts.source;
@@ -137,7 +136,7 @@ impl Patch<'_> {
         (y + sy) % h * w + column
     }
 
-    /// All neighbours of which the patch covers one.
+    /// All pairs of neighbours with exactly one texel in the patch.
     fn pairs(&self, closed: bool) -> Vec<Pair> {
         let (w, h) = (self.stack.width, self.stack.height);
         let mut pairs = Vec::new();
@@ -168,7 +167,7 @@ impl Patch<'_> {
         ]
     }
 
-    /// By how much differences have to change to be the mean of both sides': across the cuts.
+    /// Changes of the differences across the cuts to the mean of both sides'.
     fn steps(&self, c: usize, plane: &[f32], pairs: &[Pair]) -> Vec<Step> {
         let w = self.stack.width;
         let step = |pair: &Pair| {

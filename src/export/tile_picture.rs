@@ -1,4 +1,4 @@
-//! How tiles look side by side.
+//! Picture of adjacent tiles.
 
 use std::f32::consts::PI;
 
@@ -8,8 +8,7 @@ use crate::observation::{Falloff, View};
 use crate::render::render;
 use crate::{Result, Svbrdf};
 
-/// A picture (8-bit sRGB PNG) of 3 x 3 tiles under a light from the upper left, as bright as shows
-/// the material best.
+/// A picture (8-bit sRGB PNG) of 3 x 3 tiles under a light from the upper left, with automatic exposure.
 pub(super) fn tile_picture(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     /// Longer side of one tile, px.
     const SIDE: usize = 256;

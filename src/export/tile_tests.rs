@@ -1,9 +1,9 @@
-//! Seams of materials that have none, one, or cannot.
+//! Seams of materials without borders, with borders, and with borders that cannot match.
 
 use super::*;
 use crate::svbrdf::{LOBES, channel};
 
-/// A hash as noise in [0, 1).
+/// Hash noise in [0, 1).
 fn noise(i: usize) -> f32 {
     let mut v = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
     v ^= v >> 29;
@@ -11,7 +11,7 @@ fn noise(i: usize) -> f32 {
     ((v >> 40) as f32) / (1u64 << 24) as f32
 }
 
-/// Blurred noise under a strong gradient from side to side: borders differ much.
+/// Blurred noise on a strong gradient, so that borders differ strongly.
 fn stains(w: usize, h: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(w, h);
     for i in 0..w * h {
@@ -22,16 +22,16 @@ fn stains(w: usize, h: usize) -> Svbrdf {
         }
         let ramp = x as f32 / w as f32 + 0.5 * y as f32 / h as f32;
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c)[i] = 0.1 + 0.4 * sum + 0.3 * ramp;
+            maps.diffuse_mut()[c][i] = 0.1 + 0.4 * sum + 0.3 * ramp;
         }
-        maps.plane_mut(channel::SLOPE_X)[i] = sum - 0.5 + 0.2 * ramp;
-        maps.plane_mut(channel::SLOPE_Y)[i] = noise(i) * 0.3 - 0.15;
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.3 + 0.3 * ramp;
+        maps.normal_slopes_mut()[0][i] = sum - 0.5 + 0.2 * ramp;
+        maps.normal_slopes_mut()[1][i] = noise(i) * 0.3 - 0.15;
+        maps.roughness_mut()[i] = 0.3 + 0.3 * ramp;
     }
     maps
 }
 
-/// Mean difference across the border of a plane against that inside, of columns and of rows.
+/// Mean difference across the border of a plane relative to the inside, over columns and rows.
 fn border(maps: &Svbrdf, c: usize) -> f32 {
     let (w, h) = (maps.width(), maps.height());
     let plane = maps.plane(c);
@@ -54,16 +54,16 @@ fn seams_vanish_and_sizes_stay() {
             let seam = border(&tiled.maps, c);
             assert!(seam <= 1.1, "{w} x {h}, channel {c}: {seam}");
         }
-        // The ramp over the whole sample has to end somewhere: along the cuts the sources disagree.
+        // The ramp over the whole sample must end somewhere, so the sources disagree along the cuts.
         assert!(tiled.seam <= 1.1 && tiled.cuts <= 1.6, "{} {}", tiled.seam, tiled.cuts);
-        // The material is the same: neither mean nor contrast of the diffuse albedo changes much.
+        // The material is preserved: mean and contrast of the diffuse albedo change little.
         let moments = |maps: &Svbrdf| {
-            let plane = maps.plane(channel::DIFFUSE);
+            let plane = maps.diffuse()[0];
             let mean = plane.iter().sum::<f32>() / plane.len() as f32;
             let fine = plane.windows(2).map(|p| (p[1] - p[0]).abs()).sum::<f32>();
             [mean, fine / plane.len() as f32]
         };
-        // The ramp's own part of the contrast, more of it on small samples, goes.
+        // The ramp's part of the contrast disappears; it is larger on small samples.
         let limits = [0.1, 0.35];
         for ((a, b), limit) in moments(&tiled.maps).into_iter().zip(moments(&maps)).zip(limits) {
             assert!((a / b - 1.0).abs() < limit, "{w} x {h}: {a} {b}");
@@ -71,7 +71,7 @@ fn seams_vanish_and_sizes_stay() {
     }
 }
 
-/// What tiles already stays itself but for where it begins.
+/// A seamless tile is only shifted.
 #[test]
 fn a_tile_stays_a_tile() {
     let (w, h) = (48, 48);
@@ -84,7 +84,7 @@ fn a_tile_stays_a_tile() {
         }
     }
     let tiled = seamless(&maps).unwrap();
-    let plane = tiled.maps.plane(channel::DIFFUSE);
+    let plane = tiled.maps.diffuse()[0];
     for i in 0..w * h {
         let next = i / w * w + (i % w + 12) % w;
         assert!((plane[i] - plane[next]).abs() < 1e-3);
@@ -103,21 +103,21 @@ fn uniform_maps_stay_uniform_and_small_ones_are_refused() {
     assert!(fault.contains("maps") && fault.contains("15 x 40"), "{fault}");
 }
 
-/// Lobes come along: what was on one side of a step is there beside the same colour.
+/// Lobes are tiled with the maps: they stay with their colours.
 #[test]
 fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
     let n = maps.texels();
     let lobes = [0.8, -0.3, 0.5, 0.3]
-        .map(|v| maps.plane(channel::ROUGHNESS).iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
+        .map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
     maps.set_lobes(lobes.concat()).unwrap();
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);
     assert_eq!(tiled.maps.lobes().len(), LOBES * n);
-    // Spreading of steps is linear, so that what was proportional stays so.
+    // The spreading of steps is linear, so proportional planes stay proportional.
     for (plane, v) in [0.8, -0.3, 0.5, 0.3].into_iter().enumerate() {
         let pairs = tiled.maps.lobe(plane).unwrap().iter();
-        for (found, r) in pairs.zip(tiled.maps.plane(channel::ROUGHNESS)) {
+        for (found, r) in pairs.zip(tiled.maps.roughness()) {
             assert!((found - v * (1.0 + r)).abs() < 1e-3, "{found} for {}", v * (1.0 + r));
         }
     }

@@ -1,11 +1,11 @@
-//! Rows become columns.
+//! Transposes planes.
 
 use crate::parallel;
 
-/// Values along each side of the blocks that are copied at once: they fit the caches.
+/// Side of the blocks copied at once, which fit the caches.
 const BLOCK: usize = 16;
 
-/// The columns of a plane `width` wide become the rows of another.
+/// Writes the columns of a plane of width `width` as rows.
 pub(super) fn transpose<T: Copy + Send + Sync>(values: &[T], width: usize, out: &mut [T]) {
     let height = values.len() / width;
     parallel::parts(out.chunks_mut(BLOCK * height), |band, out| {

@@ -9,7 +9,7 @@ use super::convert::MetallicModel;
 use super::template::filled;
 use crate::Result;
 
-/// The bytes of a file, and what it holds.
+/// Encodes the file; also returns its description.
 pub(super) fn encode(bundle: &Bundle) -> Result<(Vec<u8>, Value)> {
     let splits = bundle.splits(MetallicModel::LOSSLESS);
     let roughness = bundle.roughness();
@@ -73,10 +73,10 @@ fn layer(bundle: &Bundle, names: &[&str]) -> String {
     )
 }
 
-/// Where the data of every file begins, so that it can be mapped.
+/// Alignment of each file's data, for memory mapping.
 const ALIGNMENT: usize = 64;
 
-/// A zip archive of stored files, as the USDZ specification asks for.
+/// A zip archive of stored files, by the USDZ specification.
 fn archive(files: &Files) -> Vec<u8> {
     const LOCAL_HEADER: usize = 30;
     const EXTRA_HEADER: usize = 4;
@@ -94,7 +94,7 @@ fn archive(files: &Files) -> Vec<u8> {
         out.extend_from_slice(&common);
         out.extend_from_slice(name.as_bytes());
         if padding > 0 {
-            // An extra field of the kind that USD's own writer uses for padding.
+            // An extra field of the kind that USD's writer uses for padding.
             out.extend_from_slice(&0x1986u16.to_le_bytes());
             out.extend_from_slice(&((padding - EXTRA_HEADER) as u16).to_le_bytes());
             out.resize(out.len() + padding - EXTRA_HEADER, 0);
@@ -121,9 +121,9 @@ fn archive(files: &Files) -> Vec<u8> {
     out
 }
 
-/// The part that local headers and directory share: version needed to length of the extra field.
+/// Common part of local headers and directory: version needed to length of the extra field.
 fn entry(name: &str, bytes: &[u8], extra: usize) -> Vec<u8> {
-    /// 1980-01-01, the first day zip knows: the same maps give the same bytes.
+    /// 1980-01-01, the earliest date of zip, so that equal maps give equal bytes.
     const DATE: u16 = 0x21;
     let size = (bytes.len() as u32).to_le_bytes();
     let mut out = Vec::with_capacity(26);

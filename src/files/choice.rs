@@ -1,4 +1,4 @@
-//! Which photographs belong together, in which order, and how they were exposed.
+//! Selects photographs of one camera, sorts them and compares their exposures.
 
 use std::cmp::Reverse;
 use std::path::PathBuf;
@@ -7,11 +7,11 @@ use super::metadata::Metadata;
 use super::order;
 use super::renditions::{self, LeftOut};
 
-/// Focal lengths that are the same lens', relative.
+/// Relative tolerance for focal lengths of the same lens.
 const SAME_FOCAL: f64 = 0.02;
 
-/// What tells one camera from another: maker and model, lens, focal length, digital zoom and size
-/// of the picture. Photographs with the same key share intrinsics.
+/// Identity of a camera: maker and model, lens, focal length, digital zoom and picture size.
+/// Photographs with the same key share intrinsics.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CameraKey {
     make: Option<String>,
@@ -23,35 +23,35 @@ pub struct CameraKey {
     size: Option<[u32; 2]>,
 }
 
-/// A photograph to be used.
+/// A selected photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
-    /// The file as it was named.
+    /// The path as given.
     pub path: PathBuf,
     /// Exposure relative to that of the first photograph that states it.
     pub exposure: f32,
-    /// How far the upright picture is turned clockwise to lie as the others do, degrees.
+    /// Clockwise rotation of the upright picture that aligns it with the others, degrees.
     pub turn_deg: u32,
-    /// Whether its values are linear: floats and raw ones are.
+    /// Whether its values are linear, as floats and raw values are.
     pub is_linear: bool,
 }
 
-/// Photographs of one camera, in the order in which they were taken.
+/// Photographs of one camera, in the order of capture.
 #[derive(Debug, Default)]
 pub struct Choice {
-    /// The camera; unknown as long as there is no photograph.
+    /// The camera; `None` before the first photograph.
     pub camera: Option<CameraKey>,
     /// Exposure of the first photograph that states it.
     reference: Option<f64>,
-    /// How far most photographs are turned to stand upright.
+    /// Rotation that makes most photographs upright.
     upright_deg: Option<u32>,
-    /// Whether a flash is said to have fired.
+    /// Whether a flash fired according to the metadata.
     flashed: bool,
     /// Photographs of the camera.
     pub chosen: Vec<Chosen>,
     /// The others.
     pub left_out: Vec<LeftOut>,
-    /// What metadata did not say, or what speaks against a photograph.
+    /// Missing metadata, and doubts about photographs.
     pub remarks: Vec<String>,
 }
 
@@ -69,10 +69,10 @@ impl CameraKey {
         }
     }
 
-    /// What tells a photograph's camera from this one, which most photographs have: the end of a
-    /// sentence. What either does not know tells nothing.
+    /// Difference of another photograph's camera from this one, the camera of most photographs, as
+    /// the end of a sentence. Unknown values never differ.
     pub fn difference(&self, other: &Self) -> Option<String> {
-        // "Google" and "google" are one maker.
+        // "Google" and "google" are the same maker.
         let differs = |a: &Option<String>, b: &Option<String>| {
             a.as_ref().zip(b.as_ref()).is_some_and(|(a, b)| !a.eq_ignore_ascii_case(b))
         };
@@ -95,8 +95,7 @@ impl CameraKey {
         (mine != its).then(|| format!("{}, most {}{held}", size(its), size(mine)))
     }
 
-    /// Whether a digital zoom tells the photographs apart, though the lens is the same: sizes stay
-    /// as they are.
+    /// Difference in digital zoom with the same lens; the size does not reveal it.
     fn other_crop(&self, other: &Self) -> Option<String> {
         let differ = |a: f64, b: f64| (a - b).abs() > SAME_FOCAL * a.max(b);
         let [mine, its] = [self, other].map(|c| c.digital_zoom.unwrap_or(1.0));
@@ -113,7 +112,7 @@ impl CameraKey {
         })
     }
 
-    /// Whether everything that another one states is stated here too.
+    /// Whether this key states everything that another one states.
     fn states_what(&self, other: &Self) -> bool {
         let stated = |c: &Self| {
             [
@@ -148,9 +147,8 @@ impl CameraKey {
 }
 
 impl Choice {
-    /// Adds photographs behind those that are there. Those come first that were taken first, then
-    /// by name (9 before 10); those without a time last. The first call decides about the camera: the one that
-    /// took most photographs, the first of several that took equally many.
+    /// Appends photographs in the order of capture, then by name (9 before 10); those without a time come
+    /// last. The first call determines the camera: the one with most photographs, or the first of several.
     pub fn add(&mut self, photographs: Vec<(Metadata, PathBuf)>) {
         let (mut photographs, copies) = renditions::once(photographs);
         self.left_out.extend(copies);
@@ -179,8 +177,8 @@ impl Choice {
                 Some(true) => self.flashed = true,
                 None => (),
             }
-            // Flash and lens are fixed to the camera, however it is held; a phone that looks down
-            // on a table hardly knows which way is up.
+            // Flash and lens are fixed to the camera in any orientation, and the orientation sensor
+            // of a phone that looks down on a table is unreliable.
             let turn = known.upright_deg.zip(self.upright_deg);
             self.chosen.push(Chosen {
                 path,
@@ -192,7 +190,7 @@ impl Choice {
         self.remark(&silent, &dark);
     }
 
-    /// Takes back photographs that are to be added once more.
+    /// Removes photographs that will be added again.
     pub fn take_back(&mut self, paths: &[PathBuf]) {
         self.chosen.retain(|chosen| !paths.contains(&chosen.path));
     }
@@ -207,7 +205,7 @@ impl Choice {
             self.remarks.push(text);
         }
         if !dark.is_empty() {
-            // A torch is no flash that fires.
+            // A torch is not a flash that fires.
             let so = match self.flashed {
                 false => "right if the torch was on",
                 true => "in others it did: use the same light for all photos",
@@ -222,8 +220,8 @@ fn begins_with(text: &str, start: &str) -> bool {
     text.get(..start.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(start))
 }
 
-/// The camera that agrees with most photographs, of which none states what it leaves open: a silent
-/// photograph would agree with every camera.
+/// The camera that agrees with most photographs. Photographs with further metadata do not count for
+/// it, or one without metadata would agree with all.
 fn most_frequent(photographs: &[(Metadata, PathBuf)]) -> Option<CameraKey> {
     let cameras: Vec<CameraKey> =
         photographs.iter().map(|(known, _)| CameraKey::of(known)).collect();
@@ -234,7 +232,7 @@ fn most_frequent(photographs: &[(Metadata, PathBuf)]) -> Option<CameraKey> {
     cameras.iter().min_by_key(|camera| Reverse(like(camera))).cloned()
 }
 
-/// The first of those that are equally frequent.
+/// The most frequent rotation; the first of equally frequent ones.
 fn most_upright(photographs: &[(Metadata, PathBuf)]) -> Option<u32> {
     let stated = || photographs.iter().filter_map(|(known, _)| known.upright_deg);
     stated().min_by_key(|degrees| Reverse(stated().filter(|other| other == degrees).count()))
@@ -295,7 +293,7 @@ mod tests {
         ]);
         let kept: Vec<(&str, f32)> =
             choice.chosen.iter().map(|c| (c.path.to_str().unwrap(), c.exposure)).collect();
-        // Relative to the first that is used.
+        // Relative to the first selected photograph.
         assert_eq!(kept, [("1", 1.0), ("2", 2.0), ("3", 0.5)]);
         assert_eq!(choice.left_out[0].reason, "taken with A, most with B");
         assert_eq!(choice.left_out.len(), 1);
@@ -316,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_torch_is_no_flash_that_fires() {
+    fn a_torch_is_not_a_flash_that_fires() {
         let with = |name: &str, fired| {
             let (known, path) = shot(name, None, "", 1.0);
             (Metadata { flash_fired: fired, ..known }, path)
@@ -334,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn digital_zoom_is_told_apart() {
+    fn digital_zooms_are_distinguished() {
         let with = |zoom, focal_35mm| Metadata {
             focal_mm: Some(6.76),
             focal_35mm,
@@ -349,7 +347,7 @@ mod tests {
         assert_eq!(difference(plain(), with(None, Some(27.0))), None);
         let said = difference(plain(), with(Some(1.3), Some(35.0))).unwrap();
         assert_eq!(said, "digital zoom: 1.30 times, most none");
-        // Some phones state the field of view only.
+        // Some phones state only the field of view.
         let said = difference(with(None, Some(26.0)), with(None, Some(52.0))).unwrap();
         assert_eq!(said, "another field of view: 52 mm on film of 36 x 24 mm, most 26 mm");
         assert!(difference(with(Some(2.0), None), with(None, None)).is_some());
@@ -361,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn lenses_and_sizes_are_told_apart() {
+    fn lenses_and_sizes_are_distinguished() {
         let with = |focal, size| Metadata {
             focal_mm: Some(focal),
             size: Some(size),

@@ -1,28 +1,28 @@
-//! What a picture's stored values mean as its file states it.
+//! Meaning of stored values according to the file.
 
 use moxcms::{Chromaticity, ColorPrimaries, ColorProfile, ToneReprCurve, XyY};
 
 use super::profile::Profile;
-use crate::frame::{Encoding, Primaries};
+use crate::photo::{Encoding, Primaries};
 
-/// A stated gamma this near to another one is meant to be it.
+/// Tolerance for a stated gamma.
 const SAME_GAMMA: f64 = 0.006;
-/// The same for chromaticities: files round them.
+/// The same for chromaticities, which files round.
 const SAME_CHROMATICITY: f64 = 0.004;
 /// Chromaticity of D65.
 const D65: [f64; 2] = [0.3127, 0.3290];
-/// Gammas there are.
+/// Plausible gammas.
 const GAMMAS: std::ops::RangeInclusive<f64> = 0.1..=2.0;
 
 /// Meaning of stored values.
 pub enum Colours {
-    /// sRGB, or nothing is stated.
+    /// sRGB, stated or by default.
     Srgb,
-    /// A curve and primaries that are known by name.
+    /// A curve and primaries with names.
     Named(Encoding, Primaries),
     /// Curves and a matrix.
     Profile(Box<Profile>),
-    /// Something that cannot be used: a clause that says what and why.
+    /// Unusable colours: a clause with the reason.
     Unusable(String),
 }
 
@@ -30,7 +30,7 @@ pub enum Colours {
 pub type Chromaticities = [[f64; 2]; 4];
 
 impl Colours {
-    /// What an ICC profile says.
+    /// Colours of an ICC profile.
     pub fn of_icc(bytes: &[u8]) -> Self {
         match Profile::parse(bytes) {
             Ok(profile) if profile.is_srgb() => Self::Srgb,
@@ -39,18 +39,18 @@ impl Colours {
         }
     }
 
-    /// Adobe RGB (1998), which cameras state by a mark in the Exif block.
+    /// Adobe RGB (1998), which cameras state in the Exif block.
     pub fn adobe_rgb() -> Self {
         Self::of_profile(&ColorProfile::new_adobe_rgb())
     }
 
-    /// What code points of ITU-T H.273 say (PNG's `cICP`, HEIF's `nclx`).
+    /// Colours of code points of ITU-T H.273 (PNG's `cICP`, HEIF's `nclx`).
     pub fn of_code_points(primaries: u8, transfer: u8) -> Self {
         let unusable = |what: &str, code: u8| {
             Self::Unusable(format!("its {what} of code {code} (ITU-T H.273) cannot be used"))
         };
         let primaries = match primaries {
-            // "Unspecified" leaves it at what is usual.
+            // "Unspecified" means the default.
             1 | 2 => Primaries::Rec709,
             9 => Primaries::Rec2020,
             12 => Primaries::DisplayP3,
@@ -62,7 +62,7 @@ impl Colours {
             8 => Encoding::Linear,
             16 => Encoding::Pq,
             18 => Encoding::Hlg,
-            // The curve of BT.709 under its four names is what cameras apply: inverted as it stands.
+            // Cameras apply the curve of BT.709 (four code points) exactly, so invert it exactly.
             1 | 6 | 14 | 15 => {
                 let mut profile = icc_of(primaries);
                 set_curves(&mut profile, rec709_curve());
@@ -73,15 +73,14 @@ impl Colours {
         Self::named(encoding, primaries)
     }
 
-    /// What PNG's `gAMA` and `cHRM` say: the exponent from light to stored values, and
-    /// chromaticities.
+    /// Colours of PNG's `gAMA` and `cHRM`: the exponent from light to stored values, and chromaticities.
     pub fn of_gamma(gamma: Option<f64>, chromaticities: Option<Chromaticities>) -> Self {
         let gamma = gamma.unwrap_or(1.0 / 2.2);
         if !GAMMAS.contains(&gamma) {
             return Self::Unusable(format!("its gamma of {gamma} cannot be used"));
         }
         let near = |other: f64| (gamma - other).abs() < SAME_GAMMA;
-        // Writers of sRGB state 0.45455 for programs that know the number only.
+        // Writers of sRGB state 0.45455 for programs that know only `gAMA`.
         let encoding = if near(1.0) {
             Some(Encoding::Linear)
         } else if near(1.0 / 2.2) {
@@ -151,8 +150,8 @@ fn set_curves(profile: &mut ColorProfile, curve: ToneReprCurve) {
     profile.cicp = None;
 }
 
-/// ITU-R BT.709, from stored values to light, as ICC's parametric curve of type 3. With the numbers of
-/// BT.2020 for 12 bits and more the two parts meet; those of BT.709 are rounded.
+/// ITU-R BT.709 from stored values to light, as ICC's parametric curve of type 3. The two parts
+/// meet with the constants of 12-bit BT.2020; those of BT.709 are rounded.
 fn rec709_curve() -> ToneReprCurve {
     const ALPHA: f32 = 1.099_296_8;
     const BETA: f32 = 0.018_053_97;
@@ -199,7 +198,7 @@ mod tests {
         ));
         let old = linear(&Colours::of_gamma(Some(1.0 / 1.8), None), [0.5; 3]);
         assert!(old.iter().all(|v| (v - 0.5f32.powf(1.8)).abs() < 1e-3), "{old:?}");
-        // Primaries without a name, by moxcms and by our own matrices: those of P3 moved a little.
+        // Compare primaries without a name, shifted slightly from P3, in moxcms and in this module.
         let [white, [rx, ry], green, blue] = p3.unwrap();
         let moved = Some([white, [rx - 0.01, ry], green, blue]);
         let (a, b) = (Colours::of_gamma(Some(1.0), p3), Colours::of_gamma(Some(1.0), moved));
@@ -222,7 +221,7 @@ mod tests {
         ));
         assert!(matches!(Colours::of_code_points(99, 13), Colours::Unusable(_)));
         assert!(matches!(Colours::of_code_points(1, 99), Colours::Unusable(_)));
-        // ITU-R BT.709: half the light is 1.099 * 0.5^0.45 - 0.099 of the signal.
+        // ITU-R BT.709: half the light is a signal of 1.099 * 0.5^0.45 - 0.099.
         let signal = 1.099 * 0.5f32.powf(0.45) - 0.099;
         let half = linear(&Colours::of_code_points(1, 1), [signal; 3]);
         assert!(half.iter().all(|v| (v - 0.5).abs() < 1e-3), "{half:?}");

@@ -1,9 +1,9 @@
-//! Young decoders.
+//! Guard around immature decoders.
 
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs a decoder of a format. What it might stumble over is a damaged file, not the end of the program.
+/// Runs a decoder and turns its panics into errors: a damaged file must not end the program.
 pub fn guarded<T, E: Display>(
     format: &str,
     body: impl FnOnce() -> Result<T, E>,

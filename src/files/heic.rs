@@ -1,4 +1,4 @@
-//! HEIC: HEVC pictures in HEIF, as iPhones and some Android phones write them.
+//! HEIC: HEVC pictures in HEIF, as written by iPhones and some Android phones.
 
 use std::path::Path;
 
@@ -6,22 +6,22 @@ use heic_decoder::{ColorInfo, DecodedImage, RgbOptions};
 
 use super::colours::Colours;
 use super::guard;
-use crate::frame::{Encoding, Limits, Photo};
+use crate::photo::{Encoding, Limits, Photo};
 use crate::{Error, Result};
 
-/// Memory for a pixel while it is decoded: planes of tiles and of the whole, twice 16-bit RGB.
+/// Memory per pixel during decoding: planes of tiles and of the picture, and 16-bit RGB twice.
 const BYTES_PER_PIXEL: u64 = 2 * 3 * 4 + 2 * 6;
-/// What stands for colours that are not labelled: as JPEG has them.
+/// Default for unlabelled colours, as in JPEG.
 const UNLABELLED: ColorInfo = ColorInfo {
     color_primaries: 1,
     transfer_characteristics: 13,
     matrix_coefficients: 6,
     full_range: true,
 };
-/// Name of an auxiliary picture that is a gain map.
+/// Names of auxiliary pictures that are gain maps.
 const GAIN_MAPS: [&[u8]; 2] =
     [b"urn:com:apple:photo:2020:aux:hdrgainmap", b"urn:iso:std:iso:ts:21496:-1"];
-/// Where the boxes in front of the pixels end at the latest in practice, bytes.
+/// Search range for the boxes before the pixels, bytes.
 const BOXES: usize = 256 << 10;
 
 /// A decoded picture, upright.
@@ -29,13 +29,13 @@ pub struct Heic {
     image: DecodedImage,
 }
 
-/// Width and height as stored, before it is turned upright.
+/// Width and height as stored, before the rotation to upright.
 pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     let info = guarded(|| heic_decoder::probe(bytes)).ok()?;
     Some([u32::try_from(info.coded_width).ok()?, u32::try_from(info.coded_height).ok()?])
 }
 
-/// The Exif block, which begins with its TIFF header.
+/// The Exif block, from its TIFF header on.
 pub fn exif(bytes: &[u8]) -> Option<Vec<u8>> {
     guarded(|| heic_decoder::read_metadata(bytes)).ok()?.exif
 }
@@ -59,7 +59,7 @@ impl Heic {
         Ok(Self { image })
     }
 
-    /// What it says of its colours.
+    /// Colours stated by the file.
     pub fn colours(&self) -> Colours {
         let code = |code: u16| u8::try_from(code).unwrap_or(u8::MAX);
         match (&self.image.metadata.icc_profile, self.image.color_info) {
@@ -77,7 +77,7 @@ impl Heic {
         self.image.bit_depth_luma > 8
     }
 
-    /// The photograph with a transfer curve.
+    /// The photograph, with the given transfer curve.
     pub fn photo(&self, path: &Path, encoding: Encoding, exposure: f32) -> Result<Photo> {
         let image = |message: String| Error::Image { path: path.to_owned(), message };
         let options = RgbOptions {

@@ -1,16 +1,15 @@
-//! What the segments of a JPEG file before its pixels hold.
+//! Segments of a JPEG file before its pixels.
 
-/// Name of a segment that holds a part of a profile.
+/// Signature of a segment with a part of an ICC profile.
 const PART: &[u8] = b"ICC_PROFILE\0";
-/// What a file with a gain map has in its segments: the namespaces of Ultra HDR and of Apple, the
-/// name of ISO 21496-1.
+/// Signatures of gain maps: the namespaces of Ultra HDR and of Apple, the name of ISO 21496-1.
 const GAIN_MAPS: [&[u8]; 3] = [
     b"http://ns.adobe.com/hdr-gain-map/1.0/",
     b"http://ns.apple.com/HDRGainMap/1.0/",
     b"urn:iso:std:iso:ts:21496:-1",
 ];
 
-/// Whether the file holds parts of a profile: the decoder keeps silent about missing ones.
+/// Whether the file holds parts of an ICC profile. The decoder does not report missing parts.
 pub fn has_parts_of_profile(bytes: &[u8]) -> bool {
     segments(bytes).any(|segment| segment.starts_with(PART))
 }
@@ -21,7 +20,7 @@ pub fn has_gain_map(bytes: &[u8]) -> bool {
     segments(bytes).any(|segment| GAIN_MAPS.iter().any(|name| holds(segment, name)))
 }
 
-/// Contents of the application segments in front of the pixels.
+/// Contents of the application segments before the pixels.
 fn segments(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut at = 2;
     std::iter::from_fn(move || {

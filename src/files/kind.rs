@@ -1,24 +1,24 @@
-//! What a file is, by its content: names lie.
+//! File type by content, because file names are unreliable.
 
 use super::dng;
-use crate::frame::is_tiff;
+use crate::photo::is_tiff;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// JPEG, Ultra HDR included.
+    /// JPEG, including Ultra HDR.
     Jpeg,
     /// PNG.
     Png,
-    /// TIFF that is no raw picture.
+    /// TIFF other than raw pictures.
     Tiff,
     /// OpenEXR.
     OpenExr,
     /// Digital negative.
     Dng,
-    /// HEIF with HEVC inside: `.heic`, `.heif`.
+    /// HEIF with HEVC: `.heic`, `.heif`.
     Heic,
-    /// AVIF: HEIF with AV1 inside.
+    /// AVIF: HEIF with AV1.
     Avif,
     /// JPEG XL.
     JpegXl,
@@ -30,13 +30,13 @@ pub enum Kind {
     NetPbm,
     /// Radiance HDR.
     Radiance,
-    /// A film: MOV, MP4, AVI, Matroska.
+    /// A video: MOV, MP4, AVI, Matroska.
     Video,
     /// A picture of another kind: GIF, BMP, Photoshop, JPEG 2000.
     Other,
 }
 
-/// Beginnings of files, at byte 0, that tell a format at once.
+/// Signatures at byte 0.
 const BEGINNINGS: [(&[u8], Kind); 18] = [
     (&[0xFF, 0xD8, 0xFF], Kind::Jpeg),
     (b"\x89PNG\r\n\x1a\n", Kind::Png),
@@ -58,13 +58,13 @@ const BEGINNINGS: [(&[u8], Kind); 18] = [
     (b"\0\0\0\x0CjP  \r\n\x87\n", Kind::Other),
 ];
 
-/// Bytes from a file's beginning that suffice for [`Kind::of`], except that DNG and raw files of
-/// makers may pass for TIFF.
+/// Number of bytes from the start that [`Kind::of`] needs, except that it may take DNG and raw
+/// files of makers for TIFF.
 pub const HEAD_BYTES: usize = 4096;
 
 impl Kind {
-    /// The format of a file, from its content; `None`: no picture that is known. From the first
-    /// [`HEAD_BYTES`] alone, files that are TIFF inside may all be called [`Kind::Tiff`].
+    /// The format by content; `None` for unknown data. From the first [`HEAD_BYTES`] alone, any
+    /// file in TIFF format may be [`Kind::Tiff`].
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let known = BEGINNINGS.iter().find(|(start, _)| bytes.starts_with(start));
         if let Some((_, kind)) = known {
@@ -96,7 +96,7 @@ impl Kind {
         None
     }
 
-    /// Its name, with an article.
+    /// Name with an article.
     pub fn name(self) -> &'static str {
         match self {
             Self::Jpeg => "a JPEG picture",
@@ -123,7 +123,7 @@ impl Kind {
         always || (matches!(self, Self::Heic) && cfg!(feature = "heic"))
     }
 
-    /// What to do with a file that is not read.
+    /// Advice for an unsupported file.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Heic => {
@@ -146,18 +146,17 @@ impl Kind {
     }
 }
 
-/// Whether a file begins with the letter and digit of a portable any-map, and then a number or a
-/// remark.
+/// Whether a file begins like a portable any-map: letter and digit, then a number or a comment.
 fn is_net_pbm(bytes: &[u8]) -> bool {
     let &[b'P', b'1'..=b'7' | b'F' | b'f', space, next, ..] = bytes else { return false };
     space.is_ascii_whitespace() && (next.is_ascii_digit() || [b'#', b'W'].contains(&next))
 }
 
-/// Formats that are made of boxes begin with a list of brands.
+/// Kind of a file made of boxes, by its list of brands.
 fn boxed(bytes: &[u8]) -> Option<Kind> {
     let length = u32::from_be_bytes(*bytes.first_chunk()?) as usize;
     let list = bytes.get(8..length.min(bytes.len()))?;
-    // The second word of the list is a version.
+    // The second word is a version.
     let brands: Vec<&[u8]> =
         list.chunks_exact(4).enumerate().filter(|(i, _)| *i != 1).map(|(_, b)| b).collect();
     let has = |wanted: &[&[u8; 4]]| brands.iter().any(|b| wanted.iter().any(|w| *b == *w));

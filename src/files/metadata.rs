@@ -1,4 +1,4 @@
-//! What a photograph's file says of how it was taken.
+//! Metadata of a photograph's file.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -7,69 +7,67 @@ use exif::{Context, Exif, Field, In, Reader, Tag, Value};
 
 use super::dng;
 use super::kind::Kind;
-use crate::frame::{Limits, look_at};
+use crate::photo::{Limits, look_at};
 
-/// Exposure times there are, seconds.
+/// Plausible exposure times, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
-/// Sensitivities there are.
+/// Plausible sensitivities.
 const ISO: std::ops::RangeInclusive<f64> = 1.0..=1e7;
-/// Apertures there are.
+/// Plausible apertures.
 const F_NUMBER: std::ops::RangeInclusive<f64> = 0.5..=128.0;
-/// Digital zooms there are.
+/// Plausible digital zooms.
 const ZOOM: std::ops::RangeInclusive<f64> = 1.0..=100.0;
-/// What stands for sensitivities that do not fit into 16 bits.
+/// Marks a sensitivity beyond 16 bits, which is stored elsewhere.
 const ISO_ELSEWHERE: f64 = 65_535.0;
 
-/// What is known of a photograph; all of it may be missing.
+/// Metadata of a photograph; every field may be missing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Metadata {
-    /// Who made the camera.
+    /// Maker of the camera.
     pub make: Option<String>,
-    /// Which camera it is.
+    /// Model of the camera.
     pub model: Option<String>,
-    /// Which lens it is.
+    /// Model of the lens.
     pub lens: Option<String>,
     /// Focal length of the lens, mm.
     pub focal_mm: Option<f64>,
-    /// Focal length on film of 36 x 24 mm that shows as much, mm.
+    /// Focal length with the same field of view on 36 x 24 mm film, mm.
     pub focal_35mm: Option<f64>,
-    /// How many times the picture was enlarged by cropping; 1: not at all.
+    /// Magnification by digital zoom; 1: none.
     pub digital_zoom: Option<f64>,
-    /// Width and height as the sensor has them, px.
+    /// Width and height as stored, px.
     pub size: Option<[u32; 2]>,
-    /// Whether the pixels are floats or raw values, which are linear.
+    /// Whether the pixels are linear, as floats and raw values are.
     pub is_linear: bool,
-    /// How far the picture is turned clockwise to stand upright, degrees; of one that is also
-    /// mirrored, after mirroring it left to right.
+    /// Clockwise rotation to upright, degrees; of a mirrored picture, after mirroring it left to right.
     pub upright_deg: Option<u32>,
-    /// Whether standing upright includes being mirrored.
+    /// Whether the stored picture is mirrored.
     pub mirrored: bool,
-    /// Light that the sensor counts, relative: seconds * ISO / F-number².
+    /// Relative exposure: seconds * ISO / F-number².
     pub exposure: Option<f64>,
     /// Whether the flash fired.
     pub flash_fired: Option<bool>,
-    /// When the shutter opened, in digits whose order is that of time, by the camera's clock.
+    /// Local time of capture by the camera's clock, in digits that sort by time.
     pub taken: Option<String>,
-    /// How far that clock is ahead of universal time, minutes.
+    /// Offset of that clock from universal time, minutes.
     pub utc_offset_min: Option<i32>,
-    /// Whether the colours are said to be those of Adobe RGB (1998).
+    /// Whether the file states Adobe RGB (1998).
     pub adobe_rgb: bool,
 }
 
 impl Metadata {
-    /// Reads a file's metadata; nothing is known of files that cannot be read.
+    /// Reads a file's metadata; all fields are empty for unreadable files.
     pub fn read(path: impl AsRef<Path>) -> Self {
         Limits::default().read(path.as_ref()).map_or_else(|_| Self::default(), |b| Self::of(&b))
     }
 
-    /// What a file's content says of it; what is absent or damaged is left out.
+    /// Metadata of a file's content, without damaged fields.
     pub fn of(bytes: &[u8]) -> Self {
         let known = Self::of_exif(bytes);
         let (size, is_linear) = pixels(bytes).unzip();
         Self { size, is_linear: is_linear.unwrap_or(false), ..known }
     }
 
-    /// What the Exif block of a file says.
     pub(super) fn of_exif(bytes: &[u8]) -> Self {
         let mut reader = Reader::new();
         reader.continue_on_error(true);
@@ -90,7 +88,7 @@ impl Metadata {
             lens: text(exif, Tag::LensModel),
             focal_mm: positive(Tag::FocalLength),
             focal_35mm: positive(Tag::FocalLengthIn35mmFilm),
-            // 0 says that it was not used.
+            // 0 means unused.
             digital_zoom: number(exif, Tag::DigitalZoomRatio)
                 .map(|zoom| if zoom == 0.0 { 1.0 } else { zoom })
                 .filter(|zoom| ZOOM.contains(zoom)),
@@ -113,7 +111,7 @@ impl Metadata {
     }
 }
 
-/// Width and height, and whether the values are linear: floats, or raw.
+/// Width and height, and whether the values are linear (floats or raw).
 fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
     match Kind::of(bytes)? {
         Kind::Dng => Some((dng::size(bytes)?, true)),
@@ -123,8 +121,7 @@ fn pixels(bytes: &[u8]) -> Option<([u32; 2], bool)> {
     }
 }
 
-/// The Exif block of files of which the reader of metadata knows too few kinds: boxes are laid out in
-/// many ways.
+/// The Exif block of file types that the Exif reader supports incompletely.
 fn block(bytes: &[u8]) -> Option<Vec<u8>> {
     match Kind::of(bytes)? {
         #[cfg(feature = "heic")]
@@ -133,7 +130,7 @@ fn block(bytes: &[u8]) -> Option<Vec<u8>> {
     }
 }
 
-/// A field of the Exif directory, or of the first one: Android's raw files have all fields there.
+/// A field of the Exif directory or of the first one; Android's raw files have all fields there.
 fn field(exif: &Exif, tag: Tag) -> Option<&Field> {
     let field = |tag| exif.get_field(tag, In::PRIMARY);
     field(tag).or_else(|| field(Tag(Context::Tiff, tag.number())))
@@ -150,7 +147,7 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     let number = match value {
         Value::Rational(v) => v.first()?.to_f64(),
         Value::SRational(v) => v.first()?.to_f64(),
-        // Not as the standard has it, but programs write them.
+        // Non-standard, but some programs write them.
         Value::Float(v) => f64::from(*v.first()?),
         Value::Double(v) => *v.first()?,
         other => f64::from(other.get_uint(0)?),
@@ -158,7 +155,7 @@ fn number(exif: &Exif, tag: Tag) -> Option<f64> {
     number.is_finite().then_some(number)
 }
 
-/// Needs time and sensitivity; phones whose aperture is fixed may leave that out.
+/// Relative exposure. Needs time and sensitivity; phones with a fixed aperture may omit it.
 fn exposure(exif: &Exif) -> Option<f64> {
     let within = |tag, range: &std::ops::RangeInclusive<f64>| {
         number(exif, tag).filter(|v| range.contains(v))
@@ -178,7 +175,7 @@ fn exposure(exif: &Exif) -> Option<f64> {
     Some(seconds * iso / f_number.unwrap_or(1.0).powi(2))
 }
 
-/// `2024:05:06 07:08:09` and a fraction of a second.
+/// `2024:05:06 07:08:09` with a fraction of a second.
 fn taken(exif: &Exif) -> Option<String> {
     let time = text(exif, Tag::DateTimeOriginal)
         .filter(|t| t.starts_with(|c: char| c.is_ascii_digit()))?;

@@ -1,9 +1,8 @@
-//! Photographs as cameras write them: encoded files with what their metadata say, and colours as
-//! their profiles mean them.
+//! Encoded photographs with their metadata and colour profiles.
 //!
-//! [`read`] and [`decode`] make a [`Photo`](crate::frame::Photo) of JPEG, PNG, TIFF, OpenEXR and DNG
-//! files, with feature `heic` of HEIC ones too, told apart by their content. What is read, and how it is checked, is listed in
-//! `docs/formats.md`.
+//! [`read`] and [`decode`] make a [`Photo`](crate::photo::Photo) from JPEG, PNG, TIFF, OpenEXR and
+//! DNG files, with feature `heic` also from HEIC files. The content determines the format.
+//! `docs/formats.md` lists all supported variants and checks.
 
 mod choice;
 mod colours;
@@ -30,4 +29,4 @@ pub use read::{Decoded, Options, decode, read};
 pub use remark::Remark;
 pub use renditions::LeftOut;
 
-pub use crate::frame::Limits;
+pub use crate::photo::Limits;

@@ -1,4 +1,4 @@
-//! The order in which photographs were taken.
+//! Order of capture.
 
 use std::cmp::Ordering;
 use std::iter::Peekable;
@@ -10,8 +10,8 @@ use super::metadata::Metadata;
 const MINUTE: i64 = 60;
 const DAY: i64 = 24 * 60 * MINUTE;
 
-/// Sorts photographs: those come first that were taken first, then by name; those without a time come
-/// last. Time zones count where every time states its own.
+/// Sorts photographs by time of capture, then by name; those without a time come last. Time zones
+/// apply only if every time has one.
 pub fn sort(photographs: &mut [(Metadata, PathBuf)]) {
     let is_zoned =
         photographs.iter().all(|(known, _)| known.taken.is_none() || universal(known).is_some());
@@ -23,13 +23,13 @@ pub fn sort(photographs: &mut [(Metadata, PathBuf)]) {
         .sort_by(|(a, path), (b, other)| time(a).cmp(&time(b)).then_with(|| by_name(path, other)));
 }
 
-/// The order of names in which 9 comes before 10, then that of folders.
+/// Compares by name with 9 before 10, then by folder.
 pub fn by_name(a: &Path, b: &Path) -> Ordering {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     natural(&name(a), &name(b)).then_with(|| a.cmp(b))
 }
 
-/// The order of texts in which runs of digits count as numbers.
+/// Compares texts with runs of digits as numbers.
 fn natural(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a.chars().peekable(), b.chars().peekable());
     loop {
@@ -51,7 +51,7 @@ fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Takes a run of digits, without zeros in front.
+/// Takes a run of digits without leading zeros.
 fn digits(chars: &mut Peekable<Chars>) -> String {
     let mut run = String::new();
     while let Some(digit) = chars.next_if(char::is_ascii_digit) {
@@ -60,7 +60,7 @@ fn digits(chars: &mut Peekable<Chars>) -> String {
     run.trim_start_matches('0').to_owned()
 }
 
-/// When a photograph was taken, in digits whose order is that of time everywhere on Earth.
+/// Universal time of capture, in digits that sort by time.
 fn universal(known: &Metadata) -> Option<String> {
     let taken = known.taken.as_ref()?;
     let (seconds, fraction) = taken.split_once('.')?;
@@ -74,7 +74,7 @@ fn universal(known: &Metadata) -> Option<String> {
 
 /// Days of the Gregorian calendar since 1 March of the year 0.
 fn days(year: i64, month: i64, day: i64) -> i64 {
-    // Years begin in March, so that the day that some of them have more is the last.
+    // Years start in March, so that the leap day is the last one.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day - 1
 }
@@ -110,7 +110,7 @@ mod tests {
             };
             (known, PathBuf::from(name))
         };
-        // Midnight in between, and the end of a leap day's month.
+        // Around midnight and the end of a leap month.
         let mut all = vec![
             photo("c", "2024:03:01 00:10:00.5", Some(60)),
             photo("a", "2024:02:29 22:50:00.", Some(0)),

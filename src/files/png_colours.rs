@@ -1,5 +1,5 @@
-//! Colours of PNG files: `cICP`, `iCCP`, `sRGB`, `gAMA` and `cHRM`, in the order in which the
-//! specification prefers them.
+//! Colours of PNG files: `cICP`, `iCCP`, `sRGB`, `gAMA` and `cHRM`, in the specification's order of
+//! precedence.
 
 use std::io::Cursor;
 
@@ -7,11 +7,11 @@ use png::{Decoder, Limits, SourceChromaticities};
 
 use super::colours::Colours;
 
-/// Largest profile that is unpacked, bytes: real ones have a few kilobytes, but a file of three
-/// megabytes can hold one of a gigabyte.
+/// Largest unpacked profile, bytes. Real ones have some kilobytes, but three megabytes can expand
+/// to a gigabyte.
 const MAX_PROFILE: usize = 4 << 20;
 
-/// What a file states; files that cannot be read are left to the reader of pictures.
+/// Colours stated by a file. Unreadable files are reported by the picture reader.
 pub fn read(bytes: &[u8]) -> Colours {
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: MAX_PROFILE });
     decoder.set_ignore_text_chunk(true);
@@ -46,8 +46,7 @@ fn chromaticities(c: SourceChromaticities) -> [[f64; 2]; 4] {
     [c.white, c.red, c.green, c.blue].map(|(x, y)| [x, y].map(|v| f64::from(v.into_scaled()) / 1e5))
 }
 
-/// Whether there is a chunk with a profile before the pixels: the decoder keeps silent about those
-/// that it could not unpack.
+/// Whether a profile chunk precedes the pixels. The decoder does not report profiles it could not unpack.
 fn has_profile(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((length, after)) = rest.split_first_chunk::<4>() {
@@ -56,7 +55,7 @@ fn has_profile(bytes: &[u8]) -> bool {
             None | Some(b"IDAT") => return false,
             _ => (),
         }
-        // Type and checksum.
+        // Skip type, data and checksum.
         let length = u32::from_be_bytes(*length) as usize;
         rest = after.get(length.saturating_add(8)..).unwrap_or_default();
     }

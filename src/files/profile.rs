@@ -1,27 +1,27 @@
 //! ICC profiles of pictures.
 
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve};
 
-/// Values of a curve.
+/// Entries of a curve.
 const STEPS: usize = 65_536;
-/// A curve this near to that of sRGB is meant to be it: versions of it are rounded.
+/// Tolerance for the sRGB curve, which profiles round.
 const SRGB_CURVE: f64 = 0.002;
-/// The same for entries of the matrix.
+/// The same for matrix entries.
 const SRGB_MATRIX: f64 = 0.01;
-/// What white may come out as if a profile is to be believed.
+/// Plausible results for white.
 const WHITE: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 
-/// Colours that a profile describes by three curves and a matrix.
+/// Colours described by three curves and a matrix.
 pub struct Profile {
-    /// Linear value of every stored one, for each channel.
+    /// Linear value of every stored one, per channel.
     curves: [Vec<f32>; 3],
-    /// Linear Rec. 709 from linear values, rows.
+    /// Matrix from linear values to linear Rec. 709, by rows.
     matrix: [[f64; 3]; 3],
 }
 
 impl Profile {
-    /// Reads a profile; the error says what is wrong with it.
+    /// Parses a profile; the error states the fault.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         Self::of(&ColorProfile::new_from_slice(bytes).map_err(|e| e.to_string())?)
     }
@@ -66,8 +66,8 @@ impl Profile {
             })
     }
 
-    /// Turns stored values, 1 = full scale, into linear Rec. 709. Channels from `clipped` on come out
-    /// at 1 or above; colours with negative values are moved to the border of Rec. 709.
+    /// Converts stored values (1 = full scale) to linear Rec. 709. Channels from `clipped` on
+    /// become at least 1; colours with negative values move to the border of Rec. 709.
     pub fn apply(&self, rgb: &mut [f32], clipped: f32) {
         for pixel in rgb.as_chunks_mut::<3>().0 {
             let stored = *pixel;
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn profiles_of_srgb_are_told_from_others() {
+    fn profiles_of_srgb_are_recognised() {
         let parse = |profile: ColorProfile| Profile::parse(&profile.encode().unwrap()).unwrap();
         assert!(parse(ColorProfile::new_srgb()).is_srgb());
         for other in [ColorProfile::new_display_p3(), ColorProfile::new_adobe_rgb()] {
@@ -135,14 +135,14 @@ mod tests {
         profile.apply(&mut rgb, 254.0 / 255.0);
         let gray = Encoding::Srgb.decode(0.5) as f32;
         assert!(rgb[..3].iter().all(|v| near(*v, gray)), "{rgb:?}");
-        // The matrix from one set of chromaticities to the other: 1.2249 -0.2247 0 in its first row.
+        // First row of the matrix between the chromaticities: 1.2249 -0.2247 0.
         let red = 1.2249 * Encoding::Srgb.decode(0.9) as f32;
         assert!(near(rgb[3], red) && rgb[4..6] == [0.0; 2], "{rgb:?}");
         assert!(rgb[6] >= 1.0 && rgb[7] < 0.5, "{rgb:?}");
     }
 
     #[test]
-    fn damaged_profiles_are_refused_or_make_sense() {
+    fn damaged_profiles_are_refused_or_plausible() {
         let good = ColorProfile::new_display_p3().encode().unwrap();
         let usable = |bytes: &[u8]| {
             if let Ok(profile) = Profile::parse(bytes) {

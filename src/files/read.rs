@@ -9,57 +9,56 @@ use super::kind::Kind;
 use super::metadata::Metadata;
 use super::remark::Remark;
 use super::{dng, jpeg, png_colours};
-use crate::frame::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
+use crate::photo::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
 use crate::{Error, Result};
 
-/// Smallest stored value that counts as clipped, 8 bits: lossy compression moves 255 by one.
+/// Smallest 8-bit value that counts as clipped; lossy compression changes 255 by one.
 const CLIPPED_8: f32 = 254.0 / 255.0;
-/// The same with 16 bits.
+/// The same for 16 bits.
 const CLIPPED_16: f32 = 65_472.0 / 65_535.0;
-/// Linear value that counts as clipped, that of 254 in sRGB: pictures that were clipped before they
-/// got their profile have no clipped value left.
+/// Linear value that counts as clipped, equal to 254 in sRGB. Pictures clipped before their profile
+/// was applied contain no clipped stored value.
 const SATURATED: f32 = 0.991;
 
-/// How a file is read.
+/// Options of reading a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
-    /// Transfer curve of the stored values. `None`: what the file says, sRGB where it is silent,
-    /// linear for floats and raw values. [`Encoding::Srgb`]: the same for files of integers only.
-    /// Any other is taken at its word, in primaries of Rec. 709.
+    /// Transfer curve of the stored values, with primaries of Rec. 709: the colours that the file
+    /// states are ignored. `None`: the colours that the file states (ICC profile, PNG's cICP and
+    /// gAMA), sRGB where it states none, linear for floats and raw values.
     pub encoding: Option<Encoding>,
-    /// Relative exposure: value = radiance * exposure. `None`: that of the metadata
+    /// Relative exposure: value = radiance * exposure. `None`: from the metadata
     /// ([`Metadata::exposure`]), or 1.
     pub exposure: Option<f32>,
-    /// How far the upright picture is turned clockwise.
+    /// Clockwise rotation of the upright picture.
     pub turn: Rotation,
-    /// Most that may be read and allocated.
+    /// Limits of reading and allocation.
     pub limits: Limits,
 }
 
-/// A photograph and what its file says of it.
+/// A photograph with the information of its file.
 #[derive(Debug, Clone)]
 pub struct Decoded {
-    /// The photograph: upright, then turned as asked for, in linear Rec. 709.
+    /// The photograph in linear Rec. 709: upright, then rotated as requested.
     pub photo: Photo,
-    /// How it was taken.
+    /// Metadata.
     pub metadata: Metadata,
-    /// What is to be said about the file.
+    /// Remarks about the file.
     pub remarks: Vec<Remark>,
 }
 
 /// Reads a photograph: JPEG, PNG, TIFF, OpenEXR or DNG by its content, HEIC with feature `heic`.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read; [`Error::Image`] when it is empty, damaged, cut
-/// short, too large or of a format that is not read, which the message names with what to do;
-/// [`Error::MemoryLimit`] when decoding would take more than allowed; [`Error::Field`] about
-/// `encoding` when a curve is stated for floats or raw values.
+/// [`Error::Io`] if the file cannot be read; [`Error::Image`] if it is empty, damaged, truncated, too large
+/// or of an unsupported format (the message contains advice); [`Error::MemoryLimit`] if decoding needs more
+/// than allowed; [`Error::Field`] about `encoding` if a curve is given for floats or raw values.
 pub fn read(path: impl AsRef<Path>, options: &Options) -> Result<Decoded> {
     let path = path.as_ref();
     of_bytes(path, &options.limits.read(path)?, options)
 }
 
-/// As [`read`] with the contents of a file.
+/// As [`read`], from the content of a file.
 ///
 /// # Errors
 /// As [`read`]; the file is called `(memory)`.
@@ -96,7 +95,7 @@ fn of_bytes(path: &Path, bytes: &[u8], options: &Options) -> Result<Decoded> {
     Ok(Decoded { photo: photo.turned(options.turn), metadata, remarks })
 }
 
-/// A raw photograph, whose values have no curve.
+/// A raw photograph; its values have no curve.
 fn negative(path: &Path, bytes: &[u8], options: &Options, exposure: f32) -> Result<Photo> {
     if let Some(encoding) = options.encoding.filter(|e| *e != Encoding::Linear) {
         return Err(Error::Field {
@@ -132,12 +131,11 @@ fn picture(
         remarks.push(Remark::Gray);
     }
     let photo = |picture, encoding| Photo::from_picture(path, picture, encoding, exposure);
-    match options.encoding {
-        None | Some(Encoding::Srgb) => (),
-        Some(encoding) => return photo(picture, encoding),
+    if let Some(encoding) = options.encoding {
+        return photo(picture, encoding);
     }
     let Some(clipped) = clipped(&picture) else {
-        return photo(picture, options.encoding.unwrap_or(Encoding::Linear));
+        return photo(picture, Encoding::Linear);
     };
     let colours = match (kind, picture.profile.take()) {
         (Kind::Png, _) => png_colours::read(bytes),
@@ -151,7 +149,7 @@ fn picture(
     coloured(colours, clipped, exposure, remarks, |encoding| photo(picture, encoding))
 }
 
-/// A HEIC picture: its own turns, not those of the Exif block, make it upright.
+/// A HEIC picture. Its own transformations make it upright, not the Exif orientation.
 #[cfg(feature = "heic")]
 fn heic(
     path: &Path,
@@ -166,16 +164,14 @@ fn heic(
     }
     let clipped = if decoded.is_deep() { CLIPPED_16 } else { CLIPPED_8 };
     match options.encoding {
-        None | Some(Encoding::Srgb) => {
-            coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
-                decoded.photo(path, encoding, exposure)
-            })
-        }
+        None => coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
+            decoded.photo(path, encoding, exposure)
+        }),
         Some(encoding) => decoded.photo(path, encoding, exposure),
     }
 }
 
-/// The photograph with the colours that its file states.
+/// The photograph with the colours stated by its file.
 fn coloured(
     colours: Colours,
     clipped: f32,
@@ -207,7 +203,7 @@ fn is_gray(picture: &Picture) -> bool {
     matches!(picture.image.color(), L8 | La8 | L16 | La16)
 }
 
-/// Smallest stored value that counts as clipped; `None` of floats.
+/// Smallest stored value that counts as clipped; `None` for floats.
 fn clipped(picture: &Picture) -> Option<f32> {
     match picture.image.color() {
         image::ColorType::L8

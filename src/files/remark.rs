@@ -1,27 +1,26 @@
-//! What is to be said about a photograph's file.
+//! Remarks about a photograph's file.
 
 use std::fmt;
 
-/// What is to be said about a photograph's file.
+/// A remark about a photograph's file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Remark {
-    /// What it says of its colours cannot be used: a clause that says what and why. It was taken as
-    /// sRGB.
+    /// The stated colours are unusable, for the reason given as a clause; sRGB was used.
     ProfileUnusable(String),
-    /// It has a gain map (Ultra HDR), which is left out.
+    /// It has a gain map (Ultra HDR), which is ignored.
     GainMap,
-    /// Its orientation tag mirrors it, as front cameras do: what it shows is real only if what was
-    /// stored is not.
+    /// Its orientation tag mirrors it, as front cameras do. The picture is wrong if the stored
+    /// pixels are not mirrored.
     Mirrored,
-    /// Its end marker is missing, and nothing else.
+    /// Its end marker is missing; the picture is complete.
     EndMissing,
-    /// It is gray, and so are the maps.
+    /// It is gray, so the maps will be gray.
     Gray,
 }
 
 impl Remark {
-    /// Its name for programs.
+    /// Stable name for programs.
     pub fn code(&self) -> &'static str {
         match self {
             Self::ProfileUnusable(_) => "profile_unusable",

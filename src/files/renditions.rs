@@ -1,23 +1,23 @@
-//! Files of one shot: a raw file beside the camera's JPEG, a copy under another name.
+//! Files of one shot: a raw file beside the camera's JPEG, or a renamed copy.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::metadata::Metadata;
 
-/// A photograph that does not belong to the others.
+/// An excluded photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
-    /// The file as it was named.
+    /// The path as given.
     pub path: PathBuf,
-    /// Why, a sentence's end.
+    /// The reason, as the end of a sentence.
     pub reason: String,
 }
 
 type Photograph = (Metadata, PathBuf);
 
-/// Each shot once: the kind of file (linear, or not) that most shots have is kept, of two the linear one; and those
-/// left out.
+/// Keeps one file per shot and returns the others separately. Prefers the kind of file (linear or
+/// not) that most shots have, and linear files otherwise.
 pub(super) fn once(photographs: Vec<Photograph>) -> (Vec<Photograph>, Vec<LeftOut>) {
     let mut shots: Vec<Vec<usize>> = Vec::new();
     for (i, photograph) in photographs.iter().enumerate() {
@@ -52,7 +52,7 @@ pub(super) fn once(photographs: Vec<Photograph>) -> (Vec<Photograph>, Vec<LeftOu
     (used, left_out)
 }
 
-/// Whether two files are of one shot: taken at the same moment, and named alike or of different kinds.
+/// Whether two files show one shot: equal times, and similar names or different kinds.
 fn is_same_shot((a, a_path): &Photograph, (b, b_path): &Photograph) -> bool {
     let alike = stem(a_path) == stem(b_path);
     let other_kind = a.is_linear != b.is_linear;
@@ -60,12 +60,12 @@ fn is_same_shot((a, a_path): &Photograph, (b, b_path): &Photograph) -> bool {
     match (&a.taken, &b.taken) {
         _ if other_device => false,
         (Some(a), Some(b)) => a == b && (alike || other_kind),
-        // Without a time only names tell; pages and messengers give many photographs one name.
+        // Without times only names remain, and web pages and messengers give many photographs the same name.
         _ => alike && other_kind,
     }
 }
 
-/// A file's name without its ending and without what copies have behind it.
+/// File name without extension and without a copy suffix.
 fn stem(path: &Path) -> String {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let name = name.trim_end();
@@ -103,10 +103,10 @@ mod tests {
         assert_eq!(used(&pairs), ["IMG_1.dng", "IMG_2.DNG"]);
         let reason = once(pairs.to_vec()).1[0].reason.clone();
         assert!(reason.contains("same shot") && reason.contains("IMG_1.dng"), "{reason}");
-        // By their time alone.
+        // Recognised by their times alone.
         let renamed = [file("a.dng", one, true), file("b.jpg", one, false)];
         assert_eq!(used(&renamed), ["a.dng"]);
-        // Most have no raw file.
+        // Most shots have no raw file.
         let mixed =
             [file("1.jpg", one, false), file("1.dng", one, true), file("2.jpg", two, false)];
         assert_eq!(used(&mixed), ["1.jpg", "2.jpg"]);
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn other_shots_are_left_alone() {
         let (one, two) = (Some("2026:01:01 10:00:00"), Some("2026:01:01 10:00:07"));
-        // One name for all, as pages and messengers have it; two shots within a second.
+        // Equal names from web pages or messengers; two shots a few seconds apart.
         for (a, b) in [((None, "x.jpg"), (None, "x (1).jpg")), ((one, "x.jpg"), (two, "x (1).jpg"))]
         {
             assert_eq!(used(&[file(a.1, a.0, false), file(b.1, b.0, false)]).len(), 2);

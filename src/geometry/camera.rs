@@ -24,9 +24,9 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera of pictures of another size that the same lens and sensor make: scaled until they
-    /// span the picture's width or height, the rest cut off equally at both sides, as previews
-    /// are. `None` for an upright picture of a camera that lies, and the other way round.
+    /// The camera for pictures of another size from the same lens and sensor: scaled to the
+    /// picture's width or height, with the excess cropped equally on both sides, as in previews.
+    /// `None` if one picture is portrait and the other landscape.
     pub fn of_size(&self, width: u32, height: u32) -> Option<Self> {
         if (self.width, self.height) == (width, height) {
             return Some(*self);
@@ -44,8 +44,7 @@ impl Camera {
         Some(Self { width, height, fx, fy, cx: centre.x, cy: centre.y, ..*self })
     }
 
-    /// The camera of pictures in which `step` x `step` pixels have become one; those at the end that
-    /// fill no block are left out.
+    /// The camera for pictures reduced by blocks of `step` x `step` pixels, without incomplete blocks.
     pub(crate) fn reduced(&self, step: u32) -> Self {
         let (s, middle) = (f64::from(step), 0.5 * (f64::from(step) - 1.0));
         let (cx, cy) = ((self.cx - middle) / s, (self.cy - middle) / s);
@@ -53,7 +52,7 @@ impl Camera {
         Self { width, height, fx: self.fx / s, fy: self.fy / s, cx, cy, ..*self }
     }
 
-    /// Normalised image position (x/z, y/z) with distortion applied.
+    /// Applies distortion to a normalised image position (x/z, y/z).
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r2 = p.length_squared();
@@ -65,8 +64,8 @@ impl Camera {
         )
     }
 
-    /// Pixel of a point in the camera frame; `None` behind the camera or where the distortion
-    /// polynomial has turned back on itself and its value means nothing.
+    /// Pixel of a point in the camera frame; `None` behind the camera or beyond the fold of the
+    /// distortion polynomial.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         if point.z <= 0.0 {
             return None;
@@ -108,14 +107,14 @@ impl Camera {
         p
     }
 
-    /// Whether the radial polynomial still grows from the centre out to squared radius `r2`.
+    /// Whether the radial polynomial increases up to squared radius `r2`.
     fn is_monotonic_at(&self, r2: f64) -> bool {
         let [k1, k2, _, _, k3] = self.distortion;
         let growing = |r2: f64| 1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0;
         growing(r2) && growing(0.5 * r2)
     }
 
-    /// What is wrong with the values, if anything: the field and what was expected.
+    /// Fault of the values, if any: the field and the values expected.
     pub fn fault(&self) -> Option<(&'static str, &'static str)> {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if self.width == 0 || self.height == 0 {
@@ -177,13 +176,13 @@ mod tests {
         };
         let p = DVec3::new(20.0, -30.0, 300.0);
         let px = camera.project(p).unwrap();
-        // Blocks of 3 x 3 pixels; the middle of the first is (1, 1).
+        // Blocks of 3 x 3 pixels; the centre of the first is (1, 1).
         let third = camera.reduced(3);
         assert_eq!((third.width, third.height), (1344, 1008));
         assert!((third.project(p).unwrap() * 3.0 + 1.0 - px).length() < 1e-9);
         let scaled = camera.of_size(1344, 1008).unwrap();
         assert!((scaled.project(p).unwrap() - third.project(p).unwrap()).length() < 1e-9);
-        // A wide preview lacks an eighth of the height at either side.
+        // A wide preview lacks an eighth of the height on either side.
         let wide = camera.of_size(1344, 756).unwrap();
         let cut = scaled.project(p).unwrap() - wide.project(p).unwrap();
         assert!((cut - DVec2::new(0.0, 126.0)).length() < 1e-9);

@@ -30,7 +30,7 @@ impl Homography {
         let eigen = normal.symmetric_eigen();
         let mut order: Vec<usize> = (0..9).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        // A second vanishing eigenvalue: points on a line, the map is not determined.
+        // A second vanishing eigenvalue means collinear points.
         if eigen.eigenvalues[order[1]] < 1e-12 * eigen.eigenvalues[order[8]] {
             return None;
         }
@@ -48,13 +48,13 @@ impl Homography {
         q.truncate() / q.z
     }
 
-    /// The map back.
+    /// The inverse map.
     pub fn inverse(&self) -> Self {
         Self(self.0.inverse())
     }
 }
 
-/// Similarity that moves points to mean 0 and mean distance sqrt(2).
+/// Similarity that normalises points to mean 0 and mean distance sqrt(2).
 fn normaliser(points: &[DVec2]) -> Option<DMat3> {
     let n = points.len() as f64;
     let centre = points.iter().sum::<DVec2>() / n;

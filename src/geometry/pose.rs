@@ -17,16 +17,16 @@ impl Pose {
     pub(crate) fn is_plausible(&self) -> bool {
         let identity = self.rotation * self.rotation.transpose();
         let off = (identity - DMat3::IDENTITY).to_cols_array();
-        // not a number is not small either
+        // NaN must fail too.
         off.iter().all(|v| v.abs() <= 1e-6) && self.translation.is_finite()
     }
 
-    /// A point of the board frame, in the camera frame.
+    /// Transforms a point from the board frame to the camera frame.
     pub fn transform(&self, board: DVec3) -> DVec3 {
         self.rotation * board + self.translation
     }
 
-    /// A point of the camera frame, in the board frame.
+    /// Transforms a point from the camera frame to the board frame.
     pub fn to_board(&self, camera: DVec3) -> DVec3 {
         self.rotation.transpose() * (camera - self.translation)
     }

@@ -1,5 +1,4 @@
-//! Leads the hand that holds the camera: for each picture of the preview, hold, move there, shoot now, or
-//! enough.
+//! Guides the user of a camera: for each preview picture, the answer is hold, move, shoot or enough.
 
 mod motion;
 mod options;
@@ -11,68 +10,68 @@ pub use self::options::GuideOptions;
 use crate::Rejection;
 use crate::session::{Hint, NextView, Probe, ProbedView, Session, Survey};
 
-/// What the user is to do.
+/// Instruction for the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// Put right what [`Guidance::rejection`] names: a photograph would not be used.
+    /// Correct the fault in [`Guidance::rejection`]: a photograph would be rejected.
     Adjust,
-    /// Keep the camera where it is: until it is steady, or a photograph has been taken in.
+    /// Keep the camera still, until it is steady or a photograph has been processed.
     Hold,
-    /// Go to [`Guidance::target`].
+    /// Move to [`Guidance::target`].
     Move,
-    /// Nothing: take the photograph now.
+    /// Take the photograph now.
     Shoot,
-    /// Nothing more: a further photograph would tell little.
+    /// Stop: another photograph would add little information.
     Enough,
 }
 
-/// What a [`Guide`] answers to a picture of the preview.
+/// Answer of a [`Guide`] to a preview picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guidance {
-    /// What to do.
+    /// Instruction.
     pub action: Action,
-    /// Why a photograph like the picture would not be used.
+    /// Reason why a photograph like the picture would be rejected.
     pub rejection: Option<Rejection>,
-    /// Where to go; `None` where the camera's place or the target is not known.
+    /// Position to move to; `None` if the camera's position or the target is unknown.
     pub target: Option<Target>,
-    /// Share of the expected squared error of renderings that a photograph from here would take away, 0 to
-    /// 1; `None` before the first photograph, and while that is being computed.
+    /// Share of the expected squared rendering error that a photograph from here would remove, 0 to
+    /// 1; `None` before the first photograph and during the computation.
     pub gain: Option<f32>,
-    /// The same of the view that tells most.
+    /// The same for the most informative view.
     pub best_gain: Option<f32>,
-    /// Accepted photographs so far.
-    pub photographs: usize,
-    /// For the user, in English.
+    /// Number of accepted photographs.
+    pub photos: usize,
+    /// Text for the user, in English.
     pub message: String,
 }
 
-/// A place to take a photograph from, as seen from where the camera is.
+/// A position to photograph from, relative to the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// The view.
     pub view: NextView,
-    /// From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
-    /// the picture shows the way.
+    /// Vector from the camera to the position, camera frame, mm: x right, y down, z forward. An
+    /// arrow along x and y in the picture shows the way.
     pub offset_mm: [f32; 3],
-    /// Angle between both views, seen from the sample, degrees.
+    /// Angle between both views at the sample, degrees.
     pub degrees: f32,
 }
 
-/// Views this close to the best in gain are as good, and the nearest of them is the target.
+/// Share of the best gain from which a view counts as equally good. The nearest of these is the target.
 const AS_GOOD: f32 = 0.95;
 
-/// Leads through one capture. One thread at a time.
+/// Guides one capture. Use it from one thread at a time.
 #[derive(Debug, Clone, Default)]
 pub struct Guide {
     options: GuideOptions,
     motion: Motion,
-    /// Time of the latest [`Action::Shoot`], and photographs then.
+    /// Time of the latest [`Action::Shoot`], and the number of photographs at that time.
     shot: Option<(f64, usize)>,
-    /// The target, and the survey it was chosen from.
+    /// The target, and the survey it comes from.
     target: Option<(NextView, Arc<Survey>)>,
 }
 
-/// What the next photograph is to be like.
+/// Desired next photograph.
 struct Wanted {
     view: NextView,
     distance_mm: f32,
@@ -83,22 +82,22 @@ struct Wanted {
 }
 
 impl Guide {
-    /// A guide with other numbers than the default ones.
+    /// A guide with custom options.
     pub fn new(options: GuideOptions) -> Self {
         Self { options, ..Self::default() }
     }
 
-    /// What to do, by a probe of the latest picture of the preview and the state of the fit. `seconds`: when
-    /// the picture was taken, by any clock that does not jump. Waits for nothing.
+    /// The instruction for a probe of the latest preview picture and the present state of the fit.
+    /// `seconds` is the time of the picture by a monotonic clock. Does not block.
     ///
-    /// After [`Action::Shoot`] it answers [`Action::Hold`] until the photograph has been pushed, or
-    /// [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that at once.
+    /// After [`Action::Shoot`] the answer is [`Action::Hold`] until the photograph has been added
+    /// or [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that immediately.
     pub fn next(&mut self, session: &Session, probe: &Probe, seconds: f64) -> Guidance {
-        let photographs = session.progress().frames;
-        self.decide(session.survey(), photographs, probe, seconds)
+        let photos = session.progress().photos;
+        self.decide(session.survey(), photos, probe, seconds)
     }
 
-    /// Tells that the photograph asked for was not taken, or was rejected.
+    /// Reports that the requested photograph was not taken, or was rejected.
     pub fn missed(&mut self) {
         self.shot = None;
     }
@@ -106,7 +105,7 @@ impl Guide {
     fn decide(
         &mut self,
         survey: Option<Arc<Survey>>,
-        photographs: usize,
+        photos: usize,
         probe: &Probe,
         seconds: f64,
     ) -> Guidance {
@@ -118,20 +117,20 @@ impl Guide {
             target: None,
             gain: None,
             best_gain: survey.as_ref().and_then(|s| s.best()).map(|best| best.gain),
-            photographs,
+            photos,
             message: String::new(),
         };
-        if self.is_enough(survey.as_deref(), photographs) {
+        if self.is_enough(survey.as_deref(), photos) {
             return guidance.say(Action::Enough, "Enough: further photographs would tell little");
         }
         let waiting = self.shot.is_some_and(|(at, before)| {
-            photographs == before && (0.0..self.options.shot_seconds).contains(&(seconds - at))
+            photos == before && (0.0..self.options.shot_seconds).contains(&(seconds - at))
         });
         if waiting {
             return guidance.say(Action::Hold, "Hold still: the photograph is being taken");
         }
         self.shot = None;
-        let wanted = probe.view.as_ref().and_then(|view| self.wanted(survey, photographs, view));
+        let wanted = probe.view.as_ref().and_then(|view| self.wanted(survey, photos, view));
         if let Some(wanted) = &wanted {
             (guidance.gain, guidance.best_gain) = (wanted.here, wanted.best);
             guidance.target = target(probe, wanted);
@@ -147,32 +146,32 @@ impl Guide {
         match wanted {
             None => guidance.say(Action::Hold, "Hold still"),
             Some(wanted) if !wanted.worth || seen_before => {
-                let way = words(&wanted, photographs);
+                let way = words(&wanted, photos);
                 guidance.say(Action::Move, &way)
             }
             Some(_) if !steady => guidance.say(Action::Hold, "Good: hold still"),
             Some(_) => {
-                self.shot = Some((seconds, photographs));
+                self.shot = Some((seconds, photos));
                 guidance.say(Action::Shoot, "Taking the photograph")
             }
         }
     }
 
-    fn is_enough(&self, survey: Option<&Survey>, photographs: usize) -> bool {
+    fn is_enough(&self, survey: Option<&Survey>, photos: usize) -> bool {
         let told = survey.filter(|s| s.settled).and_then(Survey::best);
-        photographs >= self.options.most
-            || photographs >= self.options.least
+        photos >= self.options.most
+            || photos >= self.options.least
                 && told.is_some_and(|best| best.gain < self.options.enough)
     }
 
-    /// `None` while the fit has not told what views are worth.
+    /// `None` until the fit has computed the gains of views.
     fn wanted(
         &mut self,
         survey: Option<Arc<Survey>>,
-        photographs: usize,
+        photos: usize,
         view: &ProbedView,
     ) -> Option<Wanted> {
-        if photographs == 0 {
+        if photos == 0 {
             let top = NextView { direction: [0.0, 0.0, 1.0], tilt_deg: 0.0, azimuth_deg: 0.0 };
             let worth = view.tilt_deg <= self.options.first_tilt_deg;
             let distance_mm = view.distance_mm;
@@ -204,7 +203,7 @@ impl Guidance {
     }
 }
 
-/// The target as seen from the camera.
+/// The target relative to the camera.
 fn target(probe: &Probe, wanted: &Wanted) -> Option<Target> {
     let (pose, view) = (probe.pose?.pose, probe.view?);
     let at = wanted.view.direction.map(|v| f64::from(v * wanted.distance_mm));
@@ -221,8 +220,8 @@ fn degrees(a: [f32; 3], b: [f32; 3]) -> f32 {
     dot.clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-fn words(wanted: &Wanted, photographs: usize) -> String {
-    if photographs == 0 {
+fn words(wanted: &Wanted, photos: usize) -> String {
+    if photos == 0 {
         return "Go above the sample".into();
     }
     let NextView { tilt_deg, azimuth_deg, .. } = wanted.view;
@@ -232,7 +231,7 @@ fn words(wanted: &Wanted, photographs: usize) -> String {
     format!("Go to the {side} side, {tilt_deg:.0} degrees off the top")
 }
 
-/// With a capital letter.
+/// Capitalises the text of a rejection.
 fn sentence(rejection: &Rejection) -> String {
     let text = rejection.to_string();
     let mut letters = text.chars();

@@ -1,22 +1,22 @@
-//! How much the camera moves.
+//! Motion of the camera.
 
 use super::options::GuideOptions;
 use crate::session::Probe;
 
-/// A picture longer ago than this says nothing about the camera's motion, seconds.
+/// Longest interval between pictures for an estimate of motion, seconds.
 const MEMORY: f64 = 0.5;
 
-/// What the pictures so far tell of the camera's motion.
+/// Motion according to the pictures so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Motion {
-    /// Time and outline of the latest picture that showed the sample, px.
+    /// Time and outline (px) of the latest picture that showed the sample.
     latest: Option<(f64, [[f32; 2]; 4])>,
-    /// Since when the camera has been steady.
+    /// Start of the present steady period.
     steady_since: Option<f64>,
 }
 
 impl Motion {
-    /// Takes a picture into account.
+    /// Adds a picture.
     pub(super) fn see(&mut self, probe: &Probe, seconds: f64, options: &GuideOptions) {
         let Some(outline) = probe.view.and_then(|view| view.sample_px) else {
             *self = Self::default();

@@ -1,30 +1,30 @@
-//! Numbers of the guide.
+//! Options of the guide.
 
-/// Numbers of a [`Guide`](super::Guide).
+/// Options of a [`Guide`](super::Guide).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GuideOptions {
-    /// Gain from which on a photograph is worth taking, as a share of the best view's, 0 to 1. High:
-    /// fewer photographs; low: less walking.
+    /// Least gain of a photograph relative to the best view's, 0 to 1. High values need fewer
+    /// photographs, low values less walking.
     pub worth: f32,
-    /// The camera is steady where the sample moves less than this across the picture, in widths of the
-    /// sample a second. At 1/100 s and 1000 px, 0.1 is a blur of one pixel.
+    /// Largest speed of a steady camera: motion of the sample in the picture, in widths of the
+    /// sample per second. At 1/100 s and 1000 px, 0.1 blurs by one pixel.
     pub steady: f32,
-    /// For so long, seconds.
+    /// Time for which the camera must be steady, seconds.
     pub steady_seconds: f32,
-    /// It is enough where the best view would take away less of the expected squared error, 0 to 1.
+    /// Capture ends when the best view would remove less of the expected squared error, 0 to 1.
     pub enough: f32,
-    /// But not before so many photographs.
+    /// Fewest photographs before that.
     pub least: usize,
-    /// And in any case with so many.
+    /// Most photographs.
     pub most: usize,
-    /// Steepest view of the first photograph, degrees off the top.
+    /// Largest angle of the first photograph from the normal, degrees.
     pub first_tilt_deg: f32,
-    /// A photograph that has not been pushed so long after [`Action::Shoot`](super::Action::Shoot) is not going to be, seconds.
+    /// Time after [`Action::Shoot`](super::Action::Shoot) at which a photograph counts as missed, seconds.
     pub shot_seconds: f64,
 }
 
 impl Default for GuideOptions {
-    /// Those of `docs/research/guided-capture.md`.
+    /// Values of `docs/research/guided-capture.md`.
     fn default() -> Self {
         Self {
             worth: 0.8,

@@ -4,7 +4,7 @@ use super::*;
 use crate::geometry::Pose;
 use crate::session::{BoardPose, SurveyedView};
 
-/// A view so far off the top and to a side, degrees.
+/// A view `tilt_deg` from the normal with the given azimuth, degrees.
 fn view(tilt_deg: f32, azimuth_deg: f32) -> NextView {
     let ((s, c), (y, x)) = (tilt_deg.to_radians().sin_cos(), azimuth_deg.to_radians().sin_cos());
     NextView { direction: [s * x, s * y, c], tilt_deg, azimuth_deg }
@@ -16,10 +16,10 @@ fn survey(best: f32, at: NextView, settled: bool) -> Option<Arc<Survey>> {
     let views =
         [10.0, 30.0, 50.0].into_iter().flat_map(|t| (0..8).map(move |k| view(t, 45.0 * k as f32)));
     let views = views.map(|v| SurveyedView { view: v, gain: gain(&v) }).collect();
-    Some(Arc::new(Survey { photographs: 1, settled, views, distance_mm: 300.0 }))
+    Some(Arc::new(Survey { photos: 1, settled, views, distance_mm: 300.0 }))
 }
 
-/// What a probe tells from such a view, with the sample moved by `moved_px`.
+/// Probe of such a view, with the sample moved by `moved_px`.
 fn probe(at: NextView, moved_px: f32) -> Probe {
     let direction = DVec3::from_array(at.direction.map(f64::from));
     let z = -direction;
@@ -51,16 +51,16 @@ fn probe(at: NextView, moved_px: f32) -> Probe {
     }
 }
 
-/// Shows a still picture for some frames of 1/30 s: the last answer.
+/// Shows a still picture for some frames of 1/30 s and returns the last answer.
 fn still(
     guide: &mut Guide,
     survey: &Option<Arc<Survey>>,
-    photographs: usize,
+    photos: usize,
     probe: &Probe,
     from: f64,
 ) -> Guidance {
-    let answers = (0..8)
-        .map(|i| guide.decide(survey.clone(), photographs, probe, from + f64::from(i) / 30.0));
+    let answers =
+        (0..8).map(|i| guide.decide(survey.clone(), photos, probe, from + f64::from(i) / 30.0));
     let answers: Vec<Guidance> = answers.collect();
     let shot = answers.iter().find(|a| a.action == Action::Shoot);
     shot.or(answers.last()).unwrap().clone()
@@ -71,7 +71,7 @@ fn the_first_photograph_is_taken_from_above_once_the_camera_is_steady() {
     let mut guide = Guide::default();
     let aside = still(&mut guide, &None, 0, &probe(view(40.0, 0.0), 0.0), 0.0);
     assert_eq!((aside.action, aside.target.unwrap().degrees.round()), (Action::Move, 40.0));
-    // 4 px in a thirtieth of a second: 0.6 of the sample's 200 px a second.
+    // 4 px in 1/30 s is 0.6 of the sample's 200 px per second.
     let mut actions = (0..10).map(|i| {
         let t = f64::from(i) / 30.0;
         guide.decide(None, 0, &probe(view(5.0, 0.0), 4.0 * i as f32), 1.0 + t).action
@@ -80,7 +80,7 @@ fn the_first_photograph_is_taken_from_above_once_the_camera_is_steady() {
     let first = guide.decide(None, 0, &probe(view(5.0, 0.0), 0.0), 3.0);
     assert_eq!(first.action, Action::Hold, "one picture does not tell");
     let shot = still(&mut guide, &None, 0, &probe(view(5.0, 0.0), 0.0), 4.0);
-    assert_eq!((shot.action, shot.photographs), (Action::Shoot, 0));
+    assert_eq!((shot.action, shot.photos), (Action::Shoot, 0));
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn a_photograph_is_asked_for_once() {
     let picture = probe(view(5.0, 0.0), 0.0);
     assert_eq!(still(&mut guide, &None, 0, &picture, 0.0).action, Action::Shoot);
     assert_eq!(guide.decide(None, 0, &picture, 2.0).action, Action::Hold);
-    // Its survey has not come yet.
+    // The survey is not yet available.
     assert_eq!(still(&mut guide, &None, 1, &picture, 2.1).action, Action::Hold);
     let mut other = Guide::default();
     assert_eq!(still(&mut other, &None, 0, &picture, 0.0).action, Action::Shoot);
@@ -99,7 +99,7 @@ fn a_photograph_is_asked_for_once() {
 }
 
 #[test]
-fn the_camera_is_led_to_where_photographs_tell_most() {
+fn the_camera_is_led_to_the_most_informative_view() {
     let mut guide = Guide::default();
     let wanted = view(30.0, 90.0);
     let told = survey(0.4, wanted, true);
@@ -107,14 +107,14 @@ fn the_camera_is_led_to_where_photographs_tell_most() {
     let target = away.target.unwrap();
     assert_eq!((away.action, target.view), (Action::Move, wanted));
     assert!((target.degrees - 40.0).abs() < 1e-3, "{target:?}");
-    // The camera's centre plus the way is the target, 300 mm from the sample.
+    // Camera centre plus offset gives the target, 300 mm from the sample.
     let pose = probe(view(10.0, 270.0), 0.0).pose.unwrap().pose;
     let there = pose.to_board(DVec3::from_array(target.offset_mm.map(f64::from)));
     let expected = DVec3::from_array(wanted.direction.map(f64::from)) * 300.0;
     assert!(there.distance(expected) < 1e-3, "{there} {expected}");
     assert!(away.message.contains("far side"), "{}", away.message);
     assert!(away.gain.unwrap() < 0.5 * away.best_gain.unwrap());
-    // Near enough is good enough.
+    // A nearby view suffices.
     let near = still(&mut guide, &told, 1, &probe(view(30.0, 86.0), 0.0), 1.0);
     assert_eq!(near.action, Action::Shoot);
     let mut again = Guide::default();
@@ -124,7 +124,7 @@ fn the_camera_is_led_to_where_photographs_tell_most() {
 }
 
 #[test]
-fn what_would_be_rejected_is_put_right_first() {
+fn faults_are_corrected_first() {
     let mut guide = Guide::default();
     let told = survey(0.4, view(30.0, 90.0), true);
     let mut dark = probe(view(30.0, 90.0), 0.0);
@@ -141,12 +141,12 @@ fn what_would_be_rejected_is_put_right_first() {
 }
 
 #[test]
-fn it_is_enough_where_the_settled_fit_expects_little() {
+fn capture_ends_when_the_settled_fit_expects_little_gain() {
     let at = view(30.0, 90.0);
     let picture = probe(at, 0.0);
-    let action = |best, settled, photographs| {
+    let action = |best, settled, photos| {
         let told = survey(best, at, settled);
-        still(&mut Guide::default(), &told, photographs, &picture, 0.0).action
+        still(&mut Guide::default(), &told, photos, &picture, 0.0).action
     };
     assert_eq!(action(0.02, true, 6), Action::Enough);
     assert_eq!(action(0.02, false, 6), Action::Shoot, "not settled");

@@ -1,4 +1,4 @@
-//! Maps as the planes in [-1, 1] that the networks take and give.
+//! Conversion of maps to and from the networks' planes in [-1, 1].
 
 use crate::svbrdf::encoding;
 use crate::{Result, Svbrdf};
@@ -10,7 +10,7 @@ pub(crate) fn encoded_maps(maps: &Svbrdf) -> Vec<f32> {
     maps.planes().iter().enumerate().map(encode).collect()
 }
 
-/// Maps of nine encoded planes, within their physical range.
+/// Maps of nine encoded planes, clamped to their physical range.
 pub(super) fn decoded_maps(width: usize, height: usize, mut encoded: Vec<f32>) -> Result<Svbrdf> {
     for (c, plane) in encoded.chunks_exact_mut(width * height).enumerate() {
         for v in plane {

@@ -1,4 +1,4 @@
-//! Whether the networks of a folder are of a kind that this version runs.
+//! Checks that the networks of a folder are supported.
 
 use std::path::Path;
 
@@ -7,11 +7,11 @@ use serde_json::{Map, Value};
 
 use crate::{Error, Result};
 
-/// File of a folder of networks that describes them.
+/// Description of a folder's networks.
 const FILE_NAME: &str = "manifest.json";
 /// Value of `format`.
 const FORMAT: &str = "svbrdf-models/1";
-/// Options of each network's architecture that change nothing about how it is run.
+/// Options of each network's architecture that do not affect its use.
 const KNOWN: [(&str, &[&str]); 1] = [("photo", &["widths", "spread", "rounds", "deep"])];
 
 #[derive(Deserialize)]
@@ -22,10 +22,10 @@ struct Manifest {
     networks: Map<String, Value>,
 }
 
-/// Checks the description of a folder's networks; one without is taken as it is.
+/// Checks the description of a folder's networks. A folder without description is accepted.
 ///
 /// # Errors
-/// [`Error::Field`] where it describes networks that this version does not know.
+/// [`Error::Field`] if it describes unknown networks.
 pub(super) fn check(folder: &Path) -> Result<()> {
     let path = folder.join(FILE_NAME);
     if !path.exists() {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn networks_of_another_kind_are_refused_by_name() {
+    fn unknown_networks_are_refused_by_name() {
         let known = r#"{"format":"svbrdf-models/1","networks":{"photo":{"rounds":3,"deep":true}}}"#;
         assert!(checked(known).is_ok());
         assert!(checked(r#"{"format":"svbrdf-models/1"}"#).is_ok());

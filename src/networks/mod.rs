@@ -1,8 +1,8 @@
 //! The four networks: photograph to first maps (`photo`), maps to code, code to maps (`decoder`),
-//! and what fits leave open (`completion`).
+//! and corrections of fitted maps (`completion`).
 //!
-//! The decoder, which runs in every step of a fit, has its own code. The others are ONNX graphs
-//! that tract executes (`onnx`).
+//! The decoder runs in every step of a fit, so it has its own implementation. The others are ONNX
+//! graphs run by tract (`onnx`).
 
 mod completion;
 mod decoder;
@@ -30,11 +30,11 @@ pub(crate) use onnx::{MAPS_ODD, half_turn};
 use onnx::{MAX_TEXELS, Network};
 use photo::PhotoNetwork;
 
-/// Texels along the longer side of the maps that the latent code is fitted to, at most: twice as many take four
-/// times as long and gain 1 % at most on average.
+/// Longest side of the maps for the fit of the latent code, texels. Twice as many take four times
+/// as long and gain at most 1 % on average.
 pub(crate) const CODE_TEXELS: usize = 128;
 
-/// The four networks: photograph to maps, maps to code, code to maps, and what fits leave open.
+/// The four networks: photograph to maps, maps to code, code to maps, and completion.
 pub struct Networks {
     decoder: Decoder,
     encoder: Network,
@@ -43,10 +43,10 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// The networks that are compiled into the library.
+    /// The networks compiled into the library.
     ///
     /// # Errors
-    /// [`Error::Model`] when they do not fit this version.
+    /// [`Error::Model`] if they do not fit this version.
     #[cfg(feature = "embedded-models")]
     pub fn embedded() -> Result<Self> {
         Self::from_bytes(
@@ -57,12 +57,12 @@ impl Networks {
         )
     }
 
-    /// The networks of a folder with `decoder.bin`, `encoder.onnx`, `photo.onnx` and
-    /// `completion.onnx`; `manifest.json`, where there is one, describes them.
+    /// The networks of a folder with `decoder.bin`, `encoder.onnx`, `photo.onnx`, `completion.onnx`
+    /// and an optional `manifest.json`.
     ///
     /// # Errors
-    /// When a file cannot be read or is damaged; [`Error::Field`] where the description names a network
-    /// or an option that this version does not know.
+    /// If a file cannot be read or is damaged; [`Error::Field`] if the manifest has an unknown
+    /// network or option.
     pub fn from_folder(folder: &Path) -> Result<Self> {
         manifest::check(folder)?;
         let read = |name: &str| {
@@ -80,7 +80,7 @@ impl Networks {
     /// The networks from the contents of their files.
     ///
     /// # Errors
-    /// [`Error::Model`] when one is damaged.
+    /// [`Error::Model`] if one is damaged.
     pub fn from_bytes(
         decoder: &[u8],
         encoder: &[u8],
@@ -100,10 +100,10 @@ impl Networks {
         &self.decoder
     }
 
-    /// Builds the plans for photographs of `height * width` texels ahead of the first photograph.
+    /// Builds the plans for photographs of `height * width` texels ahead of time.
     ///
     /// # Errors
-    /// When the sizes do not suit the networks.
+    /// If the networks do not support the size.
     pub fn prepare(&self, height: usize, width: usize) -> Result<()> {
         self.photo.prepare(height, width)?;
         self.check_code_size(height, width)?;
@@ -113,20 +113,20 @@ impl Networks {
 
     /// First maps from one photograph.
     ///
-    /// Observations of more than 256 texels a side are halved until they fit; the result has that
-    /// size. Where nothing was seen the network fills in from what lies around; diffuse albedo that a
-    /// highlight hides takes its level from there as well.
+    /// Observations with more than 256 texels along a side are halved until they fit; the maps have
+    /// that size. In unseen areas the network extrapolates. Diffuse albedo hidden by a highlight
+    /// gets the level of its surroundings.
     ///
     /// # Errors
-    /// When the sides are not multiples of 32 (after halving), or the network is broken.
+    /// If the sides are not multiples of 32 (after halving), or the network is broken.
     pub fn photo_maps(&self, observation: &Observation) -> Result<Svbrdf> {
         self.photo.maps(observation)
     }
 
-    /// The code of maps: `channels * height / 16 * width / 16` values.
+    /// Encodes maps to a code of `channels * height / 16 * width / 16` values.
     ///
     /// # Errors
-    /// When the sides are not multiples of the stride, or the network is broken.
+    /// If the sides are not multiples of the stride, or the network is broken.
     pub fn encode(&self, maps: &Svbrdf) -> Result<Vec<f32>> {
         let (h, w) = (maps.height(), maps.width());
         self.check_code_size(h, w)?;
@@ -138,10 +138,10 @@ impl Networks {
         Ok(code)
     }
 
-    /// Maps of a code of `[height, width]` positions, as [`Networks::encode`] gives it.
+    /// Decodes a code of `[height, width]` positions from [`Networks::encode`].
     ///
     /// # Errors
-    /// When the code has another size.
+    /// If the code has another size.
     pub fn decode(&self, code: &[f32], [height, width]: [usize; 2]) -> Result<Svbrdf> {
         let mut workspace = Workspace::new(&self.decoder, height, width)?;
         let encoded = self.decoder.forward(code, &mut workspace)?.to_vec();
@@ -149,7 +149,7 @@ impl Networks {
         decoded_maps(stride * width, stride * height, encoded)
     }
 
-    /// How far the means of maps of `[height, width]` texels should move, in sigmas: nine planes.
+    /// Corrections to the means of maps of `[height, width]` texels, in sigmas: nine planes.
     pub(crate) fn complete(
         &self,
         features: Vec<f32>,
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_encoder_gives_what_the_training_framework_gives() {
+    fn the_encoder_agrees_with_the_training_framework() {
         let vectors = test_vectors(include_bytes!("../../models/encoder_test.bin"));
         let (shape, maps) = &vectors["maps"];
         let networks = Networks::embedded().unwrap();

@@ -1,4 +1,4 @@
-//! Reads the test vectors that the training code exports next to each network.
+//! Reads the test vectors exported by the training code.
 
 /// Tensors of a file of test vectors (`SVBRDFT1`) by name, with their shapes.
 pub(crate) fn test_vectors(
@@ -25,7 +25,7 @@ pub(crate) fn test_vectors(
         .collect()
 }
 
-/// Largest difference, relative to the largest value expected.
+/// Largest difference over the largest expected value.
 pub(crate) fn difference(found: &[f32], expected: &[f32]) -> f32 {
     assert_eq!(found.len(), expected.len());
     let scale = expected.iter().fold(0.0f32, |a, v| a.max(v.abs()));

@@ -1,23 +1,23 @@
-//! Texel to pixel: set up in `f64` for every run of texels, evaluated in `f32`.
+//! Maps texels to pixels, with an `f64` set-up per run of texels and evaluation in `f32`.
 
 use glam::{DVec2, DVec3};
 
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::photo::Photo;
 
-/// Texels handled together.
+/// Texels per run.
 pub(super) const LANES: usize = 64;
 
-/// Projection of the sample's rectangle.
+/// Projection of the sample.
 pub(super) struct Mapping {
     camera: Camera,
-    /// Camera coordinates of the top view's upper left corner.
+    /// Upper left corner of the top view, camera frame.
     origin: DVec3,
-    /// Camera coordinates of a step of one texel right.
+    /// Step of one texel right, camera frame.
     right: DVec3,
-    /// Camera coordinates of a step of one texel down.
+    /// Step of one texel down, camera frame.
     down: DVec3,
-    /// Light in camera coordinates.
+    /// Light, camera frame.
     light: DVec3,
     sample_mm: DVec2,
     size: DVec2,
@@ -61,11 +61,11 @@ impl Area {
 }
 
 impl Bounds {
-    /// Interpolation reaches two pixels out, the dilation of saturation one more, and the border
-    /// of a run of texels bends by less than one between the points that were projected.
+    /// Reach of interpolation (two pixels) and dilation of saturation (one), plus less than one for
+    /// the curvature of a run's border between projected points.
     const MARGIN: f64 = 4.0;
 
-    /// The pixels of the photo that the interpolation may touch; `None` when all is outside.
+    /// Pixels of the photo that interpolation may read; `None` if all lie outside.
     pub fn pixels_in(&self, photo: &Photo) -> Option<Area> {
         let (w, h) = (f64::from(photo.width()), f64::from(photo.height()));
         let low = (self.low - Self::MARGIN).floor().max(DVec2::ZERO);
@@ -122,7 +122,7 @@ impl Mapping {
     /// coordinate `y`.
     pub fn project(&self, x0: usize, sub_x: f64, y: f64, out: &mut Positions) {
         let start = self.point(x0 as f64 + sub_x, y);
-        // A projective scale: keeps all f32 quantities near 1.
+        // A projective scale keeps all f32 quantities near 1.
         let scale = start.z.recip();
         let (start, step) = ((start * scale).as_vec3(), (self.right * scale).as_vec3());
         let light = (self.light * scale).as_vec3();
@@ -147,7 +147,7 @@ impl Mapping {
         }
     }
 
-    /// Pixels that a step of one texel right and one down covers: the larger of both ends of a run.
+    /// Pixels covered by a step of one texel right and one down: the larger value of both ends of a run.
     pub fn footprint(&self, x0: usize, columns: usize, y: f64) -> (f64, f64) {
         let at = |x: f64, y: f64| self.camera.project(self.point(x, y));
         let step = |x: f64| {
@@ -160,7 +160,7 @@ impl Mapping {
         (a.0.max(b.0), a.1.max(b.1))
     }
 
-    /// Where a rectangle of texels lies in the photo; `None` where it does not project.
+    /// Bounds of a rectangle of texels in the photo; `None` if it does not project.
     pub fn bounds(&self, x0: usize, y0: usize, columns: usize, rows: usize) -> Option<Bounds> {
         let mut bounds =
             Bounds { low: DVec2::splat(f64::INFINITY), high: DVec2::splat(f64::NEG_INFINITY) };
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    /// The f32 evaluation against the f64 chain board -> camera -> pixel, on a large sensor.
+    /// Compares the f32 evaluation with the f64 chain board -> camera -> pixel, on a large sensor.
     #[test]
     fn single_precision_is_good_to_a_hundredth_of_a_pixel() {
         let camera = Camera {

@@ -1,9 +1,8 @@
-//! The top view of a photograph as an [`Observation`].
+//! Rectification: the top view of a photograph as an [`Observation`].
 //!
-//! Every texel is mapped board -> camera -> distorted pixel and the photo interpolated there
-//! (Catmull-Rom); where a texel covers more than about a pixel, sub-samples along each axis are
-//! averaged. Values stay linear throughout; the photo's response ([`Radiometry`]) turns them into
-//! radiance.
+//! Each texel is mapped board -> camera -> distorted pixel, where the photo is interpolated
+//! (Catmull-Rom). Texels larger than about a pixel are averaged over sub-samples along each axis.
+//! Values stay linear; the photo's response ([`Radiometry`]) converts them to radiance.
 
 pub mod elevation;
 mod mapping;
@@ -14,10 +13,10 @@ mod sampler;
 
 use crate::Rejection;
 use crate::calibration::photometry::Radiometry;
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{self, Falloff, Observation, View, pack_weight};
 use crate::parallel;
+use crate::photo::Photo;
 use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};
@@ -26,19 +25,18 @@ pub use resample::from_rectified;
 use response::Response;
 use sampler::{Filter, Tile};
 
-/// Views flatter than this see no material, only its roughest relief.
+/// Flatter views show only coarse relief, not the material.
 const MAX_VIEW_DEGREES: f64 = 80.0;
-/// From here on the weight fades to reach 0 at [`MAX_VIEW_DEGREES`].
+/// From here on the weight fades to 0 at [`MAX_VIEW_DEGREES`].
 const FADE_VIEW_DEGREES: f64 = 75.0;
-/// Least share of the sample that must be seen.
+/// Least visible share of the sample.
 pub(crate) const MIN_SEEN: f32 = 0.25;
-/// Share of texels saturated in all channels above which a photo says too little.
+/// Largest share of texels saturated in all channels.
 pub(crate) const MAX_CLIPPED: f32 = 0.9;
 
-/// Rectifies a photo of a sample that lies in the board's plane.
+/// Rectifies a photo of a sample in the board's plane.
 ///
-/// The sample is the rectangle `sample_mm` (width, height) round the board's origin. See
-/// [`rectify_raised`].
+/// The sample is the rectangle `sample_mm` (width, height) around the board's origin. See [`rectify_raised`].
 ///
 /// # Errors
 /// As [`rectify_raised`].
@@ -57,11 +55,10 @@ pub fn rectify(
 
 /// Rectifies a photo of a sample whose surface may lie above or below the board's plane.
 ///
-/// The result's frame has its origin on the sample's surface: camera and light are given relative
-/// to that. Weight is the cosine between the surface's normal and the direction to the camera,
-/// faded to 0 at 80 degrees, and faded towards the sample's edge as [`TopView::edge_px`] says; it is
-/// 0 where a texel's footprint leaves the photo, holds values that are not finite, or where the light
-/// is below the surface.
+/// The origin of the result's frame lies on the sample's surface; camera and light are relative to it. The
+/// weight is the cosine between the surface's normal and the direction to the camera, faded to 0 at 80
+/// degrees and towards the sample's edge (see [`TopView::edge_px`]). It is 0 where a texel's footprint leaves
+/// the photo or holds values that are not finite, and where the light is below the surface.
 ///
 /// # Errors
 /// [`Rejection::WrongSize`], [`Rejection::TooGrazing`], [`Rejection::LightNotVisible`] (below the
@@ -76,47 +73,47 @@ pub fn rectify_raised(
     rectify_filtered(photo, camera, pose, radiometry, top, Filter::Adaptive)
 }
 
-/// The rectangle to be seen from the top.
+/// Geometry of the top view.
 #[derive(Debug, Clone, Copy)]
 pub struct TopView {
-    /// Width and height of the sample, mm; its middle is the board's origin.
+    /// Width and height of the sample, mm, centred at the board's origin.
     pub sample_mm: [f32; 2],
-    /// Height of its surface above the board's plane, mm; negative: below.
+    /// Height of its surface above the board's plane, mm; may be negative.
     pub height_mm: f32,
     /// Texels in a row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// How far inside the sample's edge its surroundings are seen as well, px of the photo: standard
-    /// deviation of blur and registration together. The weight rises from the least at
-    /// [`EDGE_SIGMAS`]`[0]` of it to its full value at [`EDGE_SIGMAS`]`[1]`.
+    /// Width of the zone inside the sample's edge that is contaminated by its surroundings, px of
+    /// the photo: standard deviation of blur and registration together. The weight rises from its
+    /// least value at [`EDGE_SIGMAS`]`[0]` of it to the full value at [`EDGE_SIGMAS`]`[1]`.
     pub edge_px: f32,
 }
 
 /// Distances from the sample's edge between which the weight rises, in units of
-/// [`TopView::edge_px`]. Of a step's blurred image 16 % lie beyond one sigma, 0.13 % beyond three: of
-/// white paper beside a dark sample 1 %.
+/// [`TopView::edge_px`]. Of a blurred step, 16 % lie beyond one sigma and 0.13 % beyond three; the
+/// latter is 1 % for white paper beside a dark sample.
 pub const EDGE_SIGMAS: [f32; 2] = [1.0, 3.0];
-/// What is left of a weight there: enough to count where no photograph shows the edge better.
+/// Factor on the weight at the edge, for texels that no photograph shows better.
 const EDGE_LEAST: f32 = 0.01;
 
 impl TopView {
-    /// What the nearness of the sample's edge leaves of a texel's weight; `footprint` is the texel's
-    /// width and height in the photo, px.
+    /// Factor of the sample's edge on a texel's weight; `footprint` is the texel's width and height
+    /// in the photo, px.
     fn inside(&self, x: usize, y: usize, footprint: (f64, f64)) -> f32 {
         let nearest = |i: usize, count: usize| i.min(count - 1 - i) as f32 + 0.5;
         let across = nearest(x, self.width) * footprint.0 as f32;
         let along = nearest(y, self.height) * footprint.1 as f32;
         let [zero, full] = EDGE_SIGMAS.map(|sigmas| sigmas * self.edge_px);
-        // Without blur a texel's own middle is inside.
+        // Without blur, half a texel lies between its centre and the edge.
         ((across.min(along) - zero) / (full - zero).max(f32::MIN_POSITIVE)).clamp(EDGE_LEAST, 1.0)
     }
 }
 
-/// The view of the sample that a photograph has.
+/// View of a photograph.
 ///
 /// # Errors
-/// As [`rectify_raised`], as far as it does not depend on pixels.
+/// As [`rectify_raised`], for the errors that do not depend on pixels.
 fn seen_by(
     photo: &Photo,
     camera: &Camera,
@@ -210,11 +207,11 @@ fn rectify_filtered(
     Ok(observation)
 }
 
-/// Brings an observation made with one radiometry to another of the same photo, as when later
-/// photos have improved the estimate: values, light and ambient; the pose stays.
+/// Converts an observation to another radiometry of the same photo, e.g. after later photos have
+/// improved the estimate: values, light and ambient light; the pose is unchanged.
 ///
 /// # Panics
-/// When the observation's planes do not have its size.
+/// If the observation's planes do not have its size.
 pub fn update_radiometry(
     observation: &mut Observation,
     camera: &Camera,
@@ -269,7 +266,6 @@ struct Band<'a> {
     /// Three planes.
     planes: &'a mut [f32],
     weight: &'a mut [f32],
-    /// First row.
     row: usize,
     top: &'a TopView,
 }
@@ -301,8 +297,7 @@ impl Band<'_> {
         }
     }
 
-    /// Fills a rectangle of at most `LANES * LANES` texels; halves it while the part of the photo
-    /// that it shows is large.
+    /// Fills a rectangle of at most `LANES * LANES` texels, in halves while its part of the photo is large.
     fn fill_tile(
         &mut self,
         photo: &Photo,
@@ -334,7 +329,7 @@ impl Band<'_> {
         }
     }
 
-    /// Texels with weight, and of these the ones saturated in all channels.
+    /// Numbers of texels with weight, and of those saturated in all channels.
     fn seen_and_clipped(&self) -> (usize, usize) {
         let (mut seen, mut clipped, n) = (0, 0, self.weight.len());
         for (i, &weight) in self.weight.iter().enumerate() {
@@ -384,7 +379,7 @@ impl Band<'_> {
             self.weight[start + lane] = weight;
             let scale = per_sample * response.relative(&centre, lane);
             for c in 0..3 {
-                // Catmull-Rom undershoots at edges; a sign means saturation.
+                // Catmull-Rom undershoots at edges, but a negative sign means saturation.
                 let value = sums[lane][c].max(0.0) * scale * response.gain[c];
                 let saturated = flags[lane] & (1 << c) != 0;
                 self.planes[c * n + start + lane] = if saturated { -value } else { value };
@@ -396,7 +391,7 @@ impl Band<'_> {
 /// Foreshortening weights of a row of texels.
 struct Weights {
     eye: [f32; 3],
-    /// y² + z² of the vector to the eye, the same along a row.
+    /// y² + z² of the vector to the eye, constant along a row.
     rest2: f32,
     first_x: f32,
     step_x: f32,

@@ -1,13 +1,12 @@
-//! The part of a photograph that is kept to rectify it again.
+//! The part of a photograph kept for another rectification.
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 
-/// Room kept round the sample in a photograph, part of its extent and px: later poses differ a
-/// little.
+/// Margin around the sample in a photograph, part of its extent and px, since later poses differ slightly.
 const CROP_SHARE: f64 = 0.05;
 const CROP_PX: f64 = 24.0;
 
@@ -15,14 +14,14 @@ const CROP_PX: f64 = 24.0;
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Part {
     pub photo: Photo,
-    /// Its first pixel in the whole photograph.
+    /// Position of its first pixel in the whole photograph.
     pub corner: [u32; 2],
-    /// The whole photograph, widely blurred.
+    /// Strongly blurred whole photograph.
     pub surround: Surround,
 }
 
 impl Part {
-    /// The sample is somewhere within `heights_mm` above the board's plane.
+    /// Crops to a sample at a height within `heights_mm` above the board's plane.
     pub fn new(
         photo: &Photo,
         camera: &Camera,
@@ -31,7 +30,7 @@ impl Part {
         heights_mm: [f64; 2],
     ) -> Self {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        // Distortion bends edges: points along them.
+        // Distortion bends edges, so sample points along them.
         for i in 0..9 * 9 {
             let (x, y) = (f64::from(i % 9) / 8.0 - 0.5, f64::from(i / 9) / 8.0 - 0.5);
             for z in heights_mm {
@@ -51,7 +50,7 @@ impl Part {
         Self { photo, corner: corner.to_array(), surround }
     }
 
-    /// The camera that took this part.
+    /// The camera for this part.
     pub fn camera(&self, whole: &Camera) -> Camera {
         Camera {
             width: self.photo.width(),

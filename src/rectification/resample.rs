@@ -1,20 +1,19 @@
-//! Photographs that show the top view already.
+//! Resamples photographs that already show the top view.
 
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::observation::{FULL_WEIGHT, Observation, View};
 use crate::parallel;
+use crate::photo::Photo;
 use crate::svbrdf::bands;
 
-/// Takes a photo that shows exactly the sample's rectangle from the top, row 0 at the +Y edge.
+/// Takes a photo of exactly the sample's rectangle from above, row 0 at the +Y edge.
 ///
-/// Values become radiances by dividing by the photo's exposure. Along each axis texels larger than
-/// pixels average the pixels they cover (exact area), smaller ones interpolate linearly between
-/// pixel centres. Weight is 1 everywhere; a texel is saturated in a channel where any pixel that
-/// contributes to it is.
+/// Radiances are values divided by the photo's exposure. Along each axis, texels larger than pixels average
+/// the covered pixels (exact area); smaller ones interpolate linearly between pixel centres. All weights are
+/// 1. A texel is saturated in a channel if any contributing pixel is.
 ///
 /// # Errors
-/// [`Rejection::NotFinite`] when a value is not a number.
+/// [`Rejection::NotFinite`] if a value is not a number.
 pub fn from_rectified(
     photo: &Photo,
     view: View,
@@ -48,7 +47,7 @@ pub fn from_rectified(
                     }
                     for c in 0..3 {
                         finite &= sum[c].is_finite();
-                        // Below black after subtraction of a black level: not a clipped value.
+                        // Negative after black-level subtraction, not a clipped value.
                         let value = sum[c].max(0.0) * scale;
                         out[c][x] = if saturated[c] { -value } else { value };
                     }
@@ -63,7 +62,7 @@ pub fn from_rectified(
     Ok(Observation::from_planes(width, height, view, &radiance, &vec![FULL_WEIGHT; texels]))
 }
 
-/// For each texel of an axis the first pixel and the weights (sum 1) of it and its successors.
+/// First pixel of each texel along an axis, and the weights (sum 1) of it and its successors.
 struct Taps {
     first: Vec<usize>,
     weights: Vec<f32>,
@@ -143,12 +142,12 @@ mod tests {
                 let sum: f32 = (0..w * h).map(|i| o.radiance(c, i)).sum();
                 let mean = sum / (w * h) as f32;
                 let expected = [0.25, 0.25, 0.1875][c];
-                // half floats of values below 1, alone at worst
+                // Tolerance: half floats of values below 1.
                 assert!((mean - expected).abs() < 1.3e-4, "{w}x{h} {c}: {mean}");
             }
             assert!(o.planes().1.iter().all(|w| *w == 1.0));
         }
-        // Enlarged: linear inside the outermost pixel centres.
+        // Magnified: linear inside the outermost pixel centres.
         let o = from_rectified(&photo, view(), 75, 60).unwrap();
         for x in 2..73 {
             let expected = 0.5 * (x as f32 + 0.5) / 75.0;

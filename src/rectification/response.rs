@@ -1,31 +1,31 @@
-//! From pixel values to radiance.
+//! Conversion of pixel values to radiance.
 
 use super::mapping::Positions;
 use crate::calibration::photometry::{Lobe, Radiometry};
-use crate::frame::{Photo, ToneCurve, ToneTable};
 use crate::geometry::Camera;
+use crate::photo::{Photo, ToneCurve, ToneTable};
 
 /// Radiance per pixel value, tabulated over the squared tangent to the optical axis.
 pub(super) struct Response {
     pub gain: [f32; 3],
     tone: ToneCurve,
-    /// What undoes it; `None`: values are linear.
+    /// Inverse of the tone curve; `None` for linear values.
     undo: Option<ToneTable>,
     /// `1 / V` of the lens and `1 / cos^n` of the flash's lobe, at equal steps of tan².
     lens: Vec<f32>,
     lobe: Vec<f32>,
-    /// What is not round of the lobe.
+    /// Deviation of the lobe from rotational symmetry.
     pattern: [f32; 2],
     per_tan2: f32,
 }
 
 impl Response {
-    /// Linear interpolation over this many steps errs by less than 1e-5 for any plausible lens.
+    /// Linear interpolation over this many steps errs by less than 1e-5 for plausible lenses.
     const STEPS: usize = 1024;
 
     pub fn new(radiometry: &Radiometry, camera: &Camera) -> Self {
         let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-        // Corner of the photo, with room for distortion and the distance of the flash.
+        // Corner of the photo, with a margin for distortion and the flash offset.
         let x = camera.cx.max(w - camera.cx) / camera.fx;
         let y = camera.cy.max(h - camera.cy) / camera.fy;
         let step = 2.0 * (x * x + y * y) / Self::STEPS as f64;
@@ -57,7 +57,7 @@ impl Response {
         let round = read(&self.lens, positions.tan2[lane]) * read(&self.lobe, tan2);
         round / pattern.max(Lobe::MIN_PATTERN as f32)
     }
-    /// A pixel without the camera's tone curve.
+    /// Undoes the camera's tone curve for a pixel.
     #[inline]
     pub fn linear(&self, rgb: [f32; 3]) -> [f32; 3] {
         match &self.undo {
@@ -66,7 +66,7 @@ impl Response {
         }
     }
 
-    /// Stored values from which on a photograph's channels count as saturated.
+    /// Stored value from which on a photograph's channels are saturated.
     pub fn saturation(&self, photo: &Photo) -> f32 {
         match self.tone.unknown_from {
             0.0 => photo.saturation(),
@@ -74,7 +74,7 @@ impl Response {
         }
     }
 
-    /// Brings radiances of a channel to another response, given [`Self::relative`] of both.
+    /// Converts radiances of a channel to another response, given [`Self::relative`] of both.
     pub fn update(&self, to: &Self, channel: usize, relative: &[[f32; 2]], values: &mut [f32]) {
         let gains = [self.gain[channel], to.gain[channel]];
         let gain = gains[1] / gains[0];

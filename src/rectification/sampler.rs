@@ -1,17 +1,17 @@
-//! Interpolation in a part of the photo that was decoded once.
+//! Interpolation in a decoded part of the photo.
 
 use super::mapping::{Area, LANES, Positions};
 use super::response::Response;
-use crate::frame::Photo;
+use crate::photo::Photo;
 
-/// Flag of a texel: its footprint leaves the photo or holds values that are not finite. Flags 1, 2
+/// Flag of a texel whose footprint leaves the photo or holds values that are not finite. Flags 1, 2
 /// and 4 mark saturated channels.
 pub(super) const OUTSIDE: u32 = 8;
 
-/// How a texel's value is found.
+/// Interpolation of a texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Filter {
-    /// Catmull-Rom, averaged over sub-samples where a texel covers several pixels.
+    /// Catmull-Rom, averaged over sub-samples if a texel covers several pixels.
     Adaptive,
     /// Bilinear at the texel's centre: the baseline of the tests.
     #[cfg(test)]
@@ -21,13 +21,13 @@ pub(super) enum Filter {
 impl Filter {
     /// Most sub-samples along an axis.
     const MAX_SUB: usize = 24;
-    /// Pixels per texel up to which one value stands for the texel: the pixel's own area and the
-    /// interpolation average over about as much.
+    /// Pixels per texel up to which one sample suffices: pixel area and interpolation average over
+    /// about as much.
     const SINGLE_PX: f64 = 1.5;
-    /// Beyond, sub-samples per pixel. Denser ones only blur, for the same reason.
+    /// Sub-samples per pixel for larger texels. More would only blur, for the same reason.
     const PER_PX: f64 = 0.75;
 
-    /// Sub-samples along both axes for a texel of the given size in pixels.
+    /// Number of sub-samples along both axes for a texel of the given size in pixels.
     pub fn sub_samples(self, (right, down): (f64, f64)) -> (usize, usize) {
         let count = |px: f64| match self {
             Self::Adaptive if px > Self::SINGLE_PX => {
@@ -42,26 +42,26 @@ impl Filter {
 /// Pixels of a part of the photo.
 #[derive(Default)]
 pub(super) struct Tile {
-    /// RGB, the fourth is unused: one load per pixel.
+    /// RGB and an unused value, for one load per pixel.
     pixels: Vec<[f32; 4]>,
-    /// Flags, dilated by a pixel: the neighbours of a clipped pixel have lost light to its
-    /// clipping through demosaicking, sharpening and JPEG. Empty when no pixel has one.
+    /// Flags, dilated by a pixel, because demosaicking, sharpening and JPEG spread clipping to
+    /// neighbours. Empty without flagged pixels.
     flags: Vec<u8>,
     scratch: Vec<u8>,
     width: usize,
     height: usize,
     x0: f32,
     y0: f32,
-    /// Largest position inside the photo.
+    /// Largest positions inside the photo.
     right: f32,
     bottom: f32,
 }
 
 impl Tile {
-    /// Tiles above this many pixels are split: 16 bytes each should stay in a core's cache.
+    /// Larger tiles are split: at 16 bytes per pixel they should fit a core's cache.
     pub const MAX_PIXELS: usize = 64 * 1024;
 
-    /// Decodes an area: linear values.
+    /// Decodes an area to linear values.
     pub fn load(&mut self, photo: &Photo, area: Area, response: &Response) {
         self.width = (area.x1 - area.x0) as usize;
         self.height = (area.y1 - area.y0) as usize;
@@ -120,7 +120,7 @@ impl Tile {
         x >= 0.0 && y >= 0.0 && x <= self.right && y <= self.bottom
     }
 
-    /// Upper left of the four pixels round a position, clamped to the tile, and the fractions.
+    /// Upper left of the four pixels around a position, clamped to the tile, and the fractions.
     fn corner(&self, x: f32, y: f32) -> (usize, usize, f32, f32) {
         let x = (x - self.x0).clamp(0.0, (self.width - 1) as f32);
         let y = (y - self.y0).clamp(0.0, (self.height - 1) as f32);
@@ -174,7 +174,7 @@ impl Tile {
                 }
             }
         } else {
-            // At the photo's border the outermost pixels repeat.
+            // The outermost pixels of the photo extend outwards.
             let column = |k: usize| (ix + k).saturating_sub(1).min(self.width - 1);
             for (j, wy) in wy.into_iter().enumerate() {
                 let row = (iy + j).saturating_sub(1).min(self.height - 1) * self.width;
@@ -202,7 +202,7 @@ impl Tile {
             let (ix, iy, fx, fy) = self.corner(x, y);
             let here = self.flags_round(ix, iy);
             flags[lane] |= here;
-            // Near clipped pixels no sharpening: the value is to be a lower bound.
+            // No sharpening near clipped pixels: the value must remain a lower bound.
             let value = if filter == Filter::Adaptive && here == 0 {
                 self.catmull_rom(ix, iy, fx, fy)
             } else {
@@ -215,8 +215,8 @@ impl Tile {
     }
 }
 
-/// Weights of four equidistant values for a position `t` (0 to 1) between the middle two: the
-/// cubic that interpolates and matches central differences (Keys, a = -1/2).
+/// Weights of four equidistant values at a position `t` (0 to 1) between the middle two: the
+/// interpolating cubic with central-difference slopes (Keys, a = -1/2).
 fn catmull_rom_weights(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [

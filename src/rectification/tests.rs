@@ -3,7 +3,7 @@ use glam::{DVec2, DVec3};
 use super::*;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
 use crate::calibration::photometry::{Lobe, Vignetting};
-use crate::frame::ToneCurve;
+use crate::photo::ToneCurve;
 
 fn unit_radiometry() -> Radiometry {
     Radiometry {
@@ -60,10 +60,10 @@ fn dots_land_on_their_texels() {
                     }
                 }
             }
-            // 0.05 mm is a tenth of a texel, a seventh of a pixel at the steepest tilt.
+            // 0.05 mm is a tenth of a texel, and a seventh of a pixel at the steepest tilt.
             assert!((moment / sum - dot).length() < 0.05, "{dot} found at {}", moment / sum);
         }
-        // Planes carry positions: every texel in the right place, colours in order.
+        // Planes encode positions, to check texel positions and channel order.
         for y in (5..h - 5).step_by(17) {
             for x in (5..w - 5).step_by(13) {
                 let [mx, my] = o.view.texel_mm(w, h, x, y);
@@ -89,11 +89,11 @@ fn fine_pattern(p: DVec2) -> f64 {
     v + if hash & 1 == 0 { 0.12 } else { -0.12 }
 }
 
-/// Root mean square error against the pattern averaged over each texel.
+/// RMS error against the pattern averaged over each texel.
 fn rmse(o: &Observation) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     let n = 10;
-    // A few thousand texels are enough.
+    // A few thousand texels suffice.
     let step = (o.width() / 48).max(1);
     for y in (0..o.height()).step_by(step) {
         for x in (0..o.width()).step_by(step) {
@@ -180,7 +180,7 @@ fn gain_and_vignetting_turn_values_into_radiance() {
 #[test]
 fn saturation_marks_texels_that_a_clipped_pixel_reaches() {
     let pose = pose(0.3, 0.1, 0.2, 230.0);
-    // Red clips in a disc of 12 mm radius.
+    // Red clips in a disc of radius 12 mm.
     let rgb: Vec<f32> = photograph(&camera(), &pose, 2, |p, _| {
         [if p.length() < 12.0 { 3.0 } else { 0.3 }, 0.4, 0.5]
     })
@@ -208,7 +208,7 @@ fn saturation_marks_texels_that_a_clipped_pixel_reaches() {
                 } else if r < 12.0 {
                     assert!((-2.001..0.0).contains(&v), "edge: {v}");
                 } else if r > 13.0 + 2.0 * texel + 1.5 {
-                    // Dilation of one pixel and interpolation of one: about 1.4 mm.
+                    // Dilation and interpolation reach one pixel each: about 1.4 mm.
                     assert!((v - 0.6).abs() < 0.01, "outside: {v} at {r}");
                 }
                 assert!((o.radiance(1, y * size + x) - 0.8).abs() < 1e-3);
@@ -216,7 +216,7 @@ fn saturation_marks_texels_that_a_clipped_pixel_reaches() {
             }
         }
     }
-    // All of the sample clipped: nothing to learn.
+    // All of the sample is clipped.
     let burnt = photo(vec![1.0; 3 * 640 * 480], 1.0);
     assert!(matches!(
         rectify(&burnt, &camera(), &pose, &unit_radiometry(), [100.0, 90.0], 64, 64),
@@ -226,7 +226,7 @@ fn saturation_marks_texels_that_a_clipped_pixel_reaches() {
 
 #[test]
 fn weights_are_the_cosine_inside_the_photo_and_zero_outside() {
-    // Close up: the sample is larger than the photo.
+    // Close-up: the sample is larger than the photo.
     let mut near = pose(0.3, 0.0, 0.0, 90.0);
     near.translation.x += 20.0;
     let rgb = vec![0.5; 3 * 640 * 480];
@@ -248,7 +248,7 @@ fn weights_are_the_cosine_inside_the_photo_and_zero_outside() {
             };
             if margin(3.0) {
                 let cos = (eye - point).normalize().z;
-                // a weight is kept in sevenths, a value to 0.1 %
+                // Weights are stored in sevenths, values to 0.1 %.
                 assert!((f64::from(weight) - cos).abs() <= 0.5 / 7.0 + 1e-5);
                 assert!((value - 0.5).abs() < 5e-4);
                 inside += 1;
@@ -304,8 +304,8 @@ fn values_that_are_not_finite_have_no_weight_and_do_not_spread() {
     }
 }
 
-/// A surface above the board: the dot that is drawn where its ray meets the board appears where
-/// the surface has it.
+/// A surface above the board: a dot painted where its ray meets the board appears at its position
+/// on the surface.
 #[test]
 fn a_raised_surface_is_seen_where_it_is() {
     let pose = pose(0.6, 0.2, 0.2, 250.0);
@@ -409,13 +409,13 @@ fn timing() {
     }
 }
 
-/// Beside the edge of a dark sample on white paper, blurred texels hardly count and inner ones fully; and
-/// what counts fully has not seen the paper.
+/// Beside the edge of a dark sample on white paper, blurred texels have almost no weight and inner
+/// ones full weight; those with full weight are not contaminated by the paper.
 #[test]
-fn texels_that_have_seen_the_surroundings_hardly_count() {
+fn contaminated_edge_texels_have_little_weight() {
     let pose = pose(0.3, -0.2, 0.4, 230.0);
     let inside = |p: DVec2| p.x.abs() < 50.0 && p.y.abs() < 45.0;
-    // A square of 4 mm, some pixels wide, stands for blur: its standard deviation is 1.15 mm.
+    // A box blur of 4 mm, several pixels wide, has a standard deviation of 1.15 mm.
     let blurred = |p: DVec2| {
         let taps = (0..25).map(|i| DVec2::new(f64::from(i % 5) - 2.0, f64::from(i / 5) - 2.0));
         taps.map(|d| if inside(p + 0.9 * d) { 0.1 } else { 0.8 }).sum::<f64>() / 25.0
@@ -435,7 +435,7 @@ fn texels_that_have_seen_the_surroundings_hardly_count() {
     let plain = seen(0.0).unwrap();
     let middle = size * size / 2 + size / 2;
     assert!((plain.radiance(0, middle) - 0.1).abs() < 0.01 && plain.radiance(0, size / 2) > 0.2);
-    // About a millimetre in pixels: a texel's width and height there.
+    // Pixels per millimetre of the sample.
     let px_per_mm = camera().fx / 230.0;
     let faded = seen((1.15 * px_per_mm) as f32).unwrap();
     assert!(faded.weight(middle) == plain.weight(middle) && faded.weight(0) < 0.05);

@@ -4,7 +4,7 @@ use super::scalar::{FRESNEL, MIN_COSINE};
 use crate::observation::{Falloff, View};
 use crate::simd::Lanes;
 
-/// A [`View`] together with the grid of texels it looks at.
+/// A [`View`] of a grid of texels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TexelView {
     camera: [f32; 3],
@@ -13,12 +13,12 @@ pub(crate) struct TexelView {
     step: [f32; 2],
     /// Irradiance is `power * (inverse_square / distance² + constant)`.
     pub power: [f32; 3],
-    /// 1 where irradiance falls off, else 0.
+    /// 1 with fall-off, else 0.
     pub inverse_square: f32,
     constant: f32,
-    /// Radiance of the surround for the diffuse albedo.
+    /// Ambient radiance for the diffuse albedo.
     pub ambient: [f32; 3],
-    /// The same for the specular albedo.
+    /// Ambient radiance for the specular albedo.
     pub mirrored: [f32; 3],
 }
 
@@ -49,14 +49,14 @@ pub(crate) struct Directions<V> {
     pub light: [V; 3],
     pub view: [V; 3],
     pub half: [V; 3],
-    /// Schlick's power; F = ks (1 - fresnel) + fresnel.
+    /// Schlick's power, with F = ks (1 - fresnel) + fresnel.
     pub fresnel: V,
-    /// Irradiance across the light's direction for unit power.
+    /// Irradiance perpendicular to the light for unit power.
     pub attenuation: V,
 }
 
 impl<V: Lanes> Directions<V> {
-    /// To be overwritten.
+    /// Placeholder values.
     pub fn none() -> Self {
         let zero = V::splat(0.0);
         let three = [zero; 3];
@@ -77,7 +77,7 @@ impl<V: Lanes> Directions<V> {
         towards(view.light, x, y).1
     }
 
-    /// Texels at these places, mm.
+    /// Texels at positions in mm.
     #[inline(always)]
     pub fn at(view: &TexelView, x: V, y: V) -> Self {
         let (l, inverse_distance) = towards(view.light, x, y);
@@ -85,7 +85,7 @@ impl<V: Lanes> Directions<V> {
         let sum = [l[0] + v[0], l[1] + v[1], l[2] + v[2]];
         let length2 = dot(sum, sum).max(V::splat(4.0 * MIN_COSINE * MIN_COSINE));
         let inverse_length = length2.reciprocal_sqrt();
-        // VoH = |l + v| / 2 for unit vectors; the limit above holds it at the least cosine.
+        // VoH = |l + v| / 2 for unit vectors; the limit above keeps it at the least cosine.
         let vh = length2 * inverse_length * V::splat(0.5);
         let fresnel = (vh.mul_add(V::splat(FRESNEL[0]), V::splat(FRESNEL[1])) * vh).exp2();
         Self {

@@ -1,4 +1,4 @@
-//! The reflection of eight texels at once; equations and names as in the parent module.
+//! Reflection of eight texels at once, with the equations and names of the parent module.
 
 use super::directions::{Directions, dot};
 use super::microfacets::{Gloss, Microfacets};
@@ -8,7 +8,7 @@ use crate::simd::Lanes;
 use crate::svbrdf::{CHANNELS, LOBES, channel};
 use std::f32::consts::FRAC_1_PI;
 
-/// Parameters of eight texels, prepared for any number of views.
+/// Parameters of eight texels, precomputed for any number of views.
 #[derive(Clone, Copy)]
 pub(crate) struct Material<V> {
     pub normal: [V; 3],
@@ -21,7 +21,7 @@ pub(crate) struct Material<V> {
 }
 
 impl<V: Lanes> Material<V> {
-    /// Natural parameters in the order of [`channel`], and those of optional lobes in the order of
+    /// Takes parameters in the order of [`channel`], and those of optional lobes in the order of
     /// [`lobe`](crate::svbrdf::lobe).
     #[inline(always)]
     pub fn new(parameters: &[V; CHANNELS], optional: Option<[V; LOBES]>) -> Self {
@@ -54,16 +54,16 @@ impl<V: Lanes> Material<V> {
     }
 }
 
-/// Everything of a reflection that the colour channels share.
+/// Parts of a reflection common to the colour channels.
 #[derive(Clone, Copy)]
 pub(crate) struct Lobes<V> {
-    /// NoL, NoV, NoH, held at the least cosine, and as they are.
+    /// NoL, NoV, NoH, limited to the least cosine, and unlimited.
     cosines: [V; 3],
     raw: [V; 3],
     base: Microfacets<V>,
-    /// D G / (4 NoL NoV), as far as a coat lets it through.
+    /// D G / (4 NoL NoV), reduced by the coat.
     pub specular: V,
-    /// 1 / pi, as far as a coat lets it through.
+    /// 1 / pi, reduced by the coat.
     pub diffuse: V,
     /// 1 - fresnel.
     pub one_minus_fresnel: V,
@@ -80,8 +80,8 @@ impl<V: Lanes> Lobes<V> {
         let least = V::splat(MIN_COSINE);
         let raw = [dot(n, directions.light), dot(n, directions.view), dot(n, h)];
         let cosines = [raw[0].max(least), raw[1].max(least), raw[2].max(least)];
-        // den = NoH² (a² - 1) + 1 = sin² + NoH² a²: for narrow lobes `f32` would lose the sum, so
-        // sin² comes from the cross product.
+        // den = NoH² (a² - 1) + 1 = sin² + NoH² a². The sum would lose its digits in `f32` for
+        // narrow lobes, so sin² comes from the cross product.
         let cross = [
             n[1].mul_add(h[2], -(n[2] * h[1])),
             n[2].mul_add(h[0], -(n[0] * h[2])),
@@ -128,14 +128,13 @@ impl<V: Lanes> Lobes<V> {
         }
     }
 
-    /// Derivative of ln `specular` with respect to roughness.
+    /// Derivative of ln `specular` by roughness.
     #[inline(always)]
     pub fn log_specular_by_roughness(&self, material: &Material<V>) -> V {
         self.base.log_by_roughness(&material.gloss, self.cosines)
     }
 
-    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight *
-    /// irradiance`.
+    /// Derivative by the unit normal of `specular_weight * ln specular + irradiance_weight * irradiance`.
     #[inline(always)]
     pub fn by_normal(
         &self,
@@ -151,7 +150,7 @@ impl<V: Lanes> Lobes<V> {
             None => self.of_cosines(directions, by),
             Some(optional) => {
                 let by_sin2 = specular_weight * self.base.log_by_sin2();
-                // Of NoH with the stretched square held.
+                // By NoH at a constant stretched square.
                 let by_nh = by[2] - by_sin2 * self.cosines[2] * V::splat(-2.0);
                 let mut out = self.of_cosines(directions, [by[0], by[1], by_nh]);
                 let live = self.raw[2].if_greater(V::splat(MIN_COSINE), by_sin2, V::splat(0.0));
@@ -164,7 +163,7 @@ impl<V: Lanes> Lobes<V> {
         }
     }
 
-    /// Derivative of what a coat reflects by the unit normal; `None` where there is none.
+    /// Derivative of the coat's reflection by the unit normal; `None` without a coat.
     #[inline(always)]
     pub fn coat_by_normal(
         &self,
@@ -178,7 +177,7 @@ impl<V: Lanes> Lobes<V> {
     }
 
     /// Derivatives of the BRDF by the parameters of the optional lobes, in the order of
-    /// [`lobe`](crate::svbrdf::lobe), where the BRDF has this value and Fresnel term.
+    /// [`lobe`](crate::svbrdf::lobe), for a BRDF with this value and Fresnel term.
     #[inline(always)]
     pub fn by_lobes(&self, material: &Material<V>, (brdf, fresnel): (V, V)) -> [V; LOBES] {
         let (zero, least) = (V::splat(0.0), V::splat(MIN_COSINE));
@@ -214,17 +213,17 @@ impl<V: Lanes> Lobes<V> {
     }
 }
 
-/// Derivatives by the unit vector to the light, each of its parts live across that vector alone.
+/// Derivatives by the unit vector to the light; each part is valid only perpendicular to that vector.
 #[derive(Clone, Copy)]
 pub(crate) struct ByLight<V> {
-    /// Of the cosine of the light.
+    /// Of the light's cosine.
     pub cosine: [V; 3],
     /// Of ln `specular`.
     pub log_specular: [V; 3],
     /// Of the Fresnel power.
     pub fresnel: [V; 3],
-    /// Of what a coat reflects, but for its Fresnel term: that changes by a thousandth between all
-    /// places of a flash beside the lens.
+    /// Of the coat's reflection without its Fresnel term, which varies by a thousandth
+    /// between all positions of a flash beside the lens.
     pub coat: [V; 3],
 }
 
@@ -235,7 +234,7 @@ impl<V: Lanes> Lobes<V> {
         let (zero, one, least) = (V::splat(0.0), V::splat(1.0), V::splat(MIN_COSINE));
         let (n, h, v) = (material.normal, directions.half, directions.view);
         let vh = dot(v, h).max(least);
-        // The half vector turns by what the light does, across itself, over |l + v| = 2 VoH.
+        // The half vector rotates with the light, perpendicular to itself, by 1 / |l + v| = 1 / (2 VoH).
         let turn = (vh + vh).reciprocal();
         let live = self.raw[0].if_greater(least, one, zero);
         let slope = vh.mul_add(V::splat(2.0 * FRESNEL[0]), V::splat(FRESNEL[1]));
@@ -277,7 +276,7 @@ mod tests {
     use crate::random::Random;
     use crate::simd::{Kernel, dispatch};
 
-    /// A texel, and the derivative of its first colour along a direction across the light's.
+    /// A texel, and the derivative of its first colour along a direction perpendicular to the light.
     struct ByLightAlong {
         parameters: [f64; CHANNELS],
         lobes: [f64; LOBES],
@@ -314,7 +313,7 @@ mod tests {
         }
     }
 
-    /// Differences in double precision; what is left out is a coat's Fresnel term.
+    /// Differences in double precision, except the coat's Fresnel term.
     #[test]
     fn derivatives_by_the_light_are_those_of_differences() {
         let mut random = Random::new(3);

@@ -1,10 +1,10 @@
-//! One GGX lobe of eight texels, without its Fresnel term.
+//! A GGX lobe of eight texels, without its Fresnel term.
 
 use crate::simd::Lanes;
 use crate::svbrdf::MIN_ROUGHNESS;
 use std::f32::consts::FRAC_1_PI;
 
-/// Roughness of eight texels, prepared for any number of views.
+/// Roughness of eight texels, precomputed for any number of views.
 #[derive(Clone, Copy)]
 pub(super) struct Gloss<V> {
     alpha2: V,
@@ -12,7 +12,7 @@ pub(super) struct Gloss<V> {
     alpha2_minus_1: V,
     k: V,
     one_minus_k: V,
-    /// d alpha² / d roughness and dk / d roughness, zero where roughness is clamped.
+    /// d alpha² / d roughness and dk / d roughness, zero for clamped roughness.
     alpha2_by_roughness: V,
     k_by_roughness: V,
 }
@@ -48,7 +48,7 @@ pub(super) struct Microfacets<V> {
 }
 
 impl<V: Lanes> Microfacets<V> {
-    /// From NoL, NoV and NoH, and the square of the half vector's part across the normal.
+    /// Takes NoL, NoV and NoH, and the squared component of the half vector perpendicular to the normal.
     #[inline(always)]
     pub fn new(gloss: &Gloss<V>, [nl, nv, nh]: [V; 3], sin2: V) -> Self {
         let den = (nh * nh).mul_add(gloss.alpha2, sin2);
@@ -67,7 +67,7 @@ impl<V: Lanes> Microfacets<V> {
         }
     }
 
-    /// Derivative of the logarithm by roughness.
+    /// Derivative of the log by roughness.
     #[inline(always)]
     pub fn log_by_roughness(&self, gloss: &Gloss<V>, [nl, nv, nh]: [V; 3]) -> V {
         let one = V::splat(1.0);
@@ -76,7 +76,7 @@ impl<V: Lanes> Microfacets<V> {
         by_alpha2 * gloss.alpha2_by_roughness - by_k * gloss.k_by_roughness
     }
 
-    /// Derivatives of the logarithm by NoL, NoV and NoH, with sin² = 1 - NoH².
+    /// Derivatives of the log by NoL, NoV and NoH, with sin² = 1 - NoH².
     #[inline(always)]
     pub fn log_by_cosines(&self, gloss: &Gloss<V>, [_, _, nh]: [V; 3]) -> [V; 3] {
         [
@@ -86,7 +86,7 @@ impl<V: Lanes> Microfacets<V> {
         ]
     }
 
-    /// Derivative of the logarithm by the square across the normal alone.
+    /// Derivative of the log by sin² alone.
     #[inline(always)]
     pub fn log_by_sin2(&self) -> V {
         self.inverse_den * V::splat(-2.0)

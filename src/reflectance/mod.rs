@@ -9,20 +9,19 @@
 //! F  = ks + (1 - ks) 2^((-5.55473 VoH - 6.98316) VoH)                 (Schlick)
 //! ```
 //!
-//! This is the renderer of the paper's reference code, so that maps mean the same in both. Where
-//! the exact Smith term of GGX divides by `x + sqrt(a² + (1 - a²) x²)`, Schlick's form is a few
-//! percent off at grazing angles, is as reciprocal, and needs no root. There is no factor (1 - F)
-//! on the diffuse part. All cosines are held at [`MIN_COSINE`] or above, with derivative zero
-//! below it; roughness at [`MIN_ROUGHNESS`](crate::svbrdf::MIN_ROUGHNESS) or above, likewise.
+//! This is the renderer of the paper's reference code, so maps have the same meaning in both. The
+//! exact Smith term of GGX divides by `x + sqrt(a² + (1 - a²) x²)`. Schlick's form differs by some
+//! per cent at grazing angles, is also reciprocal, and needs no root. The diffuse part has no
+//! factor (1 - F). Cosines are limited to at least [`MIN_COSINE`] and roughness to at least
+//! [`MIN_ROUGHNESS`](crate::svbrdf::MIN_ROUGHNESS), with zero derivatives below.
 //!
-//! Two lobes are optional ([`lobe`](crate::svbrdf::lobe)). **Anisotropy** stretches the half vector's part across
-//! the normal, (t, b) along tangent and bitangent: NoH² (a² - 1) + 1 becomes NoH² a² + t² / r + r b² for a
-//! direction along the tangent and the ratio r of the two alphas, a² being their product. A **coat** of weight w
-//! adds w D G F / (4 NoL NoV) of its own with F0 = .04, and lets 1 - w F of everything below it through:
-//! the formulas of glTF's `KHR_materials_anisotropy` and `KHR_materials_clearcoat`.
+//! Two lobes are optional ([`lobe`](crate::svbrdf::lobe)), with the formulas of glTF's
+//! `KHR_materials_anisotropy` and `KHR_materials_clearcoat`. **Anisotropy** stretches the components (t, b)
+//! of the half vector along tangent and bitangent: NoH² (a² - 1) + 1 becomes NoH² a² + t² / r + r b² for a
+//! direction along the tangent, where r is the ratio of the two alphas and a² their product. A **coat** of
+//! weight w adds its own w D G F / (4 NoL NoV) with F0 = .04, and transmits 1 - w F of all other reflection.
 //!
-//! [`reflect`] is plain `f64`: the reference for the eight-lane version that `render` and
-//! `refinement` use.
+//! [`reflect`] computes in `f64`. It is the reference for the eight-lane version of the kernels.
 
 mod directions;
 mod lanes;

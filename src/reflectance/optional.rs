@@ -1,4 +1,4 @@
-//! Anisotropy of the specular lobe and a coat above it, of eight texels.
+//! Anisotropy of the specular lobe and a coat above it, for eight texels.
 
 use super::directions::{Directions, dot};
 use super::microfacets::{Gloss, Microfacets};
@@ -6,20 +6,20 @@ use super::scalar::COAT_F0;
 use crate::simd::Lanes;
 use crate::svbrdf::{LOBES, lobe};
 
-/// Optional lobes of eight texels, prepared for any number of views.
+/// Optional lobes of eight texels, precomputed for any number of views.
 #[derive(Clone, Copy)]
 pub(super) struct Optional<V> {
-    /// The half vector's parts t, b along tangent and bitangent count as `xx t² + 2 xy t b + yy b²`.
+    /// Quadratic form of the half vector's components t, b: `xx t² + 2 xy t b + yy b²`.
     xx: V,
     xy: V,
     yy: V,
     anisotropy: [V; 2],
-    /// sinh(m) / m and its derivative by m, over m, at the strength m of the anisotropy.
+    /// sinh(m) / m and its derivative by m, divided by m, at the anisotropy's strength m.
     sinhc: V,
     slope: V,
     weight: V,
     pub gloss: Gloss<V>,
-    /// One over the length of the tangent before it is a unit vector: X made orthogonal to the normal.
+    /// Reciprocal length of the tangent before normalisation: X made orthogonal to the normal.
     inverse_tangent: V,
 }
 
@@ -29,7 +29,7 @@ impl<V: Lanes> Optional<V> {
         let (half, one) = (V::splat(0.5), V::splat(1.0));
         let [u, v] = [parameters[lobe::ANISOTROPY_X], parameters[lobe::ANISOTROPY_Y]];
         let m2 = u.mul_add(u, v * v);
-        // Below it single precision loses the differences, and the functions are their limits.
+        // Below this limit the differences lose their digits, and the functions equal their limits.
         let least = V::splat(0.1);
         let m = m2.max(V::splat(0.01)).sqrt();
         let exp = (m * V::splat(std::f32::consts::LOG2_E)).exp2();
@@ -55,20 +55,19 @@ impl<V: Lanes> Optional<V> {
     }
 }
 
-/// Optional lobes in one view.
 #[derive(Clone, Copy)]
 pub(super) struct OptionalLobes<V> {
     tangent: V,
     bitangent: V,
-    /// Derivatives of `stretched` by both.
+    /// Derivatives of `stretched` by tangent and bitangent components.
     by_tangent: V,
     by_bitangent: V,
     inverse_tangent: V,
-    /// In place of sin² in the base's lobe.
+    /// Replaces sin² in the base lobe.
     pub stretched: V,
     pub microfacets: Microfacets<V>,
     pub fresnel: V,
-    /// What the coat reflects, and what part of everything below it passes.
+    /// Reflection of the coat, and its transmission.
     pub coat: V,
     pub through: V,
 }
@@ -84,7 +83,7 @@ impl<V: Lanes> OptionalLobes<V> {
     ) -> Self {
         let (h, two) = (directions.half, V::splat(2.0));
         let r = optional.inverse_tangent;
-        // h.x - n.x NoH, of which rounding would leave little near the mirror direction.
+        // h.x - n.x NoH, in a form that keeps its digits near the mirror direction.
         let across = n[1]
             .mul_add(n[1].mul_add(h[0], -(n[0] * h[1])), n[2] * n[2].mul_add(h[0], -(n[0] * h[2])));
         let (t, b) = (across * r, n[2].mul_add(h[1], -(n[1] * h[2])) * r);
@@ -108,7 +107,7 @@ impl<V: Lanes> OptionalLobes<V> {
         }
     }
 
-    /// Derivative of `stretched` by the unit normal, and by the half vector below.
+    /// Derivative of `stretched` by the unit normal.
     #[inline(always)]
     pub fn stretched_by_normal(&self, n: [V; 3], h: [V; 3]) -> [V; 3] {
         let r = self.inverse_tangent;
@@ -133,7 +132,7 @@ impl<V: Lanes> OptionalLobes<V> {
         ]
     }
 
-    /// Derivatives of `stretched` by both numbers of the anisotropy.
+    /// Derivatives of `stretched` by both parameters of the anisotropy.
     #[inline(always)]
     pub fn stretched_by_anisotropy(&self, optional: &Optional<V>) -> [V; 2] {
         let (t, b) = (self.tangent, self.bitangent);

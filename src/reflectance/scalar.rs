@@ -3,7 +3,7 @@
 use crate::svbrdf::{CHANNELS, LOBES, MIN_ROUGHNESS, channel, lobe};
 use std::f64::consts::PI;
 
-/// Smallest cosine used: keeps surfaces lit and seen from behind finite.
+/// Smallest cosine, which keeps surfaces lit or seen from behind finite.
 pub const MIN_COSINE: f32 = 1e-3;
 
 /// Coefficients of Schlick's Fresnel term as a power of two: `2^((a VoH + b) VoH)`.
@@ -17,16 +17,14 @@ pub const COAT_F0: f32 = 0.04;
 pub struct Reflection {
     /// `f(l, v) * NoL` per colour channel, 1/sr.
     pub value: [f64; 3],
-    /// Derivative of each colour channel with respect to each parameter, see
-    /// [`channel`].
+    /// Derivative of each colour channel by each parameter, see [`channel`].
     pub jacobian: [[f64; CHANNELS]; 3],
-    /// Derivative of each colour channel with respect to each parameter of the optional lobes, see
-    /// [`lobe`].
+    /// Derivative of each colour channel by each parameter of the optional lobes, see [`lobe`].
     pub by_lobes: [[f64; LOBES]; 3],
 }
 
 /// Reflects light from direction `light` towards `view` (unit vectors from the texel, board frame)
-/// for natural parameters in the order of [`channel`] and optional lobes in the order of [`lobe`].
+/// for parameters in the order of [`channel`] and optional lobes in the order of [`lobe`].
 #[inline(always)]
 pub fn reflect(
     parameters: &[f64; CHANNELS],
@@ -54,7 +52,7 @@ pub fn reflect(
     let stretched =
         stretched(&[lobes[lobe::ANISOTROPY_X], lobes[lobe::ANISOTROPY_Y]], normal, half);
     let sin2 = if dnh > 0.0 { stretched.value } else { 1.0 - nh * nh };
-    // S = D G / (4 NoL NoV); its logarithmic derivatives follow.
+    // S = D G / (4 NoL NoV) with its log derivatives.
     let base = Lobe::new(roughness * roughness, sin2, [nl, nv, nh]);
     let by_roughness = if live { base.by_alpha * 2.0 * roughness } else { 0.0 };
 
@@ -73,12 +71,12 @@ pub fn reflect(
         let (s, below) = (through * base.value, kd / PI + base.value * f);
         let brdf = through * below + over;
         reflection.value[c] = brdf * nl;
-        // Derivative with respect to the normal, then through n = (p, q, 1) / length.
+        // Derivative by the normal, then through n = (p, q, 1) / length.
         let [by_nl, by_nv, by_nh] =
             [0, 1, 2].map(|i| nl * (s * f * base.by_cosines[i] + over * coat.by_cosines[i]));
         let (by_nl, by_nv) = ((brdf + by_nl) * dnl, by_nv * dnv);
         let by_sin2 = nl * s * f * base.by_sin2 * dnh;
-        // For the coat, sin² is 1 - NoH².
+        // sin² of the coat is 1 - NoH².
         let by_nh = (by_nh - nl * over * coat.by_sin2 * 2.0 * nh) * dnh;
         let by_normal: [f64; 3] = std::array::from_fn(|i| {
             by_nl * light[i] + by_nv * view[i] + by_nh * half[i] + by_sin2 * stretched.by_normal[i]
@@ -100,17 +98,17 @@ pub fn reflect(
     reflection
 }
 
-/// D G / (4 NoL NoV) of a lobe, with the derivatives of its logarithm.
+/// D G / (4 NoL NoV) of a lobe, with the derivatives of its log.
 struct Lobe {
     value: f64,
     by_alpha: f64,
     by_sin2: f64,
-    /// By NoL, NoV and NoH, sin² held.
+    /// By NoL, NoV and NoH at constant sin².
     by_cosines: [f64; 3],
 }
 
 impl Lobe {
-    /// With `sin2` in place of 1 - NoH².
+    /// Takes `sin2` in place of 1 - NoH².
     #[inline(always)]
     fn new(alpha: f64, sin2: f64, [nl, nv, nh]: [f64; 3]) -> Self {
         let (alpha2, k) = (alpha * alpha, 0.5 * alpha);
@@ -127,14 +125,14 @@ impl Lobe {
     }
 }
 
-/// The square of the half vector's part across the normal, stretched by anisotropy.
+/// The squared component of the half vector perpendicular to the normal, stretched by anisotropy.
 struct Stretched {
     value: f64,
     by_normal: [f64; 3],
     by_anisotropy: [f64; 2],
 }
 
-/// See [`lobe::ANISOTROPY_X`]; the tangent is the X axis, made orthogonal to the normal.
+/// See [`lobe::ANISOTROPY_X`]; the tangent is X made orthogonal to the normal.
 #[inline(always)]
 fn stretched([u, v]: &[f64; 2], n: [f64; 3], h: [f64; 3]) -> Stretched {
     let r2 = 1.0 / (1.0 - n[0] * n[0]);
@@ -144,7 +142,7 @@ fn stretched([u, v]: &[f64; 2], n: [f64; 3], h: [f64; 3]) -> Stretched {
     let m2 = u * u + v * v;
     let m = m2.sqrt();
     let cosh = m.cosh();
-    // sinh(m) / m and its derivative by m, over m.
+    // sinh(m) / m and its derivative by m, divided by m.
     let [sinhc, slope] = if m < 1e-3 {
         [1.0 + m2 / 6.0, 1.0 / 3.0]
     } else {
@@ -167,7 +165,7 @@ fn stretched([u, v]: &[f64; 2], n: [f64; 3], h: [f64; 3]) -> Stretched {
     }
 }
 
-/// Clamped cosine, and 1 where it is not clamped, else 0.
+/// Clamped cosine, and its derivative: 1, or 0 if clamped.
 fn cosine(a: [f64; 3], b: [f64; 3]) -> [f64; 2] {
     let c = dot(a, b);
     let min = MIN_COSINE as f64;
@@ -213,7 +211,7 @@ mod tests {
         }
     }
 
-    /// Whether a clamped cosine is so close to its limit that a finite difference crosses it.
+    /// Whether a finite difference would cross the limit of a clamped cosine.
     fn near_clamp(parameters: &[f64; CHANNELS], light: [f64; 3], view: [f64; 3]) -> bool {
         let length = (1.0 + parameters[0].powi(2) + parameters[1].powi(2)).sqrt();
         let n = [parameters[0] / length, parameters[1] / length, 1.0 / length];
@@ -221,9 +219,9 @@ mod tests {
     }
 
     proptest! {
-        /// Central differences with h = 1e-6: truncation is h²/6 times the third derivative, which
-        /// for roughness 0.05 (alpha = 0.0025) reaches about 1e8 of the value per parameter³: 2e-5
-        /// relative to the value's scale; rounding is 1e-16 / h = 1e-10 of the value.
+        /// Central differences with h = 1e-6. Truncation: h²/6 times the third derivative, which at
+        /// roughness 0.05 (alpha = 0.0025) reaches about 1e8 of the value per parameter³, i.e. 2e-5
+        /// relative to the value's scale. Rounding: 1e-16 / h = 1e-10 of the value.
         #[test]
         fn every_partial_derivative_matches_finite_differences(
             parameters in material(), lobes in optional(), light in any_direction(),
@@ -233,7 +231,7 @@ mod tests {
             check_derivatives(&parameters, &lobes, light, view)?;
         }
 
-        /// The same near the mirror direction, where narrow highlights are.
+        /// The same near the mirror direction, inside narrow highlights.
         #[test]
         fn derivatives_hold_inside_highlights(
             mut parameters in material(), lobes in optional(), view in any_direction(),
@@ -246,8 +244,7 @@ mod tests {
             check_derivatives(&parameters, &lobes, light, view)?;
         }
 
-        /// Schlick's shadowing is a product of the same function of either direction, so light
-        /// and camera may be swapped.
+        /// Schlick's shadowing is a symmetric product, so light and camera may be exchanged.
         #[test]
         fn reciprocal(parameters in material(), lobes in optional(), a in any_direction(), b in any_direction()) {
             let flat = { let mut m = parameters; m[0] = 0.0; m[1] = 0.0; m };
@@ -292,8 +289,8 @@ mod tests {
         Ok(())
     }
 
-    /// The specular lobe alone must not reflect more than it receives. Schlick's shadowing with
-    /// k = alpha / 2 loses a little less than exact Smith; integrals stay below 1 for F0 = 1.
+    /// The specular lobe alone must not reflect more than it receives. Schlick's shadowing with k =
+    /// alpha / 2 loses slightly less than exact Smith; integrals stay below 1 for F0 = 1.
     #[test]
     fn the_specular_lobe_conserves_energy() {
         for roughness in [0.2, 0.4, 0.7, 1.0] {
@@ -302,7 +299,7 @@ mod tests {
                 let m = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, roughness];
                 let (steps, mut sum) = (600, 0.0);
                 for i in 0..steps {
-                    // Uniform in cos² (equal projected solid angle) and azimuth.
+                    // Uniform in cos² (equal projected solid angles) and azimuth.
                     let cos = ((i as f64 + 0.5) / steps as f64).sqrt();
                     for j in 0..steps {
                         let azimuth = 2.0 * PI * (j as f64 + 0.5) / steps as f64;
@@ -322,7 +319,7 @@ mod tests {
         let up = [0.0, 0.0, 1.0];
         let value = reflect(&m, &NO_LOBES, up, up).value;
         for c in 0..3 {
-            // F(VoH = 1) = 2^-12.54 is all that is left of the specular lobe: 1.7e-4 / (4 pi).
+            // Only F(VoH = 1) = 2^-12.54 remains of the specular lobe: 1.7e-4 / (4 pi).
             let left = (FRESNEL[0] as f64 + FRESNEL[1] as f64).exp2() / (4.0 * PI);
             assert!((value[c] - m[2 + c] / PI - left).abs() < 1e-12);
         }

@@ -1,5 +1,4 @@
-//! Log-L1 loss of maps against photographs, fused with its gradient: neither renderings nor
-//! Jacobians are stored.
+//! Fused log-L1 loss of maps against photographs and its gradient, without stored renderings or Jacobians.
 
 use super::prepared::{BAND_ROWS, Prepared, find_directions, load_lobes, load_texels};
 use crate::loss::{EPSILON, OffsetPair};
@@ -9,15 +8,13 @@ use crate::reflectance::{Directions, Lobes, Material};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};
 use crate::svbrdf::{CHANNELS, Svbrdf, bands, channel};
 
-/// Log-L1 loss: mean over photographs, texels and channels of
-/// `|ln(rendered + 0.01) - ln(observed + 0.01)|`, weighted by each observation's `weight`;
-/// 0 when all weights are.
+/// Log-L1 loss: weighted mean over photographs, texels and channels of `|ln(rendered + 0.01) -
+/// ln(observed + 0.01)|`; 0 if all weights are 0.
 ///
-/// Parameters must lie in their physical ranges. Measurements that are not numbers must have
-/// weight 0.
+/// Parameters must lie in their physical ranges. Measurements that are NaN must have weight 0.
 ///
 /// # Panics
-/// When an observation has not the maps' size.
+/// If the size of an observation differs from that of the maps.
 pub fn loss(maps: &Svbrdf, observations: &[Observation]) -> f64 {
     let prepared = Prepared::new(maps, observations);
     let rows: Vec<[f64; 2]> = parallel::map(maps.height().div_ceil(BAND_ROWS), |band| {
@@ -28,12 +25,12 @@ pub fn loss(maps: &Svbrdf, observations: &[Observation]) -> f64 {
     if weight > 0.0 { sum / (3.0 * weight) } else { 0.0 }
 }
 
-/// [`loss`] and its gradient by the maps' nine planes, which overwrites `gradient`. The gradient is
-/// zero where rendering and measurement agree, or a saturated measurement is explained.
+/// [`loss`] and its gradient by the maps' nine planes, which is written to `gradient`. The gradient
+/// is zero where rendering and measurement agree or the rendering explains a saturated measurement.
 ///
 /// # Panics
-/// When an observation has not the maps' size, or `gradient` does not hold `9 * maps.texels()`
-/// values.
+/// If the size of an observation differs from that of the maps, or `gradient` does not hold `9 *
+/// maps.texels()` values.
 pub fn loss_and_gradient(maps: &Svbrdf, observations: &[Observation], gradient: &mut [f32]) -> f64 {
     assert_eq!(gradient.len(), maps.planes().len(), "nine planes of {} texels", maps.texels());
     let prepared = Prepared::new(maps, observations);
@@ -56,7 +53,7 @@ fn total(rows: &[[f64; 2]]) -> [f64; 2] {
     rows.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
 }
 
-/// Where the gradient goes.
+/// Destination of the gradient.
 trait Sink {
     const WANTED: bool;
     /// Texels `from..to` of the band.
@@ -101,7 +98,7 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
         let mut directions = vec![Directions::none(); self.observations.len()];
         for r in 0..rows {
             let row = self.first_row + r;
-            // A row's sum in single precision: at most a few thousand values a lane.
+            // Single precision suffices for a row: at most a few thousand values per lane.
             let mut row_sums = [V::splat(0.0); 2];
             for column in (0..width).step_by(LANES) {
                 let end = (column + LANES).min(width);
@@ -128,7 +125,7 @@ impl<S: Sink> Kernel for LossBand<'_, S> {
     }
 }
 
-/// Sum over photographs for eight texels.
+/// Sums over photographs for eight texels.
 struct Gradient<V> {
     material: Material<V>,
     by_normal: [V; 3],
@@ -150,7 +147,7 @@ impl<V: Lanes> Gradient<V> {
         }
     }
 
-    /// Adds a photograph; answers its weighted loss (three channels) and its weight.
+    /// Adds a photograph; returns its weighted loss (three channels) and its weight.
     #[inline(always)]
     fn add<S: Sink>(
         &mut self,
@@ -177,8 +174,8 @@ impl<V: Lanes> Gradient<V> {
         }
 
         if S::WANTED {
-            // One division for three: 1/a = bc / abc. Offset renderings are at least 0.01. Where
-            // a saturated measurement is explained the sign is zero.
+            // One division for three, 1/a = bc / abc; offset renderings are at least 0.01. The sign
+            // is zero where a saturated measurement is explained.
             let [a, b, c] = [pairs[0].rendered, pairs[1].rendered, pairs[2].rendered];
             let all = (a * b * c).reciprocal() * weight;
             let inverse = [all * b * c, all * a * c, all * a * b];
@@ -211,7 +208,7 @@ impl<V: Lanes> Gradient<V> {
                 by_log_lobe.mul_add(lobes.log_specular_by_roughness(material), self.by_roughness);
         }
 
-        // Unseen texels may hold anything, so a product with weight 0 is not enough.
+        // Select instead of multiplying by weight 0, because unseen texels may hold NaN.
         let loss = OffsetPair::log_l1_of_three(pairs) * weight;
         [weight.if_greater(zero, loss, zero), weight]
     }

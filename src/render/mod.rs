@@ -1,14 +1,16 @@
-//! Renderings of maps, their distance to photographs, and the gradient of that distance.
+//! Renderings of maps, their distance to photographs, and its gradient.
 //!
-//! Radiance of a texel: `BRDF * NoL * E + ambient * (kd + mirrored * ks)`, with `E` from
-//! [`Falloff`](crate::observation::Falloff), not clamped at 1: a photograph's saturation is a mark on
-//! its values, see [`loss`](crate::loss). Rows are shared among rayon's threads; sums are formed in
-//! the same order for any number of them, so results do not depend on it.
+//! Radiance of a texel: `BRDF * NoL * E + ambient * (kd + mirrored * ks)` with `E` from
+//! [`Falloff`](crate::observation::Falloff). It is not clamped at 1; saturated values of
+//! photographs are marked (see [`loss`](crate::loss)). Rows are divided among rayon's threads. Sums
+//! have a fixed order, so results do not depend on the number of threads.
 
 mod gradient;
+mod point;
 mod prepared;
 
 pub use gradient::{loss, loss_and_gradient};
+pub(crate) use point::{PointView, Radiance};
 pub(crate) use prepared::{
     BAND_ROWS, Prepared, check_observations, find_directions, load_lobes, load_texels,
 };
@@ -22,7 +24,7 @@ use crate::svbrdf::{Svbrdf, bands};
 /// Renders maps into three planes (R, G, B) of `width * height` radiances.
 ///
 /// # Panics
-/// When `out` does not hold `3 * maps.texels()` values.
+/// If `out` does not hold `3 * maps.texels()` values.
 pub fn render(maps: &Svbrdf, view: &View, out: &mut [f32]) {
     assert_eq!(out.len(), 3 * maps.texels(), "three planes of {} texels", maps.texels());
     let view = TexelView::new(view, maps.width(), maps.height());

@@ -1,4 +1,4 @@
-//! Observations and maps as the texel kernels read them: eight texels at a time, rows in bands.
+//! Access of the texel kernels to observations and maps: eight texels at a time, rows in bands.
 
 use crate::observation::{FULL_WEIGHT, LEAST_WEIGHT, Observation, Packed};
 use crate::reflectance::{Directions, TexelView};
@@ -7,10 +7,10 @@ use crate::svbrdf::{CHANNELS, LOBES, Svbrdf};
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Rows that one task works on.
+/// Rows per task.
 pub(crate) const BAND_ROWS: usize = 4;
 
-/// An error where an observation has not the maps' size.
+/// Checks that all observations have the maps' size.
 pub(crate) fn check_observations(maps: &Svbrdf, observations: &[Observation]) -> Result<()> {
     let (width, height) = (maps.width(), maps.height());
     for o in observations {
@@ -30,7 +30,7 @@ pub(crate) struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     /// # Panics
-    /// When an observation has not the maps' size.
+    /// If the size of an observation differs from that of the maps.
     pub fn new(maps: &Svbrdf, observations: &'a [Observation]) -> Vec<Self> {
         let n = maps.texels();
         observations
@@ -49,7 +49,7 @@ impl<'a> Prepared<'a> {
             .collect()
     }
 
-    /// Weights of some texels, at most eight.
+    /// Weights of up to eight texels.
     #[inline(always)]
     pub fn load_weight<V: Lanes>(&self, texels: &Range<usize>) -> V {
         let lacks = V::load_lowest(self.packed.map(|plane| &plane[texels.clone()]));
@@ -62,16 +62,15 @@ impl<'a> Prepared<'a> {
         )
     }
 
-    /// Radiances of some texels, at most eight.
+    /// Radiances of up to eight texels.
     #[inline(always)]
     pub fn load_radiance<V: Lanes>(&self, c: usize, texels: &Range<usize>) -> V {
         V::load_halves(&self.packed[c][texels.clone()])
     }
 }
 
-/// Directions of eight texels in every photograph. They are found before anything else of these
-/// texels: roots and divisions of several photographs then overlap, where a photograph after the
-/// other is one chain longer than processors look ahead.
+/// Directions of eight texels in every photograph. Computing them first overlaps the roots and divisions of
+/// several photographs; one photograph at a time would form a chain longer than a processor's look-ahead.
 #[inline(always)]
 pub(crate) fn find_directions<V: Lanes>(
     observations: &[Prepared],
@@ -95,7 +94,7 @@ pub(crate) fn load_texels<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> 
     parameters
 }
 
-/// Loads the optional lobes of the same texels; `None` where the material has none.
+/// Loads the optional lobes of these texels; `None` if the material has none.
 #[inline(always)]
 pub(crate) fn load_lobes<V: Lanes>(maps: &Svbrdf, first: usize, end: usize) -> Option<[V; LOBES]> {
     let (n, planes) = (maps.texels(), maps.lobes());

@@ -2,13 +2,13 @@ use super::*;
 use crate::loss::{EPSILON, log_l1, log_l1_derivative};
 use crate::observation::{Falloff, Observation};
 use crate::reflectance::reflect;
-use crate::svbrdf::{CHANNELS, LOBES, NO_LOBES, channel, lobe};
+use crate::svbrdf::{CHANNELS, LOBES, channel, lobe};
 use std::f64::consts::PI;
 
 pub(crate) use crate::test_support::noise;
 
-/// Unrelated texels over the whole range of materials, roughness from 0.05; with optional lobes for
-/// even seeds.
+/// Independent texels over the whole range of materials with roughness from 0.05, and with optional
+/// lobes for even seeds.
 fn random_maps(width: usize, height: usize, seed: u64) -> Svbrdf {
     let mut r = noise(seed);
     let mut maps = Svbrdf::new(width, height);
@@ -62,7 +62,7 @@ fn random_observation(maps: &Svbrdf, seed: u64) -> Observation {
     Observation::new(maps.width(), maps.height(), view, &radiance, &weight).unwrap()
 }
 
-/// Radiance and its derivatives of one texel in double precision.
+/// Radiance and derivatives of one texel in double precision.
 fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[f64; 9]; 3]) {
     let (w, h, i) = (maps.width(), maps.height(), y * maps.width() + x);
     let parameters: [f64; 9] = std::array::from_fn(|c| maps.plane(c)[i] as f64);
@@ -76,7 +76,7 @@ fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[
         (d.map(|v| v / length), length)
     };
     let ((light, distance), (camera, _)) = (towards(view.light_mm), towards(view.camera_mm));
-    let lobes = std::array::from_fn(|c| maps.lobe(c).map_or(NO_LOBES[c], |plane| plane[i] as f64));
+    let lobes = maps.lobes_at(i);
     let reflection = reflect(&parameters, &lobes, light, camera);
     let (mut value, mut jacobian) = (reflection.value, reflection.jacobian);
     for c in 0..3 {
@@ -95,7 +95,7 @@ fn texel_oracle(maps: &Svbrdf, view: &View, x: usize, y: usize) -> ([f64; 3], [[
     (value, jacobian)
 }
 
-/// Widths with every kind of incomplete last group of eight, and one texel.
+/// Widths with every size of an incomplete last group of eight, and one texel.
 const SIZES: [(usize, usize); 4] = [(32, 9), (13, 5), (7, 3), (1, 1)];
 
 #[test]
@@ -109,7 +109,7 @@ fn renderings_agree_with_double_precision() {
         for (i, &v) in out.iter().enumerate() {
             let (c, x, y) = (i / (w * h), i % w, i / w % h);
             let want = texel_oracle(&maps, &view, x, y).0[c];
-            // Roughness 0.05 is a lobe of 0.0025 rad: rounding of the half vector by 1e-7 changes
+            // Roughness 0.05 is a lobe of 0.0025 rad. Rounding of the half vector by 1e-7 changes
             // its flank by up to 4e-7 / 0.0025 = 2e-4.
             assert!((v as f64 - want).abs() < 3e-4 * want + 1e-6, "seed {seed}: {v} for {want}");
         }
@@ -118,11 +118,11 @@ fn renderings_agree_with_double_precision() {
 
 #[test]
 fn narrow_highlights_keep_their_shape_in_single_precision() {
-    // The smallest roughness, along the slope of the lobe (half width 0.0004 rad).
+    // The smallest roughness, along the flank of the lobe (half width 0.0004 rad).
     let mut maps = Svbrdf::new(64, 1);
     for i in 0..64 {
-        maps.plane_mut(channel::SLOPE_X)[i] = 4e-5 * i as f32;
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.02;
+        maps.normal_slopes_mut()[0][i] = 4e-5 * i as f32;
+        maps.roughness_mut()[i] = 0.02;
     }
     let position = [0.0, 0.0, 1000.0];
     let falloff = Falloff::None { power: [1.0; 3] };
@@ -143,16 +143,16 @@ fn narrow_highlights_keep_their_shape_in_single_precision() {
     }
 }
 
-/// A white Lambertian plane under a far light comes out at its albedo with either fall-off. What
-/// is left of the specular lobe (roughness 1, F0 = 0) is F(1) / 4 = 4e-5.
+/// The radiance of a white Lambertian plane under a far light is its albedo with either fall-off.
+/// The specular lobe (roughness 1, F0 = 0) adds F(1) / 4 = 4e-5.
 #[test]
 fn a_lambertian_plane_comes_out_at_its_albedo() {
     let mut maps = Svbrdf::new(8, 8);
     for c in 0..3 {
-        maps.plane_mut(channel::DIFFUSE + c).fill([0.8, 0.5, 0.1][c]);
-        maps.plane_mut(channel::SPECULAR + c).fill(0.0);
+        maps.diffuse_mut()[c].fill([0.8, 0.5, 0.1][c]);
+        maps.specular_mut()[c].fill(0.0);
     }
-    maps.plane_mut(channel::ROUGHNESS).fill(1.0);
+    maps.roughness_mut().fill(1.0);
     let position = [0.0, 0.0, 300.0];
     let pi = std::f32::consts::PI;
     for falloff in [
@@ -175,7 +175,7 @@ fn a_lambertian_plane_comes_out_at_its_albedo() {
     }
 }
 
-/// Loss and gradient against sums of the double-precision oracle.
+/// Compares loss and gradient with sums of the double-precision oracle.
 #[test]
 fn loss_and_gradient_agree_with_double_precision() {
     for seed in 0..12 {
@@ -209,8 +209,7 @@ fn loss_and_gradient_agree_with_double_precision() {
                 }
                 for k in 0..9 {
                     let got = gradient[k * w * h + i] as f64 * 3.0 * weights;
-                    // As for renderings, with cancellation between photographs: relative to the
-                    // sum of absolute values.
+                    // As for renderings; relative to the sum of absolute values, because photographs cancel.
                     assert!(
                         (got - want[k]).abs() < 5e-4 * scale,
                         "seed {seed}, texel {i}, parameter {k}: {got} for {} (scale {scale})",
@@ -224,7 +223,7 @@ fn loss_and_gradient_agree_with_double_precision() {
     }
 }
 
-/// `<gradient, d>` is the slope of the loss along `d`: a central difference over the whole image.
+/// `<gradient, d>` equals the slope of the loss along `d`, a central difference over the whole image.
 #[test]
 fn the_gradient_is_the_adjoint_of_the_loss() {
     let maps = random_maps(24, 16, 3);
@@ -243,7 +242,7 @@ fn the_gradient_is_the_adjoint_of_the_loss() {
         loss(&m, &observations)
     };
     let numeric = (moved(h) - moved(-h)) / (2.0 * h as f64);
-    // Corners of the L1 crossed within h, and single precision of the loss (1e-7 / h).
+    // Tolerance: kinks of the L1 crossed within h, and single precision of the loss (1e-7 / h).
     assert!((numeric - along).abs() < 0.01 * along.abs() + 1e-3, "{numeric} for {along}");
 }
 
@@ -266,7 +265,7 @@ fn explained_saturation_and_unseen_texels_have_no_gradient() {
     let value = loss_and_gradient(&maps, std::slice::from_ref(&observation), &mut gradient);
     assert_eq!(value, 0.0);
     assert!(gradient.iter().all(|&g| g == 0.0));
-    // The same measurements above the rendering do pull.
+    // The same measurements above the rendering have a gradient.
     let observation = observation.changed(|radiance, _| {
         for (i, o) in radiance.iter_mut().enumerate() {
             *o = if unseen(i) { f32::NAN } else { -1.2 * rendered[i] - 0.01 };
@@ -305,10 +304,10 @@ fn results_do_not_depend_on_the_number_of_threads() {
     assert_eq!(run(1), run(3));
 }
 
-/// The unit of radiance: irradiance pi makes albedo 1 come out at 1.
+/// Unit of radiance: at irradiance pi, albedo 1 has radiance 1.
 #[test]
 fn the_reference_renderer_is_reproduced() {
-    // One texel worked out by hand from the equations in `reflectance`.
+    // One texel computed by hand from the equations in `reflectance`.
     let mut maps = Svbrdf::new(1, 1);
     maps.planes_mut().copy_from_slice(&[0.1, -0.2, 0.3, 0.2, 0.1, 0.04, 0.5, 0.9, 0.4]);
     let view = View {

@@ -63,7 +63,7 @@ pub(super) fn linearity(
 mod tests {
     use super::*;
     use crate::calibration::photometry::tests::pose;
-    use crate::frame::{Encoding, Photo, ToneCurve};
+    use crate::photo::{Encoding, Photo, ToneCurve};
     use glam::{DVec2, DVec3};
 
     #[test]

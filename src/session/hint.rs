@@ -1,11 +1,11 @@
-//! What there is to tell about an accepted photograph.
+//! Hints about accepted photographs.
 
 use std::fmt;
 
 use crate::BoardDifference;
 use crate::estimate::Part;
 
-/// Something to tell about a photograph that was accepted. Each names what was seen, with its figure, and the
+/// A hint about an accepted photograph. Each names what was seen, with its figure, and the
 /// remedy.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -19,7 +19,7 @@ pub enum Hint {
     /// The board's grays do not come out as linear values of a print do.
     #[error("the pixel values are not linear ({what} is {ratio:.3} of white): {}", remedy(*undone))]
     NotLinear {
-        /// What was looked at: `black` or `gray`.
+        /// The squares or patch concerned: `black` or `gray`.
         what: &'static str,
         /// Its value, as the file has it, over that of white.
         ratio: f32,

@@ -1,9 +1,9 @@
-//! How much memory a session needs, estimated before it is taken.
+//! Estimates the memory that a session needs before it is allocated.
 
 use std::sync::{Arc, Mutex};
 
 use super::settings::Settings;
-use crate::frame::Photo;
+use crate::photo::Photo;
 use crate::threads::lock;
 use crate::{Error, Result, estimate};
 
@@ -37,11 +37,11 @@ pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Resul
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// Photographs that callers hold until these are pushed, and their bytes.
+/// Photographs that callers hold until these are added, and their bytes.
 #[derive(Default)]
 pub(super) struct Waiting(Arc<Mutex<(usize, u64)>>);
 
-/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
+/// Memory of a photograph that waits to be added, see [`Session::hold`](super::Session::hold); counted until dropped.
 pub struct Held {
     waiting: Arc<Mutex<(usize, u64)>>,
     bytes: u64,
@@ -52,14 +52,14 @@ impl Waiting {
     pub(super) fn hold(
         &self,
         settings: &Settings,
-        frames: usize,
+        photos: usize,
         kept: u64,
         [bytes, photo_bytes, pixels]: [u64; 3],
     ) -> Result<Held> {
         let taken_in = photo_bytes.saturating_add(DETECTION.saturating_mul(pixels));
         let mut waiting = lock(&self.0);
         let (count, sum) = (waiting.0 + 1, waiting.1.saturating_add(bytes));
-        check(settings, frames + count, kept.saturating_add(sum).saturating_add(taken_in))?;
+        check(settings, photos + count, kept.saturating_add(sum).saturating_add(taken_in))?;
         *waiting = (count, sum);
         Ok(Held { waiting: self.0.clone(), bytes })
     }
@@ -80,8 +80,8 @@ impl Drop for Held {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
     use crate::networks::Networks;
+    use crate::photo::Encoding;
     use crate::session::{RectifiedFalloff, Scene, Session};
 
     const SIDE: u32 = 256;
@@ -108,11 +108,11 @@ mod tests {
             matches!(hold(401), Err(Error::MemoryLimit { needed, limit }) if needed == limit + 1)
         );
         let second = hold(400).unwrap();
-        // What may be held may be pushed meanwhile.
+        // A photograph that may be held may also be added meanwhile.
         let rgb = vec![100; PHOTO as usize];
         let row = 3 * SIDE as usize;
         let photo = Photo::from_rgb8(SIDE, SIDE, &rgb, row, Encoding::Srgb, 1.0).unwrap();
-        assert!(session.push_rectified(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
+        assert!(session.add_rectified_photo(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
         assert!(matches!(hold(0), Err(Error::MemoryLimit { .. })), "one is in the maps, two wait");
         drop(first);
         drop(second);

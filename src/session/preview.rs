@@ -8,8 +8,8 @@ use super::survey::NextView;
 use crate::calibration::photometry::Squares;
 use crate::calibration::reasons::why_no_board;
 use crate::calibration::{self, CameraPrior, Corner, LumaImage, Sighting};
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::photo::Photo;
 use crate::statistics::median;
 use crate::{Rejection, rectification};
 

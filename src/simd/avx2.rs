@@ -1,7 +1,7 @@
 //! Lanes in one AVX register.
 
-// SAFETY of every block below: values of this type exist only inside `dispatch`, which has
-// checked that the processor has AVX2, FMA and F16C; loads and stores go through whole arrays.
+// SAFETY of every block below: values of this type exist only inside `dispatch`, which has checked
+// that the processor has AVX2, FMA and F16C; loads and stores go through whole arrays.
 use super::lanes::{LANES, Lanes, SQRT_HALF_BITS};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
@@ -34,7 +34,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn reciprocal_sqrt(self) -> Self {
-        // Twelve bits, doubled by a step of Newton's method.
+        // Twelve bits, doubled by one Newton step.
         Self(unsafe {
             let y = _mm256_rsqrt_ps(self.0);
             let half = _mm256_mul_ps(self.0, _mm256_set1_ps(0.5));

@@ -2,7 +2,6 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Number of lanes.
 pub(crate) const LANES: usize = 8;
 
 /// Eight `f32`. Every operation works lane by lane.
@@ -17,51 +16,48 @@ pub(crate) trait Lanes:
 {
     /// The same value in every lane.
     fn splat(x: f32) -> Self;
-    /// From an array.
     fn from_array(a: [f32; LANES]) -> Self;
     /// From the bits of half floats.
     fn from_halves(a: [u16; LANES]) -> Self;
-    /// The number of which three others' lowest bits are the digits, the first the lowest.
+    /// Number whose binary digits are the lowest bits of three numbers, the lowest digit first.
     fn from_lowest(a: [[u16; LANES]; 3]) -> Self;
-    /// To an array.
     fn to_array(self) -> [f32; LANES];
-    /// `self * b + c`, with one rounding where that is as fast as two.
+    /// `self * b + c`, fused where that is fast.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// The larger value; `other` where `self` is not a number.
+    /// The larger value; `other` if `self` is NaN.
     fn max(self, other: Self) -> Self;
-    /// The smaller value; `other` where `self` is not a number.
+    /// The smaller value; `other` if `self` is NaN.
     fn min(self, other: Self) -> Self;
-    /// Absolute value.
     fn abs(self) -> Self;
     /// Square root, correctly rounded.
     fn sqrt(self) -> Self;
-    /// `yes` where `self > other`, else `no` (also where one is not a number).
+    /// `yes` where `self > other`, else `no` (also for NaN).
     fn if_greater(self, other: Self, yes: Self, no: Self) -> Self;
     /// Splits a positive normal number into exponent and mantissa in [sqrt(1/2), sqrt(2)).
     fn split_exponent(self) -> (Self, Self);
-    /// `self * 2^n` for whole numbers `n` such that the result is normal.
+    /// `self * 2^n` for integers `n` with a normal result.
     fn scale_by_power_of_two(self, n: Self) -> Self;
 
-    /// `1 / x`, to half a unit in the last place.
+    /// `1 / x` to half a unit in the last place.
     #[inline(always)]
     fn reciprocal(self) -> Self {
         Self::splat(1.0) / self
     }
 
-    /// `1 / sqrt(x)` of a positive normal number, relative error below 3e-7.
+    /// `1 / sqrt(x)` of a positive normal number with a relative error below 3e-7.
     #[inline(always)]
     fn reciprocal_sqrt(self) -> Self {
         self.sqrt().reciprocal()
     }
 
-    /// Value limited to `low..=high`.
+    /// Limits the value to `low..=high`.
     #[inline(always)]
     fn clamp(self, low: f32, high: f32) -> Self {
         self.max(Self::splat(low)).min(Self::splat(high))
     }
 
-    /// Natural logarithm of a positive normal number; absolute error below 1.5e-7 of
-    /// `max(1, |ln x|)` (polynomial of degree 9 of the Cephes library).
+    /// Natural log of a positive normal number, with an absolute error below 1.5e-7 of `max(1, |ln
+    /// x|)` (polynomial of degree 9 of the Cephes library).
     #[inline(always)]
     fn ln(self) -> Self {
         let (exponent, mantissa) = self.split_exponent();
@@ -84,10 +80,10 @@ pub(crate) trait Lanes:
         exponent.mul_add(Self::splat(std::f32::consts::LN_2), fraction)
     }
 
-    /// `2^x` for |x| < 126, relative error below 4e-7 (Taylor series of degree 6 on ±1/2).
+    /// `2^x` for |x| < 126 with a relative error below 4e-7 (Taylor series of degree 6 on ±1/2).
     #[inline(always)]
     fn exp2(self) -> Self {
-        // Adding 1.5 * 2^23 leaves no bits for the fraction: rounds to the nearest whole number.
+        // Adding 1.5 * 2^23 rounds to the nearest integer.
         let magic = Self::splat(12_582_912.0);
         let whole = (self + magic) - magic;
         let f = self - whole;
@@ -98,7 +94,7 @@ pub(crate) trait Lanes:
         p.scale_by_power_of_two(whole)
     }
 
-    /// The first eight values of `x`; where there are fewer, `fill` follows.
+    /// The first eight values of `x`, padded with `fill`.
     #[inline(always)]
     fn load(x: &[f32], fill: f32) -> Self {
         match x.first_chunk() {
@@ -107,8 +103,7 @@ pub(crate) trait Lanes:
         }
     }
 
-    /// The first eight half floats of `x`, none of them infinite; where there are fewer, zeros
-    /// follow.
+    /// The first eight half floats of `x` (none infinite), padded with zeros.
     #[inline(always)]
     fn load_halves(x: &[u16]) -> Self {
         match x.first_chunk() {
@@ -117,7 +112,7 @@ pub(crate) trait Lanes:
         }
     }
 
-    /// [`Lanes::from_lowest`] of the first eight numbers; where there are fewer, seven follows.
+    /// [`Lanes::from_lowest`] of the first eight numbers, padded with seven.
     #[inline(always)]
     fn load_lowest(x: [&[u16]; 3]) -> Self {
         Self::from_lowest(x.map(|x| match x.first_chunk() {
@@ -126,7 +121,7 @@ pub(crate) trait Lanes:
         }))
     }
 
-    /// Writes the first lanes, as many as fit.
+    /// Writes as many of the first lanes as fit.
     #[inline(always)]
     fn store(self, x: &mut [f32]) {
         let a = self.to_array();

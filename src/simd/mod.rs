@@ -1,13 +1,13 @@
 //! Eight `f32` at a time: the vector type of the texel kernels, and the choice of instruction set.
 //!
-//! A kernel is written once, generic over [`Lanes`], and [`dispatch`]ed: on x86-64 to AVX2 with
-//! fused multiply-add and half floats where the processor has them, on WebAssembly to simd128 where
-//! that is compiled for, else to plain arrays, which compilers turn into SSE2 or NEON. Sixteen lanes
-//! spilled registers and were several times slower.
+//! A kernel is written once, generic over [`Lanes`], and [`dispatch`]ed to AVX2 with fused
+//! multiply-add and half floats on x86-64 processors that have them, to simd128 in WebAssembly
+//! builds with it, and otherwise to plain arrays, which compilers turn into SSE2 or NEON. Sixteen
+//! lanes spilled registers and were several times slower.
 //!
-//! This is the one module with `unsafe`: AVX2 intrinsics and the call that enters code compiled
-//! for AVX2, both sound because [`Avx2`] is reachable through [`dispatch`] only, after the check;
-//! and loads and stores of whole arrays.
+//! This module contains `unsafe`: AVX2 intrinsics and the call into code compiled for AVX2, both
+//! sound because [`Avx2`] is reachable only through [`dispatch`] after its check; and loads and
+//! stores of whole arrays.
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
@@ -27,12 +27,12 @@ use avx2::Avx2;
 #[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
 use portable::Portable;
 
-/// Work written once for every instruction set. `run` and all it calls must be
-/// `#[inline(always)]`, else it is not compiled for the chosen set.
+/// Work written once for every instruction set. `run` and everything it calls must be
+/// `#[inline(always)]`, or it is not compiled for the chosen set.
 pub(crate) trait Kernel {
-    /// What comes out.
+    /// Result of the kernel.
     type Output;
-    /// Does the work with the vector type of the instruction set.
+    /// Runs with the vector type of the instruction set.
     fn run<V: Lanes>(self) -> Self::Output;
 }
 

@@ -1,15 +1,15 @@
-//! Lanes as plain arrays, which compilers turn into SSE2 or NEON.
+//! Lanes as plain arrays, compiled to SSE2 or NEON.
 
 use super::lanes::{LANES, Lanes, SQRT_HALF_BITS};
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// Lanes as an array. Fused multiply-add on AArch64 only, where every processor has it: elsewhere
-/// it would be a library call.
+/// Lanes as an array. Fused multiply-add is used only on AArch64, where every processor has it;
+/// elsewhere it could be a library call.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
 pub(crate) struct Portable([f32; LANES]);
 
-/// One expression of `i` for every lane. Loops, not closures: those may stay calls.
+/// One expression of `i` for every lane. A loop, because closures may remain calls.
 macro_rules! lane_by_lane {
     ($i:ident => $value:expr) => {{
         let mut out = [Default::default(); LANES];
@@ -31,7 +31,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     fn from_halves(a: [u16; LANES]) -> Self {
-        // The exponents differ by 112; subnormal numbers come out right as well.
+        // The exponents differ by 112; subnormal numbers are also correct.
         let power = f32::from_bits((127 + 112) << 23);
         Self(lane_by_lane!(i => {
             let size = f32::from_bits(u32::from(a[i] & 0x7FFF) << 13) * power;
@@ -79,7 +79,7 @@ impl Lanes for Portable {
             // SAFETY: every aarch64 target has NEON; a vector is four numbers.
             unsafe {
                 let x = vld1q_f32(x.as_ptr());
-                // Eight bits, doubled by each step of Newton's method.
+                // Eight bits, doubled by each Newton step.
                 let mut y = vrsqrteq_f32(x);
                 for _ in 0..2 {
                     y = vmulq_f32(y, vrsqrtsq_f32(vmulq_f32(x, y), y));

@@ -70,8 +70,8 @@ fn expected(row: usize, i: usize) -> f64 {
     }
 }
 
-/// Both back ends against `f64`: 4e-7 and 3e-7 are the stated errors of `exp2` and of one over
-/// a root, the rest is rounding (2e-7 leaves three units in the last place).
+/// Compares both back ends with `f64`. 4e-7 and 3e-7 are the stated errors of `exp2` and of the
+/// reciprocal root; the rest is rounding (2e-7 are three units in the last place).
 #[test]
 fn every_operation_agrees_with_double_precision() {
     for rows in [dispatch(All(A, B)), All(A, B).run::<Portable>()] {
@@ -83,7 +83,7 @@ fn every_operation_agrees_with_double_precision() {
                     14 => 3e-7,
                     _ => 2e-7,
                 };
-                // Cancellation: the products above round at the size of their terms.
+                // With cancellation, products round at the size of their terms.
                 let scale = match row {
                     9 => want.abs() + B[i].abs() as f64,
                     11 => want.abs().max(1.0),
@@ -147,7 +147,7 @@ impl Kernel for InverseRoot {
 
 #[test]
 fn inverse_roots_keep_their_stated_error() {
-    // every 83rd number from 1 to 4, and other magnitudes of them
+    // Every 83rd number from 1 to 4, and other magnitudes.
     let numbers = (1.0f32.to_bits()..4.0f32.to_bits()).step_by(83).map(f32::from_bits);
     let numbers: Vec<f32> = numbers.flat_map(|x| [x, x * 1e-20, x * 1e20]).collect();
     for x in numbers.as_chunks::<LANES>().0 {

@@ -1,6 +1,6 @@
 //! Lanes in two vectors of WebAssembly's simd128.
 
-// Intrinsics are no values that can be passed on: functions with target features implement no `Fn`.
+// Functions with target features do not implement `Fn`, so intrinsics need closures.
 #![allow(clippy::redundant_closure)]
 
 use std::arch::wasm32::*;
@@ -23,14 +23,14 @@ impl Simd128 {
         Self(f(self.0, other.0), f(self.1, other.1))
     }
 
-    /// From eight whole numbers of 16 bits.
+    /// Converts eight 16-bit integers.
     #[inline(always)]
     fn widened(a: v128) -> Self {
         Self(u32x4_extend_low_u16x8(a), u32x4_extend_high_u16x8(a))
     }
 }
 
-/// Eight whole numbers of 16 bits.
+/// Loads eight 16-bit integers.
 #[inline(always)]
 fn load_u16(a: [u16; LANES]) -> v128 {
     // SAFETY: the array has the size of a vector; loads need no alignment.
@@ -49,7 +49,7 @@ impl Lanes for Simd128 {
     }
     #[inline(always)]
     fn from_halves(a: [u16; LANES]) -> Self {
-        // The exponents differ by 112; subnormal numbers come out right as well.
+        // The exponents differ by 112; subnormal numbers are also correct.
         let power = f32x4_splat(f32::from_bits((127 + 112) << 23));
         Self::widened(load_u16(a)).map(|x| {
             let size = f32x4_mul(i32x4_shl(v128_and(x, i32x4_splat(0x7FFF)), 13), power);
@@ -78,7 +78,7 @@ impl Lanes for Simd128 {
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        // The first operand is what comes out where a comparison fails.
+        // pmax returns its first operand if the comparison fails.
         other.zip(self, |a, b| f32x4_pmax(a, b))
     }
     #[inline(always)]
@@ -106,7 +106,7 @@ impl Lanes for Simd128 {
     }
     #[inline(always)]
     fn scale_by_power_of_two(self, n: Self) -> Self {
-        // In the sum with 1.5 * 2^23 the last bits are the whole number; the shift drops the others.
+        // The last bits of the sum with 1.5 * 2^23 are the integer; the shift drops the others.
         let power = n.map(|n| {
             let whole = f32x4_add(n, f32x4_splat(12_582_912.0));
             i32x4_shl(i32x4_add(whole, i32x4_splat(127)), 23)

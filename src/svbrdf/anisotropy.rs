@@ -1,26 +1,25 @@
-//! The forms in which anisotropy is written: as the optimiser has it, as two alphas, as glTF has it.
+//! Representations of anisotropy: of the optimiser, as two alphas, and of glTF.
 
-/// Largest logarithm of the ratio of both alphas that is made of stored values.
+/// Largest log ratio of the alphas from stored values.
 const MAX_LOG_RATIO: f32 = 3.0;
-/// Smallest alpha that is made of stored values: below, ratios would overflow.
+/// Smallest alpha from stored values, against overflow of ratios.
 const MIN_ALPHA: f32 = 1e-6;
 
 /// The two alphas of a texel's specular lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anisotropy {
-    /// Angle of the direction of the larger alpha, counter-clockwise from X, radians. Opposite directions
-    /// mean the same.
+    /// Direction of the larger alpha, counter-clockwise from X, radians; opposite directions are equivalent.
     pub angle: f32,
-    /// Alpha along the direction, at least `across`; above 1 it is possible, but cannot be stored.
+    /// Alpha along the direction, at least `across`. Values above 1 are valid but cannot be stored.
     pub along: f32,
     /// Alpha across the direction.
     pub across: f32,
 }
 
 impl Anisotropy {
-    /// From the roughness, whose square is the geometric mean of both alphas, and the parameters
-    /// [`lobe::ANISOTROPY_X`](super::lobe::ANISOTROPY_X) and [`lobe::ANISOTROPY_Y`](super::lobe::ANISOTROPY_Y).
-    /// The angle is in -π/2 to π/2.
+    /// Takes the roughness, whose square is the geometric mean of both alphas, and the parameters
+    /// [`lobe::ANISOTROPY_X`](super::lobe::ANISOTROPY_X) and
+    /// [`lobe::ANISOTROPY_Y`](super::lobe::ANISOTROPY_Y). The angle is in -π/2 to π/2.
     pub fn new(roughness: f32, [x, y]: [f32; 2]) -> Self {
         let (alpha, stretch) = (roughness * roughness, (0.5 * x.hypot(y)).exp());
         Self { angle: 0.5 * y.atan2(x), along: alpha * stretch, across: alpha / stretch }
@@ -33,9 +32,9 @@ impl Anisotropy {
         ((self.along * self.across).powf(0.25), [log_ratio * cos, log_ratio * sin])
     }
 
-    /// From the texture of glTF's `KHR_materials_anisotropy` (a direction of any length and the strength, 0
-    /// to 1) and the roughness across the direction: `along = mix(across, 1, strength²)`. The alpha along
-    /// the direction is kept and the other one raised where their ratio is above 20.
+    /// Takes the texture of glTF's `KHR_materials_anisotropy` (a direction of any length and the
+    /// strength, 0 to 1) and the roughness across the direction: `along = mix(across, 1,
+    /// strength²)`. A ratio above 20 is reduced by raising the alpha across the direction.
     pub fn from_gltf(roughness: f32, [x, y]: [f32; 2], strength: f32) -> Self {
         let across = (roughness * roughness).clamp(MIN_ALPHA, 1.0);
         let along = across + (1.0 - across) * (strength * strength).clamp(0.0, 1.0);
@@ -43,7 +42,7 @@ impl Anisotropy {
         Self { angle: y.atan2(x), along, across }
     }
 
-    /// The roughness of glTF: the root of the alpha across the direction.
+    /// glTF's roughness: the root of the alpha across the direction.
     pub fn roughness(&self) -> f32 {
         self.across.sqrt()
     }
@@ -54,14 +53,14 @@ impl Anisotropy {
         [cos, sin]
     }
 
-    /// glTF's strength: its square is `(along - across) / (1 - across)`, 1 where `along` is above 1.
+    /// glTF's strength. Its square is `(along - across) / (1 - across)`, 1 if `along` exceeds 1.
     pub fn strength(&self) -> f32 {
         let (raised, room) = (self.along.min(1.0) - self.across, 1.0 - self.across);
         if raised > 0.0 && room > 0.0 { (raised / room).min(1.0).sqrt() } else { 0.0 }
     }
 
-    /// The same lobe with the angle at most π/2 from another one. Directions of neighbours can be
-    /// interpolated then, if they differ little.
+    /// The same lobe with an angle within π/2 of another one, so that similar directions of
+    /// neighbours can be interpolated.
     pub fn facing(self, angle: f32) -> Self {
         use std::f32::consts::PI;
         Self { angle: self.angle - PI * ((self.angle - angle) / PI).round(), ..self }
@@ -76,7 +75,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// What the optimiser has comes back by way of glTF's form, where that can hold it.
+        /// The optimiser's parameters survive a conversion to glTF and back within glTF's range.
         #[test]
         fn parameters_come_back_from_gltf_s_form(roughness in 0.02..1.0f32, log_ratio in 0.0..3.0f32,
             angle in -1.57..1.57f32) {
@@ -90,7 +89,7 @@ mod tests {
             prop_assert!(off < 2e-3, "{off}: {back:?} for {lobe:?}");
         }
 
-        /// By the definitions: ratio, mean, glTF's mix.
+        /// Definitions: ratio, mean, glTF's mix.
         #[test]
         fn alphas_follow_from_the_definitions(roughness in 0.02..1.0f32, x in -2.0..2.0f32, y in -2.0..2.0f32) {
             let lobe = Anisotropy::new(roughness, [x, y]);
@@ -98,7 +97,7 @@ mod tests {
             prop_assert!(((lobe.along * lobe.across).sqrt() / roughness.powi(2) - 1.0).abs() < 1e-5);
             let strength2 = lobe.strength().powi(2);
             let mixed = lobe.across + (1.0 - lobe.across) * strength2;
-            // Above 1 nothing is stored.
+            // Values above 1 are not stored.
             prop_assert!((mixed - lobe.along.min(1.0).max(lobe.across)).abs() < 1e-5 || lobe.across >= 1.0);
         }
 
@@ -112,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Alphas of 0.4 along the diagonal and 0.1 across it: strength² = 0.3 / 0.9.
+    /// Alphas 0.4 along the diagonal and 0.1 across it: strength² = 0.3 / 0.9.
     #[test]
     fn a_brushed_metal_by_hand() {
         let log_ratio = 4f32.ln();
@@ -124,8 +123,8 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_brought_into_range() {
-        // Isotropic, too rough, and a mirror across.
+    fn impossible_values_are_clamped() {
+        // Isotropic; too rough; a mirror across the direction.
         assert_eq!(Anisotropy::new(0.3, [0.0; 2]).strength(), 0.0);
         assert_eq!(Anisotropy::new(1.0, [0.5, 0.0]).strength(), 1.0);
         let (roughness, [x, y]) = Anisotropy::from_gltf(0.0, [1.0, 0.0], 1.0).parameters();

@@ -31,31 +31,30 @@ pub const LOBES: usize = 4;
 
 /// Index of each parameter plane of the optional lobes, [`Svbrdf::lobes`].
 pub mod lobe {
-    /// Anisotropy of the specular lobe: `ln(alpha along / alpha across)` times the cosine of twice the
-    /// angle of the direction of the larger alpha, counter-clockwise from X. `roughness²` is the
-    /// geometric mean of both alphas.
+    /// Anisotropy of the specular lobe: `ln(alpha along / alpha across)` times the cosine of twice
+    /// the angle of the direction of the larger alpha, counter-clockwise from X. `roughness²` is
+    /// the geometric mean of both alphas.
     pub const ANISOTROPY_X: usize = 0;
     /// The same times the sine.
     pub const ANISOTROPY_Y: usize = 1;
-    /// Weight of a coat, 0 to 1: a dielectric of F0 .04 above everything else.
+    /// Weight of a coat, 0 to 1: a dielectric of F0 .04 above the other lobes.
     pub const COAT: usize = 2;
     /// Roughness of the coat.
     pub const COAT_ROUGHNESS: usize = 3;
 }
 
-/// Parameters of lobes that are not there.
+/// Parameters of absent lobes.
 pub const NO_LOBES: [f64; LOBES] = [0.0, 0.0, 0.0, 0.2];
 
-/// Smallest roughness that is rendered: below it the highlight of a point light is thinner than
-/// any pixel and `f32` loses the GGX denominator.
+/// Smallest roughness rendered. Below it the highlight of a point light is thinner than a pixel,
+/// and `f32` loses the GGX denominator.
 pub const MIN_ROUGHNESS: f32 = 0.02;
 
 /// Spatially varying BRDF: normal, diffuse albedo, specular albedo and roughness of every texel.
 ///
-/// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal
-/// (`n.x / n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear,
-/// 0 to 1), roughness (0 to 1). Materials that show them have four planes of optional
-/// [lobes](Self::lobes) as well.
+/// Nine planes of `width * height` values, row 0 at the sample's +Y edge: two slopes of the normal (`n.x /
+/// n.z`, `n.y / n.z`; X right, Y up), diffuse albedo RGB, specular albedo RGB (both linear, 0 to 1),
+/// roughness (0 to 1). Some materials also have four planes of optional [lobes](Self::lobes).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SavedMaps")]
 pub struct Svbrdf {
@@ -63,12 +62,12 @@ pub struct Svbrdf {
     height: usize,
     #[serde(with = "crate::little_endian")]
     data: Vec<f32>,
-    /// Empty where there are none.
+    /// Empty without optional lobes.
     #[serde(with = "crate::little_endian")]
     lobes: Vec<f32>,
 }
 
-/// Maps that somebody may have written.
+/// Saved form, whose values need checks.
 #[derive(Deserialize)]
 struct SavedMaps {
     width: usize,
@@ -79,10 +78,10 @@ struct SavedMaps {
     lobes: Vec<f32>,
 }
 
-/// Iterations of the baseline leave some roughness below [`MIN_ROUGHNESS`], though not as little as this.
+/// Least roughness of the baseline, whose iterations may fall below [`MIN_ROUGHNESS`].
 const BASELINE_ROUGHNESS: f32 = 0.004;
 
-/// Longest side of maps and photographs that are read, texels.
+/// Longest side of saved maps and photographs, texels.
 pub(crate) const MAX_SAVED_SIDE: usize = 4096;
 
 impl TryFrom<SavedMaps> for Svbrdf {
@@ -101,7 +100,7 @@ impl TryFrom<SavedMaps> for Svbrdf {
 }
 
 impl Svbrdf {
-    /// A flat, gray, half-rough material.
+    /// A flat gray material of medium roughness.
     pub fn new(width: usize, height: usize) -> Self {
         let n = width * height;
         let mut data = vec![0.0; CHANNELS * n];
@@ -114,7 +113,7 @@ impl Svbrdf {
     /// Takes nine planes in the order of [`channel`].
     ///
     /// # Errors
-    /// When `data` does not hold `9 * width * height` values.
+    /// If `data` does not hold `9 * width * height` values.
     pub fn from_planes(width: usize, height: usize, data: Vec<f32>) -> Result<Self> {
         if width == 0 || height == 0 || data.len() != CHANNELS * width * height {
             return Err(Error::argument(
@@ -150,45 +149,100 @@ impl Svbrdf {
         &mut self.data
     }
 
-    /// One plane, see [`channel`].
+    /// The slopes of the normals along X and Y: `n.x / n.z` and `n.y / n.z`.
+    pub fn normal_slopes(&self) -> [&[f32]; 2] {
+        self.planes_from(channel::SLOPE_X)
+    }
+
+    /// The slopes of the normals along X and Y: `n.x / n.z` and `n.y / n.z`.
+    pub fn normal_slopes_mut(&mut self) -> [&mut [f32]; 2] {
+        self.planes_from_mut(channel::SLOPE_X)
+    }
+
+    /// Red, green and blue of the diffuse albedo, linear.
+    pub fn diffuse(&self) -> [&[f32]; 3] {
+        self.planes_from(channel::DIFFUSE)
+    }
+
+    /// Red, green and blue of the diffuse albedo, linear.
+    pub fn diffuse_mut(&mut self) -> [&mut [f32]; 3] {
+        self.planes_from_mut(channel::DIFFUSE)
+    }
+
+    /// Red, green and blue of the specular albedo (F0), linear.
+    pub fn specular(&self) -> [&[f32]; 3] {
+        self.planes_from(channel::SPECULAR)
+    }
+
+    /// Red, green and blue of the specular albedo (F0), linear.
+    pub fn specular_mut(&mut self) -> [&mut [f32]; 3] {
+        self.planes_from_mut(channel::SPECULAR)
+    }
+
+    /// Roughness, `alpha = roughness²`.
+    pub fn roughness(&self) -> &[f32] {
+        self.plane(channel::ROUGHNESS)
+    }
+
+    /// Roughness, `alpha = roughness²`.
+    pub fn roughness_mut(&mut self) -> &mut [f32] {
+        self.plane_mut(channel::ROUGHNESS)
+    }
+
+    fn planes_from<const N: usize>(&self, first: usize) -> [&[f32]; N] {
+        std::array::from_fn(|i| self.plane(first + i))
+    }
+
+    fn planes_from_mut<const N: usize>(&mut self, first: usize) -> [&mut [f32]; N] {
+        let n = self.texels();
+        let mut planes = self.data.chunks_exact_mut(n).skip(first);
+        std::array::from_fn(|_| planes.next().unwrap_or_default())
+    }
+
+    /// One plane by its index in [`channel`], for loops over all parameters.
     pub fn plane(&self, channel: usize) -> &[f32] {
         let n = self.texels();
         &self.data[channel * n..(channel + 1) * n]
     }
 
-    /// One plane, see [`channel`].
+    /// One plane by its index in [`channel`], for loops over all parameters.
     pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
         let n = self.texels();
         &mut self.data[channel * n..(channel + 1) * n]
     }
 
-    /// The planes of the optional lobes, one after the other in the order of [`lobe`]; empty where the
-    /// material has none.
+    /// The planes of the optional lobes in the order of [`lobe`]; empty without lobes.
     pub fn lobes(&self) -> &[f32] {
         &self.lobes
     }
 
-    /// One plane of the optional lobes, see [`lobe`]; `None` where the material has none.
+    /// One plane of the optional lobes, see [`lobe`]; `None` without lobes.
     pub fn lobe(&self, lobe: usize) -> Option<&[f32]> {
         self.lobes.chunks_exact(self.texels()).nth(lobe)
     }
 
-    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` where no texel is anisotropic.
+    /// The planes [`lobe::ANISOTROPY_X`] and [`lobe::ANISOTROPY_Y`]; `None` if all texels are isotropic.
     pub fn anisotropy(&self) -> Option<[&[f32]; 2]> {
         let planes = [self.lobe(lobe::ANISOTROPY_X)?, self.lobe(lobe::ANISOTROPY_Y)?];
         planes.iter().any(|plane| plane.iter().any(|v| *v != 0.0)).then_some(planes)
     }
 
-    /// The planes [`lobe::COAT`] and [`lobe::COAT_ROUGHNESS`]; `None` where no texel has a coat.
+    /// The planes [`lobe::COAT`] and [`lobe::COAT_ROUGHNESS`]; `None` without a coat on any texel.
     pub fn coat(&self) -> Option<[&[f32]; 2]> {
         let planes = [self.lobe(lobe::COAT)?, self.lobe(lobe::COAT_ROUGHNESS)?];
         planes[0].iter().any(|v| *v > 0.0).then_some(planes)
     }
 
-    /// Takes planes of optional lobes in the order of [`lobe`]; none where `planes` is empty.
+    /// Optional lobes of a texel in the order of [`lobe`]: [`NO_LOBES`] where there are none.
+    pub(crate) fn lobes_at(&self, texel: usize) -> [f64; LOBES] {
+        let value = |i| self.lobe(i).map_or(NO_LOBES[i], |plane| f64::from(plane[texel]));
+        std::array::from_fn(value)
+    }
+
+    /// Sets the planes of optional lobes in the order of [`lobe`]; an empty vector removes them.
     ///
     /// # Errors
-    /// When `planes` does not hold `4 * width * height` values.
+    /// If `planes` does not hold `4 * width * height` values.
     pub fn set_lobes(&mut self, planes: Vec<f32>) -> Result<()> {
         if !planes.is_empty() && planes.len() != LOBES * self.texels() {
             let [n, expected] = [planes.len(), LOBES * self.texels()];
@@ -206,9 +260,8 @@ impl Svbrdf {
         [p * s, q * s, s]
     }
 
-    /// Clamps every parameter into its physical range: albedos 0 to 1, roughness
-    /// [`MIN_ROUGHNESS`] to 1, slopes to `±MAX_SLOPE`. Values that are not numbers become those of
-    /// [`Svbrdf::new`].
+    /// Clamps every parameter to its physical range: albedos 0 to 1, roughness [`MIN_ROUGHNESS`] to
+    /// 1, slopes `±MAX_SLOPE`. NaN becomes the value of [`Svbrdf::new`].
     pub fn clamp(&mut self) {
         self.clamp_with(MIN_ROUGHNESS);
     }
@@ -235,7 +288,7 @@ impl Svbrdf {
     }
 }
 
-/// Steepest slope that is fitted (71.6 degrees).
+/// Steepest slope of a fit (71.6 degrees).
 pub const MAX_SLOPE: f32 = 3.0;
 
 /// Physical range of each parameter.
@@ -251,21 +304,21 @@ pub const RANGE: [(f32, f32); CHANNELS] = [
     (MIN_ROUGHNESS, 1.0),
 ];
 
-/// Physical range of each parameter of the optional lobes: ratios of alpha up to 20.
+/// Physical range of each parameter of the optional lobes; the ratio of alphas is at most 20.
 pub const LOBE_RANGE: [(f32, f32); LOBES] =
     [(-3.0, 3.0), (-3.0, 3.0), (0.0, 1.0), (MIN_ROUGHNESS, 1.0)];
 
-/// The encoding in which networks see maps: every channel in [-1, 1].
+/// Encoding of maps for the networks: every channel in [-1, 1].
 ///
-/// Slopes are halved; albedos are stored as square roots (close to display gamma, so that dark
-/// materials keep their precision), then all of [0, 1] is stretched to [-1, 1].
+/// Slopes are halved. Albedos are replaced by their square roots (close to display gamma, to keep
+/// the precision of dark materials). Then [0, 1] is stretched to [-1, 1].
 pub mod encoding {
     use super::channel;
 
-    /// Slope that encodes as 1.
+    /// Slope encoded as 1.
     pub const SLOPE_SCALE: f32 = 2.0;
 
-    /// Encoded value of a natural parameter.
+    /// Encodes a parameter.
     pub fn encode(c: usize, value: f32) -> f32 {
         match c {
             channel::SLOPE_X | channel::SLOPE_Y => (value / SLOPE_SCALE).clamp(-1.0, 1.0),
@@ -274,7 +327,7 @@ pub mod encoding {
         }
     }
 
-    /// Natural parameter of an encoded value.
+    /// Decodes a parameter.
     pub fn decode(c: usize, encoded: f32) -> f32 {
         match c {
             channel::SLOPE_X | channel::SLOPE_Y => encoded * SLOPE_SCALE,
@@ -286,7 +339,7 @@ pub mod encoding {
         }
     }
 
-    /// Derivative of [`decode`] with respect to the encoded value.
+    /// Derivative of [`decode`] by the encoded value.
     pub fn decode_derivative(c: usize, encoded: f32) -> f32 {
         match c {
             channel::SLOPE_X | channel::SLOPE_Y => SLOPE_SCALE,
@@ -297,31 +350,32 @@ pub mod encoding {
 }
 
 impl Svbrdf {
-    /// Twice the resolution by bilinear interpolation with texel centres aligned; borders repeat.
+    /// Doubles the resolution by bilinear interpolation with aligned texel rectangles; border
+    /// values extend outwards.
     pub fn upsampled(&self) -> Self {
         self.with_planes([2 * self.width, 2 * self.height], |planes| {
             doubled(planes, self.width, self.height)
         })
     }
 
-    /// One of `2^times` texels along each side, as it is.
+    /// Every `2^times`-th texel in each direction, unfiltered.
     pub(crate) fn thinned(&self, times: u32) -> Self {
         let size = [self.width >> times, self.height >> times];
         self.with_planes(size, |planes| thinned(planes, self.width, times))
     }
 
-    /// Half the resolution by averaging 2x2 texels. Sizes must be even.
+    /// Halves the resolution by averages of 2x2 texels. Sizes must be even.
     ///
     /// # Panics
-    /// When width or height is odd.
+    /// If width or height is odd.
     pub fn downsampled(&self) -> Self {
         let (w, h) = (self.width, self.height);
         assert!(w % 2 == 0 && h % 2 == 0, "{w}x{h} cannot be halved");
         self.with_planes([w / 2, h / 2], |planes| averaged(planes, w))
     }
 
-    /// Maps of so many columns and rows. `planes` makes theirs of any number of planes of these, one after
-    /// the other: it gets those of the maps, and those of the lobes, which may be none.
+    /// Maps of the given size. `planes` converts any number of consecutive planes; it is called for
+    /// the maps' planes and for the lobes' planes, which may be empty.
     pub(crate) fn with_planes(
         &self,
         [width, height]: [usize; 2],
@@ -330,11 +384,11 @@ impl Svbrdf {
         Self { width, height, data: planes(&self.data), lobes: planes(&self.lobes) }
     }
 
-    /// The maps halved `level` times by averaging 2x2 texels, slopes among them: normals stay unit
-    /// ones. 0: a copy.
+    /// The maps halved `level` times by averages of 2x2 texels. Averages of slopes keep normals at
+    /// unit length. 0: a copy.
     ///
     /// # Errors
-    /// [`Error::Argument`] when width or height is not a multiple of `2^level`.
+    /// [`Error::Argument`] if width or height is not a multiple of `2^level`.
     pub fn reduced(&self, level: u32) -> Result<Self> {
         let multiple = 1_usize
             .checked_shl(level)
@@ -348,10 +402,10 @@ impl Svbrdf {
     }
 }
 
-/// Twice the texels of planes of `w * h` values.
+/// Doubles planes of `w * h` values.
 fn doubled(planes: &[f32], w: usize, h: usize) -> Vec<f32> {
     let mut data = vec![0.0; 4 * planes.len()];
-    // Two rows of the result lie round each source row.
+    // Each source row gives two rows of the result.
     parallel::parts_with(
         data.chunks_mut(4 * w),
         || vec![0.0; w],
@@ -384,15 +438,15 @@ fn averaged(planes: &[f32], w: usize) -> Vec<f32> {
     data
 }
 
-/// Of planes of so many columns one of `2^times` values along each side. Columns and rows are
-/// multiples of that.
+/// Every `2^times`-th value in each direction of planes with `columns` columns. Columns and rows
+/// must be multiples of that.
 pub(crate) fn thinned<T: Copy>(planes: &[T], columns: usize, times: u32) -> Vec<T> {
     let (step, middle) = (1 << times, (1 << times) / 2);
     let rows = planes.chunks_exact(columns).skip(middle).step_by(step);
     rows.flat_map(|row| row.iter().skip(middle).step_by(step).copied()).collect()
 }
 
-/// Maps or an observation halved so many times by `half`.
+/// Maps or an observation halved `times` times by `half`.
 pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) -> T {
     if times == 0 {
         return whole.clone();
@@ -400,7 +454,7 @@ pub(crate) fn halved<T: Clone>(whole: &T, times: u32, half: impl Fn(&T) -> T) ->
     (1..times).fold(half(whole), |small, _| half(&small))
 }
 
-/// Halvings after which the longer side has at most so many texels, or which the sides allow.
+/// Number of halvings to at most `texels` along the longer side, as far as the sides are even.
 pub(crate) fn halvings_to([width, height]: [usize; 2], texels: usize) -> u32 {
     let even = |halvings: u32| [width, height].iter().all(|n| (n >> halvings).is_multiple_of(2));
     let mut halvings = 0;
@@ -410,7 +464,7 @@ pub(crate) fn halvings_to([width, height]: [usize; 2], texels: usize) -> u32 {
     halvings
 }
 
-/// Twice the texels of a row by linear interpolation; ends repeat.
+/// Doubles a row by linear interpolation; border values extend outwards.
 fn double_row(row: &[f32], out: &mut [f32]) {
     let last = row.len() - 1;
     for ((pair, &v), x) in out.chunks_exact_mut(2).zip(row).zip(0..) {
@@ -420,7 +474,7 @@ fn double_row(row: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Cuts planes of `width * height` values into bands of `rows` rows.
+/// Divides planes of `width * height` values into bands of `rows` rows.
 pub(crate) fn bands<const PLANES: usize, T>(
     data: &mut [T],
     width: usize,
@@ -465,7 +519,7 @@ mod tests {
                     let (x, y) = (i % small.width() * side, i / small.width() * side);
                     let square = (0..side * side).map(|k| (x + k % side, y + k / side));
                     let sum: f32 = square.map(|(x, y)| maps.plane(c)[y * 8 + x]).sum();
-                    // Two roundings a level.
+                    // Two roundings per level.
                     assert!((v - sum / (side * side) as f32).abs() < 1e-6);
                 }
             }

@@ -1,4 +1,4 @@
-//! Errors of the maps of captures whose true maps are known.
+//! Map errors of captures with known true maps.
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ pub struct Arguments {
     camera: CameraUse,
 }
 
-/// Whether sessions are told camera and flash.
+/// Whether sessions get camera and flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CameraUse {
     /// As the capture says
@@ -41,19 +41,19 @@ pub enum CameraUse {
     Withheld,
 }
 
-/// Errors after so many photographs.
+/// Errors after a number of photographs.
 pub struct Row {
     pub photos: usize,
     pub differences: Differences,
     pub artifacts: Artifacts,
     /// Mean log-L1 of the fit.
     pub loss: f32,
-    /// Taken by these photographs, from reading on.
+    /// Time of these photographs, including reading.
     pub seconds: Seconds,
 }
 
-/// Errors of the maps of `capture` after each of `counts` accepted photographs. Rejected
-/// photographs are told on standard error.
+/// Map errors of `capture` after each of `counts` accepted photographs. Reports rejected
+/// photographs on standard error.
 pub fn errors(
     capture: &Capture,
     truth: &Svbrdf,
@@ -65,12 +65,12 @@ pub fn errors(
     let mut seconds = Seconds::default();
     let mut rows = Vec::new();
     let mut accepted = Vec::new();
-    for (index, frame) in capture.frames.iter().enumerate() {
+    for (index, file) in capture.photos.iter().enumerate() {
         if variant == Variant::First {
             session.pause();
         }
         let (rejection, taken) = timed(|| {
-            let rejection = push(&session, frame)?;
+            let rejection = push(&session, file)?;
             if variant != Variant::First && rejection.is_none() {
                 session.wait()?;
             }
@@ -78,7 +78,7 @@ pub fn errors(
         });
         seconds += taken;
         if let Some(reason) = rejection? {
-            eprintln!("{}: {reason}", frame.path.display());
+            eprintln!("{}: {reason}", file.path.display());
             continue;
         }
         accepted.push(index);

@@ -1,4 +1,4 @@
-//! Time taken: on the wall, and by the processor, which other work on the machine disturbs less.
+//! Wall time, and processor time, which other processes disturb less.
 
 use std::ops::AddAssign;
 use std::time::Instant;
@@ -7,7 +7,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Seconds {
     pub wall: f64,
-    /// Of all threads of this process; of the wall where the system does not tell.
+    /// Of all threads of this process; wall time on systems without it.
     pub processor: f64,
 }
 
@@ -18,7 +18,7 @@ impl AddAssign for Seconds {
     }
 }
 
-/// Runs `work`; its result and the time it took.
+/// Runs `work`; returns its result and its time.
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
     let (begun, before) = (Instant::now(), processor_seconds());
     let result = work();
@@ -45,7 +45,7 @@ fn processor_seconds() -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Sleeping takes time on the wall only, computing both.
+    /// Sleep takes only wall time, computation both.
     #[test]
     fn sleep_is_no_work() {
         let pause = std::time::Duration::from_millis(60);
@@ -57,7 +57,7 @@ mod tests {
             }
         });
         assert!(asleep.wall >= 0.06 && busy.wall >= 0.06, "{asleep:?} {busy:?}");
-        // Tests run beside each other and other work may hold the processor.
+        // Parallel tests and other processes may take the processor.
         assert!(busy.processor > 0.0, "{busy:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What is tried; every row of a table is a mean over all crops.
+//! Experiments; every row of a table is a mean over all crops.
 
 use std::time::Instant;
 
@@ -6,14 +6,13 @@ use svbrdf::comparison::compare;
 use svbrdf::estimate::Method;
 use svbrdf::export::resized;
 use svbrdf::observation::Observation;
-use svbrdf::svbrdf::channel;
 use svbrdf::{Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
 use crate::report::Report;
 use crate::streaming::Setup;
 
-/// Chooses places and noise of a crop's photographs.
+/// Seed of positions and noise of a crop's photographs.
 pub fn seed(index: usize) -> u64 {
     1000 + index as u64
 }
@@ -52,7 +51,7 @@ pub fn photos(
             for observation in &observations[seen..count] {
                 deep.add(observation.clone())?;
                 rough.add(observation.clone())?;
-                // as in a capture: what one photograph brought is there when the next comes
+                // As in a capture, the fit settles before the next photograph.
                 if count <= 5 {
                     deep.settle()?;
                     rough.settle()?;
@@ -184,7 +183,7 @@ pub fn resolution(
             for observation in observations {
                 estimator.add(observation)?;
                 seconds[0] +=
-                    if estimator.frames() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
+                    if estimator.photos() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
                 estimator.settle()?;
             }
             let maps = estimator.settle()?;
@@ -201,18 +200,18 @@ pub fn resolution(
     Ok(())
 }
 
-/// Texels a side from which on materials take part in a comparison of resolutions.
+/// Least texels per side of materials in the comparison of resolutions.
 const LEAST_SIDE: usize = 1024;
 
 /// Height and width of the code of a crop.
 const SIDE_OF_CODE: [usize; 2] = [16, 16];
 
-/// The start that the paper's Figure 16 warns of: much too rough, too little specular.
+/// The bad start of the paper's Figure 16: much too rough, too little specular.
 fn spoiled(maps: &Svbrdf) -> Svbrdf {
     let mut maps = maps.clone();
-    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
+    maps.roughness_mut().iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
     for c in 0..3 {
-        maps.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|s| *s *= 0.3);
+        maps.specular_mut()[c].iter_mut().for_each(|s| *s *= 0.3);
     }
     maps
 }

@@ -1,13 +1,13 @@
-//! Records of fits, which the completion network learns from.
+//! Records of fits for the training of the completion network.
 
 use std::path::{Path, PathBuf};
 
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::estimate::{Method, coordinates};
 use svbrdf::observation::Observation;
 use svbrdf::random::Random;
-use svbrdf::session::{Observed, Scene, Session};
-use svbrdf::{Error, Rejection, Result, Svbrdf};
+use svbrdf::session::{Observed, Outcome, Scene, Session};
+use svbrdf::{Error, Result, Svbrdf};
 
 use crate::captures::with_truth;
 use crate::experiments::seed;
@@ -33,8 +33,8 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Records what the learned prior begins with and the truth, as half floats: `NAME-COUNT.f16` (see
-/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-truth.f16`, the same coordinates. Names of
+/// Records input and target of the learned prior as half floats: `NAME-COUNT.f16` (see
+/// [`svbrdf::estimate::FitRecord::planes`]) and `NAME-truth.f16` in the same coordinates. Names of
 /// materials end with the seed.
 pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     let Arguments { captures, out, .. } = arguments;
@@ -69,24 +69,24 @@ fn of_materials(arguments: &Arguments, recorder: &Recorder) -> Result<()> {
     Ok(())
 }
 
-/// The first photographs of a capture, each as a session knows it when it comes.
+/// The first photographs of a capture, each as calibrated on arrival.
 fn observations(capture: &Capture, setup: &Setup, most: usize) -> Result<Vec<Observation>> {
     let session = setup.session(capture, Variant::Deep)?;
     session.pause();
     let mut observations = Vec::new();
-    for frame in capture.frames.iter().take(most) {
-        match observe(&session, frame)? {
-            Ok(Observed { observation, .. }) => observations.push(observation),
-            Err(reason) => eprintln!("{}: {reason}", frame.path.display()),
+    for file in capture.photos.iter().take(most) {
+        match observe(&session, file)? {
+            Outcome::Accepted(Observed { observation, .. }) => observations.push(observation),
+            Outcome::Rejected(reason) => eprintln!("{}: {reason}", file.path.display()),
         }
-        push(&session, frame)?;
+        push(&session, file)?;
     }
     Ok(observations)
 }
 
-fn observe(session: &Session, frame: &Frame) -> Result<std::result::Result<Observed, Rejection>> {
-    let photo = frame.read()?;
-    match frame.rectified {
+fn observe(session: &Session, file: &PhotoFile) -> Result<Outcome<Observed>> {
+    let photo = file.read()?;
+    match file.rectified {
         Some(view) => session.observe_rectified(&photo, view.camera_mm, view.light_mm),
         None => session.observe(&photo),
     }
@@ -99,7 +99,7 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    /// Photographs of the largest record.
+    /// Number of photographs in the largest record.
     fn most(&self) -> usize {
         self.counts.iter().copied().max().unwrap_or(2)
     }
@@ -112,8 +112,8 @@ impl Recorder<'_> {
         !self.path(stem, "truth").exists()
     }
 
-    /// Fits photographs one by one; `roughly` says how well their lights are known. Of one
-    /// photograph there is nothing to record.
+    /// Fits photographs one by one. `roughly` says whether their lights are only roughly known. One
+    /// photograph gives no record.
     fn record(
         &self,
         stem: &str,
@@ -127,7 +127,7 @@ impl Recorder<'_> {
         for observation in observations {
             estimator.add(observation)?;
             estimator.settle()?;
-            let count = estimator.frames();
+            let count = estimator.photos();
             if let Some(record) = estimator.record().filter(|_| self.counts.contains(&count)) {
                 write_halves(&self.path(stem, &count.to_string()), &record.planes())?;
             }

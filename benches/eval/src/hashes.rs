@@ -1,5 +1,5 @@
-//! Hashes of the maps' bits: equal before and after a change of the code that must not change any
-//! result, and for any number of threads.
+//! Hashes of the maps' bits, which must be equal before and after a refactoring, and for any number
+//! of threads.
 
 use std::path::PathBuf;
 
@@ -33,16 +33,16 @@ pub struct Arguments {
     resolution: usize,
 }
 
-/// Materials taken from the folder: the first, one in the middle, the last of the selected.
+/// Materials used: the first, the middle and the last of the selected ones.
 const MATERIALS: usize = 3;
 
-/// FNV-1a of 64 bits over the bits of all planes, those of the lobes last, little-endian.
+/// 64-bit FNV-1a over the bits of all planes, lobes last, little-endian.
 fn hash(maps: &Svbrdf) -> u64 {
     let values = maps.planes().iter().chain(maps.lobes());
     fnv1a(values.flat_map(|v| v.to_bits().to_le_bytes()))
 }
 
-/// Offset basis and prime are those of the published function.
+/// Offset basis and prime of the published function.
 fn fnv1a(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
@@ -87,9 +87,9 @@ fn capture(folder: &std::path::Path, arguments: &Arguments, setup: &Setup) -> Re
     let capture = Capture::load(folder)?;
     let session = setup.session(&capture, Variant::Deep)?;
     let mut accepted = 0;
-    for frame in &capture.frames {
-        if let Some(reason) = push(&session, frame)? {
-            println!("{}: {reason}", frame.path.display());
+    for file in &capture.photos {
+        if let Some(reason) = push(&session, file)? {
+            println!("{}: {reason}", file.path.display());
             continue;
         }
         session.wait()?;
@@ -118,8 +118,8 @@ fn materials(folder: PathBuf, arguments: &Arguments, setup: &Setup) -> Result<()
         for observation in observations {
             estimator.add(observation)?;
             let maps = estimator.settle()?;
-            if arguments.material_photos.contains(&estimator.frames()) {
-                print(&crop.name, estimator.frames(), setup.threads, &maps);
+            if arguments.material_photos.contains(&estimator.photos()) {
+                print(&crop.name, estimator.photos(), setup.threads, &maps);
             }
         }
     }
@@ -130,7 +130,7 @@ fn materials(folder: PathBuf, arguments: &Arguments, setup: &Setup) -> Result<()
 mod tests {
     use super::*;
 
-    /// Values published with the function.
+    /// Published values.
     #[test]
     fn hashes_are_those_of_fnv_1a() {
         for (text, expected) in [

@@ -1,10 +1,9 @@
-//! Evaluation: captures and photographs that predict others, known materials (the tables and
-//! figures of Gao et al. 2019), and whether a change of the code makes anything worse.
+//! Evaluation: prediction of held-out photographs, known materials (the tables and figures of Gao
+//! et al. 2019), and a gate against losses of accuracy and speed.
 
 mod artifacts;
 mod captures;
 mod clock;
-mod confidence;
 mod experiments;
 mod fits;
 mod gate;
@@ -16,6 +15,7 @@ mod protocol;
 mod report;
 mod statistics;
 mod streaming;
+mod uncertainty;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -53,12 +53,12 @@ struct Arguments {
 enum Command {
     /// Errors of the maps of captures whose true maps are known
     Captures(captures::Arguments),
-    /// Whether maps lean and have highlights printed into their gloss
+    /// Tilt of maps and highlights baked into their gloss
     Artifacts(artifacts::Arguments),
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
     /// Whether the stated deviations of the maps match their errors
-    Confidence(confidence::Arguments),
+    Uncertainty(uncertainty::Arguments),
     /// Errors with photographs from suggested views, from a circle, and from random positions
     NextView(next_view::Arguments),
     /// Compare errors and time with those of an earlier build
@@ -115,10 +115,10 @@ enum Command {
     },
 }
 
-/// Texels a side of maps where a command does not say otherwise.
+/// Default texels per side of the maps.
 const RESOLUTION: usize = 256;
 
-/// Whether the command found nothing wrong.
+/// Runs a command; returns whether it found no fault.
 fn run(arguments: &Arguments) -> Result<bool> {
     let networks = Arc::new(match &arguments.models {
         Some(folder) => Networks::from_folder(folder)?,
@@ -145,7 +145,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Artifacts(of) => artifacts::run(of)?,
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
-        Command::Confidence(of) => confidence::run(of, &setup)?,
+        Command::Uncertainty(of) => uncertainty::run(of, &setup)?,
         Command::NextView(of) => next_view::run(of, &setup)?,
         Command::Fits(of) => fits::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
@@ -176,7 +176,7 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Artifacts(_)
         | Command::Captures(_)
         | Command::Heldout(_)
-        | Command::Confidence(_)
+        | Command::Uncertainty(_)
         | Command::NextView(_)
         | Command::Fits(_)
         | Command::Gate(_)

@@ -1,11 +1,13 @@
-//! What suggested views are worth: errors after photographs from them, from a circle, and from random
-//! places, the first from above.
+//! Benefit of suggested views: errors with photographs from them, from a circle, and from random
+//! positions; the first photograph is from above.
 
 use std::time::Instant;
 
 use svbrdf::Result;
+use svbrdf::assessment::Place;
 use svbrdf::comparison::compare;
-use svbrdf::estimate::{Estimator, Method, Place};
+use svbrdf::estimate::Method;
+use svbrdf::estimator::Estimator;
 use svbrdf::random::Random;
 
 use crate::experiments::seed;
@@ -22,7 +24,7 @@ pub struct Arguments {
     photos: Vec<usize>,
 }
 
-/// Where photographs come from.
+/// Source of the positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {
     Suggested,
@@ -33,24 +35,24 @@ enum Way {
 const WAYS: [(&str, Way); 3] =
     [("suggested", Way::Suggested), ("circle at 30°", Way::Circle), ("random", Way::Random)];
 
-/// Sides of the circle, degrees, in the order in which they are taken.
+/// Azimuths on the circle in order of capture, degrees.
 const SIDES: [f64; 8] = [0.0, 180.0, 90.0, 270.0, 45.0, 225.0, 135.0, 315.0];
-/// Light beside the camera, half widths: 7 mm.
+/// Light offset from the camera, half widths: 7 mm.
 const LIGHT_BESIDE: [f32; 2] = [0.14, 0.0];
 
-/// A place so far off the top and to a side, degrees; half widths.
+/// A position `tilt` from the normal at azimuth `side` (degrees), in half widths.
 fn place(tilt: f64, side: f64) -> [f32; 3] {
     let ((s, c), (sin, cos)) = (tilt.to_radians().sin_cos(), side.to_radians().sin_cos());
     [s * cos, s * sin, c].map(|v| v as f32 * DISTANCE)
 }
 
-/// Places within reach of a hand.
+/// Positions within reach of a hand.
 fn candidates() -> Vec<[f32; 3]> {
     let tilts = (1..=5).map(|i| 10.0 * f64::from(i));
     tilts.flat_map(|t| (0..16).map(move |k| place(t, 22.5 * f64::from(k)))).collect()
 }
 
-/// The candidate that lowers the expected error most.
+/// The candidate with the lowest expected error.
 fn suggested(estimator: &Estimator) -> Result<[f32; 3]> {
     let candidates = candidates();
     let mm = |at: [f32; 3]| at.map(|v| v * HALF_WIDTH);
@@ -66,7 +68,7 @@ fn suggested(estimator: &Estimator) -> Result<[f32; 3]> {
     Ok(candidates[best.map_or(0, |(i, _)| i)])
 }
 
-/// Render errors after each number of photographs.
+/// Rendering errors after each number of photographs.
 fn errors(
     crop: &Crop,
     index: usize,

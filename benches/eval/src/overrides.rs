@@ -1,4 +1,4 @@
-//! Options changed on the command line: by dotted path, or from a file that names some of them.
+//! Options from the command line, by dotted path, or from a file with a subset of them.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use svbrdf::{Error, Result};
 
-/// What to change in options that have defaults.
+/// Changes to default options.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Overrides {
     /// JSON file with the options to change, nested as they are; others keep their defaults
@@ -18,7 +18,7 @@ pub struct Overrides {
     set: Vec<(String, Value)>,
 }
 
-/// Splits `path=value`; the value is JSON, or else a text.
+/// Splits `path=value`; the value is JSON, or else a string.
 fn assignment(text: &str) -> std::result::Result<(String, Value), String> {
     let (path, value) = text.split_once('=').ok_or("PATH=VALUE expected")?;
     if path.is_empty() {
@@ -28,15 +28,14 @@ fn assignment(text: &str) -> std::result::Result<(String, Value), String> {
     Ok((path.to_owned(), value))
 }
 
-/// Where a change comes from, for messages.
+/// Source of a change in messages.
 const COMMAND_LINE: &str = "--set";
 
 impl Overrides {
     /// `defaults` with the changes of the file, then those of the command line.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Field`] naming the path of an option that does not exist, or whose
-    /// value it cannot have.
+    /// [`Error::Io`]; [`Error::Field`] with the path of an unknown option or an invalid value.
     pub fn apply<T: Serialize + DeserializeOwned>(&self, defaults: &T) -> Result<T> {
         let mut options = serde_json::to_value(defaults)
             .map_err(|e| Error::Internal(format!("options are not JSON: {e}")))?;
@@ -60,7 +59,7 @@ impl Overrides {
     }
 }
 
-/// Paths and values of `changes`, as deep as `options` has objects.
+/// Paths and values of `changes` at the depth of the objects of `options`.
 fn leaves(options: &Value, changes: &Value) -> Vec<(String, Value)> {
     let (Value::Object(known), Value::Object(changed)) = (options, changes) else {
         return vec![(String::new(), changes.clone())];
@@ -76,7 +75,7 @@ fn leaves(options: &Value, changes: &Value) -> Vec<(String, Value)> {
     changed.iter().flat_map(below).collect()
 }
 
-/// Changes one option and checks that `T` still takes them.
+/// Changes one option and checks that `T` accepts it.
 fn set<T: DeserializeOwned>(
     options: &mut Value,
     source: &Path,
@@ -163,7 +162,7 @@ mod tests {
         assert_eq!(options, Options { refinement, limit: Some(3.0) });
     }
 
-    /// The file changes what it names; the command line has the last word.
+    /// The command line overrides the file.
     #[test]
     fn command_line_goes_before_the_file() {
         let dir = tempfile::tempdir().unwrap();

@@ -4,13 +4,13 @@ use std::f32::consts::PI;
 use std::path::PathBuf;
 
 use svbrdf::export::read_maps;
-use svbrdf::frame::Encoding;
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::photo::Encoding;
 use svbrdf::random::Random;
 use svbrdf::render;
 use svbrdf::{Error, Result, Svbrdf};
 
-/// Which materials to photograph, and how.
+/// Selection of materials, and conditions of their photographs.
 #[derive(Clone, clap::Args)]
 pub struct Arguments {
     /// Folder with a folder per material: normal, diffuse, specular, roughness
@@ -40,7 +40,7 @@ impl From<PathBuf> for Arguments {
     }
 }
 
-/// Texels a side of a crop.
+/// Texels per side of a crop.
 pub const SIDE: usize = 256;
 /// Half the width of the sample, mm.
 pub const HALF_WIDTH: f32 = 50.0;
@@ -54,28 +54,27 @@ pub struct Crop {
     pub truth: Svbrdf,
 }
 
-/// What is wrong with the photographs.
+/// Conditions of the photographs.
 #[derive(Clone, Copy)]
 pub struct Conditions {
     /// Standard deviation of noise proportional to the value.
     pub noise: f32,
-    /// Angle between the true light and the one the fit is told, degrees.
+    /// Angle between the true light and the light given to the fit, degrees.
     pub light_degrees: f32,
-    /// Irradiance of a uniform surround, as a share of the flash's, which the fit is not told.
+    /// Irradiance of uniform surroundings as a share of the flash's, not given to the fit.
     pub ambient: f32,
-    /// Gain of the sensor, which the fit is told; it saturates at 1.
+    /// Gain of the sensor, given to the fit; the sensor saturates at 1.
     pub gain: f32,
-    /// Levels of the file; `None`: any value, and no saturation (HDR).
+    /// Levels of the file; `None`: continuous without saturation (HDR).
     pub levels: Option<f32>,
-    /// Between which values these levels are evenly spread.
+    /// Encoding in which the levels are evenly spaced.
     pub encoding: Encoding,
-    /// The first photograph from 45 degrees.
+    /// Takes the first photograph from 45 degrees.
     pub oblique: bool,
-    /// Distance of the camera from the plane of the sample, and how far it moves to the sides, half
-    /// widths.
+    /// Distance of the camera from the sample's plane, and range of its lateral positions, in half widths.
     pub distance: f32,
     pub reach: f64,
-    /// Place of the light from the camera, half widths.
+    /// Position of the light relative to the camera, half widths.
     pub light_beside: [f32; 2],
 }
 
@@ -95,8 +94,8 @@ impl Conditions {
         }
     }
 
-    /// As captures may be: camera (the sample fills the picture, or a board round it does), flash,
-    /// ambient light, noise and levels drawn at random.
+    /// Random realistic conditions: camera (the sample, or a board around it, fills the picture),
+    /// flash, ambient light, noise and levels.
     pub fn random(random: &mut Random) -> Self {
         let mut uniform = || random.uniform() as f32;
         let distance = 1.7 * 4.7f32.powf(uniform());
@@ -119,7 +118,7 @@ impl Conditions {
     }
 }
 
-/// Maps of all materials that the arguments select.
+/// Maps of the selected materials.
 fn materials(arguments: &Arguments) -> Result<Vec<(String, Svbrdf)>> {
     let folder = &arguments.materials;
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
@@ -140,7 +139,7 @@ fn materials(arguments: &Arguments) -> Result<Vec<(String, Svbrdf)>> {
     Ok(materials)
 }
 
-/// Crops of all materials that the arguments select.
+/// Crops of the selected materials.
 pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
     let mut crops = Vec::new();
     for (name, maps) in materials(arguments)? {
@@ -164,7 +163,7 @@ pub fn crops(arguments: &Arguments) -> Result<Vec<Crop>> {
     Ok(crops)
 }
 
-/// The materials that have at least `least` texels a side, whole: the square in their middle.
+/// The central square of each selected material with at least `least` texels per side.
 pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
     let square = |(name, maps): (String, Svbrdf)| {
         let (w, h) = (maps.width(), maps.height());
@@ -181,7 +180,7 @@ pub fn whole(arguments: &Arguments, least: usize) -> Result<Vec<Crop>> {
     Ok(crops)
 }
 
-/// A square of maps.
+/// A square crop of maps.
 pub fn crop(maps: &Svbrdf, [left, top]: [usize; 2], side: usize) -> Result<Svbrdf> {
     let cut = |planes: &[f32]| -> Vec<f32> {
         let planes = planes.chunks_exact(maps.texels());
@@ -204,7 +203,7 @@ fn view(camera: [f32; 3], light: [f32; 3], gain: f32, ambient: f32) -> View {
     }
 }
 
-/// The first `count` photographs of a crop; `seed` chooses places and noise.
+/// The first `count` photographs of a crop; `seed` determines positions and noise.
 pub fn photographs(
     truth: &Svbrdf,
     count: usize,
@@ -228,7 +227,7 @@ pub fn photographs(
         .collect()
 }
 
-/// A photograph with the camera at a place, half widths.
+/// A photograph with the camera at a position in half widths.
 pub fn photograph(
     truth: &Svbrdf,
     at: [f32; 3],
@@ -255,7 +254,7 @@ pub fn photograph(
         .expect("planes have this size")
 }
 
-/// A position turned about the centre of the sample by an angle, in a direction drawn by `turn`.
+/// A position rotated about the sample's centre by an angle, in a direction given by `turn`.
 fn tilted(at: [f32; 3], degrees: f32, turn: f32) -> [f32; 3] {
     let at = glam::Vec3::from(at);
     let across = at.any_orthonormal_vector();
@@ -263,7 +262,7 @@ fn tilted(at: [f32; 3], degrees: f32, turn: f32) -> [f32; 3] {
     (glam::Quat::from_axis_angle(axis, degrees.to_radians()) * at).into()
 }
 
-/// The gain at which `share` of all values of photographs saturate.
+/// The gain at which `share` of all values of the photographs saturate.
 pub fn gain_of_share(truth: &Svbrdf, count: usize, seed: u64, share: f32) -> f32 {
     let conditions = Conditions { levels: None, ..Conditions::new(0.0) };
     let mut values: Vec<f32> = photographs(truth, count, seed, &conditions)

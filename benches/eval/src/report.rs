@@ -12,7 +12,7 @@ pub struct Report {
 struct Row {
     name: String,
     count: usize,
-    /// normal, diffuse, specular, roughness, render, square of render
+    /// normal, diffuse, specular, roughness, render, squared render
     sums: [f64; 6],
 }
 
@@ -39,8 +39,8 @@ impl Report {
         row.sums.iter_mut().zip(values).for_each(|(s, v)| *s += v);
     }
 
-    /// Prints the table. With `clean`, the last column is the ratio of the mean squares of the
-    /// renderings to that row's.
+    /// Prints the table. With `clean`, the last column is the mean square of the renderings
+    /// relative to that row's.
     pub fn print(&self, clean: Option<&str>) {
         let clean = clean.and_then(|name| self.rows.iter().find(|r| r.name == name));
         let ratio = if clean.is_some() { " ratio |" } else { "" };

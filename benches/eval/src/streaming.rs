@@ -1,16 +1,17 @@
-//! Photographs of a capture going through a session, one at a time, as `svbrdf fit` sends them.
+//! Feeds the photographs of a capture to a session one at a time, like `svbrdf fit`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use svbrdf::capture::{Capture, FILE_NAME, Frame};
-use svbrdf::estimate::{EstimateOptions, Estimator};
+use svbrdf::capture::{Capture, FILE_NAME, PhotoFile};
+use svbrdf::estimate::EstimateOptions;
+use svbrdf::estimator::Estimator;
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
+use svbrdf::session::{Method, Outcome, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};
 
-/// Which maps of a session are evaluated.
+/// Maps to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Variant {
     /// Maps of the first photograph before any optimisation
@@ -24,7 +25,7 @@ pub enum Variant {
 }
 
 impl Variant {
-    /// Name as the command line has it.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::First => "first",
@@ -35,11 +36,11 @@ impl Variant {
     }
 }
 
-/// What sessions of one evaluation have in common.
+/// Settings common to the sessions of an evaluation.
 #[derive(Clone)]
 pub struct Setup {
     pub networks: Arc<Networks>,
-    /// Every tuned number.
+    /// Options of the estimator.
     pub options: EstimateOptions,
     /// Threads of the fit; 0: one per core, at most 4.
     pub threads: usize,
@@ -69,16 +70,16 @@ impl Setup {
     }
 }
 
-/// Pushes a photograph; the reason where it is rejected.
-pub fn push(session: &Session, frame: &Frame) -> Result<Option<Rejection>> {
-    let photo = frame.read()?;
-    let pushed = match frame.rectified {
-        Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-        None => session.push(&photo)?,
+/// Adds a photograph; returns the reason of a rejection.
+pub fn push(session: &Session, file: &PhotoFile) -> Result<Option<Rejection>> {
+    let photo = file.read()?;
+    let outcome = match file.rectified {
+        Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+        None => session.add_photo(&photo)?,
     };
-    Ok(match pushed {
-        Pushed::Accepted(_) => None,
-        Pushed::Rejected(reason) => Some(reason),
+    Ok(match outcome {
+        Outcome::Accepted(_) => None,
+        Outcome::Rejected(reason) => Some(reason),
     })
 }
 
@@ -89,7 +90,7 @@ pub fn withhold_camera(capture: &mut Capture) {
     }
 }
 
-/// Capture folders among `paths`; a folder that is no capture stands for those in it, sorted.
+/// Capture folders among `paths`. Another folder stands for the captures in it, sorted.
 pub fn capture_folders(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut folders = Vec::new();
     for path in paths {

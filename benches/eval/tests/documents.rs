@@ -1,4 +1,4 @@
-//! Commands of `svbrdf-eval` in the documents: their options and values exist.
+//! Checks the options and values of `svbrdf-eval` commands in the documents.
 
 #[path = "../../../tests/common/commands.rs"]
 mod commands;
@@ -19,7 +19,7 @@ fn arguments<'a>(words: &'a [&'a str]) -> Option<&'a [&'a str]> {
     }
 }
 
-/// The fault of a command, or `None`; also `None` for commands of other programs.
+/// The fault of a command; `None` also for commands of other programs.
 fn fault(command: &str) -> Option<String> {
     let words: Vec<&str> = command.split_whitespace().collect();
     understood(env!("CARGO_BIN_EXE_svbrdf-eval"), arguments(&words)?).err()

@@ -5,10 +5,9 @@ use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
-use svbrdf::export::{write_maps, write_png16_image};
+use svbrdf::export::{MapsOptions, write_maps, write_png16_image};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
-use svbrdf::svbrdf::channel;
 
 const EVAL: &str = env!("CARGO_BIN_EXE_svbrdf-eval");
 
@@ -30,7 +29,7 @@ fn fail(arguments: &[&str]) -> String {
     [output.stdout, output.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat()
 }
 
-/// Runs `svbrdf`, which `svbrdf-eval` too expects beside itself.
+/// Runs `svbrdf`, which `svbrdf-eval` also expects beside itself.
 fn svbrdf(arguments: &[&str]) {
     let program = Path::new(EVAL).with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
     assert!(program.is_file(), "cargo build --release --workspace --bin svbrdf comes first");
@@ -54,7 +53,7 @@ fn read_json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The demonstration capture, its first `frames` photographs only.
+/// The first `frames` photographs of the demonstration capture.
 fn bundled(dir: &Path, frames: usize) -> PathBuf {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/captures/tile");
     let capture = dir.join("tile");
@@ -71,17 +70,17 @@ fn bundled(dir: &Path, frames: usize) -> PathBuf {
     capture
 }
 
-/// A mirror-free material of two albedos, and two photographs of it under a light at the camera. The
+/// A matte material of two albedos, and two photographs of it under a light at the camera. The
 /// second is `brightness` times as bright as its description says.
 fn matt(dir: &Path, brightness: f32) -> PathBuf {
     let capture = dir.join("matt");
     std::fs::create_dir_all(capture.join("frames")).unwrap();
     let side = 64;
     let mut maps = Svbrdf::new(side, side);
-    maps.plane_mut(channel::ROUGHNESS).fill(0.9);
+    maps.roughness_mut().fill(0.9);
     for i in 0..side * side {
         let albedo = if (i % side / 8 + i / side / 8) % 2 == 0 { 0.25 } else { 0.4 };
-        (0..3).for_each(|c| maps.plane_mut(channel::DIFFUSE + c)[i] = albedo);
+        (0..3).for_each(|c| maps.diffuse_mut()[c][i] = albedo);
     }
     let power = std::f32::consts::PI * 250.0 * 250.0;
     let mut frames = Vec::new();
@@ -116,11 +115,11 @@ fn held_out(arguments: &[&str], json: &Path) -> Vec<Value> {
     read_json(json)["photographs"].as_array().unwrap().clone()
 }
 
-/// One photograph of a matt sample predicts another: the only things unknown are the albedos that
-/// it shows. Brightness that the capture does not tell is taken out by the factor, and is all of
-/// the error without: 0.6 of it leaves 1 - 0.6^(1/2.2) = 21 % of values round 0.55.
+/// One photograph of a matte sample predicts another, because only albedos are unknown. The factor
+/// removes unstated brightness; without it, brightness is the whole error: 0.6 of it leaves 1 -
+/// 0.6^(1/2.2) = 21 % of values around 0.55.
 #[test]
-fn a_matt_sample_is_predicted_but_for_brightness() {
+fn a_matte_sample_is_predicted_up_to_brightness() {
     let dir = tempfile::tempdir().unwrap();
     let json = dir.path().join("errors.json");
     let capture = matt(dir.path(), 0.6);
@@ -141,19 +140,19 @@ fn a_matt_sample_is_predicted_but_for_brightness() {
     assert_eq!(number(record, "brightness_factor"), 1.0);
 }
 
-/// The last two photographs of a board are placed by their own calibration, never fitted.
+/// The last two photographs of a board are calibrated but not fitted.
 #[test]
 fn photographs_of_a_board_predict_its_last_two() {
     let dir = tempfile::tempdir().unwrap();
     let capture = bundled(dir.path(), 3);
     let json = dir.path().join("errors.json");
-    // three photographs: the first predicts both others, every rotation is left out
+    // Three photographs: the first predicts the others, and every rotation holds one out.
     let records = held_out(&[text(&capture), "--no-refine", "--fit", "1"], &json);
     let first: Vec<_> = records.iter().filter(|r| r["protocol"] == "first-alone").collect();
     assert_eq!(first.iter().map(|r| &r["photograph"]).collect::<Vec<_>>(), ["01", "02"]);
     for record in records {
         let (error, factor) = (record["error"].as_f64(), record["brightness_factor"].as_f64());
-        // one photograph tells what is bright and what is dark; the board's white tells how bright
+        // One photograph shows relative brightness; the board's white sets its scale.
         assert!((0.005..0.15).contains(&error.unwrap()), "{record}");
         assert!((0.8..1.25).contains(&factor.unwrap()), "{record}");
     }
@@ -182,21 +181,20 @@ fn captures_prints_a_row_for_each_method() {
         let row = table.lines().find(|line| line.starts_with(method)).unwrap();
         row.split_whitespace().nth(2).unwrap().parse().unwrap()
     };
-    // docs/results.md has .09 for latent; maps that know nothing are beyond .15
+    // docs/results.md has .09 for latent; uninformed maps exceed .15
     assert!(render("latent") < 0.12 && render("first") < 0.15, "{table}");
 }
 
-/// Captures that predict photographs without their faults: the first maps of a photograph predict the
-/// others to a tenth, their artifacts are there, sheet and maps are kept, and a report beside maps tells
-/// the same artifacts as the session did.
+/// Captures that predict ideal photographs: the first maps predict the others to a tenth, artifacts are
+/// present, sheet and maps are kept, and a report beside the maps gives the same artifacts as the session.
 #[test]
 fn ideal_photographs_are_predicted_and_maps_kept() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let (maps, capture, kept, fit) = (path("maps"), path("made"), path("kept"), path("fit"));
     let mut known = Svbrdf::new(96, 96);
-    known.plane_mut(channel::SLOPE_X).fill(0.05);
-    write_maps(&maps, &known).unwrap();
+    known.normal_slopes_mut()[0].fill(0.05);
+    write_maps(&maps, &known, &MapsOptions::default()).unwrap();
     let options = ["--frames", "3", "--held-out", "2", "--real", "--rectified", "--lobe", "coat"];
     svbrdf(&[&["simulate", text(&maps), "--out", text(&capture)], &options[..]].concat());
     let truth = read_json(&capture.join("truth/truth.json"));
@@ -222,7 +220,7 @@ fn ideal_photographs_are_predicted_and_maps_kept() {
     assert!(flat.contains("tilt                 0.000"), "{flat}");
 }
 
-/// What a build measured passes against itself, and fails against figures that are half as large.
+/// The figures of a build pass against themselves, and fail against halved figures.
 #[test]
 fn the_gate_fails_where_errors_grew() {
     let dir = tempfile::tempdir().unwrap();
@@ -247,7 +245,7 @@ fn the_gate_fails_where_errors_grew() {
 fn faults_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let maps = dir.path().join("maps");
-    write_maps(&maps, &Svbrdf::new(4, 4)).unwrap();
+    write_maps(&maps, &Svbrdf::new(4, 4), &MapsOptions::default()).unwrap();
     let single = bundled(dir.path(), 1);
     for (arguments, says) in [
         (vec!["gate"], "SVBRDF_TEST_DATA"),

@@ -1,15 +1,15 @@
-//! What a fit writes.
+//! The files that a fit writes.
 
 use std::time::Instant;
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::capture;
-use svbrdf::confidence::{Confidence, MapDeviations};
 use svbrdf::export::{
-    ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
+    ExportOptions, LOBE_FILES, MapsOptions, encode_maps, encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
+use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 
 use super::arguments::Arguments;
 use super::document::{self, Document};
@@ -20,7 +20,7 @@ use crate::failure::Result;
 use crate::report::{self, Subject};
 use crate::terminal;
 
-/// Maps and what lies beside them, but for the report.
+/// Maps and the files beside them, except the report.
 const FILES: [&str; 6] =
     ["normal.png", "diffuse.png", "specular.png", "roughness.png", "maps.exr", PREVIEW];
 const PREVIEW: &str = "preview.png";
@@ -41,9 +41,10 @@ impl Output<'_> {
         let (out, sample_mm) = (&arguments.out, input.capture.sample_mm);
         let maps = session.snapshot()?;
         // A fit that was interrupted is not asked any more.
-        let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
-        let confidence = assessed.map(|assessed| assessed.confidence);
-        let mut files = encode_maps(&maps, confidence.as_ref(), Some(sample_mm))?;
+        let known = session.snapshot_with_uncertainty().ok().filter(|known| known.maps == maps);
+        let uncertainty = known.map(|known| known.uncertainty);
+        let options = MapsOptions { sample_mm: Some(sample_mm), uncertainty: uncertainty.as_ref() };
+        let mut files = encode_maps(&maps, &options)?;
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
@@ -56,7 +57,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
-        document.value["confidence"] = json!(confidence.as_ref().map(deviations));
+        document.value["uncertainty"] = json!(uncertainty.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
@@ -65,7 +66,7 @@ impl Output<'_> {
             let subject = Subject {
                 report: &document.value,
                 capture: &input.capture,
-                frames: &fit.frames,
+                photos: &fit.photos,
                 camera: session.camera(),
                 maps: &maps,
                 predictions: errors.indices.iter().copied().zip(&errors.predictions).collect(),
@@ -75,7 +76,7 @@ impl Output<'_> {
             files.push((PAGE.into(), page.into_bytes()));
         }
         files.push(document.seal(&files)?);
-        // What an earlier fit has left would lie beside maps of this one.
+        // Files of an earlier fit would lie beside the maps of this one.
         let [anisotropy, coat] = LOBE_FILES;
         replace_files(out, &files, &[anisotropy, coat, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
@@ -106,8 +107,8 @@ impl Output<'_> {
 }
 
 /// Standard deviation of each map.
-fn deviations(confidence: &Confidence) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+fn deviations(uncertainty: &Uncertainty) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
     json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 

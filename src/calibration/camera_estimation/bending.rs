@@ -1,4 +1,4 @@
-//! Whether the printed sheet is stretched or bent.
+//! Estimates stretch and bend of the printed sheet.
 
 use super::super::detector::Corner;
 use super::super::paper::{Paper, PaperEstimate, Sheet};
@@ -8,8 +8,8 @@ use super::prior::{CameraPrior, INTRINSICS};
 use super::robust::{ROUNDS, freedom, noise, totals, trim, turn_poses, view};
 use crate::geometry::{Camera, Pose};
 
-/// The sheet counts as planned unless squared residuals fall by this much, over noise variance, and
-/// by this share.
+/// The sheet counts as planned unless a free sheet lowers the squared residuals by this much (in
+/// units of the noise variance) and by this share.
 const GAIN_MIN: f64 = 25.0;
 const GAIN_SHARE_MIN: f64 = 0.02;
 
@@ -17,14 +17,14 @@ const GAIN_SHARE_MIN: f64 = 0.02;
 pub(super) struct Bent {
     pub state: State,
     pub views: Vec<View>,
-    /// As planned where the corners do not contradict that.
+    /// The planned sheet, unless the corners contradict it.
     pub estimate: PaperEstimate,
-    /// Whether they do.
+    /// Whether the corners contradict the planned sheet.
     pub is_clear: bool,
 }
 
-/// Refines sheet, poses, and what is free of the camera, from a fit of a flat sheet. `None` with
-/// fewer than two photographs: one cannot tell a bend from lens and pose.
+/// Refines sheet, poses and the free camera parameters from a fit with a flat sheet. `None` for
+/// fewer than two photographs: one cannot separate a bend from lens and pose.
 pub(super) fn bend(
     views: &[View],
     flat: &State,
@@ -49,7 +49,7 @@ pub(super) fn bend(
     }
     let problem = Problem { prior, views: &views, noise_px, free };
     let state = problem.minimise(state);
-    // The flat sheet on the same corners.
+    // Compare with a flat sheet on the same corners.
     let planned = Sheet { paper: Paper::default(), ..state.sheet };
     let flat = State { sheet: planned, ..state.clone() };
     let flat = Problem { prior, views: &views, noise_px, free: stiff }.minimise(flat);
@@ -65,10 +65,10 @@ pub(super) fn bend(
     Some(Bent { state, views, estimate: PaperEstimate { paper, sigma }, is_clear })
 }
 
-/// How the printed sheet lies, from photographs with a known camera: corners and nearly the right
-/// pose of each.
+/// Estimates the printed sheet from photographs with a known camera, given the corners and an
+/// approximate pose of each.
 ///
-/// With fewer than two photographs, or when the corners do not tell, it is as planned.
+/// Returns the planned sheet for fewer than two photographs, or if the corners do not contradict it.
 pub fn estimate_paper(
     camera: &Camera,
     target: &Target,

@@ -1,8 +1,7 @@
 //! Levenberg-Marquardt over intrinsics, paper and all poses.
 //!
-//! Poses enter only their own view's equations: the normal matrix is an arrow, and each step solves
-//! the 12 x 12 Schur complement of what the views share, so that the cost grows linearly with
-//! views.
+//! A pose affects only the equations of its own view, so the normal matrix is an arrow. Each step solves the
+//! 12 x 12 Schur complement of the shared parameters; the cost grows linearly with the views.
 
 use super::super::paper::{PARAMETERS, Sheet};
 use super::super::projection::{Projection, moved};
@@ -17,7 +16,6 @@ pub(super) const SHARED: usize = INTRINSICS + PARAMETERS;
 type Shared = SVector<f64, SHARED>;
 type Square = SMatrix<f64, SHARED, SHARED>;
 
-/// How all is refined together.
 const REFINEMENT: Options = Options {
     max_steps: 100,
     max_trials: 12,
@@ -32,16 +30,16 @@ const REFINEMENT: Options = Options {
 pub(super) struct View {
     /// Planned positions on the board, mm.
     pub board: Vec<DVec2>,
-    /// Where they were found, px.
+    /// Detected positions, px.
     pub px: Vec<DVec2>,
-    /// Whether they take part.
+    /// Whether each corner is used.
     pub inliers: Vec<bool>,
-    /// Whether the photograph takes part.
+    /// Whether the photograph is used.
     pub used: bool,
 }
 
 impl View {
-    /// Distance of each corner from its projection, px; infinite where it does not project.
+    /// Reprojection error of each corner, px; infinite if it does not project.
     pub fn residuals(&self, camera: &Camera, sheet: &Sheet, pose: &Pose) -> Vec<f64> {
         let residual = |(b, p): (&DVec2, &DVec2)| {
             let projected = camera.project(pose.transform(sheet.at(*b)));
@@ -50,7 +48,7 @@ impl View {
         self.board.iter().zip(&self.px).map(residual).collect()
     }
 
-    /// Sum of squared distances of the corners that take part.
+    /// Sum of the squared errors of the corners used.
     pub fn cost(&self, camera: &Camera, sheet: &Sheet, pose: &Pose) -> f64 {
         let residuals = self.residuals(camera, sheet, pose).into_iter().zip(&self.inliers);
         residuals.filter(|(_, inlier)| **inlier).map(|(r, _)| r * r).sum()
@@ -69,7 +67,7 @@ pub(super) struct State {
     pub poses: Vec<Pose>,
 }
 
-/// The equations of one view, its pose to be eliminated from what the views share.
+/// Equations of one view, before elimination of its pose.
 struct Block {
     pose: SMatrix<f64, 6, 6>,
     mixed: SMatrix<f64, SHARED, 6>,
@@ -87,14 +85,14 @@ pub(super) struct Equations {
 pub(super) struct Problem<'a> {
     pub prior: &'a CameraPrior,
     pub views: &'a [View],
-    /// Standard deviation of a corner's coordinate that the prior is weighed against, px.
+    /// Standard deviation of a corner's coordinate, which weighs the prior, px.
     pub noise_px: f64,
-    /// Which of the shared values may move.
+    /// Which of the shared parameters are free.
     pub free: [bool; SHARED],
 }
 
 impl Problem<'_> {
-    /// Squared residuals, px², with the prior's in units of the noise.
+    /// Squared residuals, px². The prior is scaled by the noise variance.
     pub fn cost(&self, state: &State) -> f64 {
         let camera: f64 = self.prior.terms(&state.camera).map(|(d, _)| d * d).sum();
         let paper: f64 = state.sheet.paper.deviations().iter().map(|(d, _)| d * d).sum();
@@ -113,8 +111,8 @@ impl Problem<'_> {
         minimise(self, state, &REFINEMENT).0
     }
 
-    /// Covariance of the shared values for corners of the assumed noise, poses marginalised; zero for
-    /// those that are fixed. `None` where they are not determined.
+    /// Covariance of the shared parameters for the assumed corner noise, poses marginalised; zero
+    /// for fixed parameters. `None` if they are not determined.
     pub fn covariance(&self, state: &State) -> Option<Square> {
         let (schur, _, _) = self.equations(state).eliminated(0.0)?;
         let mut inverse = schur.cholesky()?.inverse();
@@ -228,7 +226,7 @@ impl LeastSquares for Problem<'_> {
 type PoseFactor = nalgebra::Cholesky<f64, Const<6>>;
 
 impl Equations {
-    /// Matrix and right side for what is shared alone, and the factors of the poses' blocks.
+    /// Reduced matrix and right side of the shared parameters, and the factors of the pose blocks.
     fn eliminated(&self, damping: f64) -> Option<(Square, Shared, Vec<Option<PoseFactor>>)> {
         let mut schur = self.shared;
         for i in 0..SHARED {
@@ -250,12 +248,11 @@ impl Equations {
             right -= block.mixed * factor.solve(&block.gradient);
             factors.push(Some(factor));
         }
-        // Rounding must not cost the symmetry.
+        // Rounding must not break the symmetry.
         Some((0.5 * (schur + schur.transpose()), right, factors))
     }
 }
 
-/// The camera after a step.
 fn stepped(camera: &Camera, delta: &Shared) -> Camera {
     let mut next = *camera;
     next.fx += delta[0];
@@ -275,7 +272,7 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    /// Gradient of cost and prior, and the Gauss-Newton matrix's use of them, by differences.
+    /// Compares gradient and Gauss-Newton matrix of corners and prior with finite differences.
     #[test]
     fn the_gradient_is_that_of_the_cost() {
         let mut prior = CameraPrior::ordinary(1200, 900);
@@ -327,7 +324,7 @@ mod tests {
             };
             let slope = (at(size[i]) - at(-size[i])) / (4.0 * size[i]);
             let analytic = equations.gradient[i];
-            // Third derivatives and rounding of a cost of about 10.
+            // Tolerance: third derivatives, and rounding of a cost of about 10.
             assert!(
                 (slope - analytic).abs() < 1e-4 * (1.0 + analytic.abs()),
                 "{i} {slope} {analytic}"

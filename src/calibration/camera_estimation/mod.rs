@@ -1,21 +1,20 @@
 //! Intrinsics and lens distortion from the corners of a planar board.
 //!
 //! # Method
-//! A focal length from the homographies (Zhang 2000, with square pixels and the principal point in
-//! the middle) and a few plausible ones start a joint Levenberg-Marquardt refinement of intrinsics
-//! and all poses; the best minimum counts. Corners that do not fit the rest are left out, then
-//! photographs. For each photograph both poses that nearly explain a plane's picture are tried with
-//! the refined camera.
+//! A joint Levenberg-Marquardt refinement of intrinsics and all poses starts from the focal length of the
+//! homographies (Zhang 2000, with square pixels and a central principal point) and from a few plausible ones.
+//! The best minimum is kept. Outlying corners are excluded, then outlying photographs. The refined camera
+//! tries both poses that a plane's picture allows for each photograph.
 //!
-//! # What photographs can and cannot tell
-//! * One photograph from above tells neither the focal length apart from the distance nor the
-//!   principal point from a slight tilt: both stay at what [`CameraPrior`] expects.
-//! * One tilted photograph tells the focal length; distortion as far as corners reach.
-//! * Three photographs and more from different sides tell all that maps need.
+//! # Observability
+//! * One photograph from above separates neither focal length from distance nor principal point
+//!   from tilt: they keep the values of [`CameraPrior`].
+//! * One tilted photograph determines the focal length, and the distortion where it has corners.
+//! * Three or more photographs from different sides determine everything that the maps need.
 //!
 //! # Paper
-//! Two photographs and more tell how the print differs from its plan, too ([`Paper`]): one stretch
-//! and two bows join the refinement. They stay at 0 unless that explains the corners clearly worse.
+//! Two or more photographs also determine deviations of the print from its plan ([`Paper`]): one
+//! stretch and two bows. They stay 0 unless a flat sheet explains the corners clearly worse.
 
 mod bending;
 mod joint;
@@ -38,44 +37,44 @@ use robust::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Noise of corners assumed before residuals tell, px.
+/// Corner noise assumed before residuals are known, px.
 const NOISE_PX: f64 = 0.15;
-/// RMS above which there is no camera that explains the corners: px, or part of the long side.
+/// Largest RMS of an accepted camera: px, or a part of the long side.
 const RMS_MAX_PX: f64 = 2.0;
 const RMS_MAX_SIDE: f64 = 1e-3;
 
-/// An estimated camera and how well it is known.
+/// An estimated camera and its uncertainty.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraEstimate {
     /// The camera.
     pub camera: Camera,
-    /// Covariance of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, from the residuals' variance and the
-    /// prior; zero for values that were kept.
+    /// Covariance of fx, fy, cx, cy (px), k1, k2, p1, p2, k3 from the residual variance and the
+    /// prior; zero for fixed values.
     pub covariance: [[f64; 9]; 9],
-    /// The printed sheet; as planned where it was not estimated.
+    /// The printed sheet; as planned if not estimated.
     pub paper: PaperEstimate,
-    /// Root mean square distance of the corners that took part from their projections, px.
+    /// RMS reprojection error of the inliers, px.
     pub rms_px: f64,
-    /// One for each photograph given, in their order; none in a saved session.
+    /// One entry per photograph, in the order given; empty in a saved session.
     #[serde(skip)]
     pub views: Vec<ViewEstimate>,
 }
 
-/// One photograph of a camera's estimate.
+/// Result for one photograph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewEstimate {
-    /// Board to camera; `None` where no pose was found.
+    /// Board to camera; `None` if no pose was found.
     pub pose: Option<Pose>,
-    /// Whether the photograph took part.
+    /// Whether the photograph was used.
     pub used: bool,
-    /// Root mean square distance of its inlying corners, px; not finite without a pose.
+    /// RMS reprojection error of its inliers, px; not finite without a pose.
     pub rms_px: f64,
-    /// For each corner, whether it fits.
+    /// For each corner, whether it is an inlier.
     pub inliers: Vec<bool>,
 }
 
 impl CameraEstimate {
-    /// Whether photographs may have told such values.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         let mut numbers = self.covariance.as_flattened().iter().chain([&self.rms_px]);
         let finite = numbers.all(|v| v.is_finite());
@@ -88,12 +87,12 @@ impl CameraEstimate {
     }
 }
 
-/// Estimates the camera from one or several photographs of the target, all of the prior's size.
-/// `start` is where an earlier estimate ended.
+/// Estimates the camera from photographs of the target, all of the prior's size. `start` is an
+/// earlier estimate.
 ///
 /// # Errors
-/// [`Rejection::TooFewCorners`] when no photograph has 12 corners that span a plane,
-/// [`Rejection::PoseUncertain`] when no camera explains the corners.
+/// [`Rejection::TooFewCorners`] if no photograph has 12 corners that span a plane,
+/// [`Rejection::PoseUncertain`] if no camera explains the corners.
 pub fn estimate_camera(
     target: &Target,
     views: &[&[Corner]],
@@ -103,7 +102,7 @@ pub fn estimate_camera(
     estimate(target, views, prior, start, false)
 }
 
-/// As [`estimate_camera`], with the printed sheet where two photographs and more tell it.
+/// As [`estimate_camera`], and estimates the printed sheet from two or more photographs.
 ///
 /// # Errors
 /// As [`estimate_camera`].
@@ -179,7 +178,7 @@ fn estimate(
     Ok(CameraEstimate { camera: state.camera, covariance, paper, rms_px: rms, views })
 }
 
-/// The minimum next to a starting camera and its robust cost, for comparing starts.
+/// The minimum near a starting camera, with its robust cost for the comparison of starts.
 fn first_minimum(
     views: &[View],
     prior: &CameraPrior,
@@ -222,7 +221,7 @@ fn rms(views: &[View], state: &State) -> f64 {
 fn finished(mut view: View, pose: Pose, camera: &Camera, sheet: &Sheet) -> ViewEstimate {
     let mut pose = Some(pose);
     if !view.used {
-        // Left out of the estimate, yet seen by the camera it gave.
+        // Excluded from the estimate; its pose follows from the estimated camera.
         pose = best_pose(&view, camera, sheet);
         let residuals = pose.map(|p| view.residuals(camera, sheet, &p)).unwrap_or_default();
         let middle = median(residuals.iter().copied()).unwrap_or(0.0);

@@ -1,7 +1,7 @@
-//! What is expected of a camera before its photographs are looked at.
+//! Prior of a camera.
 
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
@@ -9,37 +9,35 @@ use serde::{Deserialize, Serialize};
 pub(super) const INTRINSICS: usize = 9;
 pub(super) type Intrinsics = SVector<f64, INTRINSICS>;
 
-/// Main cameras of phones have 24 to 28 mm (36 mm wide film); wider and longer lenses are common
-/// enough.
+/// Main cameras of phones have 24 to 28 mm (36 mm film); wider and longer lenses are common too.
 const FOCAL_PER_SIDE: f64 = 0.75;
 const LOG_FOCAL_SIGMA: f64 = 0.15;
 /// Relative standard deviation of a focal length in a file's metadata.
 const METADATA_SIGMA: f64 = 0.04;
 const FILM_DIAGONAL_MM: f64 = 43.267;
-/// Pixels of today's sensors are square.
+/// Pixels of current sensors are square.
 const LOG_ASPECT_SIGMA: f64 = 0.002;
-/// Principal point off the picture's middle, part of the long side.
+/// Offset of the principal point from the centre, part of the long side.
 const CENTRE_SIGMA: f64 = 0.012;
-/// Radial terms: displacement at the picture's corner, relative to its distance from the middle.
+/// Radial terms: relative displacement at the picture's corner.
 const RADIAL_SIGMA: [f64; 3] = [0.2, 0.1, 0.05];
 /// Tangential terms: tilt of the sensor, radians.
 const TANGENTIAL_SIGMA: f64 = 0.001;
-/// A sigma below this stands for "fixed" where parameters are coupled.
+/// Smaller sigmas count as fixed where parameters are coupled.
 const LOG_SIGMA_MIN: f64 = 1e-5;
 
 /// Gaussian prior of the intrinsics.
 ///
-/// Few photographs cannot tell all nine numbers. Rather than switching some of them off by a count
-/// of photographs, each has a plausible value and spread: what the corners do not tell stays
-/// plausible, what they tell soon outweighs this, because it is weighed against the corners' noise.
-/// An infinite sigma is no opinion; 0 keeps a value.
+/// A few photographs cannot determine all nine numbers, so each has a prior mean and deviation,
+/// weighed against the corner noise. Undetermined numbers stay plausible, and the corners soon
+/// outweigh the prior of the others. An infinite sigma leaves a number free; 0 fixes it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraPrior {
-    /// Expected values and the picture's size.
+    /// Prior means and the picture's size.
     pub camera: Camera,
     /// Relative standard deviation of the focal length.
     pub focal_sigma: f64,
-    /// Standard deviation of fx / fy relative to the expected.
+    /// Standard deviation of fx / fy relative to the prior mean.
     pub aspect_sigma: f64,
     /// Standard deviation of cx and cy, px.
     pub centre_sigma_px: f64,
@@ -48,15 +46,15 @@ pub struct CameraPrior {
 }
 
 impl CameraPrior {
-    /// Whether something of a camera may be expected like this.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         let sigmas = [&self.focal_sigma, &self.aspect_sigma, &self.centre_sigma_px];
         let mut sigmas = sigmas.into_iter().chain(&self.distortion_sigma);
         self.camera.fault().is_none() && sigmas.all(|s| (0.0..=f64::MAX).contains(s))
     }
 
-    /// For a camera of which only the picture's size is known: square pixels, principal point in
-    /// the middle, a phone's focal length give or take 15 %, little distortion.
+    /// Prior of an unknown camera of a given picture size: square pixels, central principal point,
+    /// a phone's focal length within 15 %, little distortion.
     pub fn ordinary(width: u32, height: u32) -> Self {
         let (w, h) = (f64::from(width), f64::from(height));
         let long = w.max(h);
@@ -86,9 +84,8 @@ impl CameraPrior {
         }
     }
 
-    /// [`CameraPrior::ordinary`] for a photograph, with the focal length of its metadata if it has
-    /// one. That is rounded to whole millimetres, and makers disagree on whether width or diagonal
-    /// counts.
+    /// [`CameraPrior::ordinary`] for a photograph, with the focal length of its metadata if present. Metadata
+    /// round it to whole millimetres, and refer to width or diagonal depending on the maker.
     pub fn of_photo(photo: &Photo) -> Self {
         let prior = Self::ordinary(photo.width(), photo.height());
         match photo.focal_35mm() {
@@ -100,21 +97,20 @@ impl CameraPrior {
         }
     }
 
-    /// The same with a focal length known to a relative standard deviation, e.g. 0.03 from a
-    /// file's metadata.
+    /// The prior with a known focal length and its relative standard deviation, e.g. 0.03 from metadata.
     pub fn with_focal(mut self, focal_px: f64, sigma: f64) -> Self {
         (self.camera.fx, self.camera.fy) = (focal_px, focal_px);
         self.focal_sigma = sigma;
         self
     }
 
-    /// Whether somebody has said what the focal length is: a file's metadata, or a calibration.
+    /// Whether the focal length comes from metadata or a calibration.
     pub fn is_stated(&self) -> bool {
         self.focal_sigma <= METADATA_SIGMA
     }
 
-    /// No opinion but the picture's size: least squares, as OpenCV's `calibrateCamera`. Needs
-    /// several photographs from different sides.
+    /// A flat prior, for plain least squares as in OpenCV's `calibrateCamera`. It needs several
+    /// photographs from different sides.
     pub fn none(width: u32, height: u32) -> Self {
         Self {
             focal_sigma: f64::INFINITY,
@@ -125,8 +121,8 @@ impl CameraPrior {
         }
     }
 
-    /// Round a camera calibrated before, to be refined: 1 % of the focal length (focus moves it),
-    /// half the usual spread of the rest.
+    /// Prior around an earlier calibration: 1 % of the focal length, which changes with focus, and
+    /// half the ordinary deviation of the rest.
     pub fn around(camera: Camera) -> Self {
         let ordinary = Self::ordinary(camera.width, camera.height);
         Self {
@@ -138,8 +134,7 @@ impl CameraPrior {
         }
     }
 
-    /// Whether the values can be used: sizes and values of the camera are sound, sigmas not
-    /// negative.
+    /// Whether the camera has no fault and no sigma is negative.
     pub(super) fn is_valid(&self) -> bool {
         let sigmas = [self.focal_sigma, self.aspect_sigma, self.centre_sigma_px];
         let sound = |s: &f64| *s >= 0.0;
@@ -148,7 +143,7 @@ impl CameraPrior {
             && self.distortion_sigma.iter().all(sound)
     }
 
-    /// Which of fx, fy, cx, cy, k1, k2, p1, p2, k3 may move.
+    /// Which of fx, fy, cx, cy, k1, k2, p1, p2, k3 are free.
     pub(super) fn free(&self) -> [bool; INTRINSICS] {
         let mut free = [true; INTRINSICS];
         free[2..4].fill(self.centre_sigma_px > 0.0);
@@ -158,7 +153,7 @@ impl CameraPrior {
         free
     }
 
-    /// Deviations of a camera in standard deviations, each with its derivatives.
+    /// Deviations of a camera from the prior in standard deviations, each with its derivatives.
     pub(super) fn terms(&self, camera: &Camera) -> impl Iterator<Item = (f64, Intrinsics)> {
         let expected = &self.camera;
         let mean = 0.5 * ((camera.fx / expected.fx).ln() + (camera.fy / expected.fy).ln());

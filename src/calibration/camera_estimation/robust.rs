@@ -1,5 +1,5 @@
-//! What makes the joint refinement robust: corners and photographs that do not fit are left out, poses
-//! are tried the other way round, noise is taken from what is left.
+//! Robust parts of the joint refinement: rejection of corners and photographs, the choice between
+//! mirrored poses, and the noise estimate.
 
 use super::super::detector::Corner;
 use super::super::paper::Sheet;
@@ -11,24 +11,22 @@ use crate::geometry::{Camera, Homography, Pose};
 use crate::statistics::median;
 use glam::{DVec2, DVec3};
 
-/// Corners below which a photograph is not used.
+/// Fewest corners of a usable photograph.
 pub(super) const CORNERS_MIN: usize = 12;
-/// Least noise believed: the best corners have a few hundredths.
+/// Lower limit of the noise; the best corners reach a few hundredths.
 const NOISE_MIN_PX: f64 = 0.03;
-/// Corners within this many standard deviations fit, but never fewer than those within this
-/// distance.
+/// Corners within this many standard deviations, or within this distance, are inliers.
 pub(super) const TRIM_SIGMA: f64 = 4.0;
 pub(super) const TRIM_MIN_PX: f64 = 0.2;
-/// A photograph whose corners fit this many times worse than the median photograph's, and worse
-/// than this, is left out.
+/// A photograph is rejected if its corners fit this many times worse than those of the median
+/// photograph, and worse than this.
 const VIEW_TIMES: f64 = 4.0;
 const VIEW_MIN_PX: f64 = 1.0;
-/// Share of a photograph's corners that must fit.
+/// Least share of inliers of a photograph.
 const VIEW_SHARE_MIN: f64 = 0.6;
-/// Most rounds of refinement and leaving out.
+/// Most rounds of refinement and rejection.
 pub(super) const ROUNDS: usize = 8;
 
-/// What may move.
 pub(super) fn freedom(camera: [bool; INTRINSICS], paper: bool) -> [bool; SHARED] {
     let mut free = [paper; SHARED];
     free[..INTRINSICS].copy_from_slice(&camera);
@@ -47,18 +45,18 @@ pub(super) fn view(target: &Target, corners: &[Corner]) -> View {
     View { board, px, inliers, used }
 }
 
-/// Both poses that nearly explain a photograph, the better first.
+/// Both poses that nearly explain a photograph, the better one first.
 fn minima(view: &View, camera: &Camera, sheet: &Sheet) -> Vec<Fit> {
     let placed: Vec<DVec3> = view.board.iter().map(|b| sheet.at(*b)).collect();
     pose_minima(camera, &placed, &view.px)
 }
 
-/// The pose that explains a photograph best.
+/// The better pose.
 pub(super) fn best_pose(view: &View, camera: &Camera, sheet: &Sheet) -> Option<Pose> {
     minima(view, camera, sheet).first().map(|fit| fit.pose)
 }
 
-/// Leaves corners and photographs out that do not fit the others; whether that changed anything.
+/// Rejects outlying corners and photographs; returns whether anything changed.
 pub(super) fn trim(views: &mut [View], state: &State) -> bool {
     let mut changed = false;
     let mut medians = Vec::new();
@@ -93,7 +91,7 @@ pub(super) fn trim(views: &mut [View], state: &State) -> bool {
     changed
 }
 
-/// Tries each photograph's other pose with the refined camera; whether one was better.
+/// Tries each photograph's mirrored pose with the refined camera; returns whether one was better.
 pub(super) fn turn_poses(views: &[View], state: &mut State) -> bool {
     let mut changed = false;
     for (view, pose) in views.iter().zip(&mut state.poses) {
@@ -111,7 +109,7 @@ pub(super) fn turn_poses(views: &[View], state: &mut State) -> bool {
     changed
 }
 
-/// Number of corners that take part and the sum of their squared residuals.
+/// Number of inliers and the sum of their squared residuals.
 pub(super) fn totals(views: &[View], state: &State) -> (usize, f64) {
     let used = views.iter().zip(&state.poses).filter(|(view, _)| view.used);
     used.fold((0, 0.0), |(count, sum), (view, pose)| {

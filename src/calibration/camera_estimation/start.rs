@@ -1,16 +1,16 @@
-//! Cameras to start from.
+//! Initial cameras.
 
 use super::joint::View;
 use super::prior::CameraPrior;
 use crate::geometry::{Camera, Homography};
 use glam::{DMat3, DVec2};
 
-/// Focal lengths tried beside the one from the homographies, relative to the expected.
+/// Focal lengths tried besides that of the homographies, relative to the prior mean.
 const TRIED: [f64; 3] = [1.0, 0.55, 1.8];
-/// Focal lengths believed, relative to the picture's long side.
+/// Plausible focal lengths, relative to the picture's long side.
 const PLAUSIBLE: std::ops::Range<f64> = 0.2..20.0;
 
-/// Cameras to start from; one at least.
+/// Initial cameras, at least one.
 pub(super) fn cameras(
     views: &[View],
     prior: &CameraPrior,
@@ -37,9 +37,8 @@ pub(super) fn cameras(
     cameras
 }
 
-/// Focal length of square pixels with a known principal point, least squares over all
-/// homographies: the first two columns of `K⁻¹ H` are orthogonal and of equal length. `None` when
-/// all views are fronto-parallel.
+/// Focal length for square pixels and a known principal point, by least squares over all homographies: the
+/// first two columns of `K⁻¹ H` are orthogonal and of equal length. `None` if all views are fronto-parallel.
 fn focal(views: &[View], middle: DVec2) -> Option<f64> {
     let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
     for view in views.iter().filter(|v| v.used) {
@@ -47,7 +46,7 @@ fn focal(views: &[View], middle: DVec2) -> Option<f64> {
         let centred = DMat3::from_translation(-middle) * h.0;
         let (p, q) = (centred.x_axis, centred.y_axis);
         let scale = (p.length_squared() + q.length_squared()).recip();
-        // a / f² + b = 0, twice.
+        // Both rows: a / f² + b = 0.
         let rows = [
             (p.truncate().dot(q.truncate()), p.z * q.z),
             (
@@ -64,6 +63,6 @@ fn focal(views: &[View], middle: DVec2) -> Option<f64> {
     if !(aa > 0.0 && bb > 0.0) || ab >= 0.0 {
         return None;
     }
-    // Errors are in a, from the homographies' larger part: regress it on b.
+    // The errors are in a, so regress a on b.
     Some((-ab / bb).sqrt()).filter(|f| f.is_finite())
 }

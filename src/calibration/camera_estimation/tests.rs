@@ -102,8 +102,8 @@ fn exact_corners_give_the_exact_camera() {
 
 #[test]
 fn the_covariance_predicts_the_error() {
-    // Mean squared normalised error of nine numbers: 9 in expectation; its mean over 30 draws has
-    // a standard deviation of sqrt(18 / 30) = 0.8.
+    // The expected squared normalised error of nine numbers is 9; the mean over 30 draws has a
+    // standard deviation of sqrt(18 / 30) = 0.8.
     let mut noise = Noise(5);
     let mut sum = 0.0;
     for _ in 0..30 {
@@ -124,7 +124,7 @@ fn the_covariance_predicts_the_error() {
             d[4] - e[4],
         ]);
         let covariance = SMatrix::<f64, 9, 9>::from_fn(|i, j| found.covariance[i][j]);
-        // Radial terms are nearly dependent: scaled before inversion.
+        // Radial terms are nearly dependent, so scale before the inversion.
         let scale = found.sigma();
         let scaled =
             SMatrix::<f64, 9, 9>::from_fn(|i, j| covariance[(i, j)] / (scale[i] * scale[j]));
@@ -137,11 +137,11 @@ fn the_covariance_predicts_the_error() {
 
 #[test]
 fn few_photographs_give_useful_views() {
-    // Median and 95th percentile of the view direction's error over many captures; cameras drawn
-    // as phones are.
+    // Median and 95th percentile of the error of the view direction over many captures with random
+    // phone cameras.
     let mut noise = Noise(11);
     println!("frames  median deg  95 % deg  focal median %  95 %");
-    // Bounds: twice what was measured, so that a loss of accuracy shows.
+    // Bounds: twice the measured values, to reveal a loss of accuracy.
     for (frames, median_max, high_max) in
         [(1, 0.3, 0.9), (3, 0.02, 0.05), (5, 0.02, 0.05), (9, 0.015, 0.04)]
     {
@@ -187,18 +187,17 @@ fn few_photographs_give_useful_views() {
 }
 
 #[test]
-fn a_view_from_above_keeps_to_what_is_expected() {
+fn a_view_from_above_keeps_the_prior() {
     let mut noise = Noise(3);
     let views = [corners(&truth(), &pose(0.0, 0.0, 0.0, 300.0), 0.1, &mut noise)];
     let found = estimate(&views, &CameraPrior::ordinary(2016, 1512));
-    // The focal length is not seen: it stays near 0.75 of the long side, and says so.
+    // The focal length is unobservable: it stays near 0.75 of the long side with a large sigma.
     assert!(found.sigma()[0] > 0.03 * found.camera.fx, "{:?}", found.sigma());
     assert!((found.camera.cx - 1007.5).abs() < 60.0);
     assert!((found.camera.fx / found.camera.fy - 1.0).abs() < 0.01);
     assert!(view_angle_deg(&found.views[0].pose.unwrap(), &pose(0.0, 0.0, 0.0, 300.0)) < 3.0);
-    // Metadata helps.
-    let told = CameraPrior::ordinary(2016, 1512).with_focal(1460.0, 0.01);
-    let found = estimate(&views, &told);
+    let stated = CameraPrior::ordinary(2016, 1512).with_focal(1460.0, 0.01);
+    let found = estimate(&views, &stated);
     assert!((found.camera.fx / 1452.0 - 1.0).abs() < 0.02);
 }
 
@@ -210,7 +209,7 @@ fn false_corners_and_false_photographs_are_left_out() {
     for (k, corner) in views[2].iter_mut().enumerate().filter(|(k, _)| k % 10 == 4) {
         corner.px += DVec2::new(3.0 + k as f64 / 20.0, -5.0);
     }
-    // One photograph of a bent board.
+    // Bend the board of one photograph.
     for corner in &mut views[4] {
         let x = corner.px.x / 200.0;
         corner.px += DVec2::new((3.0 * x).sin(), (2.0 * x).cos()) * 12.0;
@@ -274,12 +273,12 @@ fn unusable_corners_are_refused() {
     let mut nonsense = good.clone();
     nonsense[3].px.y = f64::NAN;
     assert!(estimate_camera(&target, &[&nonsense], &prior, None).is_err());
-    // One bad photograph among good ones is left out.
+    // One bad photograph among good ones is rejected.
     let found = estimate_camera(&target, &[&good, &nonsense, &good[..5]], &prior, None).unwrap();
     assert!(found.views[0].used && !found.views[1].used && !found.views[2].used);
 }
 
-/// Views of a sheet: from the top and from up to 45 degrees off, turned as one walks round.
+/// Views of a sheet: one from above and others up to 45 degrees off, in a walk round it.
 fn walk(frames: u32, noise: &mut Noise) -> Vec<Pose> {
     let pose = |k: u32| {
         let (k, tilt) = (f64::from(k), if k == 0 { 0.05 } else { 0.25 + 0.5 * noise.uniform() });
@@ -288,8 +287,8 @@ fn walk(frames: u32, noise: &mut Noise) -> Vec<Pose> {
     (0..frames).map(pose).collect()
 }
 
-/// Median and largest error of the view, degrees, of flat and of estimated paper; how the estimates
-/// lie off the truth, in their standard deviations.
+/// Median and largest error of the view, degrees, for flat and for estimated paper, and the error
+/// of the paper in its standard deviations.
 fn paper_errors(paper: &Paper, frames: u32, known: bool, draws: u32) -> ([[f64; 2]; 2], f64) {
     let target = Target::default();
     let mut noise = Noise(17 + u64::from(frames));
@@ -352,10 +351,10 @@ fn a_stretched_and_bent_sheet_is_found() {
                 bent[0],
                 bent[1]
             );
-            // Of an unknown camera three photographs do not always tell what is paper, what lens.
+            // With an unknown camera, three photographs do not always separate paper from lens.
             let most = if known { 0.3 } else { 0.8 };
             assert!(bent[0] < 0.3 * flat[0] && bent[1] < most * flat[1], "{name} {known} {frames}");
-            // The priors are wider than these deviations; 12 numbers of a normal distribution.
+            // The true deviations are smaller than the priors; twelve numbers of a normal distribution.
             assert!(worst < 4.5, "{name} {known} {frames}: {worst}");
         }
     }
@@ -366,11 +365,11 @@ fn a_flat_sheet_stays_flat() {
     for known in [true, false] {
         for frames in [2, 5] {
             let ([flat, bent], _) = paper_errors(&Paper::default(), frames, known, 10);
-            // The same sheet: the same numbers but for the last refinement.
+            // Same sheet, so the results differ only by the last refinement.
             assert!((flat[1] - bent[1]).abs() < 1e-6, "{known} {frames}: {flat:?} {bent:?}");
         }
     }
-    // One photograph cannot tell.
+    // One photograph does not determine the paper.
     let bent = Paper { aspect: 1.005, bow_mm: [2.0, 0.0] };
     let pose = pose(0.5, 1.0, 0.0, 300.0);
     let seen = corners_on(&bent, &truth(), &pose, 0.1, &mut Noise(1));

@@ -1,9 +1,9 @@
-//! What is wrong with the light of photographs: what their squares show that the model of light has not.
+//! Faults of the light: deviations of the squares that the light model cannot explain.
 //!
-//! Each kind of fault has a model of its own, and is named where that explains the squares much better:
-//! stripes along a photograph's rows or columns, light that lies on places of the board whatever the camera
-//! does, light that does not move with the camera at all. Places that such light lies on in part, or that it saturates,
-//! count as well: a stripe of sun is often no wider than a square.
+//! Each fault has its own model and is reported if that model explains the squares much better:
+//! stripes along rows or columns of a photograph, light fixed to places of the board, or a light
+//! that does not move with the camera. Places that such light covers in part or saturates also
+//! count, because a stripe of sun is often narrower than a square.
 
 use std::f64::consts::PI;
 
@@ -18,72 +18,71 @@ use crate::calibration::Target;
 use crate::geometry::Pose;
 use crate::statistics::{MAD_TO_SIGMA, median};
 
-/// Stripes: their number along a photograph's side, at most; the least that stripes are, amplitude and share of the
+/// Stripes: most and fewest per side of a photograph, least amplitude, and least share of the
 /// squares' variance that they explain.
 const MOST_STRIPES: usize = 12;
 const LEAST_STRIPES: f64 = 1.2;
 const STRIPE_AMPLITUDE: f64 = 0.04;
 const STRIPE_SHARE: f64 = 0.7;
-/// Squares that tell of stripes or of the whole light.
+/// Fewest squares that reveal stripes or a fault of the whole light.
 const SQUARES_MIN: usize = 24;
-/// Light on places of the board: logarithm of its brightness, standard deviations of the mean over the
-/// photographs, and share of the board.
+/// Light on places of the board: log of its brightness, standard deviations of its mean over the
+/// photographs, least share of the board, fewest photographs.
 const PLACE_LOG: f64 = 0.07;
 const PLACE_SIGMAS: f64 = 4.0;
 const PLACE_SHARE: f64 = 0.03;
 const PLACE_PHOTOS: usize = 3;
-/// Light that stands still explains the squares so much better (robust deviation) than a flash, whose place must have
-/// changed by so much, mm.
+/// A fixed light must lower the robust deviation to this ratio, while the flash must have moved this far, mm.
 const STANDS_STILL: f64 = 0.6;
 const MOVED_MM: f64 = 40.0;
-/// Squares within this of the mirror direction may glare, degrees.
+/// Squares within this angle of the mirror direction may glare, degrees.
 const GLARE_DEG: f64 = 10.0;
-/// Black squares so much brighter (logarithm) do; so many, and such a share of those near the mirror direction, make
-/// it the print's fault, unless elsewhere squares are odd as well.
+/// Black squares this much too bright (log) glare. Glare is the print's fault from this number and
+/// this share of the squares near the mirror direction on, unless squares elsewhere deviate too.
 const GLARE_LOG: f64 = 0.3;
 const GLARE_MIN: f64 = 4.0;
 const GLARE_SHARE: f64 = 0.3;
 const GLARE_ELSEWHERE: f64 = 0.3;
 
-/// What is odd about the light of a capture.
+/// Faults of a capture's light.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Examination {
-    /// Photographs one by one.
+    /// One entry per photograph.
     pub photos: Vec<PhotoLight>,
-    /// Squares that are brighter than the flash explains in all photographs.
+    /// Squares brighter than the flash explains in all photographs.
     pub lit_places: Option<LitPlaces>,
-    /// How much better light that stands still explains the squares, as a ratio of deviations, where it does.
+    /// Deviation with the flash over that with a fixed light, if the latter explains the squares clearly better.
     pub stands_still: Option<f64>,
-    /// Share of the squares near the mirrored flash that glare, where they do.
+    /// Share of the squares near the mirrored flash that glare, if significant.
     pub glare: Option<f64>,
 }
 
-/// What is odd about one photograph's light.
+/// Faults of one photograph's light.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct PhotoLight {
-    /// Amplitude of bright and dark stripes, relative, where there are any.
+    /// Relative amplitude of bright and dark stripes, if any.
     pub stripes: Option<f64>,
 }
 
-/// Squares of the board that are lit by something else as well.
+/// Squares of the board with additional light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LitPlaces {
-    /// Share of the white squares seen.
+    /// Share of the visible white squares.
     pub share: f64,
-    /// How many times as bright as the flash explains they are.
+    /// Measured over expected brightness.
     pub ratio: f64,
-    /// Their middle, mm.
+    /// Centre of the squares, mm.
     pub board_mm: DVec2,
 }
 
-/// A square against the model of light.
+/// Deviation of a square from the light model.
 struct Residual {
     white: bool,
     board_mm: DVec2,
     px: DVec2,
-    /// Logarithm of measured over expected value, mean of the channels.
+    /// Log of measured over expected value, mean over the channels.
     log: f64,
-    /// Logarithm of the measured value over the albedo, the curve undone, and of the lens' and surroundings' part.
+    /// Log of the linearised value over the albedo, mean over the channels.
     log_value: f64,
     /// `-ln cos` of the angle to the optical axis.
     u: f64,
@@ -91,7 +90,7 @@ struct Residual {
     half_deg: f64,
 }
 
-/// Examines photographs whose light is known.
+/// Examines photographs with known light.
 pub(crate) fn examine(
     target: &Target,
     photos: &[(Pose, &Squares)],
@@ -108,7 +107,7 @@ pub(crate) fn examine(
     }
 }
 
-/// A photograph whose light is known.
+/// A photograph with known light.
 struct Lit<'a> {
     target: &'a Target,
     known: &'a Photometry,
@@ -135,13 +134,13 @@ impl<'a> Lit<'a> {
         if white { self.target.white_albedo } else { self.target.black_albedo }
     }
 
-    /// Squared tangent of the angle between the optical axis and the direction to a place of the board.
+    /// Squared tangent of the angle between the optical axis and a point of the board.
     fn tan2(&self, board_mm: DVec2) -> f64 {
         let point = self.pose.transform(board_mm.extend(0.0));
         (point.truncate() / point.z).length_squared()
     }
 
-    /// Values of a square by the flash and the room through a clean lens.
+    /// Values of a square lit by flash and room, through a clean lens.
     fn clear(&self, white: bool, board_mm: DVec2) -> [f64; 3] {
         let known = self.known;
         let board = board_mm.extend(0.0);
@@ -156,13 +155,13 @@ impl<'a> Lit<'a> {
         })
     }
 
-    /// Values as stored, without the camera's tone curve.
+    /// Stored values without the tone curve.
     fn undone(&self, value: [f32; 3]) -> [f64; 3] {
         let stored = value.map(|v| v * self.exposure);
         self.known.tone.undone(stored).map(|v| f64::from(v) / f64::from(self.exposure))
     }
 
-    /// Low and high values of a square over the expected ones, logarithms.
+    /// Logs of the low and high values of a square over the expected one.
     fn log_range(&self, spread: &Spread) -> [f64; 2] {
         let sum = |values: [f64; 3]| values.iter().sum::<f64>().max(1e-9).ln();
         let expected = sum(self.clear(spread.white, spread.board_mm));
@@ -205,7 +204,7 @@ fn residuals(
     squares.squares.iter().filter_map(of).filter(|r| r.log.is_finite()).collect()
 }
 
-/// Amplitude of a sine along rows or columns that explains most of what the squares deviate by.
+/// Amplitude of the sine along rows or columns that explains most of the residuals.
 fn stripes(residuals: &[Residual]) -> Option<f64> {
     let white: Vec<&Residual> = residuals.iter().filter(|r| r.white).collect();
     if white.len() < SQUARES_MIN {
@@ -235,7 +234,7 @@ fn stripes(residuals: &[Residual]) -> Option<f64> {
     (amplitude > STRIPE_AMPLITUDE && left < (1.0 - STRIPE_SHARE) * all).then_some(amplitude)
 }
 
-/// Places of the board that are brighter than the flash explains in all photographs, in part at least.
+/// Places of the board that are brighter than the flash explains, at least in part, in all photographs.
 fn lit_places(
     target: &Target,
     photos: &[Vec<Residual>],
@@ -256,7 +255,7 @@ fn lit_places(
         for spread in view.1.uneven.iter().filter(|s| s.white) {
             add(spread.board_mm, lit.log_range(spread));
         }
-        // What is clipped is as bright as this at least, and says nothing where that is expected.
+        // A clipped value is a lower bound. It is uninformative where the expected value is as high.
         for spread in view.1.clipped.iter().filter(|s| s.white) {
             let range = lit.log_range(spread);
             if range[0] > PLACE_LOG {
@@ -274,7 +273,7 @@ fn lit_places(
                 logs.iter().map(|log| (log[1] - high).powi(2)).sum::<f64>() / (count - 1.0);
             let least = logs.iter().map(|log| log[1]).fold(f64::INFINITY, f64::min);
             let clear = high > PLACE_LOG.max(PLACE_SIGMAS * (variance / count).sqrt());
-            // What is also darker is dirt, or a part of the sample.
+            // A place with darker parts is dirt, or a part of the sample.
             (clear && least > 0.0 && low > -PLACE_LOG).then_some((*at, high))
         })
         .collect();
@@ -284,7 +283,7 @@ fn lit_places(
     (share > PLACE_SHARE && lit.len() > 1).then_some(LitPlaces { share, ratio, board_mm: middle })
 }
 
-/// Whether the white squares are as bright as a light has them that does not move with the camera.
+/// Whether a light fixed to the board explains the white squares better.
 fn stands_still(
     photos: &[Vec<Residual>],
     views: &[(Pose, &Squares)],
@@ -300,7 +299,7 @@ fn stands_still(
     if !moved || white.len() < SQUARES_MIN * photos.len().min(2) {
         return None;
     }
-    // A common scale for each photograph, a smooth field on the board, a lens.
+    // Unknowns: one scale per photograph, a smooth field on the board, a lens.
     let columns = photos.len() + 7;
     let row = |&(photo, r): &(usize, &Residual)| {
         let p = r.board_mm / 100.0;
@@ -335,8 +334,8 @@ fn stands_still(
     (ratio < STANDS_STILL).then_some(ratio.recip())
 }
 
-/// How many of the squares near the mirror direction glare: black ones that are much too bright, and all that are not
-/// plain; where elsewhere hardly any are.
+/// Share of the squares near the mirror direction that glare (black squares much too bright, or
+/// uneven squares), unless squares elsewhere do too.
 fn glare(photos: &[Vec<Residual>], views: &[(Pose, &Squares)], known: &Photometry) -> Option<f64> {
     let (mut near, mut far) = ([0.0_f64; 2], [0.0_f64; 2]);
     let mut count = |half_deg: f64, odd: bool| {
@@ -357,7 +356,7 @@ fn glare(photos: &[Vec<Residual>], views: &[(Pose, &Squares)], known: &Photometr
         .then_some(near.1)
 }
 
-/// Angle between the half vector at a place of the board and the board's normal, degrees.
+/// Angle between half vector and normal at a point of the board, degrees.
 fn half_deg(light: DVec3, eye: DVec3, board_mm: DVec2) -> f64 {
     let board = board_mm.extend(0.0);
     let half = (light - board).normalize() + (eye - board).normalize();

@@ -1,23 +1,22 @@
-//! How bright photographs are, against what is stated of their exposures.
+//! Brightness of photographs against their stated exposures.
 //!
-//! A stated exposure is a prior. Only the fall-off inside photographs tells where the flash is, so that a
-//! wrong exposure must not move it: where the light found is far from the expected one, or photographs are
-//! not as bright as stated, the light is also looked for with gains of which nothing is known, and the
-//! likelier of both is taken.
+//! A stated exposure is a prior. Only the fall-off inside photographs determines the flash position, and a
+//! wrong exposure must not move it. If the estimated light is far from the prior, or photographs are not as
+//! bright as stated, a second fit leaves the gains free, and the likelier one wins.
 
 use nalgebra::DVector;
 
 use super::fit::{self, Solution};
 use super::model::{Problem, Sample, Shot, parameter};
 
-/// Gains that nothing is known of: width of their prior, logarithm.
+/// Width of the prior of free gains, log.
 const FREE: f64 = 1.0;
-/// Gains, in widths of their prior, and places of the flash, in standard deviations, that are looked into.
+/// Gains (in widths of their prior) and flash positions (in standard deviations) that trigger the second fit.
 const DOUBTFUL_GAIN: f64 = 3.0;
 const DOUBTFUL_OFFSET: f64 = 1.5;
 
-/// The light, exposures being as stated unless photographs outvote that. It is looked for from what is expected, and from
-/// `start`.
+/// Estimates the light with stated exposures unless the photographs outvote them. Starts from the
+/// prior and from `start`.
 pub(super) fn solve(
     samples: &[Sample],
     shots: &[Shot],
@@ -41,7 +40,7 @@ fn outvoted(samples: &[Sample], shots: &[Shot], problem: &Problem) -> Solution {
     likelier(samples, shots, problem, stated, outvoted)
 }
 
-/// Of two solutions of a problem.
+/// The likelier of two solutions.
 fn likelier(
     samples: &[Sample],
     shots: &[Shot],
@@ -61,7 +60,7 @@ fn is_doubtful(solution: &Solution, problem: &Problem) -> bool {
     gain || off.cmpgt(DOUBTFUL_OFFSET * problem.offset_sigma_mm).any()
 }
 
-/// The same light with the common scale so that as many gains as possible are nearly none.
+/// The same light, with the common scale chosen so that most gains nearly vanish.
 fn with_most_as_stated(theta: &DVector<f64>, photos: usize, width: f64) -> DVector<f64> {
     let mut theta = theta.clone();
     for c in 0..3 {

@@ -1,10 +1,10 @@
-//! Photographs that are not what they should be: each fault is found, and what is right beside it stays right.
+//! Faulty photographs: each fault is found, and the rest of the estimate stays correct.
 
 use glam::DVec3;
 
 use super::tests::{Truth, camera, pose, poses};
 use super::*;
-use crate::frame::Surround;
+use crate::photo::Surround;
 
 fn many() -> Vec<Pose> {
     poses().into_iter().chain([pose(0.4, 0.4, 2.2, 270.0), pose(-0.5, -0.2, 0.8, 300.0)]).collect()
@@ -18,8 +18,8 @@ fn unknown(truth: &Truth) -> PhotometricCalibrator {
     )
 }
 
-/// What photographs tell together, with changed pixels.
-fn told(
+/// Photometry and examination of a capture with changed pixels.
+fn calibrated(
     truth: impl Fn(usize) -> Truth,
     change: impl Fn(usize, &Photo) -> Photo,
 ) -> (Photometry, Examination) {
@@ -42,7 +42,7 @@ fn same(_: usize, photo: &Photo) -> Photo {
     photo.clone()
 }
 
-/// With each pixel times a factor of its place.
+/// Multiplies each pixel by a factor of its position.
 fn scaled(photo: &Photo, factor: impl Fn(f64, f64) -> f64) -> Photo {
     let w = photo.width() as usize;
     let mut rgb = photo.to_linear();
@@ -52,17 +52,17 @@ fn scaled(photo: &Photo, factor: impl Fn(f64, f64) -> f64) -> Photo {
     Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0).unwrap()
 }
 
-/// Brightness that the files do not state moves no flash: half of the photographs at a half, all at random.
+/// Unstated brightness does not move the flash: half of the photographs at one half, all at random.
 #[test]
-fn brightness_is_not_taken_for_the_place_of_the_flash() {
+fn unstated_brightness_does_not_move_the_flash() {
     let halves = |i: usize| if i < 2 { 0.5 } else { 1.0 };
     let quarters = |i: usize| if i > 2 { 0.25 } else { 1.0 };
     let random = |i: usize| [0.5, 0.9, 0.42, 0.75, 1.0, 0.6][i];
     for gain in [&halves as &dyn Fn(usize) -> f64, &quarters, &random] {
-        let (known, _) = told(|_| Truth::new(), |i, photo| scaled(photo, |_, _| gain(i)));
+        let (known, _) = calibrated(|_| Truth::new(), |i, photo| scaled(photo, |_, _| gain(i)));
         assert!(known.tone.is_identity(), "{:?}", known.tone);
         let off = known.flash_offset_mm.distance(Truth::new().offset);
-        // The fall-off inside six photographs: as `an_unknown_flash_offset_is_found_and_its_error_covered`.
+        // Bound as in `an_unknown_flash_offset_is_found_and_its_error_covered`.
         assert!(off < 2.0, "{off} mm: {:?}", known.flash_offset_mm);
         for i in 0..6 {
             let ratio = (known.log_gain[i][0] - known.log_gain[5][0]).exp();
@@ -75,16 +75,15 @@ fn brightness_is_not_taken_for_the_place_of_the_flash() {
 #[test]
 fn a_flash_far_beside_the_camera_is_found() {
     let offset = DVec3::new(120.0, -90.0, 0.0);
-    let (known, found) = told(|_| Truth { offset, ..Truth::new() }, same);
+    let (known, found) = calibrated(|_| Truth { offset, ..Truth::new() }, same);
     assert!(known.flash_offset_mm.distance(offset) < 10.0, "{:?}", known.flash_offset_mm);
     assert!(known.log_gain.iter().all(|[log, _]| log.abs() < 0.05), "{:?}", known.log_gain);
     assert_eq!((found.stands_still, found.lit_places), (None, None));
 }
 
-/// Nothing is said about good photographs.
 #[test]
 fn good_photographs_have_no_faults() {
-    let (known, found) = told(|_| Truth::new(), same);
+    let (known, found) = calibrated(|_| Truth::new(), same);
     assert_eq!((known.veil, known.turned), (0.0, vec![false; 6]));
     assert!(known.log_gain.iter().all(|[log, _]| log.abs() < 0.02), "{:?}", known.log_gain);
     assert_eq!((found.stands_still, found.lit_places, found.glare), (None, None, None));
@@ -93,7 +92,7 @@ fn good_photographs_have_no_faults() {
     }
 }
 
-/// A photograph turned in its pixels has its flash on the other side.
+/// A photograph with turned pixels has its flash on the opposite side.
 #[test]
 fn turned_photographs_are_found() {
     let offset = DVec3::new(14.0, -20.0, 0.0);
@@ -102,7 +101,7 @@ fn turned_photographs_are_found() {
             let sign = if turned.contains(&i) { -1.0 } else { 1.0 };
             Truth { offset: sign * offset, ..Truth::new() }
         };
-        let (known, _) = told(of, same);
+        let (known, _) = calibrated(of, same);
         let found: Vec<usize> = (0..6).filter(|i| known.turned[*i]).collect();
         assert_eq!(found, turned, "{:?}", known.flash_offset_mm);
         assert!(known.flash_offset_mm.distance(offset) < 2.0, "{:?}", known.flash_offset_mm);
@@ -110,7 +109,7 @@ fn turned_photographs_are_found() {
 }
 
 #[test]
-fn a_veil_is_told_from_a_tone_curve_and_from_room_light() {
+fn a_veil_is_neither_a_tone_curve_nor_room_light() {
     for share in [0.04, 0.08] {
         let veiled = |_: usize, photo: &Photo| {
             let around = Surround::of(photo);
@@ -122,15 +121,15 @@ fn a_veil_is_told_from_a_tone_curve_and_from_room_light() {
             }
             Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0).unwrap()
         };
-        let (known, _) = told(|_| Truth::new(), veiled);
+        let (known, _) = calibrated(|_| Truth::new(), veiled);
         assert!(known.tone.is_identity() && known.ambient.iter().all(|v| *v < 0.01), "{known:?}");
         assert!((known.veil - f64::from(share)).abs() < 0.01, "{} {share}", known.veil);
     }
 }
 
-/// Cameras even out brightness over surroundings of any width; room light looks a little like that.
+/// Local tone mapping equalises brightness over surroundings of any size; room light looks similar.
 #[test]
-fn local_tone_mapping_is_told_from_a_tone_curve_and_from_room_light() {
+fn local_tone_mapping_is_neither_a_tone_curve_nor_room_light() {
     for scale in 0..Surround::SCALES.len() {
         for exponent in [0.1, 0.3] {
             let mapped = |_: usize, photo: &Photo| {
@@ -144,7 +143,7 @@ fn local_tone_mapping_is_told_from_a_tone_curve_and_from_room_light() {
                 Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0)
                     .unwrap()
             };
-            let (known, _) = told(|_| Truth::new(), mapped);
+            let (known, _) = calibrated(|_| Truth::new(), mapped);
             let what = format!("{scale} {exponent}: {known:?}");
             assert!(known.tone.is_identity() && known.ambient.iter().all(|v| *v < 0.05), "{what}");
             assert!((known.local_tone / f64::from(exponent) - 1.0).abs() < 0.4, "{what}");
@@ -161,7 +160,7 @@ fn stripes_of_a_flickering_light_are_found() {
                 1.0 + amplitude * (std::f64::consts::TAU * y / period + phase).sin()
             })
         };
-        let (_, found) = told(|_| Truth::new(), flicker);
+        let (_, found) = calibrated(|_| Truth::new(), flicker);
         let seen: Vec<f64> = found.photos.iter().filter_map(|p| p.stripes).collect();
         assert!(seen.len() >= 3, "{amplitude} {period}: {found:?}");
         assert!(seen.iter().all(|a| (a / amplitude - 1.0).abs() < 0.5), "{amplitude}: {seen:?}");
@@ -170,13 +169,13 @@ fn stripes_of_a_flickering_light_are_found() {
 
 /// A lamp in the room instead of the flash.
 #[test]
-fn a_light_that_stands_still_is_found() {
+fn a_fixed_light_is_found() {
     for lamp in [DVec3::new(200.0, 150.0, 450.0), DVec3::new(-300.0, 50.0, 700.0)] {
         let target = Truth::new().target;
         let measured: Vec<(Pose, Squares)> = many()
             .into_iter()
             .map(|pose| {
-                // The lamp in this camera's frame.
+                // The lamp in the frame of this camera.
                 let photo = Truth { offset: pose.transform(lamp), lobe: 0.0, ..Truth::new() };
                 let scale = (lamp.length() / 250.0).powi(2);
                 let photo = Truth { scale: [0.8 * scale; 3], ..photo }.photo(&pose, 0.8);
@@ -195,10 +194,10 @@ fn a_light_that_stands_still_is_found() {
     }
 }
 
-/// Sun on a part of the board, and of the sample beside it, in every photograph: on whole squares, on parts of
-/// squares, and so bright that it saturates.
+/// Sun on a part of the board, and of the sample beside it, in every photograph: on whole squares,
+/// on parts of squares, and saturated.
 #[test]
-fn light_on_a_place_of_the_board_is_found() {
+fn light_on_a_part_of_the_board_is_found() {
     for (from, to, sun, full) in [
         (20.0, 45.0, 0.4, 9.0),
         (-70.0, -30.0, 0.15, 9.0),
@@ -213,7 +212,7 @@ fn light_on_a_place_of_the_board_is_found() {
                 let px = glam::DVec2::new((k % w) as f64, (k / w) as f64);
                 let ray = pose.rotation.transpose() * camera.undistort(px).extend(1.0);
                 let x = (eye - ray * (eye.z / ray.z)).x;
-                // On the surface's own colour; the nearer the camera, the more the flash gives.
+                // Relative to the surface's own colour; the flash is stronger near the camera.
                 let flash = (250.0 / eye.length()).powi(2);
                 if from < x && x < to {
                     rgb[3 * k..3 * k + 3].iter_mut().for_each(|v| *v *= (1.0 + sun / flash) as f32);
@@ -222,14 +221,14 @@ fn light_on_a_place_of_the_board_is_found() {
             rgb.iter_mut().for_each(|v| *v = v.min(full));
             Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), full).unwrap()
         };
-        let (_, found) = told(|_| Truth::new(), lit);
+        let (_, found) = calibrated(|_| Truth::new(), lit);
         let place = found.lit_places.unwrap_or_else(|| panic!("{from} to {to}: {found:?}"));
         assert!(from < place.board_mm.x && place.board_mm.x < to, "{place:?}");
         assert!(place.ratio > 1.08 && place.share < 0.4, "{place:?}");
     }
 }
 
-/// An even light is no flash, from above as from the side; black that is cut off is the fault of an editor.
+/// An even light is not a flash, from any direction; clipped blacks are an edit.
 #[test]
 fn even_light_and_a_stretched_contrast_are_refused_for_what_they_are() {
     let truth = Truth::new();

@@ -5,62 +5,60 @@ use nalgebra::{DMatrix, DVector};
 
 use super::lobe::Lobe;
 use super::model::{Ink, Model, Problem, Sample, Shot, parameter};
-use crate::frame::{LogCurve, ToneCurve};
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
+use crate::photo::{LogCurve, ToneCurve};
 use crate::statistics::{MAD_TO_SIGMA, median};
 
-/// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more; and of
-/// a flash's lobe: 1 (a bare diode) to 4.
+/// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more.
+/// Exponents of a flash's lobe: 1 (a bare diode) to 4.
 const EXPONENT_MEAN: f64 = 2.0;
 const EXPONENT_SIGMA: f64 = 2.0;
 const CURVATURE_SIGMA: f64 = 3.0;
-/// Quadrupole of a flash's pattern: an emitter and its lens are rarely round to better than some per
-/// cent at the border of a photo, where the square of the sine is a tenth.
+/// Quadrupole of a flash's pattern. Emitter and lens are round to some per cent at the border of a
+/// photo, where the squared sine is a tenth.
 const PATTERN_SIGMA: f64 = 0.3;
-/// Log of the true over the nominal albedo of black squares: toner is rarely measured.
+/// Log of true over nominal albedo of black squares; toner is rarely measured.
 const BLACK_SIGMA: f64 = 0.3;
-/// The same of the gray patch: printers spread or lighten middle tones by that much.
+/// The same for the gray patch, since printers spread or lighten midtones.
 const GRAY_SIGMA: f64 = 0.3;
-/// Largest step of a tone curve's logarithmic slopes.
+/// Largest step of a tone curve's log slopes.
 const TONE_STEP: f64 = 0.4;
-/// Least standard deviation of a square's log value that is believed: paper is not Lambertian and
-/// lies not quite flat.
+/// Lower limit of the standard deviation of a square's log value: paper is neither Lambertian nor flat.
 const MIN_SIGMA: f64 = 0.004;
-/// The same with a tone curve: the family meets curves of cameras to about 1 %.
+/// The same with a tone curve: the family approximates the curves of cameras to about 1 %.
 pub(super) const TONE_MIN_SIGMA: f64 = 0.01;
-/// Relative standard deviation up to which values above those of white squares are used, and the
-/// steps in which the level is looked for where the curve is worse known.
+/// Relative deviation up to which values above those of white squares are used, and the number of
+/// levels tried for that limit.
 const TONE_KNOWN: f64 = 0.25;
 const TONE_LEVELS: usize = 64;
-/// Errors of the three channels of a square are the same error.
+/// The three channels of a square share one error.
 const CHANNEL_CORRELATION: f64 = 3.0;
-/// Huber's threshold in sigma: 95 % efficiency for Gaussian errors.
+/// Huber's threshold in sigmas, for 95 % efficiency with Gaussian errors.
 const HUBER: f64 = 1.345;
-/// Ordinary samples from which their spread is taken; fewer leave it to all.
+/// Fewest ordinary samples that determine the spread alone; otherwise all samples do.
 const PLAIN_MIN: usize = 24;
-/// Largest share of a veil that is looked for.
+/// Largest veil share tried.
 const VEIL_MAX: f64 = 0.3;
-/// Spread of log values before any is known.
+/// Initial spread of log values.
 const START_SIGMA: f64 = 0.05;
 
-/// Estimate.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
     /// `ln V = -(exponent u + curvature u²)`, `u = -ln cos`.
     pub exponent: f64,
     pub curvature: f64,
-    /// How the flash's intensity depends on direction.
+    /// Direction dependence of the flash's intensity.
     pub lobe: Lobe,
     /// Share of the ambient in the irradiance at the reference distance, per channel.
     pub ambient_share: [f64; 3],
     pub ambient_share_sigma: [f64; 3],
     /// Per photo and channel: log of value / (exposure * albedo) on the axis at the reference.
     pub log_scale: Vec<[f64; 3]>,
-    /// How many times as bright as its exposure states each photo is: logarithm and standard deviation.
+    /// Log of each photo's brightness over that of its stated exposure, and its standard deviation.
     pub log_gain: Vec<[f64; 2]>,
-    /// Share of a veil, and its standard deviation.
+    /// Veil share and its standard deviation.
     pub veil: [f64; 2],
-    /// Exponent by which places are darkened whose surroundings are bright, and its standard deviation.
+    /// Exponent of the darkening by bright surroundings, and its standard deviation.
     pub local_tone: [f64; 2],
     pub offset_mm: DVec3,
     pub offset_sigma_mm: DVec3,
@@ -69,16 +67,15 @@ pub(super) struct Solution {
     /// Parameters of the tone curve and their covariance.
     pub tone: [f64; 3],
     pub tone_covariance: [[f64; 3]; 3],
-    /// Everything that was found, as the fit has it.
+    /// All parameters of the fit.
     pub theta: DVector<f64>,
     /// Robust standard deviation of the residuals of log values.
     pub sigma: f64,
-    /// The same for each photo; NaN for a photo without samples.
+    /// The same for each photo; NaN without samples.
     pub photo_sigma: Vec<f64>,
 }
 
-/// How light and lens are found. Weights and scale follow the residuals, so that steps are taken as
-/// they come.
+/// Weights and scale depend on the residuals, so steps need not lower the cost.
 const REFINEMENT: Options = Options {
     max_steps: 30,
     max_trials: 1,
@@ -87,13 +84,13 @@ const REFINEMENT: Options = Options {
     min_gain: 0.0,
     descent: false,
 };
-/// Steps below this, in units of the parameters, are the last.
+/// Smaller steps, in units of the parameters, end the iteration.
 const STEP_MIN: f64 = 1e-7;
 
 /// Gauss-Newton with Huber weights on the squares, Cauchy weights on the photos' scales (a wrong
-/// exposure in the metadata must not pull the others) and Gaussian priors elsewhere.
+/// exposure must not pull the others) and Gaussian priors elsewhere.
 ///
-/// Begins where `start` says, or else at what is expected.
+/// Starts at `start`, or else at the prior.
 pub(super) fn solve(
     samples: &[Sample],
     shots: &[Shot],
@@ -107,8 +104,8 @@ pub(super) fn solve(
 }
 
 impl Solution {
-    /// The tone curve, as far as it is known: from the level of the white squares up, what it makes of
-    /// a value is believed to [`TONE_KNOWN`].
+    /// The tone curve with its limit of validity: above the white squares, values are used while
+    /// their relative deviation is at most [`TONE_KNOWN`].
     pub fn tone_curve(&self, samples: &[Sample]) -> ToneCurve {
         let curve = ToneCurve { log_slopes: self.tone, unknown_from: 0.0 };
         if curve.is_identity() {
@@ -130,8 +127,7 @@ impl Solution {
     }
 }
 
-/// How badly a solution explains squares and meets what was expected: twice the negative logarithm of
-/// the posterior but for a constant, squares having so large a standard deviation.
+/// Twice the negative log posterior up to a constant, for squares with standard deviation `sigma`.
 pub(super) fn misfit(
     samples: &[Sample],
     shots: &[Shot],
@@ -142,7 +138,7 @@ pub(super) fn misfit(
     let (fit, _) = Fit::new(samples, shots, problem);
     let mut theta = solution.theta.clone();
     if problem.tone_sigma == 0.0 {
-        // Left out of the fit of linear values, to which it has nothing to say.
+        // The linear fit excludes the gray patch, so solve for its ratio here.
         theta[parameter::GRAY] = fit.gray(&theta);
     }
     let model = fit.model(&theta);
@@ -154,7 +150,7 @@ pub(super) fn misfit(
     squares.sum::<f64>() + fit.prior_misfit(&theta)
 }
 
-/// Parameters, and what the step that led to them has found.
+/// Parameters, with by-products of the last step.
 struct State {
     theta: DVector<f64>,
     /// Robust standard deviation of the residuals before the step.
@@ -187,7 +183,7 @@ struct Equations {
 }
 
 impl<'a> Fit<'a> {
-    /// The problem and where its solution is looked for first.
+    /// The problem and its start.
     fn new(samples: &'a [Sample], shots: &'a [Shot], problem: &'a Problem) -> (Self, DVector<f64>) {
         use parameter::{
             AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOCAL, LOG_SCALE, OFFSET,
@@ -209,7 +205,7 @@ impl<'a> Fit<'a> {
         prior[VEIL] = (0.0, problem.veil_sigma);
         prior[LOCAL] = (0.0, problem.local_sigma);
         prior[TONE..TONE + 3].fill((0.0, problem.tone_sigma));
-        // Channels of a print are one error: with a curve it must not count three times.
+        // Print errors are common to the channels; with a curve they must not count three times.
         let black_sigma = BLACK_SIGMA * if problem.tone_sigma > 0.0 { 3.0_f64.sqrt() } else { 1.0 };
         let start = theta.clone();
         let model = Model::new(shots, problem, &start);
@@ -218,7 +214,7 @@ impl<'a> Fit<'a> {
             prior[LOG_SCALE + c] = (0.0, f64::INFINITY);
             prior[BLACK + c] = (0.0, black_sigma);
             prior[OFFSET + c] = (problem.offset_mm[c], problem.offset_sigma_mm[c]);
-            // Start at the median, so that outliers do not enter the first weights.
+            // Start at the median, to keep outliers out of the first weights.
             let white = |s: &Sample| s.ink == Ink::None;
             let any_white = samples.iter().any(|s| s.channel == c && white(s));
             let scales = samples
@@ -227,14 +223,14 @@ impl<'a> Fit<'a> {
                 .filter_map(|s| Some(-model.residual(s)?.value));
             match median(scales) {
                 Some(scale) => theta[LOG_SCALE + c] = scale,
-                // all clipped: undetermined, yet solvable
+                // All clipped: undetermined, but the system stays regular.
                 None => prior[LOG_SCALE + c] = (0.0, 1.0),
             }
         }
         (Self { samples, shots, problem, prior }, theta)
     }
 
-    /// The gray patch's ratio that its samples ask for, as a logarithm.
+    /// Log ratio of the gray patch that fits its samples.
     fn gray(&self, theta: &DVector<f64>) -> f64 {
         let model = self.model(theta);
         let gray = self.samples.iter().filter(|s| s.ink == Ink::Gray);
@@ -242,7 +238,7 @@ impl<'a> Fit<'a> {
         median(gray.filter_map(off)).unwrap_or(0.0)
     }
 
-    /// The priors' part of [`misfit`]; channels are one error.
+    /// Prior part of [`misfit`]; the channels share one error.
     fn prior_misfit(&self, theta: &DVector<f64>) -> f64 {
         use parameter::{AMBIENT, BLACK, FRAMES};
         let term = |(i, &(mean, sigma)): (usize, &(f64, f64))| {
@@ -252,7 +248,7 @@ impl<'a> Fit<'a> {
             let off = theta[i] - mean;
             let squared = (off / self.prior_sigma(i, off)).powi(2);
             match i {
-                // Wrong exposures and bright rooms are no wonder.
+                // Wrong exposures and bright rooms are common: heavy tails.
                 _ if i >= FRAMES || (AMBIENT..AMBIENT + 3).contains(&i) => {
                     (1.0 + squared).ln() / CHANNEL_CORRELATION
                 }
@@ -265,7 +261,7 @@ impl<'a> Fit<'a> {
         self.prior.iter().enumerate().map(term).sum()
     }
 
-    /// Standard deviation of a parameter's prior on the side of its mean that it is on.
+    /// Prior standard deviation of a parameter on the side of the mean given by the sign of `off`.
     fn prior_sigma(&self, parameter: usize, off: f64) -> f64 {
         match parameter {
             parameter::EXPONENT | parameter::LOBE if off < 0.0 => self.problem.exponent_sigma_below,
@@ -273,7 +269,7 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Parameters with those that the problem fixes at their means.
+    /// Parameters with the fixed ones at their means.
     fn fixed(&self, theta: &DVector<f64>) -> DVector<f64> {
         let at = |(i, &(mean, sigma)): (usize, &(f64, f64))| {
             if sigma == 0.0 { mean } else { theta[i] }
@@ -287,8 +283,7 @@ impl<'a> Fit<'a> {
 
     /// Robust standard deviation of the residuals of ordinary squares.
     fn sigma(&self, model: &Model) -> f64 {
-        // The weights of black and of glaring squares are cautious, not noise: their residuals
-        // say little about paper.
+        // Black and glaring squares have small weights by precaution; their residuals say little about paper.
         let plain = self.samples.iter().filter(|s| s.sigma <= 1.0).count() >= PLAIN_MIN;
         let used = self.samples.iter().filter(|s| !plain || s.sigma <= 1.0);
         let off = median(used.filter_map(|s| Some(model.residual(s)?.value.abs() / s.sigma)));
@@ -296,7 +291,7 @@ impl<'a> Fit<'a> {
         off.map_or(least, |off| (MAD_TO_SIGMA * off).max(least))
     }
 
-    /// Adds the priors to the equations of the squares; fixed parameters get a row of their own.
+    /// Adds the priors to the equations of the squares. Fixed parameters get unit rows.
     fn add_prior(
         &self,
         theta: &DVector<f64>,
@@ -367,7 +362,7 @@ impl<'a> Fit<'a> {
     }
 }
 
-/// Weight of a residual of a sample among others of standard deviation `sigma`.
+/// Weight of a residual for samples of standard deviation `sigma`.
 fn weight(sample: &Sample, residual: f64, sigma: f64) -> f64 {
     let s = sigma * sample.sigma;
     (HUBER * s / residual.abs()).min(1.0) / (CHANNEL_CORRELATION * s * s)
@@ -377,7 +372,7 @@ impl LeastSquares for Fit<'_> {
     type State = State;
     type Equations = Equations;
 
-    /// With the weights of the state itself, priors apart.
+    /// Cost with the weights of `state`, without priors.
     fn cost(&self, state: &State) -> f64 {
         let model = self.model(&state.theta);
         let residuals = self.samples.iter().filter_map(|s| Some((s, model.residual(s)?.value)));

@@ -1,4 +1,4 @@
-//! Which of the light's properties the squares can tell, and whether values are linear.
+//! Decides which properties of the light are observable, and whether values are linear.
 
 use glam::DVec3;
 use nalgebra::DVector;
@@ -6,55 +6,55 @@ use nalgebra::DVector;
 use super::model::{Ink, Problem, Sample, Shot};
 use super::{exposure, fit, turned};
 
-/// Formal standard deviations at which the ambient counts as seen. Errors of paper come in large
-/// patches (a bow, a gradient of the print), so that two or three of them mean little.
+/// Formal standard deviations at which ambient light is significant. Errors of paper come in large
+/// patches (a bow, a gradient of the print), so two or three are not significant.
 const AMBIENT_SIGNIFICANCE: f64 = 4.0;
-/// A flash whose place is known worse than this (formal standard deviation, mm; at arm's length a
-/// degree), and no further off the expected than this many of them, is taken to be there.
+/// A flash position with a larger formal standard deviation than this (mm; a degree at arm's
+/// length) keeps the prior, unless it deviates from the prior by this many standard deviations.
 const OFFSET_SIGMA_MAX_MM: f64 = 5.0;
 const OFFSET_SIGNIFICANCE: f64 = 2.0;
-/// A tone curve or a veil counts as seen where it lowers the misfit by this (three standard deviations: a print
-/// may be off by two), and by this share of what it leaves: what is wrong with paper and light can
-/// look a little like a curve.
+/// A tone curve or a veil is significant if it lowers the misfit by this (three standard
+/// deviations, as a print may be off by two) and by this share of the remaining misfit: errors of
+/// paper and light resemble a curve.
 const TONE_EVIDENCE: f64 = 9.0;
 const TONE_EVIDENCE_SHARE: f64 = 0.5;
-/// Photographs from which on what surrounds squares is told from what is wrong with paper and lens.
+/// Fewest photographs that separate surroundings of squares from errors of paper and lens.
 const SURROUNDINGS_FROM: usize = 3;
-/// Rounds in which turned photographs are looked for.
+/// Rounds of the search for turned photographs.
 const TURNS_MAX: usize = 4;
-/// A veil counts as seen too where it is as large as this and as so many formal standard deviations, and hardly
-/// anything is left of the squares (deviation): a little of it hides behind unknown blacks.
+/// A veil is also significant at this share and this many formal standard deviations, if the
+/// squares fit to this deviation: unknown blacks can hide a small veil.
 const VEIL_LEAST: f64 = 0.02;
 const VEIL_SIGNIFICANCE: f64 = 5.0;
 const VEIL_SIGMA_MAX: f64 = 0.008;
-/// Local tone mapping counts as seen too where its exponent is as large as this and as so many formal standard
-/// deviations, and it lowers the misfit by such a share of what it leaves. A curve must be better by more than
-/// [`TONE_EVIDENCE`]: it has two parameters more.
+/// Local tone mapping is also significant at this exponent and this many formal standard
+/// deviations, if it lowers the misfit by this share of the remainder. A curve must gain more than
+/// [`TONE_EVIDENCE`] against it, because it has two more parameters.
 const LOCAL_LEAST: f64 = 0.04;
 const LOCAL_SIGNIFICANCE: f64 = 6.0;
 const LOCAL_EVIDENCE_SHARE: f64 = 0.15;
-/// Exponent from which on other scales than the middle one are looked at.
+/// Exponent above which scales other than the middle one are tried.
 const LOCAL_HINTED: f64 = 0.02;
-/// Logarithmic slopes of a curve that is none.
+/// Log slopes below which a curve is straight.
 const STRAIGHT: f64 = 0.03;
 
-/// What the squares tell.
+/// The light determined by the squares.
 pub(super) struct Light {
     pub solution: fit::Solution,
-    /// Ambient light before it was decided whether it is seen, and its standard deviation.
+    /// Ambient light before the test of significance, and its standard deviation.
     pub ambient_raw: [(f64, f64); 3],
-    /// The photographs, with those found turned.
+    /// The photographs, with turned ones marked.
     pub shots: Vec<Shot>,
 }
 
 impl Light {
-    /// Of photographs that may be turned, and may have a tone curve or be taken through a dirty lens: that
-    /// is believed where linear values clearly explain the squares worse.
+    /// Light of a capture that may contain turned photographs, a tone curve or a dirty lens. Each
+    /// is accepted only if linear values explain the squares clearly worse.
     pub fn of_capture(samples: &[Sample], shots: Vec<Shot>, problem: &Problem) -> Self {
-        // Left to a curve: without one the gray patch says nothing about the light.
+        // Without a curve the gray patch carries no information about the light.
         let plain: Vec<_> = samples.iter().copied().filter(|s| s.ink != Ink::Gray).collect();
         let mut linear = Self::of_squares(&plain, shots, problem, None);
-        // A light that is found without one turned photograph shows the next.
+        // The light estimated without one turned photograph reveals the next.
         for _ in 0..TURNS_MAX {
             let found = turned::find(&plain, &linear.shots, problem, &linear.solution);
             let Some(shots) = found else { break };
@@ -71,7 +71,7 @@ impl Light {
         let straight = curved.solution.tone.iter().all(|slope| slope.abs() < STRAIGHT);
         let sigma = curved.solution.sigma;
         let gain = misfit(&linear, problem, sigma) - misfit(&curved, &curved_problem, sigma);
-        // A curve that is none and explains more has only found a better light.
+        // A straight curve with a better misfit has only found a better light.
         if straight && gain > TONE_EVIDENCE {
             let start = Some(&curved.solution.theta);
             linear = Self::of_squares(&plain, linear.shots, problem, start);
@@ -82,7 +82,7 @@ impl Light {
             let clear = gain > TONE_EVIDENCE + TONE_EVIDENCE_SHARE * left;
             return if clear && !straight { curved } else { linear };
         }
-        // From the light that is known: a rough look is enough to see what does not explain the squares.
+        // Start from the known light; a rough fit suffices for the comparison.
         let solve = |other: Problem| {
             let start = Some(&linear.solution.theta);
             (fit::solve(&plain, &linear.shots, &other, start), other)
@@ -118,7 +118,7 @@ impl Light {
         }
     }
 
-    /// After what they cannot tell was taken as expected.
+    /// Light with unobservable properties set to their priors.
     fn of_squares(
         samples: &[Sample],
         shots: Vec<Shot>,
@@ -128,7 +128,7 @@ impl Light {
         let mut solution = exposure::solve(samples, &shots, problem, start);
         let share = solution.ambient_share;
         let ambient_raw = std::array::from_fn(|c| {
-            // q / (1 - q): from a share of all light to a ratio to the flash's.
+            // From a share of all light to a ratio to the flash: q / (1 - q).
             let scale = 1.0 / (1.0 - share[c]);
             (share[c] * scale, solution.ambient_share_sigma[c] * scale * scale)
         });
@@ -151,13 +151,13 @@ impl Light {
     }
 }
 
-/// Whether tones are clearly mapped place by place.
+/// Whether local tone mapping is significant.
 fn is_local(solution: &fit::Solution) -> bool {
     let [exponent, deviation] = solution.local_tone;
     exponent > LOCAL_LEAST.max(LOCAL_SIGNIFICANCE * deviation)
 }
 
-/// Whether a lens is clearly dirty.
+/// Whether the veil is significant.
 fn is_veiled(solution: &fit::Solution) -> bool {
     let [share, deviation] = solution.veil;
     share > VEIL_LEAST.max(VEIL_SIGNIFICANCE * deviation) && solution.sigma < VEIL_SIGMA_MAX

@@ -3,18 +3,18 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// How the intensity of a flash depends on direction.
+/// Direction dependence of a flash's intensity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Lobe {
-    /// `n` of `cos^n`, of the angle between the direction from flash to surface and the camera's axis.
+    /// `n` of `cos^n` of the angle between the direction from flash to surface and the camera's axis.
     pub exponent: f64,
-    /// What is not round of it: `cos^n` is multiplied by `1 + p[0] (x² - y²) + p[1] 2 x y`, `x` and
-    /// `y` of the unit direction in the camera frame.
+    /// Deviation from rotational symmetry: `cos^n` is multiplied by `1 + p[0] (x² - y²) + p[1] 2 x
+    /// y`, with `x` and `y` of the unit direction in the camera frame.
     pub pattern: [f64; 2],
 }
 
 impl Lobe {
-    /// Least of the pattern that is believed.
+    /// Lower limit of the pattern.
     pub(crate) const MIN_PATTERN: f64 = 0.2;
 
     /// Relative intensity in a direction, camera frame; 1 along the axis.

@@ -1,31 +1,29 @@
-//! From the board's squares in the photographs so far to absolute radiance.
+//! From the board's squares in all photographs to absolute radiance.
 //!
 //! # Model
-//! `value = exposure * scale * V * albedo * ((1 - q) g L + q)`, with `g = d_ref² NoL / d²` the
-//! flash's irradiance relative to that at the reference distance, `L = cos^n` its lobe about an axis
-//! parallel to the camera's, and `q` the ambient's share at the reference. Scale and `q` are per
-//! channel, with a small correction of the scale per photo and channel; the lens' vignetting `V` is
-//! shared by all photos and channels: `ln V = -(m u + k u²)`, `u = -ln cos` of the angle to the
-//! optical axis. With `k = 0` this is `cos^m`, the natural fall-off, so that it extrapolates well
-//! into the sample, round which the squares lie.
+//! `value = exposure * scale * V * albedo * ((1 - q) g L + q)`. `g = d_ref² NoL / d²` is the flash's
+//! irradiance relative to that at the reference distance, `L = cos^n` its lobe about an axis parallel to the
+//! camera's, and `q` the ambient share at the reference. Scale and `q` are per channel; each photo has a
+//! small correction of the scale per channel. All photos and channels share the vignetting `V` of the lens:
+//! `ln V = -(m u + k u²)`, `u = -ln cos` of the angle to the optical axis. At `k = 0` this is the natural
+//! fall-off `cos^m`, which extrapolates well from the squares into the sample.
 //!
-//! White squares carry the scale. Black ones, whose albedo is known less well and whose toner may
-//! glare, count little beside them, but they are what is left where whites clip, as in an exposure
-//! for a dark sample: their true albedo is one more unknown per channel.
+//! White squares determine the scale. Black squares have a less certain albedo and their toner may
+//! glare, so their weight is small. They remain usable where white clips, as in an exposure for a
+//! dark sample; their true albedo is one more unknown per channel.
 //!
-//! Photographs that a camera has tone-mapped have one curve more, the same for all of a capture, see
-//! [`ToneCurve`](crate::frame::ToneCurve): with the same light on black, gray and white, and white under light that falls off,
-//! they tell it. It is looked for in all captures and believed where values cannot be linear.
+//! Tone-mapped photographs have one more curve per capture, see [`ToneCurve`](crate::photo::ToneCurve).
+//! Black, gray and white under equal light, and white under falling light, determine it. Every capture is
+//! tested for it, and it is accepted where values cannot be linear.
 //!
-//! # What the squares can and cannot tell
-//! * The lobe of a flash at the camera's centre is the same as vignetting. The further off the flash,
-//!   the better they part; their product, which is all that a rectified photo needs, is known in
-//!   either case.
+//! # Ambiguities
+//! * The lobe of a flash at the camera's centre equals vignetting. They separate better the further
+//!   off the flash is. Rectified photos need only their product, which is always determined.
 //! * Scale and white albedo: albedos are relative to the target's `white_albedo`.
-//! * Ambient light and `V` look alike in one frontal photo. Tilt and distance tell them apart; until
-//!   they clearly do the ambient is taken as 0.
-//! * A power of all values looks like a print whose blacks are off and a lens that falls off more:
-//!   from one photo it is known no better than the print.
+//! * Ambient light and `V` look alike in one frontal photo. Tilt and distance separate them;
+//!   ambient light is 0 until it is significant.
+//! * A power of all values resembles a print with wrong blacks and a lens with more fall-off: one
+//!   photo determines it only as well as the print.
 
 mod examination;
 mod exposure;
@@ -41,8 +39,8 @@ use glam::DVec3;
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 
 use light::Light;
 use model::{Ink, Problem, Sample, Shot};
@@ -53,29 +51,29 @@ pub use radiometry::{Photometry, Radiometry, Vignetting};
 pub(crate) use squares::edited;
 pub use squares::{Spread, Square, Squares};
 
-/// Prior of the ambient's share of the irradiance: a room's lights against a flash nearby.
+/// Prior of the ambient share: room light against a near flash.
 const AMBIENT_SIGMA: f64 = 0.1;
-/// Share of the ambient above which the flash counts as missing, and the largest that is tried.
+/// Ambient share above which the flash counts as missing, and the largest share tried.
 const MAX_AMBIENT: f64 = 0.5;
 const ANY_AMBIENT: f64 = 0.98;
-/// How much better (misfit) a photograph must be explained by more ambient light than that.
+/// Misfit by which more ambient light than that must explain a photograph better.
 const NO_FLASH_EVIDENCE: f64 = 9.0;
-/// Share of white squares that are clipped which leaves too little to tell the light.
+/// Share of clipped white squares that leaves the light undetermined.
 const MAX_CLIPPED: f32 = 0.4;
-/// Standard deviation of a lens' or a flash's exponent below its mean, where the question is whether there is
-/// a flash: below 0 there is hardly any.
+/// Standard deviation of lens and flash exponents below their mean in the test for a flash; they
+/// are hardly ever below 0.
 const SOUND_LENS_SIGMA: f64 = 1.0;
-/// Residual of log values (robust sigma) that no point light explains.
+/// Robust deviation of log values that no point light leaves.
 const MAX_SIGMA: f64 = 0.25;
 /// Squares this close to the mirror direction (half vector to normal) may glare.
 const GLARE_DEGREES: f64 = 8.0;
-/// The same for printed ones, where a little glare weighs sixteen times.
+/// The same for printed squares, where a little glare weighs sixteen times.
 const INK_GLARE_DEGREES: f64 = 16.0;
 const GLARE_SIGMA: f64 = 4.0;
 /// Standard deviation of a printed square relative to a white one's.
 const INK_SIGMA: f64 = 5.0;
 
-/// Flash position in the camera frame.
+/// Position of the flash in the camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FlashOffset {
     /// Known, mm; zero for a light at the camera's centre.
@@ -84,12 +82,12 @@ pub enum FlashOffset {
     Estimated {
         /// Where the flash is expected, mm.
         prior_mm: DVec3,
-        /// Standard deviation of that per axis, mm; zero keeps an axis.
+        /// Standard deviation per axis, mm; zero fixes an axis.
         sigma_mm: DVec3,
     },
 }
 
-/// Collects white squares and estimates the light anew with every photo.
+/// Collects the squares of photos and re-estimates the light from all of them.
 ///
 /// Cheap to clone: a caller that may reject a photo later pushes to a clone and keeps it on success.
 #[derive(Debug, Clone)]
@@ -107,18 +105,18 @@ struct Frame {
 }
 
 impl PhotometricCalibrator {
-    /// Without photos.
+    /// A calibrator without photos.
     pub fn new(target: Target, flash: FlashOffset) -> Self {
         Self { target, flash, frames: Vec::new(), photometry: None }
     }
 
-    /// What speaks against one photo's light, taken alone.
+    /// Fault of one photo's light, judged alone.
     pub(crate) fn fault(&self, squares: &Squares, pose: &Pose) -> Option<Rejection> {
         let frame = Frame { pose: *pose, squares: squares.clone() };
         (!self.shows_flash(&frame)).then(|| self.why_unlit(&frame))
     }
 
-    /// Why a photo does not look lit by a flash.
+    /// The reason why a photo does not look lit by a flash.
     fn why_unlit(&self, frame: &Frame) -> Rejection {
         let alone = Self { frames: vec![frame.clone()], photometry: None, ..self.clone() };
         if !frame.pose.to_board(self.expected_offset()).is_finite()
@@ -142,23 +140,23 @@ impl PhotometricCalibrator {
         }
     }
 
-    /// The same with photos measured before, which the next one is calibrated together with.
+    /// The calibrator with earlier photos, which the next one is calibrated with.
     pub(crate) fn with_photos(self, photos: impl IntoIterator<Item = (Pose, Squares)>) -> Self {
         let frames = photos.into_iter().map(|(pose, squares)| Frame { pose, squares }).collect();
         Self { frames, photometry: None, ..self }
     }
 
-    /// Estimate from all photos, made now; `None` without any.
+    /// Estimates from all photos; `None` without any.
     pub(crate) fn estimated(&self) -> Option<Photometry> {
         (!self.frames.is_empty()).then(|| self.estimate())
     }
 
-    /// Measures a photo and takes it in. Returns its radiometry; that of earlier photos changes
-    /// too, see [`Self::radiometry`].
+    /// Measures and adds a photo. Returns its radiometry; that of earlier photos changes too, see
+    /// [`Self::radiometry`].
     ///
     /// # Errors
-    /// [`Rejection::TooDark`], [`Rejection::Clipped`], [`Rejection::LightNotVisible`]; the
-    /// calibrator is then as before.
+    /// [`Rejection::TooDark`], [`Rejection::Clipped`], [`Rejection::LightNotVisible`]. The
+    /// calibrator is then unchanged.
     pub fn push(
         &mut self,
         photo: &Photo,
@@ -169,10 +167,10 @@ impl PhotometricCalibrator {
         self.push_squares(squares, pose)
     }
 
-    /// Takes in squares measured before.
+    /// Adds squares of a measured photo.
     ///
     /// # Errors
-    /// [`Rejection::LightNotVisible`]; the calibrator is then as before.
+    /// [`Rejection::LightNotVisible`]. The calibrator is then unchanged.
     pub fn push_squares(&mut self, squares: Squares, pose: &Pose) -> Result<Radiometry, Rejection> {
         let frame = Frame { pose: *pose, squares };
         if !self.shows_flash(&frame) {
@@ -189,10 +187,10 @@ impl PhotometricCalibrator {
         self.radiometry(self.frames.len() - 1).ok_or(Rejection::LightNotVisible)
     }
 
-    /// Replaces the poses of all photos, e.g. after the camera was calibrated better.
+    /// Replaces the poses of all photos, e.g. after a better camera calibration.
     ///
     /// # Panics
-    /// When `poses` has not one pose per photo.
+    /// If the number of poses is not that of the photos.
     pub fn set_poses(&mut self, poses: &[Pose]) {
         assert_eq!(poses.len(), self.frames.len(), "one pose per photo");
         for (frame, pose) in self.frames.iter_mut().zip(poses) {
@@ -203,12 +201,12 @@ impl PhotometricCalibrator {
         }
     }
 
-    /// Estimate from all photos so far; `None` before the first.
+    /// Latest estimate; `None` before the first photo.
     pub fn photometry(&self) -> Option<&Photometry> {
         self.photometry.as_ref()
     }
 
-    /// Radiometry of a photo as known now; `None` for a photo that was not pushed.
+    /// Present radiometry of a photo; `None` if it was not added.
     pub fn radiometry(&self, index: usize) -> Option<Radiometry> {
         let (p, frame) = (self.photometry.as_ref()?, self.frames.get(index)?);
         let power = std::f64::consts::PI * p.reference_mm * p.reference_mm;
@@ -295,12 +293,12 @@ impl PhotometricCalibrator {
         let squares = frame.squares.squares.iter();
         let squares = squares
             .map(move |s| (s, ink(s.white), if s.white { white_albedo } else { black_albedo }));
-        // An albedo of 0 says nothing about the light.
+        // An albedo of 0 has no information about the light.
         let all = squares.chain(gray).filter(|(_, _, albedo)| *albedo > 0.0);
         all.flat_map(move |(square, ink, albedo)| sample(square, ink, albedo))
     }
 
-    /// Whether one photo's squares, taken alone, leave room for the flash.
+    /// Whether the squares of one photo, judged alone, are compatible with a flash.
     fn shows_flash(&self, frame: &Frame) -> bool {
         let light = frame.pose.to_board(self.expected_offset());
         if !light.is_finite() || light.z <= 0.0 {
@@ -308,8 +306,7 @@ impl PhotometricCalibrator {
         }
         let samples: Vec<_> = self.samples(0, frame).collect();
         let shots = [Shot { pose: frame.pose, turned: false }];
-        // No opinion on the ambient: a share between 0 and 1 is all that is known. No lens brightens the
-        // border of a photo, and no flash.
+        // The ambient prior is flat between 0 and 1. Neither lens nor flash brightens the border of a photo.
         let problem = Problem {
             ambient_sigma: 1.0,
             exponent_sigma_below: SOUND_LENS_SIGMA,
@@ -328,11 +325,10 @@ impl PhotometricCalibrator {
             };
             misfit(&flash, problem) - misfit(&even, &any) < NO_FLASH_EVIDENCE
         };
-        // Tone mapping makes the light look more even than it is.
+        // Tone mapping makes the light look more even.
         leaves_room(&problem) || leaves_room(&problem.with_tone_curve())
     }
 
-    /// Fits all photos.
     fn estimate(&self) -> Photometry {
         let reference_mm = self.frames[0].pose.to_board(self.expected_offset()).length();
         let samples: Vec<_> =

@@ -1,13 +1,13 @@
-//! What a square's value should be, and how that depends on light, lens, print and tone curve.
+//! Predicted value of a square as a function of light, lens, print and tone curve.
 
 use glam::DVec3;
 use nalgebra::DVector;
 
 use super::lobe::Lobe;
-use crate::frame::{Lift, LogCurve, Surround, ToneCurve};
 use crate::geometry::Pose;
+use crate::photo::{Lift, LogCurve, Surround, ToneCurve};
 
-/// Index of parameters; the scales of the photos follow, three each.
+/// Index of each parameter. The scales of the photos follow, three each.
 pub(super) mod parameter {
     pub const EXPONENT: usize = 0;
     pub const CURVATURE: usize = 1;
@@ -24,11 +24,11 @@ pub(super) mod parameter {
     pub const FRAMES: usize = 23;
 }
 
-/// Where a photograph sees the board from, and which way up its pixels are.
+/// View of a photograph, and the orientation of its pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shot {
     pub pose: Pose,
-    /// Turned by 180 degrees after it was taken: the flash lies on the other side.
+    /// Turned by 180 degrees after capture: the flash lies on the opposite side.
     pub turned: bool,
 }
 
@@ -38,18 +38,17 @@ impl Shot {
         if self.turned { DVec3::new(-1.0, -1.0, 1.0) } else { DVec3::ONE }
     }
 
-    /// The flash in the frame of this photograph's camera, of an offset that photographs share.
+    /// The flash in this camera's frame, from the offset shared by all photographs.
     pub fn offset(&self, shared: DVec3) -> DVec3 {
         self.sign() * shared
     }
 }
 
-/// What is printed on a square.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ink {
     None,
     Black,
-    /// The middle one of the patches.
+    /// The middle patch.
     Gray,
 }
 
@@ -59,44 +58,43 @@ pub(super) struct Sample {
     pub frame: usize,
     pub channel: usize,
     pub ink: Ink,
-    /// Logarithm of the stored linear value, full scale being 1.
+    /// Log of the stored linear value; full scale is 1.
     pub log_stored: f64,
     /// Logarithm of stored value / (exposure * nominal albedo).
     pub log_value: f64,
     pub board_mm: DVec3,
     /// Standard deviation relative to an ordinary square's.
     pub sigma: f64,
-    /// What the photograph shows far round the square, in the units of the value; 0: unknown.
+    /// Mean of a wide surrounding, in the units of the value; 0 if unknown.
     pub surround: f64,
-    /// Logarithm of what it shows round the square at each scale, relative to the photograph's mean of that.
+    /// Log of the surroundings at each scale over the photograph's mean of them.
     pub log_surround: [f64; Surround::SCALES.len()],
 }
 
-/// What is estimated and how firmly.
+/// Unknowns with their priors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Problem {
-    /// Distance at which the flash's irradiance is the unit, mm.
+    /// Distance at which the flash's irradiance is 1, mm.
     pub reference_mm: f64,
-    /// Start, or fixed value, of the flash offset in the camera frame, mm.
+    /// Start or fixed value of the flash offset in the camera frame, mm.
     pub offset_mm: DVec3,
-    /// Standard deviation of the offset's prior per axis, mm; zero keeps an axis fixed.
+    /// Prior standard deviation of the offset per axis, mm; zero fixes an axis.
     pub offset_sigma_mm: DVec3,
-    /// Standard deviation of the prior of the ambient share, towards 0; zero fixes it at 0.
+    /// Prior standard deviation of the ambient share around 0; zero fixes it at 0.
     pub ambient_sigma: f64,
-    /// Standard deviation of the prior of the tone curve's parameters, towards none; zero fixes it.
+    /// Prior standard deviation of the tone curve's parameters around the identity; zero fixes it.
     pub tone_sigma: f64,
-    /// Largest share of the ambient that is believed.
+    /// Largest ambient share allowed.
     pub ambient_max: f64,
-    /// Width of the prior of a photograph's gain (a Cauchy distribution), logarithm.
+    /// Width of the Cauchy prior of a photograph's log gain.
     pub gain_width: f64,
-    /// Standard deviation of the prior of the veil's share, towards 0; zero fixes it at 0.
+    /// Prior standard deviation of the veil share around 0; zero fixes it at 0.
     pub veil_sigma: f64,
-    /// Standard deviation of the prior of the exponent by which places are darkened whose surroundings are bright;
-    /// zero fixes it at 0.
+    /// Prior standard deviation of the exponent of darkening by bright surroundings; zero fixes it at 0.
     pub local_sigma: f64,
-    /// Which of the scales those surroundings have.
+    /// Index of the surroundings' scale.
     pub local_scale: usize,
-    /// Standard deviation below the mean of the exponents of lens and flash.
+    /// Prior standard deviation of the lens and flash exponents below their mean.
     pub exponent_sigma_below: f64,
 }
 
@@ -119,32 +117,32 @@ impl Default for Problem {
     }
 }
 
-/// Curves of cameras have slopes of 1/2 to 2, in highlights more.
+/// Curves of cameras have slopes of 1/2 to 2, and more in highlights.
 const TONE_SIGMA: f64 = 0.5;
 /// Fingerprints and screen protectors veil some per cent.
 const VEIL_SIGMA: f64 = 0.05;
-/// HDR and night modes even out a part of the contrast of large areas.
+/// HDR and night modes reduce the contrast of large areas.
 const LOCAL_SIGMA: f64 = 0.2;
 
 impl Problem {
-    /// The same where values may not be linear.
+    /// The problem with a free tone curve.
     pub fn with_tone_curve(&self) -> Self {
         Self { tone_sigma: TONE_SIGMA, ..*self }
     }
 
-    /// The same where the camera may have mapped tones of each place by its surroundings of a scale.
+    /// The problem with free local tone mapping at a scale of surroundings.
     pub fn with_local_tone(&self, local_scale: usize) -> Self {
         Self { local_sigma: LOCAL_SIGMA, local_scale, ..*self }
     }
 
-    /// The same where the lens may be dirty.
+    /// The problem with a free veil.
     pub fn with_veil(&self) -> Self {
         Self { veil_sigma: VEIL_SIGMA, ..*self }
     }
 }
 
-/// Irradiance of a flash without lobe relative to that at the reference distance, facing it, and
-/// the gradient with respect to the light's position. `None` behind the board.
+/// Irradiance of a flash without lobe, relative to that at the reference distance and facing it,
+/// with its gradient by the light's position. `None` behind the board.
 fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVec3)> {
     let v = light - point;
     if v.z <= 0.0 {
@@ -155,16 +153,16 @@ fn irradiance(light: DVec3, point: DVec3, reference_mm: f64) -> Option<(f64, DVe
     Some((k * v.z, k * (DVec3::Z - v * (3.0 * v.z / d2))))
 }
 
-/// `-ln cos` of the angle at `from` between the optical axis and the direction to a point, both in
-/// the camera frame, and its gradient with respect to `from`.
+/// `-ln cos` of the angle at `from` between the optical axis and a point, both in the camera frame,
+/// and its gradient by `from`.
 fn log_secant(from: DVec3, point: DVec3) -> (f64, DVec3) {
     let w = point - from;
     let d2 = w.length_squared();
     (0.5 * (d2 / (w.z * w.z)).ln(), DVec3::Z / w.z - w / d2)
 }
 
-/// Quadrupole of the unit direction to a point from `from`, both in the camera frame: `x² - y²` and
-/// `2 x y`, and their gradients with respect to `from`.
+/// Quadrupole of the unit direction from `from` to a point, both in the camera frame: `x² - y²` and
+/// `2 x y`, with their gradients by `from`.
 fn quadrupole(from: DVec3, point: DVec3) -> ([f64; 2], [DVec3; 2]) {
     let v = point - from;
     let d2 = v.length_squared();
@@ -174,13 +172,12 @@ fn quadrupole(from: DVec3, point: DVec3) -> ([f64; 2], [DVec3; 2]) {
     (values, [gradient(0), gradient(1)])
 }
 
-/// Most parameters that a residual depends on, how many of them are not the tone curve's, and how
-/// many not the veil's either.
+/// Most parameters of a residual: all, without the tone curve's, and without the veil's too.
 const OWN: usize = 17;
 const LIGHT: usize = 14;
 const VEILED: usize = 13;
 
-/// How far a sample is from the model, in logarithms of stored values.
+/// Deviation of a sample from the model, in logs of stored values.
 pub(super) struct Residual {
     pub value: f64,
     derivatives: [(usize, f64); OWN],
@@ -188,18 +185,17 @@ pub(super) struct Residual {
 }
 
 impl Residual {
-    /// Derivatives that may differ from 0, with their parameters.
+    /// Non-zero derivatives with their parameters.
     pub fn derivatives(&self) -> &[(usize, f64)] {
         &self.derivatives[..self.used]
     }
 }
 
-/// The model with its parameters.
 pub(super) struct Model<'a> {
     shots: &'a [Shot],
     problem: &'a Problem,
     theta: &'a DVector<f64>,
-    /// `None`: values are linear.
+    /// `None` for linear values.
     curve: Option<LogCurve>,
 }
 
@@ -211,10 +207,10 @@ impl<'a> Model<'a> {
         Self { shots, problem, theta, curve }
     }
 
-    /// Residual of a sample and its non-zero derivatives; `None` for a light behind the board.
+    /// Residual of a sample with its non-zero derivatives; `None` for a light behind the board.
     ///
-    /// With a tone curve the difference of radiances is divided by the curve's slope: noise is that of
-    /// stored values, and a curve that made all radiances alike would not make it smaller.
+    /// With a tone curve, the difference of radiances is divided by the curve's slope. Noise acts
+    /// on stored values, so a curve that compresses all radiances must not lower it.
     pub fn residual(&self, sample: &Sample) -> Option<Residual> {
         use parameter::{
             AMBIENT, BLACK, CURVATURE, EXPONENT, FRAMES, GRAY, LOBE, LOCAL, LOG_SCALE, OFFSET,
@@ -227,7 +223,7 @@ impl<'a> Model<'a> {
         let offset = shot.offset(offset);
         let (g, by_light) =
             irradiance(pose.to_board(offset), sample.board_mm, problem.reference_mm)?;
-        let by_light = pose.rotation * by_light; // of the light's position in the camera frame
+        let by_light = pose.rotation * by_light; // by the light's position in the camera frame
         let point = pose.transform(sample.board_mm);
         let u = log_secant(DVec3::ZERO, point).0;
         let (u_light, u_by_light) = log_secant(offset, point);
@@ -287,7 +283,7 @@ impl<'a> Model<'a> {
 }
 
 impl Residual {
-    /// With a share of the surroundings' light instead of the square's.
+    /// Replaces a share of the square's light by that of its surroundings.
     fn veil(&mut self, model: f64, share: f64, sample: &Sample) {
         self.used = LIGHT;
         let clear = model.exp();
@@ -317,7 +313,7 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    /// The derivatives by which the fit steps, against central differences.
+    /// Compares the derivatives with central differences.
     #[test]
     fn derivatives_match_finite_differences() {
         let pose = Pose {
@@ -367,7 +363,7 @@ mod tests {
                 };
                 Model::new(&shots, &problem, theta).residual(&sample).unwrap()
             };
-            // Where the residual is 0: what the curve's slope adds to its derivatives is left out.
+            // Residual 0, because its derivatives omit the change of the curve's slope.
             let (a, b) = (at(&theta, 0.0).value, at(&theta, 1.0).value);
             let log_value = a / (a - b);
             for &(i, analytic) in at(&theta, log_value).derivatives() {
@@ -378,7 +374,7 @@ mod tests {
                     at(&shifted, log_value).value
                 };
                 let numeric = (shifted(h) - shifted(-h)) / (2.0 * h);
-                // Central differences in f64: rounding 1e-16 / h, truncation h².
+                // Tolerance of central differences in f64: rounding 1e-16 / h, truncation h².
                 assert!((numeric - analytic).abs() < 1e-8, "{ink:?} {i}: {numeric} {analytic}");
             }
         }

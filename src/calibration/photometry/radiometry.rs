@@ -1,10 +1,10 @@
-//! What is known of light, lens and values: of all photographs, and of one.
+//! Estimated light, lens and scale, of a capture and of one photograph.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::lobe::Lobe;
-use crate::frame::ToneCurve;
+use crate::photo::ToneCurve;
 
 /// Relative response of the lens over the photo.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -23,42 +23,41 @@ impl Vignetting {
     }
 }
 
-/// How a photo's values become radiance, and the light they were taken under.
+/// Conversion of a photo's values to radiance, and its light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Radiometry {
-    /// Radiance in the units of [`View`](crate::observation::View) of a pixel value of 1 on the
-    /// optical axis, per channel, the tone curve undone; includes the photo's exposure. Divide by the
-    /// vignetting and the lobe.
+    /// Radiance per channel of a linearised pixel value of 1 on the optical axis, in the units of
+    /// [`View`](crate::observation::View), including the photo's exposure. Divide by vignetting and lobe.
     pub gain: [f64; 3],
-    /// What the camera's tone curve has to be undone by before anything else.
+    /// The camera's tone curve, to undo first.
     pub tone: ToneCurve,
-    /// Share of each pixel's light that came from far round it, through a dirty lens; taken off before
-    /// anything else. 0 with a tone curve.
+    /// Share of each pixel's light that a dirty lens scatters from far around it, to subtract
+    /// first. 0 with a tone curve.
     pub veil: f64,
     /// Response over the photo.
     pub vignetting: Vignetting,
-    /// How the flash's intensity depends on direction.
+    /// Direction dependence of the flash's intensity.
     pub lobe: Lobe,
     /// Flash in the frame of this photo's camera, mm.
     pub flash_offset_mm: DVec3,
-    /// Intensity per channel such that irradiance is `power_mm2 / d²`: pi * reference distance²
-    /// for all photos of a capture.
+    /// Intensity per channel, for an irradiance of `power_mm2 / d²`: pi * reference distance² in
+    /// all photos of a capture.
     pub power_mm2: [f32; 3],
-    /// Radiance of the uniform surround, units as above, raised by the lobe at the sample's centre:
-    /// a [`View`](crate::observation::View) knows no lobe, so that values are divided by it.
+    /// Radiance of the uniform surroundings in the same units, divided by the lobe at the sample's
+    /// centre because a [`View`](crate::observation::View) has no lobe.
     pub ambient: [f32; 3],
-    /// Robust standard deviation of the logarithms of the photo's squares from this model, all inks: what
-    /// light, lens, paper and file have that the model has not. 0 where there are no squares.
+    /// Robust standard deviation of the squares' log values from this model, all inks: the
+    /// photometric residual of light, lens, paper and file. 0 without squares.
     pub log_sigma: f32,
 }
 
 impl Radiometry {
-    /// Whether pixels mean something else with another one, beyond a factor.
+    /// Whether the conversion of pixels differs by more than a factor.
     pub(crate) fn reads_otherwise(&self, other: &Self) -> bool {
         self.tone != other.tone || self.veil != other.veil
     }
 
-    /// Whether a light and a lens may be like this.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         let Self { gain, tone, vignetting, lobe, flash_offset_mm, .. } = self;
         let Self { power_mm2, ambient, log_sigma, veil, .. } = self;
@@ -74,46 +73,46 @@ impl Radiometry {
     }
 }
 
-/// What is known of light and camera from the photos so far.
+/// Light and camera estimated from all photos.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Photometry {
-    /// What undoes the camera's tone curve, all photos; of values that are linear the identity.
+    /// Inverse of the camera's tone curve, all photos; the identity for linear values.
     pub tone: ToneCurve,
-    /// Standard deviations of its logarithmic slopes; zero where values are linear.
+    /// Standard deviations of its log slopes; zero for linear values.
     pub tone_sigma: [f64; 3],
-    /// Share of light that a dirty lens scatters widely, all photos.
+    /// Share of light that a dirty lens scatters, all photos.
     pub veil: f64,
-    /// Its standard deviation; zero where it is not seen.
+    /// Its standard deviation; zero if not significant.
     pub veil_sigma: f64,
-    /// Exponent by which the camera has darkened places whose surroundings are bright, all photos.
+    /// Exponent of darkening by bright surroundings, all photos.
     pub local_tone: f64,
     /// Response over the photo, all photos.
     pub vignetting: Vignetting,
-    /// How the flash's intensity depends on direction.
+    /// Direction dependence of the flash's intensity.
     pub lobe: Lobe,
-    /// Radiance of the surround per channel; as irradiance relative to the flash's, facing it at
-    /// the reference distance, it is the same number. 0 where the photos cannot tell.
+    /// Radiance of the surroundings per channel. The same number is their irradiance relative to
+    /// that of the flash, facing it at the reference distance. 0 if not significant.
     pub ambient: [f64; 3],
-    /// Estimate before that decision and its standard deviation, per channel.
+    /// Ambient estimate before the significance test, with its standard deviation, per channel.
     pub ambient_raw: [(f64, f64); 3],
     /// Flash in the camera frame, mm.
     pub flash_offset_mm: DVec3,
-    /// Standard deviation of the offset, mm; zero where it is known.
+    /// Standard deviation of the offset, mm; zero if given.
     pub flash_offset_sigma_mm: DVec3,
-    /// Reference distance, mm: from the first photo's light to the sample's centre.
+    /// Reference distance, mm: from the light of the first photo to the sample's centre.
     pub reference_mm: f64,
-    /// Log of the value per exposure of a white surface of albedo 1 facing the flash on the axis
-    /// at the reference distance: one for each photo and channel.
+    /// Log of the value per exposure of a white surface of albedo 1 facing the flash, on the axis
+    /// at the reference distance, for each photo and channel.
     pub log_scale: Vec<[f64; 3]>,
-    /// How many times as bright as its exposure states each photo is, beside most of the others: natural
-    /// logarithm, mean of the channels, and its standard deviation.
+    /// Natural log of each photo's brightness over that of its stated exposure, relative to most
+    /// photos, mean of the channels, with its standard deviation.
     pub log_gain: Vec<[f64; 2]>,
-    /// Photos turned by 180 degrees after they were taken: their flash lies on the other side.
+    /// Photos turned by 180 degrees after capture: their flash lies on the opposite side.
     pub turned: Vec<bool>,
     /// True over nominal albedo of the black squares, per channel.
     pub black_ratio: [f64; 3],
     /// Robust standard deviation of the squares' log values from the model.
     pub sigma: f64,
-    /// The same for each photo; NaN for a photo without squares.
+    /// The same for each photo; NaN without squares.
     pub photo_sigma: Vec<f64>,
 }

@@ -5,40 +5,40 @@ use serde::{Deserialize, Serialize};
 
 use crate::Rejection;
 use crate::calibration::{Patch, Target, TargetKind};
-use crate::frame::{Photo, Surround, ToneCurve};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround, ToneCurve};
 use crate::statistics::median;
 
-/// Squares narrower than this on the photo hold no pixel free of their neighbours.
+/// Narrower squares contain no pixel free of their neighbours, px.
 const MIN_SQUARE_PX: f64 = 6.0;
-/// Distance kept from printed edges: optics, demosaicking and JPEG ringing reach about this far.
+/// Margin to printed edges: reach of optics, demosaicking and JPEG ringing.
 const EDGE_PX: f64 = 2.0;
-/// The same inside black squares, where a little light of the neighbours weighs sixteen times.
+/// The same inside black squares, where stray light weighs sixteen times.
 const BLACK_EDGE_PX: f64 = 3.0;
-/// The same as a share of a square: print tolerance and error of the pose.
+/// The same as a share of a square: tolerance of print and pose.
 const EDGE_SHARE: f64 = 0.08;
-/// A rim round a marker narrower than this is nowhere free of blur; its brightest part is used.
+/// A narrower rim around a marker is blurred everywhere, so its brightest part is used.
 const MIN_RIM_PX: f64 = 3.5;
-/// Relative spread above which a square is not plain paper (shadow edge, dirt, a finger).
+/// Relative spread above which a square is not plain paper (shadow edge, dirt, finger).
 const MAX_SPREAD: f32 = 0.12;
-/// Share of saturated pixels above which a channel of a square is not used.
+/// Share of saturated pixels above which a square's channel is unused.
 const MAX_CLIPPED: f32 = 0.01;
-/// A patch over the next brighter one: at most this, whatever tone curve is on.
+/// Largest ratio of a patch to the next brighter one, under any tone curve.
 const PATCH_STEP: f64 = 0.8;
-/// Black over white that no ink on paper goes below, and share of black squares that may be all 0.
+/// Least black over white of ink on paper, and largest share of black squares that may be 0 throughout.
 const MIN_BLACK: f64 = 0.015;
 const MAX_VOID: f32 = 0.3;
-/// Logarithm of black over white that differs from that of most photographs, and photographs that make most.
+/// Deviation of log black over white from that of most photographs, and the fewest other photographs.
 const OTHER_BLACK: f64 = 0.3;
 const MIN_OTHERS: usize = 2;
-/// White squares so near are beside a black one, squares.
+/// Largest distance of a white square beside a black one, squares.
 const NEIGHBOUR_SQUARES: f64 = 1.6;
-/// Squares needed for a scale that one odd square cannot upset.
+/// Fewest squares for a scale that tolerates one outlier.
 const MIN_SQUARES: usize = 4;
 /// White level (share of full scale) below which 8-bit codes are too coarse.
 const MIN_LEVEL: f32 = 0.01;
 
-/// Mean value of one printed square.
+/// Mean value of a printed square.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Square {
     /// Whether it is white.
@@ -47,23 +47,23 @@ pub struct Square {
     pub board_mm: DVec2,
     /// The same in the photograph, px.
     pub px: DVec2,
-    /// Linear value divided by the photo's exposure, per channel; `None` where clipped.
+    /// Linear value over the photo's exposure, per channel; `None` if clipped.
     pub value: [Option<f32>; 3],
-    /// What the photograph shows far round it, in the same units.
+    /// Mean of a wide surrounding, in the same units.
     pub surround: [f32; 3],
-    /// The same at each of the widths by which cameras map tones, sum of the channels.
+    /// Surroundings at each scale of local tone mapping, sum of the channels.
     pub around: [f32; Surround::SCALES.len()],
 }
 
-/// A square without one value.
+/// A square without a single value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// Whether it is white.
     pub white: bool,
     /// Centre of the square, mm, board frame (z = 0).
     pub board_mm: DVec2,
-    /// Low and high linear values (deciles) divided by the photo's exposure, per channel; where all is clipped, the
-    /// level of that.
+    /// First and last decile of the linear values over the photo's exposure, per channel; the
+    /// clipping level if all are clipped.
     pub range: [[f32; 3]; 2],
 }
 
@@ -72,25 +72,25 @@ pub struct Spread {
 pub struct Squares {
     /// Squares with at least one usable channel.
     pub squares: Vec<Square>,
-    /// The gray patch where it is printed, and seen unclipped.
+    /// The gray patch if printed, visible and unclipped.
     pub gray: Option<Square>,
-    /// Linear values of the black, the gray and the white patch; `None` where they are not seen: out of
-    /// view, covered, clipped, or not printed.
+    /// Linear values of the black, gray and white patch; `None` if out of view, covered, clipped or
+    /// not printed.
     pub patches: Option<[[f32; 3]; 3]>,
     /// Relative exposure of the photograph.
     pub exposure: f32,
-    /// Share of the visible white squares that are clipped in some channel.
+    /// Share of the visible white squares with a clipped channel.
     pub clipped_share: f32,
-    /// Share of the visible black squares that have no value above 0.
+    /// Share of the visible black squares without a value above 0.
     pub void_share: f32,
-    /// Squares that are not plain: a shadow's edge, glare, dirt, a finger.
+    /// Squares that are not plain: shadow edges, glare, dirt, fingers.
     pub uneven: Vec<Spread>,
-    /// Squares that are clipped in all channels.
+    /// Squares clipped in all channels.
     pub clipped: Vec<Spread>,
 }
 
 impl Squares {
-    /// Whether a photograph may have shown such squares.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         let is_positive = |v: &f32| v.is_finite() && *v > 0.0;
         let is_square = |square: &Square| {
@@ -109,8 +109,8 @@ impl Squares {
             && self.squares.iter().chain(&self.gray).all(is_square)
     }
 
-    /// Black squares over the white ones beside them, median, without the camera's tone curve. 0 where most black
-    /// ones have no value; `None` where there are too few of either.
+    /// Median of black squares over adjacent white ones, without the tone curve. 0 if most black
+    /// squares have no value; `None` if there are too few.
     fn black_over_white(&self, target: &Target, tone: &ToneCurve) -> Option<f64> {
         if self.void_share > MAX_VOID {
             return Some(0.0);
@@ -136,11 +136,11 @@ impl Squares {
         if ratios.len() >= MIN_SQUARES { median(ratios) } else { None }
     }
 
-    /// Measures every square that lies wholly inside the photo.
+    /// Measures every square that lies completely inside the photo.
     ///
     /// # Errors
-    /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] when too
-    /// few squares look like evenly lit paper.
+    /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] if too few
+    /// squares look like evenly lit paper.
     pub fn measure(
         photo: &Photo,
         target: &Target,
@@ -233,8 +233,8 @@ impl Square {
     }
 }
 
-/// Black over white of a photograph whose contrast was changed, and what it should be: it is the print's, the same in
-/// all photographs, and no ink is blacker than a limit.
+/// Black over white of a photograph with edited contrast, and the expected ratio. The print fixes
+/// the ratio for all photographs, and ink has a least one.
 pub(crate) fn edited<'a>(
     photo: &Squares,
     others: impl Iterator<Item = &'a Squares>,
@@ -255,7 +255,7 @@ pub(crate) fn edited<'a>(
     (own < MIN_BLACK || differs).then_some([own as f32, usual as f32])
 }
 
-/// The gray patch as a square; `None` where it is not printed, or not seen.
+/// The gray patch as a square; `None` if not printed or not visible.
 fn gray_patch(
     photo: &Photo,
     target: &Target,
@@ -271,8 +271,8 @@ fn gray_patch(
     Some(Square::new(false, board_mm, px, value, around(px)))
 }
 
-/// Mean stored values of the black, the gray and the white patch in linear light; `None` where they
-/// are not seen: out of view, covered, clipped, or the board was printed without them.
+/// Mean linear values of the black, gray and white patch; `None` if out of view, covered, clipped
+/// or not printed.
 fn patch_values(
     photo: &Photo,
     target: &Target,
@@ -290,8 +290,7 @@ fn sum(value: &[f64; 3]) -> f64 {
     value.iter().sum()
 }
 
-/// Mean linear value of each channel over the inner half of a patch; `None` outside the photograph
-/// or clipped.
+/// Mean linear value per channel over the inner half of a patch; `None` if outside the photograph or clipped.
 fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<[f64; 3]> {
     const ACROSS: i32 = 9;
     let mut sum = [0.0; 3];
@@ -312,7 +311,7 @@ fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Op
     Some(sum.map(|v| v / f64::from(ACROSS * ACROSS)))
 }
 
-/// A square on the photo: where its plain part may be read.
+/// A square in the photo and its plain part.
 struct Placed {
     row: f64,
     col: f64,
@@ -325,7 +324,7 @@ struct Placed {
     margin: DVec2,
     /// Half a marker with its margin, in squares; zero without marker.
     marker: DVec2,
-    /// Quantile that stands for the paper.
+    /// Quantile of the values that represents the paper.
     quantile: f32,
 }
 
@@ -351,7 +350,7 @@ impl Placed {
         let across = 0.5 * (corners[1] - corners[0] + corners[2] - corners[3]);
         let down = 0.5 * (corners[3] - corners[0] + corners[2] - corners[1]);
         let area = across.perp_dot(down).abs();
-        // Width perpendicular to the other pair of sides: what blur eats into.
+        // Width perpendicular to the other sides, which blur reduces.
         let width = DVec2::new(area / down.length(), area / across.length());
         if !width.is_finite() || width.min_element() < MIN_SQUARE_PX {
             return None;
@@ -394,7 +393,7 @@ impl Placed {
 }
 
 struct Measured {
-    /// Robust mean of each channel that can be used.
+    /// Robust mean of each usable channel.
     value: [Option<f32>; 3],
     /// Whether a channel is clipped.
     clipped: bool,
@@ -448,21 +447,21 @@ impl Scratch {
         }
     }
 
-    /// What [`Self::channels`] has no value of.
+    /// Spread of a square without a value.
     fn spread(&self, white: bool, board_mm: DVec2, exposure: f32) -> Spread {
         let at = |list: &Vec<f32>, q: f32| list[((list.len() - 1) as f32 * q).round() as usize];
         let range = [0.1, 0.9].map(|q| self.values.each_ref().map(|list| at(list, q) / exposure));
         Spread { white, board_mm, range }
     }
 
-    /// Whether most values are 0 in some channel.
+    /// Whether most values of a channel are 0.
     fn is_void(&self) -> bool {
         let most = |list: &Vec<f32>| 2 * list.iter().filter(|v| **v <= 0.0).count() > list.len();
         self.values.iter().any(most)
     }
 
-    /// Robust mean of each channel: values within 2.5 robust sigma of the quantile. `None` when
-    /// the square is neither clipped nor evenly lit.
+    /// Robust mean of each channel: values within 2.5 robust sigmas of the quantile. `None` if the
+    /// square is neither clipped nor evenly lit.
     fn channels(&mut self, saturation: f32, quantile: f32) -> Option<Measured> {
         let mut out = Measured { value: [None; 3], clipped: false, level: 0.0 };
         for (list, value) in self.values.iter_mut().zip(&mut out.value) {
@@ -478,8 +477,8 @@ impl Scratch {
             if centre <= 0.0 {
                 continue;
             }
-            // Half the distance between the 16 % and 84 % quantiles is one sigma; with a narrow
-            // rim only the upper half is paper.
+            // Half the distance between the 16 % and 84 % quantiles is one sigma. On a narrow rim
+            // only the upper half is paper.
             let sigma =
                 if quantile > 0.5 { at(0.95) - centre } else { 0.5 * (at(0.84) - at(0.16)) };
             if sigma > MAX_SPREAD * centre {

@@ -6,8 +6,7 @@ use rayon::prelude::*;
 use super::*;
 use crate::calibration::{Hole, TargetKind};
 
-/// Photographs the plane z = 0: `radiance(board position, pixel)` averaged over `n * n` points of
-/// each pixel.
+/// Photographs the plane z = 0: averages `radiance(board position, pixel)` over `n * n` points per pixel.
 pub(crate) fn photograph(
     camera: &Camera,
     pose: &Pose,
@@ -25,7 +24,7 @@ pub(crate) fn photograph(
             let radiance = &radiance;
             let (here, below) = (line(y), line(y + 1));
             (0..camera.width as usize).flat_map(move |x| {
-                // The lens' distortion is linear within a pixel to 1e-6.
+                // Distortion is linear within a pixel to 1e-6.
                 let origin = here[x];
                 let (right, down) = (here[x + 1] - origin, below[x] - origin);
                 let mut sum = DVec3::ZERO;
@@ -55,7 +54,7 @@ pub(crate) fn camera() -> Camera {
     }
 }
 
-/// Tilted about the board's axes, the camera's axis through a point near the board's centre.
+/// A pose tilted about the board's axes, with the camera's axis near the board's centre.
 pub(crate) fn pose(tilt_x: f64, tilt_y: f64, roll: f64, distance: f64) -> Pose {
     Pose {
         rotation: DMat3::from_rotation_z(roll)
@@ -80,7 +79,7 @@ pub(super) struct Truth {
     pub scale: [f64; 3],
     pub vignetting: Vignetting,
     pub lobe: f64,
-    /// What is not round of it, by the direction's azimuth and the square of its sine.
+    /// Deviation from rotational symmetry, by azimuth and squared sine of the direction.
     pub pattern: fn(f64, f64) -> f64,
     /// Relative to the flash at 250 mm.
     pub ambient: [f64; 3],
@@ -162,9 +161,9 @@ pub(super) fn poses() -> Vec<Pose> {
     ]
 }
 
-/// Radiance per pixel value at `tan2`, exact.
+/// Exact radiance per pixel value.
 fn true_gain(truth: &Truth, exposure: f64, reference_mm: f64, c: usize) -> f64 {
-    // scale is at 250 mm, gain at the reference distance.
+    // The scale is at 250 mm, the gain at the reference distance.
     (reference_mm / REFERENCE).powi(2) / (exposure * truth.scale[c])
 }
 
@@ -183,12 +182,12 @@ fn light_and_vignetting_are_recovered_from_synthetic_photos() {
         let r = calibrator.radiometry(i).unwrap();
         for c in 0..3 {
             let ratio = r.gain[c] / true_gain(&truth, *exposure, p.reference_mm, c);
-            // Curvature of the light within a square, edges at 3 x 3 samples, weak priors.
+            // Tolerance: curvature of the light within a square, edges at 3 x 3 samples, weak priors.
             assert!((ratio - 1.0).abs() < 0.003, "photo {i} channel {c}: {ratio}");
         }
     }
     for tan2 in [0.0, 0.1, 0.3, 0.5] {
-        // Lens and lobe together: what they are one by one is known less well.
+        // Lens times lobe; each alone is less certain.
         let lobe = |n: f64| (1.0_f64 + tan2).powf(-0.5 * n);
         let ratio = p.vignetting.at(tan2) * lobe(p.lobe.exponent)
             / (truth.vignetting.at(tan2) * lobe(truth.lobe));
@@ -196,10 +195,10 @@ fn light_and_vignetting_are_recovered_from_synthetic_photos() {
     }
 }
 
-/// Two lobes of 10 %, fully so from 30 degrees on, which is not the model's form: they must neither
-/// bend the flash's place nor hide a little ambient light.
+/// Two lobes of 10 % beyond 30 degrees, which the model cannot represent, must neither bias the
+/// flash position nor hide weak ambient light.
 #[test]
-fn a_pattern_that_is_not_round_bends_nothing() {
+fn an_asymmetric_flash_pattern_biases_nothing() {
     let pattern = |azimuth: f64, sine2: f64| {
         1.0 + 0.1 * (2.0 * (azimuth - 0.6)).cos() * (sine2 / 0.25).min(1.0)
     };
@@ -233,14 +232,14 @@ fn one_photo_is_enough_for_the_scale() {
         let reference = calibrator.photometry().unwrap().reference_mm;
         for c in 0..3 {
             let ratio = r.gain[c] / true_gain(&truth, 0.7, reference, c);
-            // The axis lies in the hole: the scale there is extrapolated from the ring.
+            // The axis lies in the hole, so the scale is extrapolated from the ring.
             assert!((ratio - 1.0).abs() < 0.01, "channel {c}: {ratio}");
         }
     }
 }
 
 #[test]
-fn ambient_light_is_told_from_the_flash_by_tilt_and_distance() {
+fn tilt_and_distance_separate_ambient_light_from_the_flash() {
     let truth = Truth { ambient: [0.06, 0.05, 0.04], ..Truth::new() };
     let mut calibrator =
         PhotometricCalibrator::new(truth.target.clone(), FlashOffset::Known(truth.offset));
@@ -267,20 +266,20 @@ fn an_unknown_flash_offset_is_found_and_its_error_covered() {
     }
     let p = calibrator.photometry().unwrap();
     let error = p.flash_offset_mm - truth.offset;
-    // The lobe's and the lens' exponents trade for a part of it; 1.5 mm are 0.3 degrees here.
+    // The exponents of lobe and lens compensate part of it; 1.5 mm are 0.3 degrees here.
     assert!(error.length() < 1.5, "{:?}", p.flash_offset_mm);
     assert!(error.x.abs() < 3.0 * p.flash_offset_sigma_mm.x);
 }
 
 #[test]
-fn a_flash_that_dirty_paper_does_not_tell_is_taken_at_the_camera() {
+fn an_unobservable_flash_offset_keeps_its_prior() {
     let truth = Truth { offset: DVec3::new(3.0, -2.0, 0.0), ..Truth::new() };
     let unknown =
         FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: DVec3::new(30.0, 30.0, 0.0) };
     let pose = poses()[0];
     let photo = truth.photo(&pose, 0.7);
     let clean = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
-    // Neighbours alike, and up to a third apart.
+    // Clean squares, and neighbours up to a third apart.
     for dirt in [0.0, 0.17] {
         let mut squares = clean.clone();
         for (k, s) in squares.squares.iter_mut().enumerate() {
@@ -304,19 +303,19 @@ fn a_flash_that_dirty_paper_does_not_tell_is_taken_at_the_camera() {
 fn marker_rims_are_read_without_the_markers() {
     let kind = TargetKind::CharucoRing { dictionary: "DICT_4X4_250".into(), marker_mm: 6.0 };
     let truth = Truth { target: Target { kind, ..target() }, ..Truth::new() };
-    let pose = pose(0.05, -0.03, 0.1, 240.0); // rim 4 px wide
+    let pose = pose(0.05, -0.03, 0.1, 240.0); // rim of 4 px
     let photo = truth.photo(&pose, 0.5);
     let squares = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
     let white: Vec<_> = squares.squares.iter().filter(|s| s.white).collect();
     assert!(white.len() > 40, "{}", white.len());
     for s in white {
         let p = pose.transform(s.board_mm.extend(0.0));
-        // albedo() is asked for a rim point; light is that of the centre.
+        // Albedo at a rim point, light at the centre.
         let v = truth.value(&pose, s.board_mm, (p.truncate() / p.z).length_squared());
         let albedo = truth.albedo(s.board_mm);
         for c in 0..3 {
             let ratio = f64::from(s.value[c].unwrap()) * albedo / (v[c] * 0.8);
-            // 3 x 3 samples leave part-black pixels at the rim's edges out of the robust mean.
+            // Robust means of 3 x 3 samples exclude part-black pixels at the rim.
             assert!((ratio - 1.0).abs() < 0.02, "{:?} {c}: {ratio}", s.board_mm);
         }
     }
@@ -336,7 +335,7 @@ fn a_wrong_exposure_tag_changes_its_own_photo_only() {
         let r = calibrator.radiometry(i).unwrap();
         for c in 0..3 {
             let ratio = r.gain[c] / true_gain(&truth, 0.6, reference, c);
-            // The scale's prior (2 %, heavy tails) hands on a small part of the 50 % fault.
+            // The scale's heavy-tailed prior (2 %) passes on a small part of the 50 % fault.
             assert!((ratio - 1.0).abs() < 0.01, "photo {i} channel {c}: {ratio}");
         }
     }
@@ -396,15 +395,14 @@ fn glare_and_dirt_on_some_squares_do_no_harm() {
     let reference = calibrator.photometry().unwrap().reference_mm;
     for c in 0..3 {
         let ratio = r.gain[c] / true_gain(&truth, 0.6, reference, c);
-        // A quarter of outliers under Huber's weights: bounded influence, not none.
+        // A quarter of outliers: Huber weights bound their influence.
         assert!((ratio - 1.0).abs() < 0.03, "channel {c}: {ratio}");
     }
 }
 
-/// Printed paper: squares vary by 1 % each, and the board's halves differ by 2 % (a bow; one sigma
-/// each).
+/// Printed paper: squares vary by 1 % each, and the board's halves differ by 2 % (a bow; one sigma each).
 #[test]
-fn priors_hold_single_photos_of_uneven_paper_together() {
+fn priors_stabilise_single_photos_of_uneven_paper() {
     let truth = Truth::new();
     let mut state = 1_u64;
     let mut noise = || {
@@ -431,7 +429,7 @@ fn priors_hold_single_photos_of_uneven_paper_together() {
                 PhotometricCalibrator::new(truth.target.clone(), FlashOffset::Known(truth.offset));
             let r = calibrator.push_squares(squares, &pose).unwrap();
             let p = calibrator.photometry().unwrap();
-            // Response at the sample's centre: what its albedo depends on.
+            // Response at the sample's centre, which determines its albedo.
             let t = pose.translation - truth.offset;
             let lobe = |n: f64| (t.z / t.length()).powf(n);
             let centre = (pose.translation.truncate() / pose.translation.z).length_squared();
@@ -446,7 +444,7 @@ fn priors_hold_single_photos_of_uneven_paper_together() {
     }
     let rms = f64::sqrt(squared / count);
     println!("albedo scale of single photos: RMS {rms:.4}, worst {worst:.4}");
-    // Halves 2 % to 5 % apart pass for ambient light now and then, and for a tone curve, which one photo
+    // Halves 2 % to 5 % apart sometimes pass for ambient light or a tone curve, which one photo
     // cannot refute.
     assert!(rms < 0.027 && worst < 0.11, "{rms} {worst}");
 }

@@ -1,10 +1,10 @@
-//! Photographs through a camera's tone curve, whose form is not the estimate's.
+//! Photographs through tone curves outside the family of the estimate.
 
 use glam::DVec3;
 
 use super::tests::{Truth, camera, poses};
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 
 /// A long shoulder and a short toe; an s-curve of encoded values; a power.
 const CURVES: [fn(f64) -> f64; 3] = [
@@ -32,8 +32,7 @@ fn calibrated(truth: &Truth, exposures: &[f64], curve: fn(f64) -> f64) -> Photom
     calibrator
 }
 
-/// Radiances that a capture gives over the true ones, for linear values between those of black and
-/// white squares.
+/// Estimated over true radiances for linear values between those of black and white squares.
 fn ratios(calibrator: &PhotometricCalibrator, curve: fn(f64) -> f64) -> Vec<f64> {
     let tone = calibrator.photometry().unwrap().tone;
     let ratio = |v: f64| f64::from(tone.undone([curve(v) as f32; 3])[1]) / v;
@@ -51,17 +50,16 @@ fn curves_are_found_from_four_photographs() {
         let calibrator = calibrated(&truth, &exposures, curve);
         let p = calibrator.photometry().unwrap();
         let off = ratios(&calibrator, curve);
-        // From the brightest down; the last third is darker than most black squares.
+        // Ascending values; the darkest third lies below most black squares.
         let worst = |part: &[f64]| part.iter().map(|r| r.ln().abs()).fold(0.0, f64::max);
         let (dark, bright) = off.split_at(off.len() / 3);
         let (dark, bright) = (worst(dark), worst(bright));
         println!("curve {i}: {:?} +- {:?}, off by {bright:.3}, {dark:.3}", p.tone, p.tone_sigma);
-        // The family is 1 to 3 % off such curves, more where they are steep in the dark; a power of all
-        // values is known by the print, by light that falls off and by exposures: to 2 % or so
-        // between black and white.
+        // The family differs from such curves by 1 to 3 %, more where they are steep in the shadows. Print,
+        // falling light and exposures determine a power of all values to about 2 % between black and white.
         assert!(bright < 0.05 && dark < 0.15, "{i}: {off:?}");
         assert!(p.tone_sigma.iter().all(|s| *s > 0.0 && *s < 0.2), "{:?}", p.tone_sigma);
-        // What white paper is comes out as before: the level is that of linear photographs.
+        // White paper keeps its level: that of linear photographs.
         for (k, exposure) in exposures.iter().enumerate() {
             let r = calibrator.radiometry(k).unwrap();
             assert_eq!(r.tone, p.tone);
@@ -80,7 +78,7 @@ fn curves_are_found_from_four_photographs() {
 }
 
 #[test]
-fn one_photograph_knows_a_curve_as_well_as_the_print() {
+fn one_photograph_determines_a_curve_as_well_as_the_print() {
     for (i, curve) in CURVES.into_iter().enumerate() {
         let calibrator = calibrated(&Truth::new(), &[0.9], curve);
         let p = calibrator.photometry().unwrap();
@@ -95,8 +93,7 @@ fn one_photograph_knows_a_curve_as_well_as_the_print() {
     }
 }
 
-/// Values that are linear stay as they are, with ambient light, dirt, blacks that are not as planned
-/// and exposures that are not as told.
+/// Linear values stay linear, despite ambient light, dirt, unplanned blacks and wrongly stated exposures.
 #[test]
 fn linear_values_are_left_alone() {
     let linear = |v| v;
@@ -107,8 +104,8 @@ fn linear_values_are_left_alone() {
         let target = Target { black_albedo: 0.05, ..truth.target.clone() };
         let mut calibrator = PhotometricCalibrator::new(target, FlashOffset::Known(truth.offset));
         for (index, pose) in poses().iter().take(4).enumerate() {
-            let told = if index == 2 { 0.7 * 1.15 } else { 0.7 };
-            let photo = through(&truth.tagged_photo(pose, 0.7, told), linear);
+            let stated = if index == 2 { 0.7 * 1.15 } else { 0.7 };
+            let photo = through(&truth.tagged_photo(pose, 0.7, stated), linear);
             let mut squares = Squares::measure(&photo, &truth.target, &camera(), pose).unwrap();
             for (k, s) in squares.squares.iter_mut().enumerate() {
                 let factor = 1.0 + 0.02 * (7.3 * k as f64).sin();
@@ -122,7 +119,7 @@ fn linear_values_are_left_alone() {
     }
 }
 
-/// A curve is no excuse for a flash that is not there.
+/// A curve does not excuse a missing flash.
 #[test]
 fn an_evenly_lit_board_is_refused_with_a_curve_too() {
     let truth = Truth { scale: [1e-3; 3], ambient: [600.0; 3], ..Truth::new() };

@@ -1,4 +1,4 @@
-//! The poses at which the reprojection error of a plane's points has a minimum.
+//! Minima of the reprojection error of a plane's points over poses.
 
 use super::super::projection::{Projection, moved};
 use crate::geometry::{Camera, Homography, Pose};
@@ -7,12 +7,10 @@ use crate::statistics::median;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::{SMatrix, SVector};
 
-/// Corners within this many standard deviations of noise fit, but never fewer than those within
-/// this distance.
+/// Corners within this many standard deviations, or within this distance, are inliers.
 const TRIM_SIGMA: f64 = 3.5;
 const TRIM_MIN_PX: f64 = 0.15;
 
-/// How a pose is refined.
 const REFINEMENT: Options = Options {
     max_steps: 50,
     max_trials: 10,
@@ -22,7 +20,7 @@ const REFINEMENT: Options = Options {
     descent: true,
 };
 
-/// Corners at their positions on the board, mm, and in the picture, px.
+/// Corners by their positions on the board, mm, and in the picture, px.
 pub(super) struct Problem<'a> {
     pub camera: &'a Camera,
     pub board: &'a [DVec3],
@@ -32,7 +30,7 @@ pub(super) struct Problem<'a> {
 /// A minimum of the reprojection error.
 pub(in super::super) struct Fit {
     pub pose: Pose,
-    /// For each corner, whether it took part.
+    /// For each corner, whether it is an inlier.
     pub inliers: Vec<bool>,
     /// Sum of squared residuals of the inliers, px².
     pub cost: f64,
@@ -40,8 +38,7 @@ pub(in super::super) struct Fit {
     median: f64,
 }
 
-/// The (at most two) poses that nearly explain corners at board positions (mm), refined, the
-/// better first.
+/// The one or two poses that nearly explain corners at board positions (mm), refined, the better one first.
 pub(in super::super) fn pose_minima(camera: &Camera, board: &[DVec3], px: &[DVec2]) -> Vec<Fit> {
     let problem = Problem { camera, board, px };
     let mut minima: Vec<Fit> = problem.start_poses().into_iter().map(|p| problem.fit(p)).collect();
@@ -51,7 +48,7 @@ pub(in super::super) fn pose_minima(camera: &Camera, board: &[DVec3], px: &[DVec
 }
 
 impl Fit {
-    /// Of the inliers' distances, px.
+    /// RMS reprojection error of the inliers, px.
     pub fn rms(&self) -> f64 {
         let count = self.inliers.iter().filter(|i| **i).count();
         (self.cost / count as f64).sqrt()
@@ -62,14 +59,14 @@ impl Problem<'_> {
     /// A pose from the homography, and its mirror image about the line of sight.
     fn start_poses(&self) -> Vec<Pose> {
         let rays: Vec<DVec2> = self.px.iter().map(|p| self.camera.undistort(*p)).collect();
-        // A bent sheet is nearly a plane.
+        // A bent sheet is approximately a plane.
         let plane: Vec<DVec2> = self.board.iter().map(|b| b.truncate()).collect();
         let Some(homography) = robust_homography(&plane, &rays) else { return Vec::new() };
         let h = homography.0;
         let scale = 2.0 / (h.x_axis.length() + h.y_axis.length());
         let scale = if h.z_axis.z < 0.0 { -scale } else { scale };
         let (a, b, translation) = (h.x_axis * scale, h.y_axis * scale, h.z_axis * scale);
-        // The nearest rotation turns the two axes apart symmetrically until they are square.
+        // The nearest rotation spreads the two axes symmetrically to a right angle.
         let (sum, difference) = ((a + b).normalize(), (a - b).normalize());
         let difference = (difference - sum * sum.dot(difference)).normalize();
         let (x, y) = (
@@ -92,7 +89,7 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Levenberg-Marquardt, with corners that do not fit left out once the rest does.
+    /// Levenberg-Marquardt with rejection of outlying corners.
     fn fit(&self, start: Pose) -> Fit {
         let mut inliers = vec![true; self.px.len()];
         let mut pose = start;
@@ -113,7 +110,7 @@ impl Problem<'_> {
         Fit { pose, inliers, cost, median: middle }
     }
 
-    /// The minimum next to a pose, and its cost.
+    /// The minimum near a pose, and its cost.
     fn refine(&self, pose: Pose, inliers: &[bool]) -> (Pose, f64) {
         let (pose, summary) = minimise(&Trimmed { problem: self, inliers }, pose, &REFINEMENT);
         (pose, summary.cost)
@@ -133,7 +130,7 @@ impl Problem<'_> {
         used.map(|(r, _)| r * r).sum()
     }
 
-    /// Of a small turn in camera axes (radians) and a translation (mm): matrix and gradient.
+    /// Matrix and gradient for a small rotation in camera axes (radians) and a translation (mm).
     pub fn normal_equations(
         &self,
         pose: &Pose,
@@ -154,7 +151,7 @@ impl Problem<'_> {
     }
 }
 
-/// The problem on the corners that take part.
+/// The problem for the inliers only.
 struct Trimmed<'a> {
     problem: &'a Problem<'a>,
     inliers: &'a [bool],
@@ -182,7 +179,7 @@ impl LeastSquares for Trimmed<'_> {
     }
 }
 
-/// Homography by repeated fits to the three quarters of the points that fit best.
+/// Homography by repeated fits to the best three quarters of the points.
 fn robust_homography(board: &[DVec2], rays: &[DVec2]) -> Option<Homography> {
     let mut homography = Homography::fit(board, rays)?;
     for _ in 0..4 {

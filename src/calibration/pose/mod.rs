@@ -1,8 +1,7 @@
 //! Pose of the board in the frame of a known camera.
 //!
-//! A plane seen in perspective has two poses that nearly explain it, mirror images about the line
-//! of sight (Collins and Bartoli 2014). Both are refined; when the picture cannot tell them apart
-//! the photograph is refused rather than guessed.
+//! A plane in perspective has two poses that nearly explain it, mirror images about the line of sight
+//! (Collins and Bartoli 2014). Both are refined, and a photograph that does not separate them is rejected.
 
 mod minima;
 
@@ -15,43 +14,43 @@ use glam::{DVec2, DVec3};
 use minima::Problem;
 pub(super) use minima::{Fit, pose_minima};
 
-/// Largest angle between the board's normal and the direction to the camera, degrees. At 70
-/// degrees a texel is foreshortened to a third and Fresnel reflection starts to hide the material.
+/// Largest angle between the board's normal and the direction to the camera, degrees. At 70 degrees
+/// texels are foreshortened to a third, and Fresnel reflection starts to hide the material.
 pub const VIEW_ANGLE_MAX_DEG: f64 = 70.0;
-/// Corners that must fit.
+/// Fewest inliers.
 const INLIERS_MIN: usize = 20;
-/// The same where markers have named the corners.
+/// The same if markers identified the corners.
 const INLIERS_MIN_MARKED: usize = 6;
-/// Share of the corners given, and of those that the pose puts inside the picture, that must fit.
+/// Least share of inliers among the given corners, and among the corners inside the picture.
 const LABELLED_SHARE_MIN: f64 = 0.7;
 const VISIBLE_SHARE_MIN: f64 = 0.5;
 const VISIBLE_SHARE_MIN_MARKED: f64 = 0.35;
-/// RMS of the corners that fit: px, or this part of a square for prints that are not quite flat.
+/// Largest RMS of the inliers: px, or a part of a square for prints that are not quite flat.
 const RMS_MAX_PX: f64 = 0.5;
 const RMS_MAX_CELLS: f64 = 0.03;
-/// The second pose must be this much worse: difference of squared residuals over noise variance.
+/// Least excess of the second pose: difference of squared residuals over noise variance.
 const SECOND_POSE_CHI2_MIN: f64 = 16.0;
 
-/// A pose and how well it is known.
+/// A pose and its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseEstimate {
     /// Board to camera.
     pub pose: Pose,
-    /// Root mean square distance of inlying corners from their projections, px.
+    /// RMS reprojection error of the inliers, px.
     pub rms_px: f64,
-    /// For each corner given, whether it took part.
+    /// For each given corner, whether it is an inlier.
     pub inliers: Vec<bool>,
-    /// Covariance of a small turn in camera axes (rotation vector, radians) and of the translation
-    /// (mm), from the residuals' variance.
+    /// Covariance of a small rotation in camera axes (rotation vector, radians) and of the
+    /// translation (mm), from the residual variance.
     pub covariance: [[f64; 6]; 6],
 }
 
 /// Estimates the pose from labelled corners.
 ///
 /// # Errors
-/// [`Rejection::TooFewCorners`] for fewer than 20 corners (6 of a board with markers), or when less
-/// than half of those that should be in view fit; [`Rejection::PoseUncertain`] when the corners do not fit one flat board,
-/// or two poses fit alike; [`Rejection::TooGrazing`] beyond [`VIEW_ANGLE_MAX_DEG`].
+/// [`Rejection::TooFewCorners`] for fewer than 20 corners (6 with markers), or if less than half of
+/// the corners in view fit; [`Rejection::PoseUncertain`] if the corners do not fit one flat board
+/// or fit two poses equally; [`Rejection::TooGrazing`] beyond [`VIEW_ANGLE_MAX_DEG`].
 pub fn estimate_pose(
     camera: &Camera,
     target: &Target,
@@ -60,7 +59,7 @@ pub fn estimate_pose(
     estimate_pose_on_paper(camera, target, &Paper::default(), corners)
 }
 
-/// As [`estimate_pose`], where the printed sheet differs from its plan.
+/// As [`estimate_pose`], on an estimated sheet.
 ///
 /// # Errors
 /// As [`estimate_pose`].
@@ -123,7 +122,7 @@ pub fn estimate_pose_on_paper(
         let turn = (other.pose.rotation * best.pose.rotation.transpose()).col(0).distance(DVec3::X)
             + (other.pose.rotation.z_axis - best.pose.rotation.z_axis).length();
         let other_cost = problem.cost(&other.pose, &best.inliers);
-        // A hundredth of a radian or so apart they are the same minimum.
+        // Within about a hundredth of a radian they are one minimum.
         if turn > 0.02 && other_cost - best.cost < SECOND_POSE_CHI2_MIN * variance.max(0.05 * 0.05)
         {
             return Err(uncertain);
@@ -135,8 +134,7 @@ pub fn estimate_pose_on_paper(
     Ok(PoseEstimate { pose: best.pose, rms_px: rms, inliers: best.inliers.clone(), covariance })
 }
 
-/// The pose that explains corners best and what it leaves, px, whether it can be relied on or not;
-/// `None` where none faces the camera.
+/// The best pose and its RMS, px, reliable or not; `None` if no pose faces the camera.
 pub(crate) fn likeliest_pose(
     camera: &Camera,
     target: &Target,
@@ -161,7 +159,7 @@ fn positions(target: &Target, paper: &Paper, corners: &[Corner]) -> (Vec<DVec3>,
     corners.iter().map(at).unzip()
 }
 
-/// Corners of the target that the pose puts inside the picture.
+/// Number of the target's corners inside the picture.
 fn visible_corners(camera: &Camera, target: &Target, pose: &Pose) -> usize {
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height)) - 1.0;
     let visible = target.corners().into_iter().filter(|&(row, col)| {

@@ -80,8 +80,7 @@ fn false_corners_are_left_out() {
 
 #[test]
 fn the_covariance_predicts_the_error() {
-    // Mean squared normalised error over poses: 6 in expectation, its mean over 60 draws has a
-    // standard deviation of 0.45.
+    // The expected squared normalised error is 6; its mean over 60 draws has a standard deviation of 0.45.
     let mut sum = 0.0;
     for k in 0..60 {
         let k = f64::from(k);
@@ -126,7 +125,7 @@ fn unusable_corners_are_refused_with_the_reason() {
     nonsense[5].px.x = f64::NAN;
     let nonsense = estimate_pose(&camera(), &target, &nonsense);
     assert!(matches!(nonsense, Err(Rejection::PoseUncertain { .. })));
-    // On one line there is no plane.
+    // Collinear corners define no plane.
     let line: Vec<Corner> =
         (0..25).map(|k| Corner { row: 1, col: 1 + k % 14, px: all[k as usize].px }).collect();
     assert!(estimate_pose(&camera(), &target, &line).is_err());

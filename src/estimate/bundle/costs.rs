@@ -1,11 +1,11 @@
 //! Costs of texels, eight at a time: a step of a descent tries several, each at all photographs.
 
-use super::light::natural;
 use super::problem::Problem;
 use super::sample::Photograph;
 use super::state::{EightLobes, State, in_lanes};
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::coordinates::natural;
 use crate::estimate::posterior::{Residual, Seen};
-use crate::estimate::prior::Coordinates;
 use crate::parallel;
 use crate::reflectance::{Directions, Lobes, Material, TexelView};
 use crate::simd::{Kernel, LANES, Lanes, dispatch};

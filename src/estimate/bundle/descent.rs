@@ -4,12 +4,12 @@ use nalgebra::DVector;
 
 use super::elimination::{Eliminated, Totals};
 use super::equations::TexelStep;
-use super::light::clamped;
 use super::parameters::Shared;
 use super::problem::Problem;
 use super::state::State;
 use super::sums::Reduced;
-use crate::estimate::prior::Coordinates;
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::coordinates::clamped;
 use crate::parallel;
 use crate::simd::LANES;
 

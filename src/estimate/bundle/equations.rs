@@ -8,7 +8,7 @@ use super::elimination::{Column, Eight, Eliminated, Equations, Totals};
 use super::problem::Problem;
 use super::state::State;
 use super::sums::{Linear, Reduced, Sums};
-use crate::estimate::prior::{Coordinates, range};
+use crate::estimate::coordinates::{Coordinates, range};
 use crate::simd::LANES;
 use crate::svbrdf::CHANNELS;
 

@@ -9,7 +9,6 @@ mod costs;
 mod descent;
 mod elimination;
 mod equations;
-mod light;
 mod parameters;
 mod problem;
 mod sample;
@@ -19,7 +18,6 @@ mod sums;
 mod tests;
 
 pub(super) use descent::{Descent, Limits};
-pub(super) use light::{Lit, Radiance, by_coordinate, natural};
 pub(super) use parameters::{MIRRORED, Parameter, Shared};
 pub(super) use problem::{Groups, Problem};
 pub(super) use sample::{Sample, colours};

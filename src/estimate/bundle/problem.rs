@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::light::clamped;
 use super::parameters::{Parameter, Shared};
 use super::sample::{Photograph, Sample};
 use super::state::{EightLobes, State};
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::coordinates::clamped;
 use crate::estimate::correction::Correction;
 use crate::estimate::noise::Noise;
-use crate::estimate::prior::Coordinates;
 use crate::reflectance::TexelView;
 use crate::simd::LANES;
 use crate::svbrdf::{CHANNELS, LOBES};

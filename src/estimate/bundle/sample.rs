@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use super::light::{Lit, clamped};
 use crate::estimate::clusters::Feature;
+use crate::estimate::coordinates::clamped;
+use crate::estimate::coordinates::{Coordinates, to_coordinate};
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::{Coordinates, to_coordinate};
 use crate::observation::{Observation, View};
 use crate::parallel;
+use crate::render::PointView;
 use crate::simd::{LANES, Lanes};
 use crate::svbrdf::Svbrdf;
 
@@ -115,7 +116,7 @@ pub(in crate::estimate) fn colours(
     place: impl Fn(usize) -> [f64; 2] + Sync,
     seen: impl Fn(usize, usize) -> Option<[f32; 3]> + Sync,
 ) -> Vec<Feature> {
-    let lights: Vec<Lit> = views.iter().map(Lit::new).collect();
+    let lights: Vec<PointView> = views.iter().map(PointView::new).collect();
     let mut colours = vec![[UNSEEN; 3]; texels];
     let albedos = || [const { Vec::<f64>::new() }; 3];
     parallel::parts_with(colours.chunks_mut(CHUNK), albedos, |albedos, part, colours| {

@@ -1,7 +1,7 @@
 //! The unknowns of a fit, and the optional lobes among them.
 
+use crate::estimate::coordinates::Coordinates;
 use crate::estimate::correction::Correction;
-use crate::estimate::prior::Coordinates;
 use crate::simd::{LANES, Lanes};
 use crate::svbrdf::{LOBES, NO_LOBES};
 

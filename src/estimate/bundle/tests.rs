@@ -4,13 +4,14 @@ use nalgebra::DVector;
 
 use super::sums::{Reduced, Sums};
 use super::*;
-use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::coordinates::{Coordinates, natural};
+use crate::estimate::correction::{Correction, LightCorrection};
 use crate::estimate::noise::Noise;
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::Coordinates;
 use crate::loss::{self, log_residual};
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
+use crate::render::PointView;
 use crate::svbrdf::{CHANNELS, Svbrdf, channel};
 use crate::test_support::{photograph, view_from};
 
@@ -86,11 +87,11 @@ fn problem() -> (Problem, State) {
         sample,
     };
     let views = problem.sample.photographs.iter().map(|p| &p.view).collect::<Vec<_>>();
-    let exposure = Exposure {
+    let exposure = LightCorrection {
         gains: vec![0.02, -0.03, 0.05, 0.01],
         exponent: 0.7,
         offset_mm: [1.0, 2.0, -3.0],
-        ..Exposure::as_given(views.into_iter())
+        ..LightCorrection::as_given(views.into_iter())
     };
     let turns = vec![[0.03, -0.02], [0.01, 0.02], [-0.02, 0.0], [0.0, 0.01]];
     let mirrored = vec![0.1, -0.2, 0.3, 0.0];
@@ -116,8 +117,8 @@ fn residuals(problem: &Problem, x: &Coordinates, state: &State, t: usize) -> Vec
     let lobes = problem.lobes(t, state).unwrap();
     let n = problem.sample.texels();
     let lights = problem.photographs().enumerate();
-    let lights = lights.map(|(i, p)| Lit::new(&state.correction.apply(&p.view, i)));
-    let of = |(light, photograph): (Lit, &super::sample::Photograph)| {
+    let lights = lights.map(|(i, p)| PointView::new(&state.correction.apply(&p.view, i)));
+    let of = |(light, photograph): (PointView, &super::sample::Photograph)| {
         let radiance = light.radiance(&natural(x), &lobes, problem.sample.places[t]);
         let seen = |c: usize| f64::from(photograph.radiance[c * n + t]);
         [0, 1, 2].map(|c| log_residual(radiance.value[c].max(0.0), seen(c)))

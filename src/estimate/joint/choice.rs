@@ -13,9 +13,9 @@ use super::prediction;
 use super::setup::{Setup, descended};
 use crate::Svbrdf;
 use crate::estimate::bundle::{Problem, Sample, State};
-use crate::estimate::options::{EstimateOptions, JointPrior};
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior};
 use crate::estimate::photographs::Photographs;
-use crate::estimate::prior::Coordinates;
 use crate::svbrdf::NO_LOBES;
 
 /// Texels along the longer side that predictions are made at, at most, and of which those are taken as they are.
@@ -37,6 +37,8 @@ pub(crate) struct PriorChoice {
     /// Predictions made before that.
     earlier: usize,
     pub(super) candidates: Vec<JointPrior>,
+    /// Priors of the second round.
+    priors: Vec<JointPrior>,
     options: EstimateOptions,
     sample: Arc<Sample>,
     estimate: Vec<Coordinates>,
@@ -61,21 +63,30 @@ impl PriorChoice {
         let count = photographs.len();
         let folds: Vec<usize> = (count.saturating_sub(FOLDS)..count).collect();
         let sample = Arc::new(Sample::new(photographs, TAKEN_FROM, TEXELS));
-        let neutral = options.joint.candidates.first().copied().unwrap_or_default();
+        let JointOptions { few, candidates: priors, .. } = &options.joint;
         // `may_count` knows this order.
-        let lobes = [[false, false], [true, false], [false, true], [true, true]];
-        let candidates =
-            lobes.map(|[anisotropic, coated]| JointPrior { anisotropic, coated, ..neutral });
+        let mut lobes = vec![[false, false], [true, false], [false, true], [true, true]];
+        let mut priors = priors.clone();
+        if count < options.schedule.determined_from {
+            // A photograph predicts another too badly to tell a coat from tails of a highlight.
+            lobes.truncate(2);
+            priors = vec![*few];
+        }
+        let neutral = priors.first().copied().unwrap_or_default();
+        let with =
+            |&[anisotropic, coated]: &[bool; 2]| JointPrior { anisotropic, coated, ..neutral };
+        let candidates: Vec<JointPrior> = lobes.iter().map(with).collect();
         Self {
             lobes_chosen: false,
             earlier: 0,
-            candidates: candidates.to_vec(),
+            errors: vec![f64::NAN; candidates.len() * folds.len()],
+            candidates,
+            priors,
             estimate: sample.coordinates(maps),
             options: options.clone(),
             sample,
             board,
             which: photographs.drawn(0),
-            errors: vec![f64::NAN; lobes.len() * folds.len()],
             folds,
         }
     }
@@ -83,7 +94,7 @@ impl PriorChoice {
     /// Predictions made, and about how many there will be.
     pub fn work(&self) -> [usize; 2] {
         let done = self.earlier + self.made();
-        let priors = if self.lobes_chosen { 0 } else { self.options.joint.candidates.len() };
+        let priors = if self.lobes_chosen { 0 } else { self.priors.len() };
         let all = self.earlier + self.errors.len() + priors * self.folds.len();
         [done, if self.is_done() { done } else { all }]
     }
@@ -123,7 +134,7 @@ impl PriorChoice {
         let has = |prior: &JointPrior| [prior.anisotropic, prior.coated] == [anisotropic, coated];
         let known = self.candidates.iter().position(has).map(|c| self.errors[self.of(c)].to_vec());
         self.earlier = self.made();
-        let priors = self.options.joint.candidates.iter();
+        let priors = self.priors.iter();
         self.candidates =
             priors.map(|prior| JointPrior { anisotropic, coated, ..*prior }).collect();
         self.errors = vec![f64::NAN; self.candidates.len() * self.folds.len()];

@@ -22,11 +22,12 @@ use std::sync::Arc;
 use super::belief::Belief;
 use super::bundle::{Descent, Sample, SharedLobes};
 use super::clusters::{Clusters, Feature};
-use super::correction::{Correction, Exposure};
+use super::coordinates::{Coordinates, from_coordinate, to_coordinate};
+use super::correction::{Correction, LightCorrection};
 use super::finer::full_colours;
 use super::options::{EstimateOptions, JointPrior, SharedOptions};
 use super::photographs::Photographs;
-use super::prior::{Coordinates, Prior, from_coordinate, to_coordinate};
+use super::prior::Prior;
 use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::LOBES;
@@ -95,7 +96,7 @@ impl JointFit {
     /// What the photographs share, in words; gains beyond twice their sigma are named: the lobe does not fit.
     pub fn shared(&self, sigmas: &SharedOptions) -> String {
         let Correction { ambient, exposure, .. } = &self.descent.progress.state.correction;
-        let Exposure { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
+        let LightCorrection { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
         let mut text = format!(
             "flash moved by ({x:.1}, {y:.1}, {z:.1}) mm, exposure over distance^{exponent:.2}, ambient {ambient:.3}"
         );

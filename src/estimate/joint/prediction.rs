@@ -1,8 +1,10 @@
 //! Errors of predicted photographs.
 
-use crate::estimate::bundle::{Lit, Sample, natural};
+use crate::estimate::bundle::Sample;
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::coordinates::natural;
 use crate::estimate::correction::Correction;
-use crate::estimate::prior::Coordinates;
+use crate::render::PointView;
 use crate::svbrdf::LOBES;
 
 /// Squared error of the prediction of a photograph that was not fitted, gamma 2.2, its brightness
@@ -15,7 +17,7 @@ pub(super) fn error(
     coordinates: impl Fn(usize) -> Coordinates,
 ) -> f64 {
     let photograph = &sample.photographs[photograph];
-    let light = Lit::new(&correction.predict(&photograph.view));
+    let light = PointView::new(&correction.predict(&photograph.view));
     let n = sample.texels();
     let gamma = |v: f64| v.clamp(0.0, 1e6).powf(1.0 / 2.2);
     let mut values = Vec::with_capacity(3 * n);

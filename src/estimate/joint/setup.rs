@@ -7,10 +7,10 @@ use crate::estimate::bundle::{
     Descent, Groups, Limits, MIRRORED, Parameter, Problem, Sample, Shared, State,
 };
 use crate::estimate::clusters::Clusters;
-use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::coordinates::Coordinates;
+use crate::estimate::correction::{Correction, LightCorrection};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
-use crate::estimate::prior::Coordinates;
 use crate::svbrdf::{CHANNELS, channel};
 
 /// Share of the colour seen that is diffuse, in the prior's mean.
@@ -56,7 +56,7 @@ pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
     let count = problem.which.len();
     let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
     let correction = Correction {
-        exposure: Exposure::as_given(views),
+        exposure: LightCorrection::as_given(views),
         turns: vec![[0.0; 2]; count],
         mirrored: vec![0.0; count],
         ..Correction::default()

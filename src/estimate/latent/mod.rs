@@ -23,9 +23,9 @@ mod tests;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+use super::coordinates::{coordinates, from_coordinate};
 use super::options::LatentOptions;
 use super::photographs::{Photographs, chosen};
-use super::prior::{coordinates, from_coordinate};
 use crate::networks::{CODE_TEXELS, Networks};
 use crate::observation::Observation;
 use crate::svbrdf::{encoding, halved, halvings_to};

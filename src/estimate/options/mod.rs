@@ -27,27 +27,8 @@ pub struct EstimateOptions {
     pub noise: NoiseOptions,
     /// Fit of the latent code.
     pub latent: LatentOptions,
-    /// Learned relief.
-    pub relief: ReliefOptions,
     /// Joint solve.
     pub joint: JointOptions,
-}
-
-/// Options of the sigma of slopes that the material shows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ReliefOptions {
-    /// Least fraction of a sigma that is left of it. Tuned.
-    pub min_fraction: f64,
-    /// Least sigma, in units of the deviations that texels share with their neighbours: half of it
-    /// takes relief of fine weaves for noise, twice of it leaves much noise. Tuned.
-    pub min_common: f64,
-}
-
-impl Default for ReliefOptions {
-    fn default() -> Self {
-        Self { min_fraction: 0.05, min_common: 2.0 }
-    }
 }
 
 /// Numbers of photographs from which on phases run, and of what they see.

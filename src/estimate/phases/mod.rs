@@ -3,8 +3,8 @@
 //! | phase | photographs | changes | by |
 //! |---|---|---|---|
 //! | latent | 1 | latent code | Adam through decoder and renderer |
-//! | relief | 1 | maps, their learned slopes | steps of the texels round the latent maps; from two photographs on a network completes them |
-//! | choice | 3 | prior of the joint solve | prediction of photographs left out |
+//! | relief | 1 | maps, their learned slopes | steps of the texels round the latent maps, from two photographs on completed by a network |
+//! | choice | 2 | optional lobes, from three photographs on the prior of the joint solve | prediction of photographs left out |
 //! | joint | 2 | gloss of classes, what all texels share, the prior's mean | Levenberg-Marquardt, texels eliminated |
 //! | texels | 1 | maps at full size | steps of the texels round the prior's mean |
 //!
@@ -21,7 +21,6 @@ use std::collections::VecDeque;
 
 use web_time::Instant;
 
-use super::options::EstimateOptions;
 use super::task::{Method, Task};
 use crate::Result;
 use work::Done;
@@ -40,7 +39,7 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// The phases for so many photographs; `coarse`: whether the maps have more texels than phases work with.
-    pub fn new(task: Task, photographs: usize, coarse: bool, options: &EstimateOptions) -> Self {
+    pub fn new(task: Task, photographs: usize, coarse: bool) -> Self {
         let mut left: VecDeque<Box<dyn Work>> = VecDeque::new();
         if task.method == Method::Classic {
             left.push_back(Box::new(baseline::Phase::default()));
@@ -49,10 +48,8 @@ impl Schedule {
         }
         if task.method == Method::Deep && task.refine {
             left.push_back(Box::new(relief::Phase::new(photographs)));
-            if photographs >= options.schedule.determined_from {
-                left.push_back(Box::new(joint::Choice::default()));
-            }
             if photographs > 1 {
+                left.push_back(Box::new(joint::Choice::default()));
                 left.push_back(Box::new(joint::Joint::default()));
             }
             if photographs > 1 || coarse {

@@ -5,30 +5,20 @@ use super::work::{Context, Done, Work};
 use crate::Result;
 use crate::estimate::relief::FitRecord;
 
-/// Steps before the network is asked and after it, and those of one photograph, which it is not asked about.
-const BEFORE: usize = 6;
-const AFTER: usize = 4;
+/// Steps before the network completes the maps, and those of one photograph, which it does not complete.
+const STEPS: usize = 3;
 const OF_ONE: usize = 8;
 
-/// Steps of the texels round the latent maps, then the network, then steps round its maps.
+/// Steps of the texels round the latent maps, then the network.
 pub struct Phase {
     steps: Steps,
-    ask: Ask,
-}
-
-/// Whether the network is asked.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Ask {
-    Later,
-    Now,
-    NotAnyMore,
+    completed: bool,
 }
 
 impl Phase {
     pub fn new(photographs: usize) -> Self {
-        let (steps, ask) =
-            if photographs > 1 { (BEFORE, Ask::Later) } else { (OF_ONE, Ask::NotAnyMore) };
-        Self { steps: Steps::new(steps, false), ask }
+        let completed = photographs > 1;
+        Self { steps: Steps::new(if completed { STEPS } else { OF_ONE }, false), completed }
     }
 }
 
@@ -38,36 +28,27 @@ impl Work for Phase {
     }
 
     fn cost(&self, photographs: usize) -> f32 {
-        let network = if photographs > 1 { 60.0 } else { 0.0 };
-        (BEFORE + AFTER) as f32 * (3.0 + photographs as f32) + network
+        let network = if self.completed { 60.0 } else { 0.0 };
+        network + STEPS as f32 * (3.0 + photographs as f32)
     }
 
     fn fraction(&self) -> f32 {
-        match self.ask {
-            Ask::Later => 0.4 * self.steps.fraction(),
-            Ask::Now => 0.4,
-            Ask::NotAnyMore => 0.7 + 0.3 * self.steps.fraction(),
-        }
+        if self.completed { 0.4 * self.steps.fraction() } else { self.steps.fraction() }
     }
 
     fn step(&mut self, context: &mut Context) -> Result<Done> {
-        if self.ask != Ask::Now {
+        if self.steps.fraction() < 1.0 {
             let which = context.photographs.drawn(0);
             let done = self.steps.step(&which, context)?;
-            let ended = done.ended && self.ask == Ask::NotAnyMore;
-            if done.ended {
-                self.ask = Ask::Now;
-            }
-            return Ok(Done { ended, ..done });
+            return Ok(Done { ended: done.ended && !self.completed, ..done });
         }
         if let Some(belief) = context.belief {
             let record = FitRecord::new(context.photographs.working(), belief, context.options)?;
-            record.update(context.networks, belief)?;
+            record.complete(context.networks, &mut belief.maps)?;
             if let Some(kept) = &mut context.record {
                 **kept = Some(record);
             }
         }
-        (self.steps, self.ask) = (Steps::new(AFTER, false), Ask::NotAnyMore);
-        Ok(Done::silent(false))
+        Ok(Done::silent(true))
     }
 }

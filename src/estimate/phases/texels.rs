@@ -23,9 +23,12 @@ impl Steps {
         Self { solver: None, trend: Trend::new(steps, 1), steps, may_end }
     }
 
+    pub fn taken(&self) -> usize {
+        self.solver.as_ref().map_or(0, |solver| solver.state.steps)
+    }
+
     pub fn fraction(&self) -> f32 {
-        let done = self.solver.as_ref().map_or(0, |solver| solver.state.steps);
-        done as f32 / self.steps.max(1) as f32
+        self.taken() as f32 / self.steps.max(1) as f32
     }
 
     /// A step with some of the photographs.
@@ -46,7 +49,6 @@ impl Steps {
         let loss = solver.step(&mut belief.maps, &belief.mean, observations)?;
         let summary = solver.summary();
         belief.found = summary.prior;
-        belief.noise = summary.noise.iter().sum::<f32>() / 3.0;
         *context.loss = loss as f32;
         meter.count();
         let step = summary.steps;

@@ -3,8 +3,9 @@
 use super::model::Posterior;
 use super::normal_equations::{NormalEquations, PAIRS};
 use crate::Svbrdf;
+use crate::estimate::coordinates::to_coordinates;
 use crate::estimate::noise::Noise;
-use crate::estimate::prior::{Prior, to_coordinates};
+use crate::estimate::prior::Prior;
 use crate::observation::Observation;
 use crate::parallel;
 use crate::reflectance::Directions;
@@ -62,7 +63,7 @@ pub(in crate::estimate) fn covariance(at: At, observations: &[Observation]) -> C
 const SPREAD: usize = CHANNELS + 2;
 
 /// Marginal variances of each texel's coordinates, and the residuals that the maps leave.
-pub(in crate::estimate) struct Spread {
+pub(crate) struct Spread {
     texels: usize,
     /// Variances, the sum of the weights, the loss.
     planes: Vec<f32>,
@@ -93,7 +94,7 @@ impl Spread {
 ///
 /// # Panics
 /// When sizes differ.
-pub(in crate::estimate) fn spread(
+pub(crate) fn spread(
     maps: &Svbrdf,
     prior: &Prior,
     noise: Noise,

@@ -15,7 +15,8 @@ mod model;
 mod normal_equations;
 mod residual;
 
-pub(super) use information::{At, Covariance, Spread, covariance, spread};
+pub(super) use information::{At, Covariance, covariance};
+pub(crate) use information::{Spread, spread};
 pub(super) use model::Posterior;
 pub(super) use normal_equations::{NormalEquations, PAIRS, SHAPE, cost};
 pub(super) use residual::{Appearance, Line, Residual, Seen};

@@ -3,7 +3,8 @@
 use crate::estimate::noise::Noise;
 use std::ops::Range;
 
-use crate::estimate::prior::{Prior, from_coordinates};
+use crate::estimate::coordinates::from_coordinates;
+use crate::estimate::prior::Prior;
 use crate::reflectance::Material;
 use crate::render::{self, Prepared};
 use crate::simd::Lanes;

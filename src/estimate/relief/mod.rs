@@ -4,32 +4,29 @@
 //! After some steps of the solver every texel has its most probable parameters and their covariance.
 //! Where that is as wide as the prior the photographs were silent, and the texel is the prior's mean.
 //! A small network looks at the maps, at the base and the mean of the prior, and at the variances, and
-//! says where the mean should lie instead: what a bump looks like of which one flank was seen, which
-//! gloss goes with the gloss around. It was trained on fits of known materials
-//! (`training/train_completion.py`) so that maps *solved round the new mean* come closest to the
-//! truth. What photographs do tell therefore stays theirs: the network only moves the mean, and the
-//! maps as far as the covariance allows (a learned prior of one step, as in plug-and-play or unrolled
-//! reconstruction). It answers in units of what the photographs found the material to be off its
-//! prior's mean, so a mirror stays as flat as it was seen to be.
+//! says where the truth should lie instead: the shape of a bump of which one flank was seen, the
+//! gloss that goes with the gloss around. It was trained on fits of known materials
+//! (`training/train_completion.py`). The maps move towards its answer as far as the covariance leaves them
+//! open (a learned prior of one step, as in plug-and-play or unrolled reconstruction). It answers in units
+//! of how far the photographs found the material off its prior's mean: a mirror stays as flat as it was
+//! seen to be.
 //!
 //! It works at 256 texels along the longer side at most; its answer is interpolated.
-
-mod sigmas;
 
 use std::ops::Range;
 
 use crate::estimate::belief::Belief;
+use crate::estimate::coordinates::{coordinates, from_coordinate, to_coordinate};
 use crate::estimate::noise::Noise;
-use crate::estimate::options::{EstimateOptions, ReliefOptions};
+use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
 use crate::estimate::posterior::{At, Covariance, covariance};
-use crate::estimate::prior::{Prior, coordinates, from_coordinate, to_coordinate};
+use crate::estimate::prior::Prior;
 use crate::networks::{COMPLETION_CHANNELS, Networks};
 use crate::parallel;
 use crate::render::check_observations;
 use crate::svbrdf::{CHANNELS, channel, halved};
 use crate::{Error, Result, Svbrdf};
-use sigmas::Deviations;
 
 /// Texels along the longer side that the network sees, at most: what it was trained on.
 pub(in crate::estimate) const TEXELS: usize = 256;
@@ -57,10 +54,6 @@ pub struct FitRecord {
     photographs: usize,
     /// How often maps were halved.
     halvings: u32,
-    /// The sigmas before the material has shown its own, the noise that the covariance expects.
-    widest: Prior,
-    noise: f32,
-    options: ReliefOptions,
 }
 
 impl FitRecord {
@@ -82,17 +75,7 @@ impl FitRecord {
         let (prior, noise) = (belief.found, Noise::expected(&options.noise));
         let at = At { maps: &maps, mean: &mean, prior: &prior, noise };
         let covariance = covariance(at, &photographs.level(halvings));
-        Ok(Self {
-            mean,
-            maps,
-            covariance,
-            prior,
-            photographs: photographs.len(),
-            halvings,
-            widest: options.prior,
-            noise: options.noise.expected,
-            options: options.relief,
-        })
+        Ok(Self { mean, maps, covariance, prior, photographs: photographs.len(), halvings })
     }
 
     /// Columns and rows.
@@ -108,26 +91,15 @@ impl FitRecord {
         maps.chain(self.covariance.planes().iter().copied()).chain(self.prior.sigma).collect()
     }
 
-    /// Moves the mean of the prior to where the network expects the truth, and the maps as far as the
-    /// photographs leave them open; the sigma of slopes becomes as narrow as the material.
-    pub(crate) fn update(&self, networks: &Networks, belief: &mut Belief) -> Result<()> {
-        let full = self.size().map(|n| n << self.halvings);
-        if [belief.maps.width(), belief.maps.height()] != full {
+    /// Moves maps towards what the network expects, as far as the photographs leave them open.
+    ///
+    /// # Errors
+    /// When the maps are not of the record's size, or the network is broken.
+    pub(crate) fn complete(&self, networks: &Networks, maps: &mut Svbrdf) -> Result<()> {
+        if [maps.width(), maps.height()] != self.size().map(|n| n << self.halvings) {
             return Err(Error::argument("maps", "not of the size of the record's"));
         }
-        let deviations = Deviations {
-            options: &self.options,
-            maps: &belief.maps,
-            mean: &belief.mean,
-            prior: &self.prior,
-            covariance: &self.covariance,
-            noise: belief.noise / self.noise,
-            columns: self.maps.width(),
-        };
-        belief.prior = deviations.narrowed(&self.widest, 0..channel::DIFFUSE);
-        let [moved, follows] = self.shifts(networks)?;
-        move_by(&mut belief.mean, &moved);
-        move_by(&mut belief.maps, &follows);
+        move_by(maps, &self.shift(networks)?);
         Ok(())
     }
 
@@ -183,30 +155,22 @@ impl FitRecord {
         planes
     }
 
-    /// How far the mean should move, and how far the maps follow: nine planes each, coordinates.
-    fn shifts(&self, networks: &Networks) -> Result<[Svbrdf; 2]> {
+    /// How far the maps move: nine planes of coordinates. The network says where it expects the truth, and the
+    /// covariance how much of the way is open.
+    fn shift(&self, networks: &Networks) -> Result<Svbrdf> {
         let [width, height] = self.size();
         let n = width * height;
         let scales = self.scales();
-        let mut answer = networks.complete(self.features(&scales), [height, width])?;
-        for (plane, scale) in answer.chunks_exact_mut(n).zip(scales) {
-            plane.iter_mut().for_each(|v| *v *= scale);
-        }
-        let mut follows = vec![0.0; CHANNELS * n];
-        for (i, out) in follows.chunks_exact_mut(n).enumerate() {
-            for (j, moved) in answer.chunks_exact(n).enumerate() {
-                let share = self.covariance.plane(i, j);
-                for ((out, share), moved) in out.iter_mut().zip(share).zip(moved) {
-                    *out += self.prior.sigma[i] * share * moved;
-                }
+        let expected = networks.complete(self.features(&scales), [height, width])?;
+        let mut shift = vec![0.0; CHANNELS * n];
+        for (i, out) in shift.chunks_exact_mut(n).enumerate() {
+            for ((j, expected), scale) in expected.chunks_exact(n).enumerate().zip(scales) {
+                let scale = self.prior.sigma[i] * scale;
+                let pairs = self.covariance.plane(i, j).iter().zip(expected);
+                out.iter_mut().zip(pairs).for_each(|(out, (open, v))| *out += scale * open * v);
             }
         }
-        for (plane, sigma) in answer.chunks_exact_mut(n).zip(self.prior.sigma) {
-            plane.iter_mut().for_each(|v| *v *= sigma);
-        }
-        let [moved, follows] =
-            [answer, follows].map(|planes| Svbrdf::from_planes(width, height, planes));
-        Ok([moved?, follows?])
+        Svbrdf::from_planes(width, height, shift)
     }
 }
 

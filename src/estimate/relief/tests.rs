@@ -158,15 +158,15 @@ fn what_is_seen_stays_and_what_is_not_comes_nearer() {
     let truth = truth();
     let (mut belief, photographs) = fitted(&truth);
     let fit = record(&belief, &photographs);
-    let [moved, follows] = fit.shifts(&networks).unwrap();
-    let prior = belief.found;
-    // the best known slope follows no further than what is open of it allows (Cauchy-Schwarz)
+    let shift = fit.shift(&networks).unwrap();
+    // Slopes that the photographs know well move less than those that they leave open.
     let open = fit.covariance.plane(0, 0);
-    let known = (0..SIDE * SIDE).min_by(|&a, &b| open[a].total_cmp(&open[b])).unwrap();
-    let moves = (0..CHANNELS).map(|c| moved.plane(c)[known].abs() / prior.sigma[c]);
-    let limit = prior.sigma[0] * open[known].sqrt() * moves.sum::<f32>();
-    assert!(follows.plane(0)[known].abs() < 1.001 * limit, "{}", follows.plane(0)[known]);
-    assert!(open[known] < 0.1, "{}", open[known]);
+    let mut texels: Vec<usize> = (0..SIDE * SIDE).collect();
+    texels.sort_by(|&a, &b| open[a].total_cmp(&open[b]));
+    let moves = |texels: &[usize]| texels.iter().map(|&t| shift.plane(0)[t].abs()).sum::<f32>();
+    let (known, unknown) = (&texels[..SIDE * SIDE / 10], &texels[SIDE * SIDE * 9 / 10..]);
+    assert!(open[known[0]] < 0.1, "{}", open[known[0]]);
+    assert!(moves(known) < 0.5 * moves(unknown), "{} {}", moves(known), moves(unknown));
 
     let error = |maps: &Svbrdf| {
         let of = |c: usize| {
@@ -176,12 +176,10 @@ fn what_is_seen_stays_and_what_is_not_comes_nearer() {
         ((of(0) + of(1)) / (SIDE * SIDE) as f32).sqrt()
     };
     let before = error(&belief.maps);
-    fit.update(&networks, &mut belief).unwrap();
-    step(&mut belief, &photographs);
+    fit.complete(&networks, &mut belief.maps).unwrap();
     let after = error(&belief.maps);
     assert!(after < before, "{before} {after}");
-    let mut other = Belief::new(Svbrdf::new(8, 8), &EstimateOptions::default());
-    assert!(fit.update(&networks, &mut other).is_err());
+    assert!(fit.complete(&networks, &mut Svbrdf::new(8, 8)).is_err());
 }
 
 #[test]
@@ -191,5 +189,5 @@ fn large_maps_are_completed_at_the_network_s_resolution() {
     let mut belief = Belief::new(flat, &EstimateOptions::default());
     let fit = record(&belief, &photographs);
     assert_eq!(fit.size(), [256, 128]);
-    fit.update(&Networks::embedded().unwrap(), &mut belief).unwrap();
+    fit.complete(&Networks::embedded().unwrap(), &mut belief.maps).unwrap();
 }

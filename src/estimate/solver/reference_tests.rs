@@ -1,7 +1,7 @@
 //! The reference project's own rectified photographs, from a different renderer with the same
 //! equations: found through `SVBRDF_TEST_DATA`, skipped without it.
 
-use super::tests::errors;
+use super::tests::{errors, prior_of};
 use super::*;
 use crate::estimate::baseline::Baseline;
 use crate::observation::{Falloff, View};
@@ -121,7 +121,7 @@ fn the_reference_example_ends_closer_than_the_baseline() {
     };
     // A single-image estimate is far off: a wide prior.
     let by_map = show("MAP", &solved(&Prior { sigma: [0.3; CHANNELS] }));
-    for prior in [Prior::default(), Prior::from_estimates([(&start, &truth)]).unwrap()] {
+    for prior in [Prior::default(), prior_of(&start, &truth)] {
         show("narrower", &solved(&prior));
     }
     assert!(by_map.0 < by_adam.0 && by_map.1 < by_adam.1, "{by_map:?} {by_adam:?}");

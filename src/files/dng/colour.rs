@@ -1,6 +1,6 @@
-//! What raw values mean: darkness, full scale, filters, colours.
+//! Meaning of raw values: black level, full scale, filters, colours.
 
-use crate::frame::{Bayer, BayerPattern, Primaries};
+use crate::photo::{Bayer, BayerPattern, Primaries};
 use glam::{DMat3, DVec3};
 
 use super::tiff::Directory;
@@ -9,28 +9,28 @@ const CFA_SIZE: u16 = 33421;
 const CFA_PATTERN: u16 = 33422;
 const CFA_LAYOUT: u16 = 50711;
 const BLACK_SIZE: u16 = 50713;
-/// Values of darkness.
+/// Black level.
 pub const BLACK: u16 = 50714;
-/// Values of full scale.
+/// White level.
 pub const WHITE: u16 = 50717;
 const COLOR_MATRICES: [u16; 2] = [50721, 50722];
 const CAMERA_CALIBRATIONS: [u16; 2] = [50723, 50724];
 const ANALOG_BALANCE: u16 = 50727;
 const AS_SHOT_NEUTRAL: u16 = 50728;
 const AS_SHOT_WHITE_XY: u16 = 50729;
-/// Rounds in which light and matrix settle: each brings them some ten times nearer.
+/// Iterations for light and matrix; each reduces the error about tenfold.
 const ROUNDS: usize = 8;
 const ILLUMINANTS: [u16; 2] = [50778, 50779];
-/// Signatures of the camera calibration and of the profile that it belongs to.
+/// Signatures of the camera calibration and of the profile that uses it.
 const SIGNATURES: [u16; 2] = [50931, 50932];
-/// Longest side of a pattern of black levels.
+/// Longest side of a black-level pattern.
 const LONGEST_PATTERN: usize = 8;
 
-/// XYZ to responses of the cones after Bradford, rows.
+/// XYZ to cone responses after Bradford, by rows.
 const BRADFORD: [[f64; 3]; 3] =
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 
-/// Reads it from the first directory, which is the camera's, and that of the raw picture.
+/// Reads the values from the first directory (the camera's) and from that of the raw picture.
 pub fn read(camera: &Directory, raw: &Directory, bits: u32) -> Result<Bayer, String> {
     let (white_balance, color_matrix) = colours(camera)?;
     let full = f64::from((1u32 << bits) - 1);
@@ -56,7 +56,7 @@ fn pattern(raw: &Directory) -> Result<BayerPattern, String> {
     Err(format!("colour filters {rows} x {columns} other than Bayer's are not read"))
 }
 
-/// Darkness at the four places of the filters: means, where its pattern is larger.
+/// Black level at the four filter positions; means of larger patterns.
 fn black_level(raw: &Directory) -> Result<[f32; 4], String> {
     let size = raw.exactly::<2>(BLACK_SIZE)?.unwrap_or([1.0; 2]).map(|n| n as usize);
     let [rows, columns] = size;
@@ -75,8 +75,8 @@ fn black_level(raw: &Directory) -> Result<[f32; 4], String> {
     }))
 }
 
-/// White balance, and rows of the matrix from balanced values to linear Rec. 709. White as it was
-/// when the photograph was taken comes out neutral, and green as bright as the sensor saw it.
+/// White balance, and the rows of the matrix from balanced values to linear Rec. 709. The white of
+/// the scene becomes neutral, and green keeps its level.
 pub fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> {
     let matrices = Matrices::read(camera)?;
     let (neutral, from_xyz) = white(camera, &matrices)?;
@@ -94,8 +94,7 @@ pub fn colours(camera: &Directory) -> Result<([f32; 3], [[f32; 3]; 3]), String> 
     Ok((neutral.recip().as_vec3().to_array(), matrix))
 }
 
-/// The camera's values of the white that a photograph was taken under, green 1, and the matrix from
-/// XYZ to camera that fits its light.
+/// Camera values of the scene's white with green 1, and the matrix from XYZ to camera for that light.
 fn white(camera: &Directory, matrices: &Matrices) -> Result<(DVec3, DMat3), String> {
     let neutral = match camera.exactly::<3>(AS_SHOT_NEUTRAL)? {
         Some(neutral) => DVec3::from_array(neutral),
@@ -113,7 +112,7 @@ fn white(camera: &Directory, matrices: &Matrices) -> Result<(DVec3, DMat3), Stri
         return Err(format!("white of {neutral:?}; three positive numbers are expected"));
     }
     let neutral = neutral / neutral.y;
-    // The matrix depends on the light's temperature, which the matrix tells: from daylight on.
+    // The matrix depends on the light's temperature and vice versa: iterate from daylight.
     let mut from_xyz = matrices.at(f64::INFINITY);
     for _ in 0..ROUNDS {
         let xyz = from_xyz.inverse() * neutral;
@@ -126,9 +125,9 @@ fn white(camera: &Directory, matrices: &Matrices) -> Result<(DVec3, DMat3), Stri
     Ok((neutral, from_xyz))
 }
 
-/// From XYZ to the camera's values under one or two lights.
+/// XYZ to camera values under one or two lights.
 struct Matrices {
-    /// The light's temperature, K, and the matrix; the redder first.
+    /// Temperature of the light, K, and matrix; the redder light first.
     lights: Vec<(f64, DMat3)>,
 }
 
@@ -150,13 +149,13 @@ impl Matrices {
             [] => return Err("no colour matrix of 3 x 3".into()),
             [(Some(a), first), (Some(b), second)] if a < b => vec![(a, first), (b, second)],
             [(Some(a), first), (Some(b), second)] if a > b => vec![(b, second), (a, first)],
-            // Of two lights that are not known, the second is the bluer one.
+            // If neither light is known, the second is the bluer one.
             [.., (_, last)] => vec![(0.0, last)],
         };
         Ok(Self { lights })
     }
 
-    /// The matrix under a light, K: interpolated in reciprocals of temperatures, as DNG has it.
+    /// The matrix under a light, K, interpolated in reciprocal temperatures as in DNG.
     fn at(&self, kelvin: f64) -> DMat3 {
         match self.lights[..] {
             [(red, first), (blue, second)] => {

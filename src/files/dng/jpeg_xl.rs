@@ -1,4 +1,4 @@
-//! Values in JPEG XL (ISO/IEC 18181): a codestream, bare or in its container, for each block.
+//! Raw values in JPEG XL (ISO/IEC 18181): one codestream, bare or in a container, per block.
 
 use jxl::api::{
     Endianness, Event, JxlDataFormat, JxlDecoder, JxlDecoderOptions, JxlOutputBuffer,
@@ -7,11 +7,11 @@ use jxl::api::{
 
 use crate::files::guard::guarded;
 
-/// Most values of a pixel that are decoded: colours, and those besides that are left out.
+/// Most channels per pixel that are decoded: colours, and extra channels that are dropped.
 const MOST_CHANNELS: usize = 5;
 
-/// Decodes a block to values of so many bits, full scale of which is 1 of the codestream; its width and
-/// its values, line by line. It has one of two sizes.
+/// Decodes a block to integers of `bits` bits, whose full scale is 1 in the codestream. Returns
+/// width and values, row by row. The block has one of two sizes.
 pub fn decode(
     bytes: &[u8],
     sizes: [[usize; 2]; 2],
@@ -29,7 +29,7 @@ fn block(
 ) -> Result<(usize, Vec<u16>), String> {
     let [[whole_width, whole_height], _] = sizes;
     let mut options = JxlDecoderOptions::default();
-    // The file says how the photograph is turned.
+    // The DNG file states the orientation.
     options.adjust_orientation = false;
     options.high_precision = true;
     options.max_profile_level = ProfileLevel::Main10;
@@ -65,7 +65,7 @@ fn block(
     };
     decoder.set_pixel_format(format).map_err(|fault| fault.to_string())?;
     let line = 2 * channels * width;
-    // Values begin at whole ones.
+    // Align the values.
     let mut buffer = vec![0u8; line * height + 1];
     let start = buffer.as_ptr().align_offset(2).min(1);
     let out = &mut buffer[start..start + line * height];

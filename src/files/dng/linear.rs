@@ -1,15 +1,15 @@
-//! Raw pictures that are demosaicked already (`LinearRaw`), such as Apple's ProRAW.
+//! Demosaicked raw pictures (`LinearRaw`), such as Apple's ProRAW.
 
 use super::colour;
 use super::raw::{Area, Raw};
 use super::tiff::Directory;
-use crate::frame::Photo;
+use crate::photo::Photo;
 
 /// Full scale of the result.
 const FULL: f32 = 1.0;
 
-/// Linear Rec. 709 of the active area. A pixel with a channel that was clipped is saturated; full scale
-/// is where the channel with the smallest gain clips.
+/// Linear Rec. 709 of the active area. A pixel with a clipped channel is saturated. Full scale is
+/// the clipping level of the channel with the smallest gain.
 pub fn developed(
     camera: &Directory,
     directory: &Directory,
@@ -44,7 +44,7 @@ pub fn developed(
         .map_err(|fault| fault.to_string())
 }
 
-/// Values of darkness and of full scale of the three channels.
+/// Black and white levels of the three channels.
 fn levels(directory: &Directory, bits: u32) -> Result<[[f32; 3]; 2], String> {
     let full = ((1u32 << bits) - 1) as f32;
     let black = three(directory, colour::BLACK, 0.0)?;
@@ -55,7 +55,7 @@ fn levels(directory: &Directory, bits: u32) -> Result<[[f32; 3]; 2], String> {
     })
 }
 
-/// One number for each channel, or one for all; of larger patterns of black levels the mean.
+/// One number per channel, or one for all; the mean of a larger black-level pattern.
 fn three(directory: &Directory, tag: u16, default: f32) -> Result<[f32; 3], String> {
     let Some(values) = directory.numbers(tag)? else { return Ok([default; 3]) };
     if values.is_empty() || (values.len() != 1 && !values.len().is_multiple_of(3)) {

@@ -1,6 +1,5 @@
 //! Lossless JPEG (ITU-T T.81, annex H): Huffman-coded differences from a prediction.
 
-/// What the header says.
 struct Header {
     precision: u32,
     height: usize,
@@ -9,11 +8,11 @@ struct Header {
     components: Vec<u8>,
 }
 
-/// A Huffman code by the next 16 bits: length of the word, and the number of bits that follow it.
-/// Length 0 stands for words that do not occur.
+/// Huffman code, indexed by the next 16 bits: length of the word, and number of extra bits. Length
+/// 0 marks unused words.
 type Code = Vec<(u8, u8)>;
 
-/// Decodes a file of exactly `count` samples: line by line, components interleaved.
+/// Decodes exactly `count` samples, row by row with interleaved components.
 pub fn decode(bytes: &[u8], count: usize) -> Result<Vec<u16>, String> {
     let mut codes: [Option<Code>; 4] = [const { None }; 4];
     let mut header = None;
@@ -151,7 +150,7 @@ fn scan(
             (_, 0) => known(n),
             _ => predict(predictor, known(n), known(row), known(row + n)),
         };
-        // Modulo 2^16, as the standard has it.
+        // The standard computes modulo 2^16.
         samples.push((predicted + bits.difference(codes[c])?) as u16);
     }
     if shift > 0 {
@@ -172,14 +171,14 @@ fn predict(predictor: u8, left: i32, above: i32, corner: i32) -> i32 {
     }
 }
 
-/// Bits of a scan, the highest first.
+/// Bits of a scan, highest first.
 struct Bits<'a> {
     data: &'a [u8],
     at: usize,
-    /// Bits that are read, from the highest on.
+    /// Bits read so far, from the highest down.
     hold: u64,
     count: u32,
-    /// How many of them lie behind the end.
+    /// Number of them beyond the end of the data.
     padding: u32,
 }
 
@@ -204,7 +203,7 @@ impl Bits<'_> {
         if self.count < self.padding { Err(truncated()) } else { Ok(difference) }
     }
 
-    /// Makes at least 49 bits ready.
+    /// Buffers at least 49 bits.
     fn fill(&mut self) {
         while self.count <= 48 {
             let byte = match (self.data.get(self.at), self.data.get(self.at + 1)) {

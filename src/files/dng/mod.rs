@@ -1,8 +1,8 @@
-//! Digital negatives (Adobe DNG): raw photographs of Bayer sensors, and such as are demosaicked already
+//! Digital negatives (Adobe DNG): raw photographs of Bayer sensors and demosaicked ones
 //! (`LinearRaw`), developed to linear Rec. 709.
 //!
-//! The container is read here: the crate `tiff` (0.11) opens a file only if its first directory is a
-//! picture that it knows, which those of Android's cameras, behind colour filters, are not.
+//! This module reads the container itself. The crate `tiff` (0.11) rejects files whose first directory is not
+//! a picture of a known kind, and the raw files of Android's cameras begin with a Bayer picture.
 
 mod colour;
 #[cfg(feature = "jxl")]
@@ -13,13 +13,13 @@ mod raw;
 mod shading;
 mod tiff;
 
-use crate::frame::{Bayer, Photo, Plane, Rotation};
+use crate::photo::{Bayer, Photo, Plane, Rotation};
 
 use self::raw::{Area, Raw};
 use self::tiff::{Directory, Tiff};
 
-/// Memory for a pixel while it is developed: sensor values, twice where they are put in order, their
-/// bytes, floats with a mark, gains, and the result twice.
+/// Memory per pixel during development: sensor values (twice for reordering), their bytes, floats
+/// with a flag, gains, and the result twice.
 pub const BYTES_PER_PIXEL: u64 = 2 * 6 + 2 + 5 + 4 + 2 * 12;
 const PHOTOMETRIC: u16 = 262;
 const ORIENTATION: u16 = 274;
@@ -33,20 +33,20 @@ const ACTIVE_AREA: u16 = 50829;
 /// Values of `PhotometricInterpretation`.
 const COLOUR_FILTERS: u32 = 32803;
 const LINEAR_RAW: u32 = 34892;
-/// Lenses there are, mm on film of 36 x 24 mm.
+/// Plausible focal lengths, mm in 35 mm terms.
 const FOCAL_LENGTHS: std::ops::RangeInclusive<f64> = 5.0..=2000.0;
 
-/// What a file that is TIFF inside holds.
+/// Contents of a file in TIFF format.
 pub enum Content {
     /// A digital negative.
     Negative,
-    /// Raw values without what DNG says about them: the format of a camera maker.
+    /// Raw values without DNG tags: a camera maker's format.
     OtherRaw,
     /// Pictures.
     Picture,
 }
 
-/// Looks into a file that is TIFF inside.
+/// Inspects a file in TIFF format.
 pub fn content(bytes: &[u8]) -> Content {
     let look = || -> Result<Content, String> {
         let tiff = Tiff::parse(bytes)?;
@@ -65,14 +65,14 @@ pub fn content(bytes: &[u8]) -> Content {
     look().unwrap_or(Content::Picture)
 }
 
-/// Width and height of the photograph before it is turned upright; `None` where it cannot be read.
+/// Width and height before the rotation to upright; `None` if unreadable.
 pub fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     let file = File::parse(bytes).ok()?;
     let area = file.active().and_then(|active| file.crop(active)).ok()?;
     Some([area.width, area.height])
 }
 
-/// A photograph from the bytes of a file, upright; the error says what is wrong with them.
+/// Develops the bytes of a file to an upright photograph; the error states the fault.
 pub fn develop(bytes: &[u8], exposure: f32) -> Result<Photo, String> {
     let file = File::parse(bytes)?;
     let (active, rotation) = (file.active()?, file.rotation()?);
@@ -100,7 +100,7 @@ fn demosaicked(
     exposure: f32,
 ) -> Result<Photo, String> {
     let width = raw.size[0] as usize;
-    // Patterns begin where the active area does.
+    // Patterns start at the active area.
     let first = active.y as usize * width + active.x as usize;
     let data: Vec<u8> = raw.samples[first..].iter().flat_map(|v| v.to_ne_bytes()).collect();
     let plane = Plane { data: &data, row_stride: 2 * width, pixel_stride: 2 };
@@ -113,19 +113,19 @@ fn demosaicked(
     .map_err(|fault| fault.to_string())
 }
 
-/// Pixels of a picture; 0 where they are not known.
+/// Pixels of a picture; 0 if unknown.
 fn area(directory: &Directory) -> u64 {
     raw::size(directory).map_or(0, |[w, h]| u64::from(w) * u64::from(h))
 }
 
-/// The directories of a file that count.
+/// The relevant directories of a file.
 struct File<'a> {
     tiff: Tiff<'a>,
-    /// What holds for the camera.
+    /// Tags of the camera.
     camera: Directory<'a>,
-    /// What holds for the raw picture.
+    /// Tags of the raw picture.
     raw: Directory<'a>,
-    /// Whether that is demosaicked already.
+    /// Whether the raw picture is demosaicked.
     is_linear: bool,
 }
 
@@ -137,7 +137,7 @@ impl<'a> File<'a> {
             return Err("not a DNG file: a TIFF file without DNGVersion".into());
         }
         let mut linear = None;
-        // Beside the raw picture, there may be smaller ones to look at.
+        // Skip previews beside the raw picture.
         for raw in std::iter::once(tiff.first()?).chain(tiff.below(&camera, SUB_DIRECTORIES)?) {
             match raw.whole(PHOTOMETRIC)? {
                 Some(COLOUR_FILTERS) => return Ok(Self { tiff, camera, raw, is_linear: false }),
@@ -154,7 +154,7 @@ impl<'a> File<'a> {
         Ok(Self { tiff, camera, raw, is_linear: true })
     }
 
-    /// The part of the sensor that sees light.
+    /// The light-sensitive part of the sensor.
     fn active(&self) -> Result<Area, String> {
         let [width, height] = raw::size(&self.raw)?;
         let Some(stated) = self.raw.exactly::<4>(ACTIVE_AREA)? else {
@@ -167,7 +167,7 @@ impl<'a> File<'a> {
         Ok(Area { x: left, y: top, width: right - left, height: bottom - top })
     }
 
-    /// The part of the active area that is the photograph.
+    /// The part of the active area that forms the photograph.
     fn crop(&self, active: Area) -> Result<Area, String> {
         let Area { width, height, .. } = active;
         let origin = self.raw.exactly::<2>(CROP_ORIGIN)?.unwrap_or([0.0; 2]);
@@ -190,12 +190,12 @@ impl<'a> File<'a> {
             3 => Ok(Rotation::Half),
             6 => Ok(Rotation::Quarter),
             8 => Ok(Rotation::ThreeQuarters),
-            // Nobody mirrors raw values.
+            // Mirrored raw files do not occur.
             other => Err(format!("orientation {other} is not read; 1, 3, 6 and 8 are")),
         }
     }
 
-    /// Focal length on film of 36 x 24 mm; what is damaged is left out.
+    /// Focal length in 35 mm terms; `None` if damaged.
     fn focal_35mm(&self) -> Option<f32> {
         let exif = self.tiff.below(&self.camera, EXIF_DIRECTORY).ok()?;
         let stated = exif.iter().chain([&self.camera]).find_map(|d| d.whole(FOCAL_35MM).ok()?);

@@ -1,7 +1,7 @@
-//! Sensor values as strips or tiles hold them.
+//! Sensor values in strips or tiles.
 
-use crate::frame::{MAX_PIXELS, size_fault};
 use crate::parallel;
+use crate::photo::{MAX_PIXELS, size_fault};
 
 use super::colour::WHITE;
 #[cfg(feature = "jxl")]
@@ -40,18 +40,18 @@ pub struct Area {
     pub height: u32,
 }
 
-/// Sensor values, row by row; those of a pixel side by side.
+/// Sensor values, row by row, channels interleaved.
 pub struct Raw {
     pub size: [u32; 2],
-    /// Bits of a stored value.
+    /// Bits per stored value.
     pub bits: u32,
     pub samples: Vec<u16>,
 }
 
-/// How the values are cut into blocks: strips or tiles.
+/// Division into blocks: strips or tiles.
 struct Blocks {
     size: [usize; 2],
-    /// Whether those at the lower end are as high as the others.
+    /// Whether the last row of blocks has full height.
     padded: bool,
     offsets: Vec<f64>,
     bytes: Vec<f64>,
@@ -67,7 +67,7 @@ pub fn size(directory: &Directory) -> Result<[u32; 2], String> {
     Ok([w, h])
 }
 
-/// Reads the values, so many of each pixel, with the linearization table applied.
+/// Reads `channels` values per pixel and applies the linearization table.
 pub fn read(tiff: &Tiff, directory: &Directory, channels: usize) -> Result<Raw, String> {
     let size = size(directory)?;
     let number = |tag, default| Ok::<u32, String>(directory.whole(tag)?.unwrap_or(default));
@@ -91,7 +91,7 @@ pub fn read(tiff: &Tiff, directory: &Directory, channels: usize) -> Result<Raw, 
     let across = width.div_ceil(blocks.size[0]);
     let row = channels * width * blocks.size[1];
     let mut out = vec![0; channels * width * height];
-    // The blocks beside each other at once, so that not all of them are in memory twice.
+    // Decode one row of blocks at a time, to avoid holding all of them twice.
     for (down, out) in out.chunks_mut(row).enumerate() {
         let rows = out.len() / (channels * width);
         let decoded = parallel::map(across, |i| {
@@ -131,9 +131,8 @@ fn check_compression(compression: u32) -> Result<(), String> {
     ))
 }
 
-/// Bits of values that come out of JPEG XL, which has values from 0 to 1: Adobe's library takes 16,
-/// whatever is stored, and so the levels of most files are meant. Where levels or table are for the bits
-/// that are stored, these.
+/// Bits of values decoded from JPEG XL, where they are 0 to 1. Adobe's library uses 16 bits whatever is
+/// stored, and the levels of most files follow. If levels or table match the stored bits, those apply.
 fn jpeg_xl_bits(directory: &Directory, stored: u32) -> Result<u32, String> {
     let largest = match directory.numbers(LINEARIZATION)? {
         Some(table) => table.len().saturating_sub(1) as f64,
@@ -143,7 +142,7 @@ fn jpeg_xl_bits(directory: &Directory, stored: u32) -> Result<u32, String> {
     Ok(if is_of_stored { stored } else { 16 })
 }
 
-/// How the values of a block are coded.
+/// Coding of a block.
 struct Coded {
     compression: u32,
     bits: u32,
@@ -152,8 +151,8 @@ struct Coded {
 }
 
 impl Coded {
-    /// The values of a block of `size` pixels, of which those inside the picture are `seen`, and how many
-    /// there are in a line.
+    /// Values of a block of `size` pixels, of which `seen` lie inside the picture, and the number
+    /// of values per row.
     fn decode(
         &self,
         data: &[u8],
@@ -190,7 +189,7 @@ impl Blocks {
         let [w, h] = size.map(u64::from);
         let across = u64::from(width).div_ceil(w.max(1));
         let down = u64::from(height).div_ceil(h.max(1));
-        // Tiles may stick out, but not hold many times the picture.
+        // Tiles may extend beyond the picture, but not by many times its size.
         if w * h == 0 || (across * w).saturating_mul(down * h) > 2 * MAX_PIXELS {
             return Err(format!("blocks of {w} x {h} px for {width} x {height}"));
         }
@@ -212,14 +211,14 @@ impl Blocks {
         tiff.range(start, count).ok_or_else(truncated)
     }
 
-    /// Size of a block that shows so many rows.
+    /// Size of a block that shows `rows` rows.
     fn stored(&self, rows: usize) -> [usize; 2] {
         [self.size[0], if self.padded { self.size[1] } else { rows }]
     }
 }
 
-/// Puts rows and columns into their order: some files hold every second one first, so that behind
-/// colour filters all pixels of one colour are side by side.
+/// Restores the order of rows and columns. Some files store every second one first, so that all
+/// pixels of one filter colour are adjacent.
 fn deinterleaved(
     directory: &Directory,
     stored: Vec<u16>,
@@ -234,7 +233,7 @@ fn deinterleaved(
             return Err(format!("tag {tag} is {fields}; 1 to {count} fields are expected"));
         }
         is_in_order &= fields == 1;
-        // Each field has a share of the rows, the first ones those that are left over.
+        // The rows are divided among the fields; the first fields get the remainder.
         let start = |field: usize| field * (count / fields) + field.min(count % fields);
         sources[axis] = (0..count).map(|i| start(i % fields) + i / fields).collect();
     }
@@ -252,8 +251,8 @@ fn deinterleaved(
     Ok(out)
 }
 
-/// Uncompressed values; rows begin at whole bytes. Those of 16 bits are in the file's byte order,
-/// others packed with the highest bit first.
+/// Uncompressed values; rows begin at whole bytes. 16-bit values have the file's byte order, others
+/// are packed with the highest bit first.
 fn unpacked(data: &[u8], [w, h]: [usize; 2], bits: u32, big: bool) -> Result<Vec<u16>, String> {
     let line = (w * bits as usize).div_ceil(8);
     let Some(data) = data.get(..line * h) else {

@@ -1,29 +1,28 @@
-//! Gain maps, which undo the lens's shading (`OpcodeList2`). They are stored big endian.
+//! Gain maps (`OpcodeList2`, big endian), which correct lens shading.
 
 use super::tiff::Directory;
 
 const OPCODES: u16 = 51009;
 const GAIN_MAP: u32 = 9;
-/// Most operations that a file may ask for.
+/// Most opcodes accepted.
 const MOST_OPCODES: u32 = 64;
-/// Gains there are.
+/// Plausible gains.
 const GAINS: std::ops::RangeInclusive<f32> = 0.01..=100.0;
 
 /// Gains on a grid over the picture, for some of its pixels.
 struct GainMap {
-    /// Top, left, bottom, right of the pixels, and the steps from one to the next, down and across.
+    /// Top, left, bottom, right of the affected pixels, and their steps down and across.
     area: [usize; 4],
     pitch: [usize; 2],
-    /// Down and across: how many points, how far apart, and where the first is, in heights and
-    /// widths of the picture.
+    /// Down and across: number of points, their distance, and the position of the first, in heights
+    /// and widths of the picture.
     points: [usize; 2],
     spacing: [f64; 2],
     origin: [f64; 2],
     gains: Vec<f32>,
 }
 
-/// Gain of every pixel of a picture of `size`, if the file states any; all of a pixel's channels have
-/// the same.
+/// Gain of every pixel of a picture of `size`, equal for all channels; `None` if the file has no gain maps.
 pub fn gains(
     raw: &Directory,
     size: [usize; 2],
@@ -85,7 +84,7 @@ impl GainMap {
         }
     }
 
-    /// The two points next to a place along an axis, and how near it is to the second.
+    /// The two points around a position along an axis, and the weight of the second.
     fn between(&self, axis: usize, place: f64) -> (usize, usize, f32) {
         let last = self.points[axis] - 1;
         let at = (place - self.origin[axis]) / self.spacing[axis];

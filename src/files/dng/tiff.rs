@@ -1,13 +1,13 @@
 //! Directories of TIFF files.
 
-/// Most values of a field that are read; lists of tiles are the longest.
+/// Most values per field; lists of tiles are the longest.
 const MOST_VALUES: usize = 1 << 20;
-/// Most directories below another one.
+/// Most directories below one field.
 const MOST_DIRECTORIES: usize = 64;
 /// Bytes of a directory's entry.
 const ENTRY: usize = 12;
 
-/// A file whose header says TIFF.
+/// A file with a TIFF header.
 #[derive(Clone, Copy)]
 pub struct Tiff<'a> {
     bytes: &'a [u8],
@@ -24,7 +24,7 @@ struct Field<'a> {
     tag: u16,
     kind: u16,
     count: usize,
-    /// `None` where it would lie behind the end of the file.
+    /// `None` if beyond the end of the file.
     data: Option<&'a [u8]>,
 }
 
@@ -42,12 +42,12 @@ impl<'a> Tiff<'a> {
         self.big_endian
     }
 
-    /// The directory that the header names.
+    /// The directory referred to by the header.
     pub fn first(&self) -> Result<Directory<'a>, String> {
         self.directory(self.long(4).ok_or("truncated in its header")? as usize)
     }
 
-    /// The directories that a field of another one names.
+    /// The directories referred to by a field.
     pub fn below(&self, parent: &Directory<'a>, tag: u16) -> Result<Vec<Directory<'a>>, String> {
         let offsets = parent.numbers(tag)?.unwrap_or_default();
         if offsets.len() > MOST_DIRECTORIES {
@@ -97,7 +97,7 @@ impl<'a> Tiff<'a> {
         if self.big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) }
     }
 
-    /// A single value of a field, as a number.
+    /// A value of a field as a number.
     fn number(&self, kind: u16, bytes: &[u8]) -> Option<f64> {
         let four = |at: usize| Some(self.u32(bytes.get(at..at + 4)?.try_into().ok()?));
         let two = || Some(self.u16(bytes.try_into().ok()?));
@@ -118,7 +118,7 @@ impl<'a> Tiff<'a> {
 }
 
 impl<'a> Directory<'a> {
-    /// The bytes of a field, as they are stored.
+    /// Raw bytes of a field.
     pub fn bytes(&self, tag: u16) -> Result<Option<&'a [u8]>, String> {
         let Some(field) = self.fields.iter().find(|field| field.tag == tag) else {
             return Ok(None);
@@ -149,7 +149,7 @@ impl<'a> Directory<'a> {
         values.try_into().map(Some).map_err(wrong)
     }
 
-    /// The first number of a field, if it is a whole one of at least 0.
+    /// The first number of a field, which must be a non-negative integer.
     pub fn whole(&self, tag: u16) -> Result<Option<u32>, String> {
         let first = self.numbers(tag)?.and_then(|values| values.first().copied());
         let Some(value) = first else { return Ok(None) };

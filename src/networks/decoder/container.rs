@@ -6,13 +6,13 @@ use crate::{Error, Result};
 
 const MAGIC: &[u8; 8] = b"SVBRDFM1";
 const FORMAT: &str = "svbrdf-decoder/1";
-/// Bounds that keep a damaged header from asking for absurd work; real networks stay far below.
+/// Limits against damaged headers; real networks are far smaller.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 const MAX_LAYERS: usize = 64;
 const MAX_CHANNELS: u32 = 4096;
 const MAX_STRIDE: u32 = 64;
 
-/// A layer as the header names it. Offsets count f16 elements from the end of the header.
+/// A layer of the header. Offsets count f16 elements from the end of the header.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Layer {
@@ -37,17 +37,16 @@ pub(super) enum Layer {
     },
     /// `max(x, slope * x)`.
     LeakyRelu {},
-    /// Remembers the tensor for the next `add`.
+    /// Saves the tensor for the next `add`.
     Save {},
-    /// Adds the tensor remembered last.
+    /// Adds the tensor saved last.
     Add {},
     /// Channel `c * b² + dy * b + dx` becomes texel `(dy, dx)` of channel `c`.
     DepthToSpace { block: u32 },
-    /// The last layer.
+    /// Must be last.
     Tanh {},
 }
 
-/// What the header holds.
 #[derive(Debug, Deserialize)]
 struct Header {
     format: String,
@@ -57,7 +56,7 @@ struct Header {
     layers: Vec<Layer>,
 }
 
-/// A file that was read: header fields within their bounds, weights as f32.
+/// A parsed file: checked header fields, weights as f32.
 pub(super) struct Container {
     pub code_channels: usize,
     pub stride: usize,
@@ -93,7 +92,7 @@ impl Container {
         if !(1..=MAX_STRIDE).contains(&header.stride) {
             return Err(fault(format!("a stride of {} is not supported", header.stride)));
         }
-        // A slope of 0 would hide the sign of the input, which the backward pass reads.
+        // A slope of 0 would hide the sign of the input from the backward pass.
         if !(header.leaky_slope > 0.0 && header.leaky_slope <= 1.0) {
             return Err(fault(format!("a leaky slope of {} is not supported", header.leaky_slope)));
         }
@@ -132,7 +131,7 @@ impl Container {
     }
 }
 
-/// A channel count of a layer within its bounds.
+/// Checks the channel count of a layer.
 pub(super) fn channels(count: u32) -> Result<usize> {
     if (1..=MAX_CHANNELS).contains(&count) {
         Ok(count as usize)

@@ -1,13 +1,13 @@
-//! Matrix product on slices: the one place of this module that leaves safe Rust.
+//! Matrix product on slices: the only unsafe code of this module.
 
 use gemm_common::Parallelism;
 use gemm_f32::gemm::f32::get_gemm_fn;
 
 /// Sizes and strides of `c = a b` or `c += a b`, all row-major.
 ///
-/// Row `i` of `a` starts at element `i * a_stride` and has `k` elements: rows may overlap, which is
-/// how a convolution's shifted windows are multiplied without copying them. `b` is `k x n` without
-/// gaps; row `i` of `c` starts at `i * c_stride`.
+/// Row `i` of `a` starts at element `i * a_stride` and has `k` elements. Rows may overlap, so that
+/// a convolution multiplies its shifted windows without copies. `b` is `k x n` without gaps; row
+/// `i` of `c` starts at `i * c_stride`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
     pub m: usize,
@@ -17,17 +17,17 @@ pub(super) struct Shape {
     pub c_stride: usize,
 }
 
-/// Overwrites `c` with `a b`, or adds to it, on the calling thread.
+/// Writes `a b` to `c`, or adds it, on the calling thread.
 ///
 /// # Panics
-/// When a slice is too short for `shape`, or rows of `c` would overlap.
+/// If a slice is too short for `shape`, or rows of `c` would overlap.
 #[allow(unsafe_code)]
 pub(super) fn multiply(shape: Shape, a: &[f32], b: &[f32], c: &mut [f32], accumulate: bool) {
     let Shape { m, n, k, a_stride, c_stride } = shape;
     if m == 0 || n == 0 {
         return;
     }
-    // Sizes of real networks lie far below these bounds; with them no product overflows.
+    // Real networks stay far below these limits, within which no product overflows.
     assert!(m.max(n).max(k).max(a_stride).max(c_stride) < 1 << 31, "matrix too large");
     assert!(k > 0 && c_stride >= n, "rows of the result overlap");
     assert!((m - 1) * a_stride + k <= a.len(), "left matrix too short");
@@ -37,7 +37,7 @@ pub(super) fn multiply(shape: Shape, a: &[f32], b: &[f32], c: &mut [f32], accumu
     // a[i * a_stride + l], b[l * n + j], c[i * c_stride + j] for i < m, l < k, j < n. Rows of `c`
     // do not overlap, and `c` is borrowed exclusively, so it aliases neither `a` nor `b`.
     unsafe {
-        // The kernels take column-major results: the product is done transposed, c' = b' a'.
+        // The kernels write column-major results, so compute the transposed product c' = b' a'.
         get_gemm_fn()(
             n,
             m,
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn overlapping_rows_multiply_as_by_hand() {
-        // Small integers: every product and sum is exact in f32, so equality holds for any order.
+        // Small integers are exact in f32, so equality holds in any order.
         for (m, n, k, a_stride, c_stride) in
             [(1, 1, 1, 1, 1), (5, 3, 7, 2, 4), (33, 36, 24, 8, 48), (70, 17, 9, 3, 17)]
         {
@@ -82,15 +82,15 @@ mod tests {
                 for j in 0..c_stride.min(c.len() - i * c_stride) {
                     let twice: f32 =
                         (0..k).map(|l| 2.0 * a[i * a_stride + l] * b[l * n + j % n]).sum();
-                    // what lies between the rows stays as it was
+                    // Gaps between rows are unchanged.
                     assert_eq!(c[i * c_stride + j], if j < n { twice } else { 9.0 });
                 }
             }
         }
     }
 
-    /// `cargo test --release --lib gemm -- --ignored --nocapture`: what the decoder's speed is compared
-    /// with (`examples/decoder_speed.rs`).
+    /// `cargo test --release --lib gemm -- --ignored --nocapture`: reference for the decoder's
+    /// speed (`examples/decoder_speed.rs`).
     #[test]
     #[ignore = "a measurement"]
     fn speed_of_a_large_product() {

@@ -1,13 +1,13 @@
-//! From the file's list of layers to nodes: a convolution each, with what is fused into it.
+//! Converts the file's list of layers to nodes: convolutions with fused operations.
 
 use super::container::{Container, Layer, channels, fault};
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 
-/// What a node computes before its bias.
+/// Linear part of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// The code itself (first node only).
+    /// The code (first node only).
     Input,
     /// Stride 1, zero padding.
     Conv { kernel: usize },
@@ -29,10 +29,10 @@ pub(super) struct Node {
     pub kind: Kind,
     pub inputs: usize,
     pub outputs: usize,
-    /// Resolution of the result in multiples of the code's.
+    /// Resolution of the result relative to the code.
     pub scale: usize,
     pub bias: Vec<f32>,
-    /// Matrices of the forward pass, one per group of taps that is contiguous in memory.
+    /// Matrices of the forward pass, one per memory-contiguous group of taps.
     pub forward: Vec<Vec<f32>>,
     /// The same for the vector-Jacobian product.
     pub backward: Vec<Vec<f32>>,
@@ -44,13 +44,12 @@ pub(super) struct Node {
     pub used_after: Vec<usize>,
 }
 
-/// The whole decoder.
 #[derive(Debug, Clone)]
 pub(super) struct Graph {
     pub nodes: Vec<Node>,
     pub stride: usize,
     pub slope: f32,
-    /// Side of the final rearrangement of channels into texels.
+    /// Side of the blocks of texels in the final rearrangement of channels.
     pub block: usize,
 }
 
@@ -67,11 +66,11 @@ impl Graph {
     }
 }
 
-/// Why a layer is not taken.
+/// Reason for rejecting a layer.
 enum Refused {
-    /// What is wrong with it where it stands.
+    /// The layer is invalid at its position.
     Here(&'static str),
-    /// A fault of the file.
+    /// The file has a fault.
     File(Error),
 }
 
@@ -81,11 +80,11 @@ impl From<Error> for Refused {
     }
 }
 
-/// A graph as far as its layers have been read.
+/// A partially built graph.
 struct Builder<'a> {
     file: &'a Container,
     nodes: Vec<Node>,
-    /// Tensors that an addition is still to come for.
+    /// Saved tensors without an addition yet.
     saved: Vec<Saved>,
     block: Option<usize>,
     ended: bool,
@@ -235,8 +234,8 @@ fn convolution(
     })
 }
 
-/// `[out][in][ky][kx]` to one matrix per kernel row: rows (kx, in), columns out; and the
-/// convolution of the gradient: flipped, rows (kx, out), columns in.
+/// `[out][in][ky][kx]` to one matrix per kernel row (rows (kx, in), columns out), and to the
+/// flipped convolution of the gradient (rows (kx, out), columns in).
 fn pack_conv(w: &[f32], ci: usize, co: usize, k: usize) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let at = |o: usize, i: usize, ky: usize, kx: usize| w[((o * ci + i) * k + ky) * k + kx];
     let mut forward = vec![Vec::with_capacity(k * ci * co); k];
@@ -255,11 +254,11 @@ fn pack_conv(w: &[f32], ci: usize, co: usize, k: usize) -> (Vec<Vec<f32>>, Vec<V
 }
 
 /// `[in][out][ky][kx]` to two matrices for the corners between coarse pixels, one per row of pixels
-/// round a corner (rows (tx, in), columns (fine row, fine column, out)), and the four rows of taps of
-/// the gradient (rows (kx, out), columns in).
+/// around a corner (rows (tx, in), columns (fine row, fine column, out)), and to the four rows of
+/// taps of the gradient (rows (kx, out), columns in).
 ///
-/// The corner above and left of pixel (y, x) has the fine rows `2 y - 1 + r`; each receives coarse row
-/// `y - 1 + t` through kernel row `2 + r - 2 t`; columns likewise.
+/// The corner above and left of pixel (y, x) has the fine rows `2 y - 1 + r`. Coarse row `y - 1 +
+/// t` reaches each through kernel row `2 + r - 2 t`. Columns are alike.
 fn pack_conv_transpose(w: &[f32], ci: usize, co: usize) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let at = |i: usize, o: usize, ky: usize, kx: usize| w[((i * co + o) * 4 + ky) * 4 + kx];
     let mut forward: [_; 2] = std::array::from_fn(|_| Vec::with_capacity(8 * ci * co));

@@ -1,10 +1,9 @@
 //! Convolutions of one block of rows as matrix products over shifted windows.
 //!
-//! Tensors are row-major `[row][column][channel]`. A block copies the rows it reads, with their zero
-//! border, into a small buffer whose rows have one border pixel between them (`width + 1` pixels:
-//! the right border of a row is the left one of the next). The window under a row of taps is then
-//! contiguous, windows of neighbouring pixels overlap, and a whole block is one matrix product per
-//! row of taps, at the price of one unused result per row.
+//! Tensors are row-major `[row][column][channel]`. A block copies its input rows with zero padding
+//! into a small buffer, where consecutive rows share one padding pixel (`width + 1` pixels per
+//! row). The window of a row of taps is then contiguous, and windows of neighbouring pixels
+//! overlap. A block thus needs one matrix product per row of taps, with one unused result per row.
 
 use std::ops::Range;
 
@@ -18,8 +17,8 @@ pub(super) struct Scratch {
     pub product: Vec<f32>,
 }
 
-/// Rows of the coarse side that a task handles: enough pixels for the matrix product to pay for
-/// the packing of its weights, few enough for the buffers to stay in the second-level cache.
+/// Coarse rows per task: enough pixels to amortise the packing of the weights, few enough for the
+/// buffers to fit the second-level cache.
 pub(super) fn block_rows(height: usize, width: usize) -> usize {
     (PIXELS / width).clamp(1, height.div_ceil(2))
 }
@@ -27,8 +26,7 @@ pub(super) fn block_rows(height: usize, width: usize) -> usize {
 const PIXELS: usize = 160;
 
 impl Kind {
-    /// Rows of the result that the first task and each further one writes, for `rows` of
-    /// [`block_rows`].
+    /// Rows of the result written by the first task and by each other one, for `rows` of [`block_rows`].
     pub fn task_rows(self, rows: usize) -> (usize, usize) {
         match self {
             Self::Input | Self::Conv { .. } => (rows, rows),
@@ -36,8 +34,8 @@ impl Kind {
         }
     }
 
-    /// The rows that a task works on: of the coarse side, or, enlarging, of the corners between its
-    /// pixels, one more.
+    /// Rows of a task: coarse rows, or for transposed convolutions rows of corners between coarse
+    /// pixels (one more).
     fn rows_of_task(self, task: usize, rows: usize, height: usize) -> Range<usize> {
         let (first, end) = (task * rows, (task + 1) * rows);
         match self {
@@ -47,14 +45,14 @@ impl Kind {
     }
 }
 
-/// Size of the tensor on the coarse side of a node (its input) and on the fine side (its result).
+/// Size of the coarse tensor of a node (its input) and of the fine one (its result).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Size {
     pub height: usize,
     pub width: usize,
 }
 
-/// Elements that [`Scratch`] needs for a node: window, product.
+/// Elements of [`Scratch`] for a node: window, product.
 pub(super) fn scratch_needs(node: &Node, coarse: Size) -> (usize, usize) {
     let rows = block_rows(coarse.height, coarse.width);
     let w = coarse.width;
@@ -73,8 +71,8 @@ pub(super) fn scratch_needs(node: &Node, coarse: Size) -> (usize, usize) {
     }
 }
 
-/// Copies rows `first - border .. first - border + rows` of a tensor with a border of zeros;
-/// rows outside it are zero.
+/// Copies rows `first - border .. first - border + rows` of a tensor with a zero border. Rows
+/// outside the tensor are zero.
 fn gather(
     tensor: &[f32],
     size: Size,
@@ -97,19 +95,19 @@ fn gather(
             None => inside.fill(0.0),
         }
     }
-    // the right border of the last row
+    // right border of the last row
     out[rows * pitch..rows * pitch + border * channels].fill(0.0);
 }
 
-/// What happens to a pixel's sums before they are stored.
+/// Operations on a pixel's sums before they are stored.
 pub(super) struct Finish<'a> {
     pub bias: &'a [f32],
-    /// Slope of the leaky ReLU, 1 without.
+    /// Slope of the leaky ReLU, or 1.
     pub slope: f32,
 }
 
 impl Finish<'_> {
-    /// `out = act(sums + bias (+ add))`, the value before the activation to `before` if given.
+    /// Computes `out = act(sums + bias (+ add))`, and stores the value before the activation in `before`.
     fn pixel(
         &self,
         sums: &[f32],
@@ -136,14 +134,14 @@ impl Finish<'_> {
     }
 }
 
-/// The rows of a result that one task writes, and what is added to them.
+/// Result rows of one task, and the tensor added to them.
 pub(super) struct Target<'a> {
     pub out: &'a mut [f32],
     pub before: Option<&'a mut [f32]>,
     pub add: Option<&'a [f32]>,
 }
 
-/// Results of [`Node::kind`] for `input`: those of a task that has `rows` of [`block_rows`].
+/// Results of [`Node::kind`] for `input` in a task with `rows` of [`block_rows`].
 pub(super) fn forward_block(
     node: &Node,
     input: &[f32],
@@ -182,8 +180,8 @@ pub(super) fn forward_block(
             }
         }
         Kind::ConvTranspose => {
-            // Four results lie round each corner between coarse pixels and are sums over the same
-            // window of two by two: one product gives them all.
+            // The four results around each corner between coarse pixels are sums over the same
+            // window of two by two, so one product computes all of them.
             let pitch = w + 1;
             gather(input, coarse, ci, first, rows + 1, 1, window);
             let shape =
@@ -197,7 +195,7 @@ pub(super) fn forward_block(
                 let (y, x) = (2 * (first + corner / pitch), 2 * (corner % pitch));
                 for (i, sums) in sums.chunks_exact(co).enumerate() {
                     let (y, x) = (y + i / 2, x + i % 2);
-                    // one further up and left; the outermost corners lie on the border
+                    // shifted up and left by one; the outermost corners lie on the border
                     if (1..=2 * coarse.height).contains(&y) && (1..=2 * w).contains(&x) {
                         store(finish, target, sums, (y - 1 - top) * 2 * w + x - 1, co);
                     }
@@ -251,8 +249,8 @@ pub(super) fn backward_block(
             pitch
         }
         Kind::ConvTranspose => {
-            // Row of taps `ky` reads fine rows 2 y + ky - 1: rows of one parity each, so that a
-            // step of one coarse row is a constant step in memory when parities lie apart.
+            // Row of taps `ky` reads fine rows 2 y + ky - 1, all of one parity. With separated
+            // parities, one coarse row is a constant step in memory.
             let fine = Size { height: 2 * coarse.height, width: 2 * w };
             let row_length = (2 * w + 2) * co;
             let plane = (rows + 1) * row_length;

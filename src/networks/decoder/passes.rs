@@ -1,4 +1,4 @@
-//! The decoder: its nodes run forward and backward over the buffers of a workspace.
+//! Forward and backward pass of the decoder over the buffers of a workspace.
 
 use super::container::Container;
 use super::graph::{Graph, Node};
@@ -19,8 +19,7 @@ impl Decoder {
     /// Reads the decoder's file.
     ///
     /// # Errors
-    /// [`Error::Model`] when the file is damaged or describes something that this version does not
-    /// run.
+    /// [`Error::Model`] if the file is damaged or describes an unsupported network.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         Ok(Self { graph: Graph::build(&Container::parse(bytes)?)? })
     }
@@ -35,8 +34,8 @@ impl Decoder {
         self.graph.stride
     }
 
-    /// Multiplications and additions of one forward pass for a code of `height * width`; a
-    /// vector-Jacobian product takes as many again.
+    /// Multiplications and additions of one forward pass for a code of `height * width`. A
+    /// vector-Jacobian product needs as many.
     pub fn operations(&self, height: usize, width: usize) -> usize {
         let pair = |nodes: &[Node]| {
             let n = &nodes[1];
@@ -46,11 +45,11 @@ impl Decoder {
         self.graph.nodes.windows(2).map(pair).sum()
     }
 
-    /// Decodes `code` (`channels * height * width`, channel planes as in PyTorch) and returns the
-    /// nine encoded planes of `stride * height` rows; they stay in `workspace`.
+    /// Decodes `code` (`channels * height * width`, channel planes as in PyTorch) to nine encoded
+    /// planes of `stride * height` rows, which remain in `workspace`.
     ///
     /// # Errors
-    /// When `code` is not of the workspace's size.
+    /// If `code` does not fit the workspace.
     pub fn forward<'w>(&self, code: &[f32], workspace: &'w mut Workspace) -> Result<&'w [f32]> {
         self.check("code", code.len(), workspace, self.code_channels(), 1)?;
         let graph = &self.graph;
@@ -64,11 +63,11 @@ impl Decoder {
         Ok(&workspace.encoded)
     }
 
-    /// Gradient with respect to the code of the last [`Decoder::forward`], given the gradient with
-    /// respect to its result (nine planes). Both are overwritten, not added to.
+    /// Gradient by the code of the last [`Decoder::forward`], from the gradient by its result (nine
+    /// planes). Both buffers are overwritten.
     ///
     /// # Errors
-    /// When a slice is not of the workspace's size.
+    /// If a slice does not fit the workspace.
     pub fn vjp(
         &self,
         workspace: &mut Workspace,
@@ -124,7 +123,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Planes to channels last, with what is fused into the input.
+    /// Converts planes to channels-last, with the operations fused into the input.
     fn input(&self, code: &[f32], tensors: &mut Tensors) {
         let node = &self.graph.nodes[0];
         let texels = tensors.size.height * tensors.size.width;
@@ -172,7 +171,7 @@ impl Decoder {
         );
     }
 
-    /// From the gradient of node `i`'s sums to that of the sums of the node before.
+    /// Propagates the gradient from node `i`'s sums to those of the node before.
     fn backward_node(&self, i: usize, nodes: &mut [Tensors], scratch: &ScratchPool) {
         let node = &self.graph.nodes[i];
         let before = &self.graph.nodes[i - 1];
@@ -198,8 +197,8 @@ impl Decoder {
             };
             add(out, &before.used_after);
             if before.leaky {
-                // The sign of a leaky ReLU's result is that of its argument; no branch, so that
-                // this becomes vector code.
+                // The result of a leaky ReLU has the sign of its argument. The expression is
+                // branch-free to vectorise.
                 for (o, &v) in out.iter_mut().zip(&value[range.clone()]) {
                     *o *= f32::from(u8::from(v > 0.0)).max(slope);
                 }
@@ -210,16 +209,16 @@ impl Decoder {
 }
 
 impl Workspace {
-    /// For codes of `height` rows and `width` columns.
+    /// A workspace for codes of `height` rows and `width` columns.
     ///
     /// # Errors
-    /// When a side is zero or the maps would have more than 8192 texels along a side.
+    /// If a side is zero or the maps would exceed 8192 texels along a side.
     pub fn new(decoder: &Decoder, height: usize, width: usize) -> Result<Self> {
         Self::of_graph(&decoder.graph, height, width)
     }
 }
 
-/// The part of the first task, and those of the others.
+/// The part of the first task, and the parts of the others.
 fn tasks(values: &mut [f32], (first, further): (usize, usize)) -> impl Iterator<Item = &mut [f32]> {
     let (head, tail) = values.split_at_mut(first);
     std::iter::once(head).chain(tail.chunks_mut(further))

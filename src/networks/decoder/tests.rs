@@ -80,7 +80,7 @@ fn container(header: &str, weights: &[half::f16]) -> Vec<u8> {
     bytes
 }
 
-/// The plain definition of each layer, planes, f64: an oracle that shares no code with the passes.
+/// The definition of each layer in f64 on planes: an oracle that shares no code with the passes.
 fn reference(file: &[u8], code: &[f32], height: usize, width: usize) -> Vec<f64> {
     let length = u32::from_le_bytes(file[8..12].try_into().unwrap()) as usize;
     let header: serde_json::Value = serde_json::from_slice(&file[12..12 + length]).unwrap();
@@ -164,7 +164,7 @@ fn every_layer_and_size_agrees_with_the_plain_definition() {
         let expected = reference(&file, &code, height, width);
         assert_eq!(maps.len(), expected.len());
         for (found, expected) in maps.iter().zip(&expected) {
-            // values of order one, sums of at most 45 terms: a few f32 roundings per layer
+            // Tolerance: values of order one, sums of at most 45 terms, a few f32 roundings per layer.
             assert!((f64::from(*found) - expected).abs() < 1e-5);
         }
     }
@@ -181,8 +181,8 @@ fn the_product_is_the_derivative() {
         decoder.forward(&code, &mut workspace).unwrap();
         let mut found = vec![0.0; code.len()];
         decoder.vjp(&mut workspace, &gradient, &mut found).unwrap();
-        // A central difference in f64 of <gradient, maps> along single code values. Steps over a
-        // kink of the leaky ReLU spoil a few of them, so the median must be tight, not the worst.
+        // Central differences in f64 of <gradient, maps> by single code values. Kinks of the leaky
+        // ReLU within a step spoil a few of them, so the median must be tight, not the worst.
         let value = |code: &[f32]| -> f64 {
             let maps = reference(&file, code, height, width);
             maps.iter().zip(&gradient).map(|(m, &g)| m * f64::from(g)).sum()
@@ -221,7 +221,8 @@ fn forward_differences_and_product_are_adjoint() {
     let mut jtg = vec![0.0; n];
     decoder.vjp(&mut workspace, &g, &mut jtg).unwrap();
     let expected = dot(&jtg, &v);
-    // second-order terms and kinks inside the step: a few tenths of a percent of |J^T g| |v|
+    // Tolerance: second-order terms and kinks in the step, some tenths of a per cent of |J^T g|
+    // |v|.
     let scale = dot(&jtg, &jtg).sqrt() * dot(&v, &v).sqrt();
     assert!((jv - expected).abs() < 5e-3 * scale, "{jv} {expected} {scale}");
 }
@@ -258,7 +259,7 @@ fn damaged_files_are_refused() {
     for end in (0..FILE.len()).step_by(997) {
         assert!(matches!(Decoder::from_bytes(&FILE[..end]), Err(Error::Model { .. })), "{end}");
     }
-    // Flipped bits may still make a valid file (another weight): then it must run.
+    // A file with flipped bits that is still valid (a changed weight) must run.
     let header = u32::from_le_bytes(file[8..12].try_into().unwrap()) as usize + 12;
     for position in 0..header {
         for bit in 0..8 {
@@ -278,7 +279,7 @@ fn damaged_files_are_refused() {
 }
 
 #[test]
-fn headers_that_ask_for_nonsense_are_refused() {
+fn invalid_headers_are_refused() {
     let weights = vec![half::f16::ZERO; 4000];
     let conv = |inputs: u64, outputs: u64, weight: u64| {
         format!(

@@ -1,4 +1,4 @@
-//! The decoder's last layers: channels in blocks become texels of the maps, through tanh.
+//! Last layers of the decoder: blocks of channels to texels of the maps, tanh.
 
 use super::kernels::Size;
 use super::workspace::Tensors;
@@ -9,14 +9,14 @@ use crate::svbrdf::{CHANNELS, bands};
 /// Rows of the last tensor per task.
 const ROWS: usize = 4;
 
-/// Map, row and column in a block of texels that a channel holds.
+/// Map, row and column in a block of texels of a channel.
 #[inline(always)]
 fn place(channel: usize, block: usize) -> (usize, usize, usize) {
     let inside = channel % (block * block);
     (channel / (block * block), inside / block, inside % block)
 }
 
-/// Channels in blocks to texels, tanh, planes.
+/// Converts blocks of channels to planes of texels through tanh.
 pub(super) fn write_maps(last: &Tensors, block: usize, encoded: &mut [f32]) {
     let Size { height, width } = last.size;
     let channels = CHANNELS * block * block;
@@ -60,7 +60,7 @@ impl Kernel for WriteBand<'_> {
     }
 }
 
-/// The transpose of [`write_maps`] at its last result.
+/// The transpose of the Jacobian of [`write_maps`] at its last result.
 pub(super) fn read_gradient(last: &mut Tensors, block: usize, encoded: &[f32], gradient: &[f32]) {
     let Size { height, width } = last.size;
     let channels = CHANNELS * block * block;
@@ -79,8 +79,8 @@ pub(super) fn read_gradient(last: &mut Tensors, block: usize, encoded: &[f32], g
     });
 }
 
-/// Hyperbolic tangent to within 4e-7: the rational approximation of degree 13 over 6 that Eigen
-/// uses, on the range outside which `f32` rounds the result to ±1.
+/// Hyperbolic tangent to within 4e-7: Eigen's rational approximation of degree 13 over 6, on the
+/// range outside which `f32` rounds the result to ±1.
 #[inline(always)]
 fn tanh<V: Lanes>(x: V) -> V {
     const LIMIT: f32 = 7.905_311;

@@ -7,27 +7,27 @@ use super::kernels::{Scratch, Size, block_rows, scratch_needs};
 use crate::svbrdf::CHANNELS;
 use crate::{Error, Result};
 
-/// Longest side of the maps that a workspace is made for, texels.
+/// Longest side of the maps, texels.
 const MAX_TEXELS: usize = 8192;
 
-/// What a node leaves behind for later nodes and for the backward pass.
+/// Tensors of a node for later nodes and for the backward pass.
 #[derive(Debug)]
 pub(super) struct Tensors {
     /// Size of the result.
     pub size: Size,
-    /// Rows of the coarse side (the node's input) per task.
+    /// Coarse rows (of the node's input) per task.
     pub rows: usize,
     /// The result.
     pub value: Vec<f32>,
-    /// The result before its activation if a later node adds it; else one unused value per task.
+    /// The result before its activation if a later node adds it; otherwise one unused value per task.
     pub before: Vec<f32>,
-    /// Gradient with respect to the node's sums.
+    /// Gradient by the node's sums.
     pub gradient: Vec<f32>,
 }
 
 /// All buffers of a [`Decoder`](super::Decoder) for one size of the code, allocated once.
 ///
-/// It also carries the activations of the last forward pass, from which [`Decoder::vjp`](super::Decoder::vjp) starts.
+/// It also holds the activations of the last forward pass for [`Decoder::vjp`](super::Decoder::vjp).
 #[derive(Debug)]
 pub struct Workspace {
     pub(super) height: usize,
@@ -81,19 +81,18 @@ impl Workspace {
         (self.height, self.width)
     }
 
-    /// The maps of the last forward pass: nine encoded planes in [-1, 1], see
-    /// [`crate::svbrdf::encoding`].
+    /// Maps of the last forward pass: nine encoded planes in [-1, 1], see [`crate::svbrdf::encoding`].
     pub fn encoded(&self) -> &[f32] {
         &self.encoded
     }
 
-    /// The parts that the passes borrow at the same time.
+    /// The parts that a pass borrows simultaneously.
     pub(super) fn parts(&mut self) -> (&mut [Tensors], &mut [f32], &ScratchPool) {
         (&mut self.nodes, &mut self.encoded, &self.scratch)
     }
 }
 
-/// One [`Scratch`] per thread of the pool in which the workspace was made.
+/// One [`Scratch`] per thread of the pool that created the workspace.
 #[derive(Debug)]
 pub(super) struct ScratchPool(Vec<Mutex<Scratch>>);
 
@@ -104,8 +103,8 @@ impl ScratchPool {
         Self((0..rayon::current_num_threads()).map(|_| scratch()).collect())
     }
 
-    /// The calling thread's buffers. Threads share (and wait) only if the workspace has moved to a
-    /// pool with more threads; contents never outlive a task, so a panic elsewhere does no harm.
+    /// Buffers of the calling thread. Threads share them (and wait) only in a pool with more
+    /// threads. The contents do not outlive a task, so a poisoned lock is harmless.
     pub fn get(&self) -> MutexGuard<'_, Scratch> {
         let index = rayon::current_thread_index().unwrap_or(0) % self.0.len();
         self.0[index].lock().unwrap_or_else(PoisonError::into_inner)

@@ -1,12 +1,11 @@
-//! Stands in for graphs where the feature `networks` is off: none can be read.
+//! Replaces graphs in builds without the feature `networks`.
 
 use crate::{Error, Result};
 
-/// No graph.
 pub(super) enum Graph {}
 
 impl Graph {
-    /// An error: this build runs no networks.
+    /// Always an error: this build runs no networks.
     pub fn parse(name: &'static str, _bytes: &[u8], _channels: usize) -> Result<Self> {
         Err(Error::model(name, "this build runs no networks (feature `networks`)"))
     }

@@ -1,4 +1,4 @@
-//! ONNX graphs that turn planes into planes, executed by tract. A plan is built once per size and kept.
+//! ONNX graphs from planes to planes, run by tract with one cached plan per size.
 
 #[cfg(not(feature = "networks"))]
 mod absent;
@@ -14,19 +14,19 @@ use absent::Graph;
 #[cfg(feature = "networks")]
 use runner::Graph;
 
-/// Largest side for which a plan is built, texels.
+/// Longest side of a plan, texels.
 pub(super) const MAX_TEXELS: usize = 4096;
-/// Planes of maps that change their sign in a half turn: slopes.
+/// Planes of maps that change sign under a half-turn: slopes.
 pub(crate) const MAPS_ODD: [usize; 2] = [channel::SLOPE_X, channel::SLOPE_Y];
 
-/// One ONNX graph with an input `[1, channels, height, width]`.
+/// An ONNX graph with an input `[1, channels, height, width]`.
 pub(super) struct Network {
     name: &'static str,
     graph: Graph,
 }
 
 impl Network {
-    /// Reads a graph; `name` is what errors call it.
+    /// Parses a graph; `name` appears in errors.
     pub fn parse(name: &'static str, bytes: &[u8], channels: usize) -> Result<Self> {
         Ok(Self { name, graph: Graph::parse(name, bytes, channels)? })
     }
@@ -36,12 +36,12 @@ impl Network {
         Error::model(self.name, message)
     }
 
-    /// Builds the plan for a size ahead of its first use.
+    /// Builds the plan for a size ahead of time.
     pub fn prepare(&self, height: usize, width: usize) -> Result<()> {
         self.graph.prepare(height, width)
     }
 
-    /// What the graph answers to planes of a size.
+    /// Runs the graph on planes of a size.
     pub fn run(&self, height: usize, width: usize, input: Vec<f32>) -> Result<Vec<f32>> {
         let output = self.graph.run(height, width, input)?;
         if output.iter().all(|v| v.is_finite()) {
@@ -51,9 +51,8 @@ impl Network {
         }
     }
 
-    /// The mean of what a graph that answers with the planes of maps says of its input and of the
-    /// same turned by 180 degrees, which changes the sign of the planes `odd`: two guesses are
-    /// better than one, and two threads make them in the time of one.
+    /// Mean of the results for the input and for the input turned by 180 degrees, which changes the sign of
+    /// the planes `odd`. Two guesses are better than one, and two threads compute them in parallel.
     pub fn run_both_ways(
         &self,
         height: usize,
@@ -76,7 +75,7 @@ impl Network {
     }
 }
 
-/// Planes of `n` texels after a turn of the sample by 180 degrees.
+/// Turns planes of `n` texels by 180 degrees with the sample.
 pub(crate) fn half_turn(planes: &mut [f32], n: usize, odd: &[usize]) {
     for (c, plane) in planes.chunks_exact_mut(n).enumerate() {
         plane.reverse();

@@ -1,8 +1,8 @@
-//! The ONNX operators that the networks are made of.
+//! ONNX operators of the networks.
 //!
-//! Registering only these, instead of all that tract knows, lets the linker drop about half of it
-//! (recurrent, attention, quantised and FFT operators among others). Attributes that no convolutional
-//! network exported here uses (automatic padding, groups of transposed convolutions) are refused.
+//! Registering only these lets the linker drop about half of tract (recurrent, attention, quantised
+//! and FFT operators among others). Attributes that the exported networks do not use (automatic
+//! padding, groups of transposed convolutions) are rejected.
 
 use tract_onnx::Onnx;
 use tract_onnx::model::{OnnxOpRegister, ParsingContext};
@@ -12,10 +12,10 @@ use tract_onnx::tract_core::ops::cnn::{Deconv, KernelFormat, deconv};
 use tract_onnx::tract_hir::internal::*;
 use tract_onnx::tract_hir::ops::{activations, array, cnn, konst, math, nn};
 
-/// What tract makes of a node: the operator, and the names that a sub-graph takes from outside.
+/// A node in tract: the operator, and the outer names used by a sub-graph.
 type Built = TractResult<(Box<dyn InferenceOp>, Vec<String>)>;
 
-/// Reader of ONNX graphs made of the operators below.
+/// Reader of ONNX graphs that consist of these operators.
 pub(super) fn reader() -> Onnx {
     let mut register = OnnxOpRegister::default();
     register.insert("Constant", constant);
@@ -35,7 +35,7 @@ pub(super) fn reader() -> Onnx {
     register.insert("Sub", |_, _| built(math::Sub.into_hir()));
     register.insert("Mul", |_, _| built(math::Mul.into_hir()));
     register.insert("Div", |_, _| built(math::Div.into_hir()));
-    // of two values; ONNX allows any number
+    // binary only; ONNX allows any number
     register.insert("Max", |_, node| pair(node, math::Max.into_hir()));
     register.insert("Min", |_, node| pair(node, math::Min.into_hir()));
     Onnx { op_register: register, ..Onnx::default() }
@@ -55,7 +55,7 @@ fn constant(context: &ParsingContext, node: &NodeProto) -> Built {
     built(Box::new(konst::Const::new(value.into_arc_tensor())?))
 }
 
-/// Padding before and after along each axis.
+/// Padding before and after each axis.
 fn padding(node: &NodeProto, axes: usize) -> TractResult<cnn::PaddingSpec> {
     let auto = node.get_attr_opt::<&str>("auto_pad")?.unwrap_or("NOTSET");
     ensure!(auto == "NOTSET", "automatic padding {auto}");
@@ -96,7 +96,7 @@ fn transposed_convolution(_: &ParsingContext, node: &NodeProto) -> Built {
     }))
 }
 
-/// ONNX stores its kernels as input channel, output channel, height, width.
+/// Kernels in ONNX order: input channel, output channel, height, width.
 #[derive(Debug, Clone)]
 struct TransposedConvolution {
     padding: cnn::PaddingSpec,

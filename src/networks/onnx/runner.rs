@@ -1,4 +1,4 @@
-//! Graphs executed by tract, with a plan for each size.
+//! Graphs run by tract with a plan per size.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -10,7 +10,6 @@ use tract_onnx::prelude::*;
 use super::operators;
 use crate::{Error, Result};
 
-/// A graph of tract.
 pub(super) struct Graph {
     name: &'static str,
     channels: usize,
@@ -19,7 +18,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Reads a graph; `name` is what errors call it.
+    /// Parses a graph; `name` appears in errors.
     pub fn parse(name: &'static str, bytes: &[u8], channels: usize) -> Result<Self> {
         let model = guarded(name, || operators::reader().model_for_read(&mut Cursor::new(bytes)))?;
         Ok(Self { name, channels, model, plans: Mutex::default() })
@@ -30,9 +29,9 @@ impl Graph {
         self.plan(height, width).map(|_| ())
     }
 
-    /// The plan for a size, built once.
+    /// The plan for a size, built on first use.
     fn plan(&self, height: usize, width: usize) -> Result<Arc<TypedRunnableModel>> {
-        // Held while building: two threads that want the same plan build it once.
+        // Keep the lock while building, so that a plan is built once.
         let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(plan) = plans.get(&(height, width)) {
             return Ok(plan.clone());
@@ -45,7 +44,7 @@ impl Graph {
         Ok(plan)
     }
 
-    /// What the graph answers to planes of a size.
+    /// Runs the graph on planes of a size.
     pub fn run(&self, height: usize, width: usize, input: Vec<f32>) -> Result<Vec<f32>> {
         let plan = self.plan(height, width)?;
         guarded(self.name, || {
@@ -57,7 +56,7 @@ impl Graph {
     }
 }
 
-/// Calls into tract; its errors, and its panics on damaged graphs, become [`Error::Model`].
+/// Calls tract; its errors, and panics on damaged graphs, become [`Error::Model`].
 fn guarded<T>(name: &str, call: impl FnOnce() -> TractResult<T>) -> Result<T> {
     match catch_unwind(AssertUnwindSafe(call)) {
         Ok(Ok(value)) => Ok(value),

@@ -1,9 +1,9 @@
 //! Diffuse albedo under highlights, where a photograph hardly determines it.
 //!
-//! A highlight's tail is known to 10 to 15 % of its radiance (lobes, tone curves), and saturated values
-//! say nothing: the network then leaves holes and gray spots. Unreliable cells of [`CELL`] texels take
-//! their level from around instead: a membrane over all cells, held to each by its reliability.
-//! Detail within cells stays.
+//! The tail of a highlight is predictable to 10 to 15 % of its radiance (lobes, tone curves), and
+//! saturated values are only lower bounds. The network therefore leaves holes and gray spots.
+//! Unreliable cells of [`CELL`] texels get their level from the surroundings: a membrane over all
+//! cells, attached to each by its reliability. Detail within cells is kept.
 
 use crate::Svbrdf;
 use crate::interpolation::{between, bilinear};
@@ -11,25 +11,24 @@ use crate::observation::Observation;
 use crate::render::render;
 use crate::svbrdf::channel;
 
-/// Texels a side of a cell.
+/// Texels per side of a cell.
 const CELL: usize = 16;
-/// What a highlight's radiance is known to, relative.
+/// Relative uncertainty of a highlight's radiance.
 const TAIL: f32 = 0.15;
-/// Deviation of diffuse radiance that is good enough, relative to its mean.
+/// Acceptable deviation of diffuse radiance, relative to its mean.
 const ENOUGH: f32 = 0.1;
-/// How far saturation is believed to reach, texels.
+/// Reach of saturation, texels.
 const REACH: usize = 2;
-/// Weight of the difference of neighbouring cells; that of a reliable cell from its own level is 1.
+/// Weight of differences between neighbouring cells; a reliable cell's own level has weight 1.
 const STIFFNESS: f32 = 0.5;
-/// Weight of the difference from the network's level, whatever its reliability.
+/// Weight of the network's level, independent of reliability.
 const LEAST_WEIGHT: f32 = 0.05;
-/// Sweeps over the cells, enough for the largest hole.
+/// Sweeps over the cells, sufficient for the largest hole.
 const SWEEPS: usize = 200;
-/// Added to roots of albedo that are divided by.
+/// Offset of roots of albedo used as divisors.
 const LEAST_ROOT: f32 = 1e-3;
 
-/// Replaces the level of the diffuse albedo of `maps`, the network's of `observation`, where highlights
-/// hide it.
+/// Replaces the level of the diffuse albedo under highlights. `maps` are the network's maps of `observation`.
 pub(super) fn complete_diffuse(maps: &mut Svbrdf, observation: &Observation) {
     let (w, h) = (maps.width(), maps.height());
     let reliability = reliability(maps, observation);
@@ -56,8 +55,8 @@ pub(super) fn complete_diffuse(maps: &mut Svbrdf, observation: &Observation) {
     maps.clamp();
 }
 
-/// How well the photograph determines the diffuse albedo of each texel, 0 to 1: the share of the
-/// variance that is good enough in its sum with the highlight's.
+/// How well the photograph determines the diffuse albedo of each texel, 0 to 1: acceptable variance
+/// over acceptable plus highlight variance.
 fn reliability(maps: &Svbrdf, observation: &Observation) -> Vec<f32> {
     let (w, h, n) = (maps.width(), maps.height(), maps.texels());
     let mut whole = vec![0.0; 3 * n];
@@ -86,7 +85,7 @@ fn reliability(maps: &Svbrdf, observation: &Observation) -> Vec<f32> {
     (0..n).map(reliability).collect()
 }
 
-/// The cells of planes of `width * height` texels; those at the right and lower edge may be smaller.
+/// Cells of planes of `width * height` texels, smaller at the right and lower edge.
 struct Cells {
     columns: usize,
     rows: usize,
@@ -109,8 +108,8 @@ impl Cells {
         sums.iter().zip(counts).map(|(sum, count): (&f32, f32)| sum / count).collect()
     }
 
-    /// Values of a membrane that is held to `weighted / weight` by `weight`, to `plain` by
-    /// [`LEAST_WEIGHT`], and to its neighbours by [`STIFFNESS`] (Gauss-Seidel).
+    /// Membrane attached to `weighted / weight` with `weight`, to `plain` with [`LEAST_WEIGHT`] and
+    /// to neighbours with [`STIFFNESS`] (Gauss-Seidel).
     fn membrane(&self, weight: &[f32], weighted: &[f32], plain: &[f32]) -> Vec<f32> {
         let mut values = plain.to_vec();
         for _ in 0..SWEEPS {
@@ -134,7 +133,7 @@ impl Cells {
         values
     }
 
-    /// Bilinear between the centres of the cells.
+    /// Bilinear interpolation between cell centres.
     fn at(&self, values: &[f32], x: usize, y: usize) -> f32 {
         let place = |at: usize| (at as f32 + 0.5) / CELL as f32 - 0.5;
         let (left, right, across) = between(place(x), self.columns);
@@ -153,14 +152,14 @@ mod tests {
 
     const SIDE: usize = 160;
 
-    /// A glossy red plane from the top, its maps with a gray hole under the highlight, and where
-    /// that is.
+    /// A glossy red plane from above, its maps with a gray hole under the highlight, and the area
+    /// of the hole.
     fn red_with_a_hole() -> (Svbrdf, Svbrdf, Observation, impl Fn(usize) -> bool) {
         let mut truth = Svbrdf::new(SIDE, SIDE);
         for (c, value) in [0.5, 0.05, 0.04, 0.05, 0.05, 0.05, 0.2].into_iter().enumerate() {
             truth.plane_mut(channel::DIFFUSE + c).fill(value);
         }
-        // detail that is to stay
+        // detail to preserve
         for c in channel::DIFFUSE..channel::DIFFUSE + 3 {
             truth.plane_mut(c).iter_mut().step_by(2).for_each(|v| *v *= 0.8);
         }
@@ -174,7 +173,7 @@ mod tests {
         };
         let mut radiance = vec![0.0; 3 * SIDE * SIDE];
         render(&truth, &view, &mut radiance);
-        // a value that the sensor cut off is negative
+        // Clipped values are negative.
         radiance.iter_mut().filter(|v| **v > 1.0).for_each(|v| *v = -1.0);
         let observation =
             Observation::new(SIDE, SIDE, view, &radiance, &vec![1.0; SIDE * SIDE]).unwrap();
@@ -185,8 +184,7 @@ mod tests {
         let mut holed = truth.clone();
         for i in (0..SIDE * SIDE).filter(|&i| hidden(i)) {
             for (c, gray) in [0.1, 0.15, 0.15].into_iter().enumerate() {
-                holed.plane_mut(channel::DIFFUSE + c)[i] =
-                    gray * if i % 2 == 0 { 0.8 } else { 1.0 };
+                holed.diffuse_mut()[c][i] = gray * if i % 2 == 0 { 0.8 } else { 1.0 };
             }
         }
         (truth, holed, observation, hidden)
@@ -208,7 +206,7 @@ mod tests {
         let mut filled = holed.clone();
         complete_diffuse(&mut filled, &observation);
         let after = error(&filled, &truth, &hidden);
-        // The membrane leans on what the network said of the hole, and cells are wider than its edge.
+        // The network's level in the hole has some weight, and cells are wider than the hole's edge.
         assert!(after < 0.5 * before, "{before} {after}");
         let around = |i: usize| !hidden(i);
         assert!(error(&filled, &truth, around) < 0.03, "{}", error(&filled, &truth, around));
@@ -218,11 +216,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_reliable_everywhere_stays() {
+    fn reliable_maps_are_unchanged() {
         let (truth, _, observation, _) = red_with_a_hole();
         let mut matt = truth;
         for c in 0..3 {
-            matt.plane_mut(channel::SPECULAR + c).fill(1e-4);
+            matt.specular_mut()[c].fill(1e-4);
         }
         let mut radiance = vec![0.0; 3 * SIDE * SIDE];
         render(&matt, &observation.view, &mut radiance);
@@ -231,7 +229,7 @@ mod tests {
             Observation::new(SIDE, SIDE, observation.view, &radiance, &weight).unwrap();
         let mut same = matt.clone();
         complete_diffuse(&mut same, &photograph);
-        // Fresnel's part is left of the highlight
+        // the Fresnel part of the highlight remains
         assert!(error(&same, &matt, |_| true) < 1e-3);
     }
 }

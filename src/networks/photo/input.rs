@@ -1,4 +1,4 @@
-//! What the photo network sees of a photograph.
+//! Input planes of the photo network.
 
 use crate::networks::onnx::MAX_TEXELS;
 use crate::observation::{Falloff, LEAST_WEIGHT, Observation, View, unpack};
@@ -6,21 +6,20 @@ use crate::parallel;
 use crate::svbrdf::bands;
 use crate::{Error, Result};
 
-/// Sides of the photo network's input are multiples of this.
+/// Sides of the input are multiples of this.
 const PHOTO_MULTIPLE: usize = 32;
-/// Longest side at which the photo network runs: what it was trained on.
+/// Longest side of the input, as in training.
 const PHOTO_TEXELS: usize = 256;
-/// Planes of the photo network's input.
+/// Planes of the input.
 pub(super) const PHOTO_CHANNELS: usize = 14;
-/// Planes of the photo network's input that change their sign when the sample is turned by 180
-/// degrees: x and y of the directions.
+/// Planes of the input that change sign when the sample is turned by 180 degrees: x and y of the directions.
 pub(super) const PHOTO_ODD: [usize; 4] = [3, 4, 6, 7];
-/// Offset of the logarithm in which the photo network sees radiance.
+/// Offset of the radiance's logarithm in the input.
 const LOG_OFFSET: f32 = 0.01;
-/// Largest radiance that the photo network tells from larger ones.
+/// Largest radiance that the input distinguishes.
 const BRIGHTEST: f32 = 100.0;
 
-/// How often an observation is halved for the photo network.
+/// Number of times an observation is halved for the input.
 pub(super) fn photo_halvings(height: usize, width: usize) -> Result<u32> {
     let mut halvings = 0;
     while height.max(width) >> halvings > PHOTO_TEXELS {
@@ -37,8 +36,8 @@ pub(super) fn photo_halvings(height: usize, width: usize) -> Result<u32> {
     ))
 }
 
-/// The photo network's planes: logarithm of `pi * BRDF * NoL` up to 1 (RGB), unit directions to the
-/// camera and to the light, weight, share of saturated channels, logarithm of what is above 1 (RGB).
+/// Input planes: log of `pi * BRDF * NoL` up to 1 (RGB), unit directions to camera and light,
+/// weight, share of saturated channels, log of the excess above 1 (RGB).
 pub(super) fn photo_input(observation: &Observation) -> Vec<f32> {
     let (h, w) = (observation.height(), observation.width());
     let (n, view) = (h * w, &observation.view);
@@ -56,7 +55,7 @@ pub(super) fn photo_input(observation: &Observation) -> Vec<f32> {
             let mut saturated = 0.0;
             for (c, irradiance) in irradiance.into_iter().enumerate() {
                 if weight > 0.0 {
-                    // saturated: the true value is at least this
+                    // saturated: a lower bound
                     let radiance = radiance[c * w + x];
                     let reflected = std::f32::consts::PI * radiance.abs() / irradiance;
                     row[c][x] = log_encode(reflected);
@@ -71,7 +70,7 @@ pub(super) fn photo_input(observation: &Observation) -> Vec<f32> {
                     row[first + c][x] = d;
                 }
             }
-            // There is no other photograph that shows such a texel better.
+            // No other photograph could show such a texel better.
             row[9][x] = if weight == LEAST_WEIGHT { 1.0 } else { weight };
             row[10][x] = saturated;
         }
@@ -83,7 +82,7 @@ fn direction(point: [f32; 3], at: [f32; 2]) -> [f32; 3] {
     glam::Vec3::new(point[0] - at[0], point[1] - at[1], point[2]).normalize_or(glam::Vec3::Z).into()
 }
 
-/// Irradiance of a texel that faces the light.
+/// Irradiance of a texel facing the light.
 fn irradiance(view: &View, at: [f32; 2]) -> [f32; 3] {
     match view.falloff {
         Falloff::None { power } => power,
@@ -95,14 +94,14 @@ fn irradiance(view: &View, at: [f32; 2]) -> [f32; 3] {
     }
 }
 
-/// Values that are not numbers (no light in a channel) become those of black.
+/// NaN (no light in a channel) becomes black.
 fn log_encode(x: f32) -> f32 {
     let x = if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
     let (low, high) = (LOG_OFFSET.ln(), (1.0 + LOG_OFFSET).ln());
     2.0 * ((x + LOG_OFFSET).ln() - low) / (high - low) - 1.0
 }
 
-/// 0 up to 1, then logarithmic up to 1 for [`BRIGHTEST`].
+/// 0 up to 1, then logarithmic to 1 at [`BRIGHTEST`].
 fn log_excess(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(1.0, BRIGHTEST).ln() / BRIGHTEST.ln() }
 }
@@ -112,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn photo_planes_hold_what_the_network_was_trained_on() {
+    fn photo_planes_match_the_training() {
         let view = View {
             sample_mm: [20.0, 10.0],
             camera_mm: [5.0, -2.5, 30.0],
@@ -121,7 +120,7 @@ mod tests {
             ambient: [0.0; 3],
             mirrored: 1.0,
         };
-        // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one was not seen.
+        // 2 x 2 texels centred at x = ±5, y = ±2.5; the last one is unseen.
         let radiance = [0.5, -0.5, 0.1, 0.2, 0.5, 0.0, 9.0, 0.2, 0.5, 0.5, 0.5, 0.2];
         let weight = [0.4, 1.0, 1.0, 0.0];
         let observation = Observation::new(2, 2, view, &radiance, &weight).unwrap();
@@ -148,7 +147,7 @@ mod tests {
         close(12, 2, (std::f32::consts::PI * 9.0 * 425.0 / 2000.0).ln() / 100.0f32.ln());
         close(13, 2, 1.0);
         close(11, 3, 0.0);
-        // texel 3 (x = 5, y = -2.5) looks straight up to the camera, texel 0 to the light
+        // texel 3 (x = 5, y = -2.5) lies below the camera, texel 0 below the light
         close(5, 3, 1.0);
         close(8, 0, 1.0);
         let length = (10.0f32 * 10.0 + 5.0 * 5.0 + 900.0).sqrt();

@@ -10,7 +10,7 @@ use crate::svbrdf::halved;
 use crate::{Result, Svbrdf};
 use input::{PHOTO_CHANNELS, PHOTO_ODD, photo_halvings, photo_input};
 
-/// The photo network, and what completes its maps.
+/// The photo network with completion under highlights.
 pub(super) struct PhotoNetwork {
     network: Network,
 }
@@ -26,7 +26,7 @@ impl PhotoNetwork {
         self.network.prepare(height >> halvings, width >> halvings)
     }
 
-    /// Maps of an observation, which is halved until the network takes it.
+    /// Maps of an observation, halved until it fits the network.
     pub fn maps(&self, observation: &Observation) -> Result<Svbrdf> {
         let halvings = photo_halvings(observation.height(), observation.width())?;
         let observation = halved(observation, halvings, Observation::downsampled);
@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn the_network_gives_what_the_training_framework_gives() {
+    fn the_network_agrees_with_the_training_framework() {
         let vectors = test_vectors(include_bytes!("../../../models/photo_test.bin"));
         let (shape, photo) = &vectors["photo"];
         let maps = photo_network().network.run(shape[2], shape[3], photo.clone()).unwrap();
@@ -89,7 +89,7 @@ mod tests {
         half_turn(&mut radiance, w * h, &[]);
         let mut turned = photo_maps(-1.0, &radiance);
         half_turn(&mut turned, w * h, &MAPS_ODD);
-        // rounding of directions and of positions only
+        // only rounding of directions and positions
         assert!(difference(&straight, &turned) < 1e-4);
         let slopes = &straight[..2 * w * h];
         assert!(slopes.iter().any(|s| s.abs() > 0.02));

@@ -1,11 +1,11 @@
-//! What registration sees of a photograph: octaves of brightness and of colour, from the top.
+//! Input of the registration: octaves of brightness and colour, seen from above.
 
 use std::array;
 
 use crate::calibration::photometry::{Lobe, Radiometry, Vignetting};
-use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
+use crate::photo::{Photo, ToneCurve};
 use crate::rectification::rectify;
 use glam::DVec3;
 
@@ -13,26 +13,26 @@ use glam::DVec3;
 pub(super) const LEVELS: usize = 4;
 /// Brightness, and red over blue.
 pub(super) const CHANNELS: usize = 2;
-/// Texels along the sample's longer side, and least along the shorter.
+/// Texels along the sample's longer side, and fewest along the shorter.
 const SIDE: usize = 256;
 const SIDE_MIN: usize = 64;
-/// Added to values before their logarithm, relative to their mean: noise of the dark.
+/// Offset of values before the logarithm, relative to their mean, against noise in the dark.
 const DARK: f32 = 0.02;
-/// Band-passed logarithms beyond about this say no more: glints, pits.
+/// Clipping level of band-passed logs: larger values are glints or pits.
 const CLIP: f32 = 0.5;
-/// Passes of the filter between the finer and the coarser end of a band.
+/// Filter passes between the finer and the coarser end of a band.
 const PASSES: usize = 3;
 
-/// Details of a photograph rectified to the board's plane, in octaves.
+/// Octaves of detail of a photograph rectified to the board's plane.
 #[derive(Debug, Clone)]
 pub(crate) struct Detail {
     pub(super) sample_mm: [f64; 2],
     pub(super) camera_mm: DVec3,
-    /// Brightness and colour (red over blue), logarithms, the finest octave first.
+    /// Logs of brightness and colour (red over blue), finest octave first.
     pub(super) channels: [[Band; LEVELS]; CHANNELS],
 }
 
-/// One octave; 0 where nothing is known.
+/// One octave; 0 where unknown.
 #[derive(Debug, Clone)]
 pub(super) struct Band {
     pub width: usize,
@@ -41,7 +41,7 @@ pub(super) struct Band {
 }
 
 impl Detail {
-    /// Details of a photograph; `None` where it shows too little of the sample.
+    /// Octaves of a photograph; `None` if it shows too little of the sample.
     pub(crate) fn new(
         photo: &Photo,
         camera: &Camera,
@@ -53,8 +53,7 @@ impl Detail {
             let texels = SIDE as f32 * mm / long;
             ((texels / 8.0).round() as usize * 8).max(SIDE_MIN)
         });
-        // Light and lens are smooth: they do not reach the bands. A tone curve is the same in all
-        // photographs.
+        // Light and lens are too smooth for the bands, and all photographs share the tone curve.
         let plain = Radiometry {
             gain: [1.0; 3],
             tone: ToneCurve::default(),
@@ -78,7 +77,7 @@ impl Detail {
     }
 }
 
-/// Values times weights, and weights.
+/// Weighted values and weights.
 struct Field {
     width: usize,
     height: usize,
@@ -111,7 +110,7 @@ impl Field {
         Some([field(&|[r, g, b]| log((r + g + b) / 3.0)), field(&|[r, _, b]| log(r) - log(b))])
     }
 
-    /// The finest octave; leaves the field at half the resolution.
+    /// The finest octave; reduces the field to half the resolution.
     fn next_band(&mut self) -> Band {
         let (width, height) = (self.width, self.height);
         let seen = std::mem::take(&mut self.weight);
@@ -146,7 +145,7 @@ impl Field {
     }
 }
 
-/// Filters rows and columns with 1 4 6 4 1 (a standard deviation of one texel); edges repeat.
+/// Filters rows and columns with 1 4 6 4 1 (standard deviation one texel); border values extend outwards.
 fn binomial(values: &mut [f32], width: usize, scratch: &mut [f32]) {
     let height = values.len() / width;
     for (from, to) in values.chunks(width).zip(scratch.chunks_mut(width)) {

@@ -1,28 +1,25 @@
-//! How high the sample's surface lies above the board's plane, from the photographs themselves.
+//! Estimates the height of the sample's surface above the board's plane.
 //!
 //! # Method
-//! A point of the sample at height `h` appears in the board's plane where the line from the camera
-//! through it meets that plane: `x' = f + (x - f) z / (z - h)`, with the camera at height `z` above
-//! its foot `f`. Each photograph rectified to the board's plane is thus a photograph of the raised
-//! sample scaled about a point of its own: registration has one unknown.
+//! The line from the camera through a point of the sample at height `h` meets the board's plane at `x' = f +
+//! (x - f) z / (z - h)`, with the camera at height `z` above its foot `f`. A photograph rectified to the
+//! board's plane thus shows the raised sample scaled about `f`, and registration has one unknown.
 //!
-//! Photographs of a rough glossy surface from different sides differ in more than scale: slopes are
-//! bright on the side of the flash, highlights wander. So nothing is asked of the values but that
-//! they tell about each other: details (octaves of log radiance, which gain and fall-off do not
-//! reach) of all photographs are compared in blocks, small enough for one direction of light, by the
-//! determinant of their correlation matrix. Minus half its logarithm is the information that
-//! Gaussian variables share: it is greatest where the photographs are registered, whatever sign and
-//! size the relation between two of them has, and with four and more it does not mind that albedo
-//! and two slopes of a texel each have their own share. Blocks without detail, or with a highlight
-//! in one photograph, count little by themselves.
+//! Photographs of a rough glossy surface from different sides differ by more than scale: slopes are
+//! bright on the flash's side, and highlights move. The criterion therefore uses only the mutual
+//! information of details (octaves of log radiance, which gain and fall-off do not affect). Details
+//! of all photographs are compared in blocks small enough for one light direction. Minus half the
+//! log determinant of their correlation matrix is the information shared by Gaussian variables. It
+//! is greatest at correct registration, for any sign and size of the correlation of two
+//! photographs. With four or more photographs, albedo and two slopes of a texel may vary
+//! independently. Blocks without detail, or with a highlight in one photograph, contribute little.
 //!
-//! Steep slopes whose sides differ from what lies between them still move apparent edges towards the
-//! camera, as depth would. Colour (red over blue) hardly knows of slopes: where it has detail, what
-//! brightness wishes beyond it counts as that error.
+//! Relief with steep slopes still shifts apparent edges towards the camera, as height would. Colour (red over
+//! blue) hardly depends on slopes: where it has detail, its disagreement with brightness counts as error.
 //!
 //! # Significance
-//! The standard deviation is that of the blocks' own wishes, and how far octaves disagree. The sample
-//! counts as lying in the board's plane unless the photographs contradict that clearly.
+//! The standard deviation combines the estimates of the blocks and the disagreement of the octaves.
+//! The height is 0 unless the photographs clearly contradict that.
 
 mod detail;
 
@@ -36,35 +33,35 @@ use crate::parallel;
 
 const BRIGHTNESS: usize = 0;
 const COLOUR: usize = 1;
-/// Heights that are looked for, mm.
+/// Search range of heights, mm.
 pub const RANGE_MM: [f64; 2] = [-5.0, 20.0];
-/// Most photographs compared: those most different.
+/// Most photographs compared; the most different are selected.
 const MOST_PHOTOGRAPHS: usize = 8;
-/// Texels at the edge that know too much of what lies beside the sample.
+/// Texels at the edge affected by the sample's surroundings.
 const BORDER: usize = 5;
 /// Side of a block, texels.
 const BLOCK: usize = 32;
-/// Texels that a filtered value is shared by.
+/// Texels per independent filtered value.
 const CORRELATED: f64 = 9.0;
-/// Standard deviation of what nobody knows, mm.
+/// Standard deviation of an unknown height, mm.
 const UNKNOWN_MM: f64 = 5.0;
-/// The sample counts as lying in the board's plane unless the height is so many standard deviations
-/// and so many mm from 0 (paper is a tenth thick, and slopes lit from one side imitate some), and
-/// blocks gain this much information, with so many standard deviations of their gains.
+/// The height is 0 unless it differs from 0 by this many standard deviations and mm (paper is a
+/// tenth thick, and slopes lit from one side imitate some), and the blocks gain this much
+/// information, in total and in standard deviations of their gains.
 const SIGMAS: f64 = 4.0;
 const LEAST_MM: f64 = 0.3;
 const GAIN_MIN: f64 = 25.0;
 const GAIN_SIGMAS: f64 = 4.0;
-/// Least difference of parallaxes that tells a height.
+/// Least difference of parallaxes that determines a height.
 const SPREAD_MIN: f64 = 0.05;
-/// Texels that are far from a peak.
+/// Distance from a peak, texels, at which the information must be lower.
 const FAR: f64 = 3.0;
-/// Heights followed beyond the coarse octaves.
+/// Peaks refined beyond the coarse octaves.
 const PEAKS: usize = 3;
-/// Detail below this is none (logarithms): noise, interpolation.
+/// Noise and interpolation floor of details (logs).
 const FLOOR: f64 = 0.005;
 
-/// Whether a sample may be so high, mm.
+/// Whether a height is in range, mm.
 pub(crate) fn is_possible(mm: f64) -> bool {
     (RANGE_MM[0]..=RANGE_MM[1]).contains(&mm)
 }
@@ -72,28 +69,27 @@ pub(crate) fn is_possible(mm: f64) -> bool {
 /// Height of the sample's surface above the board's plane.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ElevationEstimate {
-    /// Height, mm; 0 unless the photographs contradict that clearly.
+    /// Height, mm; 0 unless the photographs clearly contradict that.
     pub mm: f64,
     /// Standard deviation, mm.
     pub sigma_mm: f64,
 }
 
 impl Default for ElevationEstimate {
-    /// In the board's plane, as far as is known.
+    /// In the board's plane, with the prior's deviation.
     fn default() -> Self {
         Self { mm: 0.0, sigma_mm: UNKNOWN_MM }
     }
 }
 
 impl ElevationEstimate {
-    /// Whether a sample may be so high, and its deviation one.
+    /// Whether the values are possible (for saved data).
     pub(crate) fn is_plausible(&self) -> bool {
         is_possible(self.mm) && (0.0..=f64::MAX).contains(&self.sigma_mm)
     }
 }
 
-/// The height that photographs tell. Photographs that leave it open do not take back what was known
-/// `before` the latest.
+/// Estimates the height. Inconclusive photographs do not revoke the estimate `before` the latest one.
 pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> ElevationEstimate {
     let views = Views { details: most_different(details) };
     let estimate = views.estimate().unwrap_or_default();
@@ -101,13 +97,13 @@ pub(crate) fn estimate(details: &[&Detail], before: ElevationEstimate) -> Elevat
     if before.mm != 0.0 && is_open { before } else { estimate }
 }
 
-/// What one channel tells.
-struct Wish {
+/// Estimate of one channel.
+struct ChannelHeight {
     mm: f64,
     sigma_mm: f64,
 }
 
-/// Photographs to be compared.
+/// Photographs to compare.
 struct Views<'a> {
     details: Vec<&'a Detail>,
 }
@@ -119,15 +115,15 @@ impl Views<'_> {
             return None;
         }
         let start = self.coarse(spread);
-        let wish = |channel| self.fine(channel, start, spread);
-        let (mut brightness, colour) = (wish(BRIGHTNESS), wish(COLOUR));
+        let height = |channel| self.fine(channel, start, spread);
+        let (mut brightness, colour) = (height(BRIGHTNESS), height(COLOUR));
         if let (Some(brightness), Some(colour)) = (&mut brightness, &colour) {
-            // Slopes lit from one side move what is bright, hardly what is coloured.
-            let discord = brightness.mm - colour.mm;
-            brightness.sigma_mm = brightness.sigma_mm.hypot(discord);
+            // Slopes lit from one side shift brightness, but hardly colour.
+            let disagreement = brightness.mm - colour.mm;
+            brightness.sigma_mm = brightness.sigma_mm.hypot(disagreement);
         }
         let (mut weight, mut sum) = (0.0, 0.0);
-        for Wish { mm, sigma_mm } in brightness.into_iter().chain(colour) {
+        for ChannelHeight { mm, sigma_mm } in brightness.into_iter().chain(colour) {
             weight += sigma_mm.powi(-2);
             sum += sigma_mm.powi(-2) * mm;
         }
@@ -141,7 +137,7 @@ impl Views<'_> {
         Some(ElevationEstimate { mm: if is_clear { mm } else { 0.0 }, sigma_mm })
     }
 
-    /// Best height for the coarse octaves, anywhere in the range.
+    /// Best height by the coarse octaves, over the whole range.
     fn coarse(&self, spread: f64) -> f64 {
         let both = |levels: std::ops::Range<usize>, h: f64| -> f64 {
             let level =
@@ -167,8 +163,8 @@ impl Views<'_> {
         found.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |best| best.0)
     }
 
-    /// Best height for all octaves of a channel near another one; `None` where it shows none.
-    fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<Wish> {
+    /// Best height by all octaves of a channel near another one; `None` without a peak.
+    fn fine(&self, channel: usize, near: f64, spread: f64) -> Option<ChannelHeight> {
         let texel = self.texel_mm(0) / spread;
         let all = |h: f64| (0..LEVELS).map(|l| self.information(channel, l, h)).sum::<f64>();
         let (mut mm, _) = climb(near, FAR * texel, 0.75 * texel, &all);
@@ -180,9 +176,9 @@ impl Views<'_> {
         if ![-FAR, FAR].iter().all(|far| self.is_gain(channel, mm, mm + far * texel)) {
             return None;
         }
-        // What blocks and octaves wish beyond that.
+        // Deviations of blocks and octaves from the peak.
         let reach = 0.25 * texel;
-        let (mut push, mut bend, mut discord) = (0.0, 0.0, 0.0_f64);
+        let (mut push, mut bend, mut disagreement) = (0.0, 0.0, 0.0_f64);
         for level in 0..LEVELS {
             let [low, here, high] =
                 [mm - reach, mm, mm + reach].map(|h| self.blocks(channel, level, h));
@@ -193,15 +189,15 @@ impl Views<'_> {
             }
             bend += own;
             let [low, here, high] = [low, here, high].map(|b| -b.iter().sum::<f64>());
-            if let Some(wish) = vertex(low, here, high, reach) {
-                discord = discord.max(wish.abs() - 2.0 / own.sqrt());
+            if let Some(shift) = vertex(low, here, high, reach) {
+                disagreement = disagreement.max(shift.abs() - 2.0 / own.sqrt());
             }
         }
-        let sigma_mm = (push.sqrt() / bend).hypot(discord);
-        (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(Wish { mm, sigma_mm })
+        let sigma_mm = (push.sqrt() / bend).hypot(disagreement);
+        (bend > 0.0 && sigma_mm < UNKNOWN_MM).then_some(ChannelHeight { mm, sigma_mm })
     }
 
-    /// Whether blocks of a channel agree that a height is better than another one.
+    /// Whether the blocks of a channel significantly prefer a height to another one.
     fn is_gain(&self, channel: usize, mm: f64, other_mm: f64) -> bool {
         let (mut sum, mut squares) = (0.0, 0.0);
         for level in 0..LEVELS {
@@ -221,7 +217,7 @@ impl Views<'_> {
         first.sample_mm[0] / first.channels[0][level].width as f64
     }
 
-    /// Information that the photographs share.
+    /// Information shared by the photographs.
     fn information(&self, channel: usize, level: usize, h: f64) -> f64 {
         -self.blocks(channel, level, h).iter().sum::<f64>()
     }
@@ -231,13 +227,13 @@ impl Views<'_> {
     }
 }
 
-/// Where the parabola through three values at a distance has its maximum, if it has one.
+/// Position of the maximum of the parabola through three equidistant values, if it has one.
 fn vertex(low: f64, here: f64, high: f64, distance: f64) -> Option<f64> {
     let bend = low + high - 2.0 * here;
     (bend < 0.0).then(|| 0.5 * distance * (low - high) / bend)
 }
 
-/// The best of heights within `reach` at steps of at most `step`.
+/// The best height within `reach`, in steps of at most `step`.
 fn climb(h: f64, reach: f64, step: f64, value: &dyn Fn(f64) -> f64) -> (f64, f64) {
     let n = (reach / step).ceil() as i32;
     let step = reach / f64::from(n);
@@ -249,18 +245,18 @@ fn climb(h: f64, reach: f64, step: f64, value: &dyn Fn(f64) -> f64) -> (f64, f64
         .unwrap_or((h, f64::NEG_INFINITY))
 }
 
-/// How far a point of the sample moves per height.
+/// Shift of a point of the sample per height.
 fn parallax(detail: &Detail) -> DVec2 {
     detail.camera_mm.truncate() / detail.camera_mm.z
 }
 
-/// Largest difference of two photographs' parallaxes.
+/// Largest difference between the parallaxes of two photographs.
 fn spread(details: &[&Detail]) -> f64 {
     let pairs = details.iter().flat_map(|a| details.iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| parallax(a).distance(parallax(b))).fold(0.0, f64::max)
 }
 
-/// The first, then always the one furthest from those chosen.
+/// The first photograph, then repeatedly the one farthest from those chosen.
 fn most_different<'a>(details: &[&'a Detail]) -> Vec<&'a Detail> {
     if details.len() <= MOST_PHOTOGRAPHS {
         return details.to_vec();
@@ -278,8 +274,7 @@ fn most_different<'a>(details: &[&'a Detail]) -> Vec<&'a Detail> {
     chosen
 }
 
-/// Half the logarithm of the determinant of each block's correlations, times its independent
-/// values, at a height.
+/// Half the log determinant of each block's correlations at a height, times its number of independent values.
 fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64> {
     let Band { width, height, .. } = details[0].channels[channel][level];
     let across = cuts(width);
@@ -299,7 +294,7 @@ fn blocks(details: &[&Detail], channel: usize, level: usize, h: f64) -> Vec<f64>
     })
 }
 
-/// Borders of blocks along a side; of a narrow sample's coarse octaves nothing is left.
+/// Borders of blocks along a side. Coarse octaves of narrow samples have none.
 fn cuts(texels: usize) -> Vec<usize> {
     let inner = texels.saturating_sub(2 * BORDER);
     if inner == 0 {
@@ -309,7 +304,7 @@ fn cuts(texels: usize) -> Vec<usize> {
     (0..=count).map(|i| BORDER + i * inner / count).collect()
 }
 
-/// Room to work in.
+/// Reused buffers.
 #[derive(Default)]
 struct Scratch {
     patches: Vec<f32>,
@@ -347,7 +342,7 @@ fn block(
         let own = if i < n { matrix[i * n + i] } else { 0.0 };
         (own + FLOOR * FLOOR).sqrt()
     });
-    // Cholesky's factor of the correlation matrix, in place.
+    // Cholesky factor of the correlation matrix, in place.
     let mut log = 0.0;
     for i in 0..n {
         for j in 0..=i {
@@ -377,8 +372,8 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     f64::from(sums.iter().sum::<f32>() + rest)
 }
 
-/// Details at a height, of a block of texels; 0 where they were not seen. Catmull-Rom: linear
-/// interpolation would smooth between texels, and so make height 0 special.
+/// Details of a block of texels at a height; 0 where unseen. Uses Catmull-Rom, because the
+/// smoothing of linear interpolation would favour height 0.
 fn warp(
     detail: &Detail,
     band: &Band,
@@ -393,7 +388,7 @@ fn warp(
     let scale = eye.z / (eye.z - h);
     let [mm_x, mm_y] = detail.sample_mm;
     let (w, hh) = (band.width as f64, band.height as f64);
-    // Foot of the camera in texels.
+    // Foot of the camera, texels.
     let foot = [(eye.x / mm_x + 0.5) * w - 0.5, (0.5 - eye.y / mm_y) * hh - 0.5];
     let source = |foot: f64, i: usize| foot + (i as f64 - foot) * scale;
     taps.clear();
@@ -421,7 +416,7 @@ fn warp(
     }
 }
 
-/// First of four neighbours and their weights; `None` where one is missing.
+/// First of four neighbours and their weights; `None` if one is missing.
 fn cubic(at: f64, size: usize) -> Option<(usize, [f32; 4])> {
     let below = at.floor();
     if !(below >= 1.0 && below + 2.0 < size as f64) {

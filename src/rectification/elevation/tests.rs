@@ -2,8 +2,8 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
-use crate::frame::Photo;
 use crate::geometry::Pose;
+use crate::photo::Photo;
 use crate::random::Random;
 
 const SAMPLE_MM: [f32; 2] = [100.0, 80.0];
@@ -25,7 +25,7 @@ fn views() -> [Pose; 3] {
     [pose(0.05, 0.02, 0.0, 300.0), pose(0.5, 0.3, 0.2, 300.0), pose(-0.4, -0.5, -0.1, 320.0)]
 }
 
-/// Photographs of a surface at a height: radiance of a point in a view.
+/// Photographs of a surface at a height, given the radiance of a point in a view.
 fn details(mm: f64, radiance: impl Fn(usize, DVec2) -> f64 + Sync) -> Vec<Detail> {
     details_of(SAMPLE_MM, mm, radiance)
 }
@@ -57,17 +57,17 @@ fn the_height_is_that_of_the_surface() {
         let details = details(mm, |_, p| 0.4 + 0.8 * texture(p));
         for n in [2, 3] {
             let e = found(&details[..n]);
-            // It moves points by about half as much, which is a twentieth of a texel: photographs
-            // and texels are sampled differently.
+            // Tolerance: points move by about half of it, a twentieth of a texel, because
+            // photographs and texels are sampled differently.
             assert!((e.mm - mm).abs() < 0.04, "{mm} from {n}: {e:?}");
             assert!(e.sigma_mm < 0.05, "{mm} from {n}: {e:?}");
         }
     }
 }
 
-/// Brighter here is darker there, as slopes are under light from other sides.
+/// Brightness correlates negatively between photographs, as on slopes lit from different sides.
 #[test]
-fn any_relation_between_photographs_will_do() {
+fn any_correlation_between_photographs_registers() {
     let texture = waves(6);
     let gain = [0.4, -0.8, 0.2];
     let details = details(3.0, |view, p| 0.4 + gain[view] * texture(p));
@@ -86,7 +86,7 @@ fn a_surface_in_the_plane_or_without_texture_stays_at_0() {
     let plain = details(4.0, |_, p| 0.4 + 1e-3 * p.x);
     assert_eq!(found(&plain).mm, 0.0);
     assert!(found(&plain).sigma_mm > 1.0);
-    // Photographs of different things.
+    // Photographs of different surfaces.
     let others = [waves(1), waves(2), waves(3)];
     let different = details(4.0, |view, p| 0.4 + 0.8 * others[view](p));
     assert_eq!(found(&different).mm, 0.0);
@@ -96,7 +96,7 @@ fn a_surface_in_the_plane_or_without_texture_stays_at_0() {
 }
 
 #[test]
-fn what_is_open_does_not_take_back_what_is_known() {
+fn inconclusive_photographs_do_not_revoke_a_height() {
     let known = ElevationEstimate { mm: 3.0, sigma_mm: 0.01 };
     let plain = details(4.0, |_, p| 0.4 + 1e-3 * p.x);
     assert_eq!(estimate(&plain.iter().collect::<Vec<_>>(), known), known);

@@ -20,8 +20,8 @@ use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
     PoseEstimate, Target,
 };
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 use crate::rectification::Part;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::session::advice;

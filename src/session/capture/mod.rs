@@ -10,8 +10,8 @@ use std::f32::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use super::settings::{RectifiedFalloff, Scene, Settings};
-use crate::frame::Photo;
 use crate::observation::{Falloff, View};
+use crate::photo::Photo;
 use crate::rectification;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;

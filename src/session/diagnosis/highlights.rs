@@ -6,7 +6,6 @@
 use crate::Svbrdf;
 use crate::observation::Observation;
 use crate::session::hint::Hint;
-use crate::svbrdf::channel;
 
 /// Half vectors whose tangent to the normal of the sample lies between this and that many alphas show the shoulder of a
 /// lobe: a fifteenth to a fifth of its peak. Nearer to the normal than the least, there are too few of them.
@@ -26,7 +25,7 @@ pub(super) fn tell(maps: Option<&Svbrdf>, photographs: &[Observation], hints: &m
     let texels = first.texels();
     let (mut lost, mut seen) = ([0_usize; BINS], [0_usize; BINS]);
     for t in 0..texels {
-        let roughness = maps.plane(channel::ROUGHNESS)[t];
+        let roughness = maps.roughness()[t];
         let alpha = roughness * roughness;
         let bin = ((1.0 / alpha.max(1e-4)).log2() * BINS_PER_OCTAVE) as usize;
         match shoulder(photographs, t, alpha) {

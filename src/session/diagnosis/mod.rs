@@ -11,7 +11,7 @@ mod material;
 use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
-use crate::estimate::FrameFit;
+use crate::assessment::PhotoFit;
 use crate::observation::Observation;
 
 /// What there is to tell about the latest photograph of a board, without the maps.
@@ -24,7 +24,7 @@ pub(super) fn of_capture(
     capture: &Capture,
     photographs: &[Observation],
     maps: Option<&Svbrdf>,
-    fits: &[FrameFit],
+    fits: &[PhotoFit],
 ) -> Vec<Vec<Hint>> {
     let mut all = match capture.board() {
         Some(board) => of_board(board),

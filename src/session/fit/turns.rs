@@ -9,7 +9,8 @@ use crossbeam_channel::{Receiver, TryRecvError};
 use web_time::Instant;
 
 use super::shared::Shared;
-use crate::estimate::{Estimation, Exposure, Meter, Place, first_maps};
+use crate::assessment::Place;
+use crate::estimate::{Estimation, LightCorrection, Meter, first_maps};
 use crate::observation::Observation;
 use crate::session::capture::{Conditions, Rectified, Wanted};
 use crate::session::reports::Progress;
@@ -96,27 +97,28 @@ impl Fit {
     pub fn show(
         &self,
         maps: Option<Svbrdf>,
-        exposure: Exposure,
+        correction: LightCorrection,
         loss_before: f32,
         next: Option<NextView>,
     ) {
         let estimation = &self.estimation;
-        let frames = estimation.frames();
+        let photos = estimation.photos();
         let mut state = self.shared.lock();
         if maps.is_some() || state.maps.is_some() {
             state.publish(maps.map(Arc::new));
         }
-        (state.exposure, state.fitted, state.cut) = (exposure, frames, estimation.is_cut());
+        (state.light_correction, state.fitted, state.cut) =
+            (correction, photos, estimation.is_cut());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
-            frames,
+            photos,
             loss_before,
             loss: estimation.loss(),
             settled: estimation.is_done(),
             ..Progress::default()
         };
-        let share = if frames > 0 { estimation.fraction() } else { 0.0 };
-        state.regroup(|group| group.anew(frames, share));
+        let share = if photos > 0 { estimation.fraction() } else { 0.0 };
+        state.regroup(|group| group.anew(photos, share));
     }
 
     /// One turn; faults end up in [`Shared`].
@@ -148,7 +150,7 @@ impl Fit {
             jobs.try_recv()
         };
         match job {
-            // What cancels a session may come from a push that has the threads of the pool.
+            // The session may be cancelled by a call that occupies the threads of the pool.
             Ok(_) if self.shared.cancelled.load(Ordering::Relaxed) => return Ok(Turn::Ended),
             Ok(job) => job(self)?,
             Err(TryRecvError::Empty) if idle || work == Work::Jobs => return Ok(Turn::Idle),
@@ -159,7 +161,7 @@ impl Fit {
     }
 
     /// Adds a photograph, the first with the maps to start from, and rectifies the earlier ones as they are wanted.
-    /// One that cannot be stays as it was.
+    /// One that cannot be rectified so stays as it was.
     pub fn add(
         &mut self,
         added: Rectified,
@@ -167,7 +169,7 @@ impl Fit {
         restart: bool,
         start: Option<&Svbrdf>,
     ) -> Result<()> {
-        // One after the other: the old ones are let go of as they are replaced.
+        // One after the other: each old one is freed as it is replaced.
         for (index, wanted) in earlier.into_iter().enumerate() {
             let mut rectified = self.rectified(index);
             if rectified.remake(&wanted, false) == Ok(true) {
@@ -216,7 +218,7 @@ impl Fit {
         (self.estimation, self.made) = (estimation, made);
         self.meter.reset();
         self.busy = !self.estimation.is_done();
-        self.show(start, Exposure::default(), self.estimation.loss(), next);
+        self.show(start, LightCorrection::default(), self.estimation.loss(), next);
         Ok(Ok(()))
     }
 
@@ -229,9 +231,9 @@ impl Fit {
         };
         let places: Vec<Place> = candidates.iter().map(place).collect();
         let gains = self.estimation.outlook(&places)?;
-        let survey = Survey::new(self.estimation.frames(), settled, candidates, &gains);
+        let survey = Survey::new(self.estimation.photos(), settled, candidates, &gains);
         let mut state = self.shared.lock();
-        if state.progress.frames == survey.photographs {
+        if state.progress.photos == survey.photos {
             state.next = survey.best().map(|best| best.view);
         }
         drop(state);
@@ -251,8 +253,8 @@ impl Fit {
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
             let share = self.estimation.fraction();
-            let frames = state.fitted;
-            state.regroup(|group| group.anew(frames, share));
+            let photos = state.fitted;
+            state.regroup(|group| group.anew(photos, share));
         } else {
             state.progress.settled = state.is_current();
         }
@@ -274,7 +276,7 @@ impl Fit {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
         let mut state = self.shared.lock();
-        // Work that a photograph pushed meanwhile adds to is not told of any more.
+        // A photograph that was added meanwhile adds to this work: its progress is no longer reported.
         let is_current = state.is_current();
         if is_current {
             state.regroup(|group| group.work(step.fraction));
@@ -285,14 +287,14 @@ impl Fit {
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(Some(Arc::new(maps)));
-            state.exposure = estimation.exposure().clone();
+            state.light_correction = estimation.light_correction().clone();
             self.published = Instant::now();
         }
         if step.done {
             self.busy = false;
             state.cut = estimation.is_cut();
-            // A photograph pushed meanwhile is still on its way.
-            let waiting = state.progress.frames - state.fitted;
+            // A photograph that was added meanwhile is still on its way.
+            let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));
             state.progress.settled = is_current;
             state.progress.seconds_left = None;

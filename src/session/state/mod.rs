@@ -39,16 +39,16 @@ struct Saved<'a> {
 }
 
 impl Session {
-    /// The session as bytes: settings, what was measured in the photographs, and the maps.
-    /// [`Session::restore`] rectifies the photographs again and goes on from the maps. A fit in progress is done again;
-    /// it ends with maps that are off by far less than their stated deviations.
+    /// The session as bytes: settings, measurements in the photographs, and maps. [`Session::restore`] rectifies the
+    /// photographs again and continues from the maps. It repeats a fit in progress, whose maps then differ by far
+    /// less than their stated deviations.
     ///
-    /// Waits for a push in progress and for a step of the fit, not for the fit.
+    /// Waits for a photograph that is being added and for a step of the fit, not for the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn save(&self) -> Result<Vec<u8>> {
-        // No photograph may come between what the fit and the record know.
+        // The photographs of the fit and of the record must be the same ones.
         let _intake = lock(&self.intake);
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
         let capture = self.capture();
@@ -110,8 +110,8 @@ impl Session {
         let budget = meter.budget;
         let fit = Fit::new(pool.clone(), estimation, made, meter);
         fit.shared.lock().budget = budget;
-        let exposure = fit.estimation.exposure().clone();
-        fit.show(maps, exposure, loss_before, capture.board().and_then(Board::next_view));
+        let correction = fit.estimation.light_correction().clone();
+        fit.show(maps, correction, loss_before, capture.board().and_then(Board::next_view));
         Self::start(scene, settings, networks, capture, pool, fit)
     }
 }

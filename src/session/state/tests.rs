@@ -21,15 +21,14 @@ fn example() -> &'static [u8] {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
         let capture = crate::capture::Capture::load(dir).unwrap();
         let Scene::Board { target, .. } = capture.scene else { panic!("no board") };
-        let scene =
-            Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+        let scene = Scene::board(target);
         let (sample_mm, driver) = (capture.sample_mm, Driver::Caller);
         let settings = Settings { sample_mm, threads: 2, driver, ..Settings::default() };
         let session = Session::with_networks(scene, settings, networks()).unwrap();
         let budget = Budget { steps: Some(4), ..Budget::default() };
         session.set_budget(budget).unwrap();
-        for frame in &capture.frames[..2] {
-            session.push(&frame.read().unwrap()).unwrap();
+        for file in &capture.photos[..2] {
+            session.add_photo(&file.read().unwrap()).unwrap();
         }
         session.wait().unwrap();
         session.save().unwrap()
@@ -149,7 +148,7 @@ fn photographs(count: usize, covered: bool) -> Vec<Observation> {
 
 /// Root mean square differences of each map, in units of its stated deviation.
 fn deviations_off(estimation: &Estimation, other: &Estimation) -> Vec<f32> {
-    let stated = estimation.evidence().unwrap().confidence().unwrap().of_maps();
+    let stated = estimation.evidence().unwrap().uncertainty().unwrap().of_maps();
     let stated = [stated.normal, stated.diffuse, stated.specular, stated.roughness];
     let (maps, others) = (estimation.maps().unwrap(), other.maps().unwrap());
     let planes = [0..2, 2..5, 5..8, 8..9].into_iter().zip(stated);

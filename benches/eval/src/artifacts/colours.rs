@@ -1,16 +1,16 @@
 //! Classes of texels by colour.
 
-/// Number of classes, and steps of Lloyd's algorithm that find them.
+/// Number of classes, and iterations of Lloyd's algorithm.
 pub const CLASSES: usize = 6;
 const STEPS: usize = 12;
-/// Every so many-th texel moves the centres.
+/// Stride of the texels used for the centres.
 const STRIDE: usize = 7;
 
 type Colour = [f32; 3];
 
 /// Class of each texel of three planes of linear values.
 pub fn classes(diffuse: [&[f32]; 3]) -> Vec<usize> {
-    // about as the eye tells them apart
+    // approximately perceptual
     let colours: Vec<Colour> =
         (0..diffuse[0].len()).map(|i| diffuse.map(|plane| plane[i].max(0.0).sqrt())).collect();
     let sample: Vec<Colour> = colours.iter().step_by(STRIDE).copied().collect();
@@ -31,7 +31,7 @@ pub fn classes(diffuse: [&[f32]; 3]) -> Vec<usize> {
     colours.iter().map(|colour| nearest(&centres, colour).0).collect()
 }
 
-/// Centres to begin with: each the colour farthest from those before.
+/// Initial centres: each is the colour farthest from the previous ones.
 fn scattered(sample: &[Colour]) -> Vec<Colour> {
     let mut centres = vec![sample[0]];
     while centres.len() < CLASSES {

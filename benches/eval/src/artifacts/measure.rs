@@ -1,5 +1,5 @@
-//! Two faults of maps that an eye sees before any error of a rendering tells: a sample that leans,
-//! and highlights printed into the gloss.
+//! Two visible faults of maps that rendering errors hardly reveal: tilt of the sample, and
+//! highlights baked into the gloss.
 
 use std::ops::AddAssign;
 
@@ -7,23 +7,22 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use svbrdf::Svbrdf;
 use svbrdf::export::resized;
-use svbrdf::svbrdf::channel;
 
 use super::colours::{CLASSES, classes};
 use super::regression::{Basis, explained};
 use crate::statistics::median;
 
-/// Texels a side, and blocks whose means are looked for highlights.
+/// Texels per side, and blocks per side whose means are tested for highlights.
 const SIDE: usize = 256;
 const BLOCKS: usize = 16;
-/// Parts a side whose normals are compared.
+/// Parts per side whose normals are compared.
 const PARTS: usize = 4;
-/// F0 is taken for this at least: no eye tells less from it, its logarithm does.
+/// Lower limit of F0, whose smaller values look alike but differ in their logarithm.
 const LEAST_F0: f64 = 0.01;
-/// Strength of a highlight is the cosine between half vector and +Z to this power: a standard deviation
-/// of 7 degrees.
+/// Strength of a highlight: the cosine between half vector and +Z to this power, a standard
+/// deviation of 7 degrees.
 const POWER: f64 = 64.0;
-/// A photograph whose highlight is weaker than this all over the sample has none there.
+/// A weaker highlight over the whole sample counts as none.
 const LEAST_HIGHLIGHT: f64 = 0.01;
 
 /// Camera and light of a photograph, mm.
@@ -38,12 +37,12 @@ pub struct Place {
 pub struct Artifacts {
     /// Angle between the mean normal and the true one, degrees.
     pub tilt: f64,
-    /// Largest of the same angles of 4 x 4 parts.
+    /// The largest such angle of 4 x 4 parts.
     pub tilt_of_parts: f64,
-    /// Standard deviation of what the photographs' highlights explain of the error of log F0 beyond
-    /// colour.
+    /// Standard deviation of the part of the error of log F0 that the photographs' highlights
+    /// explain beyond colour.
     pub baked_f0: f64,
-    /// The same of roughness.
+    /// The same for roughness.
     pub baked_roughness: f64,
 }
 
@@ -58,7 +57,7 @@ impl Artifacts {
     /// Names of [`Artifacts::numbers`].
     pub const NAMES: [&str; 4] = ["tilt", "tilt of parts", "baked log F0", "baked roughness"];
 
-    /// In the order of the fields.
+    /// Values in the order of the fields.
     pub fn numbers(&self) -> [f64; 4] {
         [self.tilt, self.tilt_of_parts, self.baked_f0, self.baked_roughness]
     }
@@ -67,7 +66,7 @@ impl Artifacts {
         [&mut self.tilt, &mut self.tilt_of_parts, &mut self.baked_f0, &mut self.baked_roughness]
     }
 
-    /// Mean of some; zeros of none.
+    /// Mean; zeros without values.
     pub fn mean(all: impl Iterator<Item = Self>) -> Self {
         let (mut mean, mut count) = (Self::default(), 0.0);
         for artifacts in all {
@@ -78,8 +77,8 @@ impl Artifacts {
         mean
     }
 
-    /// Those of maps found from photographs taken at some places, against the true maps. Without
-    /// these the sample counts as flat and each colour's gloss as even.
+    /// Artifacts of maps fitted to photographs from some positions, compared with the true maps.
+    /// Without true maps the sample counts as flat, and the gloss of each colour as even.
     pub fn of(
         maps: &Svbrdf,
         truth: Option<&Svbrdf>,
@@ -89,8 +88,7 @@ impl Artifacts {
         let maps = resized(maps, SIDE, SIDE);
         let truth = truth.map(|truth| resized(truth, SIDE, SIDE));
         let [tilt, tilt_of_parts] = [1, PARTS].map(|parts| tilt(&maps, truth.as_ref(), parts));
-        let diffuse =
-            [0, 1, 2].map(|c| truth.as_ref().unwrap_or(&maps).plane(channel::DIFFUSE + c));
+        let diffuse = [0, 1, 2].map(|c| truth.as_ref().unwrap_or(&maps).diffuse()[c]);
         let classes = classes(diffuse);
         let highlights = Highlights::new(&classes, sample_mm, places);
         let error = |value: fn(&Svbrdf, usize) -> f64| -> Vec<f64> {
@@ -112,15 +110,15 @@ impl Artifacts {
 }
 
 fn log_f0(maps: &Svbrdf, texel: usize) -> f64 {
-    let sum: f32 = (0..3).map(|c| maps.plane(channel::SPECULAR + c)[texel]).sum();
+    let sum: f32 = (0..3).map(|c| maps.specular()[c][texel]).sum();
     (f64::from(sum) / 3.0).max(LEAST_F0).ln()
 }
 
 fn roughness(maps: &Svbrdf, texel: usize) -> f64 {
-    maps.plane(channel::ROUGHNESS)[texel].into()
+    maps.roughness()[texel].into()
 }
 
-/// Largest angle between the mean normals of `parts * parts` pieces of the maps and of the truth, or +Z.
+/// Largest angle between the mean normals of `parts * parts` pieces of the maps and of the truth (or +Z).
 fn tilt(maps: &Svbrdf, truth: Option<&Svbrdf>, parts: usize) -> f64 {
     let size = SIDE / parts;
     let mean = |maps: &Svbrdf, part: usize| -> DVec3 {
@@ -155,7 +153,7 @@ fn reduced(texel: impl Fn(usize) -> f64) -> Vec<f64> {
     sums
 }
 
-/// Where highlights lay, beyond what colour explains of it.
+/// Strengths of the highlights, with the part explained by colour removed.
 struct Highlights {
     columns: Vec<Vec<f64>>,
 }
@@ -178,13 +176,13 @@ impl Highlights {
         Self { columns }
     }
 
-    /// Standard deviation of what highlights explain of a map of errors.
+    /// Standard deviation of the part of an error map that the highlights explain.
     fn baked(&self, error: &[f64]) -> f64 {
         explained(&self.columns, &reduced(|i| error[i])).sqrt()
     }
 }
 
-/// Strength of a photograph's highlight at the middle of every block.
+/// Strength of a photograph's highlight at the centre of every block.
 fn strength(sample_mm: [f32; 2], place: &Place) -> Vec<f64> {
     let [width, height] = sample_mm.map(f64::from);
     let part = |i: usize| (i as f64 + 0.5) / BLOCKS as f64 - 0.5;
@@ -212,7 +210,7 @@ mod tests {
         eyes.map(place).to_vec()
     }
 
-    /// Two colours with glosses of their own, texels of which stray by a tenth.
+    /// Two colours with different gloss, and texels that vary by a tenth.
     fn maps() -> Svbrdf {
         let mut maps = Svbrdf::new(SIDE, SIDE);
         let mut random = Random::new(5);
@@ -220,22 +218,22 @@ mod tests {
             let dark = (i % SIDE / 40 + i / SIDE / 40).is_multiple_of(2);
             let stray = 1.0 + 0.1 * random.bell() as f32;
             for c in 0..3 {
-                maps.plane_mut(channel::DIFFUSE + c)[i] = if dark { 0.1 } else { 0.4 };
-                maps.plane_mut(channel::SPECULAR + c)[i] = stray * if dark { 0.08 } else { 0.04 };
+                maps.diffuse_mut()[c][i] = if dark { 0.1 } else { 0.4 };
+                maps.specular_mut()[c][i] = stray * if dark { 0.08 } else { 0.04 };
             }
-            maps.plane_mut(channel::ROUGHNESS)[i] = stray * if dark { 0.3 } else { 0.5 };
+            maps.roughness_mut()[i] = stray * if dark { 0.3 } else { 0.5 };
         }
         maps
     }
 
-    /// Slopes of tan 5° lean by 5 degrees, those of one part only of that part.
+    /// Slopes of tan 5° tilt by 5 degrees; those of one part tilt only that part.
     #[test]
     fn leaning_maps_are_tilted() {
         let truth = maps();
         let tilted = |texels: fn(usize) -> bool| {
             let mut maps = truth.clone();
             let slope = 5f32.to_radians().tan();
-            let plane = maps.plane_mut(channel::SLOPE_X);
+            let [plane, _] = maps.normal_slopes_mut();
             (0..SIDE * SIDE).filter(|i| texels(*i)).for_each(|i| plane[i] += slope);
             [Some(&truth), None].map(|t| Artifacts::of(&maps, t, SAMPLE, &places()))
         };
@@ -248,8 +246,8 @@ mod tests {
         }
     }
 
-    /// Where a highlight raised F0 and lowered the roughness, both are found; gloss that goes with
-    /// colour, and texels that stray, are not.
+    /// A highlight that raised F0 and lowered roughness is detected in both; gloss that varies with
+    /// colour and random texels are not.
     #[test]
     fn highlights_in_the_gloss_are_baked() {
         let truth = maps();
@@ -265,9 +263,9 @@ mod tests {
                 let bump = 0.4 * (camera - point).normalize().z.powi(60);
                 square += (bump - 0.1f64).powi(2) / (SIDE * SIDE) as f64;
                 for c in 0..3 {
-                    maps.plane_mut(channel::SPECULAR + c)[i] *= bump.exp() as f32;
+                    maps.specular_mut()[c][i] *= bump.exp() as f32;
                 }
-                maps.plane_mut(channel::ROUGHNESS)[i] -= 0.3 * bump as f32;
+                maps.roughness_mut()[i] -= 0.3 * bump as f32;
             }
             let found = Artifacts::of(&maps, against, SAMPLE, &places());
             let about = square.sqrt();
@@ -276,7 +274,7 @@ mod tests {
         }
     }
 
-    /// Five highlights explain less than half of a smooth error of 0.2 that has nothing to do with them.
+    /// Five highlights explain less than half of an unrelated smooth error of 0.2.
     #[test]
     fn errors_elsewhere_are_not_baked() {
         let truth = maps();
@@ -290,7 +288,7 @@ mod tests {
             let wave = |w: &[f64; 3]| (6.3 * (w[0] * x + w[1] * y) + w[2]).sin();
             let error = waves.iter().map(wave).sum::<f64>() / 6f64.sqrt();
             for c in 0..3 {
-                maps.plane_mut(channel::SPECULAR + c)[i] *= (0.2 * error).exp() as f32;
+                maps.specular_mut()[c][i] *= (0.2 * error).exp() as f32;
             }
         }
         let found = Artifacts::of(&maps, Some(&truth), SAMPLE, &places());

@@ -1,4 +1,4 @@
-//! `svbrdf-eval artifacts`: what an eye sees in maps before a rendering tells.
+//! `svbrdf-eval artifacts`: visible faults of maps that rendering errors hardly reveal.
 
 mod colours;
 mod measure;
@@ -34,14 +34,14 @@ of 4 x 4 parts. baked: of the errors of log F0 and roughness, averaged over 16 x
 standard deviation of what the photographs' highlights explain beyond colour. Without true maps the \
 sample counts as flat and each colour's gloss as even.";
 
-/// The true maps of a capture, where it has them.
+/// The true maps of a capture, if present.
 pub fn truth(folder: &Path) -> Result<Option<Svbrdf>> {
     let truth = folder.join("truth");
     let has = |name: &str| truth.join(name).is_file();
     (has("maps.exr") || has("normal.png")).then(|| read_maps(&truth)).transpose()
 }
 
-/// Where the accepted photographs of a session, frames of the capture, were taken.
+/// Positions of the accepted photographs of a session, given by their frames.
 pub fn places(session: &Session, capture: &Capture, accepted: &[usize]) -> Vec<Place> {
     let poses = session.poses();
     if poses.is_empty() {
@@ -52,7 +52,7 @@ pub fn places(session: &Session, capture: &Capture, accepted: &[usize]) -> Vec<P
 }
 
 fn rectified(capture: &Capture, frame: usize) -> Option<Place> {
-    let view = capture.frames.get(frame)?.rectified?;
+    let view = capture.photos.get(frame)?.rectified?;
     let [camera, light] = [view.camera_mm, view.light_mm].map(|p| glam::Vec3::from(p).as_dvec3());
     Some(Place { camera, light })
 }
@@ -61,7 +61,7 @@ fn place(pose: &Pose, flash: DVec3) -> Place {
     Place { camera: pose.camera_centre(), light: pose.to_board(flash) }
 }
 
-/// Places that `report.json` beside maps has.
+/// Positions from the `report.json` beside maps.
 fn reported(maps: &Path, capture: &Capture) -> Result<Vec<Place>> {
     let path = maps.join("report.json");
     let fault = |field: &str, message: String| Error::Field {

@@ -1,6 +1,6 @@
-//! How much of a map other maps explain.
+//! Share of a map explained by other maps.
 
-/// What is left of a column, relative to itself, below which it is none of its own.
+/// Relative remainder below which a column adds nothing new.
 const LEAST: f64 = 1e-3;
 
 /// Orthonormal columns.
@@ -12,9 +12,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Basis {
-    /// What `self` leaves of a column.
+    /// The part of a column orthogonal to `self`.
     pub fn rest(&self, mut column: Vec<f64>) -> Vec<f64> {
-        // twice, as rounding leaves something the first time
+        // twice, because of rounding
         for _ in 0..2 {
             for known in &self.0 {
                 let share = dot(known, &column);
@@ -24,7 +24,7 @@ impl Basis {
         column
     }
 
-    /// Adds what is new in a column; that, normalised, if there is anything.
+    /// Adds the new part of a column; returns it normalised, if there is any.
     pub fn add(&mut self, column: Vec<f64>) -> Option<&[f64]> {
         let before = dot(&column, &column).sqrt();
         let rest = self.rest(column);
@@ -37,7 +37,7 @@ impl Basis {
     }
 }
 
-/// Mean square of what orthonormal columns explain of a map.
+/// Mean square of the part of a map that orthonormal columns explain.
 pub fn explained(columns: &[Vec<f64>], map: &[f64]) -> f64 {
     columns.iter().map(|column| dot(column, map).powi(2)).sum::<f64>() / map.len() as f64
 }
@@ -46,7 +46,7 @@ pub fn explained(columns: &[Vec<f64>], map: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A map that is half one column and half another is explained half by what is new in the second.
+    /// For a map made of two columns, each explains half by its new part.
     #[test]
     fn shares_are_those_of_the_columns() {
         let (a, b) = (vec![1.0, 1.0, 1.0, 1.0], vec![2.0, 0.0, 2.0, 0.0]);

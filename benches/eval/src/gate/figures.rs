@@ -1,4 +1,4 @@
-//! Figures of one build and their comparison with another's.
+//! Figures of a build and their comparison with another build's.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -12,12 +12,12 @@ use crate::statistics::mean;
 
 /// Value of `format`.
 const FORMAT: &str = "svbrdf-gate/1";
-/// A group's geometric mean may be so much larger than the baseline's.
+/// Largest ratio of a group's geometric mean to the baseline's.
 const ERROR_LIMIT: f64 = 1.01;
-/// The same for time and for artifacts, ...
+/// The same for time and for artifacts.
 const TIME_LIMIT: f64 = 1.05;
 const ARTIFACT_LIMIT: f64 = 1.05;
-/// ... whose means may always grow by so much: degrees, degrees, log F0, roughness.
+/// Growth of an artifact's mean that always passes: degrees, degrees, log F0, roughness.
 const ARTIFACT_GROWTH: [f64; 4] = [0.05, 0.1, 0.003, 0.001];
 
 /// Errors by group and case, times by group.
@@ -27,25 +27,25 @@ pub struct Figures {
     /// Threads of the fit.
     pub threads: usize,
     pub errors: BTreeMap<String, BTreeMap<String, f64>>,
-    /// By group and case, where maps are of one sample.
+    /// By group and case, where the maps show one sample.
     #[serde(default)]
     pub artifacts: BTreeMap<String, BTreeMap<String, Artifacts>>,
-    /// Processor time of a photograph, seconds.
+    /// Processor time per photograph, seconds.
     pub seconds: BTreeMap<String, f64>,
 }
 
-/// What a comparison found.
+/// Result of a comparison.
 pub struct Verdict {
     /// Markdown.
     pub table: String,
-    /// Errors and artifacts that grew too much, cases that are gone.
+    /// Errors and artifacts that grew too much, and missing cases.
     pub worse: Vec<String>,
     /// Times that grew too much.
     pub slower: Vec<String>,
 }
 
 impl Figures {
-    /// Without any.
+    /// No figures.
     pub fn new(threads: usize) -> Self {
         Self {
             format: FORMAT.to_owned(),
@@ -61,16 +61,16 @@ impl Figures {
         self.errors.entry(group.to_owned()).or_default().insert(case, error);
     }
 
-    /// Adds an error, and artifacts of the maps that have it.
+    /// Adds an error and the artifacts of the same maps.
     pub fn add_maps(&mut self, group: &str, case: String, error: f64, artifacts: Artifacts) {
         self.artifacts.entry(group.to_owned()).or_default().insert(case.clone(), artifacts);
         self.add(group, case, error);
     }
 
-    /// Reads what [`Figures::to_json`] wrote.
+    /// Reads the output of [`Figures::to_json`].
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Field`] where it is something else.
+    /// [`Error::Io`], [`Error::Field`] for other data.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
         let fault = |field: &str, message: String| Error::Field {
@@ -87,13 +87,13 @@ impl Figures {
         Ok(figures)
     }
 
-    /// As [`Figures::read`] reads it.
+    /// Format of [`Figures::read`].
     pub fn to_json(&self) -> String {
         let json = serde_json::to_string_pretty(self).expect("maps with text keys are JSON");
         format!("{json}\n")
     }
 
-    /// Compares with an earlier build's figures, where there are such, in the groups measured.
+    /// Compares the measured groups with the figures of an earlier build, if given.
     pub fn compare(&self, baseline: Option<&Self>, groups: &[String]) -> Verdict {
         let mut verdict = Verdict { table: String::new(), worse: Vec::new(), slower: Vec::new() };
         let table = &mut verdict.table;
@@ -132,7 +132,7 @@ impl Figures {
         verdict
     }
 
-    /// Means of artifacts of a group that grew.
+    /// Groups whose mean artifacts grew.
     fn more_artifacts(&self, baseline: &Self) -> Vec<String> {
         let mut more = Vec::new();
         for (group, cases) in &self.artifacts {
@@ -149,7 +149,7 @@ impl Figures {
         more
     }
 
-    /// Cases that the baseline has and this has not, or that are not numbers.
+    /// Cases of the baseline that are missing here or not finite.
     fn gone(&self, baseline: &Self, groups: &[String]) -> Vec<String> {
         let mut gone = Vec::new();
         for (group, cases) in baseline.errors.iter().filter(|(g, _)| asked(g, groups)) {
@@ -165,14 +165,14 @@ impl Figures {
     }
 }
 
-/// Whether a group, or one that it is a part of (`fresh` of `fresh, boards`), was asked for.
+/// Whether a group, or its main group (`fresh` of `fresh, boards`), is selected.
 fn asked(group: &str, groups: &[String]) -> bool {
     groups.iter().any(|asked| group.split(',').next() == Some(asked))
 }
 
 fn row(table: &mut String, group: &str, case: &str, now: f64, old: Option<f64>) {
     let old = old.map_or_else(|| " | ".to_owned(), |old| format!("{old:.4} | {:.3}", now / old));
-    // writing to a text does not fail
+    // writing to a string cannot fail
     let _ = writeln!(table, "| {group} | {case} | {now:.4} | {old} |");
 }
 
@@ -208,7 +208,7 @@ mod tests {
         assert!(message.contains("field `format`: found svbrdf-gate/7"), "{message}");
     }
 
-    /// The geometric mean weighs every case alike: +4 % and -4 % of errors ten times apart cancel.
+    /// The geometric mean weighs all cases equally: +4 % and -4 % of errors ten times apart cancel.
     #[test]
     fn a_group_is_worse_by_its_geometric_mean() {
         for (a, b, fails) in [(1.04, 0.965, false), (1.02, 1.009, true), (0.5, 1.9, false)] {
@@ -222,7 +222,7 @@ mod tests {
         }
     }
 
-    /// Lean and highlights fail where their mean grew by more than the limits, not below.
+    /// Tilt and highlights fail if their mean grew beyond the limits.
     #[test]
     fn more_artifacts_fail() {
         let with = |tilt: f64, baked_f0: f64| {
@@ -254,13 +254,13 @@ mod tests {
         assert!(verdict.worse.is_empty() && verdict.slower.len() == 1, "{:?}", verdict.slower);
     }
 
-    /// Photographs that are rejected now, or errors that are no numbers, do not pass.
+    /// Newly rejected photographs and NaN errors fail.
     #[test]
     fn lost_cases_fail() {
         let now = figures(&[("captures", "a", 0.01), ("captures", "b", f64::NAN)], 1.0);
         let verdict = now.compare(Some(&baseline()), &groups());
         assert_eq!(verdict.worse, ["captures, b: NaN", "real, c: not reached"]);
-        // but a group that was not asked for may be absent
+        // an unselected group may be absent
         let now = figures(&[("captures", "a", 0.01), ("captures", "b", 0.1)], 1.0);
         assert!(now.compare(Some(&baseline()), &groups()[..1]).worse.is_empty());
     }

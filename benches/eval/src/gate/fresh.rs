@@ -1,4 +1,4 @@
-//! Captures that nobody has tuned anything on: made for one run, from its seed.
+//! Untuned captures, generated for one run from its seed.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use sha2::{Digest, Sha256};
 use svbrdf::capture::FILE_NAME;
-use svbrdf::export::{read_maps, write_maps};
+use svbrdf::export::{MapsOptions, read_maps, write_maps};
 use svbrdf::random::Random;
 use svbrdf::{Error, Result, Svbrdf};
 
@@ -14,32 +14,31 @@ use super::made::{self, Kind};
 use crate::protocol::{SIDE, crop};
 use crate::streaming::name;
 
-/// Captures of a seed of a board, and as many rectified ones.
+/// Board captures per seed, and as many rectified ones.
 const CAPTURES: usize = 12;
-/// Of three materials, so many are generated.
+/// Generated materials in every three.
 const GENERATED: usize = 1;
-/// Photographs of each, and how many of them are predicted.
+/// Photographs of each, and the number predicted.
 const FRAMES: usize = 9;
 const HELD_OUT: usize = 2;
-/// Room light of boards, as a share of the flash, one of these.
+/// Room light of board captures as a share of the flash, drawn from these.
 const ROOMS: [f32; 3] = [0.0, 0.02, 0.05];
-/// Share of the materials of `training/` that no network has seen, by a hash of their names
+/// Share of the materials of `training/` held out from all networks, by a hash of their names
 /// (`training/data.py`).
 const HELD_OUT_PERCENT: u32 = 6;
 
-/// The seed of a run that names none: the day.
+/// Default seed: the day.
 pub fn seed_of_today() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() / 86_400)
 }
 
-/// Whether no network has seen a material of `training/`.
+/// Whether a material of `training/` was held out from all networks.
 fn is_held_out(name: &str) -> bool {
     let hash = Sha256::digest(name.as_bytes());
     hash.iter().fold(0, |rest, byte| (rest * 256 + u32::from(*byte)) % 100) < HELD_OUT_PERCENT
 }
 
-/// Materials that no network has seen: those of `materials/validation`, and of `materials/train` the held
-/// out.
+/// Materials held out from all networks: `materials/validation`, and the held-out part of `materials/train`.
 fn materials(data: &Path) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for (folder, seen) in [("validation", false), ("train", true)] {
@@ -60,9 +59,8 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// A material of a capture.
 enum Material {
-    /// A random piece of a texture.
+    /// A random crop of a texture.
     Texture(PathBuf),
     Generated(Kind),
 }
@@ -94,9 +92,9 @@ fn shuffle<T>(list: &mut [T], random: &mut Random) {
     }
 }
 
-/// Makes the captures of a seed in a folder, boards and rectified ones: each of another material, with
-/// faults as real photographs have them (`svbrdf simulate --real`), boards in rooms of different
-/// brightness. Captures already there stay.
+/// Generates the captures of a seed in a folder, boards and rectified ones, each of another
+/// material with realistic faults (`svbrdf simulate --real`) and, for boards, in rooms of different
+/// brightness. Existing captures are kept.
 pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 2]> {
     let mut random = Random::new(seed);
     let mut textures = materials(data)?;
@@ -121,7 +119,7 @@ pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 
         let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", material.name()));
         if !capture.join(FILE_NAME).is_file() {
             let piece = folder.join(format!("maps-{i:02}"));
-            write_maps(&piece, &material.maps(&mut random)?)?;
+            write_maps(&piece, &material.maps(&mut random)?, &MapsOptions::default())?;
             simulate(&piece, &capture, own, room)?;
         }
         captures[i / CAPTURES].push(capture);
@@ -129,8 +127,7 @@ pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 
     Ok(captures)
 }
 
-/// Runs `svbrdf simulate`, which lies beside this program, for a board with so much `room` light, or
-/// rectified.
+/// Runs `svbrdf simulate`, located beside this program, for a board with the given `room` light or rectified.
 fn simulate(maps: &Path, capture: &Path, seed: u64, room: Option<f32>) -> Result<()> {
     let own = std::env::current_exe().map_err(|e| Error::io("svbrdf-eval", e))?;
     let program = own.with_file_name(format!("svbrdf{}", std::env::consts::EXE_SUFFIX));
@@ -156,7 +153,7 @@ fn simulate(maps: &Path, capture: &Path, seed: u64, room: Option<f32>) -> Result
 mod tests {
     use super::*;
 
-    /// The names that `training/data.py` holds out of a few.
+    /// Names held out by `training/data.py`, and others.
     #[test]
     fn held_out_names_are_those_of_the_training() {
         let held_out = ["acg__metal021", "ez__ground03", "tjm__styrofoam004", "re-trak__tile2"];

@@ -1,5 +1,5 @@
-//! Generated materials of even gloss and little relief, as textures seldom are: plaster, polished
-//! stone, plastic, painted and bare metal.
+//! Generated materials of even gloss and little relief, which textures rarely have: plaster,
+//! polished stone, plastic, painted and bare metal.
 
 use svbrdf::Svbrdf;
 use svbrdf::random::Random;
@@ -14,20 +14,20 @@ pub enum Kind {
     Metal,
 }
 
-/// Lattice cells a side of the coarsest noise, octaves, and the size of one relative to the one before.
+/// Lattice cells per side of the coarsest noise, number of octaves, and ratio of their amplitudes.
 const CELLS: usize = 3;
 const OCTAVES: usize = 5;
 const GAIN: f64 = 0.6;
 
-/// What a kind's numbers are drawn between.
+/// Ranges of a kind's parameters.
 struct Ranges {
-    /// Number of colours, and how far diffuse albedos may be from gray, 0 to 1.
+    /// Number of colours, and deviation of diffuse albedos from gray, 0 to 1.
     colours: usize,
     saturation: f64,
     diffuse: [f64; 2],
     f0: [f64; 2],
     roughness: [f64; 2],
-    /// Root mean square of each slope.
+    /// RMS of each slope.
     slopes: [f64; 2],
 }
 
@@ -67,14 +67,14 @@ pub fn maps(kind: Kind, side: usize, random: &mut Random) -> Svbrdf {
         |random: &mut Random, [low, high]: [f64; 2]| low + (high - low) * random.uniform();
     let mut maps = Svbrdf::new(side, side);
     let veins = noise(side, random);
-    // within a colour, albedo wanders a little and gloss does not
+    // Within a colour, albedo varies slightly and gloss does not.
     let shade = noise(side, random);
     let colours: Vec<[f64; 7]> = (0..ranges.colours)
         .map(|_| {
             let (kd, f0) = (between(random, ranges.diffuse), between(random, ranges.f0));
             let mut tint = || 1.0 - ranges.saturation * random.uniform();
             let tints = [tint(), tint(), tint()];
-            // what a dielectric reflects at its surface is white
+            // Surface reflection of dielectrics is white.
             let metallic = f64::from(u8::from(kind == Kind::Metal));
             let gloss = tints.map(|t| f0 * (1.0 - metallic + metallic * t));
             let [r, g, b] = tints.map(|t| kd * t);
@@ -95,14 +95,14 @@ pub fn maps(kind: Kind, side: usize, random: &mut Random) -> Svbrdf {
     maps
 }
 
-/// Slopes of a height of noise, with a root mean square.
+/// Adds the slopes of a noise height with a given RMS.
 fn relief(maps: &mut Svbrdf, rms: f64, random: &mut Random) {
     let side = maps.width();
     let height = noise(side, random);
     let at = |x: usize, y: usize| height[y % side * side + x % side];
     let difference = |i: usize| {
         let (x, y) = (i % side, i / side);
-        // rows run downwards, slopes are those of the normal
+        // rows run downwards; slopes are those of the normal
         [at(x + side - 1, y) - at(x + 1, y), at(x, y + 1) - at(x, y + side - 1)]
     };
     let slopes: Vec<[f64; 2]> = (0..side * side).map(difference).collect();
@@ -145,13 +145,13 @@ fn noise(side: usize, random: &mut Random) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Gloss takes one value for each colour, the sample lies flat, all is in its range.
+    /// Each colour has one gloss, the sample is flat, and all values are in range.
     #[test]
     fn gloss_is_even_and_samples_are_flat() {
         for (seed, kind) in Kind::ALL.into_iter().enumerate() {
             let maps = maps(kind, 128, &mut Random::new(seed as u64));
             let ranges = kind.ranges();
-            let mut gloss = maps.plane(channel::ROUGHNESS).to_vec();
+            let mut gloss = maps.roughness().to_vec();
             gloss.sort_by(f32::total_cmp);
             gloss.dedup();
             assert_eq!(gloss.len(), ranges.colours, "{kind:?}");
@@ -162,7 +162,7 @@ mod tests {
                 assert!(mean.abs() < 1e-4, "{kind:?}: {mean}");
                 assert!(f64::from(square.sqrt()) <= 1.3 * ranges.slopes[1], "{kind:?}: {square}");
             }
-            let white = maps.plane(channel::DIFFUSE).iter().copied().fold(0.0, f32::max);
+            let white = maps.diffuse()[0].iter().copied().fold(0.0, f32::max);
             assert!(white <= 1.0, "{kind:?}");
         }
     }

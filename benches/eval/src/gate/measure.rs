@@ -1,4 +1,4 @@
-//! What the gate measures.
+//! Measurements of the gate.
 
 use std::path::{Path, PathBuf};
 
@@ -14,19 +14,19 @@ use crate::protocol::{self, Conditions, photographs};
 use crate::streaming::{Setup, Variant, capture_folders, name};
 use crate::{captures, heldout};
 
-/// Photographs of captures after which errors count.
+/// Numbers of photographs of captures at which errors count.
 const CAPTURE_PHOTOS: [usize; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
-/// The same of synthetic photographs of known materials.
+/// The same for synthetic photographs of known materials.
 const MATERIAL_PHOTOS: [usize; 3] = [1, 2, 5];
-/// The same of captures that predict others.
+/// The same for captures that predict photographs.
 const FITTED: [usize; 7] = [1, 2, 3, 4, 5, 6, 7];
 /// Orders of real photographs.
 const ORDERS: usize = 4;
 
-/// Captures that are made for a run.
+/// Captures generated for a run.
 pub struct Fresh<'a> {
     pub seeds: &'a [u64],
-    /// Where they stay; `None`: nowhere.
+    /// Folder to keep them in; `None`: temporary.
     pub keep: Option<&'a Path>,
 }
 
@@ -88,8 +88,8 @@ fn materials(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result<()> 
             });
             total += taken;
             let maps = maps?;
-            if MATERIAL_PHOTOS.contains(&estimator.frames()) {
-                let case = format!("{} N={}", crop.name, estimator.frames());
+            if MATERIAL_PHOTOS.contains(&estimator.photos()) {
+                let case = format!("{} N={}", crop.name, estimator.photos());
                 figures.add("photos", case, compare(&maps, &crop.truth)?.render);
             }
         }
@@ -98,7 +98,7 @@ fn materials(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result<()> 
     Ok(())
 }
 
-/// Captures made for this run.
+/// Captures generated for this run.
 fn made(
     data: &Path,
     seed: u64,

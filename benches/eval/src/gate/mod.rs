@@ -1,5 +1,4 @@
-//! Whether a change makes the estimate worse or slower: one set of figures, compared with those of
-//! an earlier build.
+//! Compares the figures of this build with those of an earlier build, to detect losses of accuracy or speed.
 
 mod figures;
 mod fresh;
@@ -16,7 +15,7 @@ use self::figures::Figures;
 use crate::clock::timed;
 use crate::streaming::Setup;
 
-/// Names the folder of test data where no option does.
+/// Environment variable with the default folder of the test data.
 const DATA_VARIABLE: &str = "SVBRDF_TEST_DATA";
 
 /// Arguments of `svbrdf-eval gate`.
@@ -62,7 +61,7 @@ of the estimator counts by fresh with three seeds, and by real and faults. Artif
 fit.\n\nExit status 1 where the geometric mean of a group is worse than the baseline's by more than \
 1 %, the mean of an artifact or the time by more than 5 %, or a case of the baseline is missing.";
 
-/// Runs the command; whether nothing is worse than the baseline allows.
+/// Runs the command; returns whether nothing exceeds the baseline's limits.
 pub fn run(arguments: &Arguments, setup: &Setup) -> Result<bool> {
     let data = match &arguments.data {
         Some(data) => data.clone(),

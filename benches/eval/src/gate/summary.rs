@@ -1,4 +1,4 @@
-//! Figures of each group by number of photographs.
+//! Figures per group by number of photographs.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -7,19 +7,19 @@ use super::figures::Figures;
 use crate::artifacts::Artifacts;
 use crate::statistics::{geometric_mean, median};
 
-/// What maps of a flat sample should have at most of each.
+/// Largest acceptable artifacts of a flat sample.
 const LIMITS: [f64; 4] = [1.0, 3.0, 0.06, 0.02];
 
-/// Number of photographs of a case, which ends with ` N=3` or ` N=1 → others`, and the part before.
+/// Prefix of a case and its number of photographs; cases end with ` N=3` or ` N=1 → others`.
 fn photographs(case: &str) -> Option<(&str, usize)> {
     let (name, number) = case.rsplit_once(" N=")?;
     let digits = number.split(' ').next()?;
     Some((name, digits.parse().ok()?))
 }
 
-/// A table: geometric means of the errors, and of their ratios to the baseline's; median rise from the
-/// number of photographs before; means of the artifacts, the baseline's in parentheses; cases in
-/// which one of them is beyond its limit.
+/// A table: geometric means of errors and of their ratios to the baseline; median rise from the
+/// previous number of photographs; means of the artifacts with the baseline's in parentheses; cases
+/// beyond an artifact's limit.
 pub fn table(figures: &Figures, baseline: Option<&Figures>) -> String {
     let heads = Artifacts::NAMES.join(" | ");
     let mut table = format!(
@@ -45,7 +45,7 @@ pub fn table(figures: &Figures, baseline: Option<&Figures>) -> String {
                 let (_, _, fewer) = fewer?.iter().find(|(other, _, _)| other == name)?;
                 Some(error / fewer - 1.0)
             }));
-            // writing to a text does not fail
+            // writing to a string cannot fail
             let _ = writeln!(
                 table,
                 "| {group} | {n} | {} | {} | {} | {} | {} | {} |",
@@ -114,8 +114,8 @@ mod tests {
         figures
     }
 
-    /// Errors of three cases, each a tenth below the baseline's; the median of rises of 25, -20 and 5 %;
-    /// one of three leans by more than a degree.
+    /// Errors of three cases, each a tenth below the baseline's; the median of rises of 25, -20 and
+    /// 5 %; one of three tilts by more than a degree.
     #[test]
     fn rows_are_those_of_numbers_of_photographs() {
         let table = table(&figures(0.9), Some(&figures(1.0)));

@@ -9,8 +9,8 @@ use svbrdf::{Error, Rejection, Result};
 use super::score::{HeldOut, SIDE};
 use crate::streaming::push;
 
-/// Photographs `held_out` from the top, and their radiometry by the board's squares. The session
-/// is paused, so that it places them without fitting them; it has accepted frames `fitted`.
+/// Rectified photographs `held_out` with their radiometry from the board's squares. The session is
+/// paused, so it calibrates them without fitting; it has accepted the photos `fitted`.
 pub fn photographs(
     session: &Session,
     capture: &Capture,
@@ -22,8 +22,8 @@ pub fn photographs(
     };
     session.pause();
     for &index in held_out {
-        let frame = &capture.frames[index];
-        if let Some(reason) = push(session, frame)? {
+        let file = &capture.photos[index];
+        if let Some(reason) = push(session, file)? {
             return Err(unusable(capture, index, reason));
         }
     }
@@ -31,24 +31,24 @@ pub fn photographs(
     let flash = FlashOffset::Known(session.flash_offset_mm());
     let height_mm = session.elevation().map_or(0.0, |e| e.mm as f32);
     let mut calibrator = PhotometricCalibrator::new(target.clone(), flash);
-    let frames: Vec<usize> = fitted.iter().chain(held_out).copied().collect();
+    let all: Vec<usize> = fitted.iter().chain(held_out).copied().collect();
     let poses = session.poses();
-    for (&index, known) in frames.iter().zip(&poses) {
-        let photo = capture.frames[index].read()?;
+    for (&index, known) in all.iter().zip(&poses) {
+        let photo = capture.photos[index].read()?;
         calibrator
             .push(&photo, &camera, &known.pose)
             .map_err(|reason| unusable(capture, index, reason))?;
     }
     let mut photographs = Vec::new();
-    for (i, &index) in frames.iter().enumerate().skip(fitted.len()) {
-        let photo = capture.frames[index].read()?;
+    for (i, &index) in all.iter().enumerate().skip(fitted.len()) {
+        let photo = capture.photos[index].read()?;
         let Some(radiometry) = calibrator.radiometry(i) else { continue };
         let pose = &poses[i].pose;
         let sample_mm = capture.sample_mm;
         let top = TopView { sample_mm, height_mm, width: SIDE, height: SIDE, edge_px: 0.0 };
         let observation = rectify_raised(&photo, &camera, pose, &radiometry, top)
             .map_err(|reason| unusable(capture, index, reason))?;
-        // values as in the file, but for what lens and flash take from the borders
+        // values as in the file, corrected for lens and flash fall-off
         let exposure = (3.0 / radiometry.gain.iter().sum::<f64>()) as f32;
         let n = observation.texels();
         photographs.push(HeldOut {
@@ -65,5 +65,5 @@ pub fn photographs(
 }
 
 fn unusable(capture: &Capture, index: usize, reason: Rejection) -> Error {
-    Error::Image { path: capture.frames[index].path.clone(), message: reason.to_string() }
+    Error::Image { path: capture.photos[index].path.clone(), message: reason.to_string() }
 }

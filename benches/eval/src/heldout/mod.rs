@@ -1,5 +1,4 @@
-//! Errors of predicted photographs: some are fitted, others are rendered from the maps and compared
-//! with what was taken.
+//! Prediction errors: some photographs are fitted, others are rendered from the maps and compared.
 
 mod board;
 mod npy;
@@ -13,12 +12,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ArgAction;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::export::{resized, write_atomic};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::from_rectified;
 use svbrdf::render::render;
-use svbrdf::session::{Exposure, RectifiedFalloff, Scene, Session};
+use svbrdf::session::{LightCorrection, RectifiedFalloff, Scene, Session};
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::orders::{Part, Plan, plans};
@@ -37,7 +36,7 @@ pub struct Arguments {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     protocol: Protocol,
-    /// What finds the maps
+    /// Estimator of the maps
     #[arg(long, default_value = "deep", value_parser = ["deep", "classic"])]
     method: String,
     /// Leave out the per-texel refinement
@@ -62,7 +61,7 @@ once, and the first alone predicts the others. Captures of a board are fitted in
 file; those with truth/heldout predict its frames, others their last two. Artifacts are as \
 `svbrdf-eval artifacts` has them.";
 
-/// What is fitted and how predictions are compared.
+/// The photographs to fit, and the comparison of predictions.
 #[derive(Clone, clap::Args)]
 pub struct Protocol {
     /// Numbers of photographs to fit
@@ -99,7 +98,7 @@ pub fn run(arguments: &Arguments, setup: &Setup) -> Result<()> {
     Ok(())
 }
 
-/// Folders for what is to be looked at.
+/// Output folders for inspection.
 #[derive(Clone, Copy, Default)]
 pub struct Kept<'a> {
     /// Predicted photographs.
@@ -136,10 +135,10 @@ pub fn evaluate(
             let artifacts =
                 Artifacts::of(&stage.maps, truth.as_ref(), capture.sample_mm, &stage.places);
             for (&frame, photograph) in plan.held_out.iter().zip(photographs) {
-                // an ideal photograph has its true light, others what all photographs share
+                // An ideal photograph has its true light, others the common correction.
                 let view = match &ideal {
                     Some(_) => photograph.view,
-                    None => stage.exposure.predict(&photograph.view),
+                    None => stage.correction.predict(&photograph.view),
                 };
                 let radiance = rendered(&stage.maps, &view, photograph.side);
                 let record = Record {
@@ -148,7 +147,7 @@ pub fn evaluate(
                     part: plan.part,
                     fitted: stage.fitted,
                     order,
-                    photograph: name(&capture.frames[frame].path),
+                    photograph: name(&capture.photos[frame].path),
                     score: photograph.score(&radiance, protocol.gain),
                     artifacts,
                 };
@@ -162,14 +161,14 @@ pub fn evaluate(
     Ok(records)
 }
 
-/// What is fitted and predicted of a capture, some of whose frames may be known without faults.
+/// The sessions of a capture, whose frames may have known ideal versions.
 fn courses(
     folder: &Path,
     capture: &Capture,
     ideal: Option<&[(usize, HeldOut)]>,
     protocol: &Protocol,
 ) -> Result<Vec<Plan>> {
-    let count = capture.frames.len();
+    let count = capture.photos.len();
     let plans = match (ideal, &capture.scene) {
         (Some(ideal), _) => {
             let held_out: Vec<usize> = ideal.iter().map(|(i, _)| *i).collect();
@@ -193,7 +192,7 @@ fn rendered(maps: &Svbrdf, view: &View, side: usize) -> Vec<f32> {
     radiance
 }
 
-/// A session that has seen the photographs to fit, and its maps on the way.
+/// A session after the photographs to fit, with its maps on the way.
 struct Course {
     session: Session,
     /// Indices of accepted frames.
@@ -201,13 +200,13 @@ struct Course {
     stages: Vec<Stage>,
 }
 
-/// What a session knew on the way.
+/// State of a session on the way.
 struct Stage {
-    /// Number of photographs sent.
+    /// Number of photographs pushed.
     fitted: usize,
     maps: Arc<Svbrdf>,
-    exposure: Exposure,
-    /// Of the photographs accepted.
+    correction: LightCorrection,
+    /// Of the accepted photographs.
     places: Vec<Place>,
 }
 
@@ -223,9 +222,9 @@ impl Course {
         let mut course = Self { session, accepted: Vec::new(), stages: Vec::new() };
         let most = counts.iter().copied().max().unwrap_or(0);
         for (i, &index) in plan.fitted.iter().enumerate().take(most) {
-            let frame = &capture.frames[index];
-            match push(&course.session, frame)? {
-                Some(reason) => eprintln!("{}: {reason}", frame.path.display()),
+            let file = &capture.photos[index];
+            match push(&course.session, file)? {
+                Some(reason) => eprintln!("{}: {reason}", file.path.display()),
                 None => {
                     course.session.wait()?;
                     course.accepted.push(index);
@@ -236,7 +235,7 @@ impl Course {
                 course.stages.push(Stage {
                     fitted: i + 1,
                     maps: session.snapshot()?,
-                    exposure: session.exposure(),
+                    correction: session.light_correction(),
                     places: artifacts::places(session, capture, &course.accepted),
                 });
             }
@@ -249,16 +248,16 @@ impl Course {
         self.stages.iter().map(|stage| (stage.fitted, &*stage.maps)).collect()
     }
 
-    /// The photographs to predict as they were taken.
+    /// The photographs to predict, with their true views.
     fn photographs(&self, capture: &Capture, plan: &Plan) -> Result<Vec<HeldOut>> {
         let Scene::Rectified { falloff } = capture.scene else {
             return board::photographs(&self.session, capture, &self.accepted, &plan.held_out);
         };
         let falloff = match falloff {
             RectifiedFalloff::Given(falloff) => falloff,
-            // the session's own choice: the first photograph's distance
+            // As the session chooses it: the distance of the first photograph.
             RectifiedFalloff::InverseSquareAuto => {
-                let first = capture.frames[plan.fitted[0]].rectified;
+                let first = capture.photos[plan.fitted[0]].rectified;
                 let camera_mm = first.map_or([0.0; 3], |view| view.camera_mm);
                 let square: f32 = camera_mm.iter().map(|v| v * v).sum();
                 Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * square; 3] }
@@ -266,16 +265,16 @@ impl Course {
         };
         plan.held_out
             .iter()
-            .map(|&index| rectified(&capture.frames[index], capture.sample_mm, falloff))
+            .map(|&index| rectified(&capture.photos[index], capture.sample_mm, falloff))
             .collect()
     }
 }
 
-/// A rectified photograph as its file has it.
-fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
-    let place = frame
+/// A rectified photograph from its file.
+fn rectified(file: &PhotoFile, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
+    let place = file
         .rectified
-        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", frame.path.display())))?;
+        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", file.path.display())))?;
     let view = View {
         sample_mm,
         camera_mm: place.camera_mm,
@@ -284,11 +283,11 @@ fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<Hel
         ambient: [0.0; 3],
         mirrored: 1.0,
     };
-    let observation = from_rectified(&frame.read()?, view, SIDE, SIDE)
-        .map_err(|e| Error::Image { path: frame.path.clone(), message: e.to_string() })?;
+    let observation = from_rectified(&file.read()?, view, SIDE, SIDE)
+        .map_err(|e| Error::Image { path: file.path.clone(), message: e.to_string() })?;
     let n = observation.texels();
-    // negative radiances mark saturated values
+    // Negative radiances mark saturated values.
     let observed =
-        (0..3 * n).map(|i| frame.exposure * observation.radiance(i / n, i % n).abs()).collect();
-    Ok(HeldOut { view, exposure: frame.exposure, observed, side: SIDE, seen: None })
+        (0..3 * n).map(|i| file.exposure * observation.radiance(i / n, i % n).abs()).collect();
+    Ok(HeldOut { view, exposure: file.exposure, observed, side: SIDE, seen: None })
 }

@@ -1,4 +1,4 @@
-//! Arrays of single-precision numbers in NumPy's file format, versions 1 to 3.
+//! NumPy arrays of 32-bit floats, file format versions 1 to 3.
 
 use std::path::Path;
 
@@ -14,10 +14,10 @@ pub struct Array {
     pub values: Vec<f32>,
 }
 
-/// Reads an array of little-endian floats of 32 bits in row-major order.
+/// Reads an array of little-endian 32-bit floats in row-major order.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Field`] naming the part of the header that is wrong.
+/// [`Error::Io`]; [`Error::Field`] with the faulty part of the header.
 pub fn read(path: &Path) -> Result<Array> {
     let size = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
     if size > MAX_BYTES {
@@ -59,7 +59,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Array> {
     Ok(Array { shape, values })
 }
 
-/// Value of a key of the header, a Python dictionary of a text, a truth value and a tuple.
+/// Value of a key in the header, a Python dictionary of a string, a boolean and a tuple.
 fn entry<'a>(header: &'a str, key: &str) -> Option<&'a str> {
     let quoted = format!("'{key}':");
     let value = header[header.find(&quoted)? + quoted.len()..].trim_start();
@@ -86,7 +86,7 @@ fn fault(path: &Path, field: &str, found: &str, expected: &str) -> Error {
 mod tests {
     use super::*;
 
-    /// As the format's description has it: magic, version, length, dictionary, padding, newline.
+    /// A file by the format's specification: magic, version, length, dictionary, padding, newline.
     fn file(version: u8, header: &str, values: &[f32]) -> Vec<u8> {
         let mut bytes = b"\x93NUMPY".to_vec();
         bytes.extend([version, 0]);

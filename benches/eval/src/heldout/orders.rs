@@ -1,6 +1,6 @@
-//! Which photographs are fitted, in which order, and which are predicted.
+//! Choice and order of the photographs to fit and to predict.
 
-/// Orders of nine photographs; those of `docs/results.md` and of earlier measurements.
+/// Orders of nine photographs, used in `docs/results.md` and in earlier measurements.
 const NINE: [[usize; 9]; 4] = [
     [0, 1, 2, 3, 4, 5, 6, 7, 8],
     [0, 3, 8, 4, 7, 1, 2, 5, 6],
@@ -8,13 +8,13 @@ const NINE: [[usize; 9]; 4] = [
     [5, 4, 3, 0, 6, 8, 7, 1, 2],
 ];
 
-/// Photographs held out at the end of an order of more than three.
+/// Photographs held out at the end of an order of four or more.
 const HELD_OUT: usize = 2;
 
-/// One course of photographs through a session.
+/// Sequence of photographs for a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Row of the table that this is a part of.
+    /// Its row of the table.
     pub part: Part,
     /// Photographs to fit, in this order.
     pub fitted: Vec<usize>,
@@ -22,11 +22,10 @@ pub struct Plan {
     pub held_out: Vec<usize>,
 }
 
-/// Plans whose errors are comparable: their held-out photographs do not depend on the number of
-/// fitted ones.
+/// Plans with comparable errors: their held-out photographs do not depend on the number of fitted ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// The first photograph alone predicts all others, as captures of two or three allow.
+    /// The first photograph alone predicts all others, for captures of two or three.
     FirstAlone,
     /// Every number of photographs predicts the same ones.
     Orders,
@@ -34,9 +33,9 @@ pub enum Part {
 
 /// Plans for a capture of `count` photographs, at most `orders` orders.
 ///
-/// From four photographs on the last two of an order are held out; nine have published orders, other
-/// numbers rotate. Of three the first predicts the two others, and every rotation holds one
-/// out. Of two the first predicts the second. A single photograph leaves nothing to predict.
+/// With four or more, the last two of an order are held out; nine have published orders, other
+/// numbers rotate. With three, the first predicts the other two, and every rotation holds one out.
+/// With two, the first predicts the second. A single photograph leaves none to predict.
 pub fn plans(count: usize, orders: usize) -> Vec<Plan> {
     let first = |held_out| Plan { part: Part::FirstAlone, fitted: vec![0], held_out };
     let split = |order: Vec<usize>, held_out: usize| {
@@ -63,7 +62,7 @@ pub fn plans(count: usize, orders: usize) -> Vec<Plan> {
 mod tests {
     use super::*;
 
-    /// No photograph is fitted and predicted at once, none is missing, orders differ.
+    /// No photograph is both fitted and predicted, none is missing, and orders differ.
     #[test]
     fn orders_use_every_photograph_once() {
         for count in 3..20 {

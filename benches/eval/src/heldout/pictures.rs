@@ -1,12 +1,11 @@
-//! Photograph, prediction and difference side by side; maps of several numbers of photographs.
+//! Pictures of photograph, prediction and difference, and of maps by number of photographs.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::{ImageFormat, Rgb, RgbImage};
 use svbrdf::export::{self, resized, write_atomic};
-use svbrdf::frame::Encoding;
-use svbrdf::svbrdf::channel;
+use svbrdf::photo::Encoding;
 use svbrdf::{Error, Result, Svbrdf};
 
 use super::score::{HeldOut, SIDE};
@@ -15,7 +14,7 @@ use super::table::Record;
 /// Black columns between the pictures.
 const GAP: usize = 4;
 
-/// Writes `CAPTURE-METHOD-nN-orderK-PHOTOGRAPH.png` into `out`, which is made if missing.
+/// Writes `CAPTURE-METHOD-nN-orderK-PHOTOGRAPH.png` into `out`; creates a missing folder.
 pub fn write(
     out: &Path,
     record: &Record,
@@ -38,8 +37,8 @@ pub fn write(
     save(&image, &path)
 }
 
-/// Writes maps by number of photographs into `CAPTURE-nN`, and all of them, with the true ones last,
-/// into the picture `CAPTURE.png`.
+/// Writes maps by number of photographs into `CAPTURE-nN`, and an overview with the true maps last
+/// into `CAPTURE.png`.
 pub fn write_maps(
     out: &Path,
     capture: &str,
@@ -47,7 +46,11 @@ pub fn write_maps(
     truth: Option<&Svbrdf>,
 ) -> Result<()> {
     for (fitted, maps) in maps {
-        export::write_maps(out.join(format!("{capture}-n{fitted}")), maps)?;
+        export::write_maps(
+            out.join(format!("{capture}-n{fitted}")),
+            maps,
+            &export::MapsOptions::default(),
+        )?;
     }
     let rows: Vec<&Svbrdf> = maps.iter().map(|(_, maps)| *maps).chain(truth).collect();
     save(&sheet(&rows), &out.join(format!("{capture}.png")))
@@ -61,7 +64,7 @@ fn save(image: &RgbImage, path: &Path) -> Result<()> {
     write_atomic(path, bytes.get_ref())
 }
 
-/// A row for each maps: normal, diffuse, F0, roughness.
+/// One row per set of maps: normal, diffuse, F0, roughness.
 fn sheet(rows: &[&Svbrdf]) -> RgbImage {
     let step = SIDE + GAP;
     let (width, height) = (4 * step - GAP, (rows.len() * step).saturating_sub(GAP));
@@ -70,12 +73,12 @@ fn sheet(rows: &[&Svbrdf]) -> RgbImage {
         let maps = resized(maps, SIDE, SIDE);
         for i in 0..SIDE * SIDE {
             let (x, y) = (i % SIDE, i / SIDE);
-            let shown = |c: usize| Encoding::Srgb.encode(maps.plane(c)[i].into()) as f32;
+            let shown = |plane: &[f32]| Encoding::Srgb.encode(plane[i].into()) as f32;
             let panels = [
                 maps.normal(x, y).map(|v| 0.5 * (v + 1.0)),
-                [0, 1, 2].map(|c| shown(channel::DIFFUSE + c)),
-                [0, 1, 2].map(|c| shown(channel::SPECULAR + c)),
-                [maps.plane(channel::ROUGHNESS)[i]; 3],
+                maps.diffuse().map(shown),
+                maps.specular().map(shown),
+                [maps.roughness()[i]; 3],
             ];
             for (panel, values) in panels.into_iter().enumerate() {
                 let at = [(panel * step + x) as u32, (row * step + y) as u32];
@@ -90,7 +93,7 @@ fn byte(v: f32) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Values in [0, 1] in three planes each; a difference of 0 is gray, one of 0.5 white or black.
+/// Three planes each with values in [0, 1]. A difference of 0 is gray, one of ±0.5 white or black.
 fn side_by_side(photograph: &[f32], predicted: &[f32], side: usize) -> RgbImage {
     let n = side * side;
     let width = 3 * side + 2 * GAP;
@@ -115,7 +118,7 @@ mod tests {
     #[test]
     fn a_sheet_shows_four_maps_in_a_row() {
         let mut tilted = Svbrdf::new(8, 8);
-        tilted.plane_mut(channel::SLOPE_X).fill(1.0);
+        tilted.normal_slopes_mut()[0].fill(1.0);
         let image = sheet(&[&Svbrdf::new(8, 8), &tilted]);
         let (side, gap) = (SIDE as u32, GAP as u32);
         assert_eq!(image.dimensions(), (4 * side + 3 * gap, 2 * side + gap));

@@ -1,27 +1,27 @@
-//! How far a predicted photograph is from the one taken.
+//! Difference between a predicted photograph and the real one.
 
 use glam::Vec3;
 use svbrdf::observation::View;
 
-/// Texels a side of what is compared.
+/// Texels per side of the comparison.
 pub const SIDE: usize = 256;
-/// Exponent that pictures are compared with.
+/// Gamma of the comparison.
 const GAMMA: f32 = 2.2;
-/// Gamma-encoded values from here on do not tell the brightness.
+/// Largest gamma-encoded value used for the brightness factor.
 const BRIGHT: f32 = 0.95;
 /// Angle between half vector and +Z below which a texel lies in the highlight, degrees.
 pub const HIGHLIGHT_DEGREES: f32 = 9.0;
 
-/// A photograph that was not fitted, from the top: three planes of linear values, 1 = white.
+/// A photograph outside the fit, seen from above: three planes of linear values, 1 = white.
 pub struct HeldOut {
     /// Camera and light to render with.
     pub view: View,
     /// Value of a radiance of 1 in the units of `view`.
     pub exposure: f32,
     pub observed: Vec<f32>,
-    /// Texels a side.
+    /// Texels per side.
     pub side: usize,
-    /// Texels that the photograph shows; `None`: all.
+    /// Visible texels; `None`: all.
     pub seen: Option<Vec<bool>>,
 }
 
@@ -29,17 +29,17 @@ pub struct HeldOut {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Squares {
     pub sum: f64,
-    /// Values: three a texel.
+    /// Number of values: three per texel.
     pub count: usize,
 }
 
 impl Squares {
-    /// Root of their mean; 0 of none.
+    /// RMS; 0 without values.
     pub fn rms(self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.sum / self.count as f64).sqrt() }
     }
 
-    /// Both together.
+    /// Sum of both.
     pub fn plus(self, other: Self) -> Self {
         Self { sum: self.sum + other.sum, count: self.count + other.count }
     }
@@ -50,14 +50,14 @@ impl Squares {
 pub struct Score {
     /// Brightness factor applied to the gamma-encoded prediction.
     pub factor: f32,
-    /// In the highlight, within [`HIGHLIGHT_DEGREES`] of the mirror direction.
+    /// Within [`HIGHLIGHT_DEGREES`] of the mirror direction.
     pub highlight: Squares,
-    /// In the rest of the picture.
+    /// Rest of the picture.
     pub elsewhere: Squares,
 }
 
 impl Score {
-    /// Over the whole picture.
+    /// RMS over the whole picture.
     pub fn rms(&self) -> f64 {
         self.highlight.plus(self.elsewhere).rms()
     }
@@ -77,8 +77,8 @@ impl HeldOut {
         self.observed.iter().map(|&v| encoded(v).min(1.0)).collect()
     }
 
-    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, clipped as a
-    /// photograph, then times the factor that brings it closest to this one if `gain`; that factor.
+    /// Gamma-encoded prediction in [0, 1] from `radiance` rendered with `view`, clipped like a photograph
+    /// and, with `gain`, multiplied by the best-fitting factor; also returns that factor.
     pub fn prediction(&self, radiance: &[f32], gain: bool) -> (Vec<f32>, f32) {
         let picture = self.picture();
         let mut predicted: Vec<f32> =
@@ -88,7 +88,7 @@ impl HeldOut {
         (predicted, factor)
     }
 
-    /// Least squares over the texels that are not bright in any channel.
+    /// Least squares over texels without a bright channel.
     fn factor(&self, predicted: &[f32], picture: &[f32]) -> f32 {
         let n = self.side * self.side;
         let (mut product, mut square) = (0.0, 0.0);
@@ -156,7 +156,7 @@ mod tests {
         (0..values).map(|i| 0.02 + 0.6 * i as f32 / values as f32).collect()
     }
 
-    /// The photograph itself at another brightness is found to be it, and the factor is the root.
+    /// The photograph at another brightness has no error, and the factor is the root of the ratio.
     #[test]
     fn a_factor_makes_up_for_brightness() {
         let held_out = held_out(ramp(16), 16);
@@ -167,7 +167,7 @@ mod tests {
         assert!(held_out.score(&radiance, false).rms() > 0.05);
     }
 
-    /// A constant difference of encoded values is the error, whole and in parts.
+    /// A constant difference of encoded values is the error, in the whole and in the parts.
     #[test]
     fn error_is_the_root_mean_square_of_encoded_values() {
         let held_out = held_out(vec![0.5f32.powf(2.2); 3 * 256], 16);
@@ -177,8 +177,8 @@ mod tests {
         }
     }
 
-    /// With camera and light in one place above the centre, 9 degrees are a circle of
-    /// 200 mm * tan 9°, pi * 31.68² mm² of 100² mm²; 64 texels a side leave about 1 % of them.
+    /// With camera and light at one position above the centre, 9 degrees are a circle of radius 200 mm * tan
+    /// 9° and area pi * 31.68² mm² in 100² mm²; 64 texels per side resolve it to about 1 %.
     #[test]
     fn highlight_is_a_circle_below_a_light_at_the_camera() {
         let held_out = held_out(ramp(64), 64);

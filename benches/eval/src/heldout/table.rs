@@ -22,7 +22,7 @@ pub struct Record {
     /// Name of the predicted photograph.
     pub photograph: String,
     pub score: Score,
-    /// Of the maps that predicted it.
+    /// Of the maps used for the prediction.
     pub artifacts: Artifacts,
 }
 
@@ -54,7 +54,7 @@ fn rows(records: &[Record]) -> Vec<Row<'_>> {
     rows.into_iter().collect()
 }
 
-/// Mean error and artifacts by row of the table of one capture: `N=1 → others`, `N=2`.
+/// Mean error and artifacts per row of a capture's table: `N=1 → others`, `N=2`.
 pub fn means(records: &[Record]) -> Vec<(String, f64, Artifacts)> {
     let row = |((part, fitted), records): Row<'_>| {
         let error = mean(records.iter().map(|r| r.score.rms()));

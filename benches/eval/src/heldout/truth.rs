@@ -1,4 +1,4 @@
-//! Radiance of held-out photographs that a capture's `truth/` has.
+//! Radiance of held-out photographs from a capture's `truth/`.
 
 use std::path::{Path, PathBuf};
 
@@ -10,12 +10,12 @@ use svbrdf::{Error, Result};
 use super::npy;
 use super::score::HeldOut;
 
-/// Held-out photographs of `truth/truth.json`: index of the frame and what it shows. `None` where
-/// the file is missing or names none.
+/// Held-out photographs of `truth/truth.json`, with the indices of their frames. `None` if the file
+/// is missing or names none.
 ///
 /// The file gives `light_power` (mm²: `L = BRDF NoL light_power / d²`) and for each frame
-/// `exposure` (value of a radiance of 1), `camera_mm`, `light_mm` and, where it is held out,
-/// `heldout.file`: linear radiance from the top, `[side, side, 3]`, relative to the capture.
+/// `exposure` (value of a radiance of 1), `camera_mm`, `light_mm` and, if held out, `heldout.file`:
+/// linear radiance seen from above, `[side, side, 3]`, relative to the capture.
 pub fn held_out(folder: &Path, capture: &Capture) -> Result<Option<Vec<(usize, HeldOut)>>> {
     let path = folder.join("truth/truth.json");
     if !path.is_file() {

@@ -244,17 +244,17 @@ static void session_pose(JNIEnv *env, jclass class, jobject owner, jlong handle,
 static void session_remove(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index)
 {
     (void)class, (void)owner;
-    throw_status(env, svbrdf_session_remove_frame(HANDLE(svbrdf_session, handle), (uint32_t)index));
+    throw_status(env, svbrdf_session_remove_photo(HANDLE(svbrdf_session, handle), (uint32_t)index));
 }
 
-static void session_frame_fit(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
+static void session_photo_fit(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
                               jdoubleArray out)
 {
-    svbrdf_frame_fit fit;
+    svbrdf_photo_fit fit;
     jdouble v[3];
     (void)class, (void)owner;
-    svbrdf_frame_fit_init(&fit, sizeof fit);
-    if (!throw_status(env, svbrdf_session_frame_fit(HANDLE(svbrdf_session, handle),
+    svbrdf_photo_fit_init(&fit, sizeof fit);
+    if (!throw_status(env, svbrdf_session_photo_fit(HANDLE(svbrdf_session, handle),
                                                     (uint32_t)index, &fit))) {
         v[0] = (jdouble)fit.residual;
         v[1] = (jdouble)fit.weight;
@@ -297,11 +297,11 @@ static jlong session_snapshot_reduced(JNIEnv *env, jclass class, jobject owner, 
     return reduced;
 }
 
-static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)
+static jlong session_snapshot_with_uncertainty(JNIEnv *env, jclass class, jobject owner, jlong handle)
 {
     svbrdf_maps *maps = NULL;
     const svbrdf_status status =
-        svbrdf_session_snapshot_confidence(HANDLE(svbrdf_session, handle), &maps);
+        svbrdf_session_snapshot_with_uncertainty(HANDLE(svbrdf_session, handle), &maps);
     (void)class, (void)owner;
     return taken(env, status, maps);
 }
@@ -350,11 +350,11 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionCamera", "(" OWNER "J[D)V", session_camera),
     METHOD("sessionPaper", "(" OWNER "J[D)V", session_paper),
     METHOD("sessionPose", "(" OWNER "JI[D)V", session_pose),
-    METHOD("sessionRemove", "(" OWNER "JI)V", session_remove),
-    METHOD("sessionFrameFit", "(" OWNER "JI[D)V", session_frame_fit),
+    METHOD("sessionRemovePhoto", "(" OWNER "JI)V", session_remove),
+    METHOD("sessionPhotoFit", "(" OWNER "JI[D)V", session_photo_fit),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionSnapshotReduced", "(" OWNER "JI)J", session_snapshot_reduced),
-    METHOD("sessionSnapshotConfidence", "(" OWNER "J)J", session_snapshot_confidence),
+    METHOD("sessionSnapshotWithUncertainty", "(" OWNER "J)J", session_snapshot_with_uncertainty),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),
     METHOD("sessionCancel", "(" OWNER "J)V", session_cancel),

@@ -1,0 +1,277 @@
+//! What is known of how far maps may be off, and what deviations it comes to.
+
+use std::ops::Range;
+
+use super::calibration::{CALIBRATION, TERMS};
+use crate::estimate::coordinates::is_albedo;
+use crate::estimate::{Estimation, Method, Noise, Spread, spread};
+use crate::observation::Observation;
+use crate::parallel;
+use crate::render;
+use crate::svbrdf::{CHANNELS, channel};
+use crate::uncertainty::Uncertainty;
+use crate::{Error, Result, Svbrdf};
+
+/// Coordinates of each map.
+const MAPS: [Range<usize>; 4] = [
+    channel::SLOPE_X..channel::DIFFUSE,
+    channel::DIFFUSE..channel::SPECULAR,
+    channel::SPECULAR..channel::ROUGHNESS,
+    channel::ROUGHNESS..CHANNELS,
+];
+
+/// Texels round each over which a change is averaged, each way.
+const RADIUS: usize = 2;
+/// Least values that a logarithm is taken of: of a deviation, a residual, a value, a specular albedo,
+/// a roughness, a change.
+const MIN_DEVIATION: f32 = 1e-5;
+const MIN_RESIDUAL: f32 = 1e-3;
+const MIN_VALUE: f32 = 1e-3;
+const MIN_ROUGHNESS: f32 = 0.02;
+const MIN_CHANGE: f32 = 1e-4;
+/// Least and largest deviation that is stated of a slope, of an albedo or of roughness.
+const LEAST: f32 = 1e-4;
+const MOST: [f32; 4] = [1.0, 0.5, 0.5, 0.5];
+
+/// Evidence on the errors of an estimate's maps: what the calibration of stated deviations is made of.
+///
+/// The terms of a map at a texel:
+///
+/// | | term |
+/// |---|---|
+/// | 0 | 1 |
+/// | 1 | logarithm of the posterior's deviation, noise as the residuals show it; of the joint solve, which lets no texel follow, with its error of the model |
+/// | 2 | 1 for one photograph, otherwise 0 |
+/// | 3 | logarithm of the number of photographs N |
+/// | 4 | logarithm of the texel's mean residual, times 1 - 1/N: one photograph is always explained |
+/// | 5 | the same of the sample's mean residual |
+/// | 6 | logarithm of the texel's value: tilt, albedo, roughness |
+/// | 7 | logarithm of the sample's specular albedo |
+/// | 8 | logarithm of the sample's roughness |
+/// | 9 | logarithm of the map's own variation over the sample |
+/// | 10 | logarithm of how far the map has gone from that of the latent code, round the texel |
+/// | 11 | logarithm of N/2 with the joint solve, otherwise 0 |
+/// | 12 | logarithm of the noise that squares show, in units of that of exact photographs |
+pub struct Evidence {
+    maps: Svbrdf,
+    photographs: usize,
+    /// Whether the maps are those of the joint solve.
+    joint: bool,
+    /// Noise expected of the photographs, in units of that of exact ones.
+    noise: f32,
+    /// Of each map.
+    planes: [Planes; MAPS.len()],
+    /// Whether no photograph shows a texel.
+    hidden: Vec<bool>,
+    /// Mean absolute log residual of each texel, and of the sample.
+    residual: Vec<f32>,
+    mean_residual: f32,
+    specular: f32,
+    roughness: f32,
+}
+
+struct Planes {
+    /// Deviation of the posterior.
+    posterior: Vec<f32>,
+    /// Root mean square change from the latent code's map, round each texel.
+    change: Vec<f32>,
+    /// Standard deviation over the sample.
+    variation: f32,
+}
+
+impl Estimation {
+    /// What is known of how far the maps of the moment may be off.
+    ///
+    /// # Errors
+    /// Without photographs.
+    pub fn evidence(&self) -> Result<Evidence> {
+        let maps = self.maps()?;
+        let photographs = self.photographs.full();
+        if photographs.is_empty() {
+            return Err(Error::NoMaps);
+        }
+        let spread = spread(&maps, &self.options.prior, self.residual_noise(&maps), photographs);
+        let mut posteriors = MAPS.map(|range| posterior(&maps, &spread, range));
+        let (residual, mean_residual) = residuals(&spread);
+        let hidden = spread.weight().iter().map(|weight| *weight <= 0.0).collect();
+        // As large as two sets of maps: not beside those that are made next.
+        drop(spread);
+        let base = self.latent_maps();
+        let planes = std::array::from_fn(|map| {
+            let range = &MAPS[map];
+            Planes {
+                posterior: std::mem::take(&mut posteriors[map]),
+                change: base.as_ref().map_or_else(
+                    || vec![0.0; maps.texels()],
+                    |base| smoothed_root(&squares(&maps, base, range.clone()), maps.width()),
+                ),
+                variation: variation(&maps, range.clone()),
+            }
+        });
+        Ok(Evidence {
+            photographs: photographs.len(),
+            joint: self.is_joint(),
+            noise: self.options.noise.expected / self.least_noise.expected,
+            planes,
+            hidden,
+            residual,
+            mean_residual,
+            specular: root_mean_square(&maps, channel::SPECULAR..channel::ROUGHNESS),
+            roughness: root_mean_square(&maps, channel::ROUGHNESS..CHANNELS),
+            maps,
+        })
+    }
+
+    /// Whether the maps are those of the joint solve, or soon will be.
+    fn is_joint(&self) -> bool {
+        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
+    }
+
+    /// The noise that the residuals show.
+    fn residual_noise(&self, maps: &Svbrdf) -> Noise {
+        if self.is_joint() {
+            return Noise::of_model(self.options.joint.few.noise as f32);
+        }
+        let photographs = self.photographs.full();
+        let weight: f64 = photographs.iter().map(Observation::total_weight).sum();
+        let loss = render::loss(maps, photographs);
+        Noise::found(&self.options.noise, loss, weight / maps.texels() as f64)
+    }
+}
+
+impl Evidence {
+    /// The maps it is about.
+    pub fn maps(&self) -> &Svbrdf {
+        &self.maps
+    }
+
+    /// The same, without the evidence.
+    pub fn into_maps(self) -> Svbrdf {
+        self.maps
+    }
+
+    /// The terms of a map (0 normal, 1 diffuse, 2 specular, 3 roughness) at a texel.
+    ///
+    /// # Panics
+    /// When there is no such map or texel.
+    pub fn terms(&self, map: usize, texel: usize) -> [f32; TERMS] {
+        let planes = &self.planes[map];
+        let ln = |value: f32, least: f32| value.max(least).ln();
+        let flag = |is: bool| f32::from(u8::from(is));
+        let many = 1.0 - 1.0 / self.photographs as f32;
+        [
+            1.0,
+            ln(planes.posterior[texel], MIN_DEVIATION),
+            flag(self.photographs == 1),
+            (self.photographs as f32).ln(),
+            many * ln(self.residual[texel], MIN_RESIDUAL),
+            many * ln(self.mean_residual, MIN_RESIDUAL),
+            ln(self.value(map, texel), MIN_VALUE),
+            ln(self.specular, MIN_VALUE),
+            ln(self.roughness, MIN_ROUGHNESS),
+            ln(planes.variation, MIN_VALUE),
+            ln(planes.change[texel], MIN_CHANGE),
+            flag(self.joint) * (0.5 * self.photographs as f32).ln(),
+            ln(self.noise, 1.0),
+        ]
+    }
+
+    /// Tangent of the tilt, mean albedo, or roughness.
+    fn value(&self, map: usize, texel: usize) -> f32 {
+        let range = MAPS[map].clone();
+        let at = |c: usize| self.maps.plane(c)[texel];
+        match map {
+            0 => range.map(|c| at(c).powi(2)).sum::<f32>().sqrt(),
+            _ => range.clone().map(at).sum::<f32>() / range.len() as f32,
+        }
+    }
+
+    /// The deviations that it comes to.
+    ///
+    /// # Errors
+    /// Never, unless the calibration is no numbers.
+    pub fn uncertainty(&self) -> Result<Uncertainty> {
+        let texels = self.maps.texels();
+        let planes = CALIBRATION.iter().enumerate().flat_map(|(map, coefficients)| {
+            parallel::values(texels, |t| {
+                let terms = self.terms(map, t);
+                let sum: f32 = terms.iter().zip(coefficients).map(|(t, c)| t * c).sum();
+                let found = sum.exp();
+                // Of what was never seen the calibration knows nothing: the prior's width is added.
+                let prior = if self.hidden[t] { self.planes[map].posterior[t] } else { 0.0 };
+                found.hypot(prior).clamp(LEAST, MOST[map])
+            })
+        });
+        Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())
+    }
+}
+
+/// Mean residual of each texel, and of all; texels that no photograph shows have that of all.
+fn residuals(spread: &Spread) -> (Vec<f32>, f32) {
+    let pairs = || spread.loss().iter().zip(spread.weight());
+    let seen = pairs().filter(|(_, weight)| **weight > 0.0);
+    let (sum, count) = seen
+        .fold((0.0, 0), |(sum, count), (loss, weight)| (sum + f64::from(loss / weight), count + 1));
+    let mean = (sum / f64::from(count.max(1))) as f32;
+    let of = |(loss, weight): (&f32, &f32)| if *weight > 0.0 { loss / weight } else { mean };
+    (pairs().map(of).collect(), mean)
+}
+
+/// Deviation of the natural parameters of a map, root mean square of its channels.
+fn posterior(maps: &Svbrdf, spread: &Spread, range: Range<usize>) -> Vec<f32> {
+    parallel::values(maps.texels(), |t| {
+        let variance = |c: usize| {
+            let v = spread.variance(c)[t];
+            match is_albedo(c) {
+                // of the square of a normal variable
+                true => (4.0 * maps.plane(c)[t] + 2.0 * v) * v,
+                false => v,
+            }
+        };
+        (range.clone().map(variance).sum::<f32>() / range.len() as f32).sqrt()
+    })
+}
+
+/// Mean squared difference of a map's channels.
+fn squares(maps: &Svbrdf, base: &Svbrdf, range: Range<usize>) -> Vec<f32> {
+    parallel::values(maps.texels(), |t| {
+        let square = |c: usize| (maps.plane(c)[t] - base.plane(c)[t]).powi(2);
+        range.clone().map(square).sum::<f32>() / range.len() as f32
+    })
+}
+
+/// Standard deviation over the sample, root mean square of the channels.
+fn variation(maps: &Svbrdf, range: Range<usize>) -> f32 {
+    let n = maps.texels() as f64;
+    let variance = |c: usize| {
+        let mean = maps.plane(c).iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+        maps.plane(c).iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n
+    };
+    let channels = range.len() as f64;
+    (range.map(variance).sum::<f64>() / channels).sqrt() as f32
+}
+
+/// Root over the sample of the squared mean of some channels.
+fn root_mean_square(maps: &Svbrdf, range: Range<usize>) -> f32 {
+    let mean = |t: usize| {
+        range.clone().map(|c| f64::from(maps.plane(c)[t])).sum::<f64>() / range.len() as f64
+    };
+    let n = maps.texels();
+    ((0..n).map(|t| mean(t).powi(2)).sum::<f64>() / n as f64).sqrt() as f32
+}
+
+/// Roots of means over squares round each texel, cut off at the borders.
+fn smoothed_root(plane: &[f32], width: usize) -> Vec<f32> {
+    let height = plane.len() / width;
+    let range = |i: usize, n: usize| i.saturating_sub(RADIUS)..(i + RADIUS + 1).min(n);
+    let rows = parallel::values(plane.len(), |t| {
+        let (first, columns) = (t - t % width, range(t % width, width));
+        let count = columns.len() as f32;
+        columns.map(|x| plane[first + x]).sum::<f32>() / count
+    });
+    parallel::values(plane.len(), |t| {
+        let (x, lines) = (t % width, range(t / width, height));
+        let count = lines.len() as f32;
+        (lines.map(|y| rows[y * width + x]).sum::<f32>() / count).sqrt()
+    })
+}
