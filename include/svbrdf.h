@@ -1544,7 +1544,8 @@ svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, 
  * preview.png. No file is ever half-written under its name.
  *
  * With options: material.glb, material.usdz, a folder for every other format, and material.json,
- * height.png and height.exr. All files are written or none.
+ * height.png and height.exr. All files are written or none. Lobes that a format does not have are
+ * named in the log of svbrdf_set_log_callback().
  */
 svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps,
                                  const struct svbrdf_export_options *options,
@@ -1618,6 +1619,25 @@ svbrdf_status svbrdf_photo_fit_init(struct svbrdf_photo_fit *fit, size_t size);
 svbrdf_status svbrdf_session_photo_fit(const struct svbrdf_session *session,
                                        uint32_t index,
                                        struct svbrdf_photo_fit *fit);
+
+/**
+ * Called with a hint about an accepted photo: the photo's number among the accepted ones, from 0, the
+ * hint's name for programs, such as "two_groups", and its sentence for people (UTF-8). Both texts are valid
+ * during the call.
+ */
+typedef void (*svbrdf_hint_callback)(void *user_data,
+                                     uint32_t index,
+                                     const char *code,
+                                     const char *text);
+
+/**
+ * Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
+ * it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
+ * longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
+ */
+svbrdf_status svbrdf_session_hints(const struct svbrdf_session *session,
+                                   svbrdf_hint_callback callback,
+                                   void *user_data);
 
 /**
  * Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos

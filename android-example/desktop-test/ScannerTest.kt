@@ -238,6 +238,8 @@ fun hints() {
         val again = scanner.addPhoto(photo(0)) as Outcome.Accepted
         verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { "$again" }
         verify(again.advice.startsWith("photo 1 has") && again.overWhite == null) { "$again" }
+        val told = scanner.hints().single { it.code == "nothing_new" }
+        verify(told.index == 1 && told.text.startsWith("photo 1 has nearly")) { "$told" }
     }
     MaterialScanner(options.copy(elevationMm = 2.5)).use { scanner ->
         scanner.pause()

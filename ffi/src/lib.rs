@@ -16,6 +16,7 @@ pub mod export;
 mod gate;
 pub mod guide;
 mod handles;
+pub mod hints;
 pub mod image;
 pub mod info;
 mod live;

@@ -28,6 +28,16 @@ struct Outcome {
     explicit operator bool() const noexcept { return accepted; }
 };
 
+/// Something to tell about an accepted photo.
+struct PhotoHint {
+    /// Number of the photo among the accepted ones, from 0.
+    std::uint32_t index;
+    /// Stable name for programs, such as "two_groups".
+    std::string code;
+    /// A sentence: what was seen, with its figure, and what to do.
+    std::string text;
+};
+
 /// Where the board lies in a photo.
 struct Pose {
     /// From the board to the camera, row by row.

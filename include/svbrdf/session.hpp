@@ -142,6 +142,17 @@ public:
         check(svbrdf_session_photo_fit(get(), index, &fit));
         return fit;
     }
+    /// What there is to tell about each accepted photo with all that is known now; meaningful once the fit has settled.
+    std::vector<PhotoHint> hints() const {
+        std::vector<PhotoHint> all;
+        check(svbrdf_session_hints(
+            get(),
+            [](void* to, std::uint32_t index, const char* code, const char* text) {
+                static_cast<std::vector<PhotoHint>*>(to)->push_back({index, code, text});
+            },
+            &all));
+        return all;
+    }
     /// Limits the work on each photo.
     void set_budget(const svbrdf_budget& budget) {
         check(svbrdf_session_set_budget(get(), &budget));

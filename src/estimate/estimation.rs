@@ -7,6 +7,7 @@ use super::belief::Belief;
 use super::budget::Meter;
 use super::correction::{Correction, LightCorrection};
 use super::finer::interpolated;
+use super::joint;
 use super::latent::LatentFit;
 use super::options::{EstimateOptions, NoiseOptions};
 use super::phases::{Context, Phase, PhaseReport, Schedule};
@@ -151,6 +152,17 @@ impl Estimation {
     /// Fraction of the work on the photographs so far that is done.
     pub fn fraction(&self) -> f32 {
         if self.is_done() { 1.0 } else { self.fraction }
+    }
+
+    /// Whether the maps are those of the joint solve, or soon will be.
+    pub(crate) fn is_joint(&self) -> bool {
+        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
+    }
+
+    /// The class of colour of each texel, by which the joint solve pools gloss: 0 is that of most texels. Empty where
+    /// there is no joint solve: of one photograph, and without refinement.
+    pub fn classes(&self) -> Vec<u8> {
+        if self.is_joint() { joint::classes(&self.photographs, &self.options) } else { Vec::new() }
     }
 
     /// Mean log-L1 over all photographs.

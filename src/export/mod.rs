@@ -5,6 +5,7 @@
 
 mod blender;
 mod bundle;
+mod classes;
 mod convert;
 mod cut;
 mod engines;
@@ -31,6 +32,7 @@ mod tile_picture;
 mod transpose;
 mod usdz;
 
+pub use classes::{CLASS_FILE, encode_classes};
 pub use files::{
     check_writable, replace_files, write_atomic, write_exr_image, write_files, write_png16_image,
 };

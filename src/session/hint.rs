@@ -184,8 +184,8 @@ pub enum Hint {
     },
     /// Highlights are saturated in all photographs that see them.
     #[error(
-        "the highlights are saturated ({:.0} % of the sample has no photo that shows its peak): add a photo two or \
-         three stops darker",
+        "the highlights are saturated ({:.0} % of the sample has no photo that shows its peak): specular albedo and \
+         roughness are not to be trusted there; add a photo two or three stops darker",
         share * 100.0
     )]
     Saturated {

@@ -6,6 +6,7 @@
 
 mod advice;
 mod capture;
+mod deviations;
 mod diagnosis;
 mod fit;
 mod hint;

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::capture::{Board, Photograph};
+use super::capture::{Board, Capture, Photograph};
+use super::fit::Fit;
 use super::reports::{BoardPose, MapsWithUncertainty, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
-use super::{Hint, Session, diagnosis, memory};
+use super::{Hint, Session, deviations, diagnosis, memory};
 use crate::assessment::{Evidence, PhotoFit};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
@@ -121,17 +122,25 @@ impl Session {
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
-        // The photographs of the fit and of the record must be the same ones.
-        let _intake = lock(&self.intake);
-        let capture = self.capture();
-        let (photographs, fits) = self.fit.ask(|fit| {
+        let (capture, (photographs, maps, fits)) = self.with_fit(|fit| {
             // Without photographs there are no residuals.
             let fits = fit.estimation.residuals().unwrap_or_default();
-            Ok((fit.observations(), fits))
+            let maps = fit.shared.lock().maps.clone();
+            Ok((fit.observations(), maps, fits))
         })?;
-        let maps = self.snapshot().ok();
         let hints = || diagnosis::of_capture(&capture, &photographs, maps.as_deref(), &fits);
         Ok(self.pool.install(hints))
+    }
+
+    /// The record, and an answer of the fit about the same photographs. Waits for a photograph that is being added, and
+    /// for a step of the fit.
+    fn with_fit<T: Send + 'static>(
+        &self,
+        question: impl FnOnce(&mut Fit) -> Result<T> + Send + 'static,
+    ) -> Result<(Arc<Capture>, T)> {
+        let _intake = lock(&self.intake);
+        let capture = self.capture();
+        Ok((capture, self.fit.ask(question)?))
     }
 
     /// The current maps with the standard deviation of each at every texel. Computed by the call;
@@ -139,15 +148,29 @@ impl Session {
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
-    /// are those of one that leaves such residuals.
+    /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
+    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
+    /// of the albedos cover what it changes.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
     pub fn snapshot_with_uncertainty(&self) -> Result<MapsWithUncertainty> {
-        let evidence = self.evidence()?;
-        let uncertainty = self.pool.install(|| evidence.uncertainty())?;
+        let (capture, (photographs, evidence)) =
+            self.with_fit(|fit| Ok((fit.observations(), fit.estimation.evidence()?)))?;
+        let uncertainty = || deviations::of_maps(&evidence, &capture, &photographs);
+        let uncertainty = self.pool.install(uncertainty)?;
         Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
+    }
+
+    /// The class of colour of each texel of the maps, rows as in them: classes share their gloss. 0 is the class of
+    /// most texels. Empty where the fit has none: of one photograph, and without refinement. Waits for a step of
+    /// the fit.
+    ///
+    /// # Errors
+    /// When the session has failed or was cancelled.
+    pub fn classes(&self) -> Result<Vec<u8>> {
+        self.fit.ask(|fit| Ok(fit.estimation.classes()))
     }
 
     /// The inputs of those deviations, for evaluation.

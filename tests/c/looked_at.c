@@ -156,6 +156,16 @@ static void trusted(svbrdf_session *session)
     OK(svbrdf_maps_destroy(maps));
 }
 
+/* Counts hints of the second photo that it is like the first. */
+static void on_hint(void *user, uint32_t index, const char *code, const char *text)
+{
+    CHECK(index < 2 && code[0] != '\0' && text[0] != '\0');
+    if (strcmp(code, "nothing_new") == 0) {
+        CHECK(index == 1 && strstr(text, "photo 1 has nearly the same view") != NULL);
+        ++*(int *)user;
+    }
+}
+
 static void taken_back(const picture *first, const picture *second)
 {
     svbrdf_session *session = board_session();
@@ -165,6 +175,7 @@ static void taken_back(const picture *first, const picture *second)
     svbrdf_uncertainty uncertainty;
     svbrdf_image image;
     double before[3], after[3];
+    int told = 0;
 
     EXPECT(svbrdf_session_remove_photo(session, 0), SVBRDF_INVALID_ARGUMENT);
     rgb8(&image, first);
@@ -178,6 +189,7 @@ static void taken_back(const picture *first, const picture *second)
     OK(svbrdf_session_photo_fit(session, 1, &fit));
     CHECK(fit.weight > 0.3f && fit.weight <= 1.0f && fit.residual > 0.0f && fit.outlier == 0);
     EXPECT(svbrdf_session_photo_fit(session, 2, &fit), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_hints(session, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_session_photo_fit(session, 0, NULL), SVBRDF_INVALID_ARGUMENT);
 
     OK(svbrdf_session_remove_photo(session, 0));
@@ -194,8 +206,13 @@ static void taken_back(const picture *first, const picture *second)
     OK(svbrdf_session_remove_photo(session, 0));
     EXPECT(svbrdf_session_snapshot_maps(session, &maps), SVBRDF_NO_MAPS);
     EXPECT(svbrdf_session_snapshot_with_uncertainty(session, &maps), SVBRDF_NO_MAPS);
+    /* The same photo twice. */
     OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
+    OK(svbrdf_session_hints(session, on_hint, &told));
+    CHECK(told == 1);
     OK(svbrdf_session_destroy(session));
+    EXPECT(svbrdf_session_hints(session, on_hint, &told), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_session_remove_photo(session, 0), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_session_photo_fit(session, 0, &fit), SVBRDF_INVALID_HANDLE);
 }

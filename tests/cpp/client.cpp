@@ -2,6 +2,7 @@
 #include "check.hpp"
 #include "svbrdf.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -147,6 +148,11 @@ void board(const std::string& folder) {
     CHECK(thrown([&] { session.photo_fit(2); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.remove_photo(2); }) == StatusCode::invalid_argument);
     CHECK(session.add_photo(first->view()) && session.progress().photos == 3);
+    const auto hints = session.hints();
+    const auto same = [](const svbrdf::PhotoHint& hint) {
+        return hint.index == 2 && hint.code == "nothing_new" && !hint.text.empty();
+    };
+    CHECK(std::count_if(hints.begin(), hints.end(), same) == 1);
     CHECK(session.progress().fraction == 0.0f);
     session.remove_photo(2);
     CHECK(session.progress().photos == 2);

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::capture;
 use svbrdf::export::{
-    ExportOptions, LOBE_FILES, MapsOptions, encode_maps, encode_preview, export, replace_files,
+    CLASS_FILE, ExportOptions, LOBE_FILES, MapsOptions, encode_classes, encode_maps,
+    encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
 use svbrdf::uncertainty::{MapDeviations, Uncertainty};
@@ -45,6 +46,11 @@ impl Output<'_> {
         let uncertainty = known.map(|known| known.uncertainty);
         let options = MapsOptions { sample_mm: Some(sample_mm), uncertainty: uncertainty.as_ref() };
         let mut files = encode_maps(&maps, &options)?;
+        let classes = session.classes().unwrap_or_default();
+        if !classes.is_empty() {
+            let image = encode_classes(maps.width(), maps.height(), &classes)?;
+            files.push((CLASS_FILE.into(), image));
+        }
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
@@ -78,7 +84,7 @@ impl Output<'_> {
         files.push(document.seal(&files)?);
         // Files of an earlier fit would lie beside the maps of this one.
         let [anisotropy, coat] = LOBE_FILES;
-        replace_files(out, &files, &[anisotropy, coat, PAGE])?;
+        replace_files(out, &files, &[anisotropy, coat, CLASS_FILE, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())

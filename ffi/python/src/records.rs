@@ -27,7 +27,8 @@ impl Hint {
     }
 }
 
-fn hints(hints: &[session::Hint], py: Python<'_>) -> PyResult<Vec<Py<Hint>>> {
+/// The same for Python.
+pub fn hints(hints: &[session::Hint], py: Python<'_>) -> PyResult<Vec<Py<Hint>>> {
     let of = |hint: &session::Hint| Hint { code: hint.code(), message: hint.to_string() };
     hints.iter().map(|hint| Py::new(py, of(hint))).collect()
 }

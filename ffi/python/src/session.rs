@@ -19,7 +19,7 @@ use crate::capture::Capture;
 use crate::errors::{argument, choice, detached, to_python};
 use crate::maps::{Maps, lengths};
 use crate::photo::Photo;
-use crate::records::{Accepted, NextView, Probe, Progress, Rejected};
+use crate::records::{self, Accepted, Hint, NextView, Probe, Progress, Rejected};
 use crate::watch;
 
 /// The networks, which all sessions share.
@@ -247,6 +247,13 @@ impl Session {
     /// Takes an accepted photograph back; later ones move up.
     fn remove_photo(&self, py: Python<'_>, index: usize) -> PyResult<()> {
         detached(py, || self.native().remove_photo(index))
+    }
+
+    /// What there is to tell about each accepted photograph with all that is known now: a list for each. Hints given when a
+    /// photograph came may hold no longer, and others may. Ask once the fit has settled.
+    fn hints(&self, py: Python<'_>) -> PyResult<Vec<Vec<Py<Hint>>>> {
+        let all = detached(py, || self.native().hints())?;
+        all.iter().map(|hints| records::hints(hints, py)).collect()
     }
 
     /// The maps as they are now.

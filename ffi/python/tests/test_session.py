@@ -65,6 +65,9 @@ def test_what_is_known_is_told(described: svbrdf.Capture, photos: Rows) -> None:
         again = session.add_photo(photos[0])
         assert isinstance(again, svbrdf.Accepted)
         assert [hint.code for hint in again.hints] == ["nothing_new"]
+        first, second = session.hints()
+        assert "nothing_new" not in [hint.code for hint in first]
+        assert [h.message for h in second if h.code == "nothing_new"] == [again.hints[0].message]
         rejected = session.add_photo(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
         assert isinstance(rejected, svbrdf.Rejected) and not rejected
         assert rejected.code == "wrong_size" and "60x40" in rejected.message

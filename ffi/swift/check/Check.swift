@@ -171,6 +171,9 @@ func results(_ scanner: MaterialScanner, _ out: URL) async throws {
     try verify(abs(mean - Double(uncertainty.roughness)) < 1e-4, "\(mean) \(uncertainty)")
     let fit = try await scanner.photoFit(of: 0)
     try verify(fit.residual > 0 && !fit.outlier, "\(fit)")
+    for hint in try await scanner.hints() {
+        try verify(hint.index >= 0 && !hint.code.isEmpty && !hint.text.isEmpty, "\(hint)")
+    }
     try await scanner.export(to: out)
     let file = out.appendingPathComponent("normal.png").path
     try verify(FileManager.default.fileExists(atPath: file), "a file")

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
 use crate::estimate::coordinates::is_albedo;
-use crate::estimate::{Estimation, Method, Noise, Spread, spread};
+use crate::estimate::{Estimation, Noise, Spread, spread};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
@@ -120,11 +120,6 @@ impl Estimation {
             roughness: root_mean_square(&maps, channel::ROUGHNESS..CHANNELS),
             maps,
         })
-    }
-
-    /// Whether the maps are those of the joint solve, or soon will be.
-    fn is_joint(&self) -> bool {
-        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
     }
 
     /// The noise that the residuals show.

@@ -31,6 +31,7 @@ mod fit;
 mod light;
 mod lobe;
 mod model;
+mod patches;
 mod radiometry;
 mod squares;
 mod turned;
@@ -163,7 +164,7 @@ impl PhotometricCalibrator {
         camera: &Camera,
         pose: &Pose,
     ) -> Result<Radiometry, Rejection> {
-        let squares = Squares::measure(photo, &self.target, camera, pose)?;
+        let squares = Squares::measure(photo, &self.target, camera, pose, 0.0)?;
         self.push_squares(squares, pose)
     }
 

@@ -11,6 +11,7 @@
 //! the light, not relief: the prior's mean has none.
 
 mod choice;
+mod classes;
 mod flat;
 mod prediction;
 mod setup;
@@ -32,11 +33,10 @@ use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::LOBES;
 pub(super) use choice::PriorChoice;
+pub(super) use classes::classes;
 pub(super) use flat::flattened;
-use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, descent};
+use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, TEXELS, descent};
 
-/// Texels along the longer side that are fitted, at most.
-const TEXELS: usize = 64;
 /// Steps, at most.
 pub(super) const STEPS: usize = 12;
 

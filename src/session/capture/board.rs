@@ -186,7 +186,7 @@ impl Board {
             self.camera().and_then(other).unwrap_or(rejection)
         })?;
         let PoseEstimate { pose, rms_px, .. } = place;
-        let measured = Squares::measure(photo, &target, &camera, &pose);
+        let measured = Squares::measure(photo, &target, &camera, &pose, blur_px);
         let lit = measured.and_then(|squares| Ok((board.lit(&squares, &pose)?, squares)));
         let (light, squares) = lit.map_err(|rejection| blur.explained(rejection))?;
         let measured = Measured { corners, prior, squares };
@@ -218,6 +218,14 @@ impl Board {
     /// Height of the sample, whether the caller has said it.
     pub fn is_height_stated(&self) -> bool {
         self.stated
+    }
+
+    /// Standard deviation of the sample's brightness by what is not known of its height, relative: light falls off with
+    /// the square of the distance.
+    pub fn height_brightness(&self) -> f64 {
+        let nearer = |p: &Photograph| 2.0 / p.pose.camera_centre().z.max(1.0);
+        let count = self.photographs.len().max(1) as f64;
+        self.elevation.sigma_mm * self.photographs.iter().map(nearer).sum::<f64>() / count
     }
 
     /// The board as if a photograph had never come, and how the others are to be rectified: they are taken in again, in

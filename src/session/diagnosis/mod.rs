@@ -13,6 +13,7 @@ use super::hint::Hint;
 use crate::Svbrdf;
 use crate::assessment::PhotoFit;
 use crate::observation::Observation;
+pub(super) use highlights::{LostHighlights, narrowest};
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
@@ -35,8 +36,11 @@ pub(super) fn of_capture(
         geometry::of_capture(capture, &mut all);
     }
     let group = board.and_then(|_| groups::find(photographs));
+    let lost = maps.and_then(|maps| LostHighlights::find(maps, photographs));
+    if let Some(&LostHighlights { share, .. }) = lost.as_ref() {
+        all.iter_mut().for_each(|hints| hints.push(Hint::Saturated { share }));
+    }
     fits::tell(board, maps, photographs, fits, group, &mut all);
-    highlights::tell(maps, photographs, &mut all);
     all
 }
 

@@ -111,6 +111,19 @@ public actor MaterialScanner {
         return (fit.residual, fit.weight, fit.outlier == 1)
     }
 
+    /// What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
+    /// hold no longer, and others may. Ask once the fit has settled.
+    public func hints() throws -> [PhotoHint] {
+        var all: [PhotoHint] = []
+        let add: svbrdf_hint_callback = { to, index, code, text in
+            guard let to, let code, let text else { return }
+            let hint = PhotoHint(index: Int(index), code: String(cString: code), text: String(cString: text))
+            to.assumingMemoryBound(to: [PhotoHint].self).pointee.append(hint)
+        }
+        try check(withUnsafeMutablePointer(to: &all) { svbrdf_session_hints(session.handle, add, $0) })
+        return all
+    }
+
     /// The maps as they are now, at 1 / 2^level of the size; nil before the first photo.
     public func snapshot(reducedBy level: Int = 0) throws -> MaterialMaps? {
         let maps = try taken { svbrdf_session_snapshot_maps(session.handle, $0) }

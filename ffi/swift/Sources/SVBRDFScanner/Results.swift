@@ -42,6 +42,16 @@ public struct Hints: OptionSet, Hashable, Sendable {
     public static let notLinear = Self(rawValue: UInt32(SVBRDF_HINT_NOT_LINEAR))
 }
 
+/// Something to tell about an accepted photo.
+public struct PhotoHint: Hashable, Sendable {
+    /// Number of the photo among the accepted ones, from 0.
+    public let index: Int
+    /// Stable name for programs, such as "two_groups".
+    public let code: String
+    /// An English sentence: what was seen, with its figure, and what to do.
+    public let text: String
+}
+
 /// Where the board lies as the camera sees it: x_camera = rotation * x_board + translation.
 public struct Pose: Hashable, Sendable {
     /// Rows, one after the other.

@@ -1,4 +1,6 @@
 /* Methods of Native.kt about a session. */
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "boundary.h"
@@ -263,6 +265,51 @@ static void session_photo_fit(JNIEnv *env, jclass class, jobject owner, jlong ha
     }
 }
 
+/* Lines that grow: number of the photo, code, sentence, each with a NUL at its end. */
+typedef struct {
+    char *text;
+    size_t bytes;
+    int failed;
+} lines;
+
+static void add_text(lines *to, const char *text)
+{
+    const size_t bytes = strlen(text) + 1;
+    char *grown = to->failed ? NULL : realloc(to->text, to->bytes + bytes);
+    if (grown == NULL) {
+        to->failed = 1;
+        return;
+    }
+    memcpy(grown + to->bytes, text, bytes);
+    to->text = grown;
+    to->bytes += bytes;
+}
+
+static void add_hint(void *user, uint32_t index, const char *code, const char *text)
+{
+    char number[16];
+    snprintf(number, sizeof number, "%u", (unsigned)index);
+    add_text(user, number);
+    add_text(user, code);
+    add_text(user, text);
+}
+
+static jbyteArray session_hints(JNIEnv *env, jclass class, jobject owner, jlong handle)
+{
+    lines all = {NULL, 0, 0};
+    jbyteArray out = NULL;
+    (void)class, (void)owner;
+    if (!throw_status(env, svbrdf_session_hints(HANDLE(svbrdf_session, handle), add_hint, &all))) {
+        if (all.failed) {
+            throw_bad(env, "hints: out of memory");
+        } else {
+            out = to_array(env, all.text, all.bytes);
+        }
+    }
+    free(all.text);
+    return out;
+}
+
 /* Maps that were taken; 0: none yet. */
 static jlong taken(JNIEnv *env, svbrdf_status status, svbrdf_maps *maps)
 {
@@ -352,6 +399,7 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionPose", "(" OWNER "JI[D)V", session_pose),
     METHOD("sessionRemovePhoto", "(" OWNER "JI)V", session_remove),
     METHOD("sessionPhotoFit", "(" OWNER "JI[D)V", session_photo_fit),
+    METHOD("sessionHints", "(" OWNER "J)[B", session_hints),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionSnapshotReduced", "(" OWNER "JI)J", session_snapshot_reduced),
     METHOD("sessionSnapshotWithUncertainty", "(" OWNER "J)J", session_snapshot_with_uncertainty),

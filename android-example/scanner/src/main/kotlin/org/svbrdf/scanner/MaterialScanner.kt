@@ -154,6 +154,14 @@ class MaterialScanner private constructor(
         return PhotoFit(v[0].toFloat(), v[1].toFloat(), v[2] == 1.0)
     }
 
+    /**
+     * What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
+     * hold no longer, and others may. Meaningful once the fit has settled.
+     */
+    fun hints(): List<PhotoHint> =
+        Native.sessionHints(this, handle.now).toString(Charsets.UTF_8).split('\u0000')
+            .dropLast(1).chunked(3) { (index, code, text) -> PhotoHint(index.toInt(), code, text) }
+
     /** Blocks until the fit has settled on all photos so far; false when the time is over first. */
     @JvmOverloads
     fun await(limitMillis: Long = -1): Boolean = Native.sessionWait(this, handle.now, limitMillis)

@@ -64,6 +64,8 @@ internal object Native {
     @JvmStatic external fun sessionGuideBegin(owner: Any, handle: Long, options: FloatArray?)
     @JvmStatic external fun sessionRemovePhoto(owner: Any, handle: Long, index: Int)
     @JvmStatic external fun sessionPhotoFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
+    /** Number of the photo, code and sentence of each hint, each with a NUL at its end. */
+    @JvmStatic external fun sessionHints(owner: Any, handle: Long): ByteArray
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
     @JvmStatic external fun sessionAnnounce(owner: Any, handle: Long, photos: Int)
     @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)

@@ -96,3 +96,13 @@ data class PhotoFit(
     /** Whether it contradicts the others; of fewer than three photos none does. */
     val outlier: Boolean,
 )
+
+/** Something to tell about an accepted photo. */
+data class PhotoHint(
+    /** Number of the photo among the accepted ones, from 0. */
+    val index: Int,
+    /** Stable name for programs, such as `two_groups`. */
+    val code: String,
+    /** An English sentence: what was seen, with its figure, and what to do. */
+    val text: String,
+)
