@@ -20,7 +20,7 @@ const CONVERGED: f64 = 1e-4;
 /// Longest steps: of a logarithm of gain, of the exponent, of the flash in mm, of a turn in radians.
 const MAX_STEPS: [f64; 4] = [1.0, 0.2, 15.0, 0.06];
 /// Longest turn of a light, radians: the model is one of small angles.
-const MAX_TURN: f64 = 0.3;
+const MAX_ROTATION: f64 = 0.3;
 /// Largest ambient fraction: beyond it a capture is no flash capture.
 const MAX_AMBIENT: f64 = 0.4;
 /// Radiance of ambient light, white paper under the flash being 1, from which on a smooth sample shows that
@@ -194,7 +194,7 @@ fn shared(
     classes: usize,
     sigmas: &SharedOptions,
 ) -> Vec<Shared> {
-    let [of_gain, of_exponent, of_flash, of_turn] = MAX_STEPS;
+    let [of_gain, of_exponent, of_flash, of_rotation] = MAX_STEPS;
     let new = |parameter, sigma: f64, most| Shared::new(parameter, scale / (sigma * sigma), most);
     let photographs = 0..which.len();
     let gains = photographs.clone().map(|i| new(Parameter::Gain(i), sigmas.gain, of_gain));
@@ -207,7 +207,8 @@ fn shared(
         if which.len() >= sigmas.turns_from {
             all.extend(photographs.flat_map(|i| {
                 [0, 1].map(|axis| {
-                    new(Parameter::Turn(i, axis), sigmas.turn, of_turn).within(-MAX_TURN, MAX_TURN)
+                    new(Parameter::Rotation(i, axis), sigmas.turn, of_rotation)
+                        .within(-MAX_ROTATION, MAX_ROTATION)
                 })
             }));
         }
