@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 
 type Matrix = SMatrix<f64, CHANNELS, CHANNELS>;
 
-/// What is found with random equations, each for eight texels.
+/// Results for random equations of eight texels.
 struct Found {
     /// Upper triangles.
     equations: [[f32; LANES]; PAIRS],
@@ -90,7 +90,7 @@ fn step_and_covariance_are_those_of_the_whole_matrix() {
     let found = dispatch(Random12);
     for lane in 0..LANES {
         let inverse = symmetric(&found.equations, lane).try_inverse().unwrap();
-        // single precision, condition of a few hundred
+        // Single precision, condition number of a few hundred.
         let tolerance = 1e-4 * inverse.diagonal().max();
         let covariance = symmetric(&found.covariance, lane);
         assert!((covariance - inverse).amax() < tolerance, "{covariance} {inverse}");
