@@ -3,16 +3,16 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::belief::Belief;
 use super::budget::Meter;
 use super::correction::Exposure;
 use super::finer::interpolated;
 use super::latent::LatentFit;
+use super::map_state::MapState;
 use super::options::{EstimateOptions, NoiseOptions};
 use super::phases::{Context, Phase, PhaseReport, Schedule};
 use super::photographs::Photographs;
 use super::relief::FitRecord;
-use super::task::{Cut, Method, Task};
+use super::task::{EarlyStop, Method, Task};
 use crate::networks::Networks;
 use crate::observation::Observation;
 use crate::render;
@@ -70,7 +70,7 @@ pub(super) enum Stage {
 pub(super) struct Run {
     schedule: Schedule,
     /// Maps and prior; none while the latent code is fitted, whose maps are shown then.
-    belief: Option<Belief>,
+    map_state: Option<MapState>,
 }
 
 /// An estimate of all photographs so far, in steps.
@@ -87,7 +87,7 @@ pub(crate) struct Estimation {
     pub(super) loss: f32,
     fraction: f32,
     /// What ended it before its time.
-    pub(super) cut: Option<Cut>,
+    pub(super) early_stop: Option<EarlyStop>,
     /// Phases of the photographs so far that have ended.
     reports: Vec<PhaseReport>,
     /// Whether to keep what the network is asked about.
@@ -108,7 +108,7 @@ impl Estimation {
             stage: Stage::Settled(None),
             loss: 0.0,
             fraction: 0.0,
-            cut: None,
+            early_stop: None,
             reports: Vec::new(),
             keep_record: false,
             record: None,
@@ -158,8 +158,8 @@ impl Estimation {
     }
 
     /// Whether the budget, or that nothing was to be seen, ended it before its time.
-    pub fn is_cut(&self) -> bool {
-        self.cut.is_some()
+    pub fn is_stopped_early(&self) -> bool {
+        self.early_stop.is_some()
     }
 
     /// Fraction of the work on the photographs so far that is done.
@@ -214,7 +214,7 @@ impl Estimation {
                 latent.add_photograph(added)?;
             }
         }
-        (self.cut, self.record) = (None, None);
+        (self.early_stop, self.record) = (None, None);
         self.measure();
         self.begin();
         Ok(())
@@ -247,21 +247,21 @@ impl Estimation {
         let Stage::Settled(maps) = &mut self.stage else { return };
         // The baseline goes on with the maps, all others with the latent code.
         let maps = maps.take().filter(|_| self.task.method == Method::Classic);
-        let belief = maps.map(|maps| Belief::new(maps, &self.options));
-        let coarse = self.photographs.thinning() > 0;
+        let map_state = maps.map(|maps| MapState::new(maps, &self.options));
+        let coarse = self.photographs.stride_log2() > 0;
         let schedule = Schedule::new(self.task, self.photographs.len(), coarse);
-        self.stage = Stage::Running(Box::new(Run { schedule, belief }));
+        self.stage = Stage::Running(Box::new(Run { schedule, map_state }));
     }
 
     /// Ends what is in progress, its maps being the latest.
-    pub(super) fn settle(&mut self, cut: Option<Cut>) {
-        self.cut = self.cut.or(cut);
+    pub(super) fn settle(&mut self, early_stop: Option<EarlyStop>) {
+        self.early_stop = self.early_stop.or(early_stop);
         let maps = match std::mem::replace(&mut self.stage, Stage::Settled(None)) {
             Stage::Settled(maps) => maps,
             Stage::Running(run) => {
                 self.reports = run.schedule.reports;
                 let latent = || self.latent.as_ref().map(LatentFit::maps);
-                run.belief.map(|belief| belief.maps).or_else(latent)
+                run.map_state.map(|map_state| map_state.maps).or_else(latent)
             }
         };
         self.stage = Stage::Settled(maps.map(|maps| self.full_size(maps)));
@@ -271,8 +271,8 @@ impl Estimation {
     pub(super) fn shown(&self) -> Option<Cow<'_, Svbrdf>> {
         match &self.stage {
             Stage::Settled(maps) => maps.as_ref().map(Cow::Borrowed),
-            Stage::Running(run) => match &run.belief {
-                Some(belief) => Some(Cow::Borrowed(&belief.maps)),
+            Stage::Running(run) => match &run.map_state {
+                Some(map_state) => Some(Cow::Borrowed(&map_state.maps)),
                 None => self.latent.as_ref().map(|latent| Cow::Owned(latent.maps())),
             },
         }
@@ -296,7 +296,7 @@ impl Estimation {
     fn full_size(&self, maps: Svbrdf) -> Svbrdf {
         match self.photographs.full().first() {
             Some(full) if maps.width() < full.width() => {
-                interpolated(&maps, self.photographs.thinning())
+                interpolated(&maps, self.photographs.stride_log2())
             }
             _ => maps,
         }
@@ -324,8 +324,8 @@ impl Estimation {
         let Stage::Running(run) = &mut self.stage else { return Ok(self.taken(None)) };
         let phase = run.schedule.phase();
         // The latent code ends by itself.
-        let ended = if run.belief.is_some() && meter.exhausted(1.0) {
-            self.cut = self.cut.or(Some(Cut::Budget));
+        let ended = if run.map_state.is_some() && meter.exhausted(1.0) {
+            self.early_stop = self.early_stop.or(Some(EarlyStop::Budget));
             true
         } else {
             let context = &mut Context {
@@ -334,10 +334,10 @@ impl Estimation {
                 task: self.task,
                 photographs: &mut self.photographs,
                 latent: &mut self.latent,
-                belief: &mut run.belief,
+                map_state: &mut run.map_state,
                 meter,
                 loss: &mut self.loss,
-                cut: &mut self.cut,
+                early_stop: &mut self.early_stop,
                 record: self.keep_record.then_some(&mut self.record),
             };
             run.schedule.step(context)?
@@ -358,13 +358,15 @@ impl Estimation {
     /// Goes on with an estimate that was cut short, if the budget allows it now; whether there is
     /// something to do.
     pub fn extend(&mut self, meter: &Meter) -> bool {
-        let allowed = match self.cut {
+        let allowed = match self.early_stop {
             None => false,
-            Some(Cut::Budget) => !meter.exhausted(1.0),
-            Some(Cut::Invisible) => !meter.budget.stop_when_invisible && !meter.exhausted(1.0),
+            Some(EarlyStop::Budget) => !meter.exhausted(1.0),
+            Some(EarlyStop::Invisible) => {
+                !meter.budget.stop_when_invisible && !meter.exhausted(1.0)
+            }
         };
         if allowed {
-            self.cut = None;
+            self.early_stop = None;
             self.begin();
         }
         !self.is_done()

@@ -29,9 +29,9 @@ pub(crate) fn bytes_needed(side: usize, photographs: usize) -> u64 {
     let full = area(side);
     let most = ScheduleOptions::default().texels;
     let working = (0..).map(|times| side >> times).find(|side| *side <= most).map_or(full, area);
-    let thinned = if working < full { working } else { 0 };
+    let strided = if working < full { working } else { 0 };
     // Thinned out, and averaged for the code; halved ones take a third more.
-    let each = OBSERVATION * (full + thinned + thinned / 4 + working / 3);
+    let each = OBSERVATION * (full + strided + strided / 4 + working / 3);
     let latent = FITTED * working.min(area(CODE_TEXELS)) + MAP_SETS_STARTING * MAPS * working;
     let fitting = COMPLETED * working + MAP_SETS_FITTING * MAPS * full;
     let refining = MAP_SETS_REFINING * MAPS * full + GUIDE * full;

@@ -11,7 +11,7 @@ use super::estimation::{Estimation, Stage};
 use super::latent::{LatentFit, SavedFit};
 use super::options::EstimateOptions;
 use super::parts::Contradiction;
-use super::task::{Cut, Method, Task};
+use super::task::{EarlyStop, Method, Task};
 use crate::networks::{Networks, Workspace};
 use crate::observation::Observation;
 use crate::{Error, Result, Svbrdf};
@@ -30,7 +30,8 @@ pub(crate) struct SavedEstimate {
     contradictions: Vec<Option<Contradiction>>,
     /// Whether the schedule is to be gone through from its beginning.
     unfinished: bool,
-    cut: Option<Cut>,
+    #[serde(rename = "cut")]
+    early_stop: Option<EarlyStop>,
     loss: f32,
 }
 
@@ -53,7 +54,7 @@ impl Estimation {
             correction: self.photographs.correction().clone(),
             contradictions: self.photographs.contradictions().map(Option::<&_>::cloned).collect(),
             unfinished: !self.is_done(),
-            cut: self.cut,
+            early_stop: self.early_stop,
             loss: self.loss,
         }
     }
@@ -72,7 +73,7 @@ impl Estimation {
         shown: Option<Svbrdf>,
     ) -> Result<Self> {
         let mut estimation = Self::new(networks.clone(), task, options);
-        let correction = saved.correction.believed()?;
+        let correction = saved.correction.within_limits()?;
         let none = Self::no_photographs(&estimation.options);
         estimation.photographs = none.restored(photographs, correction)?;
         if saved.contradictions.len() != estimation.frames() {
@@ -83,7 +84,7 @@ impl Estimation {
         }
         for (index, found) in saved.contradictions.into_iter().enumerate() {
             found.as_ref().map_or(Ok(()), Contradiction::check)?;
-            estimation.photographs.set_aside(index, found);
+            estimation.photographs.mask(index, found);
         }
         estimation.expect_noise();
         let begun = estimation.frames() > 0;
@@ -103,7 +104,7 @@ impl Estimation {
             estimation.latent = Some(fit);
         }
         estimation.stage = Stage::Settled(maps);
-        (estimation.cut, estimation.loss) = (saved.cut, saved.loss);
+        (estimation.early_stop, estimation.loss) = (saved.early_stop, saved.loss);
         if saved.unfinished {
             estimation.begin();
         }

@@ -21,7 +21,7 @@ fn view(i: usize) -> View {
     }
 }
 
-/// Photographs of maps with a change of their radiances, some noise and gains that differ by 2 %.
+/// Renderings of maps with changed radiances, some noise, and gains that differ by 2 %.
 fn photographs(
     maps: &Svbrdf,
     count: usize,
@@ -43,7 +43,7 @@ fn photographs(
     (0..count).map(photograph).collect()
 }
 
-/// Materials: matt and bumpy, painted in two colours; glossy; dark and half glossy; metal on matt ground.
+/// Materials: matte and bumpy, painted in two colours; glossy; dark and half glossy; metal on matte ground.
 fn materials() -> [(&'static str, Svbrdf); 4] {
     let made = |roughness: f32, albedos: [f32; 2], specular: [f32; 2], bumps: f32| {
         let mut maps = Svbrdf::new(SIDE, SIDE);
@@ -62,14 +62,14 @@ fn materials() -> [(&'static str, Svbrdf); 4] {
         maps
     };
     [
-        ("matt", made(0.8, [0.2, 0.6], [0.04; 2], 0.25)),
+        ("matte", made(0.8, [0.2, 0.6], [0.04; 2], 0.25)),
         ("glossy", made(0.25, [0.15, 0.4], [0.05; 2], 0.03)),
         ("dark", made(0.45, [0.05, 0.08], [0.045; 2], 0.15)),
         ("metal", made(0.4, [0.02, 0.3], [0.6, 0.04], 0.05)),
     ]
 }
 
-/// Maps as they may be before a photograph comes: smooth, of mean colours.
+/// Maps as they may be before a photograph arrives: smooth, with mean colours.
 fn start(maps: &Svbrdf) -> Svbrdf {
     let mut start = Svbrdf::new(SIDE / 4, SIDE / 4);
     for c in channel::DIFFUSE..=channel::ROUGHNESS {
@@ -121,7 +121,8 @@ fn a_hand_sun_and_a_shadow_are_found_where_they_are() {
                     .collect();
                 println!("{what}: {parts:?}");
                 assert!((0..count).all(|i| i == bad || parts[i].is_none()), "{what}: {parts:?}");
-                // On what is dark or metal it may be a highlight: only the others are checked.
+                // On dark or metal parts the change may be a highlight: only the other photographs are
+                // checked.
                 if matches!(name, "dark" | "metal") {
                     continue;
                 }

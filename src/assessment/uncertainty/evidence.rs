@@ -135,7 +135,7 @@ impl Estimation {
         let photographs = self.photographs.full();
         let weight: f64 = photographs.iter().map(Observation::total_weight).sum();
         let loss = render::loss(maps, photographs);
-        Noise::found(&self.options.noise, loss, weight / maps.texels() as f64)
+        Noise::estimated(&self.options.noise, loss, weight / maps.texels() as f64)
     }
 }
 

@@ -19,12 +19,12 @@ mod tests;
 
 use std::sync::Arc;
 
-use super::belief::Belief;
 use super::bundle::{Descent, Sample, SharedLobes};
 use super::clusters::{Clusters, Feature};
 use super::coordinates::{Coordinates, from_coordinate, to_coordinate};
 use super::correction::{Correction, Exposure};
 use super::finer::full_colours;
+use super::map_state::MapState;
 use super::options::{EstimateOptions, JointPrior, SharedOptions};
 use super::photographs::Photographs;
 use super::prior::Prior;
@@ -109,7 +109,7 @@ impl JointFit {
 
     /// Corrects the photographs by what all texels share; the prior of the last steps is the one found: the
     /// gloss of the classes, learned slopes, the sigmas chosen.
-    pub fn finish(self, photographs: &mut Photographs, belief: &mut Belief) {
+    pub fn finish(self, photographs: &mut Photographs, map_state: &mut MapState) {
         let Self { descent, prior, classes, own } = self;
         let (problem, state) = (descent.problem, descent.progress.state);
         let mut values = state.groups;
@@ -121,12 +121,13 @@ impl JointFit {
             class.iter_mut().zip(of_all).for_each(|(v, all)| *v += all);
         }
         // Classes know every texel's colour.
-        belief.refine(photographs);
-        let slopes = flattened(&belief.maps, prior.relief as f32);
-        belief.mean = Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
-        belief.maps.clone_from(&belief.mean);
-        belief.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
-        belief.fixed_noise = Some(prior.noise as f32);
+        map_state.refine(photographs);
+        let slopes = flattened(&map_state.maps, prior.relief as f32);
+        map_state.mean =
+            Gloss { classes, values, lobes: state.lobes }.maps(&slopes, own, photographs);
+        map_state.maps.clone_from(&map_state.mean);
+        map_state.prior = Prior { sigma: prior.sigmas().map(|s| s as f32) };
+        map_state.fixed_noise = Some(prior.noise as f32);
         photographs.correct(state.correction);
     }
 }

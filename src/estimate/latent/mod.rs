@@ -156,7 +156,7 @@ impl LatentFit {
         }
         let (done, steps, options) = (self.position.done, self.steps(), &self.options);
         let averages = photographs.averaged();
-        let observations = chosen(&averages, &photographs.drawn(done));
+        let observations = chosen(&averages, &photographs.subset(done));
         if done == 0 {
             self.code.apply_gains(&self.networks, &observations)?;
         }

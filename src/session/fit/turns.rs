@@ -111,7 +111,8 @@ impl Fit {
         if maps.is_some() || state.maps.is_some() {
             state.publish(maps.map(Arc::new));
         }
-        (state.exposure, state.fitted, state.cut) = (exposure, frames, estimation.is_cut());
+        (state.exposure, state.fitted, state.cut) =
+            (exposure, frames, estimation.is_stopped_early());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
             frames,
@@ -238,7 +239,8 @@ impl Fit {
     pub fn follow_budget(&mut self) {
         let budget = self.shared.lock().budget;
         let changed = self.meter.budget != budget;
-        let here = (changed && !self.busy && self.estimation.is_cut()).then(|| self.here());
+        let here =
+            (changed && !self.busy && self.estimation.is_stopped_early()).then(|| self.here());
         self.meter.budget = budget;
         if self.busy {
             return;
@@ -288,7 +290,7 @@ impl Fit {
         }
         if step.done {
             (self.busy, self.begun) = (false, None);
-            state.cut = estimation.is_cut();
+            state.cut = estimation.is_stopped_early();
             // A photograph pushed meanwhile is still on its way.
             let waiting = state.progress.frames - state.fitted;
             state.regroup(|group| group.settle(waiting));

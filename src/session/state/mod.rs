@@ -95,7 +95,7 @@ impl Session {
             return Err(damaged("photographs are missing, or there is more than a session"));
         }
         let Milestone { estimate, meter } = body.milestone;
-        let exposure = body.exposure.believed().map_err(as_damage)?;
+        let exposure = body.exposure.within_limits().map_err(as_damage)?;
         meter.budget.check().map_err(as_damage)?;
         if !body.loss_before.is_finite() {
             return Err(damaged("progress is not a number"));
