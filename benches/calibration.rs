@@ -11,8 +11,8 @@ mod common;
 use common::{Random, Scene, charuco, looking_at, ring};
 use std::time::Instant;
 use svbrdf::calibration::{LumaImage, Target, detect, estimate_pose};
-use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Camera;
+use svbrdf::photo::{Encoding, Photo};
 
 const WIDTH: u32 = 4032;
 const HEIGHT: u32 = 3024;

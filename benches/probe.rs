@@ -5,7 +5,7 @@ use std::error::Error;
 use std::fs;
 
 use svbrdf::capture::Capture;
-use svbrdf::frame::{Encoding, Photo};
+use svbrdf::photo::{Encoding, Photo};
 use svbrdf::session::{Session, Settings};
 
 /// Processor time of this thread, ms.
@@ -19,10 +19,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings)?;
     session.pause();
-    for frame in &capture.frames[..4] {
-        session.push(&frame.read()?)?;
+    for file in &capture.photos[..4] {
+        session.add_photo(&file.read()?)?;
     }
-    let picture = image::open(&capture.frames[5].path)?.to_rgb8();
+    let picture = image::open(&capture.photos[5].path)?.to_rgb8();
     let wide = image::imageops::crop_imm(&picture, 0, 189, 2016, 1134).to_image();
     let filter = image::imageops::FilterType::CatmullRom;
     let preview = image::imageops::resize(&wide, 1280, 720, filter);

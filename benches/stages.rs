@@ -19,9 +19,9 @@ use svbrdf::calibration::{LumaImage, detect, estimate_pose};
 use svbrdf::capture::Capture;
 use svbrdf::estimate::Method;
 use svbrdf::estimator::Estimator;
-use svbrdf::frame::{Encoding, Photo, Plane, Rotation, YuvMatrix};
 use svbrdf::networks::{Networks, Workspace};
 use svbrdf::observation::Observation;
+use svbrdf::photo::{Encoding, Photo, Plane, Rotation, YuvMatrix};
 use svbrdf::rectification::rectify;
 use svbrdf::render;
 use svbrdf::session::{Scene, Session, Settings};
@@ -111,7 +111,7 @@ fn probes(
     networks: &Arc<Networks>,
     large: &Path,
 ) -> Result<(), Failure> {
-    let picture = image::open(&capture.frames[0].path)?.to_rgb8();
+    let picture = image::open(&capture.photos[0].path)?.to_rgb8();
     let wide = image::imageops::crop_imm(&picture, 0, 189, 2016, 1134).to_image();
     let filter = image::imageops::FilterType::CatmullRom;
     let preview = image::imageops::resize(&wide, 1280, 720, filter);
@@ -126,8 +126,8 @@ fn probes(
         let session = Session::with_networks(scene, settings.clone(), networks.clone())?;
         session.pause();
         if what == "camera known" {
-            for frame in &capture.frames[..4] {
-                session.push(&frame.read()?)?;
+            for file in &capture.photos[..4] {
+                session.add_photo(&file.read()?)?;
             }
         }
         for (photo, size) in [(&preview, "1280x720"), (&large, "12 megapixels")] {
@@ -162,7 +162,7 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     };
 
     // A 12-megapixel photograph and its camera.
-    let first = &capture.frames[0].path;
+    let first = &capture.photos[0].path;
     let large = tempfile::Builder::new().suffix(".jpg").tempfile()?;
     let small = image::open(first)?.to_rgb8();
     let (w, h) = small.dimensions();
@@ -207,8 +207,8 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     probes(bench, &capture, &networks, large.path())?;
     let mut observations = Vec::new();
     let mut calibrator = PhotometricCalibrator::new(target.clone(), FlashOffset::Known(flash));
-    for frame in &capture.frames[..PHOTOS] {
-        let photo = frame.read()?;
+    for file in &capture.photos[..PHOTOS] {
+        let photo = file.read()?;
         let corners = detect(&LumaImage::from_photo(&photo), &target)?.corners;
         let pose = estimate_pose(&camera, &target, &corners)?.pose;
         let radiometry = calibrator.push(&photo, &camera, &pose)?;
@@ -219,19 +219,19 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     phases(bench, &networks, &observations)?;
 
     let photos: Vec<Photo> =
-        capture.frames.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
+        capture.photos.iter().take(PHOTOS).map(|f| f.read()).collect::<Result<_, _>>()?;
     let settings = Settings { sample_mm: capture.sample_mm, threads, ..Settings::default() };
     let session =
         || Session::with_networks(capture.scene.clone(), settings.clone(), networks.clone());
     let photo = photos[0].clone();
     bench.run("push, first maps", Work::default(), || {
-        let pushed = session().and_then(|s| s.push(&photo));
+        let pushed = session().and_then(|s| s.add_photo(&photo));
         black_box(pushed).expect("a good photograph");
     });
     let fit = |photos: &[Photo]| -> Result<(), svbrdf::Error> {
         let session = session()?;
         for photo in photos {
-            session.push(photo)?;
+            session.add_photo(photo)?;
             session.wait()?;
         }
         Ok(())
@@ -242,11 +242,11 @@ fn stages(bench: &Bench, threads: usize) -> Result<(), Failure> {
     bench.run("push until settled, fifth", Work::default(), || {
         let session = session().expect("good settings");
         for photo in &photos[..PHOTOS - 1] {
-            session.push(photo).expect("a good photograph");
+            session.add_photo(photo).expect("a good photograph");
         }
         session.wait().expect("a fit");
         let begun = Instant::now();
-        session.push(&photos[PHOTOS - 1]).expect("a good photograph");
+        session.add_photo(&photos[PHOTOS - 1]).expect("a good photograph");
         session.wait().expect("a fit");
         settled = Some(begun.elapsed().as_secs_f64());
     });

@@ -7,8 +7,8 @@
 use std::error::Error;
 
 use svbrdf::capture::Capture;
-use svbrdf::export::{write_maps, write_preview};
-use svbrdf::session::{Pushed, Session, Settings};
+use svbrdf::export::{MapsOptions, write_maps, write_preview};
+use svbrdf::session::{Outcome, Session, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -18,22 +18,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     let capture = Capture::load(folder)?;
     let settings = Settings { sample_mm: capture.sample_mm, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings)?;
-    for frame in &capture.frames {
-        let photo = frame.read()?;
-        let pushed = match frame.rectified {
-            Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => session.push(&photo)?,
+    for file in &capture.photos {
+        let photo = file.read()?;
+        let outcome = match file.rectified {
+            Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+            None => session.add_photo(&photo)?,
         };
-        let name = frame.path.display();
-        match pushed {
-            Pushed::Accepted(accepted) => {
+        let name = file.path.display();
+        match outcome {
+            Outcome::Accepted(accepted) => {
                 println!("{name}: maps after {:.2} s", accepted.maps_seconds);
                 for hint in &accepted.hints {
                     println!("  {hint}");
                 }
             }
             // Rejections do not end the capture.
-            Pushed::Rejected(reason) => {
+            Outcome::Rejected(reason) => {
                 println!("{name}: {reason}");
                 continue;
             }
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let maps = session.snapshot()?;
-    write_maps(&out, &maps)?;
+    write_maps(&out, &maps, &MapsOptions::default())?;
     write_preview(format!("{out}/preview.png"), &maps, capture.sample_mm)?;
     println!("maps are in {out}");
     Ok(())

@@ -23,7 +23,7 @@
  * Threads: call any function from any thread at any time, several at once, with the same handles.
  * Structs and memory passed to a call must not change during it; views of maps end with the maps.
  * Progress and maps callbacks come on one thread for each session, one at a time. Callbacks of photos
- * pushed without waiting come on another thread. Neither is a thread of the caller. Log lines come on
+ * added without waiting come on another thread. Neither is a thread of the caller. Log lines come on
  * those threads and on threads inside a call. Callbacks may call every function, including
  * svbrdf_session_destroy(), but should not wait for the fit: meanwhile no progress is reported and no
  * photo is taken in. No lock is held while a callback runs. Do not hold a lock that a callback takes
@@ -43,9 +43,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/** Bytes of the texts in svbrdf_file_info, with the NUL at the end. */
-#define SVBRDF_TEXT 64
-
 /** Major version of this header. Libraries of another one do not fit. */
 #define SVBRDF_VERSION_MAJOR 0
 
@@ -64,10 +61,13 @@
 /** svbrdf_features(): raw sensor buffers are taken. */
 #define SVBRDF_FEATURE_RAW 4
 
-/** svbrdf_features(): files are read, see svbrdf_session_push_encoded(). */
+/** svbrdf_features(): files are read, see svbrdf_session_add_photo_file(). */
 #define SVBRDF_FEATURE_FILES 8
 
-/** Bytes of svbrdf_frame_report.advice. */
+/** Bytes of the texts in svbrdf_file_info, with the NUL at the end. */
+#define SVBRDF_TEXT 64
+
+/** Bytes of svbrdf_photo_report.advice. */
 #define SVBRDF_ADVICE_BYTES 256
 
 #ifdef __cplusplus
@@ -86,7 +86,7 @@ uint32_t svbrdf_version_number(void);
 uint64_t svbrdf_features(void);
 
 /**
- * What a call returns: 0 for success, negative for an error, positive for neither. Values may be
+ * Result of a call: 0 for success, negative for an error, positive for neither. Values may be
  * added.
  */
 typedef int32_t svbrdf_status;
@@ -135,7 +135,7 @@ typedef int32_t svbrdf_status;
 const char *svbrdf_status_name(svbrdf_status status);
 
 /**
- * Why this thread's latest call failed, in English; empty after success. UTF-8, valid until the
+ * The reason for which this thread's latest call failed, in English; empty after success. UTF-8, valid until the
  * thread's next call of the library. Never NULL.
  */
 const char *svbrdf_last_error_message(void);
@@ -218,15 +218,15 @@ typedef struct svbrdf_camera {
 /** Fills a camera with zeros: pass sizeof(svbrdf_camera). */
 svbrdf_status svbrdf_camera_init(struct svbrdf_camera *camera, size_t size);
 
-/** What the photos show. */
+/** Content of the photos. */
 typedef uint32_t svbrdf_scene;
 
-/** The sample inside a printed board: svbrdf_session_push_frame(). */
+/** The sample inside a printed board: svbrdf_session_add_photo(). */
 #define SVBRDF_SCENE_BOARD 1
-/** The sample's top view, camera and light given: svbrdf_session_push_rectified(). */
+/** The sample's top view, camera and light given: svbrdf_session_add_rectified_photo(). */
 #define SVBRDF_SCENE_RECTIFIED 2
 
-/** How the maps are found. */
+/** Method of the fit. */
 typedef uint32_t svbrdf_method;
 
 /** Networks, then per-texel refinement. */
@@ -254,10 +254,10 @@ typedef struct svbrdf_models svbrdf_models;
 /** A folder with capture.json and photos (PNG, JPEG, TIFF, OpenEXR). */
 typedef struct svbrdf_capture svbrdf_capture;
 
-/** A capture in progress: push photos, take maps at any time. */
+/** A session: add photos, take maps at any time. */
 typedef struct svbrdf_session svbrdf_session;
 
-/** What a session is doing. */
+/** State of a session. */
 typedef uint32_t svbrdf_state;
 
 /** Idle: no photo yet, or the fit has settled on all photos so far. */
@@ -271,7 +271,7 @@ typedef uint32_t svbrdf_state;
 /** Ended by an error inside the library. */
 #define SVBRDF_STATE_FAILED 5
 
-/** What a fit is doing. Values may be added; phases do not run in this order. */
+/** Phase of a fit. Values may be added; phases do not run in this order. */
 typedef uint32_t svbrdf_phase;
 
 /** Nothing, or not begun. */
@@ -290,14 +290,14 @@ typedef struct svbrdf_progress {
     /** One of SVBRDF_STATE_. */
     svbrdf_state state;
     /** Photos accepted so far. */
-    uint32_t frames;
+    uint32_t photos;
     /** 1 when the fit has finished on all photos so far. */
     uint32_t settled;
     /**
      * Fraction of the work that is done, 0 to 1. On photos announced by svbrdf_session_announce() it never
      * falls before they have come; without, it is that of the latest photo and begins at 0 with each. It also
-     * begins anew where a photo is taken back or a larger budget takes the fit up again, unless announced
-     * photos are still to come.
+     * begins again when a photo is removed or a larger budget resumes the fit, unless announced photos are
+     * still to come.
      */
     float fraction;
     /** Mean error (log-L1 of renderings) before the fit of the latest photo. */
@@ -310,7 +310,7 @@ typedef struct svbrdf_progress {
     uint32_t reserved;
     /** Sets of maps published so far: when it has grown, there are newer maps. */
     uint64_t maps_revision;
-    /** What the fit is doing: one of SVBRDF_PHASE_, see svbrdf_phase_name(). */
+    /** Phase of the fit: one of SVBRDF_PHASE_, see svbrdf_phase_name(). */
     svbrdf_phase phase;
     /** 0. */
     uint32_t reserved_too;
@@ -394,7 +394,7 @@ typedef struct svbrdf_session_options {
     void *user_data;
     /**
      * Limit of the session's memory by its own estimate, bytes; 0: no limit. Includes copies of photos
-     * that svbrdf_session_push_frame_async() holds, but not the models (about 30 MB, shared by all
+     * that svbrdf_session_add_photo_async() holds, but not the models (about 30 MB, shared by all
      * sessions). Calls that would need more return SVBRDF_MEMORY_LIMIT.
      */
     uint64_t memory_limit_bytes;
@@ -425,7 +425,7 @@ svbrdf_status svbrdf_session_destroy(struct svbrdf_session *session);
 
 /* Photos in ----------------------------------------------------------------------------------- */
 
-/** Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order. */
+/** Layout of an image in memory. 16-bit numbers and floats are in the machine's byte order. */
 typedef uint32_t svbrdf_pixel_format;
 
 /** 3 bytes a pixel. */
@@ -490,7 +490,7 @@ typedef uint32_t svbrdf_yuv_matrix;
 /** BT.2020 with non-constant luminance, luma 16 to 235. */
 #define SVBRDF_YUV_BT2020_LIMITED 6
 
-/** A plane of a picture. Its layout never changes. */
+/** A plane of an image. Its layout never changes. */
 typedef struct svbrdf_plane {
     /** First pixel. Any alignment. */
     const void *data;
@@ -527,7 +527,7 @@ typedef uint32_t svbrdf_primaries;
 /** ITU-R BT.2020 and BT.2100. */
 #define SVBRDF_PRIMARIES_REC2020 3
 
-/** A picture in memory. Nothing of it is kept after the call. Unused fields are ignored. */
+/** An image in memory. Nothing of it is kept after the call. Unused fields are ignored. */
 typedef struct svbrdf_image {
     /** Size of this struct. */
     size_t size;
@@ -540,8 +540,8 @@ typedef struct svbrdf_image {
     /** Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB. */
     svbrdf_transfer transfer;
     /**
-     * Clockwise rotation of the picture before use: 0, 90, 180 or 270 degrees. The session's camera
-     * describes the rotated picture. Boards need no rotation.
+     * Clockwise rotation of the image before use: 0, 90, 180 or 270 degrees. The session's camera
+     * describes the rotated image. Boards need no rotation.
      */
     uint32_t rotation;
     /** For YUV and P010: one of SVBRDF_YUV_. Default: BT.601, all values. */
@@ -567,10 +567,10 @@ typedef struct svbrdf_image {
     svbrdf_primaries primaries;
 } svbrdf_image;
 
-/** Fills a picture description with defaults: pass sizeof(svbrdf_image). */
+/** Fills an image description with defaults: pass sizeof(svbrdf_image). */
 svbrdf_status svbrdf_image_init(struct svbrdf_image *image, size_t size);
 
-/** What lit a photo. */
+/** Light of a photo. */
 typedef uint32_t svbrdf_flash;
 
 /** Not stated: judged from the photo. */
@@ -582,8 +582,8 @@ typedef uint32_t svbrdf_flash;
 /** The lamp was on all the time, as a torch. */
 #define SVBRDF_FLASH_TORCH 3
 
-/** What is known about a photo. */
-typedef struct svbrdf_frame_info {
+/** Metadata of a photo. */
+typedef struct svbrdf_photo_info {
     /** Size of this struct. */
     size_t size;
     /**
@@ -600,19 +600,19 @@ typedef struct svbrdf_frame_info {
      * and the camera must not have moved. Nothing of it is kept.
      */
     const struct svbrdf_image *ambient;
-    /** Relative exposure of that picture; 0: that of the photo. */
+    /** Relative exposure of that image; 0: that of the photo. */
     float ambient_exposure;
     /**
      * Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
      * camera that is estimated it is where the search begins.
      */
     float focal_35mm;
-} svbrdf_frame_info;
+} svbrdf_photo_info;
 
-/** Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info). */
-svbrdf_status svbrdf_frame_info_init(struct svbrdf_frame_info *info, size_t size);
+/** Fills photo metadata with defaults: pass sizeof(svbrdf_photo_info). */
+svbrdf_status svbrdf_photo_info_init(struct svbrdf_photo_info *info, size_t size);
 
-/** Why a photo was not used. Values may be added. */
+/** Reason for which a photo was rejected. Values may be added. */
 typedef uint32_t svbrdf_rejection;
 
 /** The photo was used. */
@@ -635,7 +635,7 @@ typedef uint32_t svbrdf_rejection;
 #define SVBRDF_REJECTION_CLIPPED 8
 /** The camera is too far off the vertical. */
 #define SVBRDF_REJECTION_TOO_GRAZING 9
-/** Too little of the sample is in the picture. */
+/** Too little of the sample is in the image. */
 #define SVBRDF_REJECTION_SAMPLE_OUTSIDE 10
 /** The flash does not light the board, or is stated to be off. */
 #define SVBRDF_REJECTION_LIGHT_NOT_VISIBLE 11
@@ -651,7 +651,7 @@ typedef uint32_t svbrdf_rejection;
 #define SVBRDF_REJECTION_SQUARES_TOO_SMALL 16
 
 /**
- * Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
+ * Hints about an accepted photo: bits. Bits may be added; svbrdf_photo_report.advice has words for
  * all.
  */
 typedef uint32_t svbrdf_hints;
@@ -667,8 +667,32 @@ typedef uint32_t svbrdf_hints;
  */
 #define SVBRDF_HINT_NOT_LINEAR 4
 
-/** What became of a photo. */
-typedef struct svbrdf_frame_report {
+/** Meaning and unit of the value of a rejection. Values may be added. */
+typedef uint32_t svbrdf_measure;
+
+/** Nothing was measured: value and limit are 0. */
+#define SVBRDF_MEASURE_NONE 0
+/** Corners found. The limit is the number needed; 0: more would not help. */
+#define SVBRDF_MEASURE_CORNERS 1
+/** Reprojection error of the corners, px. */
+#define SVBRDF_MEASURE_REPROJECTION_PX 2
+/** Width of edges (one sigma), px. */
+#define SVBRDF_MEASURE_BLUR_PX 3
+/** Level of the white squares, 1 is full scale. */
+#define SVBRDF_MEASURE_WHITE_LEVEL 4
+/** Share of pixels that are clipped, 0 to 1. */
+#define SVBRDF_MEASURE_CLIPPED_SHARE 5
+/** Angle of the camera off the vertical, degrees. The limit is the largest that is allowed. */
+#define SVBRDF_MEASURE_TILT_DEG 6
+/** Share of the sample that is seen, 0 to 1. */
+#define SVBRDF_MEASURE_SAMPLE_SHARE 7
+/** Focal length over that of the session's camera. */
+#define SVBRDF_MEASURE_FOCAL_RATIO 8
+/** Side of the board's squares, px. The limit is the side needed. */
+#define SVBRDF_MEASURE_SQUARE_PX 9
+
+/** Outcome of a photo. */
+typedef struct svbrdf_photo_report {
     /** Size of this struct. */
     size_t size;
     /** 1 when the photo takes part in the fit, 0 when it was rejected. */
@@ -691,20 +715,20 @@ typedef struct svbrdf_frame_report {
     int64_t timestamp_ns;
     /** Hints about an accepted photo: bits of SVBRDF_HINT_. */
     svbrdf_hints hints;
-    /** For SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0. */
-    uint32_t same_view_as;
     /**
-     * For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+     * With SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0; otherwise -1.
+     */
+    int32_t same_view_as;
+    /**
+     * With SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white;
+     * otherwise negative.
      */
     float over_white;
-    /**
-     * Measured value of a rejected photo. Too few corners: corners found; pose uncertain: reprojection
-     * error, px; blurred: width of edges (one sigma), px; too dark: level of white, 1 is full scale;
-     * clipped: share of pixels; too grazing: degrees off the vertical; sample outside: share of the
-     * sample seen; 0 for other reasons.
-     */
+    /** For a rejected photo: meaning and unit of `measured` and `limit`, one of SVBRDF_MEASURE_. */
+    svbrdf_measure measure;
+    /** The measured value. */
     float measured;
-    /** What it should have reached (corners) or stayed below (degrees); otherwise 0. */
+    /** The value needed or allowed; 0: there is no single one. */
     float limit;
     /**
      * For a blurred photo: direction of the blur, degrees clockwise from the photo's x axis, 0 to
@@ -712,14 +736,16 @@ typedef struct svbrdf_frame_report {
      */
     float blur_direction_deg;
     /**
-     * What to tell the user, in English, UTF-8: why a photo was rejected, or the hints about an
+     * Advice for the user, in English, UTF-8: why a photo was rejected, or the hints about an
      * accepted one; may be empty.
      */
     char advice[SVBRDF_ADVICE_BYTES];
-} svbrdf_frame_report;
+    /** 0. */
+    uint32_t reserved;
+} svbrdf_photo_report;
 
-/** Fills a report with defaults: pass sizeof(svbrdf_frame_report). */
-svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_t size);
+/** Fills a report with defaults: pass sizeof(svbrdf_photo_report). */
+svbrdf_status svbrdf_photo_report_init(struct svbrdf_photo_report *report, size_t size);
 
 /**
  * Takes in a photo of a board: copies, calibrates and rectifies it. When this returns SVBRDF_OK, the
@@ -727,50 +753,50 @@ svbrdf_status svbrdf_frame_report_init(struct svbrdf_frame_report *report, size_
  * be used, and nothing changed. `info` and `report` may be NULL. Calls from several threads are
  * served one after the other.
  */
-svbrdf_status svbrdf_session_push_frame(struct svbrdf_session *session,
-                                        const struct svbrdf_image *image,
-                                        const struct svbrdf_frame_info *info,
-                                        struct svbrdf_frame_report *report);
+svbrdf_status svbrdf_session_add_photo(struct svbrdf_session *session,
+                                       const struct svbrdf_image *image,
+                                       const struct svbrdf_photo_info *info,
+                                       struct svbrdf_photo_report *report);
 
 /**
- * Called with what became of a photo of svbrdf_session_push_frame_async(): the status and report that
- * svbrdf_session_push_frame() would have given. If the status is neither SVBRDF_OK nor
+ * Called with the outcome of a photo of svbrdf_session_add_photo_async(): the status and report that
+ * svbrdf_session_add_photo() would have given. If the status is neither SVBRDF_OK nor
  * SVBRDF_REJECTED, the report contains only the timestamp. The report is valid during the call, and
  * svbrdf_last_error_message() until the next call of the library. See "Threads" at the top.
  */
-typedef void (*svbrdf_pushed_callback)(void *user_data,
-                                       struct svbrdf_session *session,
-                                       svbrdf_status status,
-                                       const struct svbrdf_frame_report *report);
+typedef void (*svbrdf_photo_callback)(void *user_data,
+                                      struct svbrdf_session *session,
+                                      svbrdf_status status,
+                                      const struct svbrdf_photo_report *report);
 
 /**
- * As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied, so
+ * As svbrdf_session_add_photo(), on a thread of the session: returns once the planes are copied, so
  * that their memory is free again. Photos are taken in one after the other, in the order of the
  * calls. When this returns SVBRDF_OK, `callback` is called exactly once: with SVBRDF_CANCELLED if the
  * session is cancelled or destroyed first, with SVBRDF_INVALID_ARGUMENT if the planes do not match
  * their description. Otherwise it is not called. SVBRDF_BUSY: three photos are waiting already.
  * SVBRDF_MEMORY_LIMIT: with this copy, svbrdf_session_options.memory_limit_bytes would be exceeded.
  */
-svbrdf_status svbrdf_session_push_frame_async(struct svbrdf_session *session,
-                                              const struct svbrdf_image *image,
-                                              const struct svbrdf_frame_info *info,
-                                              svbrdf_pushed_callback callback,
-                                              void *user_data);
+svbrdf_status svbrdf_session_add_photo_async(struct svbrdf_session *session,
+                                             const struct svbrdf_image *image,
+                                             const struct svbrdf_photo_info *info,
+                                             svbrdf_photo_callback callback,
+                                             void *user_data);
 
 /**
- * As svbrdf_session_push_frame(), for a photo that shows exactly the sample's rectangle from above, at
+ * As svbrdf_session_add_photo(), for a photo that shows exactly the sample's rectangle from above, at
  * any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
  * sample's centre, X right, Y up, Z towards the camera).
  */
-svbrdf_status svbrdf_session_push_rectified(struct svbrdf_session *session,
-                                            const struct svbrdf_image *image,
-                                            const struct svbrdf_frame_info *info,
-                                            const float *camera_mm,
-                                            const float *light_mm,
-                                            struct svbrdf_frame_report *report);
+svbrdf_status svbrdf_session_add_rectified_photo(struct svbrdf_session *session,
+                                                 const struct svbrdf_image *image,
+                                                 const struct svbrdf_photo_info *info,
+                                                 const float *camera_mm,
+                                                 const float *light_mm,
+                                                 struct svbrdf_photo_report *report);
 
 /** Options of reading a file. */
-typedef struct svbrdf_encoded_options {
+typedef struct svbrdf_file_options {
     /** Size of this struct. */
     size_t size;
     /**
@@ -784,25 +810,25 @@ typedef struct svbrdf_encoded_options {
      */
     svbrdf_transfer transfer;
     /**
-     * Clockwise rotation of the upright picture: 0, 90, 180 or 270 degrees. The session's camera
-     * describes the rotated picture.
+     * Clockwise rotation of the upright image: 0, 90, 180 or 270 degrees. The session's camera
+     * describes the rotated image.
      */
     uint32_t rotation;
     /** One of SVBRDF_FLASH_. Default: unknown. */
     svbrdf_flash flash;
     /** Returned in the report and named in the log, to identify the photo. */
     int64_t timestamp_ns;
-    /** Largest picture, pixels; 0, the default: 100 million. */
+    /** Largest image, pixels; 0, the default: 100 million. */
     uint64_t max_pixels;
     /**
      * Largest memory of decoding, without the file itself, bytes. If more were needed, the call returns
      * SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
      */
     uint64_t max_bytes;
-} svbrdf_encoded_options;
+} svbrdf_file_options;
 
-/** Fills options with defaults: pass sizeof(svbrdf_encoded_options). */
-svbrdf_status svbrdf_encoded_options_init(struct svbrdf_encoded_options *options, size_t size);
+/** Fills options with defaults: pass sizeof(svbrdf_file_options). */
+svbrdf_status svbrdf_file_options_init(struct svbrdf_file_options *options, size_t size);
 
 /** Remarks about a file: an OR of SVBRDF_REMARK_ values. Some may be added. */
 typedef uint32_t svbrdf_remarks;
@@ -822,7 +848,7 @@ typedef uint32_t svbrdf_remarks;
 /** It is gray, and so will the maps be. */
 #define SVBRDF_REMARK_GRAY 64
 
-/** What the file of a photo says of how it was taken. */
+/** Metadata in the file of a photo. */
 typedef struct svbrdf_file_info {
     /** Size of this struct. */
     size_t size;
@@ -831,7 +857,7 @@ typedef struct svbrdf_file_info {
     /** Height as the sensor has it, px; 0: not known. */
     uint32_t height;
     /**
-     * Clockwise rotation that makes the stored picture upright, degrees; reading a file applies it. Lens
+     * Clockwise rotation that makes the stored image upright, degrees; reading a file applies it. Lens
      * and flash keep their places in the camera, however it is held: options.rotation turns photos
      * back to how most of them were held.
      */
@@ -848,7 +874,7 @@ typedef struct svbrdf_file_info {
     float digital_zoom;
     /**
      * Remarks: an OR of SVBRDF_REMARK_ values. Those about colours and the end of the file are known
-     * only when the photo is pushed.
+     * only when the photo is added.
      */
     svbrdf_remarks remarks;
     /**
@@ -868,39 +894,39 @@ typedef struct svbrdf_file_info {
 svbrdf_status svbrdf_file_info_init(struct svbrdf_file_info *info, size_t size);
 
 /**
- * What the file of a photo says of how it was taken, without reading its pixels: to sort photos by
- * camera and time before they are pushed. Unknown fields keep their defaults.
+ * Reads the metadata in the file of a photo without its pixels: to sort photos by
+ * camera and time before they are added. Unknown fields keep their defaults.
  */
 svbrdf_status svbrdf_file_look_at(const void *bytes, size_t length, struct svbrdf_file_info *info);
 
 /**
- * As svbrdf_session_push_frame(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
+ * As svbrdf_session_add_photo(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
  * DNG, recognised by its content. SVBRDF_INVALID_ARGUMENT if the file is damaged or of another format,
  * which the message names. `options`, `info` and
  * `report` may be NULL. SVBRDF_UNSUPPORTED if svbrdf_features() lacks SVBRDF_FEATURE_FILES.
  */
-svbrdf_status svbrdf_session_push_encoded(struct svbrdf_session *session,
-                                          const void *bytes,
-                                          size_t length,
-                                          const struct svbrdf_encoded_options *options,
-                                          struct svbrdf_file_info *info,
-                                          struct svbrdf_frame_report *report);
+svbrdf_status svbrdf_session_add_photo_file(struct svbrdf_session *session,
+                                            const void *bytes,
+                                            size_t length,
+                                            const struct svbrdf_file_options *options,
+                                            struct svbrdf_file_info *info,
+                                            struct svbrdf_photo_report *report);
 
 /**
  * Takes back an accepted photo: the session, including its calibration, is as if the photo had never
  * come. `index` counts the accepted photos from 0; later ones move up by one. The fit starts again.
  * When this returns, the maps no longer include the photo; without any photo left there are none.
  * SVBRDF_INVALID_ARGUMENT for other indices, and if other photos would have been rejected without
- * this one. Waits for a push and for a step of the fit.
+ * this one. Waits for a photo that is being added and for a step of the fit.
  */
-svbrdf_status svbrdf_session_remove_frame(struct svbrdf_session *session,
+svbrdf_status svbrdf_session_remove_photo(struct svbrdf_session *session,
                                           uint32_t index);
 
 /* Before the shot ----------------------------------------------------------------------------- */
 
 /**
- * What a photo would be good for that is judged and not taken in; see svbrdf_session_probe(). Lengths
- * in px belong to the picture as given, after svbrdf_image.rotation.
+ * The verdict on a photo or preview image that is not added; see svbrdf_session_probe(). Lengths
+ * in px belong to the image as given, after svbrdf_image.rotation.
  */
 typedef struct svbrdf_probe {
     /** Size of this struct. */
@@ -911,11 +937,11 @@ typedef struct svbrdf_probe {
     svbrdf_rejection rejection;
     /** Hints, whether it would be accepted or not: bits of SVBRDF_HINT_. */
     svbrdf_hints hints;
-    /** As in svbrdf_frame_report. */
-    uint32_t same_view_as;
+    /** As in svbrdf_photo_report. */
+    int32_t same_view_as;
     /** Corners of the board that were found. */
     uint32_t corners_found;
-    /** Corners that lie inside the picture; 0 where the board was not found. */
+    /** Corners that lie inside the image; 0 where the board was not found. */
     uint32_t corners_in_view;
     /** Corners that the board has. */
     uint32_t corners_expected;
@@ -937,7 +963,7 @@ typedef struct svbrdf_probe {
      * Angle to the view that svbrdf_session_next_view() suggests, degrees; negative without one.
      */
     float off_next_deg;
-    /** Share of the sample inside the picture, 0 to 1; negative when not known. */
+    /** Share of the sample inside the image, 0 to 1; negative when not known. */
     float sample_seen;
     /**
      * Share of the visible sample that is saturated in all channels, 0 to 1; negative when not known.
@@ -945,21 +971,21 @@ typedef struct svbrdf_probe {
     float sample_clipped;
     /**
      * The sample's corners, x and y, px, clockwise from the upper left of the maps; they may lie outside
-     * the picture. NaN when not known.
+     * the image. NaN when not known.
      */
     float sample_px[8];
     /**
-     * Mean scale of the sample in the picture, px/mm; 0 when not known. Each texel of the maps should
+     * Mean scale of the sample in the image, px/mm; 0 when not known. Each texel of the maps should
      * have a pixel.
      */
     float px_per_mm;
     /**
-     * Width of the board's edges (one sigma), px; negative when not known. Large pictures are reduced
-     * first, so widths below one pixel of the reduced picture cannot be distinguished.
+     * Width of the board's edges (one sigma), px; negative when not known. Large images are reduced
+     * first, so widths below one pixel of the reduced image cannot be distinguished.
      */
     float blur_px;
     /**
-     * Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: the same
+     * Direction of the blur, degrees clockwise from the image's x axis, 0 to 180; negative: the same
      * in all directions, or not known.
      */
     float blur_direction_deg;
@@ -967,18 +993,18 @@ typedef struct svbrdf_probe {
     float white_level;
     /** Share of the white squares that are clipped, 0 to 1; negative when not known. */
     float white_clipped;
-    /**
-     * For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
-     */
+    /** As in svbrdf_photo_report. */
     float over_white;
-    /** As in svbrdf_frame_report. */
+    /** As in svbrdf_photo_report. */
+    svbrdf_measure measure;
+    /** As in svbrdf_photo_report. */
     float measured;
-    /** As in svbrdf_frame_report. */
+    /** As in svbrdf_photo_report. */
     float limit;
     /** The timestamp that was given with the photo. */
     int64_t timestamp_ns;
     /**
-     * What to tell the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
+     * Advice for the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
      */
     char advice[SVBRDF_ADVICE_BYTES];
     /** Set by the caller: memory for the corners found, x and y of each, px; or NULL. */
@@ -993,18 +1019,18 @@ typedef struct svbrdf_probe {
 svbrdf_status svbrdf_probe_init(struct svbrdf_probe *probe, size_t size);
 
 /**
- * Judges a photo of a board, or a picture of the camera's preview, without changing the session.
+ * Judges a photo of a board, or an image of the camera's preview, without changing the session.
  * Returns SVBRDF_OK also for a photo that would be rejected: the probe says so. `info` may be NULL.
  * With SVBRDF_FLASH_OFF, the light is not judged.
  *
- * A picture whose size is not the camera's counts as a preview, scaled to the width or height and
+ * An image whose size is not the camera's counts as a preview, scaled to the width or height and
  * cropped at the other sides. If that does not fit, and before a camera is known, the camera is
- * estimated from the picture. Runs only on the calling thread; waits neither for the fit nor for a
- * push.
+ * estimated from the image. Runs only on the calling thread; waits neither for the fit nor for a
+ * photo that is being added.
  */
 svbrdf_status svbrdf_session_probe(const struct svbrdf_session *session,
                                    const struct svbrdf_image *image,
-                                   const struct svbrdf_frame_info *info,
+                                   const struct svbrdf_photo_info *info,
                                    struct svbrdf_probe *probe);
 
 /** The most informative view for the next photo. */
@@ -1041,7 +1067,7 @@ typedef struct svbrdf_guide_options {
      */
     float worth;
     /**
-     * Largest movement of the sample across the picture with a steady camera, in widths of the sample a
+     * Largest movement of the sample across the image with a steady camera, in widths of the sample a
      * second.
      */
     float steady;
@@ -1065,7 +1091,7 @@ typedef struct svbrdf_guide_options {
 /** Fills options with defaults: pass sizeof(svbrdf_guide_options). */
 svbrdf_status svbrdf_guide_options_init(struct svbrdf_guide_options *options, size_t size);
 
-/** What the user is to do: one of SVBRDF_ACTION_. */
+/** The user's next action: one of SVBRDF_ACTION_. */
 typedef uint32_t svbrdf_action;
 
 /** Correct what svbrdf_probe.rejection names: a photo would not be used. */
@@ -1074,12 +1100,12 @@ typedef uint32_t svbrdf_action;
 #define SVBRDF_ACTION_HOLD 2
 /** Go to the target. */
 #define SVBRDF_ACTION_MOVE 3
-/** Nothing: the app takes the photo now and pushes it. */
+/** Nothing: the app takes the photo now and adds it. */
 #define SVBRDF_ACTION_SHOOT 4
 /** Nothing more: a further photo would add little. */
 #define SVBRDF_ACTION_ENOUGH 5
 
-/** What to do now, see svbrdf_session_guide(). */
+/** The next action, see svbrdf_session_guide(). */
 typedef struct svbrdf_guidance {
     /** Size of this struct. */
     size_t size;
@@ -1095,7 +1121,7 @@ typedef struct svbrdf_guidance {
     float target_azimuth_deg;
     /**
      * From the camera to the target, camera frame, mm: x right, y down, z forward. An arrow along x and
-     * y in the picture shows the way.
+     * y in the image shows the way.
      */
     float offset_mm[3];
     /** Angle between the view and the target, seen from the sample, degrees. */
@@ -1115,18 +1141,18 @@ typedef struct svbrdf_guidance {
 svbrdf_status svbrdf_guidance_init(struct svbrdf_guidance *guidance, size_t size);
 
 /**
- * Judges a picture of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+ * Judges an image of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
  * hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
- * camera, and what the fit expects of a photo from here. Call it with every picture, from a few to thirty a
+ * camera, and what the fit expects of a photo from here. Call it with every image, from a few to thirty a
  * second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
  *
- * After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been pushed, or
+ * After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been added, or
  * svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
- * nor for a push. `probe` may be NULL.
+ * nor for a photo that is being added. `probe` may be NULL.
  */
 svbrdf_status svbrdf_session_guide(struct svbrdf_session *session,
                                    const struct svbrdf_image *image,
-                                   const struct svbrdf_frame_info *info,
+                                   const struct svbrdf_photo_info *info,
                                    struct svbrdf_probe *probe,
                                    struct svbrdf_guidance *guidance);
 
@@ -1147,9 +1173,9 @@ svbrdf_status svbrdf_session_progress(const struct svbrdf_session *session,
                                       struct svbrdf_progress *progress);
 
 /**
- * Announces that so many photos are still to come: from then on svbrdf_progress.fraction is that of the
- * work on all of them together, and never falls before they have come. Each photo pushed takes one of them
- * away, whether it is accepted or rejected; one that a push answers with another status does not. If fewer
+ * Announces the number of photos still to come: from then on svbrdf_progress.fraction is that of the
+ * work on all of them together, and never falls before they have come. Each photo added takes one of them
+ * away, whether it is accepted or rejected; a call that returns another status does not. If fewer
  * or more come after all, say so by another call. Without it, where nobody knows how many there will be,
  * the fraction is that of each photo.
  */
@@ -1182,7 +1208,7 @@ svbrdf_status svbrdf_session_resume(struct svbrdf_session *session);
 svbrdf_status svbrdf_session_cancel(struct svbrdf_session *session);
 
 /**
- * How long the fit may work on each photo. At a limit the fit settles on the current maps. Each photo
+ * Limits of the work on each photo. At a limit the fit settles on the current maps. Each photo
  * has the full budget; pauses do not count. Default: no limits.
  */
 typedef struct svbrdf_budget {
@@ -1298,7 +1324,7 @@ typedef uint32_t svbrdf_map;
  */
 #define SVBRDF_MAP_COAT 7
 
-/** How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order. */
+/** Layout of a map's texels. Numbers of more than a byte are in the machine's byte order. */
 typedef uint32_t svbrdf_map_format;
 
 /** Floats: three a texel, one for roughness. */
@@ -1336,7 +1362,7 @@ svbrdf_status svbrdf_maps_copy(const struct svbrdf_maps *maps,
 
 /**
  * The maps at 1 / 2^level of their size (1: half, 2: a quarter; 0: as they are), without
- * confidence: means of squares of texels, of slopes for the normals, which stay unit vectors.
+ * uncertainty: means of squares of texels, of slopes for the normals, which stay unit vectors.
  * SVBRDF_INVALID_ARGUMENT when they cannot be halved so often. Free with svbrdf_maps_destroy().
  */
 svbrdf_status svbrdf_maps_reduced(const struct svbrdf_maps *maps,
@@ -1434,13 +1460,13 @@ svbrdf_status svbrdf_maps_destroy(struct svbrdf_maps *maps);
  * both. Computed when asked for; meaningful once the fit has settled. Waits for a step of the fit.
  * SVBRDF_NO_MAPS before the first photo. Free with svbrdf_maps_destroy().
  */
-svbrdf_status svbrdf_session_snapshot_confidence(const struct svbrdf_session *session,
-                                                 struct svbrdf_maps **out);
+svbrdf_status svbrdf_session_snapshot_with_uncertainty(const struct svbrdf_session *session,
+                                                       struct svbrdf_maps **out);
 
 /**
  * Standard deviation of each map as a whole: root mean square of the expected errors of its texels.
  */
-typedef struct svbrdf_confidence {
+typedef struct svbrdf_uncertainty {
     /** Size of this struct. */
     size_t size;
     /** Of each slope of the normal: tangent of a tilt. */
@@ -1451,19 +1477,19 @@ typedef struct svbrdf_confidence {
     float specular;
     /** Of roughness. */
     float roughness;
-} svbrdf_confidence;
+} svbrdf_uncertainty;
 
-/** Fills a confidence with zeros: pass sizeof(svbrdf_confidence). */
-svbrdf_status svbrdf_confidence_init(struct svbrdf_confidence *confidence, size_t size);
+/** Fills an uncertainty with zeros: pass sizeof(svbrdf_uncertainty). */
+svbrdf_status svbrdf_uncertainty_init(struct svbrdf_uncertainty *uncertainty, size_t size);
 
-/** One number for each map; only for maps of svbrdf_session_snapshot_confidence(). */
-svbrdf_status svbrdf_maps_confidence(const struct svbrdf_maps *maps,
-                                     struct svbrdf_confidence *confidence);
+/** One number for each map; only for maps of svbrdf_session_snapshot_with_uncertainty(). */
+svbrdf_status svbrdf_maps_uncertainty(const struct svbrdf_maps *maps,
+                                      struct svbrdf_uncertainty *uncertainty);
 
 /**
  * Standard deviation of a map at every texel, one float each: of each slope of the normal, of each
  * colour of an albedo (linear), of roughness. Two errors of three are within it. Only for maps of
- * svbrdf_session_snapshot_confidence(). The memory belongs to the library and ends with the maps.
+ * svbrdf_session_snapshot_with_uncertainty(). The memory belongs to the library and ends with the maps.
  */
 svbrdf_status svbrdf_maps_deviations(const struct svbrdf_maps *maps,
                                      svbrdf_map map,
@@ -1514,11 +1540,12 @@ svbrdf_status svbrdf_export_options_init(struct svbrdf_export_options *options, 
  * Writes maps into a folder (UTF-8), which is made if missing.
  *
  * Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
- * bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+ * bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_with_uncertainty()) and
  * preview.png. No file is ever half-written under its name.
  *
  * With options: material.glb, material.usdz, a folder for every other format, and material.json,
- * height.png and height.exr. All files are written or none.
+ * height.png and height.exr. All files are written or none. Lobes that a format does not have are
+ * named in the log of svbrdf_set_log_callback().
  */
 svbrdf_status svbrdf_maps_export(const struct svbrdf_maps *maps,
                                  const struct svbrdf_export_options *options,
@@ -1550,8 +1577,8 @@ svbrdf_status svbrdf_package_destroy(struct svbrdf_package *package);
 
 /* What a session knows of photos, camera, light and sheet ------------------------------------- */
 
-/** How well the current maps explain an accepted photo. */
-typedef struct svbrdf_frame_fit {
+/** Fit of the current maps to an accepted photo. */
+typedef struct svbrdf_photo_fit {
     /** Size of this struct. */
     size_t size;
     /**
@@ -1578,25 +1605,44 @@ typedef struct svbrdf_frame_fit {
     float part_share;
     /** Middle of that part: of the sample's width from the left, of its height from the top. */
     float part_centre[2];
-    /** How many times as bright it is as the other photos have it; below 1: darker. */
+    /** Its brightness relative to the prediction from the other photos; below 1: darker. */
     float part_ratio;
-} svbrdf_frame_fit;
+} svbrdf_photo_fit;
 
-/** Fills a fit with zeros: pass sizeof(svbrdf_frame_fit). */
-svbrdf_status svbrdf_frame_fit_init(struct svbrdf_frame_fit *fit, size_t size);
+/** Fills a fit with zeros: pass sizeof(svbrdf_photo_fit). */
+svbrdf_status svbrdf_photo_fit_init(struct svbrdf_photo_fit *fit, size_t size);
 
 /**
- * How well the current maps explain an accepted photo; meaningful once the fit has settled.
+ * The fit of the current maps to an accepted photo; meaningful once the fit has settled.
  * `index` counts the accepted photos from 0. Waits for a step of the fit.
  */
-svbrdf_status svbrdf_session_frame_fit(const struct svbrdf_session *session,
+svbrdf_status svbrdf_session_photo_fit(const struct svbrdf_session *session,
                                        uint32_t index,
-                                       struct svbrdf_frame_fit *fit);
+                                       struct svbrdf_photo_fit *fit);
+
+/**
+ * Called with a hint about an accepted photo: the photo's number among the accepted ones, from 0, the
+ * hint's name for programs, such as "two_groups", and its sentence for people (UTF-8). Both texts are valid
+ * during the call.
+ */
+typedef void (*svbrdf_hint_callback)(void *user_data,
+                                     uint32_t index,
+                                     const char *code,
+                                     const char *text);
+
+/**
+ * Calls `callback` with each hint about each accepted photo, as it holds with all that is known now, before
+ * it returns and on the calling thread. Hints given when a photo came (svbrdf_photo_report.hints) may hold no
+ * longer, and others may. Meaningful once the fit has settled. Waits for a step of the fit.
+ */
+svbrdf_status svbrdf_session_hints(const struct svbrdf_session *session,
+                                   svbrdf_hint_callback callback,
+                                   void *user_data);
 
 /**
  * Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
  * improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
- * svbrdf_frame_report; each may be NULL.
+ * svbrdf_photo_report; each may be NULL.
  */
 svbrdf_status svbrdf_session_pose(const struct svbrdf_session *session,
                                   uint32_t index,
@@ -1666,7 +1712,7 @@ typedef struct svbrdf_buffer svbrdf_buffer;
  * The session as bytes: board, camera, settings, budget, photos as far as they are needed, maps, and
  * the estimate as it was when the latest photo came, or as it is once the fit has settled.
  * svbrdf_session_load_state() continues from them, also in another process or on another machine: what
- * the fit has done since is done again, to the same bits. The session itself continues unchanged. Waits for a push in progress and for one step of the fit. A cancelled session cannot be
+ * the fit has done since is done again, to the same bits. The session itself continues unchanged. Waits for a photo that is being added and for one step of the fit. A cancelled session cannot be
  * saved: pause it instead. Free with svbrdf_buffer_destroy().
  */
 svbrdf_status svbrdf_session_save_state(const struct svbrdf_session *session,
@@ -1736,22 +1782,23 @@ svbrdf_status svbrdf_board_print(const struct svbrdf_board *board,
 /* Captures: folders with capture.json --------------------------------------------------------- */
 
 /**
- * Reads capture.json in a folder (UTF-8) and checks every field; photos are read when pushed. The
+ * Reads capture.json in a folder (UTF-8) and checks every field; photos are read when they are added. The
  * message of SVBRDF_INVALID_ARGUMENT names the field at fault. Free with svbrdf_capture_destroy().
  */
-svbrdf_status svbrdf_capture_open(const char *path, struct svbrdf_capture **out);
+svbrdf_status svbrdf_capture_open(const char *path,
+                                  struct svbrdf_capture **out);
 
 /** Number of photos of a capture. */
-svbrdf_status svbrdf_capture_frames(const struct svbrdf_capture *capture, uint32_t *count);
+svbrdf_status svbrdf_capture_photos(const struct svbrdf_capture *capture, uint32_t *count);
 
 /**
- * Reads a photo of a capture and takes it in, as svbrdf_session_push_frame() or
- * svbrdf_session_push_rectified(). The report's timestamp is the index. `report` may be NULL.
+ * Reads a photo of a capture and takes it in, as svbrdf_session_add_photo() or
+ * svbrdf_session_add_rectified_photo(). The report's timestamp is the index. `report` may be NULL.
  */
-svbrdf_status svbrdf_session_push_capture(struct svbrdf_session *session,
-                                          const struct svbrdf_capture *capture,
-                                          uint32_t index,
-                                          struct svbrdf_frame_report *report);
+svbrdf_status svbrdf_session_add_capture_photo(struct svbrdf_session *session,
+                                               const struct svbrdf_capture *capture,
+                                               uint32_t index,
+                                               struct svbrdf_photo_report *report);
 
 /** Frees a capture; NULL is fine. Sessions do not need it. */
 svbrdf_status svbrdf_capture_destroy(struct svbrdf_capture *capture);
@@ -1792,7 +1839,7 @@ svbrdf_status svbrdf_models_destroy(struct svbrdf_models *models);
 svbrdf_status svbrdf_set_log_callback(svbrdf_log_callback callback,
                                       void *user_data);
 
-/** What a thread of the library does. Values may be added. */
+/** Role of a thread of the library. Values may be added. */
 typedef uint32_t svbrdf_thread;
 
 /** Shares the work of fits and calls among the cores. */
@@ -1801,8 +1848,8 @@ typedef uint32_t svbrdf_thread;
 #define SVBRDF_THREAD_FIT 2
 /** Calls on_progress and on_maps of a session. */
 #define SVBRDF_THREAD_CALLBACK 3
-/** Takes in the photos of svbrdf_session_push_frame_async(), and calls back. */
-#define SVBRDF_THREAD_PUSH 4
+/** Takes in the photos of svbrdf_session_add_photo_async(), and calls back. */
+#define SVBRDF_THREAD_PHOTOS 4
 
 /** Called at the start of a thread, on it, before anything else. */
 typedef void (*svbrdf_thread_hook)(void *user_data, svbrdf_thread thread);

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::assessment::{Evidence, Place};
 use crate::estimate::{
-    Addition, Budget, EstimateOptions, Estimation, Exposure, FitRecord, Meter, Method, PhaseReport,
-    Step, Task, first_maps,
+    Addition, Budget, EstimateOptions, Estimation, FitRecord, LightCorrection, Meter, Method,
+    PhaseReport, Step, Task, first_maps,
 };
 use crate::networks::Networks;
 use crate::observation::Observation;
@@ -65,7 +65,7 @@ impl Estimator {
     /// # Errors
     /// When its size is not that of the first or does not suit the networks.
     pub fn add(&mut self, observation: Observation) -> Result<()> {
-        let start = match (self.frames(), self.start.take()) {
+        let start = match (self.photos(), self.start.take()) {
             (0, Some(maps)) => Some(maps),
             (0, None) => Some(first_maps(&self.networks, &observation)?),
             _ => None,
@@ -74,8 +74,8 @@ impl Estimator {
     }
 
     /// Estimated exposure of each photograph and offset of the flash.
-    pub fn exposure(&self) -> &Exposure {
-        self.estimation.exposure()
+    pub fn light_correction(&self) -> &LightCorrection {
+        self.estimation.light_correction()
     }
 
     /// The latest inputs of the relief network, its training data. `None` before the second photograph, or
@@ -84,7 +84,8 @@ impl Estimator {
         self.estimation.record.as_ref()
     }
 
-    /// Evidence on the errors of the current maps, see [`Session::assess`](crate::session::Session::assess).
+    /// Evidence on the errors of the current maps, see
+    /// [`Session::snapshot_with_uncertainty`](crate::session::Session::snapshot_with_uncertainty).
     ///
     /// # Errors
     /// Without photographs.
@@ -102,8 +103,8 @@ impl Estimator {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
-        self.estimation.frames()
+    pub fn photos(&self) -> usize {
+        self.estimation.photos()
     }
 
     /// One step.

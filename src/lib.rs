@@ -5,36 +5,31 @@
 //! the first photograph on, and a refinement of every texel.
 //!
 //! # Example
-//! A [`session::Session`] takes photographs one at a time. [`push`](session::Session::push) calibrates a
+//! A [`session::Session`] takes photographs one at a time. [`add_photo`](session::Session::add_photo) calibrates a
 //! photograph and returns as soon as the maps include it; the fit continues on a thread of the session.
 //!
 //! ```no_run
 //! use svbrdf::calibration::Target;
-//! use svbrdf::export::write_maps;
-//! use svbrdf::frame::{Encoding, Photo};
-//! use svbrdf::session::{Pushed, Scene, Session, Settings};
+//! use svbrdf::export::{MapsOptions, write_maps};
+//! use svbrdf::photo::{Encoding, Photo};
+//! use svbrdf::session::{Outcome, Scene, Session, Settings};
 //!
 //! # fn pixels(_: &str) -> (u32, u32, Vec<u8>) { (0, 0, Vec::new()) }
 //! # fn main() -> svbrdf::Result<()> {
 //! // The board that `svbrdf board` prints; camera, flash and height are estimated from the photographs.
-//! let scene = Scene::Board {
-//!     target: Target::default(),
-//!     camera: None,
-//!     flash_offset_mm: None,
-//!     elevation_mm: None,
-//! };
+//! let scene = Scene::board(Target::default());
 //! let settings = Settings { sample_mm: [100.0, 80.0], ..Settings::default() };
 //! let session = Session::new(scene, settings)?;
 //! for name in ["0.jpg", "1.jpg", "2.jpg"] {
 //!     let (width, height, rgb) = pixels(name); // 8-bit sRGB
 //!     let photo = Photo::from_rgb8(width, height, &rgb, 3 * width as usize, Encoding::Srgb, 1.0)?;
-//!     match session.push(&photo)? {
-//!         Pushed::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
-//!         Pushed::Rejected(reason) => println!("{name}: {reason}"),
+//!     match session.add_photo(&photo)? {
+//!         Outcome::Accepted(photo) => println!("maps after {:.2} s", photo.maps_seconds),
+//!         Outcome::Rejected(reason) => println!("{name}: {reason}"),
 //!     }
 //! }
 //! session.wait()?; // until the fit has settled
-//! write_maps("maps", &*session.snapshot()?)?;
+//! write_maps("maps", &*session.snapshot()?, &MapsOptions::default())?;
 //! # Ok(())
 //! # }
 //! ```
@@ -78,7 +73,6 @@ pub mod board_sheet;
 pub mod calibration;
 pub mod capture;
 pub mod comparison;
-pub mod confidence;
 #[doc(hidden)]
 pub mod estimate;
 #[doc(hidden)]
@@ -86,7 +80,6 @@ pub mod estimator;
 pub mod export;
 #[cfg(feature = "files")]
 pub mod files;
-pub mod frame;
 pub mod geometry;
 pub mod guide;
 mod interpolation;
@@ -98,6 +91,7 @@ pub mod loss;
 pub mod networks;
 pub mod observation;
 mod parallel;
+pub mod photo;
 #[doc(hidden)]
 pub mod random;
 pub mod rectification;
@@ -110,6 +104,7 @@ pub mod svbrdf;
 #[cfg(test)]
 mod test_support;
 pub mod threads;
+pub mod uncertainty;
 
 #[cfg(all(doctest, feature = "embedded-models"))]
 #[doc = include_str!("../README.md")]

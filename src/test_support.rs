@@ -3,7 +3,6 @@
 use crate::Svbrdf;
 use crate::observation::{Falloff, Observation, View};
 use crate::render::render;
-use crate::svbrdf::channel;
 use std::f32::consts::PI;
 
 #[path = "../tests/common/picture.rs"]
@@ -32,12 +31,12 @@ pub(crate) fn two_tones(side: usize) -> Svbrdf {
     for i in 0..side * side {
         let [u, v] = [i % side, i / side].map(|n| n as f32 / side as f32 * 12.0);
         let tone = if u.sin() * v.cos() > 0.0 { 0.6 } else { 0.25 };
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * u.cos();
-        maps.plane_mut(channel::SLOPE_Y)[i] = 0.3 * v.sin();
+        maps.normal_slopes_mut()[0][i] = 0.3 * u.cos();
+        maps.normal_slopes_mut()[1][i] = 0.3 * v.sin();
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c)[i] = tone * [1.0, 0.7, 0.4][c];
+            maps.diffuse_mut()[c][i] = tone * [1.0, 0.7, 0.4][c];
         }
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.2 + 0.6 * tone;
+        maps.roughness_mut()[i] = 0.2 + 0.6 * tone;
     }
     maps
 }

@@ -151,13 +151,13 @@ fn parts_of_photographs_are_placed() {
         if !matches!(capture.target.kind, TargetKind::CharucoRing { .. }) {
             continue;
         }
-        for (index, frame) in capture.frames.iter().enumerate() {
+        for (index, shot) in capture.photos.iter().enumerate() {
             let (f, a) = check(&View {
                 name: format!("{}/{index}", capture.name),
-                luma: LumaImage::from_photo(&frame.photo()),
+                luma: LumaImage::from_photo(&shot.photo()),
                 target: capture.target.clone(),
                 camera: capture.camera,
-                pose: frame.pose,
+                pose: shot.pose,
             });
             (found, all) = (found + f, all + a);
         }

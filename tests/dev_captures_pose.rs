@@ -21,10 +21,10 @@ fn every_photograph_is_accepted_with_the_right_pose() {
         "photo", "corners", "tilt", "deg", "mm", "rms px", "true px", "blur", "luma ms", "ms"
     );
     let mut faults = Vec::new();
-    for Capture { name, target, camera, frames } in all {
+    for Capture { name, target, camera, photos } in all {
         let in_view = target.corners().len();
-        for (index, frame) in frames.iter().enumerate() {
-            let photo = frame.photo();
+        for (index, shot) in photos.iter().enumerate() {
+            let photo = shot.photo();
             let name = format!("{name}/{index}");
             let start = Instant::now();
             let luma = LumaImage::from_photo(&photo);
@@ -41,7 +41,7 @@ fn every_photograph_is_accepted_with_the_right_pose() {
                     continue;
                 }
             };
-            let true_pose = frame.pose;
+            let true_pose = shot.pose;
             let degrees = angle_deg(&estimate.pose, &true_pose);
             let mm = (estimate.pose.camera_centre() - true_pose.camera_centre()).length();
             let squares = detection.corners.iter().map(|c| {

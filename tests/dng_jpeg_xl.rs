@@ -10,7 +10,7 @@ use std::process::Command;
 use glam::DMat3;
 use negatives::{Encoder, Negative, Storage, Values};
 use svbrdf::files::{Options, decode};
-use svbrdf::frame::{Photo, Primaries};
+use svbrdf::photo::{Photo, Primaries};
 
 const JPEG_XL: u16 = 52546;
 

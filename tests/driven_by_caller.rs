@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use svbrdf::capture::Capture;
-use svbrdf::frame::Photo;
-use svbrdf::session::{Budget, Driver, Pushed, RestoreOptions, Session, Settings};
+use svbrdf::photo::Photo;
+use svbrdf::session::{Budget, Driver, Outcome, RestoreOptions, Session, Settings};
 use svbrdf::{Error, networks::Networks};
 
 const CAPTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
 
 fn photos(count: usize) -> (Capture, Vec<Photo>) {
     let capture = Capture::load(CAPTURE).unwrap();
-    let photos = capture.frames[..count].iter().map(|f| f.read().unwrap()).collect();
+    let photos = capture.photos[..count].iter().map(|f| f.read().unwrap()).collect();
     (capture, photos)
 }
 
@@ -24,8 +24,8 @@ fn session(capture: &Capture, driver: Driver, steps: Option<u32>) -> Session {
 }
 
 fn accepted(session: &Session, photo: &Photo) {
-    let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 #[test]
@@ -62,15 +62,15 @@ fn questions_are_answered_between_two_steps() {
     // The maps of the photograph are there before the first step.
     session.snapshot().unwrap();
     assert!(!session.progress().settled);
-    assert_eq!(session.frame_fits().unwrap().len(), 1);
+    assert_eq!(session.photo_fits().unwrap().len(), 1);
     assert!(session.step().unwrap());
     assert!(session.next_view().is_some());
-    session.assess().unwrap();
+    session.snapshot_with_uncertainty().unwrap();
     assert!(!session.wait_timeout(Duration::ZERO).unwrap());
     accepted(&session, &photos[1]);
     let saved = session.save().unwrap();
-    session.remove_frame(0).unwrap();
-    assert_eq!(session.progress().frames, 1);
+    session.remove_photo(0).unwrap();
+    assert_eq!(session.progress().photos, 1);
     while session.step().unwrap() {}
     assert!(session.progress().settled);
 
@@ -78,7 +78,7 @@ fn questions_are_answered_between_two_steps() {
     let networks = std::sync::Arc::new(Networks::embedded().unwrap());
     let options = RestoreOptions { driver: Driver::Caller, ..RestoreOptions::default() };
     let restored = Session::restore(&saved, networks, options).unwrap();
-    assert_eq!(restored.progress().frames, 2);
+    assert_eq!(restored.progress().photos, 2);
     assert!(restored.step().unwrap());
 }
 
@@ -102,7 +102,7 @@ fn the_fraction_of_announced_photographs_never_falls() {
     }
     assert!(session.progress().settled && session.progress().fraction == 0.75);
     let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
-    assert!(matches!(session.push(&black), Ok(Pushed::Rejected(_))));
+    assert!(matches!(session.add_photo(&black), Ok(Outcome::Rejected(_))));
     tell(&session);
     assert!(told.is_sorted(), "{told:?}");
     assert_eq!([told[0], *told.last().unwrap()], [0.0, 1.0]);
@@ -113,7 +113,7 @@ fn the_fraction_of_announced_photographs_never_falls() {
     assert_eq!(session.progress().fraction, 0.0);
     session.wait().unwrap();
     assert_eq!(session.progress().fraction, 1.0);
-    session.remove_frame(3).unwrap();
+    session.remove_photo(3).unwrap();
     assert_eq!(session.progress().fraction, 0.0);
 }
 

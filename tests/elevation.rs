@@ -16,9 +16,9 @@ use svbrdf::calibration::Target;
 use svbrdf::capture::Capture;
 use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
-use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, RestoreOptions, Scene, Session, Settings};
+use svbrdf::photo::Photo;
+use svbrdf::session::{Method, Outcome, RestoreOptions, Scene, Session, Settings};
 
 const ALL: [Material; 5] =
     [Material::Tiles, Material::Leather, Material::Marble, Material::Plaster, Material::Plain];
@@ -42,8 +42,8 @@ fn calibrating(elevation_mm: Option<f64>) -> Session {
 }
 
 fn push(session: &Session, photo: &Photo) {
-    let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 fn photos(maps: &Svbrdf, elevation_mm: f64, count: u32) -> Vec<Photo> {
@@ -117,8 +117,8 @@ fn samples_of_the_test_data_lie_in_the_plane() {
         let session = Session::new(capture.scene.clone(), settings).unwrap();
         session.pause();
         let mut seen = String::new();
-        for frame in &capture.frames {
-            push(&session, &frame.read().unwrap());
+        for file in &capture.photos {
+            push(&session, &file.read().unwrap());
             let e = session.elevation().unwrap();
             seen += &format!(" {:.2} +- {:.3}", e.mm, e.sigma_mm);
             assert_eq!(e.mm, 0.0, "{}", folder.display());

@@ -18,7 +18,7 @@ use photos::{Written, to_display_p3};
 use svbrdf::Error;
 use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::files::{Kind, Limits, Metadata, Options, Remark, decode};
-use svbrdf::frame::{Encoding, Photo, Primaries};
+use svbrdf::photo::{Encoding, Photo, Primaries};
 
 /// What messages name besides formats that are always read.
 const HEIC: &str = if cfg!(feature = "heic") { "HEIC" } else { "OpenEXR" };
@@ -275,7 +275,7 @@ fn mirroring_tags_are_honoured_and_said() {
         let size = (decoded.photo.width(), decoded.photo.height());
         assert_eq!(size, if upright == 0 { (8, 4) } else { (4, 8) }, "{tag}");
         // Turned back, it is what was stored, or its mirror image.
-        let turn = svbrdf::frame::Rotation::from_degrees((360 - upright) % 360).unwrap();
+        let turn = svbrdf::photo::Rotation::from_degrees((360 - upright) % 360).unwrap();
         let back = decoded.photo.turned(turn);
         for (x, y) in [(0, 0), (7, 0), (2, 3)] {
             let stored = picture.get_pixel(if mirrored { 7 - x } else { x }, y).0;

@@ -1,13 +1,13 @@
-//! Photographs that are looked at before they are pushed, taken back afterwards, and weighed.
+//! Photographs that are looked at before they are added, removed afterwards, and weighed.
 
 #[path = "common/rectified.rs"]
 mod rectified;
 
 use rectified::{POSITIONS, material, photo, scene};
 use svbrdf::capture::Capture;
-use svbrdf::frame::Photo;
+use svbrdf::photo::Photo;
 use svbrdf::session::{
-    Budget, Driver, Hint, Method, Phase, Probe, Pushed, RectifiedFalloff, Scene, Session, Settings,
+    Budget, Driver, Hint, Method, Outcome, Phase, Probe, RectifiedFalloff, Scene, Session, Settings,
 };
 use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Rejection, Svbrdf};
@@ -17,7 +17,7 @@ fn capture() -> Capture {
 }
 
 fn photos(count: usize) -> Vec<Photo> {
-    capture().frames[..count].iter().map(|f| f.read().unwrap()).collect()
+    capture().photos[..count].iter().map(|f| f.read().unwrap()).collect()
 }
 
 /// A paused session of the bundled capture, with its camera or without.
@@ -36,8 +36,8 @@ fn paused(with_camera: bool) -> Session {
 }
 
 fn push(session: &Session, photo: &Photo) {
-    let pushed = session.push(photo).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+    let outcome = session.add_photo(photo).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
 }
 
 /// Another look at a photograph's values, row by row.
@@ -50,8 +50,8 @@ fn changed(photo: &Photo, change: impl Fn(&[f32], usize) -> f32) -> Photo {
 }
 
 /// Degrees between two lines of sight, and mm between two distances.
-fn apart(probe: &Probe, pushed: &svbrdf::geometry::Pose) -> (f64, f64) {
-    let (a, b) = (probe.pose.unwrap().pose.camera_centre(), pushed.camera_centre());
+fn apart(probe: &Probe, accepted: &svbrdf::geometry::Pose) -> (f64, f64) {
+    let (a, b) = (probe.pose.unwrap().pose.camera_centre(), accepted.camera_centre());
     (a.angle_between(b).to_degrees(), (a.length() - b.length()).abs())
 }
 
@@ -63,12 +63,14 @@ fn a_probe_says_what_a_push_says_and_changes_nothing() {
         let probe = session.probe(photo).unwrap();
         assert!(session.save().unwrap() == before, "the session has changed");
         assert_eq!((probe.rejection, probe.hints.len()), (None, 0), "{probe:?}");
-        let Pushed::Accepted(accepted) = session.push(photo).unwrap() else { panic!("rejected") };
+        let Outcome::Accepted(accepted) = session.add_photo(photo).unwrap() else {
+            panic!("rejected")
+        };
         // Of the reduced picture corners are found to some hundredths of a pixel: 0.1 px of the whole.
-        let (degrees, mm) = apart(&probe, &accepted.pose.unwrap());
+        let (degrees, mm) = apart(&probe, &accepted.pose.unwrap().pose);
         assert!(degrees < 0.2 && mm < 0.5, "{degrees} {mm}");
         let view = probe.view.unwrap();
-        let expected = accepted.pose.unwrap().view_angle().to_degrees() as f32;
+        let expected = accepted.pose.unwrap().pose.view_angle().to_degrees() as f32;
         assert!((view.tilt_deg - expected).abs() < 0.2, "{view:?}");
         assert_eq!(view.off_next_deg.is_some(), i > 0);
         assert!(view.sample_seen == 1.0 && view.sample_clipped < 0.5, "{view:?}");
@@ -133,7 +135,9 @@ fn rejected_pictures_tell_what_was_found() {
     for (factor, expected) in [(0.002, "too_dark"), (60.0, "clipped")] {
         let photo = changed(photo, |row, i| (factor * row[i]).min(1.0));
         let probe = session.probe(&photo).unwrap();
-        let Pushed::Rejected(rejection) = session.push(&photo).unwrap() else { panic!("taken") };
+        let Outcome::Rejected(rejection) = session.add_photo(&photo).unwrap() else {
+            panic!("taken")
+        };
         assert_eq!(probe.rejection.map(|r| r.code()), Some(rejection.code()), "{probe:?}");
         println!("{factor}: {rejection}, corners {}", probe.corners.len());
         assert_eq!(rejection.code(), expected);
@@ -177,13 +181,13 @@ fn a_rectified_photograph_taken_back_has_never_come() {
         let settings = Settings { threads: 2, method, ..Settings::default() };
         let (session, without) = (top_views(settings.clone()), top_views(settings));
         for (i, photo) in photos.iter().enumerate() {
-            session.push_rectified(photo, POSITIONS[i], POSITIONS[i]).unwrap();
+            session.add_rectified_photo(photo, POSITIONS[i], POSITIONS[i]).unwrap();
             if i != index {
-                without.push_rectified(photo, POSITIONS[i], POSITIONS[i]).unwrap();
+                without.add_rectified_photo(photo, POSITIONS[i], POSITIONS[i]).unwrap();
             }
         }
-        session.remove_frame(index).unwrap();
-        assert_eq!(session.progress().frames, 2);
+        session.remove_photo(index).unwrap();
+        assert_eq!(session.progress().photos, 2);
         assert!(session.snapshot().unwrap() == without.snapshot().unwrap());
         assert!(fitted(&session, 6) == fitted(&without, 6), "{method:?} {index}");
     }
@@ -204,12 +208,12 @@ fn photographs_of_a_board_are_taken_back_with_what_they_told() {
         }
         let before = session.save().unwrap();
         for wrong in [count, usize::MAX] {
-            let fault = session.remove_frame(wrong).unwrap_err();
+            let fault = session.remove_photo(wrong).unwrap_err();
             assert!(matches!(fault, Error::Argument { argument: "index", .. }), "{fault}");
         }
         assert!(session.save().unwrap() == before, "a wrong index changes nothing");
-        session.remove_frame(index).unwrap();
-        assert_eq!(session.progress().frames, count - 1);
+        session.remove_photo(index).unwrap();
+        assert_eq!(session.progress().photos, count - 1);
         assert_eq!(session.camera(), without.camera());
         if settled {
             // Paper and height stay; they are what the others say as well.
@@ -246,12 +250,12 @@ fn without_photographs_there_are_no_maps() {
     let session = paused(false);
     let photo = &photos(1)[0];
     push(&session, photo);
-    session.remove_frame(0).unwrap();
+    session.remove_photo(0).unwrap();
     assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
-    assert!(session.progress().settled && session.progress().frames == 0);
+    assert!(session.progress().settled && session.progress().photos == 0);
     assert!(session.camera().is_none() && session.poses().is_empty());
-    assert!(session.frame_fits().unwrap().is_empty());
-    assert!(session.remove_frame(0).is_err());
+    assert!(session.photo_fits().unwrap().is_empty());
+    assert!(session.remove_photo(0).is_err());
     push(&session, photo);
     assert!(session.snapshot().is_ok());
 }
@@ -261,9 +265,7 @@ fn the_photograph_that_contradicts_the_others_is_named() {
     let truth = material();
     let mut other = material();
     for c in 0..3 {
-        other
-            .plane_mut(channel::DIFFUSE + c)
-            .copy_from_slice(truth.plane(channel::DIFFUSE + 2 - c));
+        other.diffuse_mut()[c].copy_from_slice(truth.plane(channel::DIFFUSE + 2 - c));
     }
     // Driven from here: the fit begins with all of them, and no phase is missed.
     let (method, driver) = (Method::Classic, Driver::Caller);
@@ -275,7 +277,7 @@ fn the_photograph_that_contradicts_the_others_is_named() {
     let e = [20.0, -40.0, 100.0];
     for (i, position) in [a, b, c, d, e].into_iter().enumerate() {
         let seen = if i == 2 { &other } else { &truth };
-        session.push_rectified(&photo(seen, position), position, position).unwrap();
+        session.add_rectified_photo(&photo(seen, position), position, position).unwrap();
     }
     let mut phases = Vec::new();
     while session.step().unwrap() {
@@ -283,14 +285,14 @@ fn the_photograph_that_contradicts_the_others_is_named() {
     }
     assert!(phases.contains(&Phase::Fit), "{phases:?}");
     assert_eq!(session.progress().phase, None);
-    let fits = session.frame_fits().unwrap();
+    let fits = session.photo_fits().unwrap();
     println!("{fits:?}");
     let named: Vec<usize> = (0..5).filter(|&i| fits[i].outlier).collect();
     assert_eq!(named, [2], "{fits:?}");
     assert!(fits.iter().all(|f| f.weight > 0.3 && f.weight <= 1.0 && f.residual >= 0.0));
-    session.remove_frame(2).unwrap();
+    session.remove_photo(2).unwrap();
     session.wait().unwrap();
-    let left = session.frame_fits().unwrap();
+    let left = session.photo_fits().unwrap();
     println!("{left:?}");
     assert!(left.len() == 4 && left.iter().all(|f| !f.outlier), "{left:?}");
     assert!(left[2].residual < fits[2].residual);

@@ -5,8 +5,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 use svbrdf::Error;
-use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
+use svbrdf::photo::Photo;
 use svbrdf::session::{RectifiedFalloff, Scene, Session, Settings};
 
 /// Resident memory, bytes: `VmRSS` now, `VmHWM` at most since [`forget_peak`].
@@ -50,7 +50,7 @@ fn case(resolution: usize, photos: usize) -> [u64; 2] {
             (0..3 * side * side).map(|v| 0.2 + 0.1 * ((v / 3 + i as u32) % 7) as f32).collect();
         let photo = Photo::from_linear(side, side, rgb, 1.0, f32::INFINITY).unwrap();
         let camera_mm = [20.0 * i as f32, 10.0, 150.0];
-        session.push_rectified(&photo, camera_mm, camera_mm).unwrap();
+        session.add_rectified_photo(&photo, camera_mm, camera_mm).unwrap();
         session.wait().unwrap();
     }
     [resident("VmHWM:") - before, estimate]

@@ -6,9 +6,9 @@ use common::{Scene, charuco, looking_at};
 use glam::DVec2;
 use svbrdf::BoardDifference;
 use svbrdf::calibration::{Target, TargetKind, TopLeft};
-use svbrdf::frame::Photo;
 use svbrdf::geometry::Camera;
-use svbrdf::session::{Hint, Pushed, Scene as Described, Session, Settings};
+use svbrdf::photo::Photo;
+use svbrdf::session::{Hint, Outcome, Scene as Described, Session, Settings};
 
 /// A photograph of a printed board by its flash, from above.
 fn photo(printed: &Target) -> Photo {
@@ -49,8 +49,8 @@ fn said(printed: &Target, described: &Target) -> Option<BoardDifference> {
     let settings = Settings { sample_mm: hole, threads: 1, ..Settings::default() };
     let session = Session::new(scene, settings).unwrap();
     session.pause();
-    let pushed = session.push(&photo(printed)).unwrap();
-    let Pushed::Accepted(accepted) = pushed else { panic!("{pushed:?}") };
+    let outcome = session.add_photo(&photo(printed)).unwrap();
+    let Outcome::Accepted(accepted) = outcome else { panic!("{outcome:?}") };
     accepted.hints.iter().find_map(|hint| match hint {
         Hint::BoardDiffers(difference) => Some(*difference),
         _ => None,

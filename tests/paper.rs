@@ -4,10 +4,10 @@ mod common;
 
 use common::{Scene, looking_at, ring};
 use svbrdf::calibration::{Paper, PaperEstimate, Target, detect, estimate_pose};
-use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, RestoreOptions, Scene as Shown, Session, Settings};
+use svbrdf::photo::Photo;
+use svbrdf::session::{Method, Outcome, RestoreOptions, Scene as Shown, Session, Settings};
 
 fn camera() -> Camera {
     let distortion = [0.08, -0.12, 5e-4, -4e-4, 0.0];
@@ -46,8 +46,8 @@ fn session(target: &Target, camera: Option<Camera>) -> Session {
 /// Largest view error over all photographs, and the paper, once all are in.
 fn calibrated(session: &Session, scenes: &[Scene], photos: &[Photo]) -> (f64, PaperEstimate) {
     for photo in photos {
-        let pushed = session.push(photo).unwrap();
-        assert!(matches!(pushed, Pushed::Accepted(_)), "{pushed:?}");
+        let outcome = session.add_photo(photo).unwrap();
+        assert!(matches!(outcome, Outcome::Accepted(_)), "{outcome:?}");
     }
     let errors =
         session.poses().into_iter().zip(scenes).map(|(k, s)| view_error_deg(&k.pose, &s.pose));

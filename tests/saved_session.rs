@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use rectified::{POSITIONS, material, scene};
 use svbrdf::capture::Capture;
-use svbrdf::frame::Photo;
 use svbrdf::networks::Networks;
+use svbrdf::photo::Photo;
 use svbrdf::session::{
-    Budget, Driver, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
+    Budget, Driver, Method, Outcome, RectifiedFalloff, RestoreOptions, Scene, Session, Settings,
 };
 use svbrdf::{Error, StateFault, Svbrdf};
 
@@ -31,8 +31,9 @@ fn session(settings: Settings) -> Session {
 }
 
 fn push(session: &Session, i: usize) {
-    let pushed = session.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)));
+    let outcome =
+        session.add_rectified_photo(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)));
 }
 
 fn restore(state: &[u8]) -> Session {
@@ -83,7 +84,7 @@ fn going_on_after_restoring_is_going_on() {
                 step_until(&session, share);
                 if saved {
                     let restored = again(&session);
-                    assert_eq!(restored.progress().frames, i + 1);
+                    assert_eq!(restored.progress().photos, i + 1);
                     // Maps are the latest; what led to them is done again.
                     assert_eq!(restored.snapshot().unwrap(), session.snapshot().unwrap());
                     assert!(!restored.progress().settled);
@@ -94,7 +95,7 @@ fn going_on_after_restoring_is_going_on() {
                 }
             }
             session.wait().unwrap();
-            (session.snapshot().unwrap(), session.progress().loss, session.exposure())
+            (session.snapshot().unwrap(), session.progress().loss, session.light_correction())
         };
         assert!(run(false) == run(true), "{method:?}");
     }
@@ -108,14 +109,14 @@ fn fifty_photographs_are_saved_small() {
     let photo = photo(POSITIONS[0]);
     for i in 0..50 {
         let at = [i as f32, 0.0, 110.0];
-        let pushed = session.push_rectified(&photo, at, at).unwrap();
-        assert!(matches!(pushed, Pushed::Accepted(_)));
+        let outcome = session.add_rectified_photo(&photo, at, at).unwrap();
+        assert!(matches!(outcome, Outcome::Accepted(_)));
     }
     let begun = Instant::now();
     let state = session.save().unwrap();
     let saved = begun.elapsed();
     let begun = Instant::now();
-    assert_eq!(restore(&state).progress().frames, 50);
+    assert_eq!(restore(&state).progress().photos, 50);
     let texels = rectified::SIZE * rectified::SIZE;
     println!("{} bytes, saved in {saved:?}, restored in {:?}", state.len(), begun.elapsed());
     assert!(state.len() < 50 * (6 * texels + 200) + 130 * texels, "{} bytes", state.len());
@@ -176,8 +177,8 @@ fn camera_and_light_go_on_as_well() {
         let settings = Settings { sample_mm: capture.sample_mm, driver, ..Settings::default() };
         let straight = Session::with_networks(scene, settings, networks()).unwrap();
         let push = |session: &Session, i: usize| {
-            let photo = capture.frames[i].read().unwrap();
-            assert!(matches!(session.push(&photo).unwrap(), Pushed::Accepted(_)));
+            let photo = capture.photos[i].read().unwrap();
+            assert!(matches!(session.add_photo(&photo).unwrap(), Outcome::Accepted(_)));
         };
         push(&straight, 0);
         push(&straight, 1);
@@ -375,13 +376,13 @@ fn memory_limits_are_answered_before_anything_is_taken() {
     let mut taken = 0;
     let fault = loop {
         let i = taken % POSITIONS.len();
-        match tight.push_rectified(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]) {
+        match tight.add_rectified_photo(&photo(POSITIONS[i]), POSITIONS[i], POSITIONS[i]) {
             Ok(_) => taken += 1,
             Err(fault) => break fault,
         }
         assert!(taken < 50);
     };
     assert!(taken > 0 && matches!(fault, Error::MemoryLimit { .. }), "{taken}: {fault}");
-    assert_eq!(tight.progress().frames, taken);
+    assert_eq!(tight.progress().photos, taken);
     assert!(tight.snapshot().is_ok() && tight.save().is_ok());
 }

@@ -6,9 +6,9 @@ mod rectified;
 use std::time::Duration;
 
 use rectified::{POSITIONS, SIZE, material, photo, scene, view};
-use svbrdf::frame::Photo;
 use svbrdf::observation::View;
-use svbrdf::session::{Method, Pushed, RectifiedFalloff, Scene, Session, Settings};
+use svbrdf::photo::Photo;
+use svbrdf::session::{Method, Outcome, RectifiedFalloff, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Svbrdf, render};
 
 fn session(settings: Settings) -> Session {
@@ -37,8 +37,8 @@ fn maps_come_at_once_and_improve_with_every_photograph() {
     assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
     let mut errors = Vec::new();
     for (i, position) in POSITIONS.into_iter().enumerate() {
-        let Pushed::Accepted(accepted) =
-            session.push_rectified(&photo(&truth, position), position, position).unwrap()
+        let Outcome::Accepted(accepted) =
+            session.add_rectified_photo(&photo(&truth, position), position, position).unwrap()
         else {
             panic!("photograph {i} was rejected")
         };
@@ -48,7 +48,7 @@ fn maps_come_at_once_and_improve_with_every_photograph() {
         }
         session.wait().unwrap();
         let progress = session.progress();
-        assert!(progress.settled && progress.frames == i + 1);
+        assert!(progress.settled && progress.photos == i + 1);
         assert!(progress.loss < progress.loss_before, "{progress:?}");
         errors.push(novel_error(&session.snapshot().unwrap(), &truth));
     }
@@ -66,7 +66,9 @@ fn same_input_same_maps() {
         let run = || {
             let session = session(Settings { threads: 2, method, ..Settings::default() });
             for position in &POSITIONS[..2] {
-                session.push_rectified(&photo(&truth, *position), *position, *position).unwrap();
+                session
+                    .add_rectified_photo(&photo(&truth, *position), *position, *position)
+                    .unwrap();
                 session.wait().unwrap();
             }
             session.snapshot().unwrap()
@@ -83,15 +85,16 @@ fn rejected_photographs_change_nothing() {
     rgb[1000] = f32::NAN;
     let size = SIZE as u32;
     let bad = Photo::from_linear(size, size, rgb, 1.0, f32::INFINITY).unwrap();
-    let push = |photo: &Photo| session.push_rectified(photo, POSITIONS[0], POSITIONS[0]).unwrap();
-    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    let push =
+        |photo: &Photo| session.add_rectified_photo(photo, POSITIONS[0], POSITIONS[0]).unwrap();
+    assert_eq!(push(&bad), Outcome::Rejected(Rejection::NotFinite));
     assert!(matches!(session.snapshot(), Err(Error::NoMaps)));
-    assert!(matches!(push(&photo(&truth, POSITIONS[0])), Pushed::Accepted(_)));
+    assert!(matches!(push(&photo(&truth, POSITIONS[0])), Outcome::Accepted(_)));
     session.wait().unwrap();
     let before = session.snapshot().unwrap();
-    assert_eq!(push(&bad), Pushed::Rejected(Rejection::NotFinite));
+    assert_eq!(push(&bad), Outcome::Rejected(Rejection::NotFinite));
     assert_eq!(session.snapshot().unwrap().planes(), before.planes());
-    assert_eq!(session.progress().frames, 1);
+    assert_eq!(session.progress().photos, 1);
 }
 
 #[test]
@@ -99,10 +102,10 @@ fn misuse_is_an_error_and_loses_nothing() {
     let truth = material();
     let session = session(Settings::default());
     let good = photo(&truth, POSITIONS[0]);
-    assert!(session.push(&good).is_err(), "a board photograph in a rectified session");
-    assert!(session.push_rectified(&good, [0.0, f32::NAN, 100.0], POSITIONS[0]).is_err());
-    assert!(session.push_rectified(&good, POSITIONS[0], [0.0, 0.0, -5.0]).is_err());
-    assert!(session.push_rectified(&good, POSITIONS[0], POSITIONS[0]).is_ok());
+    assert!(session.add_photo(&good).is_err(), "a board photograph in a rectified session");
+    assert!(session.add_rectified_photo(&good, [0.0, f32::NAN, 100.0], POSITIONS[0]).is_err());
+    assert!(session.add_rectified_photo(&good, POSITIONS[0], [0.0, 0.0, -5.0]).is_err());
+    assert!(session.add_rectified_photo(&good, POSITIONS[0], POSITIONS[0]).is_ok());
     let scene = || Scene::Rectified { falloff: RectifiedFalloff::InverseSquareAuto };
     for settings in [
         Settings { resolution: 300, ..Settings::default() },
@@ -117,8 +120,9 @@ fn pause_holds_cancel_ends_and_drop_does_not_wait_for_the_fit() {
     let truth = material();
     let session = session(Settings { threads: 1, ..Settings::default() });
     session.pause();
-    let push =
-        |i: usize| session.push_rectified(&photo(&truth, POSITIONS[i]), POSITIONS[i], POSITIONS[i]);
+    let push = |i: usize| {
+        session.add_rectified_photo(&photo(&truth, POSITIONS[i]), POSITIONS[i], POSITIONS[i])
+    };
     push(0).unwrap();
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(session.progress().fraction, 0.0);
@@ -136,7 +140,7 @@ fn pause_holds_cancel_ends_and_drop_does_not_wait_for_the_fit() {
     // A fit that is held never settles: whoever waited for it would wait for ever.
     let held = self::session(Settings { threads: 1, ..Settings::default() });
     held.pause();
-    held.push_rectified(&photo(&truth, POSITIONS[0]), POSITIONS[0], POSITIONS[0]).unwrap();
+    held.add_rectified_photo(&photo(&truth, POSITIONS[0]), POSITIONS[0], POSITIONS[0]).unwrap();
     drop(held);
 }
 
@@ -147,19 +151,19 @@ fn a_photograph_that_is_observed_changes_nothing() {
     let settings = Settings { sample_mm: capture.sample_mm, threads: 1, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings).unwrap();
     session.pause();
-    let photos: Vec<Photo> = capture.frames[..2].iter().map(|f| f.read().unwrap()).collect();
-    let first = session.observe(&photos[0]).unwrap().unwrap();
-    assert_eq!(session.progress().frames, 0);
-    assert!(matches!(session.push(&photos[0]).unwrap(), Pushed::Accepted(_)));
+    let photos: Vec<Photo> = capture.photos[..2].iter().map(|f| f.read().unwrap()).collect();
+    let first = session.observe(&photos[0]).unwrap().into_result().unwrap();
+    assert_eq!(session.progress().photos, 0);
+    assert!(matches!(session.add_photo(&photos[0]).unwrap(), Outcome::Accepted(_)));
     let before = (session.save().unwrap(), session.revision());
-    let second = session.observe(&photos[1]).unwrap().unwrap();
+    let second = session.observe(&photos[1]).unwrap().into_result().unwrap();
     assert_eq!((session.save().unwrap(), session.revision()), before);
     // It hints as pushing does, and has the pose that pushing finds.
     assert!(matches!(
-        &session.observe(&photos[0]).unwrap().unwrap().hints[..],
+        &session.observe(&photos[0]).unwrap().into_result().unwrap().hints[..],
         [svbrdf::session::Hint::NothingNew { index: 0 }]
     ));
-    assert!(matches!(session.push(&photos[1]).unwrap(), Pushed::Accepted(_)));
+    assert!(matches!(session.add_photo(&photos[1]).unwrap(), Outcome::Accepted(_)));
     let poses = session.poses();
     for (observed, pushed) in [first, second].iter().zip(&poses) {
         let pose = observed.pose.unwrap().pose;
@@ -170,7 +174,7 @@ fn a_photograph_that_is_observed_changes_nothing() {
         assert!((0..2).all(|i| (view.camera_mm[i] - centre[i]).abs() < 0.01), "{view:?}");
     }
     let black = Photo::from_linear(64, 48, vec![0.0; 3 * 64 * 48], 1.0, 9.0).unwrap();
-    assert!(matches!(session.observe(&black), Ok(Err(Rejection::WrongSize { .. }))));
+    assert!(matches!(session.observe(&black), Ok(Outcome::Rejected(Rejection::WrongSize { .. }))));
     let wrong = session.observe_rectified(&photos[0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0]);
     assert!(matches!(wrong, Err(Error::Argument { .. })));
     session.cancel();

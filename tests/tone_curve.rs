@@ -9,19 +9,19 @@ use svbrdf::calibration::photometry::{Lobe, Radiometry, Vignetting};
 use svbrdf::capture::Capture;
 use svbrdf::comparison::compare;
 use svbrdf::export::{read_maps, resized};
-use svbrdf::frame::{Encoding, Photo, ToneCurve};
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
+use svbrdf::photo::{Encoding, Photo, ToneCurve};
 use svbrdf::rectification::{rectify, update_radiometry};
 use svbrdf::session::{
-    Accepted, Budget, Driver, Hint, Pushed, RestoreOptions, Scene, Session, Settings,
+    AcceptedPhoto, Budget, Driver, Hint, Outcome, RestoreOptions, Scene, Session, Settings,
 };
 
 const TILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
 
 fn photos(count: usize) -> Vec<Photo> {
-    Capture::load(TILE).unwrap().frames[..count].iter().map(|f| f.read().unwrap()).collect()
+    Capture::load(TILE).unwrap().photos[..count].iter().map(|f| f.read().unwrap()).collect()
 }
 
 /// Through a curve with a toe and a long shoulder, as 8 bits.
@@ -51,10 +51,10 @@ fn paused(with_camera: bool) -> Session {
     session
 }
 
-fn push(session: &Session, photo: &Photo) -> Accepted {
-    match session.push(photo).unwrap() {
-        Pushed::Accepted(accepted) => accepted,
-        Pushed::Rejected(rejection) => panic!("{rejection}"),
+fn push(session: &Session, photo: &Photo) -> AcceptedPhoto {
+    match session.add_photo(photo).unwrap() {
+        Outcome::Accepted(accepted) => accepted,
+        Outcome::Rejected(rejection) => panic!("{rejection}"),
     }
 }
 
@@ -154,7 +154,7 @@ fn curves_are_taken_back_and_saved_with_their_photographs() {
             }
         }
         let all = session.tone_curve();
-        session.remove_frame(1).unwrap();
+        session.remove_photo(1).unwrap();
         let (left, expected) = (session.tone_curve(), without.tone_curve());
         assert_ne!(left, all);
         // Squares keep the pose with which they were measured: roundings.

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use serde_json::Value;
 use svbrdf::capture::Capture;
 use svbrdf::geometry::Pose;
-use svbrdf::session::{Method, Pushed, Session, Settings};
+use svbrdf::session::{Method, Outcome, Session, Settings};
 use test_data::test_data;
 
 /// Largest error of a view's direction once all photographs are in, degrees.
@@ -76,10 +76,10 @@ fn camera_flash_and_ambient_come_from_the_photographs() {
         // Calibration alone: the fit waits.
         session.pause();
         let mut last = [0.0; 3];
-        for (index, frame) in capture.frames.iter().enumerate() {
-            let photo = frame.read().unwrap();
+        for (index, file) in capture.photos.iter().enumerate() {
+            let photo = file.read().unwrap();
             let begun = std::time::Instant::now();
-            let Pushed::Accepted(_) = session.push(&photo).unwrap() else {
+            let Outcome::Accepted(_) = session.add_photo(&photo).unwrap() else {
                 panic!("{name}/{index} was rejected")
             };
             let seconds = begun.elapsed().as_secs_f64();

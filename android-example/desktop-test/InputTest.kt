@@ -34,7 +34,7 @@ fun badInput() {
             PixelFormat.RGB8, width, height, listOf(Plane(buffer, stride)), rotation = rotation,
         )
     fun push(photo: Photo, info: PhotoInfo = PhotoInfo()) =
-        scanner.pushRectified(photo, above, above, info)
+        scanner.addRectifiedPhoto(photo, above, above, info)
     throws<IllegalArgumentException>("") { push(rgb(64, 65, full)) }
     throws<IllegalArgumentException>("") { push(rgb(0, 64, full)) }
     throws<IllegalArgumentException>("") { push(rgb(-1, 64, full)) }
@@ -58,20 +58,20 @@ fun badInput() {
         push(Photo(PixelFormat.BAYER16, 64, 64, listOf(Plane(full, 128)), bayer = bayer))
     }
     throws<IllegalArgumentException>("") {
-        scanner.pushRectified(gray(), floatArrayOf(0f, 0f), above)
+        scanner.addRectifiedPhoto(gray(), floatArrayOf(0f, 0f), above)
     }
     throws<IllegalArgumentException>("") {
-        scanner.pushRectified(gray(), floatArrayOf(0f, Float.NaN, 1f), above)
+        scanner.addRectifiedPhoto(gray(), floatArrayOf(0f, Float.NaN, 1f), above)
     }
-    throws<IllegalArgumentException>("") { scanner.push(gray()) }
+    throws<IllegalArgumentException>("") { scanner.addPhoto(gray()) }
     verify(scanner.snapshot() == null && scanner.progress.photos == 0) { "something was lost" }
     // Position and limit count; a heap buffer works as well.
     val padded = ByteBuffer.allocate(7 + 3 * 64 * 64 + 5)
     padded.position(7)
     padded.limit(7 + 3 * 64 * 64)
-    verify(push(rgb(64, 64, padded)) is Pushed.Rejected || scanner.progress.photos == 1) { "heap" }
+    verify(push(rgb(64, 64, padded)) is Outcome.Rejected || scanner.progress.photos == 1) { "heap" }
     verify(padded.position() == 7) { "position moved" }
-    verify(push(gray()) is Pushed.Accepted) { "still works" }
+    verify(push(gray()) is Outcome.Accepted) { "still works" }
     val maps = scanner.snapshot()!!
     throws<IllegalArgumentException>("direct") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocate(9)) }
     throws<IllegalArgumentException>("") { maps.rgba8(MapKind.NORMAL, ByteBuffer.allocateDirect(9)) }
@@ -86,7 +86,7 @@ fun badInput() {
     throws<IllegalStateException>("closed") { maps.floats(MapKind.NORMAL) }
     scanner.close()
     scanner.close()
-    throws<IllegalStateException>("closed") { scanner.push(gray()) }
+    throws<IllegalStateException>("closed") { scanner.addPhoto(gray()) }
     throws<IllegalStateException>("closed") { scanner.progress }
     throws<IllegalStateException>("closed") { scanner.await() }
     throws<IllegalStateException>("closed") { scanner.pause() }
@@ -111,8 +111,8 @@ fun layouts() {
     val sensor = Photo(PixelFormat.BAYER16, size, size, listOf(Plane(raw, 2 * size)), bayer = bayer)
     for (photo in listOf(yuv, sensor)) {
         MaterialScanner(small).use { scanner ->
-            val pushed = scanner.pushRectified(photo, above, above)
-            verify(pushed is Pushed.Accepted && pushed.pose == null) { "$pushed" }
+            val outcome = scanner.addRectifiedPhoto(photo, above, above)
+            verify(outcome is Outcome.Accepted && outcome.pose == null) { "$outcome" }
             verify(scanner.nextView == null && scanner.camera == null) { "photos from the top" }
         }
     }
@@ -146,8 +146,8 @@ fun formatsOfVideo() {
     ).map { photo ->
         MaterialScanner(small).use { scanner ->
             scanner.pause()
-            val pushed = scanner.pushRectified(photo, above, above)
-            verify(pushed is Pushed.Accepted) { "$pushed" }
+            val outcome = scanner.addRectifiedPhoto(photo, above, above)
+            verify(outcome is Outcome.Accepted) { "$outcome" }
             scanner.snapshot()!!.use { maps ->
                 val found = maps.floats(MapKind.DIFFUSE)
                 // No primaries make a gray anything but gray.

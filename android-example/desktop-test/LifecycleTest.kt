@@ -49,8 +49,8 @@ fun callbacksThatMisbehave() {
     }
     val scanner = MaterialScanner(small, listener)
     // The callbacks may close it before the call has returned.
-    val pushed = runCatching { scanner.pushRectified(gray(), above, above) }
-    verify(pushed.getOrNull() is Pushed.Accepted) { "$pushed" }
+    val outcome = runCatching { scanner.addRectifiedPhoto(gray(), above, above) }
+    verify(outcome.getOrNull() is Outcome.Accepted) { "$outcome" }
     verify(closed.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
     Thread.sleep(50)
     Thread.setDefaultUncaughtExceptionHandler(before)
@@ -70,7 +70,7 @@ fun callbacksThatMisbehave() {
     }
     Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
     MaterialScanner(small, slow).use { other ->
-        other.pushRectified(gray(), above, above)
+        other.addRectifiedPhoto(gray(), above, above)
         verify(inside.await(PATIENCE_NS, TimeUnit.NANOSECONDS)) { "no callback" }
     }
     Thread.setDefaultUncaughtExceptionHandler(before)
@@ -86,7 +86,7 @@ fun closingWhileOthersCall() {
                 try {
                     while (true) {
                         when (worker) {
-                            0 -> scanner.pushRectified(gray(), above, above)
+                            0 -> scanner.addRectifiedPhoto(gray(), above, above)
                             1 -> scanner.snapshot()?.use { it.rgba8(MapKind.NORMAL) }
                             2 -> scanner.await(1)
                             else -> scanner.progress
@@ -112,9 +112,9 @@ fun flows(): Unit = runBlocking {
     val flows = ScannerFlows()
     MaterialScanner(small, flows).use { scanner ->
         // For boards; this scanner takes photos from the top.
-        val refused = runCatching { scanner.pushSuspending(gray()) }
+        val refused = runCatching { scanner.addPhotoSuspending(gray()) }
         verify(refused.exceptionOrNull() is IllegalArgumentException) { "$refused" }
-        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "pushed" }
+        verify(scanner.addRectifiedPhoto(gray(), above, above) is Outcome.Accepted) { "outcome" }
         flows.maps.first().use { verify(it.width == 256) { "${it.width}" } }
         flows.progress.first { it != null && it.settled }
         verify(scanner.awaitSuspending() && scanner.awaitSuspending(0)) { "settled" }
@@ -125,7 +125,7 @@ fun flows(): Unit = runBlocking {
         MaterialScanner.restore(state).use { verify(it.progress.photos == 1) { "saved" } }
         // What does not end is left when its coroutine is cancelled, or its time is over.
         scanner.pause()
-        scanner.pushRectified(gray(), above, above)
+        scanner.addRectifiedPhoto(gray(), above, above)
         verify(!scanner.awaitSuspending(150)) { "a fit that is held" }
         verify(withTimeoutOrNull(200) { scanner.awaitSuspending() } == null) { "a fit that is held" }
     }
@@ -135,7 +135,7 @@ fun forgotten() {
     // Scanners and maps that nobody closed are freed after their owners.
     val weak = List(5) {
         val scanner = MaterialScanner(small, ScannerFlows())
-        scanner.pushRectified(gray(), above, above)
+        scanner.addRectifiedPhoto(gray(), above, above)
         scanner.snapshot()
         WeakReference(scanner)
     }
@@ -158,7 +158,7 @@ fun twoHundredSessions() {
         MaterialScanner(small, listener).use { scanner ->
             if (index % 5 == 0) {
                 scanner.pause()
-                scanner.pushRectified(gray(), above, above)
+                scanner.addRectifiedPhoto(gray(), above, above)
                 scanner.snapshot()!!.use { it.rgba8(MapKind.DIFFUSE) }
             }
         }
@@ -184,24 +184,24 @@ fun twoHundredSessions() {
 
 /** Photos that no thread of the app waits for. */
 fun pushedWithoutWaiting() {
-    val came = LinkedBlockingQueue<Pair<Pushed?, Throwable?>>()
+    val came = LinkedBlockingQueue<Pair<Outcome?, Throwable?>>()
     val scanner = MaterialScanner(options)
     scanner.pause()
     fun push(index: Int, time: Long, info: PhotoInfo = PhotoInfo(timestampNs = time)) =
-        scanner.pushAsync(photo(index), info) { pushed, fault -> came.add(pushed to fault) }
+        scanner.addPhotoAsync(photo(index), info) { outcome, fault -> came.add(outcome to fault) }
     push(0, 7)
-    val first = came.take().first as Pushed.Accepted
+    val first = came.take().first as Outcome.Accepted
     verify(first.timestampNs == 7L && first.index == 0 && first.pose != null) { "$first" }
     push(0, 8, PhotoInfo(flash = Flash.OFF, timestampNs = 8))
-    val dark = came.take().first as Pushed.Rejected
+    val dark = came.take().first as Outcome.Rejected
     verify(dark.reason == Rejection.LIGHT_NOT_VISIBLE && dark.timestampNs == 8L) { "$dark" }
     throws<IllegalArgumentException>("focal") { push(0, 9, PhotoInfo(focal35mm = Float.NaN)) }
     // As many as are taken, until one is refused: nothing moves on while the first one's callback is held up. Each
     // gets its callback when the scanner is closed.
     val refused = CountDownLatch(1)
-    scanner.pushAsync(photo(1)) { pushed, fault ->
+    scanner.addPhotoAsync(photo(1)) { outcome, fault ->
         refused.await()
-        came.add(pushed to fault)
+        came.add(outcome to fault)
     }
     var sent = 1
     val busy = runCatching { repeat(5) { push(1, it.toLong()); sent++ } }.exceptionOrNull()
@@ -209,8 +209,8 @@ fun pushedWithoutWaiting() {
     refused.countDown()
     scanner.close()
     verify(came.size == sent) { "${came.size} of $sent" }
-    for ((pushed, fault) in came) {
-        verify(pushed is Pushed.Accepted || (fault as ScannerException).fault == Fault.CANCELLED) { "$fault" }
+    for ((outcome, fault) in came) {
+        verify(outcome is Outcome.Accepted || (fault as ScannerException).fault == Fault.CANCELLED) { "$fault" }
     }
     throws<IllegalStateException>("closed") { push(0, 1) }
     verify(came.size == sent) { "callback for a photo that was refused" }
@@ -220,8 +220,8 @@ fun pushedWithoutWaiting() {
     val before = Thread.getDefaultUncaughtExceptionHandler()
     Thread.setDefaultUncaughtExceptionHandler { _, thrown -> uncaught.add(thrown) }
     MaterialScanner(small).use { other ->
-        other.pushAsync(gray()) { pushed, fault ->
-            verify(pushed == null && fault is IllegalArgumentException) { "$pushed $fault" }
+        other.addPhotoAsync(gray()) { outcome, fault ->
+            verify(outcome == null && fault is IllegalArgumentException) { "$outcome $fault" }
             throw IllegalStateException("mine")
         }
         verify(uncaught.take().message == "mine") { "another one" }
@@ -236,9 +236,9 @@ fun ofTheLibrary() {
     Library.setThreadHook { roles.add(it) }
     Library.setLogListener { level, line -> lines.add("$level $line") }
     fun run() = MaterialScanner(small, ScannerFlows()).use { scanner ->
-        scanner.pushRectified(gray(), above, above)
+        scanner.addRectifiedPhoto(gray(), above, above)
         val answered = CountDownLatch(1)
-        scanner.pushAsync(gray()) { _, _ -> answered.countDown() }
+        scanner.addPhotoAsync(gray()) { _, _ -> answered.countDown() }
         answered.await()
     }
     run()
@@ -248,7 +248,7 @@ fun ofTheLibrary() {
     Library.setThreadHook(null)
     Library.setLogListener(null)
     // Threads that share work may still be starting; the others have ended.
-    val own = listOf(ThreadRole.FIT, ThreadRole.CALLBACK, ThreadRole.PUSH)
+    val own = listOf(ThreadRole.FIT, ThreadRole.CALLBACK, ThreadRole.PHOTOS)
     val logged = lines.size
     run()
     verify(own.all { role -> roles.count { it == role } == 1 }) { "called after the end: $roles" }

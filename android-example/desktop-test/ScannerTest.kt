@@ -91,7 +91,7 @@ fun captureToMaps() {
     }
     MaterialScanner(options, listener).use { scanner ->
         verify(scanner.snapshot() == null) { "maps before the first photo" }
-        verify(scanner.snapshotConfidence() == null) { "confidence before the first photo" }
+        verify(scanner.snapshotWithUncertainty() == null) { "uncertainty before the first photo" }
         throws<IllegalStateException>("no photo") { scanner.export(out) }
         verify(scanner.nextView == null && scanner.camera!!.camera == camera) { "before photos" }
         for (i in 0..1) {
@@ -113,13 +113,13 @@ fun captureToMaps() {
                 verify(scanner.guide(photo(i), info).action == Action.ENOUGH) { "options" }
                 scanner.beginGuide()
             }
-            val pushed = scanner.push(photo(i, direct = i == 0), info)
-            verify(pushed is Pushed.Accepted && pushed.index == i) { "$pushed" }
-            verify(pushed.timestampNs == 1000L + i) { "$pushed" }
-            verify((pushed as Pushed.Accepted).reprojectionRmsPx < 0.5) { "$pushed" }
-            verify(pushed.hints.isEmpty() && pushed.advice.isEmpty()) { "$pushed" }
+            val outcome = scanner.addPhoto(photo(i, direct = i == 0), info)
+            verify(outcome is Outcome.Accepted && outcome.index == i) { "$outcome" }
+            verify(outcome.timestampNs == 1000L + i) { "$outcome" }
+            verify((outcome as Outcome.Accepted).pose!!.reprojectionRmsPx < 0.5) { "$outcome" }
+            verify(outcome.hints.isEmpty() && outcome.advice.isEmpty()) { "$outcome" }
             // The sample's centre is where the pose says, and all corners are in the picture.
-            val pose = pushed.pose!!
+            val pose = outcome.pose!!
             verify(pose.angle < 1.0 && pose.cameraMm[2] > 50.0) { "${pose.angle}" }
             for ((x, y) in listOf(0.0 to 0.0, 44.0 to 44.0, -44.0 to 44.0, 44.0 to -44.0)) {
                 val (u, v) = pose.project(camera, x, y)!!
@@ -135,11 +135,11 @@ fun captureToMaps() {
         verify(scanner.pose(1).translationMm[2] > 50.0) { "pose" }
         throws<IllegalArgumentException>("index") { scanner.pose(2) }
         // All of its light was there without the flash: no board is left.
-        val dark = scanner.push(photo(0), PhotoInfo(ambient = photo(0))) as Pushed.Rejected
+        val dark = scanner.addPhoto(photo(0), PhotoInfo(ambient = photo(0))) as Outcome.Rejected
         verify(dark.reason == Rejection.BOARD_NOT_FOUND && dark.measured == 0f) { "$dark" }
         verify(dark.blurDirectionDeg == null && dark.limit == 0f) { "$dark" }
         throws<IllegalArgumentException>("ambient") {
-            scanner.push(photo(0), PhotoInfo(ambient = gray()))
+            scanner.addPhoto(photo(0), PhotoInfo(ambient = gray()))
         }
         // Flat gray: no board; the scanner goes on.
         val pixels = ByteBuffer.allocateDirect(3 * 2016 * 1512)
@@ -148,10 +148,10 @@ fun captureToMaps() {
         }
         pixels.rewind()
         val blank = Photo.packed(PixelFormat.RGB8, pixels, 2016, 1512)
-        val refused = scanner.push(blank) as Pushed.Rejected
+        val refused = scanner.addPhoto(blank) as Outcome.Rejected
         verify(refused.reason == Rejection.BOARD_NOT_FOUND) { "$refused" }
         verify(refused.advice.contains("checkerboard")) { refused.advice }
-        val wrong = scanner.push(gray()) as Pushed.Rejected
+        val wrong = scanner.addPhoto(gray()) as Outcome.Rejected
         verify(wrong.reason == Rejection.WRONG_SIZE && wrong.advice.contains("2016x1512")) { "$wrong" }
         verify(scanner.await()) { "no end without a limit" }
         eventually("no callback") { progressed.get() > 0 && mapped.get() > 0 }
@@ -160,14 +160,14 @@ fun captureToMaps() {
             "$progress"
         }
         verify(Math.abs(scanner.light.flashOffsetMm[0] - 4.92) < 0.5) { "light" }
-        scanner.snapshotConfidence()!!.use { maps ->
+        scanner.snapshotWithUncertainty()!!.use { maps ->
             val rough = maps.deviations(MapKind.ROUGHNESS)
             val mean = Math.sqrt(rough.sumOf { it.toDouble() * it } / rough.size)
-            verify(Math.abs(mean - maps.confidence.roughness) < 1e-4) { "$mean ${maps.confidence}" }
-            verify(maps.confidence.normal > 0f && maps.confidence.diffuse > 0f) { "confidence" }
+            verify(Math.abs(mean - maps.uncertainty.roughness) < 1e-4) { "$mean ${maps.uncertainty}" }
+            verify(maps.uncertainty.normal > 0f && maps.uncertainty.diffuse > 0f) { "uncertainty" }
         }
         scanner.snapshot()!!.use { maps ->
-            throws<IllegalArgumentException>("confidence") { maps.confidence }
+            throws<IllegalArgumentException>("uncertainty") { maps.uncertainty }
             verify(maps.widthMm == 88f && maps.heightMm == 88f && maps.height == 256) { "size" }
             val normal = maps.floats(MapKind.NORMAL)
             verify(normal.remaining() == 3 * 256 * 256) { "${normal.remaining()}" }
@@ -194,7 +194,7 @@ fun captureToMaps() {
         scanner.pause()
         scanner.resume()
         scanner.cancel()
-        val ended = throws<ScannerException>("") { scanner.push(photo(2)) }
+        val ended = throws<ScannerException>("") { scanner.addPhoto(photo(2)) }
         verify(ended.fault == Fault.CANCELLED) { "${ended.fault}" }
         verify(scanner.progress.state == ScanState.CANCELLED) { "${scanner.progress}" }
         verify(scanner.snapshot() != null) { "maps stay" }
@@ -206,12 +206,12 @@ fun captureToMaps() {
     }
 }
 
-/** Photos that are looked at, pushed and taken back. */
+/** Photos that are looked at, outcome and taken back. */
 fun lookedAt() {
     MaterialScanner(options).use { scanner ->
         scanner.pause()
         for (i in 0..1) {
-            verify(scanner.push(photo(i)) is Pushed.Accepted) { "$i" }
+            verify(scanner.addPhoto(photo(i)) is Outcome.Accepted) { "$i" }
         }
         val again = scanner.probe(photo(0), PhotoInfo(flash = Flash.OFF))
         verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { again.advice }
@@ -219,10 +219,10 @@ fun lookedAt() {
         val nothing = scanner.probe(gray())
         verify(nothing.reason == Rejection.BOARD_NOT_FOUND && nothing.view == null) { nothing.advice }
         verify(nothing.corners.isEmpty() && nothing.blurPx == null) { "nothing found" }
-        verify(scanner.push(photo(0)) is Pushed.Accepted && scanner.progress.photos == 3) { "push" }
-        throws<IllegalArgumentException>("index") { scanner.remove(3) }
-        throws<IllegalArgumentException>("index") { scanner.remove(-1) }
-        scanner.remove(2)
+        verify(scanner.addPhoto(photo(0)) is Outcome.Accepted && scanner.progress.photos == 3) { "push" }
+        throws<IllegalArgumentException>("index") { scanner.removePhoto(3) }
+        throws<IllegalArgumentException>("index") { scanner.removePhoto(-1) }
+        scanner.removePhoto(2)
         verify(scanner.progress.photos == 2) { "${scanner.progress}" }
         val fit = scanner.photoFit(1)
         verify(fit.weight > 0.3f && fit.residual > 0f && !fit.outlier) { "$fit" }
@@ -234,14 +234,16 @@ fun lookedAt() {
 fun hints() {
     MaterialScanner(options).use { scanner ->
         scanner.pause()
-        scanner.push(photo(0))
-        val again = scanner.push(photo(0)) as Pushed.Accepted
+        scanner.addPhoto(photo(0))
+        val again = scanner.addPhoto(photo(0)) as Outcome.Accepted
         verify(again.hints == setOf(Hint.NOTHING_NEW) && again.sameViewAs == 0) { "$again" }
         verify(again.advice.startsWith("photo 1 has") && again.overWhite == null) { "$again" }
+        val told = scanner.hints().single { it.code == "nothing_new" }
+        verify(told.index == 1 && told.text.startsWith("photo 1 has nearly")) { "$told" }
     }
     MaterialScanner(options.copy(elevationMm = 2.5)).use { scanner ->
         scanner.pause()
-        scanner.push(photo(0))
+        scanner.addPhoto(photo(0))
         verify(scanner.paper!!.elevationMm == 2.5) { "${scanner.paper}" }
     }
     throws<IllegalArgumentException>("elevation") { MaterialScanner(options.copy(elevationMm = 21.0)) }
@@ -251,14 +253,14 @@ fun hints() {
         verify(scanner.camera == null) { "no photo has told" }
         val encoded = photo(0)
         val linear = Photo(PixelFormat.RGB8, 2016, 1512, encoded.planes, Transfer.LINEAR)
-        val odd = scanner.push(linear, PhotoInfo(focal35mm = 26.6f)) as Pushed.Accepted
+        val odd = scanner.addPhoto(linear, PhotoInfo(focal35mm = 26.6f)) as Outcome.Accepted
         verify(odd.hints == setOf(Hint.NOT_LINEAR) && odd.overWhite!! > 0.2f) { "$odd" }
         val found = scanner.camera!!
         verify(Math.abs(found.camera.fx / camera.fx - 1) < 0.1) { "${found.camera}" }
         val sigma = found.sigma!!
         verify(sigma[0] > 0.0) { "${sigma[0]}" }
         throws<IllegalArgumentException>("focal") {
-            scanner.push(linear, PhotoInfo(focal35mm = Float.NaN))
+            scanner.addPhoto(linear, PhotoInfo(focal35mm = Float.NaN))
         }
     }
 }
@@ -277,7 +279,7 @@ fun outputs() {
     MaterialScanner(small).use { scanner ->
         verify(scanner.snapshotReduced(1) == null) { "maps before the first photo" }
         scanner.pause()
-        scanner.pushRectified(gray(), above, above)
+        scanner.addRectifiedPhoto(gray(), above, above)
         scanner.snapshotReduced(2)!!.use { verify(it.width == 64 && it.widthMm == 100f) { "size" } }
         throws<IllegalArgumentException>("level") { scanner.snapshotReduced(9) }
         val maps = scanner.snapshot()!!
@@ -313,7 +315,7 @@ fun models() {
     )) {
         MaterialScanner(small.copy(models = models)).use { scanner ->
             models.close()
-            verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "own models" }
+            verify(scanner.addRectifiedPhoto(gray(), above, above) is Outcome.Accepted) { "own models" }
         }
         throws<IllegalStateException>("closed") { MaterialScanner(small.copy(models = models)) }
     }
@@ -324,7 +326,7 @@ fun savedAndRestored() {
     val before = MaterialScanner(small).use { scanner ->
         scanner.setBudget(Budget(seconds = 30f, maxSteps = 3, stopWhenInvisible = true))
         throws<IllegalArgumentException>("") { scanner.setBudget(Budget(seconds = Float.NaN)) }
-        scanner.pushRectified(gray(), above, above)
+        scanner.addRectifiedPhoto(gray(), above, above)
         scanner.await()
         throws<IOException>("") { scanner.save(File("/proc/no/such")) }
         scanner.save(file)
@@ -345,7 +347,7 @@ fun savedAndRestored() {
         throws<IllegalArgumentException>("photos") { scanner.announce(-1) }
         val after = scanner.snapshot()!!.use { it.floats(MapKind.DIFFUSE) }
         verify(before == after) { "other maps" }
-        verify(scanner.pushRectified(gray(), above, above) is Pushed.Accepted) { "goes on" }
+        verify(scanner.addRectifiedPhoto(gray(), above, above) is Outcome.Accepted) { "goes on" }
         scanner.await()
         verify(scanner.progress.photos == 2 && scanner.progress.fraction == 0.5f) { "${scanner.progress}" }
         scanner.announce(0)
@@ -358,7 +360,7 @@ fun savedAndRestored() {
     verify(damaged.fault == Fault.BAD_STATE) { "${damaged.fault}" }
     val limited = small.copy(memoryLimitBytes = 1)
     val large = throws<ScannerException>("") {
-        MaterialScanner(limited).use { it.pushRectified(gray(), above, above) }
+        MaterialScanner(limited).use { it.addRectifiedPhoto(gray(), above, above) }
     }
     verify(large.fault == Fault.MEMORY_LIMIT) { "${large.fault}" }
 }
@@ -425,7 +427,7 @@ fun main(arguments: Array<String>) {
         "saved and restored" to ::savedAndRestored,
         "callbacks that misbehave" to ::callbacksThatMisbehave,
         "closing while others call" to ::closingWhileOthersCall,
-        "pushed without waiting" to ::pushedWithoutWaiting,
+        "outcome without waiting" to ::pushedWithoutWaiting,
         "of the library" to ::ofTheLibrary,
         "flows" to ::flows,
         "forgotten" to ::forgotten,

@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let estimate = estimate_camera(&targets[0], &found, &prior, None)
         .map_err(|reason| nothing(&format!("no camera explains the photos: {reason}")))?;
-    // The camera is that of a flat print as planned, which most are; what differs is told beside it.
+    // The camera assumes a flat print as planned, which most are; deviations are reported beside it.
     let paper = estimate_camera_and_paper(&targets[0], &found, &prior, Some(&estimate.camera))
         .map_or_else(|_| PaperEstimate::default(), |both| both.paper);
     let value = report(&images, &estimate, &paper);

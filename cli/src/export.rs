@@ -59,11 +59,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         metallic: arguments.metallic,
         tile: arguments.tile,
         texture: TextureFormat::from_name(&arguments.texture).expect("one of three names"),
-        max_size: arguments.max_size.unwrap_or(0) as usize,
+        max_size: arguments.max_size.map(|texels| texels as usize),
         photographs: photographs(dir),
     };
     let package = export(&maps, &options).map_err(|fault| match fault {
-        // The maps are a file's, so that is what to name.
+        // The maps come from a file, so the message names it.
         Error::Argument { argument, message } => {
             Failure::Input(format!("{}: field `{argument}`: {message}", dir.display()))
         }
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(package.write(&arguments.out)?)
 }
 
-/// Size of the sample: as told, as the maps' files state, or a guess that is said.
+/// Size of the sample: as given, as the maps' files state, or a guess that is reported.
 fn sample_mm(dir: &Path, maps: &Svbrdf, longer: Option<f32>) -> Result<[f32; 2]> {
     if let Some(longer) = longer {
         return Ok(sample_size(maps, longer));

@@ -1,18 +1,18 @@
-//! Who is to blame when a command fails.
+//! Failures of a command, and their exit status.
 
 use svbrdf::Error;
 
 /// Result of a command.
 pub type Result<T> = std::result::Result<T, Failure>;
 
-/// Why a command failed.
+/// The reason for which a command failed.
 #[derive(Debug)]
 pub enum Failure {
     /// The input is at fault.
     Input(String),
     /// Anything else, e.g. a folder that cannot be written.
     Other(String),
-    /// The user or the system ended the command; what was there is written.
+    /// The user or the system ended the command; the results so far are written.
     Interrupted(String),
 }
 

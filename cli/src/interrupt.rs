@@ -40,7 +40,7 @@ impl Interrupt {
     }
 }
 
-/// Whether a signal is ignored, where the system tells.
+/// Whether a signal is ignored, if the system reports it.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

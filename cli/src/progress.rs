@@ -1,4 +1,4 @@
-//! What `fit` says while it works: a bar on a terminal, and lines; or JSON for machines.
+//! Progress of `fit`: a bar and lines on a terminal, or JSON for programs.
 
 use std::io::Write;
 
@@ -11,7 +11,7 @@ const STEPS: u64 = 1000;
 /// Smallest step of progress that is an event, as a fraction.
 const EVENT_STEP: f32 = 0.05;
 
-/// Who reads.
+/// The reader of the output.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Log {
     /// People: lines on standard error.
@@ -76,7 +76,7 @@ impl Progress {
         }
     }
 
-    /// Tells a program what happened; `quiet` does not keep this back.
+    /// Reports an event to a program, also with `quiet`.
     pub fn event(&self, name: &str, mut what: Value) {
         if self.log == Log::Json {
             what["event"] = json!(name);

@@ -15,7 +15,7 @@ use crate::place;
     after_help = "Example:\n  svbrdf render maps --camera-mm 0,0,300 --light-mm 80,0,200 --out lit.png"
 )]
 pub struct Arguments {
-    /// Folder with maps.exr or normal, diffuse, specular and roughness pictures
+    /// Folder with maps.exr or normal, diffuse, specular and roughness images
     maps: PathBuf,
     /// Camera position in mm (x right, y up, z out of the sample)
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = position)]

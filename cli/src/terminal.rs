@@ -10,7 +10,7 @@ pub fn say(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Writes what a command has found on standard output. A reader that has gone away has read enough.
+/// Writes the result of a command to standard output. A reader that has gone away is no error.
 pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use std::time::SystemTime;
 
 use common::{maps, succeed, text};
-use svbrdf::export::write_maps;
+use svbrdf::export::{MapsOptions, write_maps};
 
 /// Names that shells take apart.
 const NAMES: [&str; 3] = ["a tile", "b $(x) 'y'", "c"];
@@ -19,7 +19,7 @@ const FAULTY: &str = "d faulty";
 /// A small rectified capture under each name, and one without pictures.
 fn captures(dir: &Path) -> PathBuf {
     let (source, captures) = (dir.join("source"), dir.join("captures"));
-    write_maps(&source, &maps(32)).unwrap();
+    write_maps(&source, &maps(32), &MapsOptions::default()).unwrap();
     for name in NAMES {
         let out = captures.join(name);
         succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "1", "--rectified"]);

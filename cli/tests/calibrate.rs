@@ -14,7 +14,8 @@ use test_data::test_data;
 /// Photos of the default board with a known camera.
 fn photos(dir: &Path, count: usize) -> (PathBuf, Vec<PathBuf>) {
     let (source, out) = (dir.join("maps"), dir.join("capture"));
-    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    svbrdf::export::write_maps(&source, &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", &count.to_string()]);
     let files = (0..count).map(|i| out.join(format!("frames/{i:02}.png"))).collect();
     (out, files)

@@ -5,7 +5,7 @@ mod common;
 use common::{failure, maps, names, picture, save_png, succeed, text};
 use glam::{DMat3, DVec2, DVec3};
 use svbrdf::capture::Capture;
-use svbrdf::export::write_maps;
+use svbrdf::export::{MapsOptions, write_maps};
 use svbrdf::geometry::Pose;
 use svbrdf::observation::{Falloff, View};
 use svbrdf::session::Scene;
@@ -24,7 +24,7 @@ fn help_gives_an_example_for_every_command() {
 fn render_writes_what_the_library_renders() {
     let dir = tempfile::tempdir().unwrap();
     let maps = maps(16);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let view = View {
         sample_mm: [100.0, 100.0],
         camera_mm: [0.0, 0.0, 300.0],
@@ -77,7 +77,7 @@ fn render_refuses_bad_input() {
         assert_eq!(found, status, "{message}");
         assert!(message.contains(says), "{message}");
     }
-    write_maps(dir.path(), &maps(4)).unwrap();
+    write_maps(dir.path(), &maps(4), &MapsOptions::default()).unwrap();
     // Below a regular file nothing can be written.
     let below = dir.path().join("normal.png/a.png");
     let (status, message) = render("0,0,5", text(&below));
@@ -90,11 +90,11 @@ fn render_refuses_bad_input() {
 fn compare_measures_differences() {
     let (a, b) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let mut changed = maps(16);
-    write_maps(a.path(), &changed).unwrap();
+    write_maps(a.path(), &changed, &MapsOptions::default()).unwrap();
     for first in [channel::DIFFUSE, channel::ROUGHNESS] {
         changed.plane_mut(first).iter_mut().for_each(|v| *v += 0.1);
     }
-    write_maps(b.path(), &changed).unwrap();
+    write_maps(b.path(), &changed, &MapsOptions::default()).unwrap();
     let compare = |a: &std::path::Path, b: &std::path::Path| -> serde_json::Value {
         serde_json::from_str(&succeed(&["compare", text(a), text(b), "--json"])).unwrap()
     };
@@ -116,7 +116,7 @@ fn compare_measures_differences() {
     assert!((2.0..20.0).contains(&seen), "{other}");
     assert_eq!(compare(a.path(), b.path()), other);
     // Another size is resampled.
-    write_maps(b.path(), &maps(16).upsampled()).unwrap();
+    write_maps(b.path(), &maps(16).upsampled(), &MapsOptions::default()).unwrap();
     assert!(compare(b.path(), a.path())["diffuse"].as_f64().unwrap() < 0.06);
 }
 
@@ -177,10 +177,10 @@ fn lobes_go_through_every_command() {
     let dir = tempfile::tempdir().unwrap();
     let [source, plain, out] = ["maps", "plain", "out"].map(|name| dir.path().join(name));
     let mut known = maps(32);
-    write_maps(&plain, &known).unwrap();
+    write_maps(&plain, &known, &MapsOptions::default()).unwrap();
     let lobes = [0.5, -0.7, 0.8, 0.3].map(|v| vec![v; known.texels()]);
     known.set_lobes(lobes.concat()).unwrap();
-    write_maps(&source, &known).unwrap();
+    write_maps(&source, &known, &MapsOptions::default()).unwrap();
     let export = ["export", text(&source), "--format", "usdz,glb", "--out", text(&out)];
     let exported = std::process::Command::new(env!("CARGO_BIN_EXE_svbrdf")).args(export).output();
     let said = String::from_utf8(exported.unwrap().stderr).unwrap();
@@ -207,7 +207,7 @@ fn lobes_go_through_every_command() {
 fn simulated_captures_show_board_and_sample_where_the_truth_says() {
     let dir = tempfile::tempdir().unwrap();
     let known = maps(32);
-    write_maps(dir.path().join("maps"), &known).unwrap();
+    write_maps(dir.path().join("maps"), &known, &MapsOptions::default()).unwrap();
     let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
     let simulate = |out: &std::path::Path| {
         succeed(&["simulate", text(&source), "--out", text(out), "--frames", "2", "--seed", "3"]);
@@ -220,7 +220,7 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
     assert!(kept.planes().iter().zip(known.planes()).all(|(a, b)| (a - b).abs() < 1e-6));
     let truth = std::fs::read_to_string(out.join("truth/truth.json")).unwrap();
     let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
-    for (i, frame) in capture.frames.iter().enumerate() {
+    for (i, file) in capture.photos.iter().enumerate() {
         let number = |v: &serde_json::Value| v.as_f64().unwrap();
         let pose = &truth["frames"][i];
         let rows: Vec<f64> = (0..9).map(|k| number(&pose["rotation"][k / 3][k % 3])).collect();
@@ -228,7 +228,7 @@ fn simulated_captures_show_board_and_sample_where_the_truth_says() {
         assert!((rotation.determinant() - 1.0).abs() < 1e-9);
         let translation = DVec3::from_array([0, 1, 2].map(|k| number(&pose["translation_mm"][k])));
         let pose = Pose { rotation, translation };
-        let photo = frame.read().unwrap();
+        let photo = file.read().unwrap();
         let see = |p: DVec2| {
             let px = camera.project(pose.transform(p.extend(0.0))).unwrap();
             photo.pixel(px.x.round() as u32, px.y.round() as u32)[1]
@@ -260,14 +260,14 @@ fn simulated_faults_are_those_of_the_truth() {
     let dir = tempfile::tempdir().unwrap();
     let mut known = maps(64);
     // matt and flat: a texel's brightness is its albedo under the light
-    known.plane_mut(channel::SLOPE_X).fill(0.0);
-    known.plane_mut(channel::SLOPE_Y).fill(0.0);
+    known.normal_slopes_mut()[0].fill(0.0);
+    known.normal_slopes_mut()[1].fill(0.0);
     for c in 0..3 {
-        known.plane_mut(channel::SPECULAR + c).fill(0.0);
-        known.plane_mut(channel::DIFFUSE + c).fill(0.3);
+        known.specular_mut()[c].fill(0.0);
+        known.diffuse_mut()[c].fill(0.3);
     }
     let source = dir.path().join("maps");
-    write_maps(&source, &known).unwrap();
+    write_maps(&source, &known, &MapsOptions::default()).unwrap();
     let simulate = |out: &std::path::Path, seed: &str| {
         let (source, out) = (text(&source), text(out));
         let real = ["--frames", "3", "--real", "--rectified", "--lobe", "ggx"];
@@ -285,9 +285,9 @@ fn simulated_faults_are_those_of_the_truth() {
     let truth: serde_json::Value = serde_json::from_slice(&read(&a, "truth/truth.json")).unwrap();
     let lobe = truth["faults"]["flash_exponent"].as_f64().unwrap();
     let capture = Capture::load(&a).unwrap();
-    assert_eq!(capture.frames.len(), 3);
-    for (frame, truth) in capture.frames.iter().zip(truth["frames"].as_array().unwrap()) {
-        let told = frame.rectified.unwrap();
+    assert_eq!(capture.photos.len(), 3);
+    for (file, truth) in capture.photos.iter().zip(truth["frames"].as_array().unwrap()) {
+        let told = file.rectified.unwrap();
         assert_eq!(told.camera_mm, told.light_mm);
         let light = DVec3::from_array([0, 1, 2].map(|k| truth["light_mm"][k].as_f64().unwrap()));
         let offset = (light - glam::Vec3::from(told.light_mm).as_dvec3()).length();
@@ -299,7 +299,7 @@ fn simulated_faults_are_those_of_the_truth() {
         let axis = [0, 1, 2].map(|k| truth["rotation"][2][k].as_f64().unwrap());
         let flash = (-light.normalize()).dot(DVec3::from_array(axis)).powf(lobe);
         let expected = exposure * 0.3 * 260.0 * 260.0 * flash * light.z / light.length().powi(3);
-        let photo = frame.read().unwrap();
+        let photo = file.read().unwrap();
         let found = f64::from(photo.pixel(32, 32)[1]);
         assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
     }
@@ -310,13 +310,13 @@ fn simulated_faults_are_those_of_the_truth() {
 fn simulated_faults_of_a_board_do_not_tell_the_flash() {
     let dir = tempfile::tempdir().unwrap();
     let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
-    write_maps(&source, &maps(32)).unwrap();
+    write_maps(&source, &maps(32), &MapsOptions::default()).unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "1", "--real"]);
     let capture = Capture::load(&out).unwrap();
     let Scene::Board { target, camera: Some(_), flash_offset_mm: None, .. } = &capture.scene else {
         panic!("{:?}", capture.scene)
     };
-    let photo = capture.frames[0].read().unwrap();
+    let photo = capture.photos[0].read().unwrap();
     let luma = svbrdf::calibration::LumaImage::from_photo(&photo);
     assert!(svbrdf::calibration::detect(&luma, target).is_ok());
 }
@@ -325,7 +325,12 @@ fn simulated_faults_of_a_board_do_not_tell_the_flash() {
 fn export_writes_every_format() {
     let dir = tempfile::tempdir().unwrap();
     let source = dir.path().join("maps");
-    svbrdf::export::write_sized_maps(&source, &maps(16), [64.0, 64.0]).unwrap();
+    svbrdf::export::write_maps(
+        &source,
+        &maps(16),
+        &svbrdf::export::MapsOptions { sample_mm: Some([64.0, 64.0]), uncertainty: None },
+    )
+    .unwrap();
     std::fs::write(
         source.join("report.json"),
         r#"{ "frames": [{ "status": "accepted" }, { "status": "rejected" }] }"#,
@@ -395,7 +400,7 @@ fn what_cannot_be_exported_is_told() {
         assert!(!out.exists());
     };
     check("glb", 2, &["maps", "normal"]);
-    write_maps(&source, &maps(8)).unwrap();
+    write_maps(&source, &maps(8), &MapsOptions::default()).unwrap();
     check("gltf", 2, &["--format", "gltf", "unity-urp"]);
     check("glb,", 2, &["--format"]);
     let exr = source.join("maps.exr");
@@ -405,12 +410,12 @@ fn what_cannot_be_exported_is_told() {
     std::fs::remove_file(source.join("roughness.png")).unwrap();
     check("glb", 2, &["roughness"]);
     let mut broken = maps(8);
-    broken.plane_mut(channel::ROUGHNESS)[3] = f32::NAN;
-    write_maps(&source, &broken).unwrap();
+    broken.roughness_mut()[3] = f32::NAN;
+    write_maps(&source, &broken, &MapsOptions::default()).unwrap();
     check("glb", 2, &["maps.exr", "roughness.Y", "NaN"]);
-    write_maps(&source, &svbrdf::Svbrdf::new(1, 1)).unwrap();
+    write_maps(&source, &svbrdf::Svbrdf::new(1, 1), &MapsOptions::default()).unwrap();
     check("usdz", 2, &[text(&source), "1 x 1 texels"]);
-    write_maps(&source, &maps(8)).unwrap();
+    write_maps(&source, &maps(8), &MapsOptions::default()).unwrap();
     std::fs::write(&out, b"a file").unwrap();
     let inside = out.join("inside");
     let said = failure(&["export", text(&source), "--format", "glb", "--out", text(&inside)]);

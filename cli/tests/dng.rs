@@ -14,7 +14,7 @@ use negatives::{Negative, Storage, Values};
 use serde_json::Value;
 use svbrdf::capture::Capture;
 use svbrdf::files::{self, Options};
-use svbrdf::frame::{Photo, Primaries, Rotation};
+use svbrdf::photo::{Photo, Primaries, Rotation};
 
 const SIZE: [u32; 2] = [38, 26];
 const WHITE: f64 = 16_000.0;
@@ -434,14 +434,15 @@ fn a_fit_of_raw_photographs_is_that_of_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let [capture, raw] = [at("capture"), at("raw")];
-    svbrdf::export::write_maps(at("known"), &maps(32)).unwrap();
+    svbrdf::export::write_maps(at("known"), &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     succeed(&["simulate", text(&at("known")), "--out", text(&capture), "--frames", "3"]);
     fs::create_dir(&raw).unwrap();
     let file = capture.join("capture.json");
     let mut description: Value = serde_json::from_slice(&fs::read(file).unwrap()).unwrap();
-    for (i, frame) in Capture::load(&capture).unwrap().frames.iter().enumerate() {
+    for (i, file) in Capture::load(&capture).unwrap().photos.iter().enumerate() {
         let name = format!("{i}.dng");
-        save(&frame.read().unwrap(), [1.0, 2.0, 0.5][i], &raw.join(&name));
+        save(&file.read().unwrap(), [1.0, 2.0, 0.5][i], &raw.join(&name));
         description["frames"][i]["image"] = name.into();
         description["frames"][i]["encoding"] = "linear".into();
     }
@@ -450,7 +451,7 @@ fn a_fit_of_raw_photographs_is_that_of_pictures() {
     let (said, _) = fit(&[text(&raw), "--sample-mm", "100"], &at("loose"));
     assert!(said.contains("the flash did not fire") && !said.contains("no exposure"), "{said}");
     let written = Capture::load(at("loose")).unwrap();
-    let exposures: Vec<f32> = written.frames.iter().map(|frame| frame.exposure).collect();
+    let exposures: Vec<f32> = written.photos.iter().map(|file| file.exposure).collect();
     assert_eq!(exposures, [1.0, 2.0, 0.5]);
 
     // Of the same description, the same comes out.
@@ -481,7 +482,7 @@ fn a_fit_of_raw_photographs_is_that_of_pictures() {
     }
 
     // Raw values have no curve.
-    description["frames"][1]["encoding"] = "srgb".into();
+    description["frames"][1]["encoding"] = "gamma2.2".into();
     fs::write(at("raw").join("capture.json"), description.to_string()).unwrap();
     let (status, said) = common::failure(&["fit", text(&at("raw")), "--out", text(&at("none"))]);
     assert!(status != 0 && said.contains("1.dng") && said.contains("`linear`"), "{said}");

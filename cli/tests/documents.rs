@@ -128,7 +128,8 @@ fn the_first_hour_runs() {
     symlink(root().join("examples"), dir.path().join("examples")).unwrap();
     // Photographs of the default board round a sample, as a reader would take them.
     let source = dir.path().join("source");
-    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    svbrdf::export::write_maps(&source, &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     let taken = dir.path().join("taken");
     let frames = ["--frames", "2", "--jpeg", "92"];
     succeed(&[&["simulate", text(&source), "--out", text(&taken)][..], &frames].concat());

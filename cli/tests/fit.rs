@@ -13,7 +13,8 @@ use svbrdf::svbrdf::channel;
 /// A capture of two photos made by `simulate`.
 fn capture(dir: &Path) -> PathBuf {
     let (source, out) = (dir.join("maps"), dir.join("capture"));
-    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    svbrdf::export::write_maps(&source, &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "2"]);
     out
 }
@@ -28,7 +29,7 @@ fn faults_of_the_description_exit_with_2_and_write_nothing() {
         ("\"fx\": 1480.0", "\"fx\": NaN", "fx", "finite"),
         ("\"height\": 1512,", "", "camera.height", "whole number"),
         ("\"srgb\"", "\"rec2020\"", "frames[0].encoding", "linear"),
-        ("frames/01.png", "frames/99.png", "frames[1].image", "picture file"),
+        ("frames/01.png", "frames/99.png", "frames[1].image", "image file"),
         ("svbrdf-capture/1", "svbrdf-capture/9", "format", "svbrdf-capture/1"),
     ] {
         assert!(good.contains(from), "{from} in {good}");
@@ -162,7 +163,7 @@ fn a_metal_in_an_uneven_room_is_told_from_the_room() {
     }
     fill(channel::ROUGHNESS, 0.3, 0.45);
     let (source, out) = (dir.path().join("maps"), dir.path().join("capture"));
-    svbrdf::export::write_maps(&source, &known).unwrap();
+    svbrdf::export::write_maps(&source, &known, &svbrdf::export::MapsOptions::default()).unwrap();
     let room = ["--frames", "4", "--ambient", "0.08"];
     succeed(&[&["simulate", text(&source), "--out", text(&out)][..], &room].concat());
     let fitted = dir.path().join("maps-of-it");
@@ -182,7 +183,8 @@ fn a_metal_in_an_uneven_room_is_told_from_the_room() {
 fn tone_mapped_photographs_are_told() {
     let dir = tempfile::tempdir().unwrap();
     let [source, capture, out] = ["maps", "capture", "out"].map(|name| dir.path().join(name));
-    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    svbrdf::export::write_maps(&source, &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     let few = ["--frames", "2", "--tone", "filmic", "--patches"];
     succeed(&[&["simulate", text(&source), "--out", text(&capture)], &few[..]].concat());
     let read = |path: &Path| -> Value {

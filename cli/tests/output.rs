@@ -10,12 +10,12 @@ use std::process::{Command, Stdio};
 
 use common::{failure, maps, names, succeed, text};
 use serde_json::Value;
-use svbrdf::export::write_maps;
+use svbrdf::export::{MapsOptions, write_maps};
 
 /// A rectified capture of one small photograph.
 fn capture(dir: &Path) -> PathBuf {
     let (source, out) = (dir.join("source"), dir.join("capture"));
-    write_maps(&source, &maps(32)).unwrap();
+    write_maps(&source, &maps(32), &MapsOptions::default()).unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "1", "--rectified"]);
     out
 }
@@ -198,7 +198,7 @@ fn names_of_the_wrong_kind_are_told() {
     let (file, folder, source) = (at("file"), at("folder"), at("source"));
     fs::write(&file, b"mine").unwrap();
     fs::create_dir(&folder).unwrap();
-    write_maps(&source, &maps(8)).unwrap();
+    write_maps(&source, &maps(8), &MapsOptions::default()).unwrap();
     let (file, folder, source) = (text(&file), text(&folder), text(&source));
     let position = ["--camera-mm", "0,0,9", "--light-mm", "0,0,9", "--out"];
     for (arguments, expected) in [

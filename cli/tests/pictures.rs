@@ -17,7 +17,6 @@ use moxcms::ColorProfile;
 use photos::{Written, changed, to_display_p3};
 use serde_json::Value;
 use svbrdf::comparison::{delta_e_2000, lab};
-use svbrdf::svbrdf::channel;
 
 const FAST: [&str; 8] =
     ["--sample-mm", "100", "--method", "classic", "--steps", "2", "--no-report", "--at-once"];
@@ -29,11 +28,11 @@ static SHOTS: LazyLock<Vec<RgbImage>> = LazyLock::new(|| {
     for i in 0..32 * 32 {
         let colour = [[0.5, 0.1, 0.05], [0.05, 0.45, 0.1], [0.1, 0.15, 0.5]][i % 32 / 4 % 3];
         for (c, v) in colour.into_iter().enumerate() {
-            known.plane_mut(channel::DIFFUSE + c)[i] = v;
+            known.diffuse_mut()[c][i] = v;
         }
     }
     let (source, out) = (dir.path().join("known"), dir.path().join("simulated"));
-    svbrdf::export::write_maps(&source, &known).unwrap();
+    svbrdf::export::write_maps(&source, &known, &svbrdf::export::MapsOptions::default()).unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", "3"]);
     // Half the size is enough, and four times as fast.
     let open = |i| {
@@ -150,7 +149,7 @@ fn a_linear_png_is_read_as_linear() {
     Written::default().save(&plain, &SHOTS[0]);
     let deep = image::ImageBuffer::from_fn(SHOTS[0].width(), SHOTS[0].height(), |x, y| {
         let stored = |v: u8| {
-            let value = svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0);
+            let value = svbrdf::photo::Encoding::Srgb.decode(f64::from(v) / 255.0);
             (65_535.0 * value).round() as u16
         };
         image::Rgb(SHOTS[0].get_pixel(x, y).0.map(stored))
@@ -177,7 +176,7 @@ fn difference(a: &Path, b: &Path) -> (f64, f64) {
         let (x, y) = (4 * (block % (w / 4)), 4 * (block / (w / 4)));
         let mean = |maps: &svbrdf::Svbrdf| {
             [0, 1, 2].map(|c| {
-                let plane = maps.plane(channel::DIFFUSE + c);
+                let plane = maps.diffuse()[c];
                 let sum: f32 = (0..16).map(|i| plane[(y + i / 4) * w + x + i % 4]).sum();
                 f64::from(sum) / 16.0
             })
@@ -220,7 +219,7 @@ fn a_display_p3_picture_gives_the_colours_of_a_rec_709_one() {
     let steep = {
         let mut steep = wide.clone();
         for (to, from) in steep.pixels_mut().zip(wide.pixels()) {
-            let linear = from.0.map(|v| svbrdf::frame::Encoding::Srgb.decode(f64::from(v) / 255.0));
+            let linear = from.0.map(|v| svbrdf::photo::Encoding::Srgb.decode(f64::from(v) / 255.0));
             to.0 = linear.map(|v| (255.0 * v.powf(1.0 / 1.8)).round() as u8);
         }
         steep

@@ -10,7 +10,8 @@ use serde_json::Value;
 /// A capture of known maps.
 fn capture(dir: &Path, frames: &str) -> PathBuf {
     let (source, out) = (dir.join("maps"), dir.join("capture"));
-    svbrdf::export::write_maps(&source, &maps(32)).unwrap();
+    svbrdf::export::write_maps(&source, &maps(32), &svbrdf::export::MapsOptions::default())
+        .unwrap();
     succeed(&["simulate", text(&source), "--out", text(&out), "--frames", frames]);
     out
 }

@@ -79,17 +79,17 @@ int run(const std::string& folder, const std::filesystem::path& out, double seco
 
     int used = 0;
     // Rejected photos are looked at again after an interruption; they are few.
-    for (std::uint32_t i = session.progress().frames; i < capture.frames(); i++) {
-        session.announce(capture.frames() - i);  // Some may not be readable.
+    for (std::uint32_t i = session.progress().photos; i < capture.photos(); i++) {
+        session.announce(capture.photos() - i);  // Some may not be readable.
         const std::string name = "photo " + std::to_string(i + 1);
         std::string hints;
         try {
-            const auto pushed = session.push(capture, i);
-            if (!pushed) {
-                terminal.line(name + " cannot be used: " + pushed.advice);
+            const auto outcome = session.add_photo(capture, i);
+            if (!outcome) {
+                terminal.line(name + " cannot be used: " + outcome.advice);
                 continue;
             }
-            hints = pushed.advice;
+            hints = outcome.advice;
         } catch (const svbrdf::Error& fault) {
             if (fault.status() != svbrdf::StatusCode::invalid_argument) {
                 throw;

@@ -103,14 +103,14 @@ def fit(captures: str, out: str, name: str, settings: Row) -> Row:
             # Not of the capture: a disk that cannot be read at the moment.
             os.listdir(capture)
             return {"capture": name, "status": "faulty", "message": str(fault)}
-        rms = [p.reprojection_rms_px for p in maps.photographs if p.reprojection_rms_px is not None]
+        rms = [p.reprojection_rms_px for p in maps.photos if p.reprojection_rms_px is not None]
         row: Row = {
             "capture": name,
             "status": "done",
-            "message": "; ".join(f"{Path(str(p.source)).name}: {p.message}" for p in maps.photographs if p.message),
-            "photographs": len(maps.photographs),
-            "used": sum(p.accepted for p in maps.photographs),
-            "hints": [f"{i + 1}: {h.code}" for i, p in enumerate(maps.photographs) for h in p.hints],
+            "message": "; ".join(f"{Path(str(p.source)).name}: {p.message}" for p in maps.photos if p.message),
+            "photographs": len(maps.photos),
+            "used": sum(p.accepted for p in maps.photos),
+            "hints": [f"{i + 1}: {h.code}" for i, p in enumerate(maps.photos) for h in p.hints],
             "largest_reprojection_rms_px": max(rms, default=None),
             "seconds": time.monotonic() - begun,
             "process": os.getpid(),

@@ -1,4 +1,4 @@
-//! How long a fit may work.
+//! Limits of the work of a fit.
 
 use engine::session::Budget;
 
@@ -7,7 +7,7 @@ use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// How long the fit may work on each photo. At a limit the fit settles on the current maps. Each photo
+/// Limits of the work on each photo. At a limit the fit settles on the current maps. Each photo
 /// has the full budget; pauses do not count. Default: no limits.
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -8,7 +8,7 @@ use crate::log::{self, Sink, svbrdf_log_level};
 use crate::options::{svbrdf_maps_callback, svbrdf_progress_callback, svbrdf_session_options};
 use crate::reports::svbrdf_progress;
 
-/// What a session calls.
+/// The callbacks of a session.
 pub(crate) struct Callbacks {
     on_progress: svbrdf_progress_callback,
     on_maps: svbrdf_maps_callback,

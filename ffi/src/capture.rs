@@ -17,7 +17,7 @@ pub struct svbrdf_capture {
 
 pub(crate) static CAPTURES: Handles<Capture> = Handles::new("capture");
 
-/// Reads capture.json in a folder (UTF-8) and checks every field; photos are read when pushed. The
+/// Reads capture.json in a folder (UTF-8) and checks every field; photos are read when they are added. The
 /// message of SVBRDF_INVALID_ARGUMENT names the field at fault. Free with svbrdf_capture_destroy().
 ///
 /// # Safety
@@ -49,7 +49,7 @@ pub unsafe extern "C" fn svbrdf_capture_open(
 /// # Safety
 /// `count` is NULL or writable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_capture_frames(
+pub unsafe extern "C" fn svbrdf_capture_photos(
     capture: *const svbrdf_capture,
     count: *mut u32,
 ) -> svbrdf_status {
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn svbrdf_capture_frames(
             return Err(Fault::argument("count: NULL given"));
         }
         // SAFETY: not NULL, and the caller vouches for the rest.
-        unsafe { count.write(capture.frames.len() as u32) };
+        unsafe { count.write(capture.photos.len() as u32) };
         Ok(())
     })
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use engine::export::{ExportOptions, Format, Package, TextureFormat, export};
 
 use crate::handles::Handles;
+use crate::log;
 use crate::maps::{self, folder, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
@@ -139,20 +140,25 @@ unsafe fn package(
         metallic: flag("svbrdf_export_options.metallic", given.metallic)?,
         tile: flag("svbrdf_export_options.tile", given.tile)?,
         texture,
-        max_size: given.max_size as usize,
+        max_size: (given.max_size > 0).then_some(given.max_size as usize),
         photographs: (given.photos > 0).then_some(given.photos),
     };
-    Ok(export(&maps, &options)?)
+    let package = export(&maps, &options)?;
+    for remark in &package.remarks {
+        log::write(log::SVBRDF_LOG_WARNING, || remark.clone());
+    }
+    Ok(package)
 }
 
 /// Writes maps into a folder (UTF-8), which is made if missing.
 ///
 /// Without `options`, which may be NULL: normal.png, diffuse.png, specular.png, roughness.png (16
-/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_confidence()) and
+/// bits), maps.exr (floats; with the standard deviations of svbrdf_session_snapshot_with_uncertainty()) and
 /// preview.png. No file is ever half-written under its name.
 ///
 /// With options: material.glb, material.usdz, a folder for every other format, and material.json,
-/// height.png and height.exr. All files are written or none.
+/// height.png and height.exr. All files are written or none. Lobes that a format does not have are
+/// named in the log of svbrdf_set_log_callback().
 ///
 /// # Safety
 /// `options` is NULL or initialised by svbrdf_export_options_init(); `path` is NULL or a C string.

@@ -1,4 +1,4 @@
-//! Pictures of a preview judged, and what to tell the hand that holds the camera.
+//! Pictures of a preview judged, and instructions for the hand that holds the camera.
 
 use std::ffi::c_char;
 use std::sync::PoisonError;
@@ -8,13 +8,13 @@ use engine::guide::{Action, Guidance, GuideOptions};
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::act;
-use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
 use crate::probe::{self, svbrdf_probe};
 use crate::reports::{SVBRDF_ADVICE_BYTES, text};
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What the user is to do: one of SVBRDF_ACTION_.
+/// The user's next action: one of SVBRDF_ACTION_.
 pub type svbrdf_action = u32;
 /// Correct what svbrdf_probe.rejection names: a photo would not be used.
 pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
@@ -22,7 +22,7 @@ pub const SVBRDF_ACTION_ADJUST: svbrdf_action = 1;
 pub const SVBRDF_ACTION_HOLD: svbrdf_action = 2;
 /// Go to the target.
 pub const SVBRDF_ACTION_MOVE: svbrdf_action = 3;
-/// Nothing: the app takes the photo now and pushes it.
+/// Nothing: the app takes the photo now and adds it.
 pub const SVBRDF_ACTION_SHOOT: svbrdf_action = 4;
 /// Nothing more: a further photo would add little.
 pub const SVBRDF_ACTION_ENOUGH: svbrdf_action = 5;
@@ -36,7 +36,7 @@ pub struct svbrdf_guide_options {
     /// Smallest gain of a photo worth taking, as a share of that of the best view, 0 to 1. High values: fewer
     /// photos; low values: less walking.
     pub worth: f32,
-    /// Largest movement of the sample across the picture with a steady camera, in widths of the sample a
+    /// Largest movement of the sample across the image with a steady camera, in widths of the sample a
     /// second.
     pub steady: f32,
     /// Time for which the camera must be steady, seconds.
@@ -87,7 +87,7 @@ impl From<svbrdf_guide_options> for GuideOptions {
     }
 }
 
-/// What to do now, see svbrdf_session_guide().
+/// The next action, see svbrdf_session_guide().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_guidance {
@@ -104,7 +104,7 @@ pub struct svbrdf_guidance {
     /// The target's side: degrees counter-clockwise from the board's +X, 0 to 360.
     pub target_azimuth_deg: f32,
     /// From the camera to the target, camera frame, mm: x right, y down, z forward. An arrow along x and
-    /// y in the picture shows the way.
+    /// y in the image shows the way.
     pub offset_mm: [f32; 3],
     /// Angle between the view and the target, seen from the sample, degrees.
     pub degrees: f32,
@@ -147,7 +147,7 @@ impl svbrdf_guidance {
         };
         let mut out = Self {
             action,
-            photos: guidance.photographs as u32,
+            photos: guidance.photos as u32,
             gain: guidance.gain.unwrap_or(-1.0),
             best_gain: guidance.best_gain.unwrap_or(-1.0),
             message: text(&guidance.message),
@@ -208,14 +208,14 @@ pub unsafe extern "C" fn svbrdf_session_guide_begin(
     })
 }
 
-/// Judges a picture of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
+/// Judges an image of the camera's preview as svbrdf_session_probe() does, and says what to do: adjust,
 /// hold, move, shoot, or enough. It considers the place of the board, blur, exposure, the motion of the
-/// camera, and what the fit expects of a photo from here. Call it with every picture, from a few to thirty a
+/// camera, and what the fit expects of a photo from here. Call it with every image, from a few to thirty a
 /// second; `info.timestamp_ns` says when it was taken, by a monotonic clock.
 ///
-/// After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been pushed, or
+/// After SVBRDF_ACTION_SHOOT it says SVBRDF_ACTION_HOLD until the photo has been added, or
 /// svbrdf_guide_options.shot_seconds have passed. Runs only on the calling thread; waits neither for the fit
-/// nor for a push. `probe` may be NULL.
+/// nor for a photo that is being added. `probe` may be NULL.
 ///
 /// # Safety
 /// As svbrdf_session_probe(); `guidance` is NULL or initialised by svbrdf_guidance_init().
@@ -223,7 +223,7 @@ pub unsafe extern "C" fn svbrdf_session_guide_begin(
 pub unsafe extern "C" fn svbrdf_session_guide(
     session: *mut svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
+    info: *const svbrdf_photo_info,
     probe: *mut svbrdf_probe,
     guidance: *mut svbrdf_guidance,
 ) -> svbrdf_status {
@@ -232,7 +232,7 @@ pub unsafe extern "C" fn svbrdf_session_guide(
         let (image, info, size) = unsafe {
             (
                 versioned::read(image)?,
-                svbrdf_frame_info::from_caller(info)?,
+                svbrdf_photo_info::from_caller(info)?,
                 versioned::needed_size("guidance", guidance)?,
             )
         };

@@ -1,4 +1,4 @@
-//! Tables of what callers hold handles of.
+//! Tables of the objects behind callers' handles.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -6,13 +6,13 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use crate::status::{Fault, SVBRDF_INVALID_HANDLE};
 
-/// A capture in progress: push photos, take maps at any time.
+/// A session: add photos, take maps at any time.
 pub struct svbrdf_session {
     _opaque: (),
 }
 
-/// Handles are given out once in a process, whatever their kind. Never 0, and odd multiples of
-/// nothing a program has as an address by accident: the lowest addresses are not mapped.
+/// The next handle. Each number is used once in a process, for whatever kind; 0 is never used. Small
+/// numbers cannot be taken for addresses, because the lowest addresses are not mapped.
 static NEXT: AtomicUsize = AtomicUsize::new(1);
 
 /// Live objects of one kind.

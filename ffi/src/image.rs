@@ -3,14 +3,14 @@
 use std::ffi::c_void;
 use std::slice;
 
-use engine::frame::{
+use engine::photo::{
     Bayer, BayerPattern, Encoding, Interleaved, Photo, Plane, Primaries, Rotation, YuvMatrix,
 };
 
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// Layout of a picture in memory. 16-bit numbers and floats are in the machine's byte order.
+/// Layout of an image in memory. 16-bit numbers and floats are in the machine's byte order.
 pub type svbrdf_pixel_format = u32;
 /// 3 bytes a pixel.
 pub const SVBRDF_PIXEL_RGB8: svbrdf_pixel_format = 1;
@@ -87,7 +87,7 @@ pub const SVBRDF_BAYER_GBRG: svbrdf_bayer_pattern = 3;
 /// Blue, green; green, red.
 pub const SVBRDF_BAYER_BGGR: svbrdf_bayer_pattern = 4;
 
-/// A plane of a picture. Its layout never changes.
+/// A plane of an image. Its layout never changes.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_plane {
@@ -101,7 +101,7 @@ pub struct svbrdf_plane {
     pub pixel_stride: usize,
 }
 
-/// A picture in memory. Nothing of it is kept after the call. Unused fields are ignored.
+/// An image in memory. Nothing of it is kept after the call. Unused fields are ignored.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_image {
@@ -115,8 +115,8 @@ pub struct svbrdf_image {
     pub height: u32,
     /// Curve of 8- and 16-bit RGB and of YUV: one of SVBRDF_TRANSFER_. Default: sRGB.
     pub transfer: svbrdf_transfer,
-    /// Clockwise rotation of the picture before use: 0, 90, 180 or 270 degrees. The session's camera
-    /// describes the rotated picture. Boards need no rotation.
+    /// Clockwise rotation of the image before use: 0, 90, 180 or 270 degrees. The session's camera
+    /// describes the rotated image. Boards need no rotation.
     pub rotation: u32,
     /// For YUV and P010: one of SVBRDF_YUV_. Default: BT.601, all values.
     pub yuv_matrix: svbrdf_yuv_matrix,
@@ -164,7 +164,7 @@ impl Default for svbrdf_image {
 }
 versioned!(svbrdf_image, size_of::<svbrdf_image>());
 
-/// Fills a picture description with defaults: pass sizeof(svbrdf_image).
+/// Fills an image description with defaults: pass sizeof(svbrdf_image).
 ///
 /// # Safety
 /// `image` is NULL or has `size` writable bytes.
@@ -224,7 +224,7 @@ impl svbrdf_image {
         }
     }
 
-    /// Copies the picture.
+    /// Copies the image.
     ///
     /// # Safety
     /// The planes that the format needs are NULL or have as many readable bytes as said.

@@ -15,7 +15,7 @@ pub const SVBRDF_FEATURE_EMBEDDED_MODELS: u64 = 1;
 pub const SVBRDF_FEATURE_YUV: u64 = 2;
 /// svbrdf_features(): raw sensor buffers are taken.
 pub const SVBRDF_FEATURE_RAW: u64 = 4;
-/// svbrdf_features(): files are read, see svbrdf_session_push_encoded().
+/// svbrdf_features(): files are read, see svbrdf_session_add_photo_file().
 pub const SVBRDF_FEATURE_FILES: u64 = 8;
 
 /// Version of the library, e.g. "0.1.0". Static, never NULL.

@@ -28,13 +28,13 @@ pub(crate) struct Live {
     pub(crate) sample_mm: [f32; 2],
     pub(crate) paused: AtomicBool,
     pub(crate) cancelled: AtomicBool,
-    /// What a panic inside one of the calls said.
+    /// The message of a panic inside one of the calls.
     failed: OnceLock<String>,
     /// The thread that calls back, if there is one.
     pub(crate) notifier: Mutex<Option<JoinHandle<()>>>,
     /// Photos that are taken in on a thread of their own.
-    pub(crate) pushes: Queue,
-    /// What leads the hand that holds the camera.
+    pub(crate) photos: Queue,
+    /// Guides the hand that holds the camera.
     pub(crate) guide: Mutex<Guide>,
 }
 
@@ -54,7 +54,7 @@ impl Live {
             cancelled: AtomicBool::new(false),
             failed: OnceLock::new(),
             notifier: Mutex::new(None),
-            pushes: Queue::default(),
+            photos: Queue::default(),
             guide: Mutex::default(),
         }
     }

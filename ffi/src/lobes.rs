@@ -2,7 +2,7 @@
 //! texel. The Python module and the web page compile this file as well.
 
 use engine::Svbrdf;
-use engine::svbrdf::{Anisotropy, channel, lobe};
+use engine::svbrdf::{Anisotropy, lobe};
 
 /// Which optional lobes a material shows.
 #[derive(Debug, Clone, Copy)]
@@ -32,7 +32,7 @@ fn parameters(maps: &Svbrdf, texel: usize) -> [f32; 2] {
 
 /// Roughness of a texel, that of the smaller alpha.
 pub(crate) fn roughness(maps: &Svbrdf, texel: usize) -> f32 {
-    let roughness = maps.plane(channel::ROUGHNESS)[texel];
+    let roughness = maps.roughness()[texel];
     match parameters(maps, texel) {
         [0.0, 0.0] => roughness,
         anisotropy => Anisotropy::new(roughness, anisotropy).roughness(),
@@ -44,7 +44,7 @@ pub(crate) fn roughness(maps: &Svbrdf, texel: usize) -> f32 {
 pub(crate) fn anisotropy(maps: &Svbrdf, mean: f32, texel: usize) -> [f32; 3] {
     let lobe = match parameters(maps, texel) {
         [0.0, 0.0] => return [mean.cos(), mean.sin(), 0.0],
-        anisotropy => Anisotropy::new(maps.plane(channel::ROUGHNESS)[texel], anisotropy),
+        anisotropy => Anisotropy::new(maps.roughness()[texel], anisotropy),
     };
     let [cos, sin] = lobe.facing(mean).direction();
     [cos, sin, lobe.strength()]

@@ -47,7 +47,7 @@ impl Sink {
     }
 }
 
-/// What takes the lines of the whole library.
+/// The receiver of the lines of the whole library.
 static LIBRARY: RwLock<Sink> = RwLock::new(Sink::NONE);
 
 /// Has the lines of the whole library go elsewhere.

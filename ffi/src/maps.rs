@@ -5,9 +5,8 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use engine::Svbrdf;
-use engine::confidence::Confidence;
-use engine::export::{write_assessed_maps, write_preview, write_sized_maps};
-use engine::svbrdf::channel;
+use engine::export::{MapsOptions, write_maps, write_preview};
+use engine::uncertainty::Uncertainty;
 
 use crate::handles::Handles;
 use crate::lobes::{self, Shown};
@@ -114,7 +113,7 @@ const MAP_COUNT: usize = 7;
 pub(crate) struct Maps {
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Option<Confidence>,
+    uncertainty: Option<Uncertainty>,
     /// Found when first asked for.
     shown: OnceLock<Shown>,
     /// Made when first asked for.
@@ -128,28 +127,28 @@ pub(crate) fn hand_out(maps: Arc<Svbrdf>, sample_mm: [f32; 2]) -> *mut svbrdf_ma
     insert(maps, sample_mm, None)
 }
 
-/// The same with their standard deviations.
-pub(crate) fn hand_out_assessed(
+/// Hands out maps with their standard deviations.
+pub(crate) fn hand_out_with_uncertainty(
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Confidence,
+    uncertainty: Uncertainty,
 ) -> *mut svbrdf_maps {
-    insert(maps, sample_mm, Some(confidence))
+    insert(maps, sample_mm, Some(uncertainty))
 }
 
 fn insert(
     maps: Arc<Svbrdf>,
     sample_mm: [f32; 2],
-    confidence: Option<Confidence>,
+    uncertainty: Option<Uncertainty>,
 ) -> *mut svbrdf_maps {
     let handle = Handles::<Maps>::reserve();
     let (shown, views) = Default::default();
-    let maps = Maps { maps, sample_mm, confidence, shown, views };
+    let maps = Maps { maps, sample_mm, uncertainty, shown, views };
     MAPS.insert(handle, Arc::new(maps));
     std::ptr::without_provenance_mut(handle)
 }
 
-/// What is behind a handle.
+/// The value behind a handle.
 pub(crate) fn get(maps: *const svbrdf_maps) -> Result<Arc<Maps>, Fault> {
     MAPS.get(maps.addr())
 }
@@ -179,14 +178,13 @@ pub(crate) unsafe fn folder<'a>(path: *const c_char) -> Result<&'a Path, Fault> 
 
 /// Writes the maps themselves and a preview, as svbrdf_maps_export() without options.
 pub(crate) fn export(maps: &Maps, dir: &Path) -> Result<(), Fault> {
-    match &maps.confidence {
-        None => write_sized_maps(dir, &maps.maps, maps.sample_mm)?,
-        Some(known) => write_assessed_maps(dir, &maps.maps, known, maps.sample_mm)?,
-    }
+    let uncertainty = maps.uncertainty.as_ref();
+    let options = MapsOptions { sample_mm: Some(maps.sample_mm), uncertainty };
+    write_maps(dir, &maps.maps, &options)?;
     Ok(write_preview(dir.join("preview.png"), &maps.maps, maps.sample_mm)?)
 }
 
-/// One of the maps as a picture.
+/// One of the maps as an image.
 struct MapPicture<'a> {
     maps: &'a Svbrdf,
     map: svbrdf_map,
@@ -247,8 +245,6 @@ impl Picture for MapPicture<'_> {
 
     fn row(&self, y: usize, out: &mut [[f32; 4]]) {
         let (maps, width) = (self.maps, self.maps.width());
-        let plane = |c: usize| &maps.plane(c)[y * width..][..width];
-        let three = |first: usize| [plane(first), plane(first + 1), plane(first + 2)];
         match self.map {
             SVBRDF_MAP_NORMAL | SVBRDF_MAP_NORMAL_DIRECTX => {
                 let up = if self.map == SVBRDF_MAP_NORMAL { 1.0 } else { -1.0 };
@@ -258,7 +254,7 @@ impl Picture for MapPicture<'_> {
                 }
             }
             SVBRDF_MAP_ROUGHNESS if maps.lobes().is_empty() => {
-                for (out, roughness) in out.iter_mut().zip(plane(channel::ROUGHNESS)) {
+                for (out, roughness) in out.iter_mut().zip(&maps.roughness()[y * width..]) {
                     *out = [1.0, *roughness, 0.0, 1.0];
                 }
             }
@@ -279,8 +275,10 @@ impl Picture for MapPicture<'_> {
                     *out = [weight, roughness, 0.0, 1.0];
                 }
             }
-            SVBRDF_MAP_DIFFUSE => interleave(three(channel::DIFFUSE), out),
-            _ => interleave(three(channel::SPECULAR), out),
+            SVBRDF_MAP_DIFFUSE => {
+                interleave(maps.diffuse().map(|plane| &plane[y * width..][..width]), out)
+            }
+            _ => interleave(maps.specular().map(|plane| &plane[y * width..][..width]), out),
         }
     }
 }
@@ -291,10 +289,12 @@ impl Maps {
         *self.shown.get_or_init(|| Shown::of(&self.maps))
     }
 
-    /// Standard deviations, where they were asked for.
-    pub(crate) fn confidence(&self) -> Result<&Confidence, Fault> {
-        self.confidence.as_ref().ok_or_else(|| {
-            Fault::argument("maps: without confidence; see svbrdf_session_snapshot_confidence()")
+    /// The standard deviations, if the maps have them.
+    pub(crate) fn uncertainty(&self) -> Result<&Uncertainty, Fault> {
+        self.uncertainty.as_ref().ok_or_else(|| {
+            Fault::argument(
+                "maps: without uncertainty; see svbrdf_session_snapshot_with_uncertainty()",
+            )
         })
     }
 }

@@ -1,10 +1,10 @@
-//! What a fit is doing.
+//! Phases of a fit.
 
 use std::ffi::c_char;
 
 use engine::session::Phase;
 
-/// What a fit is doing. Values may be added; phases do not run in this order.
+/// Phase of a fit. Values may be added; phases do not run in this order.
 pub type svbrdf_phase = u32;
 /// Nothing, or not begun.
 pub const SVBRDF_PHASE_NONE: svbrdf_phase = 0;

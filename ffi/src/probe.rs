@@ -7,16 +7,16 @@ use engine::session::{Hint, Probe};
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::act;
-use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
 use crate::reports::{
-    SVBRDF_ADVICE_BYTES, SVBRDF_REJECTION_NONE, hint_bits, measured, rejection_code, svbrdf_hints,
-    svbrdf_rejection, text, words,
+    SVBRDF_ADVICE_BYTES, SVBRDF_MEASURE_NONE, SVBRDF_REJECTION_NONE, hint_bits, measured,
+    rejection_code, svbrdf_hints, svbrdf_measure, svbrdf_rejection, text, words,
 };
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// What a photo would be good for that is judged and not taken in; see svbrdf_session_probe(). Lengths
-/// in px belong to the picture as given, after svbrdf_image.rotation.
+/// The verdict on a photo or preview image that is not added; see svbrdf_session_probe(). Lengths
+/// in px belong to the image as given, after svbrdf_image.rotation.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_probe {
@@ -28,11 +28,11 @@ pub struct svbrdf_probe {
     pub rejection: svbrdf_rejection,
     /// Hints, whether it would be accepted or not: bits of SVBRDF_HINT_.
     pub hints: svbrdf_hints,
-    /// As in svbrdf_frame_report.
-    pub same_view_as: u32,
+    /// As in svbrdf_photo_report.
+    pub same_view_as: i32,
     /// Corners of the board that were found.
     pub corners_found: u32,
-    /// Corners that lie inside the picture; 0 where the board was not found.
+    /// Corners that lie inside the image; 0 where the board was not found.
     pub corners_in_view: u32,
     /// Corners that the board has.
     pub corners_expected: u32,
@@ -52,35 +52,37 @@ pub struct svbrdf_probe {
     pub azimuth_deg: f32,
     /// Angle to the view that svbrdf_session_next_view() suggests, degrees; negative without one.
     pub off_next_deg: f32,
-    /// Share of the sample inside the picture, 0 to 1; negative when not known.
+    /// Share of the sample inside the image, 0 to 1; negative when not known.
     pub sample_seen: f32,
     /// Share of the visible sample that is saturated in all channels, 0 to 1; negative when not known.
     pub sample_clipped: f32,
     /// The sample's corners, x and y, px, clockwise from the upper left of the maps; they may lie outside
-    /// the picture. NaN when not known.
+    /// the image. NaN when not known.
     pub sample_px: [f32; 8],
-    /// Mean scale of the sample in the picture, px/mm; 0 when not known. Each texel of the maps should
+    /// Mean scale of the sample in the image, px/mm; 0 when not known. Each texel of the maps should
     /// have a pixel.
     pub px_per_mm: f32,
-    /// Width of the board's edges (one sigma), px; negative when not known. Large pictures are reduced
-    /// first, so widths below one pixel of the reduced picture cannot be distinguished.
+    /// Width of the board's edges (one sigma), px; negative when not known. Large images are reduced
+    /// first, so widths below one pixel of the reduced image cannot be distinguished.
     pub blur_px: f32,
-    /// Direction of the blur, degrees clockwise from the picture's x axis, 0 to 180; negative: the same
+    /// Direction of the blur, degrees clockwise from the image's x axis, 0 to 180; negative: the same
     /// in all directions, or not known.
     pub blur_direction_deg: f32,
     /// Median level of the white squares, 1 is full scale, linear; negative when not known.
     pub white_level: f32,
     /// Share of the white squares that are clipped, 0 to 1; negative when not known.
     pub white_clipped: f32,
-    /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+    /// As in svbrdf_photo_report.
     pub over_white: f32,
-    /// As in svbrdf_frame_report.
+    /// As in svbrdf_photo_report.
+    pub measure: svbrdf_measure,
+    /// As in svbrdf_photo_report.
     pub measured: f32,
-    /// As in svbrdf_frame_report.
+    /// As in svbrdf_photo_report.
     pub limit: f32,
     /// The timestamp that was given with the photo.
     pub timestamp_ns: i64,
-    /// What to tell the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
+    /// Advice for the user, in English, UTF-8: why it would be rejected, or the hints; may be empty.
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
     /// Set by the caller: memory for the corners found, x and y of each, px; or NULL.
     pub corners_px: *mut f32,
@@ -97,7 +99,7 @@ impl Default for svbrdf_probe {
             acceptable: 0,
             rejection: SVBRDF_REJECTION_NONE,
             hints: 0,
-            same_view_as: 0,
+            same_view_as: -1,
             corners_found: 0,
             corners_in_view: 0,
             corners_expected: 0,
@@ -117,7 +119,8 @@ impl Default for svbrdf_probe {
             blur_direction_deg: -1.0,
             white_level: -1.0,
             white_clipped: -1.0,
-            over_white: 0.0,
+            over_white: -1.0,
+            measure: SVBRDF_MEASURE_NONE,
             measured: 0.0,
             limit: 0.0,
             timestamp_ns: 0,
@@ -145,7 +148,7 @@ impl svbrdf_probe {
         out.hints = hint_bits(&probe.hints);
         for hint in &probe.hints {
             match *hint {
-                Hint::NothingNew { index } => out.same_view_as = index as u32,
+                Hint::NothingNew { index } => out.same_view_as = index as i32,
                 Hint::NotLinear { ratio, .. } => out.over_white = ratio,
                 _ => {}
             }
@@ -173,14 +176,14 @@ impl svbrdf_probe {
         out.advice = text(&words(&probe.hints));
         if let Some(rejection) = &probe.rejection {
             out.rejection = rejection_code(rejection);
-            (out.measured, out.limit) = measured(rejection);
+            (out.measure, out.measured, out.limit) = measured(rejection);
             out.advice = text(&rejection.to_string());
         }
         out
     }
 }
 
-/// Where a caller wants a probe, and its corners.
+/// The caller's memory for a probe and its corners.
 pub(crate) struct Room {
     probe: *mut svbrdf_probe,
     size: usize,
@@ -201,7 +204,7 @@ impl Room {
         Ok(Some(Self { probe, size, given }))
     }
 
-    /// Writes what was found.
+    /// Writes the result.
     ///
     /// # Safety
     /// The probe is still there, and there is room for as many corners as it says.
@@ -231,29 +234,29 @@ pub unsafe extern "C" fn svbrdf_probe_init(probe: *mut svbrdf_probe, size: usize
     entry(|| unsafe { versioned::init(probe, size) })
 }
 
-/// Judges a photo of a board, or a picture of the camera's preview, without changing the session.
+/// Judges a photo of a board, or an image of the camera's preview, without changing the session.
 /// Returns SVBRDF_OK also for a photo that would be rejected: the probe says so. `info` may be NULL.
 /// With SVBRDF_FLASH_OFF, the light is not judged.
 ///
-/// A picture whose size is not the camera's counts as a preview, scaled to the width or height and
+/// An image whose size is not the camera's counts as a preview, scaled to the width or height and
 /// cropped at the other sides. If that does not fit, and before a camera is known, the camera is
-/// estimated from the picture. Runs only on the calling thread; waits neither for the fit nor for a
-/// push.
+/// estimated from the image. Runs only on the calling thread; waits neither for the fit nor for a
+/// photo that is being added.
 ///
 /// # Safety
-/// As svbrdf_session_push_frame(); `probe.corners_px` is NULL or has room for as many corners as
+/// As svbrdf_session_add_photo(); `probe.corners_px` is NULL or has room for as many corners as
 /// said.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn svbrdf_session_probe(
     session: *const svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
+    info: *const svbrdf_photo_info,
     probe: *mut svbrdf_probe,
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the structs.
         let (image, info, room) = unsafe {
-            (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?, Room::of(probe)?)
+            (versioned::read(image)?, svbrdf_photo_info::from_caller(info)?, Room::of(probe)?)
         };
         let room = room.ok_or_else(|| Fault::argument("svbrdf_probe: NULL given"))?;
         // SAFETY: the caller vouches for the planes.

@@ -1,4 +1,4 @@
-//! What holds for the library as a whole.
+//! Settings of the library as a whole.
 
 use std::ffi::c_void;
 

@@ -1,4 +1,4 @@
-//! Work of a session that is done one piece after the other on a thread of its own.
+//! A queue of work for a session, done in order on a thread of its own.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -8,11 +8,11 @@ use std::thread::{Builder, JoinHandle};
 use engine::Error;
 
 use crate::status::{Fault, SVBRDF_BUSY, SVBRDF_CANCELLED};
-use crate::threads::{self, SVBRDF_THREAD_PUSH};
+use crate::threads::{self, SVBRDF_THREAD_PHOTOS};
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// Pieces that are waiting or being worked on at most: each holds a photo.
+/// Largest number of jobs that wait or run: each holds a photo.
 pub(crate) const PLACES: usize = 3;
 
 /// A place in a queue, free again when dropped.
@@ -57,17 +57,17 @@ impl Queue {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if let State::NotStarted = *state {
             let (sender, jobs) = channel();
-            let thread = Builder::new()
-                .name("svbrdf-push".into())
-                .spawn(move || run(&jobs))
-                .map_err(|e| Error::Internal(format!("cannot start the thread of pushes: {e}")))?;
+            let thread =
+                Builder::new().name("svbrdf-photos".into()).spawn(move || run(&jobs)).map_err(
+                    |e| Error::Internal(format!("cannot start the thread that takes photos: {e}")),
+                )?;
             *state = State::Running(sender, thread);
         }
         match &*state {
             // The thread ends after the sender only.
-            State::Running(jobs, _) => jobs
-                .send(Box::new(job))
-                .map_err(|_| Error::Internal("the thread of pushes has ended".into()).into()),
+            State::Running(jobs, _) => jobs.send(Box::new(job)).map_err(|_| {
+                Error::Internal("the thread that takes photos has ended".into()).into()
+            }),
             _ => Err(Fault::new(SVBRDF_CANCELLED, "cancelled")),
         }
     }
@@ -84,7 +84,7 @@ impl Queue {
 }
 
 fn run(jobs: &Receiver<Job>) {
-    threads::started(SVBRDF_THREAD_PUSH);
+    threads::started(SVBRDF_THREAD_PHOTOS);
     jobs.iter().for_each(|job| job());
 }
 

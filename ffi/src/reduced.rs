@@ -6,7 +6,7 @@ use crate::maps::{self, svbrdf_maps};
 use crate::status::{Fault, entry, svbrdf_status};
 
 /// The maps at 1 / 2^level of their size (1: half, 2: a quarter; 0: as they are), without
-/// confidence: means of squares of texels, of slopes for the normals, which stay unit vectors.
+/// uncertainty: means of squares of texels, of slopes for the normals, which stay unit vectors.
 /// SVBRDF_INVALID_ARGUMENT when they cannot be halved so often. Free with svbrdf_maps_destroy().
 ///
 /// # Safety

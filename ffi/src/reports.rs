@@ -1,16 +1,16 @@
-//! What callers are told: photos, where to go next, progress.
+//! Reports for callers: outcome of a photo, next view, progress.
 
 use std::ffi::c_char;
 use std::mem::offset_of;
 
 use engine::Rejection;
-use engine::session::{Accepted, Hint, NextView, Progress};
+use engine::session::{AcceptedPhoto, BoardPose, Hint, NextView, Progress};
 
 use crate::phase::{SVBRDF_PHASE_NONE, phase_code, svbrdf_phase};
 use crate::status::{entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// Why a photo was not used. Values may be added.
+/// Reason for which a photo was rejected. Values may be added.
 pub type svbrdf_rejection = u32;
 /// The photo was used.
 pub const SVBRDF_REJECTION_NONE: svbrdf_rejection = 0;
@@ -32,7 +32,7 @@ pub const SVBRDF_REJECTION_TOO_DARK: svbrdf_rejection = 7;
 pub const SVBRDF_REJECTION_CLIPPED: svbrdf_rejection = 8;
 /// The camera is too far off the vertical.
 pub const SVBRDF_REJECTION_TOO_GRAZING: svbrdf_rejection = 9;
-/// Too little of the sample is in the picture.
+/// Too little of the sample is in the image.
 pub const SVBRDF_REJECTION_SAMPLE_OUTSIDE: svbrdf_rejection = 10;
 /// The flash does not light the board, or is stated to be off.
 pub const SVBRDF_REJECTION_LIGHT_NOT_VISIBLE: svbrdf_rejection = 11;
@@ -69,7 +69,7 @@ pub(crate) fn rejection_code(rejection: &Rejection) -> svbrdf_rejection {
     }
 }
 
-/// Hints about an accepted photo: bits. Bits may be added; svbrdf_frame_report.advice has words for
+/// Hints about an accepted photo: bits. Bits may be added; svbrdf_photo_report.advice has words for
 /// all.
 pub type svbrdf_hints = u32;
 /// A hint that this version of the header does not know.
@@ -81,22 +81,50 @@ pub const SVBRDF_HINT_NOTHING_NEW: svbrdf_hints = 2;
 /// the photo is as good as a linear one.
 pub const SVBRDF_HINT_NOT_LINEAR: svbrdf_hints = 4;
 
-/// Bytes of svbrdf_frame_report.advice.
+/// Bytes of svbrdf_photo_report.advice.
 pub const SVBRDF_ADVICE_BYTES: usize = 256;
 
-/// What was measured and the limit it did not keep, see [`svbrdf_frame_report`].
-pub(crate) fn measured(rejection: &Rejection) -> (f32, f32) {
+/// Meaning and unit of the value of a rejection. Values may be added.
+pub type svbrdf_measure = u32;
+/// Nothing was measured: value and limit are 0.
+pub const SVBRDF_MEASURE_NONE: svbrdf_measure = 0;
+/// Corners found. The limit is the number needed; 0: more would not help.
+pub const SVBRDF_MEASURE_CORNERS: svbrdf_measure = 1;
+/// Reprojection error of the corners, px.
+pub const SVBRDF_MEASURE_REPROJECTION_PX: svbrdf_measure = 2;
+/// Width of edges (one sigma), px.
+pub const SVBRDF_MEASURE_BLUR_PX: svbrdf_measure = 3;
+/// Level of the white squares, 1 is full scale.
+pub const SVBRDF_MEASURE_WHITE_LEVEL: svbrdf_measure = 4;
+/// Share of pixels that are clipped, 0 to 1.
+pub const SVBRDF_MEASURE_CLIPPED_SHARE: svbrdf_measure = 5;
+/// Angle of the camera off the vertical, degrees. The limit is the largest that is allowed.
+pub const SVBRDF_MEASURE_TILT_DEG: svbrdf_measure = 6;
+/// Share of the sample that is seen, 0 to 1.
+pub const SVBRDF_MEASURE_SAMPLE_SHARE: svbrdf_measure = 7;
+/// Focal length over that of the session's camera.
+pub const SVBRDF_MEASURE_FOCAL_RATIO: svbrdf_measure = 8;
+/// Side of the board's squares, px. The limit is the side needed.
+pub const SVBRDF_MEASURE_SQUARE_PX: svbrdf_measure = 9;
+
+/// Meaning of the measured value, the value, and its limit (0: none).
+pub(crate) fn measured(rejection: &Rejection) -> (svbrdf_measure, f32, f32) {
     match *rejection {
-        Rejection::TooFewCorners { found, needed, .. } => (found as f32, needed as f32),
-        Rejection::PoseUncertain { rms_px } => (rms_px, 0.0),
-        Rejection::Blurred { blur_px, .. } => (blur_px, 0.0),
-        Rejection::TooDark { level } => (level, 0.0),
-        Rejection::Clipped { share } | Rejection::SampleOutside { share } => (share, 0.0),
-        Rejection::TooGrazing { degrees, limit } => (degrees, limit),
-        Rejection::PlacementAmbiguous { found } => (found as f32, 0.0),
-        Rejection::OtherCamera { focal_ratio } => (focal_ratio, 0.0),
-        Rejection::SquaresTooSmall { square_px, needed_px } => (square_px, needed_px),
-        _ => (0.0, 0.0),
+        Rejection::TooFewCorners { found, needed, .. } => {
+            (SVBRDF_MEASURE_CORNERS, found as f32, needed as f32)
+        }
+        Rejection::PlacementAmbiguous { found } => (SVBRDF_MEASURE_CORNERS, found as f32, 0.0),
+        Rejection::PoseUncertain { rms_px } => (SVBRDF_MEASURE_REPROJECTION_PX, rms_px, 0.0),
+        Rejection::Blurred { blur_px, .. } => (SVBRDF_MEASURE_BLUR_PX, blur_px, 0.0),
+        Rejection::TooDark { level } => (SVBRDF_MEASURE_WHITE_LEVEL, level, 0.0),
+        Rejection::Clipped { share } => (SVBRDF_MEASURE_CLIPPED_SHARE, share, 0.0),
+        Rejection::TooGrazing { degrees, limit } => (SVBRDF_MEASURE_TILT_DEG, degrees, limit),
+        Rejection::SampleOutside { share } => (SVBRDF_MEASURE_SAMPLE_SHARE, share, 0.0),
+        Rejection::OtherCamera { focal_ratio } => (SVBRDF_MEASURE_FOCAL_RATIO, focal_ratio, 0.0),
+        Rejection::SquaresTooSmall { square_px, needed_px } => {
+            (SVBRDF_MEASURE_SQUARE_PX, square_px, needed_px)
+        }
+        _ => (SVBRDF_MEASURE_NONE, 0.0, 0.0),
     }
 }
 
@@ -110,10 +138,10 @@ pub(crate) fn text<const N: usize>(text: &str) -> [c_char; N] {
     out
 }
 
-/// What became of a photo.
+/// Outcome of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct svbrdf_frame_report {
+pub struct svbrdf_photo_report {
     /// Size of this struct.
     pub size: usize,
     /// 1 when the photo takes part in the fit, 0 when it was rejected.
@@ -136,26 +164,28 @@ pub struct svbrdf_frame_report {
     pub timestamp_ns: i64,
     /// Hints about an accepted photo: bits of SVBRDF_HINT_.
     pub hints: svbrdf_hints,
-    /// For SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0.
-    pub same_view_as: u32,
-    /// For SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white.
+    /// With SVBRDF_HINT_NOTHING_NEW: number of that photo among the accepted ones, from 0; otherwise -1.
+    pub same_view_as: i32,
+    /// With SVBRDF_HINT_NOT_LINEAR: value of the black squares or the gray patch over that of white;
+    /// otherwise negative.
     pub over_white: f32,
-    /// Measured value of a rejected photo. Too few corners: corners found; pose uncertain: reprojection
-    /// error, px; blurred: width of edges (one sigma), px; too dark: level of white, 1 is full scale;
-    /// clipped: share of pixels; too grazing: degrees off the vertical; sample outside: share of the
-    /// sample seen; 0 for other reasons.
+    /// For a rejected photo: meaning and unit of `measured` and `limit`, one of SVBRDF_MEASURE_.
+    pub measure: svbrdf_measure,
+    /// The measured value.
     pub measured: f32,
-    /// What it should have reached (corners) or stayed below (degrees); otherwise 0.
+    /// The value needed or allowed; 0: there is no single one.
     pub limit: f32,
     /// For a blurred photo: direction of the blur, degrees clockwise from the photo's x axis, 0 to
     /// 180; negative: the same in all directions, as out of focus.
     pub blur_direction_deg: f32,
-    /// What to tell the user, in English, UTF-8: why a photo was rejected, or the hints about an
+    /// Advice for the user, in English, UTF-8: why a photo was rejected, or the hints about an
     /// accepted one; may be empty.
     pub advice: [c_char; SVBRDF_ADVICE_BYTES],
+    /// 0.
+    pub reserved: u32,
 }
 
-impl Default for svbrdf_frame_report {
+impl Default for svbrdf_photo_report {
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -169,36 +199,38 @@ impl Default for svbrdf_frame_report {
             maps_seconds: 0.0,
             timestamp_ns: 0,
             hints: 0,
-            same_view_as: 0,
-            over_white: 0.0,
+            same_view_as: -1,
+            over_white: -1.0,
+            measure: SVBRDF_MEASURE_NONE,
             measured: 0.0,
             limit: 0.0,
             blur_direction_deg: -1.0,
             advice: [0; SVBRDF_ADVICE_BYTES],
+            reserved: 0,
         }
     }
 }
-versioned!(svbrdf_frame_report, offset_of!(svbrdf_frame_report, hints));
+versioned!(svbrdf_photo_report, offset_of!(svbrdf_photo_report, hints));
 
-impl svbrdf_frame_report {
-    pub(crate) fn accepted(accepted: &Accepted, timestamp_ns: i64) -> Self {
+impl svbrdf_photo_report {
+    pub(crate) fn accepted(accepted: &AcceptedPhoto, timestamp_ns: i64) -> Self {
         let mut report = Self {
             accepted: 1,
             index: accepted.index as u32,
-            reprojection_rms_px: accepted.reprojection_rms_px.unwrap_or(0.0),
             maps_seconds: accepted.maps_seconds,
             timestamp_ns,
             ..Self::default()
         };
-        if let Some(pose) = &accepted.pose {
+        if let Some(BoardPose { pose, reprojection_rms_px }) = accepted.pose {
             report.has_pose = 1;
+            report.reprojection_rms_px = reprojection_rms_px;
             report.rotation = pose.rotation.transpose().to_cols_array();
             report.translation_mm = pose.translation.to_array();
         }
         report.hints = hint_bits(&accepted.hints);
         for hint in &accepted.hints {
             match *hint {
-                Hint::NothingNew { index } => report.same_view_as = index as u32,
+                Hint::NothingNew { index } => report.same_view_as = index as i32,
                 Hint::NotLinear { ratio, .. } => report.over_white = ratio,
                 _ => {}
             }
@@ -208,7 +240,7 @@ impl svbrdf_frame_report {
     }
 
     pub(crate) fn rejected(rejection: &Rejection, timestamp_ns: i64) -> Self {
-        let (measured, limit) = measured(rejection);
+        let (measure, measured, limit) = measured(rejection);
         let blur_direction_deg = match *rejection {
             Rejection::Blurred { direction_deg: Some(degrees), .. } => degrees,
             _ => -1.0,
@@ -216,6 +248,7 @@ impl svbrdf_frame_report {
         Self {
             rejection: rejection_code(rejection),
             timestamp_ns,
+            measure,
             measured,
             limit,
             blur_direction_deg,
@@ -225,13 +258,13 @@ impl svbrdf_frame_report {
     }
 }
 
-/// Fills a report with defaults: pass sizeof(svbrdf_frame_report).
+/// Fills a report with defaults: pass sizeof(svbrdf_photo_report).
 ///
 /// # Safety
 /// `report` is NULL or has `size` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_frame_report_init(
-    report: *mut svbrdf_frame_report,
+pub unsafe extern "C" fn svbrdf_photo_report_init(
+    report: *mut svbrdf_photo_report,
     size: usize,
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
@@ -303,7 +336,7 @@ pub unsafe extern "C" fn svbrdf_next_view_init(
     entry(|| unsafe { versioned::init(view, size) })
 }
 
-/// What a session is doing.
+/// State of a session.
 pub type svbrdf_state = u32;
 /// Idle: no photo yet, or the fit has settled on all photos so far.
 pub const SVBRDF_STATE_READY: svbrdf_state = 1;
@@ -325,13 +358,13 @@ pub struct svbrdf_progress {
     /// One of SVBRDF_STATE_.
     pub state: svbrdf_state,
     /// Photos accepted so far.
-    pub frames: u32,
+    pub photos: u32,
     /// 1 when the fit has finished on all photos so far.
     pub settled: u32,
     /// Fraction of the work that is done, 0 to 1. On photos announced by svbrdf_session_announce() it never
     /// falls before they have come; without, it is that of the latest photo and begins at 0 with each. It also
-    /// begins anew where a photo is taken back or a larger budget takes the fit up again, unless announced
-    /// photos are still to come.
+    /// begins again when a photo is removed or a larger budget resumes the fit, unless announced photos are
+    /// still to come.
     pub fraction: f32,
     /// Mean error (log-L1 of renderings) before the fit of the latest photo.
     pub loss_before: f32,
@@ -343,7 +376,7 @@ pub struct svbrdf_progress {
     pub reserved: u32,
     /// Sets of maps published so far: when it has grown, there are newer maps.
     pub maps_revision: u64,
-    /// What the fit is doing: one of SVBRDF_PHASE_, see svbrdf_phase_name().
+    /// Phase of the fit: one of SVBRDF_PHASE_, see svbrdf_phase_name().
     pub phase: svbrdf_phase,
     /// 0.
     pub reserved_too: u32,
@@ -354,7 +387,7 @@ impl Default for svbrdf_progress {
         Self {
             size: size_of::<Self>(),
             state: SVBRDF_STATE_READY,
-            frames: 0,
+            photos: 0,
             settled: 0,
             fraction: 0.0,
             loss_before: 0.0,
@@ -373,7 +406,7 @@ impl svbrdf_progress {
     pub(crate) fn new(progress: &Progress, state: svbrdf_state, maps_revision: u64) -> Self {
         Self {
             state,
-            frames: progress.frames as u32,
+            photos: progress.photos as u32,
             settled: progress.settled.into(),
             fraction: progress.fraction,
             loss_before: progress.loss_before,
@@ -403,39 +436,39 @@ pub unsafe extern "C" fn svbrdf_progress_init(
 mod tests {
     use super::*;
 
-    fn advice(report: &svbrdf_frame_report) -> String {
+    fn advice(report: &svbrdf_photo_report) -> String {
         let bytes = report.advice.iter().take_while(|c| **c != 0).map(|c| c.to_ne_bytes()[0]);
         String::from_utf8(bytes.collect()).unwrap()
     }
 
     #[test]
-    fn figures_of_rejections_are_told() {
+    fn figures_of_rejections_are_reported() {
         let told = |rejection| {
-            let report = svbrdf_frame_report::rejected(&rejection, 7);
+            let report = svbrdf_photo_report::rejected(&rejection, 7);
             assert_eq!((advice(&report), report.timestamp_ns), (rejection.to_string(), 7));
-            (report.measured, report.limit, report.blur_direction_deg)
+            (report.measure, report.measured, report.limit, report.blur_direction_deg)
         };
         let blurred = |direction_deg| Rejection::Blurred { blur_px: 3.5, direction_deg };
-        assert_eq!(told(blurred(Some(30.0))), (3.5, 0.0, 30.0));
-        assert_eq!(told(blurred(None)), (3.5, 0.0, -1.0));
-        assert_eq!(told(Rejection::TooGrazing { degrees: 71.0, limit: 65.0 }), (71.0, 65.0, -1.0));
+        assert_eq!(told(blurred(Some(30.0))), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, 30.0));
+        assert_eq!(told(blurred(None)), (SVBRDF_MEASURE_BLUR_PX, 3.5, 0.0, -1.0));
+        assert_eq!(
+            told(Rejection::TooGrazing { degrees: 71.0, limit: 65.0 }),
+            (SVBRDF_MEASURE_TILT_DEG, 71.0, 65.0, -1.0)
+        );
         let corners = Rejection::TooFewCorners { found: 31, expected: 72, needed: 40 };
-        assert_eq!(told(corners), (31.0, 40.0, -1.0));
-        assert_eq!(told(Rejection::SampleOutside { share: 0.5 }), (0.5, 0.0, -1.0));
-        assert_eq!(told(Rejection::BoardNotFound), (0.0, 0.0, -1.0));
+        assert_eq!(told(corners), (SVBRDF_MEASURE_CORNERS, 31.0, 40.0, -1.0));
+        assert_eq!(
+            told(Rejection::SampleOutside { share: 0.5 }),
+            (SVBRDF_MEASURE_SAMPLE_SHARE, 0.5, 0.0, -1.0)
+        );
+        assert_eq!(told(Rejection::BoardNotFound), (SVBRDF_MEASURE_NONE, 0.0, 0.0, -1.0));
     }
 
     #[test]
-    fn hints_of_accepted_photos_are_told() {
+    fn hints_of_accepted_photos_are_reported() {
         let told = |hints| {
-            let accepted = Accepted {
-                index: 9,
-                pose: None,
-                reprojection_rms_px: None,
-                maps_seconds: 0.1,
-                hints,
-            };
-            svbrdf_frame_report::accepted(&accepted, 0)
+            let accepted = AcceptedPhoto { index: 9, pose: None, maps_seconds: 0.1, hints };
+            svbrdf_photo_report::accepted(&accepted, 0)
         };
         let report = told(vec![
             Hint::NothingNew { index: 4 },
@@ -447,12 +480,13 @@ mod tests {
         assert!(words.starts_with("photo 5 has") && words.contains("gray is 0.520"), "{words}");
         let plain = told(Vec::new());
         assert_eq!((plain.hints, advice(&plain)), (0, String::new()));
+        assert_eq!((plain.same_view_as, plain.over_white), (-1, -1.0));
     }
 
     #[test]
     fn long_words_are_cut_between_characters() {
         let long = "\u{e4}".repeat(200);
-        let report = svbrdf_frame_report { advice: text(&long), ..Default::default() };
+        let report = svbrdf_photo_report { advice: text(&long), ..Default::default() };
         assert_eq!(advice(&report), "\u{e4}".repeat(127));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use engine::frame::Encoding;
+use engine::photo::Encoding;
 
 /// Parts of [0, 1] for each of which the table has a byte to begin with: none is wider than the
 /// steps of sRGB are in the dark.

@@ -9,7 +9,7 @@ use engine::{Error, StateFault};
 
 use crate::log::{self, SVBRDF_LOG_ERROR};
 
-/// What a call returns: 0 for success, negative for an error, positive for neither. Values may be
+/// Result of a call: 0 for success, negative for an error, positive for neither. Values may be
 /// added.
 pub type svbrdf_status = i32;
 
@@ -46,7 +46,7 @@ pub const SVBRDF_MEMORY_LIMIT: svbrdf_status = -9;
 /// maps, progress and svbrdf_session_destroy().
 pub const SVBRDF_FAILED: svbrdf_status = -7;
 
-/// Why a call was not done.
+/// The reason for which a call failed.
 #[derive(Debug)]
 pub(crate) struct Fault {
     pub(crate) status: svbrdf_status,
@@ -58,7 +58,7 @@ impl Fault {
         Self { status, message: message.into() }
     }
 
-    /// The same, told of a part of the arguments.
+    /// The same fault with the name of the argument that it concerns.
     pub(crate) fn about(self, part: &str) -> Self {
         Self { message: format!("{part}: {}", self.message), ..self }
     }
@@ -125,7 +125,7 @@ pub(crate) fn entry(body: impl FnOnce() -> Result<(), Fault>) -> svbrdf_status {
     fault.status
 }
 
-/// Why this thread's latest call failed, in English; empty after success. UTF-8, valid until the
+/// The reason for which this thread's latest call failed, in English; empty after success. UTF-8, valid until the
 /// thread's next call of the library. Never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn svbrdf_last_error_message() -> *const c_char {

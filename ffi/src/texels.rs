@@ -8,7 +8,7 @@ use half::f16;
 use crate::srgb;
 use crate::status::Fault;
 
-/// How a map's texels are laid out. Numbers of more than a byte are in the machine's byte order.
+/// Layout of a map's texels. Numbers of more than a byte are in the machine's byte order.
 pub type svbrdf_map_format = u32;
 /// Floats: three a texel, one for roughness.
 pub const SVBRDF_MAP_FORMAT_F32: svbrdf_map_format = 1;
@@ -27,7 +27,7 @@ pub const SVBRDF_MAP_FORMAT_RGBA32F: svbrdf_map_format = 6;
 /// Number of formats.
 pub(crate) const FORMATS: usize = 6;
 
-/// How values become bytes.
+/// Coding of values as bytes.
 #[derive(Clone, Copy)]
 pub(crate) enum Coding {
     /// 0 to 1.
@@ -40,7 +40,7 @@ pub(crate) enum Coding {
     Srgb,
 }
 
-/// What texels are taken from.
+/// A source of texels.
 pub(crate) trait Picture {
     fn width(&self) -> usize;
     fn height(&self) -> usize;
@@ -58,7 +58,7 @@ enum Sample {
     Float,
 }
 
-/// A format as it applies to a picture.
+/// A format as it applies to an image.
 pub(crate) struct Layout {
     sample: Sample,
     channels: Range<usize>,
@@ -120,7 +120,7 @@ impl Layout {
         }
     }
 
-    /// Copies a picture into rows of `row_stride` bytes (0: no gap), of which the last may end with its
+    /// Copies an image into rows of `row_stride` bytes (0: no gap), of which the last may end with its
     /// last texel.
     ///
     /// # Safety

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use engine::threads::{Role, set_start_hook};
 
-/// What a thread of the library does. Values may be added.
+/// Role of a thread of the library. Values may be added.
 pub type svbrdf_thread = u32;
 /// Shares the work of fits and calls among the cores.
 pub const SVBRDF_THREAD_WORK: svbrdf_thread = 1;
@@ -13,8 +13,8 @@ pub const SVBRDF_THREAD_WORK: svbrdf_thread = 1;
 pub const SVBRDF_THREAD_FIT: svbrdf_thread = 2;
 /// Calls on_progress and on_maps of a session.
 pub const SVBRDF_THREAD_CALLBACK: svbrdf_thread = 3;
-/// Takes in the photos of svbrdf_session_push_frame_async(), and calls back.
-pub const SVBRDF_THREAD_PUSH: svbrdf_thread = 4;
+/// Takes in the photos of svbrdf_session_add_photo_async(), and calls back.
+pub const SVBRDF_THREAD_PHOTOS: svbrdf_thread = 4;
 
 /// Called at the start of a thread, on it, before anything else.
 pub type svbrdf_thread_hook =

@@ -157,7 +157,7 @@ fn what_the_package_names_of_c_is_in_the_header() {
         header.functions.len() > 70 && header.structs.len() > 10,
         "the header is not understood"
     );
-    assert_eq!(header.functions["svbrdf_session_push_frame_async"], 5);
+    assert_eq!(header.functions["svbrdf_session_add_photo_async"], 5);
     assert_eq!(header.functions["svbrdf_version"], 0);
     let mut called = 0;
     for path in sources() {

@@ -10,14 +10,14 @@ mod buffer;
 mod callbacks;
 #[path = "../../ffi/src/capture.rs"]
 mod capture;
-#[path = "../../ffi/src/confidence.rs"]
-mod confidence;
-#[path = "../../ffi/src/encoded.rs"]
-mod encoded;
+#[path = "../../ffi/src/uncertainty.rs"]
+mod uncertainty;
+#[path = "../../ffi/src/photo_file.rs"]
+mod photo_file;
 #[path = "../../ffi/src/export.rs"]
 mod export;
-#[path = "../../ffi/src/frame_fit.rs"]
-mod frame_fit;
+#[path = "../../ffi/src/photo_fit.rs"]
+mod photo_fit;
 #[path = "../../ffi/src/handles.rs"]
 mod handles;
 #[path = "../../ffi/src/image.rs"]
@@ -36,8 +36,8 @@ mod models;
 mod notifier;
 #[path = "../../ffi/src/options/mod.rs"]
 mod options;
-#[path = "../../ffi/src/owned_frame.rs"]
-mod owned_frame;
+#[path = "../../ffi/src/owned_photo.rs"]
+mod owned_photo;
 #[path = "../../ffi/src/paper.rs"]
 mod paper;
 #[path = "../../ffi/src/phase.rs"]

@@ -14,9 +14,9 @@ pub fn run(data: &[u8]) -> bool {
         return false;
     };
     // What is accepted can be worked with.
-    assert!(!capture.frames.is_empty());
+    assert!(!capture.photos.is_empty());
     assert!(capture.sample_mm.iter().all(|v| v.is_finite() && *v > 0.0));
-    assert!(capture.frames.iter().all(|f| f.exposure.is_finite() && f.exposure > 0.0));
+    assert!(capture.photos.iter().all(|f| f.exposure.is_finite() && f.exposure > 0.0));
     if let Scene::Board { target, camera, .. } = &capture.scene {
         assert!(target.fault().is_none() && camera.is_none_or(|c| c.fault().is_none()));
         assert!(!target.corners().is_empty());

@@ -4,7 +4,7 @@
 use std::io::Cursor;
 
 use engine::files::{Decoded, Kind, Limits, Options, decode};
-use engine::frame::{Encoding, Rotation};
+use engine::photo::{Encoding, Rotation};
 
 /// Whether something was made of it.
 pub fn run(data: &[u8]) -> bool {

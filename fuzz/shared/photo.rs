@@ -1,12 +1,12 @@
 //! Anything as a picture file, then as a photograph of a board whose camera is not known: judged,
-//! pushed, taken back. The first byte chooses encoding, exposure and primaries.
+//! added, removed. The first byte chooses encoding, exposure and primaries.
 
 use std::sync::{Arc, OnceLock};
 
 use engine::calibration::Target;
-use engine::frame::{Encoding, Photo, Primaries};
 use engine::networks::Networks;
-use engine::session::{Pushed, Scene, Session, Settings};
+use engine::photo::{Encoding, Photo, Primaries};
+use engine::session::{Outcome, Scene, Session, Settings};
 
 /// Whether something was made of it.
 pub fn run(data: &[u8]) -> bool {
@@ -22,25 +22,20 @@ pub fn run(data: &[u8]) -> bool {
     let photo = photo.with_primaries(primaries[usize::from(choice >> 5) % 3]);
     static NETWORKS: OnceLock<Arc<Networks>> = OnceLock::new();
     let networks = NETWORKS.get_or_init(|| Arc::new(Networks::embedded().expect("our own")));
-    let scene = Scene::Board {
-        target: Target::default(),
-        camera: None,
-        flash_offset_mm: None,
-        elevation_mm: None,
-    };
+    let scene = Scene::board(Target::default());
     let settings = Settings { threads: 1, ..Settings::default() };
     let session = Session::with_networks(scene, settings, networks.clone()).expect("defaults");
     session.pause();
     let probe = session.probe(&photo).expect("a photo is no misuse");
     assert!(probe.corners.iter().all(|corner| corner.px.is_finite()));
-    match session.push(&photo).expect("a photo is no misuse") {
-        Pushed::Accepted(accepted) => {
-            assert!(accepted.pose.is_some_and(|p| p.translation.is_finite()));
+    match session.add_photo(&photo).expect("a photo is no misuse") {
+        Outcome::Accepted(accepted) => {
+            assert!(accepted.pose.is_some_and(|p| p.pose.translation.is_finite()));
             assert!(session.snapshot().is_ok());
-            assert!(session.remove_frame(1).is_err() && session.remove_frame(0).is_ok());
-            assert!(session.snapshot().is_err() && session.progress().frames == 0);
+            assert!(session.remove_photo(1).is_err() && session.remove_photo(0).is_ok());
+            assert!(session.snapshot().is_err() && session.progress().photos == 0);
         }
-        Pushed::Rejected(_) => assert!(session.snapshot().is_err()),
+        Outcome::Rejected(_) => assert!(session.snapshot().is_err()),
     }
     assert!(session.failure().is_none());
     true

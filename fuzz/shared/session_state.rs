@@ -33,7 +33,7 @@ fn example() -> &'static [u8] {
     STATE.get_or_init(|| {
         let tile = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
         let tile = tile.replace("/fuzz/", "/");
-        let Capture { mut scene, sample_mm, frames, .. } = Capture::load(tile).expect("an example");
+        let Capture { mut scene, sample_mm, photos, .. } = Capture::load(tile).expect("an example");
         if let Scene::Board { camera, .. } = &mut scene {
             *camera = None;
         }
@@ -41,8 +41,8 @@ fn example() -> &'static [u8] {
         let session =
             Session::with_networks(scene, settings, networks().clone()).expect("a session");
         session.pause();
-        let photo = frames[0].read().expect("a photograph");
-        session.push(&photo).expect("it is not cancelled");
+        let photo = photos[0].read().expect("a photograph");
+        session.add_photo(&photo).expect("it is not cancelled");
         session.save().expect("it is not cancelled")
     })
 }
@@ -68,7 +68,7 @@ fn restore(data: &[u8]) -> bool {
     match Session::restore(data, networks.clone(), options) {
         Ok(session) => {
             session.pause();
-            assert_eq!(session.snapshot().is_ok(), session.progress().frames > 0);
+            assert_eq!(session.snapshot().is_ok(), session.progress().photos > 0);
             let again = session.save().expect("it is not cancelled");
             assert!(Session::restore(&again, networks.clone(), options).is_ok());
             true

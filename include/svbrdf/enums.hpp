@@ -60,7 +60,7 @@ enum class BoardKind : svbrdf_board_kind {
     charuco_ring = SVBRDF_BOARD_CHARUCO_RING,
 };
 
-/// Layouts of a picture in memory.
+/// Layouts of an image in memory.
 enum class PixelFormat : svbrdf_pixel_format {
     rgb8 = SVBRDF_PIXEL_RGB8,
     rgba8 = SVBRDF_PIXEL_RGBA8,
@@ -236,12 +236,26 @@ enum class SheetFormat : svbrdf_sheet_format {
     png = SVBRDF_SHEET_PNG,
 };
 
+/// What the value of a rejection measures, and its unit. Values may be added.
+enum class Measure : svbrdf_measure {
+    none = SVBRDF_MEASURE_NONE,
+    corners = SVBRDF_MEASURE_CORNERS,
+    reprojection_px = SVBRDF_MEASURE_REPROJECTION_PX,
+    blur_px = SVBRDF_MEASURE_BLUR_PX,
+    white_level = SVBRDF_MEASURE_WHITE_LEVEL,
+    clipped_share = SVBRDF_MEASURE_CLIPPED_SHARE,
+    tilt_deg = SVBRDF_MEASURE_TILT_DEG,
+    sample_share = SVBRDF_MEASURE_SAMPLE_SHARE,
+    focal_ratio = SVBRDF_MEASURE_FOCAL_RATIO,
+    square_px = SVBRDF_MEASURE_SQUARE_PX,
+};
+
 /// What a thread of the library does. Values may be added.
 enum class Thread : svbrdf_thread {
     work = SVBRDF_THREAD_WORK,
     fit = SVBRDF_THREAD_FIT,
     callback = SVBRDF_THREAD_CALLBACK,
-    push = SVBRDF_THREAD_PUSH,
+    photos = SVBRDF_THREAD_PHOTOS,
 };
 
 }  // namespace svbrdf

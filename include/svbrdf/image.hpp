@@ -1,5 +1,5 @@
-// Part of svbrdf.hpp: pictures in memory, in every pixel format. Nothing is copied: a svbrdf_image
-// points to the caller's pixels, which a push or a probe reads before it returns.
+// Part of svbrdf.hpp: images in memory, in every pixel format. Nothing is copied: a svbrdf_image
+// points to the caller's pixels, which the session reads before it returns.
 #ifndef SVBRDF_IMAGE_HPP
 #define SVBRDF_IMAGE_HPP
 

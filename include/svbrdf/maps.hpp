@@ -136,10 +136,10 @@ public:
         check(svbrdf_maps_size(get(), nullptr, nullptr, mm.data()));
         return mm;
     }
-    /// Standard deviation of each map as a whole; of a Session::snapshot_confidence() only.
-    svbrdf_confidence confidence() const {
-        svbrdf_confidence found = make(svbrdf_confidence_init);
-        check(svbrdf_maps_confidence(get(), &found));
+    /// Standard deviation of each map as a whole; of a Session::snapshot_with_uncertainty() only.
+    svbrdf_uncertainty uncertainty() const {
+        svbrdf_uncertainty found = make(svbrdf_uncertainty_init);
+        check(svbrdf_maps_uncertainty(get(), &found));
         return found;
     }
     /// The same at every texel, one value each. Valid as long as these maps.

@@ -14,7 +14,7 @@
 namespace svbrdf {
 
 /// What became of a photo.
-struct Pushed {
+struct Outcome {
     /// Whether it takes part in the fit.
     bool accepted;
     /// Why not; Rejection::none for an accepted photo.
@@ -22,10 +22,20 @@ struct Pushed {
     /// What to tell the user: why it was rejected, or hints about an accepted photo; may be empty.
     std::string advice;
     /// Pose, hints and figures.
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     /// Whether a hint was given.
     bool has(Hint hint) const noexcept { return (report.hints & to_c(hint)) != 0; }
     explicit operator bool() const noexcept { return accepted; }
+};
+
+/// Something to tell about an accepted photo.
+struct PhotoHint {
+    /// Number of the photo among the accepted ones, from 0.
+    std::uint32_t index;
+    /// Stable name for programs, such as "two_groups".
+    std::string code;
+    /// A sentence: what was seen, with its figure, and what to do.
+    std::string text;
 };
 
 /// Where the board lies in a photo.
@@ -62,7 +72,7 @@ struct Guidance {
     std::string message;
     /// The target, and what photos from here and from there would add.
     svbrdf_guidance report;
-    /// The picture that was judged.
+    /// The image that was judged.
     Probe probe;
 };
 
@@ -72,7 +82,7 @@ struct Progress {
     /// What the fit is doing.
     Phase phase;
     /// Photos accepted so far.
-    std::uint32_t frames;
+    std::uint32_t photos;
     /// Whether the fit has finished on all photos so far.
     bool settled;
     /// Fraction of the work that is done, 0 to 1: on the photos announced, without on the latest one. See
@@ -86,7 +96,7 @@ struct Progress {
     std::uint64_t maps_revision;
 
     explicit Progress(const svbrdf_progress& c)
-        : state(State{c.state}), phase(Phase{c.phase}), frames(c.frames), settled(c.settled == 1),
+        : state(State{c.state}), phase(Phase{c.phase}), photos(c.photos), settled(c.settled == 1),
           fraction(c.fraction), loss_before(c.loss_before), loss(c.loss),
           seconds_left(c.seconds_left < 0.0f ? std::nullopt : std::make_optional(c.seconds_left)),
           maps_revision(c.maps_revision) {}

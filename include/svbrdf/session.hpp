@@ -54,9 +54,9 @@ public:
         owner_ = detail::Owner<svbrdf_capture, svbrdf_capture_destroy>(capture);
     }
     /// Number of photos.
-    std::uint32_t frames() const {
+    std::uint32_t photos() const {
         std::uint32_t count = 0;
-        check(svbrdf_capture_frames(get(), &count));
+        check(svbrdf_capture_photos(get(), &count));
         return count;
     }
     svbrdf_capture* get() const noexcept { return owner_.get(); }
@@ -67,8 +67,8 @@ private:
 
 class SessionView;
 
-/// Called with what became of a photo that was pushed without waiting.
-using PushedCallback = std::function<void(SessionView, StatusCode, const Pushed&)>;
+/// Called with what became of a photo that was added without waiting.
+using OutcomeCallback = std::function<void(SessionView, StatusCode, const Outcome&)>;
 
 /// A session that somebody else owns: what callbacks get. Copies are cheap. Once the session has
 /// been destroyed, calls throw an Error with StatusCode::invalid_handle.
@@ -77,53 +77,53 @@ public:
     explicit SessionView(svbrdf_session* session) noexcept : handle_(session) {}
 
     /// Takes a photo of a board in.
-    Pushed push(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_frame(get(), &image, info, &report), report);
+    Outcome add_photo(const svbrdf_image& image, const svbrdf_photo_info* info = nullptr) {
+        svbrdf_photo_report report = make(svbrdf_photo_report_init);
+        return outcome(svbrdf_session_add_photo(get(), &image, info, &report), report);
     }
-    /// As push(), without waiting: `done` is called exactly once on a thread of the session, with
+    /// As add_photo(), without waiting: `done` is called exactly once on a thread of the session, with
     /// StatusCode::ok, StatusCode::rejected, or a fault, whose message is the advice. It may destroy
     /// the session. Exceptions that it throws are dropped. When this throws, `done` is not called.
-    void push_async(const svbrdf_image& image, PushedCallback done,
-                    const svbrdf_frame_info* info = nullptr) {
-        auto held = std::make_unique<PushedCallback>(std::move(done));
-        check(svbrdf_session_push_frame_async(get(), &image, info, on_pushed, held.get()));
-        // on_pushed() owns it.
+    void add_photo_async(const svbrdf_image& image, OutcomeCallback done,
+                    const svbrdf_photo_info* info = nullptr) {
+        auto held = std::make_unique<OutcomeCallback>(std::move(done));
+        check(svbrdf_session_add_photo_async(get(), &image, info, on_outcome, held.get()));
+        // on_outcome() owns it.
         static_cast<void>(held.release());
     }
     /// Takes a photo from the top in; positions of camera and light in the board frame, mm.
-    Pushed push_rectified(const svbrdf_image& image, const std::array<float, 3>& camera_mm,
+    Outcome add_rectified_photo(const svbrdf_image& image, const std::array<float, 3>& camera_mm,
                           const std::array<float, 3>& light_mm,
-                          const svbrdf_frame_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_rectified(get(), &image, info, camera_mm.data(),
+                          const svbrdf_photo_info* info = nullptr) {
+        svbrdf_photo_report report = make(svbrdf_photo_report_init);
+        return outcome(svbrdf_session_add_rectified_photo(get(), &image, info, camera_mm.data(),
                                                     light_mm.data(), &report),
                       report);
     }
     /// Reads a photo of a capture and takes it in.
-    Pushed push(const Capture& capture, std::uint32_t index) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_capture(get(), capture.get(), index, &report), report);
+    Outcome add_photo(const Capture& capture, std::uint32_t index) {
+        svbrdf_photo_report report = make(svbrdf_photo_report_init);
+        return outcome(svbrdf_session_add_capture_photo(get(), capture.get(), index, &report), report);
     }
-    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_push_encoded(). `info`
+    /// Takes in a photo of a board that is a file in memory, see svbrdf_session_add_photo_file(). `info`
     /// gets what the file says of how it was taken.
-    Pushed push_encoded(Span<const std::uint8_t> file,
-                        const svbrdf_encoded_options* options = nullptr,
+    Outcome add_photo_file(Span<const std::uint8_t> file,
+                        const svbrdf_file_options* options = nullptr,
                         svbrdf_file_info* info = nullptr) {
-        svbrdf_frame_report report = make(svbrdf_frame_report_init);
-        return pushed(svbrdf_session_push_encoded(get(), file.data(), file.size(), options, info,
+        svbrdf_photo_report report = make(svbrdf_photo_report_init);
+        return outcome(svbrdf_session_add_photo_file(get(), file.data(), file.size(), options, info,
                                                   &report),
                       report);
     }
-    /// Judges a photo of a board, or a picture of the preview, without taking it in.
-    Probe probe(const svbrdf_image& image, const svbrdf_frame_info* info = nullptr) const {
+    /// Judges a photo of a board, or an image of the preview, without taking it in.
+    Probe probe(const svbrdf_image& image, const svbrdf_photo_info* info = nullptr) const {
         return probed([&](svbrdf_probe* report) {
             return svbrdf_session_probe(get(), &image, info, report);
         });
     }
-    /// Judges a picture of the preview and says what to do: adjust, hold, move, shoot, or enough. Call it
-    /// with every picture; `info.timestamp_ns` says when it was taken.
-    Guidance guide(const svbrdf_image& image, const svbrdf_frame_info& info) {
+    /// Judges an image of the preview and says what to do: adjust, hold, move, shoot, or enough. Call it
+    /// with every image; `info.timestamp_ns` says when it was taken.
+    Guidance guide(const svbrdf_image& image, const svbrdf_photo_info& info) {
         svbrdf_guidance report = make(svbrdf_guidance_init);
         Probe probe = probed([&](svbrdf_probe* found) {
             return svbrdf_session_guide(get(), &image, &info, found, &report);
@@ -135,12 +135,23 @@ public:
         check(svbrdf_session_guide_begin(get(), &options));
     }
     /// Takes an accepted photo back, as if it had never come; later ones move up by one.
-    void remove(std::uint32_t index) { check(svbrdf_session_remove_frame(get(), index)); }
+    void remove_photo(std::uint32_t index) { check(svbrdf_session_remove_photo(get(), index)); }
     /// How well the current maps explain an accepted photo.
-    svbrdf_frame_fit frame_fit(std::uint32_t index) const {
-        svbrdf_frame_fit fit = make(svbrdf_frame_fit_init);
-        check(svbrdf_session_frame_fit(get(), index, &fit));
+    svbrdf_photo_fit photo_fit(std::uint32_t index) const {
+        svbrdf_photo_fit fit = make(svbrdf_photo_fit_init);
+        check(svbrdf_session_photo_fit(get(), index, &fit));
         return fit;
+    }
+    /// What there is to tell about each accepted photo with all that is known now; meaningful once the fit has settled.
+    std::vector<PhotoHint> hints() const {
+        std::vector<PhotoHint> all;
+        check(svbrdf_session_hints(
+            get(),
+            [](void* to, std::uint32_t index, const char* code, const char* text) {
+                static_cast<std::vector<PhotoHint>*>(to)->push_back({index, code, text});
+            },
+            &all));
+        return all;
     }
     /// Limits the work on each photo.
     void set_budget(const svbrdf_budget& budget) {
@@ -180,8 +191,8 @@ public:
     /// The current maps; none before the first accepted photo.
     std::optional<Maps> snapshot() const { return taken(svbrdf_session_snapshot_maps); }
     /// As snapshot(), with the standard deviations of the maps: waits for a step of the fit.
-    std::optional<Maps> snapshot_confidence() const {
-        return taken(svbrdf_session_snapshot_confidence);
+    std::optional<Maps> snapshot_with_uncertainty() const {
+        return taken(svbrdf_session_snapshot_with_uncertainty);
     }
     /// Position of the flash (mm, camera frame), and ambient light as a share of the flash's.
     std::pair<std::array<double, 3>, float> light() const {
@@ -235,7 +246,7 @@ protected:
 
 private:
     // A session may end inside a callback of one of these calls: none touches *this afterwards.
-    static Pushed pushed(svbrdf_status status, const svbrdf_frame_report& report) {
+    static Outcome outcome(svbrdf_status status, const svbrdf_photo_report& report) {
         if (status == SVBRDF_REJECTED) {
             return {false, Rejection{report.rejection}, report.advice, report};
         }
@@ -265,13 +276,13 @@ private:
         check(status);
         return Maps(maps);
     }
-    static void on_pushed(void* user, svbrdf_session* session, svbrdf_status status,
-                          const svbrdf_frame_report* report) {
-        const std::unique_ptr<PushedCallback> done(static_cast<PushedCallback*>(user));
+    static void on_outcome(void* user, svbrdf_session* session, svbrdf_status status,
+                          const svbrdf_photo_report* report) {
+        const std::unique_ptr<OutcomeCallback> done(static_cast<OutcomeCallback*>(user));
         guarded([&] {
             const SessionView view(session);
             if (status == SVBRDF_OK || status == SVBRDF_REJECTED) {
-                (*done)(view, StatusCode{status}, pushed(status, *report));
+                (*done)(view, StatusCode{status}, outcome(status, *report));
             } else {
                 (*done)(view, StatusCode{status},
                         {false, Rejection::none, svbrdf_last_error_message(), *report});

@@ -7,5 +7,5 @@ mod residuals;
 mod uncertainty;
 
 pub use outlook::Place;
-pub use residuals::FrameFit;
+pub use residuals::PhotoFit;
 pub use uncertainty::Evidence;

@@ -16,7 +16,7 @@ const OUTLIER_RATIO: f32 = 1.5;
 
 /// Fit of the current maps to an accepted photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameFit {
+pub struct PhotoFit {
     /// Median over its texels of the absolute log ratio of rendered to measured radiance, averaged over the
     /// colours: a relative error.
     pub residual: f32,
@@ -36,7 +36,7 @@ impl Estimation {
     ///
     /// # Errors
     /// Without photographs.
-    pub fn residuals(&self) -> Result<Vec<FrameFit>> {
+    pub fn residuals(&self) -> Result<Vec<PhotoFit>> {
         let maps = self.maps()?;
         let texels = maps.texels();
         let mut rendered = vec![0.0; 3 * texels];
@@ -60,7 +60,7 @@ impl Estimation {
             let part = found.and_then(Contradiction::largest_part);
             let weight = (counting.total_weight() / texels as f64) as f32;
             let outlier = residual > limit || (found.is_some() && part.is_none());
-            FrameFit { residual, weight, outlier, part }
+            PhotoFit { residual, weight, outlier, part }
         };
         Ok(residuals.into_iter().zip(counting).map(fit).collect())
     }

@@ -1,6 +1,6 @@
 //! The single-channel picture that the detector works on.
 
-use crate::frame::Photo;
+use crate::photo::Photo;
 use glam::DVec2;
 
 /// Luminance on a square-root scale, row by row.

@@ -5,8 +5,8 @@ use super::detector::Corner;
 use super::luma::LumaImage;
 use super::target::Target;
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use crate::statistics::median;
 
 /// Narrower squares contain too few pixels free of their neighbours, px.
@@ -105,11 +105,15 @@ pub fn other_camera(
 const BLOCKS: usize = 12;
 const BLOCK_CONTRAST: f32 = 0.2;
 const SHARPEST: usize = 3;
-/// Edge spread above which a missing board is out of focus, px.
+/// Edge spreads above which a missing board is out of focus, px: in all directions, and across one direction if
+/// others are sharp, since stripes have no edges along them.
 const SOFT_PX: f32 = 3.0;
+const SMEARED_PX: f32 = 9.0;
+/// Directions in which a hand may have moved.
+const DIRECTIONS: usize = 8;
 
-/// Whether the board was not found for lack of focus: no edge of the picture is sharp. A step with
-/// contrast `c` and steepest slope `g` has a spread of `c / (sqrt(2 pi) g)`.
+/// Whether the board was not found for lack of focus or because the camera moved: no edge of the image is sharp, or
+/// none across some direction. A step with contrast `c` and steepest slope `g` has a spread of `c / (sqrt(2 pi) g)`.
 pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> {
     if !matches!(why, Rejection::BoardNotFound | Rejection::TooFewCorners { .. }) {
         return None;
@@ -119,9 +123,14 @@ pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> 
     if block_w.min(block_h) < 16 {
         return None;
     }
-    let spread = |block: usize| {
+    let angle = |k: usize| k as f32 * std::f32::consts::PI / DIRECTIONS as f32;
+    let directions: [[f32; 2]; DIRECTIONS] =
+        std::array::from_fn(|k| [angle(k).cos(), angle(k).sin()]);
+    // Of all edges, and of those across each direction.
+    let spreads = |block: usize| {
         let (x0, y0) = (block % BLOCKS * block_w, block / BLOCKS * block_h);
-        let (mut low, mut high, mut slope) = (f32::INFINITY, f32::NEG_INFINITY, 0.0_f32);
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut slopes = [0.0_f32; 1 + DIRECTIONS];
         for y in y0 + 2..y0 + block_h - 2 {
             for x in x0 + 2..x0 + block_w - 2 {
                 let at = |x: usize, y: usize| luma.data[y * w + x];
@@ -130,17 +139,31 @@ pub fn too_soft_to_find(luma: &LumaImage, why: &Rejection) -> Option<Rejection> 
                 // Differences over four pixels suppress noise.
                 let across = at(x + 2, y) - at(x - 2, y);
                 let down = at(x, y + 2) - at(x, y - 2);
-                slope = slope.max(0.25 * across.hypot(down));
+                slopes[0] = slopes[0].max(across.hypot(down));
+                for (slope, [x, y]) in slopes[1..].iter_mut().zip(directions) {
+                    *slope = slope.max((across * x + down * y).abs());
+                }
             }
         }
         let contrast = high - low;
-        (contrast > BLOCK_CONTRAST && slope > 0.0)
-            .then(|| contrast / (std::f32::consts::TAU.sqrt() * slope))
+        (contrast > BLOCK_CONTRAST && slopes[0] > 0.0).then(|| {
+            slopes.map(|slope| 4.0 * contrast / (std::f32::consts::TAU.sqrt() * slope.max(1e-6)))
+        })
     };
-    let mut spreads: Vec<f32> = (0..BLOCKS * BLOCKS).filter_map(spread).collect();
-    spreads.sort_by(f32::total_cmp);
-    let blur_px = *spreads.get(SHARPEST)?;
-    (blur_px > SOFT_PX).then_some(Rejection::Blurred { blur_px, direction_deg: None })
+    let all: Vec<[f32; 1 + DIRECTIONS]> = (0..BLOCKS * BLOCKS).filter_map(spreads).collect();
+    let sharpest = |k: usize| {
+        let mut spreads: Vec<f32> = all.iter().map(|spreads| spreads[k]).collect();
+        spreads.sort_by(f32::total_cmp);
+        spreads.get(SHARPEST).copied()
+    };
+    let blur_px = sharpest(0)?;
+    if blur_px > SOFT_PX {
+        return Some(Rejection::Blurred { blur_px, direction_deg: None });
+    }
+    let across = (0..DIRECTIONS).filter_map(|k| Some((sharpest(k + 1)?, angle(k).to_degrees())));
+    let (blur_px, degrees) = across.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let direction_deg = Some(degrees);
+    (blur_px > SMEARED_PX).then_some(Rejection::Blurred { blur_px, direction_deg })
 }
 
 /// Exposure fault that hides the board: nearly everything black, or most of it saturated.
@@ -213,6 +236,30 @@ mod tests {
         for (blur, soft) in [(0.7, false), (1.5, false), (6.0, true), (9.0, true)] {
             let said = too_soft_to_find(&picture(blur, 0.6), &why);
             assert_eq!(said.is_some(), soft, "{blur}: {said:?}");
+        }
+        // Smeared along a direction, also one between those tested.
+        let smeared = |degrees: f32, length: f32| {
+            let (width, height) = (600, 450);
+            let (s, c) = degrees.to_radians().sin_cos();
+            let data = (0..width * height).map(|i| {
+                let (x, y) = ((i % width) as f32, (i / width) as f32);
+                let value = |t: f32| {
+                    let (x, y) = (x + t * c, y + t * s);
+                    let even = ((x / 30.0).floor() + (y / 30.0).floor()).rem_euclid(2.0) < 1.0;
+                    0.55 + if even { 0.3 } else { -0.3 }
+                };
+                let count = length as usize;
+                (0..count).map(|k| value(k as f32 - 0.5 * length)).sum::<f32>() / length
+            });
+            LumaImage { width, height, data: data.collect() }
+        };
+        for degrees in [0.0, 11.0, 90.0] {
+            let said = too_soft_to_find(&smeared(degrees, 25.0), &why);
+            let Some(Rejection::Blurred { direction_deg: Some(said), .. }) = said else {
+                panic!("{degrees}: {said:?}")
+            };
+            assert!((said - degrees).abs() < 12.0, "{said} {degrees}");
+            assert_eq!(too_soft_to_find(&smeared(degrees, 1.0), &why), None, "{degrees}");
         }
         // The picture has no contrast.
         assert_eq!(too_soft_to_find(&picture(6.0, 0.1), &why), None);

@@ -1,7 +1,7 @@
 //! The printed board around the sample.
 
 use super::markers::{Dictionary, Marker};
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 

@@ -12,9 +12,9 @@ use serde_json::Value;
 use crate::calibration::{Hole, Target, TargetKind, TopLeft};
 #[cfg(feature = "files")]
 use crate::files::{self, Remark};
-use crate::frame::{Encoding, Photo, Rotation};
 use crate::geometry::Camera;
 use crate::observation::Falloff;
+use crate::photo::{Encoding, Photo, Rotation};
 use crate::rectification::elevation;
 use crate::session::{RectifiedFalloff, Scene};
 use crate::{Error, Result};
@@ -39,18 +39,19 @@ pub struct Capture {
     /// Scene of the photographs.
     pub scene: Scene,
     /// The photographs in the order of the file, at least one.
-    pub frames: Vec<Frame>,
+    pub photos: Vec<PhotoFile>,
     /// Warnings about unknown fields, which are ignored, and about unusual lengths; one sentence each.
     pub warnings: Vec<String>,
 }
 
 /// One photograph of a capture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
-    /// The picture file; it exists.
+pub struct PhotoFile {
+    /// The image file; it exists.
     pub path: PathBuf,
-    /// Transfer curve of its values.
-    pub encoding: Encoding,
+    /// Transfer curve of its values. `None` (`srgb` in `capture.json`): with feature `files` the
+    /// colours that the file states, sRGB where it states none.
+    pub encoding: Option<Encoding>,
     /// Relative exposure: value = radiance * exposure.
     pub exposure: f32,
     /// Camera and light of an already rectified photograph.
@@ -71,9 +72,8 @@ pub struct RectifiedView {
     pub light_mm: [f32; 3],
 }
 
-impl Frame {
-    /// Reads the photograph. With feature `files`, [`Encoding::Srgb`] means the colours stated by
-    /// the file, and DNG is supported.
+impl PhotoFile {
+    /// Reads the photograph. With feature `files`, DNG is supported.
     ///
     /// # Errors
     /// As `files::read`, or as [`Photo::read`] without that feature; also if the photograph without
@@ -82,18 +82,20 @@ impl Frame {
         #[cfg(feature = "files")]
         return Ok(self.read_with_remarks()?.0);
         #[cfg(not(feature = "files"))]
-        self.less_ambient(|path, exposure| Photo::read(path, self.encoding, exposure))
+        self.less_ambient(|path, exposure| {
+            Photo::read(path, self.encoding.unwrap_or(Encoding::Srgb), exposure)
+        })
     }
 
-    /// As [`Frame::read`], with remarks about the file.
+    /// As [`PhotoFile::read`], with remarks about the file.
     ///
     /// # Errors
-    /// As [`Frame::read`].
+    /// As [`PhotoFile::read`].
     #[cfg(feature = "files")]
     pub fn read_with_remarks(&self) -> Result<(Photo, Vec<Remark>)> {
         let mut remarks = None;
         let photo = self.less_ambient(|path, exposure| {
-            let (encoding, exposure) = (Some(self.encoding), Some(exposure));
+            let (encoding, exposure) = (self.encoding, Some(exposure));
             let decoded =
                 files::read(path, &files::Options { encoding, exposure, ..Default::default() })?;
             // Remarks about the first photograph, not about the one without flash.
@@ -150,19 +152,19 @@ impl Capture {
         let (scene, sample_mm) = scene(&root, camera)?;
         let rectified = matches!(scene, Scene::Rectified { .. });
         let list = root.get("frames");
-        let frames = list
+        let photos = list
             .list()?
             .iter()
-            .map(|node| frame(dir, node, rectified))
+            .map(|node| photo_file(dir, node, rectified))
             .collect::<Result<Vec<_>>>()?;
-        if frames.is_empty() {
+        if photos.is_empty() {
             return Err(list.fault("at least one photograph"));
         }
         let mut warnings = unknown::warnings(file, value);
         if let Scene::Board { target, .. } = &scene {
             warnings.extend(lengths::warning(file, target, sample_mm));
         }
-        Ok(Self { sample_mm, scene, frames, warnings })
+        Ok(Self { sample_mm, scene, photos, warnings })
     }
 }
 
@@ -337,10 +339,11 @@ fn camera(node: &Node) -> Result<Camera> {
     }
 }
 
-fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
+fn photo_file(dir: &Path, node: &Node, rectified: bool) -> Result<PhotoFile> {
     node.object()?;
     let path = picture(dir, &node.get("image"))?;
     let encoding = node.get("encoding").choice(&Encoding::ALL.map(|e| (e.name(), e)))?;
+    let encoding = Some(encoding).filter(|stated| *stated != Encoding::Srgb);
     let exposure = exposure(node.get("exposure"), 1.0)?;
     let ambient = match node.get("ambient").optional() {
         None => None,
@@ -363,12 +366,12 @@ fn frame(dir: &Path, node: &Node, rectified: bool) -> Result<Frame> {
         None
     };
     let turn = turn(node.get("turn"))?;
-    Ok(Frame { path, encoding, exposure, rectified, turn, ambient })
+    Ok(PhotoFile { path, encoding, exposure, rectified, turn, ambient })
 }
 
-/// Path of an existing picture file.
+/// Path of an existing image file.
 fn picture(dir: &Path, node: &Node) -> Result<PathBuf> {
-    let expected = "the path of a picture file, relative to the capture's folder";
+    let expected = "the path of an image file, relative to the capture's folder";
     let name = node.text(expected)?;
     let path = dir.join(name);
     if name.is_empty() || !path.is_file() {

@@ -69,10 +69,13 @@ fn a_board_capture_is_read() {
     let camera = camera.unwrap();
     assert_eq!((camera.width, camera.fy, camera.distortion[1]), (2016, 1454.3, -0.083));
     assert_eq!(*flash_offset_mm, Some(DVec3::new(-4.7, -7.0, 0.0)));
-    assert_eq!(capture.frames.len(), 2);
-    assert_eq!(capture.frames[0].path, dir.path().join("a.png"));
-    assert_eq!((capture.frames[0].encoding, capture.frames[0].exposure), (Encoding::Srgb, 1.0));
-    assert_eq!((capture.frames[1].encoding, capture.frames[1].exposure), (Encoding::Linear, 0.5));
+    assert_eq!(capture.photos.len(), 2);
+    assert_eq!(capture.photos[0].path, dir.path().join("a.png"));
+    assert_eq!((capture.photos[0].encoding, capture.photos[0].exposure), (None, 1.0));
+    assert_eq!(
+        (capture.photos[1].encoding, capture.photos[1].exposure),
+        (Some(Encoding::Linear), 0.5)
+    );
 }
 
 #[test]
@@ -100,19 +103,19 @@ fn optional_parts_may_be_missing() {
 #[test]
 fn photographs_are_turned_as_stated() {
     let capture = load(&with(board_capture(), "/frames/1/turn", json!(270))).unwrap();
-    assert_eq!(capture.frames[0].turn, Rotation::None);
-    assert_eq!(capture.frames[1].turn, Rotation::ThreeQuarters);
+    assert_eq!(capture.photos[0].turn, Rotation::None);
+    assert_eq!(capture.photos[1].turn, Rotation::ThreeQuarters);
 }
 
 #[test]
 fn photographs_without_flash_are_named() {
     let capture = with(board_capture(), "/frames/1/ambient", json!("a.png"));
     let loaded = load(&capture).unwrap();
-    assert_eq!(loaded.frames[0].ambient, None);
-    let (path, exposure) = loaded.frames[1].ambient.clone().unwrap();
+    assert_eq!(loaded.photos[0].ambient, None);
+    let (path, exposure) = loaded.photos[1].ambient.clone().unwrap();
     assert!(path.ends_with("a.png") && exposure == 0.5);
     let capture = with(capture, "/frames/1/ambient_exposure", json!(2.0));
-    assert_eq!(load(&capture).unwrap().frames[1].ambient.as_ref().unwrap().1, 2.0);
+    assert_eq!(load(&capture).unwrap().photos[1].ambient.as_ref().unwrap().1, 2.0);
     let missing = with(board_capture(), "/frames/0/ambient", json!("c.png"));
     assert!(load(&missing).unwrap_err().to_string().contains("frames[0].ambient"));
 }
@@ -133,7 +136,7 @@ fn rectified_captures_are_read() {
     let power_mm2 = [3.0e5; 3];
     let falloff = RectifiedFalloff::Given(Falloff::InverseSquare { power_mm2 });
     assert_eq!(capture.scene, Scene::Rectified { falloff });
-    let view = capture.frames[0].rectified.unwrap();
+    let view = capture.photos[0].rectified.unwrap();
     assert_eq!((view.camera_mm, view.light_mm), ([0.0, 1.0, 300.0], [5.0, 0.0, 310.5]));
 
     let three = with(rectified_capture(), "/light_power", json!([1.0, 2.0, 3.0]));
@@ -187,9 +190,9 @@ fn faults_name_file_field_and_expectation() {
         ("/frames", null.clone(), "frames", "a list"),
         ("/frames", json!([]), "frames", "at least one"),
         ("/frames/1", json!("b.png"), "frames[1]", "object"),
-        ("/frames/1/image", null.clone(), "frames[1].image", "path of a picture"),
-        ("/frames/1/image", json!("c.png"), "frames[1].image", "path of a picture"),
-        ("/frames/0/image", json!(""), "frames[0].image", "path of a picture"),
+        ("/frames/1/image", null.clone(), "frames[1].image", "path of an image"),
+        ("/frames/1/image", json!("c.png"), "frames[1].image", "path of an image"),
+        ("/frames/0/image", json!(""), "frames[0].image", "path of an image"),
         ("/frames/1/encoding", null.clone(), "frames[1].encoding", "gamma2.2"),
         ("/frames/1/encoding", json!("sRGB"), "frames[1].encoding", "srgb"),
         ("/frames/1/turn", json!(45), "frames[1].turn", "180"),

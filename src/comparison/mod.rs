@@ -10,7 +10,6 @@ use crate::observation::{Falloff, Observation, View};
 use crate::parallel;
 use crate::random::Random;
 use crate::render::render;
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf};
 
 /// Novel renderings compared.
@@ -67,13 +66,13 @@ pub fn compare(a: &Svbrdf, b: &Svbrdf) -> Result<Differences> {
         |plane: usize| coat.map(|(a, b)| rms(squares(a[plane], b[plane]), a[plane].len()));
     Ok(Differences {
         normal: normals(a, b),
-        diffuse: planes(a, b, channel::DIFFUSE, 3),
-        specular: planes(a, b, channel::SPECULAR, 3),
-        roughness: planes(a, b, channel::ROUGHNESS, 1),
+        diffuse: planes(a.diffuse(), b.diffuse()),
+        specular: planes(a.specular(), b.specular()),
+        roughness: planes([a.roughness()], [b.roughness()]),
         render: renderings(a, b),
         normal_deg: mean_angle(a, b).to_degrees(),
-        diffuse_delta_e: colours(a, b, channel::DIFFUSE),
-        specular_delta_e: colours(a, b, channel::SPECULAR),
+        diffuse_delta_e: colours(a.diffuse(), b.diffuse()),
+        specular_delta_e: colours(a.specular(), b.specular()),
         anisotropy: anisotropy.map(|(a, b)| {
             let sum = a.iter().zip(b).map(|(a, b)| squares(a, b)).sum();
             rms(sum, 2 * a[0].len())
@@ -95,10 +94,10 @@ fn mean_angle(a: &Svbrdf, b: &Svbrdf) -> f64 {
     sum / a.texels() as f64
 }
 
-/// Mean CIEDE2000 of three planes.
-fn colours(a: &Svbrdf, b: &Svbrdf, first: usize) -> f64 {
-    let colour = |maps: &Svbrdf, i: usize| [0, 1, 2].map(|c| f64::from(maps.plane(first + c)[i]));
-    colour_difference::mean(a.texels(), |i| Some([colour(a, i), colour(b, i)]))
+/// Mean CIEDE2000 of planes of red, green and blue.
+fn colours(a: [&[f32]; 3], b: [&[f32]; 3]) -> f64 {
+    let colour = |planes: [&[f32]; 3], i: usize| planes.map(|plane| f64::from(plane[i]));
+    colour_difference::mean(a[0].len(), |i| Some([colour(a, i), colour(b, i)]))
 }
 
 fn rms(sum: f64, count: usize) -> f64 {
@@ -109,9 +108,9 @@ fn squares(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum()
 }
 
-fn planes(a: &Svbrdf, b: &Svbrdf, first: usize, count: usize) -> f64 {
-    let sum = (first..first + count).map(|c| squares(a.plane(c), b.plane(c))).sum();
-    rms(sum, count * a.texels())
+fn planes<const N: usize>(a: [&[f32]; N], b: [&[f32]; N]) -> f64 {
+    let sum = a.iter().zip(b).map(|(a, b)| squares(a, b)).sum();
+    rms(sum, N * a[0].len())
 }
 
 fn normals(a: &Svbrdf, b: &Svbrdf) -> f64 {
@@ -252,7 +251,7 @@ mod tests {
     #[test]
     fn a_prediction_by_the_true_maps_differs_by_brightness_only() {
         let mut maps = flat(0.4);
-        for (i, v) in maps.plane_mut(channel::DIFFUSE).iter_mut().enumerate() {
+        for (i, v) in maps.diffuse_mut()[0].iter_mut().enumerate() {
             *v = 0.1 + 0.5 * (i % 7) as f32 / 7.0;
         }
         let found = predict(&maps, &photograph(&maps, 0.7)).unwrap();
@@ -269,9 +268,9 @@ mod tests {
     #[test]
     fn a_prediction_by_wrong_maps_errs_as_the_closed_form_says() {
         let (uniform, mut halves) = (flat(0.3), flat(0.2));
-        for c in channel::DIFFUSE..channel::SPECULAR {
-            let width = halves.width();
-            for (i, v) in halves.plane_mut(c).iter_mut().enumerate() {
+        let width = halves.width();
+        for plane in halves.diffuse_mut() {
+            for (i, v) in plane.iter_mut().enumerate() {
                 *v = if i % width < width / 2 { 0.2 } else { 0.4 };
             }
         }
@@ -285,9 +284,9 @@ mod tests {
     fn flat(diffuse: f32) -> Svbrdf {
         let mut maps = Svbrdf::new(32, 32);
         maps.planes_mut().fill(0.0);
-        maps.plane_mut(channel::ROUGHNESS).fill(0.5);
+        maps.roughness_mut().fill(0.5);
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c).fill(diffuse);
+            maps.diffuse_mut()[c].fill(diffuse);
         }
         maps
     }
@@ -305,9 +304,9 @@ mod tests {
     fn angles_and_colour_differences_are_means() {
         let (a, mut b) = (flat(0.184_187), flat(0.184_187));
         let half = b.texels() / 2;
-        b.plane_mut(channel::SLOPE_X)[..half].fill(10f32.to_radians().tan());
+        b.normal_slopes_mut()[0][..half].fill(10f32.to_radians().tan());
         for c in 0..3 {
-            b.plane_mut(channel::DIFFUSE + c)[half..].fill(0.281_233);
+            b.diffuse_mut()[c][half..].fill(0.281_233);
         }
         let d = compare(&a, &b).unwrap();
         assert!((d.normal_deg - 5.0).abs() < 1e-4, "{}", d.normal_deg);

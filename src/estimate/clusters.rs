@@ -35,6 +35,11 @@ impl Clusters {
         self.centres.len()
     }
 
+    /// The cluster with the nearest centre.
+    pub fn nearest(&self, feature: &Feature) -> usize {
+        nearest(&self.centres, feature).0
+    }
+
     /// Shares of a feature in the clusters; they sum to 1: `exp(-(d² - d²_nearest) / spread)`.
     pub fn shares(&self, feature: &Feature, out: &mut [f32]) {
         let least = nearest(&self.centres, feature).1;

@@ -19,7 +19,7 @@ pub struct Correction {
     /// Logarithm of each photograph's [`View::mirrored`], the factor of its reflected ambient light.
     pub mirrored: Vec<f64>,
     /// Exposure of the photographs and offset of the flash.
-    pub exposure: Exposure,
+    pub exposure: LightCorrection,
 }
 
 /// Correction of each photograph's exposure and of the flash's position.
@@ -27,7 +27,7 @@ pub struct Correction {
 /// Photograph `i` is brighter than its view by `exp(gains[i]) * (d[i] / d_mean)^exponent`. `d` is the
 /// camera's distance from the sample's centre, `d_mean` the geometric mean of all.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Exposure {
+pub struct LightCorrection {
     /// Logarithm of each photograph's gain.
     pub gains: Vec<f64>,
     /// Exponent of exposure over distance.
@@ -38,8 +38,8 @@ pub struct Exposure {
     pub offset_mm: [f64; 3],
 }
 
-impl Exposure {
-    /// Limits an exposure that was read to the accepted range.
+impl LightCorrection {
+    /// Limits a correction that was read to the accepted range.
     ///
     /// # Errors
     /// When a number is not finite.

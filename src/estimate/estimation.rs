@@ -4,8 +4,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::budget::Meter;
-use super::correction::Exposure;
+use super::correction::LightCorrection;
 use super::finer::interpolated;
+use super::joint;
 use super::latent::LatentFit;
 use super::map_state::MapState;
 use super::options::{EstimateOptions, NoiseOptions};
@@ -138,7 +139,7 @@ impl Estimation {
     }
 
     /// What was found of exposure and flash.
-    pub fn exposure(&self) -> &Exposure {
+    pub fn light_correction(&self) -> &LightCorrection {
         &self.photographs.correction().exposure
     }
 
@@ -148,7 +149,7 @@ impl Estimation {
     }
 
     /// Photographs added.
-    pub fn frames(&self) -> usize {
+    pub fn photos(&self) -> usize {
         self.photographs.len()
     }
 
@@ -165,6 +166,17 @@ impl Estimation {
     /// Fraction of the work on the photographs so far that is done.
     pub fn fraction(&self) -> f32 {
         if self.is_done() { 1.0 } else { self.fraction }
+    }
+
+    /// Whether the maps are those of the joint solve, or soon will be.
+    pub(crate) fn is_joint(&self) -> bool {
+        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
+    }
+
+    /// The class of colour of each texel, by which the joint solve pools gloss: 0 is that of most texels. Empty where
+    /// there is no joint solve: of one photograph, and without refinement.
+    pub fn classes(&self) -> Vec<u8> {
+        if self.is_joint() { joint::classes(&self.photographs, &self.options) } else { Vec::new() }
     }
 
     /// Mean log-L1 over all photographs.

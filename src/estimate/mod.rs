@@ -65,7 +65,7 @@ mod task;
 pub use budget::Budget;
 pub(crate) use budget::Meter;
 pub use coordinates::coordinates;
-pub use correction::{Correction, Exposure};
+pub use correction::{Correction, LightCorrection};
 pub use estimation::Step;
 pub(crate) use estimation::{Addition, Estimation, first_maps};
 pub(crate) use memory::bytes_needed;

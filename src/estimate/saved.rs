@@ -76,7 +76,7 @@ impl Estimation {
         let correction = saved.correction.within_limits()?;
         let none = Self::no_photographs(&estimation.options);
         estimation.photographs = none.restored(photographs, correction)?;
-        if saved.contradictions.len() != estimation.frames() {
+        if saved.contradictions.len() != estimation.photos() {
             return Err(Error::argument(
                 "estimate",
                 "photographs and their parts do not fit each other",
@@ -87,7 +87,7 @@ impl Estimation {
             estimation.photographs.mask(index, found);
         }
         estimation.expect_noise();
-        let begun = estimation.frames() > 0;
+        let begun = estimation.photos() > 0;
         let maps = saved.maps.or(shown);
         let size = estimation.photographs.full().first().map(|o| [o.width(), o.height()]);
         if maps.as_ref().map(|maps| [maps.width(), maps.height()]) != size

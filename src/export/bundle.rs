@@ -6,7 +6,7 @@ use super::height::Height;
 use super::lobes;
 use super::metalness::Layer;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::svbrdf::{Anisotropy, channel};
+use crate::svbrdf::Anisotropy;
 use crate::{Result, Svbrdf, parallel};
 
 /// Files by name.
@@ -54,20 +54,21 @@ impl Bundle {
 
     /// Albedos of a texel.
     pub fn albedos(&self, i: usize) -> Albedos {
-        let three = |first: usize| [0, 1, 2].map(|c| self.maps.plane(first + c)[i]);
-        Albedos { diffuse: three(channel::DIFFUSE), specular: three(channel::SPECULAR) }
+        Albedos {
+            diffuse: self.maps.diffuse().map(|plane| plane[i]),
+            specular: self.maps.specular().map(|plane| plane[i]),
+        }
     }
 
     /// The index of refraction for the largest F0 of all texels.
     pub fn interface(&self) -> Interface {
-        let n = self.maps.texels();
-        let specular = &self.maps.planes()[channel::SPECULAR * n..channel::ROUGHNESS * n];
-        Interface::of(specular.iter().copied().fold(0.0, f32::max))
+        let specular = self.maps.specular().into_iter().flatten();
+        Interface::of(specular.copied().fold(0.0, f32::max))
     }
 
     /// With anisotropy, the square of the roughness is the geometric mean of both alphas.
     pub fn roughness(&self) -> &[f32] {
-        self.maps.plane(channel::ROUGHNESS)
+        self.maps.roughness()
     }
 
     /// glTF's roughness; with anisotropy, the roughness across the direction.

@@ -10,7 +10,7 @@ use exr::prelude::{
     ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
 };
 
-use crate::frame::MAX_PIXELS;
+use crate::photo::MAX_PIXELS;
 use crate::{Error, Result};
 
 /// Attribute with width and height of the sample, mm.

@@ -2,7 +2,6 @@
 
 use super::poisson::{Border, Differences, Grid};
 use crate::parallel;
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf};
 
 /// Height above the mean plane.
@@ -29,7 +28,7 @@ impl Height {
         let border = if periodic { Border::Periodic } else { Border::Free };
         let grid =
             Grid { width: w, height: h, borders: [border; 2], spacing: spacing.map(f64::from) };
-        let (p, q) = (maps.plane(channel::SLOPE_X), maps.plane(channel::SLOPE_Y));
+        let [p, q] = maps.normal_slopes();
         let mut differences = Differences { right: vec![0.0; w * h], down: vec![0.0; w * h] };
         let rows = differences.right.chunks_mut(w).zip(differences.down.chunks_mut(w));
         parallel::parts(rows, |y, (right, down)| {

@@ -16,8 +16,8 @@ fn surface(
         let y = f64::from(mm[1]) * (0.5 - ((i / w) as f64 + 0.5) / h as f64);
         let [z, by_x, by_y] = height(x, y);
         values.push(z);
-        maps.plane_mut(channel::SLOPE_X)[i] = -by_x as f32;
-        maps.plane_mut(channel::SLOPE_Y)[i] = -by_y as f32;
+        maps.normal_slopes_mut()[0][i] = -by_x as f32;
+        maps.normal_slopes_mut()[1][i] = -by_y as f32;
     }
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter_mut().for_each(|v| *v -= mean);
@@ -71,8 +71,8 @@ fn heights_come_back_from_central_differences() {
         };
         let (x0, x1) = (x.saturating_sub(1), (x + 1).min(w - 1));
         let (y0, y1) = (y.saturating_sub(1), (y + 1).min(h - 1));
-        maps.plane_mut(channel::SLOPE_X)[i] = -slope(y * w + x0, y * w + x1, x1 - x0);
-        maps.plane_mut(channel::SLOPE_Y)[i] = slope(y0 * w + x, y1 * w + x, y1 - y0);
+        maps.normal_slopes_mut()[0][i] = -slope(y * w + x0, y * w + x1, x1 - x0);
+        maps.normal_slopes_mut()[1][i] = slope(y0 * w + x, y1 * w + x, y1 - y0);
     }
     let found = Height::of(&maps, mm, false).unwrap();
     let error = error(&found, &known);

@@ -1,6 +1,6 @@
 //! The optional lobes in the conventions of other renderers.
 
-use crate::svbrdf::{Anisotropy, channel};
+use crate::svbrdf::Anisotropy;
 use crate::{Svbrdf, parallel};
 
 /// Index of refraction of a coat, for an F0 of 0.04.
@@ -12,7 +12,7 @@ pub(super) fn anisotropy(maps: &Svbrdf) -> Option<Vec<Anisotropy>> {
     let [x, y] = maps.anisotropy()?;
     let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
     let mean = 0.5 * sum(y).atan2(sum(x)) as f32;
-    let roughness = maps.plane(channel::ROUGHNESS);
+    let roughness = maps.roughness();
     let width = maps.width();
     let rows = parallel::map(maps.height(), |row| {
         let texels = row * width..(row + 1) * width;
@@ -122,7 +122,7 @@ mod tests {
         planes[4 * lobe::ANISOTROPY_X..][..3].copy_from_slice(&[-1.0; 3]);
         planes[4 * lobe::ANISOTROPY_Y..][..3].copy_from_slice(&[-0.1, 0.1, 0.1]);
         maps.set_lobes(planes).unwrap();
-        maps.plane_mut(channel::ROUGHNESS).fill(0.4);
+        maps.roughness_mut().fill(0.4);
         let lobes = anisotropy(&maps).unwrap();
         let spread = |i: usize| (lobes[i].angle - lobes[0].angle).abs();
         assert!((1..4).all(|i| spread(i) < 0.2), "{lobes:?}");

@@ -6,10 +6,10 @@ use super::files::replace_files;
 use super::floats::{Channels, encode_channels, read_channels};
 use super::lobes;
 use super::textures::{Density, Texture, TextureFormat};
-use crate::confidence::Confidence;
-use crate::frame::{Encoding, read_picture};
 use crate::parallel;
-use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, channel, lobe};
+use crate::photo::{Encoding, read_picture};
+use crate::svbrdf::{Anisotropy, CHANNELS, LOBES, NO_LOBES, lobe};
+use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
 /// Channels of `maps.exr` that hold the maps: the unit normal, albedos, roughness.
@@ -33,9 +33,20 @@ const COAT: [&str; 2] = ["coat.weight", "coat.roughness"];
 /// Names of the files that [`write_maps`] writes only for materials with these lobes.
 pub const LOBE_FILES: [&str; 2] = ["anisotropy.png", "coat.png"];
 
-/// Channels with the standard deviations, in the order of [`Confidence::planes`].
+/// Channels with the standard deviations, in the order of [`Uncertainty::planes`].
 const DEVIATIONS: [&str; 4] =
     ["deviation.normal", "deviation.diffuse", "deviation.specular", "deviation.roughness"];
+
+/// What the files of maps state beside the maps.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MapsOptions<'a> {
+    /// Width and height of the sample, mm: in every file (PNG: `pHYs`, OpenEXR: the attributes
+    /// `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
+    pub sample_mm: Option<[f32; 2]>,
+    /// Standard deviations: in `maps.exr`, in the channels `deviation.normal` (of each slope),
+    /// `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`.
+    pub uncertainty: Option<&'a Uncertainty>,
+}
 
 /// Writes `normal.png` (16-bit, (n + 1) / 2, Y up), `diffuse.png` and `specular.png` (16-bit, sRGB curve),
 /// `roughness.png` (16-bit gray, linear) and `maps.exr` (float: `normal.X/Y/Z`, `diffuse.R/G/B`,
@@ -48,52 +59,31 @@ const DEVIATIONS: [&str; 4] =
 /// weight, G roughness) and the channels `coat.weight/roughness`. Such files of earlier maps are removed.
 ///
 /// # Errors
-/// [`Error::Io`] with the file that cannot be written.
-pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf) -> Result<()> {
-    replace_files(dir, &map_files(maps, None)?, &LOBE_FILES)
+/// [`Error::Io`] with the file that cannot be written; [`Error::Argument`] if a length is not positive or the
+/// deviations are of another size.
+pub fn write_maps(dir: impl AsRef<Path>, maps: &Svbrdf, options: &MapsOptions) -> Result<()> {
+    replace_files(dir, &encode_maps(maps, options)?, &LOBE_FILES)
 }
 
-/// As [`write_maps`], with the width and height of the sample in every file (PNG: `pHYs`, OpenEXR:
-/// the attributes `sampleSizeMm`, `xDensity` and `pixelAspectRatio`).
+/// The files of [`write_maps`] in memory, as names and bytes.
 ///
 /// # Errors
-/// As [`write_maps`]; [`Error::Argument`] if a length is not positive.
-pub fn write_sized_maps(dir: impl AsRef<Path>, maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<()> {
-    check_size(sample_mm)?;
-    replace_files(dir, &map_files(maps, Some(sample_mm))?, &LOBE_FILES)
-}
-
-/// As [`write_sized_maps`], with standard deviations in `maps.exr`: the channels `deviation.normal` (of each
-/// slope), `deviation.diffuse` and `deviation.specular` (of each colour, linear), `deviation.roughness`.
-///
-/// # Errors
-/// As [`write_sized_maps`]; [`Error::Argument`] if the sizes differ.
-pub fn write_assessed_maps(
-    dir: impl AsRef<Path>,
-    maps: &Svbrdf,
-    confidence: &Confidence,
-    sample_mm: [f32; 2],
-) -> Result<()> {
-    replace_files(dir, &encode_maps(maps, Some(confidence), Some(sample_mm))?, &LOBE_FILES)
-}
-
-/// The files of [`write_sized_maps`] or [`write_assessed_maps`] in memory, as names and bytes.
-///
-/// # Errors
-/// [`Error::Argument`] as for those.
-pub fn encode_maps(
-    maps: &Svbrdf,
-    confidence: Option<&Confidence>,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
+/// [`Error::Argument`] as [`write_maps`].
+pub fn encode_maps(maps: &Svbrdf, options: &MapsOptions) -> Result<Vec<(String, Vec<u8>)>> {
+    let MapsOptions { sample_mm, uncertainty } = *options;
     sample_mm.map_or(Ok(()), check_size)?;
     let size = [maps.width(), maps.height()];
-    let other = confidence.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
+    let other = uncertainty.map(|c| [c.width(), c.height()]).filter(|found| *found != size);
     if let Some(found) = other {
         let message = format!("{found:?} texels given, {size:?} expected");
-        return Err(Error::argument("confidence", message));
+        return Err(Error::argument("uncertainty", message));
     }
-    files(maps, confidence, sample_mm)
+    let density = sample_mm.map(|mm| Density::of(size, mm));
+    let anisotropy = lobes::anisotropy(maps);
+    let mut files = pictures(maps, anisotropy.as_deref(), density)?;
+    let floats = floats(maps, anisotropy.as_deref(), uncertainty, sample_mm)?;
+    files.push(("maps.exr".into(), floats));
+    Ok(files)
 }
 
 /// Checks that both lengths are positive.
@@ -105,27 +95,6 @@ pub(super) fn check_size(sample_mm: [f32; 2]) -> Result<()> {
     Err(Error::argument("sample_mm", message))
 }
 
-/// Names and bytes of the files of [`write_maps`].
-pub(super) fn map_files(
-    maps: &Svbrdf,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
-    files(maps, None, sample_mm)
-}
-
-fn files(
-    maps: &Svbrdf,
-    confidence: Option<&Confidence>,
-    sample_mm: Option<[f32; 2]>,
-) -> Result<Vec<(String, Vec<u8>)>> {
-    let density = sample_mm.map(|mm| Density::of([maps.width(), maps.height()], mm));
-    let anisotropy = lobes::anisotropy(maps);
-    let mut files = pictures(maps, anisotropy.as_deref(), density)?;
-    let floats = floats(maps, anisotropy.as_deref(), confidence, sample_mm)?;
-    files.push(("maps.exr".into(), floats));
-    Ok(files)
-}
-
 /// Names and bytes of the pictures.
 fn pictures(
     maps: &Svbrdf,
@@ -133,8 +102,7 @@ fn pictures(
     density: Option<Density>,
 ) -> Result<Vec<(String, Vec<u8>)>> {
     let (w, h) = (maps.width(), maps.height());
-    let three = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
-    let (diffuse, specular) = (three(channel::DIFFUSE), three(channel::SPECULAR));
+    let (diffuse, specular) = (maps.diffuse(), maps.specular());
     let roughness = stored_roughness(maps, anisotropy);
     let mut textures = vec![
         ("normal", Texture::data(w, h, |i| maps.normal(i % w, i / w).map(|v| 0.5 * v + 0.5))),
@@ -164,7 +132,7 @@ fn stored_roughness<'a>(
     maps: &'a Svbrdf,
     anisotropy: Option<&'a [Anisotropy]>,
 ) -> impl Fn(usize) -> f32 + Sync + 'a {
-    let roughness = maps.plane(channel::ROUGHNESS);
+    let roughness = maps.roughness();
     move |i| anisotropy.map_or(roughness[i], |lobes| lobes[i].roughness())
 }
 
@@ -172,7 +140,7 @@ fn stored_roughness<'a>(
 fn floats(
     maps: &Svbrdf,
     anisotropy: Option<&[Anisotropy]>,
-    confidence: Option<&Confidence>,
+    uncertainty: Option<&Uncertainty>,
     sample_mm: Option<[f32; 2]>,
 ) -> Result<Vec<u8>> {
     let (w, h) = (maps.width(), maps.height());
@@ -181,9 +149,8 @@ fn floats(
         planes.push((name, (0..w * h).map(|i| maps.normal(i % w, i / w)[axis]).collect()));
     }
     let [colours @ .., roughness] = OTHERS;
-    for (c, name) in colours.into_iter().enumerate() {
-        planes.push((name, maps.plane(channel::DIFFUSE + c).to_vec()));
-    }
+    let albedos = maps.diffuse().into_iter().chain(maps.specular());
+    planes.extend(colours.into_iter().zip(albedos.map(<[f32]>::to_vec)));
     planes.push((roughness, (0..w * h).map(stored_roughness(maps, anisotropy)).collect()));
     if let Some(lobes) = anisotropy {
         let [x, y, strength] = ANISOTROPY;
@@ -194,8 +161,8 @@ fn floats(
     for (name, plane) in COAT.into_iter().zip(maps.coat().into_iter().flatten()) {
         planes.push((name, plane.to_vec()));
     }
-    if let Some(confidence) = confidence {
-        for (name, plane) in DEVIATIONS.into_iter().zip(confidence.planes().chunks_exact(w * h)) {
+    if let Some(uncertainty) = uncertainty {
+        for (name, plane) in DEVIATIONS.into_iter().zip(uncertainty.planes().chunks_exact(w * h)) {
             planes.push((name, plane.to_vec()));
         }
     }
@@ -300,7 +267,7 @@ fn add_lobes(
     }
     let [x0, y0] = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(|plane| plane * n);
     if let Some([x, y, strength]) = anisotropy {
-        let roughness = maps.plane_mut(channel::ROUGHNESS);
+        let roughness = maps.roughness_mut();
         for i in 0..n {
             let stored = Anisotropy::from_gltf(roughness[i], [x[i], y[i]], strength[i]);
             if strength[i] > 0.0 {

@@ -5,6 +5,7 @@
 
 mod blender;
 mod bundle;
+mod classes;
 mod convert;
 mod cut;
 mod engines;
@@ -31,14 +32,12 @@ mod tile_picture;
 mod transpose;
 mod usdz;
 
+pub use classes::{CLASS_FILE, encode_classes};
 pub use files::{
     check_writable, replace_files, write_atomic, write_exr_image, write_files, write_png16_image,
 };
 pub use height::Height;
-pub use maps::{
-    LOBE_FILES, encode_maps, read_maps, read_sample_mm, write_assessed_maps, write_maps,
-    write_sized_maps,
-};
+pub use maps::{LOBE_FILES, MapsOptions, encode_maps, read_maps, read_sample_mm, write_maps};
 pub use occlusion::occlusion;
 pub use package::{ExportOptions, Format, Package, export};
 pub use preview::{Relit, encode_preview, relit, write_preview};

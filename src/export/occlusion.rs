@@ -3,7 +3,6 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use super::height::{Height, texel_mm};
-use crate::svbrdf::channel;
 use crate::{Error, Result, Svbrdf, parallel};
 
 /// Slices through a texel, each in both directions.
@@ -32,7 +31,7 @@ pub fn occlusion(
     }
     let surface = Surface { mm: &height.mm, width: w, height: h, periodic };
     let slices: Vec<Slice> = (0..SLICES).map(|k| Slice::new(k, spacing)).collect();
-    let (p, q) = (maps.plane(channel::SLOPE_X), maps.plane(channel::SLOPE_Y));
+    let [p, q] = maps.normal_slopes();
     let mut out = vec![0.0; w * h];
     // Branch-free loops over the texels of a row vectorise.
     let rows = || [(); 3].map(|()| vec![0.0; w]);
@@ -186,7 +185,7 @@ mod tests {
         let flat = Svbrdf::new(n, n);
         assert!((open(&flat, vec![0.0; n * n], true) - 1.0).abs() < 1e-5);
         let mut tilted = Svbrdf::new(n, n);
-        tilted.plane_mut(channel::SLOPE_X).fill(-0.5);
+        tilted.normal_slopes_mut()[0].fill(-0.5);
         let ramp = (0..n * n).map(|i| 0.5 * (i % n) as f32).collect();
         // Tolerance for sixteen directions.
         assert!((open(&tilted, ramp, false) - 1.0).abs() < 0.02);

@@ -8,7 +8,7 @@ use super::bundle::{Bundle, Files, HEIGHT, number};
 use super::files::replace_files;
 use super::height::Height;
 use super::lobes;
-use super::maps::{LOBE_FILES, check_size, map_files};
+use super::maps::{LOBE_FILES, MapsOptions, check_size, encode_maps};
 use super::occlusion::occlusion;
 use super::resample::resized;
 use super::textures::TextureFormat;
@@ -96,8 +96,8 @@ pub struct ExportOptions {
     pub tile: bool,
     /// Storage of textures; height always has 16 bits.
     pub texture: TextureFormat,
-    /// Largest longer side of the textures, texels; 0: no limit.
-    pub max_size: usize,
+    /// Largest longer side of the textures, texels, at least 2; `None`: no limit.
+    pub max_size: Option<usize>,
     /// Number of photographs of the estimate, if known.
     pub photographs: Option<u32>,
 }
@@ -111,7 +111,7 @@ impl Default for ExportOptions {
             metallic: false,
             tile: false,
             texture: TextureFormat::default(),
-            max_size: 0,
+            max_size: None,
             photographs: None,
         }
     }
@@ -186,7 +186,8 @@ pub fn export(maps: &Svbrdf, options: &ExportOptions) -> Result<Package> {
                         joins: the same across the cuts; cuts: how much both sides of the cuts \
                         disagree, in the same unit; of the map for which it is greatest",
         });
-        let maps = map_files(&bundle.maps, Some(bundle.sample_mm))?;
+        let sized = MapsOptions { sample_mm: Some(bundle.sample_mm), ..MapsOptions::default() };
+        let maps = encode_maps(&bundle.maps, &sized)?;
         files.extend(maps.into_iter().map(|(name, bytes)| (format!("maps/{name}"), bytes)));
         files.push(("tile.png".into(), tile_picture(&bundle.maps, bundle.sample_mm)?));
     }
@@ -255,8 +256,8 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
         let message = format!("{w} x {h} texels given, at least 2 x 2 expected");
         return Err(Error::argument("maps", message));
     }
-    if options.max_size == 1 {
-        return Err(Error::argument("max_size", "1 given, 0 or at least 2 expected"));
+    if let Some(given @ 0..2) = options.max_size {
+        return Err(Error::argument("max_size", format!("{given} given, at least 2 expected")));
     }
     if let Some(i) = maps.lobes().iter().position(|v| !v.is_finite()) {
         let (value, texel) = (maps.lobes()[i], i % maps.texels());
@@ -278,11 +279,9 @@ fn check(maps: &Svbrdf, options: &ExportOptions) -> Result<()> {
 }
 
 /// Maps scaled to at most `max_size` texels along the longer side.
-fn limited(maps: &Svbrdf, max_size: usize) -> Svbrdf {
+fn limited(maps: &Svbrdf, max_size: Option<usize>) -> Svbrdf {
     let longer = maps.width().max(maps.height());
-    if max_size == 0 || longer <= max_size {
-        return maps.clone();
-    }
+    let Some(max_size) = max_size.filter(|size| longer > *size) else { return maps.clone() };
     let side = |n: usize| ((n * max_size + longer / 2) / longer).max(2);
     resized(maps, side(maps.width()), side(maps.height()))
 }

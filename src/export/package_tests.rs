@@ -7,7 +7,7 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use crate::svbrdf::{LOBES, channel, lobe};
 
 /// Plastic, varnish, metals and mixtures with varying slopes: `w` x `h` texels.
@@ -16,14 +16,14 @@ fn materials(w: usize, h: usize) -> Svbrdf {
     for i in 0..w * h {
         let (u, v) = (i as f32 / (w * h) as f32, (i * 7 % 11) as f32 / 11.0);
         let metal = if i % 3 == 0 { 1.0 } else { 0.0 };
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.6 * (6.0 * u).sin();
-        maps.plane_mut(channel::SLOPE_Y)[i] = 0.4 * (9.0 * v).cos();
+        maps.normal_slopes_mut()[0][i] = 0.6 * (6.0 * u).sin();
+        maps.normal_slopes_mut()[1][i] = 0.4 * (9.0 * v).cos();
         for c in 0..3 {
             let hue = 1.0 - 0.3 * c as f32 * v;
-            maps.plane_mut(channel::DIFFUSE + c)[i] = (1.0 - metal) * (0.05 + 0.6 * u) * hue;
-            maps.plane_mut(channel::SPECULAR + c)[i] = 0.03 + 0.04 * v + metal * 0.7 * hue;
+            maps.diffuse_mut()[c][i] = (1.0 - metal) * (0.05 + 0.6 * u) * hue;
+            maps.specular_mut()[c][i] = 0.03 + 0.04 * v + metal * 0.7 * hue;
         }
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.1 + 0.8 * v;
+        maps.roughness_mut()[i] = 0.1 + 0.8 * v;
     }
     maps
 }
@@ -112,8 +112,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
             let s = [0, 1, 2].map(|c| interface * linear(tint[i][c]));
             let below = 1.0 - s.into_iter().fold(0.0, f32::max);
             for c in 0..3 {
-                let (kd, f0) =
-                    (maps.plane(channel::DIFFUSE + c)[i], maps.plane(channel::SPECULAR + c)[i]);
+                let (kd, f0) = (maps.diffuse()[c][i], maps.specular()[c][i]);
                 let b = linear(base[i][c]);
                 near((1.0 - m) * b * below, kd, "kd");
                 near(m * b + (1.0 - m) * s[c], f0, "F0");
@@ -123,7 +122,7 @@ fn a_glb_holds_the_material_by_gltf_s_formulas() {
                 let n = maps.normal(i % 9, i / 9)[c];
                 assert!((2.0 * normal[i][c] - 1.0 - n).abs() <= 2.0 * linear_step(texture));
             }
-            assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() <= linear_step(texture));
+            assert!((orm[i][1] - maps.roughness()[i]).abs() <= linear_step(texture));
         }
     }
 }
@@ -165,16 +164,16 @@ fn unreal_s_textures_are_its_formulas() {
             let (kd, f0) =
                 ((1.0 - metallic) * b, 0.08 * specular[i][0] * (1.0 - metallic) + metallic * b);
             // Coloured metals and dielectrics below 0.08 have exactly this form.
-            assert!((kd - maps.plane(channel::DIFFUSE + c)[i]).abs() < 1e-2, "kd {i}");
-            assert!((f0 - maps.plane(channel::SPECULAR + c)[i]).abs() < 1e-2, "F0 {i}");
+            assert!((kd - maps.diffuse()[c][i]).abs() < 1e-2, "kd {i}");
+            assert!((f0 - maps.specular()[c][i]).abs() < 1e-2, "F0 {i}");
         }
         if i % 3 != 0 {
-            let f0 = maps.plane(channel::SPECULAR)[i];
+            let f0 = maps.specular()[0][i];
             assert!(metallic == 0.0 && (specular[i][0] - f0 / 0.08).abs() < 1e-4);
         }
         let n = maps.normal(i % 9, i / 9);
         assert!((2.0 * normal[i][1] - 1.0 + n[1]).abs() < 1e-4, "green points down");
-        assert!((orm[i][1] - maps.plane(channel::ROUGHNESS)[i]).abs() < 1e-4);
+        assert!((orm[i][1] - maps.roughness()[i]).abs() < 1e-4);
     }
 }
 
@@ -190,15 +189,15 @@ fn unity_s_textures_are_its_formulas() {
     let below = picture(&package, "unity-urp/base_map.png");
     let texture = TextureFormat::Png8;
     for i in 0..maps.texels() {
-        let roughness = maps.plane(channel::ROUGHNESS)[i];
-        let f0 = [0, 1, 2].map(|c| maps.plane(channel::SPECULAR + c)[i]);
+        let roughness = maps.roughness()[i];
+        let f0 = maps.specular().map(|plane| plane[i]);
         let largest = f0.into_iter().fold(0.0, f32::max);
         for smoothness in [mask[i][3], specular[i][3]] {
             assert!((smoothness - (1.0 - roughness)).abs() <= linear_step(texture));
         }
         assert_eq!(mask[i][2], 1.0);
         for c in 0..3 {
-            let kd = maps.plane(channel::DIFFUSE + c)[i];
+            let kd = maps.diffuse()[c][i];
             check_colour(specular[i][c], f0[c], texture, "F0");
             check_colour(below[i][c], kd / (1.0 - largest), texture, "base");
             let (m, b) = (mask[i][0], linear(base[i][c]));
@@ -269,14 +268,14 @@ fn lobed(w: usize, h: usize) -> Svbrdf {
         lobes[lobe::COAT_ROUGHNESS * n + i] = 0.1 + 0.5 * t;
     }
     maps.set_lobes(lobes).unwrap();
-    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|v| *v = 0.2 + 0.4 * *v);
+    maps.roughness_mut().iter_mut().for_each(|v| *v = 0.2 + 0.4 * *v);
     maps
 }
 
 /// Alphas along and across, and the doubled angle of the direction as a vector.
 fn alphas(maps: &Svbrdf, i: usize) -> ([f32; 2], [f32; 2]) {
     let [u, v] = maps.anisotropy().unwrap().map(|plane| plane[i]);
-    let (alpha, m) = (maps.plane(channel::ROUGHNESS)[i].powi(2), u.hypot(v));
+    let (alpha, m) = (maps.roughness()[i].powi(2), u.hypot(v));
     ([alpha * (0.5 * m).exp(), alpha * (-0.5 * m).exp()], [u / m, v / m])
 }
 
@@ -411,7 +410,7 @@ fn lobes_are_named_where_there_are_some() {
 fn height_states_its_range() {
     let mut maps = Svbrdf::new(32, 32);
     for i in 0..32 * 32 {
-        maps.plane_mut(channel::SLOPE_X)[i] = (i as f32 / 9.0).sin();
+        maps.normal_slopes_mut()[0][i] = (i as f32 / 9.0).sin();
     }
     let package = exported(&maps, &[Format::Glb], TextureFormat::Jpeg);
     let range = json(&package, "material.json")["height"]["range_mm"].clone();
@@ -448,7 +447,7 @@ fn invalid_exports_name_the_fault() {
         ((|o| o.formats.clear()) as fn(&mut ExportOptions), "formats"),
         (|o| o.sample_mm = [f32::NAN, 1.0], "sample_mm"),
         (|o| o.sample_mm = [1.0, 0.0], "sample_mm"),
-        (|o| o.max_size = 1, "max_size"),
+        (|o| o.max_size = Some(1), "max_size"),
         (|o| o.tile = true, "maps"),
     ] {
         let fault = fault(&maps, options);
@@ -487,7 +486,7 @@ fn packages_are_written_whole_or_not_at_all() {
 #[test]
 fn textures_are_limited_in_size() {
     let options =
-        ExportOptions { formats: vec![Format::UnityUrp], max_size: 10, ..Default::default() };
+        ExportOptions { formats: vec![Format::UnityUrp], max_size: Some(10), ..Default::default() };
     let package = export(&materials(40, 20), &options).unwrap();
     let base = image::load_from_memory(package.file("unity-urp/base_map.png").unwrap()).unwrap();
     assert_eq!((base.width(), base.height()), (10, 5));

@@ -12,7 +12,6 @@ use super::resample::resized;
 use super::textures::srgb_byte as srgb;
 use crate::observation::{Falloff, View};
 use crate::render::render;
-use crate::svbrdf::channel;
 use crate::{Result, Svbrdf};
 
 /// Longer side of one picture, px. Larger maps are averaged, smaller ones magnified by an integer.
@@ -171,13 +170,11 @@ pub fn encode_preview(maps: &Svbrdf, sample_mm: [f32; 2]) -> Result<Vec<u8>> {
     let (anisotropy, coat) = (lobes::anisotropy(&maps), maps.coat());
     let lit = if anisotropy.is_some() || coat.is_some() { 2 } else { 1 };
     let mut sheet = Sheet::new(w, maps.height(), lit + 1);
-    let colour =
-        |first: usize| move |m: &Svbrdf, i: usize| [0, 1, 2].map(|c| srgb(m.plane(first + c)[i]));
-    let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
+    let (diffuse, specular) = (maps.diffuse(), maps.specular());
     sheet.put(0, 0, "Normal", |i| maps.normal(i % w, i / w).map(|v| byte(0.5 * v + 0.5)));
-    sheet.put(1, 0, "Diffuse albedo", |i| diffuse(&maps, i));
-    sheet.put(2, 0, "Specular albedo (F0)", |i| specular(&maps, i));
-    sheet.put(3, 0, "Roughness", |i| [byte(maps.plane(channel::ROUGHNESS)[i]); 3]);
+    sheet.put(1, 0, "Diffuse albedo", |i| diffuse.map(|plane| srgb(plane[i])));
+    sheet.put(2, 0, "Specular albedo (F0)", |i| specular.map(|plane| srgb(plane[i])));
+    sheet.put(3, 0, "Roughness", |i| [byte(maps.roughness()[i]); 3]);
     if let Some(texels) = &anisotropy {
         sheet.put(0, 1, "Anisotropy", |i| {
             let [x, y] = lobes::direction(&texels[i], 1.0);
@@ -254,12 +251,12 @@ mod tests {
         let mut maps = Svbrdf::new(96, 96);
         let mut random = Random::new(5);
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c).fill(diffuse);
-            maps.plane_mut(channel::SPECULAR + c).fill(specular);
+            maps.diffuse_mut()[c].fill(diffuse);
+            maps.specular_mut()[c].fill(specular);
         }
-        maps.plane_mut(channel::ROUGHNESS).fill(roughness);
-        for c in [channel::SLOPE_X, channel::SLOPE_Y] {
-            for v in maps.plane_mut(c) {
+        maps.roughness_mut().fill(roughness);
+        for plane in maps.normal_slopes_mut() {
+            for v in plane {
                 *v = relief * (2.0 * random.uniform() as f32 - 1.0);
             }
         }

@@ -28,7 +28,7 @@ fn largest_difference(a: &Svbrdf, b: &Svbrdf, c: usize) -> f32 {
 fn maps_come_back_from_floats_and_from_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let maps = varied(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let back = read_maps(dir.path()).unwrap();
     assert_eq!((back.width(), back.height()), (12, 7));
     for c in 0..CHANNELS {
@@ -59,7 +59,7 @@ fn maps_come_back_from_floats_and_from_pictures() {
 fn lobed(width: usize, height: usize) -> Svbrdf {
     let mut maps = varied(width, height);
     let n = maps.texels();
-    for v in maps.plane_mut(channel::ROUGHNESS) {
+    for v in maps.roughness_mut() {
         *v *= 0.6;
     }
     let mut lobes = vec![0.0; LOBES * n];
@@ -88,7 +88,7 @@ fn names(dir: &std::path::Path) -> Vec<String> {
 fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     let dir = tempfile::tempdir().unwrap();
     let maps = lobed(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let compare = |back: &Svbrdf, tolerances: [f32; 3], kind: &str| {
         let difference = largest_difference(&maps, back, channel::ROUGHNESS);
         assert!(difference < tolerances[0], "{kind}: roughness {difference}");
@@ -113,21 +113,21 @@ fn lobes_come_back_and_go_with_the_maps_that_have_none() {
     let (u, v) =
         (maps.lobe(lobe::ANISOTROPY_X).unwrap()[i], maps.lobe(lobe::ANISOTROPY_Y).unwrap()[i]);
     assert!(((along / across).ln() - u.hypot(v)).abs() < 5e-3);
-    assert!(((along * across).sqrt() - maps.plane(channel::ROUGHNESS)[i].powi(2)).abs() < 1e-4);
+    assert!(((along * across).sqrt() - maps.roughness()[i].powi(2)).abs() < 1e-4);
     // The parameters hold the doubled angle of the stored direction.
     let [dx, dy] = [2.0 * r - 1.0, 2.0 * g - 1.0];
     assert!((dx.hypot(dy) - 1.0).abs() < 1e-4);
     let (cos, sin) = (dx * dx - dy * dy, 2.0 * dx * dy);
     assert!((cos * v - sin * u).abs() < 1e-3 && cos * u + sin * v > 0.0);
 
-    write_maps(dir.path(), &varied(12, 7)).unwrap();
+    write_maps(dir.path(), &varied(12, 7), &MapsOptions::default()).unwrap();
     let left = ["diffuse.png", "maps.exr", "normal.png", "roughness.png", "specular.png"];
     assert_eq!(names(dir.path()), left);
     assert!(read_maps(dir.path()).unwrap().lobes().is_empty());
     // Lobes of zeros are not written; foreign files are checked.
     let mut flat = varied(12, 7);
     flat.set_lobes(vec![0.0; LOBES * 84]).unwrap();
-    write_maps(dir.path(), &flat).unwrap();
+    write_maps(dir.path(), &flat, &MapsOptions::default()).unwrap();
     assert_eq!(names(dir.path()), left);
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     image::RgbImage::new(3, 3).save(dir.path().join("coat.png")).unwrap();
@@ -155,7 +155,7 @@ fn textures_of_eight_bits_are_read() {
     let along = across + (1.0 - across) * (128f32 / 255.0).powi(2);
     assert!((at(lobe::ANISOTROPY_Y) - (along / across).ln()).abs() < 1e-4);
     assert!(at(lobe::ANISOTROPY_X).abs() < 1e-4);
-    assert!((maps.plane(channel::ROUGHNESS)[3] - (along * across).powf(0.25)).abs() < 1e-6);
+    assert!((maps.roughness()[3] - (along * across).powf(0.25)).abs() < 1e-6);
     assert_eq!((at(lobe::COAT), at(lobe::COAT_ROUGHNESS)), (1.0, 0.2));
 }
 
@@ -164,16 +164,28 @@ fn textures_of_eight_bits_are_read() {
 fn maps_state_the_size_of_their_sample() {
     let dir = tempfile::tempdir().unwrap();
     let maps = varied(12, 7);
-    write_maps(dir.path(), &maps).unwrap();
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     assert_eq!(read_sample_mm(dir.path()).unwrap(), None);
-    write_sized_maps(dir.path(), &maps, [60.0, 35.5]).unwrap();
+    write_maps(
+        dir.path(),
+        &maps,
+        &MapsOptions { sample_mm: Some([60.0, 35.5]), uncertainty: None },
+    )
+    .unwrap();
     assert_eq!(read_sample_mm(dir.path()).unwrap(), Some([60.0, 35.5]));
     assert_eq!(read_maps(dir.path()).unwrap().texels(), 84);
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     // PNG stores whole texels per metre: an error of half of one in 200.
     let [x, y] = read_sample_mm(dir.path()).unwrap().unwrap();
     assert!((x - 60.0).abs() < 0.16 && (y - 35.5).abs() < 0.1, "{x} {y}");
-    assert!(write_sized_maps(dir.path(), &maps, [0.0, 1.0]).is_err());
+    assert!(
+        write_maps(
+            dir.path(),
+            &maps,
+            &MapsOptions { sample_mm: Some([0.0, 1.0]), uncertainty: None }
+        )
+        .is_err()
+    );
     std::fs::remove_file(dir.path().join("normal.png")).unwrap();
     assert!(read_sample_mm(dir.path()).unwrap_err().to_string().contains("normal"));
 }
@@ -182,8 +194,8 @@ fn maps_state_the_size_of_their_sample() {
 fn values_that_are_not_finite_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let mut maps = varied(6, 4);
-    maps.plane_mut(channel::SPECULAR + 2)[8] = f32::NAN;
-    write_maps(dir.path(), &maps).unwrap();
+    maps.specular_mut()[2][8] = f32::NAN;
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let fault = read_maps(dir.path()).unwrap_err();
     let text = fault.to_string();
     assert!(matches!(&fault, Error::Field { .. }) && text.contains("maps.exr"), "{text}");
@@ -194,9 +206,9 @@ fn values_that_are_not_finite_are_named() {
 fn a_slope_to_the_right_is_red_and_one_upwards_green() {
     let dir = tempfile::tempdir().unwrap();
     let mut maps = Svbrdf::new(2, 1);
-    maps.plane_mut(channel::SLOPE_X)[0] = 1.0;
-    maps.plane_mut(channel::SLOPE_Y)[1] = 1.0;
-    write_maps(dir.path(), &maps).unwrap();
+    maps.normal_slopes_mut()[0][0] = 1.0;
+    maps.normal_slopes_mut()[1][1] = 1.0;
+    write_maps(dir.path(), &maps, &MapsOptions::default()).unwrap();
     let normal = picture(dir.path().join("normal.png")).into_rgb32f();
     let raised = 0.5 + 0.5 * 0.5f32.sqrt();
     let (right, up) = (normal.get_pixel(0, 0), normal.get_pixel(1, 0));
@@ -212,7 +224,7 @@ fn missing_and_odd_files_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let missing = read_maps(dir.path()).unwrap_err();
     assert!(matches!(&missing, Error::Io { .. }) && missing.to_string().contains("normal"));
-    write_maps(dir.path(), &varied(4, 4)).unwrap();
+    write_maps(dir.path(), &varied(4, 4), &MapsOptions::default()).unwrap();
     std::fs::remove_file(dir.path().join("maps.exr")).unwrap();
     image::GrayImage::new(3, 3).save(dir.path().join("roughness.png")).unwrap();
     let fault = read_maps(dir.path()).unwrap_err().to_string();

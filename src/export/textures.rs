@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use image::ExtendedColorType;
 use image::codecs::jpeg::{JpegEncoder, PixelDensity, PixelDensityUnit};
 
-use crate::frame::Encoding;
 use crate::parallel;
+use crate::photo::Encoding;
 use crate::{Error, Result};
 
 /// Quality of JPEG textures, 1 to 100.

@@ -22,11 +22,11 @@ fn stains(w: usize, h: usize) -> Svbrdf {
         }
         let ramp = x as f32 / w as f32 + 0.5 * y as f32 / h as f32;
         for c in 0..3 {
-            maps.plane_mut(channel::DIFFUSE + c)[i] = 0.1 + 0.4 * sum + 0.3 * ramp;
+            maps.diffuse_mut()[c][i] = 0.1 + 0.4 * sum + 0.3 * ramp;
         }
-        maps.plane_mut(channel::SLOPE_X)[i] = sum - 0.5 + 0.2 * ramp;
-        maps.plane_mut(channel::SLOPE_Y)[i] = noise(i) * 0.3 - 0.15;
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.3 + 0.3 * ramp;
+        maps.normal_slopes_mut()[0][i] = sum - 0.5 + 0.2 * ramp;
+        maps.normal_slopes_mut()[1][i] = noise(i) * 0.3 - 0.15;
+        maps.roughness_mut()[i] = 0.3 + 0.3 * ramp;
     }
     maps
 }
@@ -58,7 +58,7 @@ fn seams_vanish_and_sizes_stay() {
         assert!(tiled.seam <= 1.1 && tiled.cuts <= 1.6, "{} {}", tiled.seam, tiled.cuts);
         // The material is preserved: mean and contrast of the diffuse albedo change little.
         let moments = |maps: &Svbrdf| {
-            let plane = maps.plane(channel::DIFFUSE);
+            let plane = maps.diffuse()[0];
             let mean = plane.iter().sum::<f32>() / plane.len() as f32;
             let fine = plane.windows(2).map(|p| (p[1] - p[0]).abs()).sum::<f32>();
             [mean, fine / plane.len() as f32]
@@ -84,7 +84,7 @@ fn a_tile_stays_a_tile() {
         }
     }
     let tiled = seamless(&maps).unwrap();
-    let plane = tiled.maps.plane(channel::DIFFUSE);
+    let plane = tiled.maps.diffuse()[0];
     for i in 0..w * h {
         let next = i / w * w + (i % w + 12) % w;
         assert!((plane[i] - plane[next]).abs() < 1e-3);
@@ -109,7 +109,7 @@ fn lobes_are_tiled_with_the_maps() {
     let mut maps = stains(64, 48);
     let n = maps.texels();
     let lobes = [0.8, -0.3, 0.5, 0.3]
-        .map(|v| maps.plane(channel::ROUGHNESS).iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
+        .map(|v| maps.roughness().iter().map(|r| v * (1.0 + r)).collect::<Vec<_>>());
     maps.set_lobes(lobes.concat()).unwrap();
     let tiled = seamless(&maps).unwrap();
     assert!(tiled.seam <= 1.1, "{}", tiled.seam);
@@ -117,7 +117,7 @@ fn lobes_are_tiled_with_the_maps() {
     // The spreading of steps is linear, so proportional planes stay proportional.
     for (plane, v) in [0.8, -0.3, 0.5, 0.3].into_iter().enumerate() {
         let pairs = tiled.maps.lobe(plane).unwrap().iter();
-        for (found, r) in pairs.zip(tiled.maps.plane(channel::ROUGHNESS)) {
+        for (found, r) in pairs.zip(tiled.maps.roughness()) {
             assert!((found - v * (1.0 + r)).abs() < 1e-3, "{found} for {}", v * (1.0 + r));
         }
     }

@@ -3,7 +3,7 @@
 use moxcms::{Chromaticity, ColorPrimaries, ColorProfile, ToneReprCurve, XyY};
 
 use super::profile::Profile;
-use crate::frame::{Encoding, Primaries};
+use crate::photo::{Encoding, Primaries};
 
 /// Tolerance for a stated gamma.
 const SAME_GAMMA: f64 = 0.006;

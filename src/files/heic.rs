@@ -6,7 +6,7 @@ use heic_decoder::{ColorInfo, DecodedImage, RgbOptions};
 
 use super::colours::Colours;
 use super::guard;
-use crate::frame::{Encoding, Limits, Photo};
+use crate::photo::{Encoding, Limits, Photo};
 use crate::{Error, Result};
 
 /// Memory per pixel during decoding: planes of tiles and of the picture, and 16-bit RGB twice.

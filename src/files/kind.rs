@@ -1,7 +1,7 @@
 //! File type by content, because file names are unreliable.
 
 use super::dng;
-use crate::frame::is_tiff;
+use crate::photo::is_tiff;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use exif::{Context, Exif, Field, In, Reader, Tag, Value};
 
 use super::dng;
 use super::kind::Kind;
-use crate::frame::{Limits, look_at};
+use crate::photo::{Limits, look_at};
 
 /// Plausible exposure times, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;

@@ -1,6 +1,6 @@
 //! Encoded photographs with their metadata and colour profiles.
 //!
-//! [`read`] and [`decode`] make a [`Photo`](crate::frame::Photo) from JPEG, PNG, TIFF, OpenEXR and
+//! [`read`] and [`decode`] make a [`Photo`](crate::photo::Photo) from JPEG, PNG, TIFF, OpenEXR and
 //! DNG files, with feature `heic` also from HEIC files. The content determines the format.
 //! `docs/formats.md` lists all supported variants and checks.
 
@@ -29,4 +29,4 @@ pub use read::{Decoded, Options, decode, read};
 pub use remark::Remark;
 pub use renditions::LeftOut;
 
-pub use crate::frame::Limits;
+pub use crate::photo::Limits;

@@ -1,6 +1,6 @@
 //! ICC profiles of pictures.
 
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 use moxcms::{ColorProfile, DataColorSpace, ProfileText, ToneReprCurve};
 
 /// Entries of a curve.

@@ -9,7 +9,7 @@ use super::kind::Kind;
 use super::metadata::Metadata;
 use super::remark::Remark;
 use super::{dng, jpeg, png_colours};
-use crate::frame::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
+use crate::photo::{Encoding, Limits, MEMORY, Photo, Picture, Rotation, decode as decode_picture};
 use crate::{Error, Result};
 
 /// Smallest 8-bit value that counts as clipped; lossy compression changes 255 by one.
@@ -23,9 +23,9 @@ const SATURATED: f32 = 0.991;
 /// Options of reading a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
-    /// Transfer curve of the stored values. `None`: as stated by the file, sRGB by default, linear
-    /// for floats and raw values. [`Encoding::Srgb`]: the same, but only for integer files. Any
-    /// other curve is used as given, with primaries of Rec. 709.
+    /// Transfer curve of the stored values, with primaries of Rec. 709: the colours that the file
+    /// states are ignored. `None`: the colours that the file states (ICC profile, PNG's cICP and
+    /// gAMA), sRGB where it states none, linear for floats and raw values.
     pub encoding: Option<Encoding>,
     /// Relative exposure: value = radiance * exposure. `None`: from the metadata
     /// ([`Metadata::exposure`]), or 1.
@@ -131,12 +131,11 @@ fn picture(
         remarks.push(Remark::Gray);
     }
     let photo = |picture, encoding| Photo::from_picture(path, picture, encoding, exposure);
-    match options.encoding {
-        None | Some(Encoding::Srgb) => (),
-        Some(encoding) => return photo(picture, encoding),
+    if let Some(encoding) = options.encoding {
+        return photo(picture, encoding);
     }
     let Some(clipped) = clipped(&picture) else {
-        return photo(picture, options.encoding.unwrap_or(Encoding::Linear));
+        return photo(picture, Encoding::Linear);
     };
     let colours = match (kind, picture.profile.take()) {
         (Kind::Png, _) => png_colours::read(bytes),
@@ -165,11 +164,9 @@ fn heic(
     }
     let clipped = if decoded.is_deep() { CLIPPED_16 } else { CLIPPED_8 };
     match options.encoding {
-        None | Some(Encoding::Srgb) => {
-            coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
-                decoded.photo(path, encoding, exposure)
-            })
-        }
+        None => coloured(decoded.colours(), clipped, exposure, remarks, |encoding| {
+            decoded.photo(path, encoding, exposure)
+        }),
         Some(encoding) => decoded.photo(path, encoding, exposure),
     }
 }

@@ -40,7 +40,7 @@ pub struct Guidance {
     /// The same for the most informative view.
     pub best_gain: Option<f32>,
     /// Number of accepted photographs.
-    pub photographs: usize,
+    pub photos: usize,
     /// Text for the user, in English.
     pub message: String,
 }
@@ -90,11 +90,11 @@ impl Guide {
     /// The instruction for a probe of the latest preview picture and the present state of the fit.
     /// `seconds` is the time of the picture by a monotonic clock. Does not block.
     ///
-    /// After [`Action::Shoot`] the answer is [`Action::Hold`] until the photograph has been pushed
+    /// After [`Action::Shoot`] the answer is [`Action::Hold`] until the photograph has been added
     /// or [`GuideOptions::shot_seconds`] have passed; [`Guide::missed`] ends that immediately.
     pub fn next(&mut self, session: &Session, probe: &Probe, seconds: f64) -> Guidance {
-        let photographs = session.progress().frames;
-        self.decide(session.survey(), photographs, probe, seconds)
+        let photos = session.progress().photos;
+        self.decide(session.survey(), photos, probe, seconds)
     }
 
     /// Reports that the requested photograph was not taken, or was rejected.
@@ -105,7 +105,7 @@ impl Guide {
     fn decide(
         &mut self,
         survey: Option<Arc<Survey>>,
-        photographs: usize,
+        photos: usize,
         probe: &Probe,
         seconds: f64,
     ) -> Guidance {
@@ -117,20 +117,20 @@ impl Guide {
             target: None,
             gain: None,
             best_gain: survey.as_ref().and_then(|s| s.best()).map(|best| best.gain),
-            photographs,
+            photos,
             message: String::new(),
         };
-        if self.is_enough(survey.as_deref(), photographs) {
+        if self.is_enough(survey.as_deref(), photos) {
             return guidance.say(Action::Enough, "Enough: further photographs would tell little");
         }
         let waiting = self.shot.is_some_and(|(at, before)| {
-            photographs == before && (0.0..self.options.shot_seconds).contains(&(seconds - at))
+            photos == before && (0.0..self.options.shot_seconds).contains(&(seconds - at))
         });
         if waiting {
             return guidance.say(Action::Hold, "Hold still: the photograph is being taken");
         }
         self.shot = None;
-        let wanted = probe.view.as_ref().and_then(|view| self.wanted(survey, photographs, view));
+        let wanted = probe.view.as_ref().and_then(|view| self.wanted(survey, photos, view));
         if let Some(wanted) = &wanted {
             (guidance.gain, guidance.best_gain) = (wanted.here, wanted.best);
             guidance.target = target(probe, wanted);
@@ -146,21 +146,21 @@ impl Guide {
         match wanted {
             None => guidance.say(Action::Hold, "Hold still"),
             Some(wanted) if !wanted.worth || seen_before => {
-                let way = words(&wanted, photographs);
+                let way = words(&wanted, photos);
                 guidance.say(Action::Move, &way)
             }
             Some(_) if !steady => guidance.say(Action::Hold, "Good: hold still"),
             Some(_) => {
-                self.shot = Some((seconds, photographs));
+                self.shot = Some((seconds, photos));
                 guidance.say(Action::Shoot, "Taking the photograph")
             }
         }
     }
 
-    fn is_enough(&self, survey: Option<&Survey>, photographs: usize) -> bool {
+    fn is_enough(&self, survey: Option<&Survey>, photos: usize) -> bool {
         let told = survey.filter(|s| s.settled).and_then(Survey::best);
-        photographs >= self.options.most
-            || photographs >= self.options.least
+        photos >= self.options.most
+            || photos >= self.options.least
                 && told.is_some_and(|best| best.gain < self.options.enough)
     }
 
@@ -168,10 +168,10 @@ impl Guide {
     fn wanted(
         &mut self,
         survey: Option<Arc<Survey>>,
-        photographs: usize,
+        photos: usize,
         view: &ProbedView,
     ) -> Option<Wanted> {
-        if photographs == 0 {
+        if photos == 0 {
             let top = NextView { direction: [0.0, 0.0, 1.0], tilt_deg: 0.0, azimuth_deg: 0.0 };
             let worth = view.tilt_deg <= self.options.first_tilt_deg;
             let distance_mm = view.distance_mm;
@@ -220,8 +220,8 @@ fn degrees(a: [f32; 3], b: [f32; 3]) -> f32 {
     dot.clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-fn words(wanted: &Wanted, photographs: usize) -> String {
-    if photographs == 0 {
+fn words(wanted: &Wanted, photos: usize) -> String {
+    if photos == 0 {
         return "Go above the sample".into();
     }
     let NextView { tilt_deg, azimuth_deg, .. } = wanted.view;

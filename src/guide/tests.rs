@@ -16,7 +16,7 @@ fn survey(best: f32, at: NextView, settled: bool) -> Option<Arc<Survey>> {
     let views =
         [10.0, 30.0, 50.0].into_iter().flat_map(|t| (0..8).map(move |k| view(t, 45.0 * k as f32)));
     let views = views.map(|v| SurveyedView { view: v, gain: gain(&v) }).collect();
-    Some(Arc::new(Survey { photographs: 1, settled, views, distance_mm: 300.0 }))
+    Some(Arc::new(Survey { photos: 1, settled, views, distance_mm: 300.0 }))
 }
 
 /// Probe of such a view, with the sample moved by `moved_px`.
@@ -55,12 +55,12 @@ fn probe(at: NextView, moved_px: f32) -> Probe {
 fn still(
     guide: &mut Guide,
     survey: &Option<Arc<Survey>>,
-    photographs: usize,
+    photos: usize,
     probe: &Probe,
     from: f64,
 ) -> Guidance {
-    let answers = (0..8)
-        .map(|i| guide.decide(survey.clone(), photographs, probe, from + f64::from(i) / 30.0));
+    let answers =
+        (0..8).map(|i| guide.decide(survey.clone(), photos, probe, from + f64::from(i) / 30.0));
     let answers: Vec<Guidance> = answers.collect();
     let shot = answers.iter().find(|a| a.action == Action::Shoot);
     shot.or(answers.last()).unwrap().clone()
@@ -80,7 +80,7 @@ fn the_first_photograph_is_taken_from_above_once_the_camera_is_steady() {
     let first = guide.decide(None, 0, &probe(view(5.0, 0.0), 0.0), 3.0);
     assert_eq!(first.action, Action::Hold, "one picture does not tell");
     let shot = still(&mut guide, &None, 0, &probe(view(5.0, 0.0), 0.0), 4.0);
-    assert_eq!((shot.action, shot.photographs), (Action::Shoot, 0));
+    assert_eq!((shot.action, shot.photos), (Action::Shoot, 0));
 }
 
 #[test]
@@ -144,9 +144,9 @@ fn faults_are_corrected_first() {
 fn capture_ends_when_the_settled_fit_expects_little_gain() {
     let at = view(30.0, 90.0);
     let picture = probe(at, 0.0);
-    let action = |best, settled, photographs| {
+    let action = |best, settled, photos| {
         let told = survey(best, at, settled);
-        still(&mut Guide::default(), &told, photographs, &picture, 0.0).action
+        still(&mut Guide::default(), &told, photos, &picture, 0.0).action
     };
     assert_eq!(action(0.02, true, 6), Action::Enough);
     assert_eq!(action(0.02, false, 6), Action::Shoot, "not settled");

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::photo::Photo;
 
 /// Texels per run.
 pub(super) const LANES: usize = 64;

@@ -13,10 +13,10 @@ mod sampler;
 
 use crate::Rejection;
 use crate::calibration::photometry::Radiometry;
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
 use crate::observation::{self, Falloff, Observation, View, pack_weight};
 use crate::parallel;
+use crate::photo::Photo;
 use crate::svbrdf::bands;
 
 use mapping::{LANES, Mapping, Positions};

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 
 /// Margin around the sample in a photograph, part of its extent and px, since later poses differ slightly.
 const CROP_SHARE: f64 = 0.05;

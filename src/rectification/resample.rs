@@ -1,9 +1,9 @@
 //! Resamples photographs that already show the top view.
 
 use crate::Rejection;
-use crate::frame::Photo;
 use crate::observation::{FULL_WEIGHT, Observation, View};
 use crate::parallel;
+use crate::photo::Photo;
 use crate::svbrdf::bands;
 
 /// Takes a photo of exactly the sample's rectangle from above, row 0 at the +Y edge.

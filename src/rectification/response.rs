@@ -2,8 +2,8 @@
 
 use super::mapping::Positions;
 use crate::calibration::photometry::{Lobe, Radiometry};
-use crate::frame::{Photo, ToneCurve, ToneTable};
 use crate::geometry::Camera;
+use crate::photo::{Photo, ToneCurve, ToneTable};
 
 /// Radiance per pixel value, tabulated over the squared tangent to the optical axis.
 pub(super) struct Response {

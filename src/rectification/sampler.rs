@@ -2,7 +2,7 @@
 
 use super::mapping::{Area, LANES, Positions};
 use super::response::Response;
-use crate::frame::Photo;
+use crate::photo::Photo;
 
 /// Flag of a texel whose footprint leaves the photo or holds values that are not finite. Flags 1, 2
 /// and 4 mark saturated channels.

@@ -3,7 +3,7 @@ use glam::{DVec2, DVec3};
 use super::*;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
 use crate::calibration::photometry::{Lobe, Vignetting};
-use crate::frame::ToneCurve;
+use crate::photo::ToneCurve;
 
 fn unit_radiometry() -> Radiometry {
     Radiometry {

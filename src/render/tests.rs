@@ -121,8 +121,8 @@ fn narrow_highlights_keep_their_shape_in_single_precision() {
     // The smallest roughness, along the flank of the lobe (half width 0.0004 rad).
     let mut maps = Svbrdf::new(64, 1);
     for i in 0..64 {
-        maps.plane_mut(channel::SLOPE_X)[i] = 4e-5 * i as f32;
-        maps.plane_mut(channel::ROUGHNESS)[i] = 0.02;
+        maps.normal_slopes_mut()[0][i] = 4e-5 * i as f32;
+        maps.roughness_mut()[i] = 0.02;
     }
     let position = [0.0, 0.0, 1000.0];
     let falloff = Falloff::None { power: [1.0; 3] };
@@ -149,10 +149,10 @@ fn narrow_highlights_keep_their_shape_in_single_precision() {
 fn a_lambertian_plane_comes_out_at_its_albedo() {
     let mut maps = Svbrdf::new(8, 8);
     for c in 0..3 {
-        maps.plane_mut(channel::DIFFUSE + c).fill([0.8, 0.5, 0.1][c]);
-        maps.plane_mut(channel::SPECULAR + c).fill(0.0);
+        maps.diffuse_mut()[c].fill([0.8, 0.5, 0.1][c]);
+        maps.specular_mut()[c].fill(0.0);
     }
-    maps.plane_mut(channel::ROUGHNESS).fill(1.0);
+    maps.roughness_mut().fill(1.0);
     let position = [0.0, 0.0, 300.0];
     let pi = std::f32::consts::PI;
     for falloff in [

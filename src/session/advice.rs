@@ -63,7 +63,7 @@ pub(super) fn linearity(
 mod tests {
     use super::*;
     use crate::calibration::photometry::tests::pose;
-    use crate::frame::{Encoding, Photo, ToneCurve};
+    use crate::photo::{Encoding, Photo, ToneCurve};
     use glam::{DVec2, DVec3};
 
     #[test]
@@ -116,7 +116,8 @@ mod tests {
             black_ratio: [ratio; 3],
             sigma: 0.01,
         };
-        let measured = |photo: &Photo| Squares::measure(photo, &target, &camera, &pose).unwrap();
+        let measured =
+            |photo: &Photo| Squares::measure(photo, &target, &camera, &pose, 0.0).unwrap();
         let hint = |curve: &dyn Fn(f64) -> f64| {
             let rgb = photograph(&camera, &pose, 2, |p, _| {
                 let to_light = light - p.extend(0.0);

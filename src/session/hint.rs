@@ -1,11 +1,11 @@
-//! What there is to tell about an accepted photograph.
+//! Hints about accepted photographs.
 
 use std::fmt;
 
 use crate::estimate::Part;
 use crate::{BoardDifference, Rejection};
 
-/// Something to tell about a photograph that was accepted. Each names what was seen, with its figure, and the
+/// A hint about an accepted photograph. Each names what was seen, with its figure, and the
 /// remedy.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -19,7 +19,7 @@ pub enum Hint {
     /// The board's grays do not come out as linear values of a print do.
     #[error("the pixel values are not linear ({what} is {ratio:.3} of white): {}", remedy(*undone))]
     NotLinear {
-        /// What was looked at: `black` or `gray`.
+        /// The squares or patch concerned: `black` or `gray`.
         what: &'static str,
         /// Its value, as the file has it, over that of white.
         ratio: f32,
@@ -27,12 +27,12 @@ pub enum Hint {
         /// as a linear one, or nearly so.
         undone: bool,
     },
-    /// What is known better now asks for an earlier photograph to be rectified anew, and it cannot be.
+    /// Better knowledge requires an earlier photograph to be rectified again, which is not possible.
     #[error("photo {} stays rectified as it was: {rejection}", index + 1)]
     NotRemade {
         /// Its number among the accepted ones, from 0.
         index: usize,
-        /// What speaks against it.
+        /// The reason.
         rejection: Rejection,
     },
     /// The board is not as bright as the stated exposure has it.
@@ -192,8 +192,8 @@ pub enum Hint {
     },
     /// Highlights are saturated in all photographs that see them.
     #[error(
-        "the highlights are saturated ({:.0} % of the sample has no photo that shows its peak): add a photo two or \
-         three stops darker",
+        "the highlights are saturated ({:.0} % of the sample has no photo that shows its peak): specular albedo and \
+         roughness are not to be trusted there; add a photo two or three stops darker",
         share * 100.0
     )]
     Saturated {

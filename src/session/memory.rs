@@ -1,9 +1,9 @@
-//! How much memory a session needs, estimated before it is taken.
+//! Estimates the memory that a session needs before it is allocated.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::settings::Settings;
-use crate::frame::Photo;
+use crate::photo::Photo;
 use crate::{Error, Result, estimate};
 
 /// Bytes of a pixel of a board's photograph while its corners are looked for.
@@ -36,7 +36,7 @@ pub(super) fn check(settings: &Settings, photographs: usize, kept: u64) -> Resul
     if needed <= limit { Ok(()) } else { Err(Error::MemoryLimit { needed, limit }) }
 }
 
-/// What callers hold of photographs until these are pushed.
+/// Memory that callers hold of photographs until these are added.
 #[derive(Default)]
 pub(super) struct Waiting(Mutex<Vec<Weak<Photograph>>>);
 
@@ -46,7 +46,7 @@ struct Photograph {
     taken_in: u64,
 }
 
-/// Memory of a photograph that waits to be pushed, see [`Session::hold`](super::Session::hold); counted until dropped.
+/// Memory of a photograph that waits to be added, see [`Session::hold`](super::Session::hold); counted until dropped.
 pub struct Held {
     _photograph: Arc<Photograph>,
 }
@@ -60,7 +60,7 @@ impl Waiting {
     pub(super) fn hold(
         &self,
         settings: &Settings,
-        frames: usize,
+        photos: usize,
         kept: u64,
         [bytes, photo_bytes, pixels]: [u64; 3],
     ) -> Result<Held> {
@@ -72,7 +72,7 @@ impl Waiting {
             (sum.saturating_add(other.bytes), most.max(other.taken_in))
         });
         let beside = kept.saturating_add(sum).saturating_add(most);
-        check(settings, frames + waiting.len() + 1, beside)?;
+        check(settings, photos + waiting.len() + 1, beside)?;
         let photograph = Arc::new(Photograph { bytes, taken_in });
         waiting.push(Arc::downgrade(&photograph));
         Ok(Held { _photograph: photograph })
@@ -87,8 +87,8 @@ impl Waiting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
     use crate::networks::Networks;
+    use crate::photo::Encoding;
     use crate::session::{RectifiedFalloff, Scene, Session};
 
     const SIDE: u32 = 256;
@@ -115,11 +115,11 @@ mod tests {
             matches!(hold(401), Err(Error::MemoryLimit { needed, limit }) if needed == limit + 1)
         );
         let second = hold(400).unwrap();
-        // What may be held may be pushed meanwhile.
+        // A photograph that may be held may also be added meanwhile.
         let rgb = vec![100; PHOTO as usize];
         let row = 3 * SIDE as usize;
         let photo = Photo::from_rgb8(SIDE, SIDE, &rgb, row, Encoding::Srgb, 1.0).unwrap();
-        assert!(session.push_rectified(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
+        assert!(session.add_rectified_photo(&photo, [0.0, 0.0, 200.0], [0.0, 0.0, 200.0]).is_ok());
         assert!(matches!(hold(0), Err(Error::MemoryLimit { .. })), "one is in the maps, two wait");
         drop(first);
         drop(second);

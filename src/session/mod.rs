@@ -1,10 +1,11 @@
-//! A capture in progress: push photographs, take maps at any time.
+//! A session: add photographs, take maps at any time.
 //!
-//! A photograph goes one way: `capture` makes of it and of what is known a capture with it, `fit` is told
-//! what that adds and changes, and publishes maps, which callers take whenever they like.
+//! A photograph goes one way. `capture` combines it with the present knowledge into a new capture; `fit`
+//! receives the additions and changes, and publishes maps, which callers may take at any time.
 
 mod advice;
 mod capture;
+mod deviations;
 mod diagnosis;
 mod fit;
 mod hint;
@@ -26,24 +27,27 @@ use web_time::Instant;
 use self::capture::{Board, Capture, Placed, Remake, Taken};
 use self::fit::{Fit, FitHandle};
 pub use self::hint::{Group, Hint};
+#[doc(hidden)]
 pub use self::memory::Held;
 use self::memory::Waiting;
 pub use self::reports::{
-    Accepted, Assessed, BoardPose, Observed, Probe, ProbedLight, ProbedView, Progress, Pushed,
-    Revision,
+    AcceptedPhoto, BoardPose, MapsWithUncertainty, Observed, Outcome, Probe, ProbedLight,
+    ProbedView, Progress, Revision,
 };
-pub use self::settings::{Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings};
+pub use self::settings::{
+    BoardScene, Driver, RESOLUTIONS, RectifiedFalloff, RestoreOptions, Scene, Settings,
+};
 pub use self::survey::{NextView, Survey, SurveyedView};
-pub use crate::assessment::FrameFit;
-pub use crate::estimate::{Budget, Exposure, Method, Phase, PhaseReport};
+pub use crate::assessment::PhotoFit;
+pub use crate::estimate::{Budget, LightCorrection, Method, Phase, PhaseReport};
 use crate::estimate::{EstimateOptions, Estimation, Meter, first_maps};
-use crate::frame::Photo;
 pub use crate::networks::Networks;
+use crate::photo::Photo;
 use crate::threads::Pool;
 use crate::{Error, Rejection, Result};
 
-/// A capture in progress. All methods may be called from any thread. The fit goes on on a thread
-/// of the session's own, or in [`Session::step`].
+/// Turns photographs of one sample into maps. All methods may be called from any thread. The fit runs on
+/// a thread of the session, or in [`Session::step`].
 pub struct Session {
     scene: Scene,
     settings: Settings,
@@ -51,7 +55,7 @@ pub struct Session {
     networks: Arc<Networks>,
     /// Held while a photograph is taken in or back: what becomes of those that the fit rectifies better.
     intake: Mutex<Remaking>,
-    /// What is known from the photographs so far: replaced with every photograph, never waited for.
+    /// Knowledge from the photographs so far: replaced with every photograph, never waited for.
     capture: Mutex<Arc<Capture>>,
     waiting: Waiting,
     fit: FitHandle,
@@ -60,7 +64,7 @@ pub struct Session {
 /// What the fit will have rectified better.
 type Remaking = Option<Receiver<Vec<Remake>>>;
 
-/// What a mutex holds: no panic leaves it half changed.
+/// Locks a mutex whose value no panic leaves half changed.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -71,7 +75,7 @@ impl Session {
     /// # Errors
     /// When a setting is out of range or a model is damaged.
     #[cfg(feature = "embedded-models")]
-    pub fn new(scene: Scene, settings: Settings) -> Result<Self> {
+    pub fn new(scene: impl Into<Scene>, settings: Settings) -> Result<Self> {
         Self::with_networks(scene, settings, Arc::new(Networks::embedded()?))
     }
 
@@ -80,7 +84,7 @@ impl Session {
     /// # Errors
     /// When a setting is out of range.
     pub fn with_networks(
-        scene: Scene,
+        scene: impl Into<Scene>,
         settings: Settings,
         networks: Arc<Networks>,
     ) -> Result<Self> {
@@ -94,11 +98,12 @@ impl Session {
     /// When a setting is out of range.
     #[doc(hidden)]
     pub fn with_options(
-        scene: Scene,
+        scene: impl Into<Scene>,
         settings: Settings,
         networks: Arc<Networks>,
         options: EstimateOptions,
     ) -> Result<Self> {
+        let scene = scene.into();
         settings.check()?;
         memory::check(&settings, 1, 0)?;
         let capture = Capture::new(scene.clone(), &settings)?;
@@ -107,7 +112,7 @@ impl Session {
         let estimation = Estimation::new(networks.clone(), task, options);
         let meter = Meter::new(Budget::default());
         let fit = Fit::new(pool.clone(), estimation, meter);
-        fit.show(None, Exposure::default(), 0.0, None);
+        fit.show(None, LightCorrection::default(), 0.0, None);
         Self::start(scene, settings, networks, capture, pool, fit)
     }
 
@@ -125,18 +130,18 @@ impl Session {
         Ok(Self { scene, settings, pool, networks, intake, capture, waiting, fit })
     }
 
-    /// What is known from the photographs so far.
+    /// Knowledge from the photographs so far.
     fn capture(&self) -> Arc<Capture> {
         lock(&self.capture).clone()
     }
 
-    /// What is known of the board; `None` for rectified photographs.
+    /// A value of the board; `None` for rectified photographs.
     fn board<T>(&self, of: impl FnOnce(&Board) -> T) -> Option<T> {
         self.capture().board().map(of)
     }
 
     /// The capture with every photograph rectified as it should be, or told why not; no other comes before the
-    /// guard is dropped. Waits for a push, and for a step of the fit where a photograph has just come.
+    /// guard is dropped. Waits for a photograph that is being added, and for a step of the fit where a photograph has just come.
     fn settled(&self) -> Result<(MutexGuard<'_, Remaking>, Arc<Capture>)> {
         let mut remade = lock(&self.intake);
         if let Some(receiver) = remade.take() {
@@ -148,12 +153,12 @@ impl Session {
         Ok((remade, self.capture()))
     }
 
-    /// The settings, as restored sessions have them from their saved state.
+    /// The settings; those of a restored session come from its saved state.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the photographs show.
+    /// The content of the photographs.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -167,18 +172,18 @@ impl Session {
         budget.check()?;
         let mut shared = self.fit.shared.lock();
         let changed = std::mem::replace(&mut shared.budget, budget) != budget;
-        // The fit finds out what is to do; who waits, waits for that.
+        // The fit decides whether there is work to do; waiting callers wait for its decision.
         shared.progress.settled &= !(changed && shared.cut);
         drop(shared);
         self.fit.wake();
         Ok(())
     }
 
-    /// Announces that so many photographs are still to come: from then on [`Progress::fraction`] is that of the work
-    /// on all of them together, and never falls before they have come. Each push takes one of them away, whether the
-    /// photograph is accepted or rejected. If fewer or more come after all, say so by another call.
+    /// Announces the number of photographs still to come. From then on [`Progress::fraction`] is that of the work
+    /// on all of them together and does not fall before they have come. Each photograph added counts as one of
+    /// them, whether it is accepted or rejected. If the number changes, announce it again.
     ///
-    /// Without it, where nobody knows how many there will be, the fraction is that of each photograph.
+    /// Without an announcement the fraction is that of each photograph.
     pub fn announce(&self, photographs: usize) {
         let mut shared = self.fit.shared.lock();
         let settled = shared.progress.settled;
@@ -189,13 +194,13 @@ impl Session {
         }
     }
 
-    /// Counts a photograph that cannot be used for a reason that is known without looking at it as rejected.
-    pub fn reject(&self, why: Rejection) -> Pushed {
+    /// Counts a photograph as rejected whose fault is known without its pixels.
+    pub fn reject(&self, why: Rejection) -> Outcome<AcceptedPhoto> {
         let changed = self.fit.shared.lock().regroup(fit::Group::reject);
         if changed {
             self.fit.shared.notify();
         }
-        Pushed::Rejected(why)
+        Outcome::Rejected(why)
     }
 
     /// Calibrates, rectifies and adds a photograph of a board. When this returns, the maps include the
@@ -203,35 +208,35 @@ impl Session {
     ///
     /// # Errors
     /// On misuse, and when the memory limit is reached. A photograph that cannot be used is no error but
-    /// [`Pushed::Rejected`].
-    pub fn push(&self, photo: &Photo) -> Result<Pushed> {
+    /// [`Outcome::Rejected`].
+    pub fn add_photo(&self, photo: &Photo) -> Result<Outcome<AcceptedPhoto>> {
         self.add(photo, None)
     }
 
     /// Adds a photograph that is already rectified, with camera and light positions in mm.
     ///
     /// # Errors
-    /// As [`Session::push`].
-    pub fn push_rectified(
+    /// As [`Session::add_photo`].
+    pub fn add_rectified_photo(
         &self,
         photo: &Photo,
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
-    ) -> Result<Pushed> {
+    ) -> Result<Outcome<AcceptedPhoto>> {
         self.add(photo, Some(Placed { camera_mm, light_mm }))
     }
 
-    fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Pushed> {
+    fn add(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<AcceptedPhoto>> {
         let begun = Instant::now();
         self.fit.shared.usable()?;
-        // Photographs are taken in one after the other; a fit in progress is not disturbed.
+        // Photographs are added one after the other; a running fit is not disturbed.
         let (mut remade, known) = self.settled()?;
         let taken = self.take(photo, &known, placed)?;
         drop(known);
         match taken {
             Ok((capture, taken)) => {
                 let accepted = self.accept(capture, taken, &mut remade, begun)?;
-                Ok(Pushed::Accepted(accepted))
+                Ok(Outcome::Accepted(accepted))
             }
             Err(rejection) => Ok(self.reject(rejection)),
         }
@@ -247,7 +252,7 @@ impl Session {
         if !photo.is_finite() {
             return Ok(Err(Rejection::NotFinite));
         }
-        let photographs = self.fit.shared.lock().progress.frames + 1;
+        let photographs = self.fit.shared.lock().progress.photos + 1;
         let kept = known.board().map_or(0, Board::kept_bytes);
         self.check_memory(photographs, memory::while_pushed(photo, kept))?;
         self.pool.install(|| {
@@ -266,7 +271,7 @@ impl Session {
         taken: Taken,
         remade: &mut Remaking,
         begun: Instant,
-    ) -> Result<Accepted> {
+    ) -> Result<AcceptedPhoto> {
         let Taken { observed, remakes, restart } = taken;
         let Observed { observation, pose, hints } = observed;
         let first = self.fit.shared.lock().maps.is_none();
@@ -281,14 +286,14 @@ impl Session {
             }
             shared.next = next;
             (shared.progress.settled, shared.progress.seconds_left) = (false, None);
-            shared.progress.frames += 1;
+            shared.progress.photos += 1;
             shared.regroup(fit::Group::accept);
-            shared.progress.frames - 1
+            shared.progress.photos - 1
         };
         self.fit.shared.notify();
         let (reply, receiver) = bounded(1);
         *remade = (!remakes.is_empty()).then_some(receiver);
-        // Whoever saw the maps may have cancelled already: the photograph counts all the same.
+        // A caller that saw the maps may already have cancelled: the photograph counts all the same.
         let add =
             move |fit: &mut Fit| fit.add(observation, remakes, restart, start.as_deref(), &reply);
         if !self.fit.send(add)
@@ -296,22 +301,16 @@ impl Session {
         {
             return Err(error);
         }
-        Ok(Accepted {
-            index,
-            pose: pose.map(|known| known.pose),
-            reprojection_rms_px: pose.map(|known| known.reprojection_rms_px),
-            maps_seconds: begun.elapsed().as_secs_f64(),
-            hints,
-        })
+        Ok(AcceptedPhoto { index, pose, maps_seconds: begun.elapsed().as_secs_f64(), hints })
     }
 
-    /// Calibrates and rectifies a photograph of a board with what is known so far, without adding
-    /// it: what the maps should predict, for instance to measure them on photographs that they were
-    /// not fitted to. The inner result is a [`Rejection`] where the photograph cannot be used.
+    /// Calibrates and rectifies a photograph of a board with the present knowledge, without adding it.
+    /// The maps should predict the result: it serves to measure them on photographs that they were not
+    /// fitted to.
     ///
     /// # Errors
-    /// As [`Session::push`].
-    pub fn observe(&self, photo: &Photo) -> Result<std::result::Result<Observed, Rejection>> {
+    /// As [`Session::add_photo`].
+    pub fn observe(&self, photo: &Photo) -> Result<Outcome<Observed>> {
         self.look(photo, None)
     }
 
@@ -319,47 +318,43 @@ impl Session {
     /// positions in mm.
     ///
     /// # Errors
-    /// As [`Session::push_rectified`].
+    /// As [`Session::add_rectified_photo`].
     pub fn observe_rectified(
         &self,
         photo: &Photo,
         camera_mm: [f32; 3],
         light_mm: [f32; 3],
-    ) -> Result<std::result::Result<Observed, Rejection>> {
+    ) -> Result<Outcome<Observed>> {
         self.look(photo, Some(Placed { camera_mm, light_mm }))
     }
 
-    fn look(
-        &self,
-        photo: &Photo,
-        placed: Option<Placed>,
-    ) -> Result<std::result::Result<Observed, Rejection>> {
+    fn look(&self, photo: &Photo, placed: Option<Placed>) -> Result<Outcome<Observed>> {
         self.fit.shared.usable()?;
         let known = self.settled()?.1;
         let taken = self.take(photo, &known, placed)?;
-        Ok(taken.map(|(_, taken)| taken.observed))
+        Ok(taken.map(|(_, taken)| taken.observed).into())
     }
 
-    /// Takes an accepted photograph back: the session is as if it had never come, calibration
-    /// included. `index` counts the accepted photographs from 0; later ones move up by one. The fit
-    /// begins anew with the photographs that are left; when this returns, the maps are those that the
-    /// first of them gives. Without any left, there are none.
+    /// Removes an accepted photograph: the session, including its calibration, is as if it had never come.
+    /// `index` counts the accepted photographs from 0; later ones move up by one. The fit starts again with
+    /// the remaining photographs; when this returns, the maps are those from the first of them. Without any
+    /// photograph left there are no maps.
     ///
     /// The others are taken in again from what is kept of them: maps are those of a session without the
     /// photograph but for rounding; with rectified photographs they are the same to the bit. Once a session
     /// with a given camera has settled on paper and height of the sample (see [`Scene`]), these stay.
     ///
-    /// Waits for a push, and for a step of the fit.
+    /// Waits for a photograph that is being added, and for a step of the fit.
     ///
     /// # Errors
     /// [`Error::Argument`] for `index` when there is no such photograph, or when another one would have
     /// been rejected without it; when the session has failed or was cancelled. Nothing has changed then.
-    pub fn remove_frame(&self, index: usize) -> Result<()> {
+    pub fn remove_photo(&self, index: usize) -> Result<()> {
         self.fit.shared.usable()?;
         let (_intake, known) = self.settled()?;
-        let frames = self.fit.shared.lock().progress.frames;
-        if index >= frames {
-            let message = format!("{index} given, but there are {frames} photographs");
+        let photos = self.fit.shared.lock().progress.photos;
+        if index >= photos {
+            let message = format!("{index} given, but there are {photos} photographs");
             return Err(Error::argument("index", message));
         }
         let left = self.pool.install(|| known.without(index));
@@ -375,17 +370,18 @@ impl Session {
         Ok(())
     }
 
-    /// Counts `bytes` that a caller holds of a photograph until it is pushed as memory of this session,
+    /// Counts `bytes` that a caller holds of a photograph until it is added as memory of this session,
     /// if they fit beside what is held already: `photo_bytes` are those of the photograph that will be
-    /// made of them, `pixels` its pixels. What may be held may be pushed, one after the other, but for
+    /// made of them, `pixels` its pixels. What may be held may be added, one after the other, but for
     /// what a session keeps of photographs. Waits for nothing.
     ///
     /// # Errors
     /// [`Error::MemoryLimit`].
+    #[doc(hidden)]
     pub fn hold(&self, bytes: u64, photo_bytes: u64, pixels: u64) -> Result<Held> {
-        let frames = self.fit.shared.lock().progress.frames;
+        let photos = self.fit.shared.lock().progress.photos;
         let kept = self.board(Board::kept_bytes).unwrap_or(0);
-        self.waiting.hold(&self.settings, frames, kept, [bytes, photo_bytes, pixels])
+        self.waiting.hold(&self.settings, photos, kept, [bytes, photo_bytes, pixels])
     }
 
     /// Refuses what would need more than is allowed, with what callers hold.
@@ -393,9 +389,9 @@ impl Session {
         memory::check(&self.settings, photographs, beside.saturating_add(self.waiting.bytes()))
     }
 
-    /// Goes on with the fit of a session that its caller drives ([`Driver::Caller`]): takes over a
-    /// photograph, or does a step of the optimiser. Returns whether there may be more to do; without,
-    /// the fit has settled or is paused. Other methods work between two steps, and from other threads.
+    /// Continues the fit of a session that its caller drives ([`Driver::Caller`]): receives a photograph,
+    /// or does a step of the optimiser. Returns whether there may be more to do; otherwise the fit has
+    /// settled or is paused. Other methods work between two steps, and from other threads.
     ///
     /// # Errors
     /// When the session has a thread of its own, has failed or was cancelled.
@@ -404,7 +400,7 @@ impl Session {
     }
 
     /// Blocks until the fit has settled on all photographs so far. Never returns while paused
-    /// with work left. Goes on with the fit itself where the caller drives it.
+    /// with work left. Runs the fit itself if the caller drives it.
     ///
     /// # Errors
     /// When the fit failed or was cancelled.
@@ -440,7 +436,7 @@ impl Session {
         self.fit.wake();
     }
 
-    /// Ends the fit after the step in progress. The maps stay available; pushes are refused.
+    /// Ends the fit after the step in progress. The maps stay available; further photographs are refused.
     pub fn cancel(&self) {
         self.fit.cancel();
     }
@@ -451,7 +447,7 @@ mod tests {
     use super::*;
     use crate::observation::Falloff;
 
-    /// Who waits for maps may cancel as soon as they are there, before the push has returned.
+    /// Who waits for maps may cancel as soon as they are there, before `add_photo` has returned.
     #[test]
     fn a_photograph_counts_that_was_being_taken_in_when_its_session_was_cancelled() {
         let falloff = RectifiedFalloff::Given(Falloff::None { power: [1.0; 3] });
@@ -467,9 +463,9 @@ mod tests {
             std::thread::yield_now();
         }
         let accepted = session.accept(capture, taken, &mut remade, Instant::now());
-        assert!(matches!(accepted, Ok(Accepted { index: 0, .. })), "{accepted:?}");
+        assert!(matches!(accepted, Ok(AcceptedPhoto { index: 0, .. })), "{accepted:?}");
         drop(remade);
         assert!(session.snapshot().is_ok());
-        assert!(matches!(session.push(&photo), Err(Error::Cancelled)));
+        assert!(matches!(session.add_photo(&photo), Err(Error::Cancelled)));
     }
 }

@@ -8,8 +8,8 @@ use super::survey::NextView;
 use crate::calibration::photometry::Squares;
 use crate::calibration::reasons::why_no_board;
 use crate::calibration::{self, CameraPrior, Corner, LumaImage, Sighting};
-use crate::frame::Photo;
 use crate::geometry::{Camera, Pose};
+use crate::photo::Photo;
 use crate::statistics::median;
 use crate::{Rejection, rectification};
 
@@ -65,7 +65,8 @@ impl Board {
         probe.refuse(rejection.map(|rejection| at_full_size(rejection, step)));
         let mut squares = None;
         if lit {
-            let measured = Squares::measure(&small, &self.target, &camera, &pose);
+            let blur_px = seen.blur.map_or(0.0, |blur| blur.px);
+            let measured = Squares::measure(&small, &self.target, &camera, &pose, blur_px);
             let (light, rejection) = self.light(&small, &pose, &measured);
             probe.light = light;
             probe.refuse(rejection);

@@ -1,19 +1,19 @@
-//! What a session is asked.
+//! Queries of a session.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::capture::{Board, Photograph};
-use super::reports::{Assessed, BoardPose, Probe, Progress, Revision};
+use super::reports::{BoardPose, MapsWithUncertainty, Probe, Progress, Revision};
 use super::survey::{NextView, Survey};
-use super::{Hint, Session, diagnosis, memory};
-use crate::assessment::{Evidence, FrameFit};
+use super::{Hint, Session, deviations, diagnosis, memory};
+use crate::assessment::{Evidence, PhotoFit};
 use crate::calibration::PaperEstimate;
 use crate::calibration::photometry::Photometry;
-use crate::estimate::{Exposure, PhaseReport};
-use crate::frame::{Photo, ToneCurve};
+use crate::estimate::{LightCorrection, PhaseReport};
 use crate::geometry::Camera;
+use crate::photo::{Photo, ToneCurve};
 use crate::rectification::elevation::ElevationEstimate;
 use crate::{Error, Result, Svbrdf};
 
@@ -26,13 +26,13 @@ impl Session {
         self.fit.shared.lock().maps.clone().ok_or(Error::NoMaps)
     }
 
-    /// Corrections that belong to the current maps: gain of each accepted photograph, exposure over
+    /// The corrections of light that the current maps go with: gain of each accepted photograph, exposure over
     /// distance, offset of the flash. None where a board determines them, and while they are unknown.
-    pub fn exposure(&self) -> Exposure {
-        self.fit.shared.lock().exposure.clone()
+    pub fn light_correction(&self) -> LightCorrection {
+        self.fit.shared.lock().light_correction.clone()
     }
 
-    /// What each phase of the fit has done for the photographs so far, in their order.
+    /// The report of each phase of the fit of the photographs so far, in order.
     ///
     /// # Errors
     /// When the fit has failed or was cancelled.
@@ -45,7 +45,7 @@ impl Session {
         self.fit.shared.lock().progress
     }
 
-    /// The internal error that ended the fit: what every call that needs the fit returns from then on.
+    /// The internal error that ended the fit. Every call that needs the fit returns it from then on.
     pub fn failure(&self) -> Option<String> {
         self.fit.shared.lock().failed.clone()
     }
@@ -78,7 +78,7 @@ impl Session {
         self.board(|board| board.elevation)
     }
 
-    /// Poses of the accepted photographs as the latest tells them. Empty for rectified photographs.
+    /// Latest estimates of the poses of the accepted photographs. Empty for rectified photographs.
     pub fn poses(&self) -> Vec<BoardPose> {
         let pose = |p: &Photograph| BoardPose { pose: p.pose, reprojection_rms_px: p.rms_px };
         self.board(|board| board.photographs.iter().map(pose).collect()).unwrap_or_default()
@@ -103,59 +103,73 @@ impl Session {
         self.board(|board| board.photometry.as_ref().map(tone)).flatten().unwrap_or_default()
     }
 
-    /// How the maps of the moment explain each accepted photograph, and whether one contradicts the
+    /// The fit of the current maps to each accepted photograph, and whether it contradicts the
     /// others. Empty before the first. Waits for a step of the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
-    pub fn frame_fits(&self) -> Result<Vec<FrameFit>> {
-        // Without photographs there is nothing to tell.
+    pub fn photo_fits(&self) -> Result<Vec<PhotoFit>> {
+        // Without photographs there are no residuals.
         self.fit.ask(|fit| Ok(fit.estimation.residuals().unwrap_or_default()))
     }
 
-    /// What there is to tell about each accepted photograph with all that is known now: hints given when it came
-    /// may hold no longer, and others may. Computed when asked for; meaningful once the fit has settled. Empty for
-    /// rectified photographs but for contradictions. Waits for a step of the fit.
+    /// Hints about each accepted photograph from all present knowledge: hints given when it was added may no
+    /// longer hold, and others may. Computed by the call; meaningful once the fit has settled. For rectified
+    /// photographs only contradictions are reported. Waits for a step of the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
     pub fn hints(&self) -> Result<Vec<Vec<Hint>>> {
         let (_intake, capture) = self.settled()?;
-        let fits = self.frame_fits()?;
+        let fits = self.photo_fits()?;
         let maps = self.snapshot().ok();
         Ok(self.pool.install(|| diagnosis::of_capture(&capture, maps.as_deref(), &fits)))
     }
 
-    /// The maps of the moment with the standard deviation of each at every texel. Computed when asked
-    /// for; meaningful once the fit has settled. Waits for a step of the fit.
+    /// The current maps with the standard deviation of each at every texel. Computed by the call;
+    /// meaningful once the fit has settled. Waits for a step of the fit.
     ///
     /// Deviations are calibrated with photographs of materials whose maps are known: about two errors of
     /// three are within them. A material that is not Cook-Torrance's has no true roughness; its deviations
-    /// are those of one that leaves such residuals.
+    /// are those of one that leaves such residuals. Where all highlights of a material are saturated, those of
+    /// specular albedo and roughness cover all that its tails allow; where the height of the sample is not known, those
+    /// of the albedos cover what it changes.
     ///
     /// # Errors
     /// [`Error::NoMaps`] before the first photograph was accepted; when the session has failed or was
     /// cancelled.
-    pub fn assess(&self) -> Result<Assessed> {
+    pub fn snapshot_with_uncertainty(&self) -> Result<MapsWithUncertainty> {
+        let (_intake, capture) = self.settled()?;
         let evidence = self.evidence()?;
-        let confidence = self.pool.install(|| evidence.confidence())?;
-        Ok(Assessed { maps: Arc::new(evidence.into_maps()), confidence })
+        let uncertainty = self.pool.install(|| deviations::of_maps(&evidence, &capture))?;
+        Ok(MapsWithUncertainty { maps: Arc::new(evidence.into_maps()), uncertainty })
     }
 
-    /// What those deviations are computed from.
+    /// The class of colour of each texel of the maps, rows as in them: classes share their gloss. 0 is the class of
+    /// most texels. Empty where the fit has none: of one photograph, and without refinement. Waits for a step of
+    /// the fit.
     ///
     /// # Errors
-    /// As [`Session::assess`].
+    /// When the session has failed or was cancelled.
+    pub fn classes(&self) -> Result<Vec<u8>> {
+        self.fit.ask(|fit| Ok(fit.estimation.classes()))
+    }
+
+    /// The inputs of those deviations, for evaluation.
+    ///
+    /// # Errors
+    /// As [`Session::snapshot_with_uncertainty`].
+    #[doc(hidden)]
     pub fn evidence(&self) -> Result<Evidence> {
         self.fit.ask(|fit| fit.estimation.evidence())
     }
 
-    /// Where the next photograph tells most: the view within reach of a hand, 10 to 50 degrees off the
-    /// top, that lowers the expected error of renderings most. Probes refer to it from then on. `None`
-    /// before the first photograph, and for rectified ones.
+    /// The most informative view for the next photograph: of the views within reach of a hand, 10 to 50
+    /// degrees off the vertical, the one that lowers the expected error of renderings most. Later probes
+    /// refer to it. `None` before the first photograph, and for rectified ones.
     ///
-    /// Waits for a step of the fit. Where the fit has failed or was cancelled, the view whose highlights
-    /// reach slopes of the sample that none has swept.
+    /// Waits for a step of the fit. If the fit has failed or was cancelled, the result is the view whose
+    /// highlights reach slopes of the sample that no photograph has covered.
     pub fn next_view(&self) -> Option<NextView> {
         let candidates = self.board(Board::candidates)??;
         match self.fit.ask(move |fit| fit.survey(&candidates, false)) {
@@ -164,21 +178,21 @@ impl Session {
         }
     }
 
-    /// What photographs from all round would tell. Waits for nothing: where photographs have come or the
-    /// fit has settled since, the fit is asked, and until it has told of all photographs, this is `None`; so
-    /// it is for rectified photographs, and where the fit has failed or was cancelled.
+    /// Expected information of photographs from all sides. Does not wait: when photographs were added or the
+    /// fit has settled, it asks the fit for a new survey and returns `None` until that covers all
+    /// photographs. Also `None` for rectified photographs, and when the fit has failed or was cancelled.
     pub fn survey(&self) -> Option<Arc<Survey>> {
         self.fit.shared.usable().ok()?;
         let candidates = self.board(Board::candidates)??;
         let mut state = self.fit.shared.lock();
-        let (frames, settled) = (state.progress.frames, state.progress.settled);
-        let latest = state.survey.clone().filter(|survey| survey.photographs == frames);
-        // What the fit has not taken over yet it cannot tell of.
-        if state.fitted == frames && state.surveyed != Some((frames, settled)) {
-            state.surveyed = Some((frames, settled));
+        let (photos, settled) = (state.progress.photos, state.progress.settled);
+        let latest = state.survey.clone().filter(|survey| survey.photos == photos);
+        // The fit can survey only the photographs that it has received.
+        if state.fitted == photos && state.surveyed != Some((photos, settled)) {
+            state.surveyed = Some((photos, settled));
             drop(state);
             self.fit.send(move |fit| {
-                // without an answer the latest stays
+                // On an error the latest survey stays.
                 if let Ok(survey) = fit.survey(&candidates, settled) {
                     fit.shared.lock().survey = Some(Arc::new(survey));
                 }
@@ -188,15 +202,15 @@ impl Session {
         latest
     }
 
-    /// Judges a photograph of a board, or a picture of a camera's preview, without taking it in: corners,
-    /// pose, blur, exposure, view, and what a push would say of a photograph like it, unless it is a
-    /// matter of pixels, or of what all photographs tell together.
+    /// Judges a photograph of a board, or an image of a camera's preview, without adding it: corners, pose,
+    /// blur, exposure, view, and the outcome that `add_photo` would have for such a photograph. Faults that
+    /// only the full resolution or all photographs together show are not found.
     ///
-    /// A picture of another size than the session's camera is taken for a preview of it: scaled to its
-    /// width or height and cut at the other sides. Where that does not fit, and before a camera is
-    /// known, the camera is estimated from the picture. Pictures from 1280 px on are reduced first.
+    /// An image of another size than the session's camera counts as a preview of it, scaled to its width or
+    /// height and cropped at the other sides. If that does not fit, and before a camera is known, the camera
+    /// is estimated from the image. Images of 1280 px or more are reduced first.
     ///
-    /// Runs on the calling thread alone and waits neither for the fit nor for a push.
+    /// Runs only on the calling thread and waits neither for the fit nor for a photograph that is being added.
     ///
     /// # Errors
     /// On misuse, when the session has failed or was cancelled, and when the memory limit is reached.
@@ -204,8 +218,8 @@ impl Session {
         self.judge(photo, true)
     }
 
-    /// As [`Session::probe`] for a picture without the flash: how it is lit says nothing about the
-    /// photograph to come.
+    /// As [`Session::probe`] for an image without the flash: its light is not judged, because it says
+    /// nothing about the photograph to come.
     ///
     /// # Errors
     /// As [`Session::probe`].
@@ -221,7 +235,7 @@ impl Session {
         })?;
         let (photographs, next) = {
             let state = self.fit.shared.lock();
-            (state.progress.frames, state.next)
+            (state.progress.photos, state.next)
         };
         self.check_memory(photographs.max(1), memory::while_probed(photo))?;
         Ok(board.judge(photo, lit, next))
@@ -232,7 +246,7 @@ impl Session {
 mod tests {
     use super::*;
     use crate::capture::Capture;
-    use crate::session::{Pushed, Settings};
+    use crate::session::{Outcome, Settings};
 
     fn session() -> (Session, Capture) {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
@@ -246,35 +260,35 @@ mod tests {
     fn a_survey_tells_of_the_photographs_there_are() {
         let (session, capture) = session();
         session.pause();
-        let push = |i: usize| {
-            let pushed = session.push(&capture.frames[i].read().unwrap());
-            assert!(matches!(pushed, Ok(Pushed::Accepted(_))), "{pushed:?}");
+        let add = |i: usize| {
+            let outcome = session.add_photo(&capture.photos[i].read().unwrap());
+            assert!(matches!(outcome, Ok(Outcome::Accepted(_))), "{outcome:?}");
         };
         // The fit answers what it is asked in turn.
         let surveyed = || {
             session.survey();
-            session.frame_fits().unwrap();
+            session.photo_fits().unwrap();
             session.survey().unwrap()
         };
-        push(0);
-        push(1);
-        session.frame_fits().unwrap();
+        add(0);
+        add(1);
+        session.photo_fits().unwrap();
         let before = surveyed();
-        session.remove_frame(1).unwrap();
-        push(4);
-        session.frame_fits().unwrap();
+        session.remove_photo(1).unwrap();
+        add(4);
+        session.photo_fits().unwrap();
         assert!(session.survey().is_none(), "that of a photograph taken back");
         let after = surveyed();
-        assert_eq!([before.photographs, after.photographs], [2, 2]);
+        assert_eq!([before.photos, after.photos], [2, 2]);
         assert_ne!(before.views, after.views);
     }
 
-    /// Whoever pushes or saves holds the intake, and a fit the threads: a probe needs neither.
+    /// A caller that adds a photograph or saves holds the intake, and a fit the threads: a probe needs neither.
     #[test]
     fn a_probe_waits_for_nobody() {
         let (session, capture) = session();
-        let photo = capture.frames[0].read().unwrap();
-        assert!(matches!(session.push(&photo), Ok(Pushed::Accepted(_))));
+        let photo = capture.photos[0].read().unwrap();
+        assert!(matches!(session.add_photo(&photo), Ok(Outcome::Accepted(_))));
         let (tell, told) = crossbeam_channel::bounded(1);
         let _held = session.intake.lock().unwrap();
         std::thread::scope(|scope| {

@@ -1,36 +1,66 @@
-//! What a session tells its caller.
+//! Reports of a session to its caller.
 
 use std::sync::Arc;
 
 use super::hint::Hint;
 use crate::calibration::Corner;
-use crate::confidence::Confidence;
 use crate::estimate::Phase;
 use crate::geometry::Pose;
 use crate::observation::Observation;
+use crate::uncertainty::Uncertainty;
 use crate::{Rejection, Svbrdf};
 
-/// What became of a photograph.
+/// The answer to a photograph: it can be used, or the reason why not. A rejection changes nothing.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Pushed {
-    /// It takes part in the fit from now on.
-    Accepted(Accepted),
-    /// It was not used; nothing changed.
+pub enum Outcome<T> {
+    /// The photograph can be used.
+    Accepted(T),
+    /// The photograph cannot be used.
     Rejected(Rejection),
+}
+
+impl<T> Outcome<T> {
+    /// Whether the photograph can be used.
+    pub fn is_accepted(&self) -> bool {
+        matches!(self, Self::Accepted(_))
+    }
+
+    /// The value of an accepted photograph as `Ok`, the rejection as `Err`.
+    ///
+    /// # Errors
+    /// The rejection.
+    pub fn into_result(self) -> Result<T, Rejection> {
+        match self {
+            Self::Accepted(value) => Ok(value),
+            Self::Rejected(rejection) => Err(rejection),
+        }
+    }
+
+    /// Applies a function to the value of an accepted photograph.
+    pub fn map<U>(self, function: impl FnOnce(T) -> U) -> Outcome<U> {
+        self.into_result().map(function).into()
+    }
+}
+
+impl<T> From<Result<T, Rejection>> for Outcome<T> {
+    fn from(result: Result<T, Rejection>) -> Self {
+        match result {
+            Ok(value) => Self::Accepted(value),
+            Err(rejection) => Self::Rejected(rejection),
+        }
+    }
 }
 
 /// An accepted photograph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Accepted {
+pub struct AcceptedPhoto {
     /// Number of accepted photographs before this one.
     pub index: usize,
     /// Pose of the board; `None` for rectified photographs.
-    pub pose: Option<Pose>,
-    /// Reprojection error, px; `None` for rectified photographs.
-    pub reprojection_rms_px: Option<f64>,
-    /// Seconds from the call of push to maps being available.
+    pub pose: Option<BoardPose>,
+    /// Seconds from the call to maps being available.
     pub maps_seconds: f64,
-    /// What the user may want to know about it.
+    /// Remarks for the user.
     pub hints: Vec<Hint>,
 }
 
@@ -43,53 +73,53 @@ pub struct BoardPose {
     pub reprojection_rms_px: f64,
 }
 
-/// What a session sees in a photograph that it does not keep.
+/// A photograph as the session sees it, without being added.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
     /// The rectified photograph with its camera and light, at the session's resolution.
     pub observation: Observation,
     /// Where the board lies; `None` for rectified photographs.
     pub pose: Option<BoardPose>,
-    /// What the user may want to know about it.
+    /// Remarks for the user.
     pub hints: Vec<Hint>,
 }
 
-/// What a photograph that is only looked at would be good for, see
+/// The verdict on a photograph or preview image that is not added, see
 /// [`Session::probe`](super::Session::probe).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Probe {
-    /// Why a photograph like it would not be used; `None`: it would.
+    /// The reason for which such a photograph would be rejected; `None`: it would be accepted.
     pub rejection: Option<Rejection>,
-    /// What there is to tell about it, whether it would be used or not.
+    /// Remarks, whether it would be accepted or not.
     pub hints: Vec<Hint>,
-    /// Corners of the board found, px of the picture as it came.
+    /// Corners of the board found, px of the image as given.
     pub corners: Vec<Corner>,
     /// Corners the board has.
     pub corners_expected: usize,
-    /// Corners that lie inside the picture; 0 where the board was not found.
+    /// Corners that lie inside the image; 0 where the board was not found.
     pub corners_in_view: usize,
-    /// Edge spread (one sigma) in the board's softer direction, px. Large pictures are reduced first:
-    /// below one pixel of the reduced one, widths cannot be told apart.
+    /// Edge spread (one sigma) in the board's softer direction, px. Large images are reduced first:
+    /// widths below one pixel of the reduced image cannot be distinguished.
     pub blur_px: Option<f32>,
-    /// Across the softer edges, where they clearly are: degrees clockwise from the picture's x
+    /// Across the softer edges, where they clearly are: degrees clockwise from the image's x
     /// axis, 0 to 180.
     pub blur_direction_deg: Option<f32>,
-    /// Where the board lies, also in a picture that would not be used; `None` where it was not found.
+    /// The pose of the board, also in an image that would be rejected; `None` if it was not found.
     pub pose: Option<BoardPose>,
-    /// Where the camera is; `None` without a pose.
+    /// The camera's position; `None` without a pose.
     pub view: Option<ProbedView>,
-    /// How the board is lit; `None` without a pose, or where the light says nothing.
+    /// The light on the board; `None` without a pose, and for images without the flash.
     pub light: Option<ProbedLight>,
 }
 
 impl Probe {
-    /// Notes what speaks against it, if nothing has so far.
+    /// Sets the reason for a rejection, unless there is one.
     pub(super) fn refuse(&mut self, why: Option<Rejection>) {
         self.rejection = self.rejection.or(why);
     }
 }
 
-/// Where a camera looks at the sample from, and how much of it is seen.
+/// The position of a camera relative to the sample, and the part of the sample that it sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbedView {
     /// Unit vector from the sample's centre towards the camera, board frame.
@@ -103,18 +133,18 @@ pub struct ProbedView {
     /// Angle to the direction of [`Session::next_view`](super::Session::next_view), degrees; `None`
     /// before the first photograph.
     pub off_next_deg: Option<f32>,
-    /// Share of the sample inside the picture, 0 to 1.
+    /// Share of the sample inside the image, 0 to 1.
     pub sample_seen: f32,
-    /// Share of what is seen of the sample that is saturated in all channels, 0 to 1.
+    /// Share of the visible sample that is saturated in all channels, 0 to 1.
     pub sample_clipped: f32,
-    /// The sample's corners in the picture as it came, px, clockwise from the upper left of the
-    /// maps; also outside of it. `None` where one is behind the camera.
+    /// The sample's corners in the image as given, px, clockwise from the upper left of the
+    /// maps; they may lie outside the image. `None` where one is behind the camera.
     pub sample_px: Option<[[f32; 2]; 4]>,
-    /// Mean scale of the sample in the picture as it came, px/mm.
+    /// Mean scale of the sample in the image as given, px/mm.
     pub px_per_mm: f32,
 }
 
-/// How the board of a picture is lit.
+/// The light on the board of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbedLight {
     /// Median level of the white squares, share of full scale, linear.
@@ -125,22 +155,22 @@ pub struct ProbedLight {
 
 /// Maps and how far they may be off.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Assessed {
+pub struct MapsWithUncertainty {
     /// The maps.
     pub maps: Arc<Svbrdf>,
     /// Standard deviations of their errors.
-    pub confidence: Confidence,
+    pub uncertainty: Uncertainty,
 }
 
 /// State of the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
     /// Accepted photographs.
-    pub frames: usize,
-    /// Fraction of the work that is done, 0 to 1: on the photographs announced by
-    /// [`Session::announce`](super::Session::announce), during which it never falls; without, on the latest
-    /// photograph, with each of which it begins at 0. It begins anew as well where a photograph is taken back or a
-    /// larger budget takes the fit up again, unless announced photographs are still to come.
+    pub photos: usize,
+    /// Fraction of the work that is done, 0 to 1. On photographs announced by
+    /// [`Session::announce`](super::Session::announce) it never falls. Without an announcement it is that of
+    /// the latest photograph and begins at 0 with each one. It also begins again when a photograph is removed
+    /// or a larger budget resumes the fit, unless announced photographs are still to come.
     pub fraction: f32,
     /// Mean log-L1 before the fit of the latest photograph.
     pub loss_before: f32,
@@ -150,11 +180,11 @@ pub struct Progress {
     pub seconds_left: Option<f32>,
     /// Whether the fit has finished on all photographs so far.
     pub settled: bool,
-    /// What the fit is doing; `None` where it has nothing to do, or has not begun.
+    /// The present phase of the fit; `None` when it has nothing to do or has not begun.
     pub phase: Option<Phase>,
 }
 
-/// Counters that grow with a session's state, to tell whether anything is new.
+/// Counters that grow when a session's state changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Revision {
     /// Grows with every change of progress and with every set of maps.

@@ -1,4 +1,4 @@
-//! What a session is started with.
+//! Scene and settings of a session.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use crate::observation::Falloff;
 use crate::threads::Pool;
 use crate::{Error, Result};
 
-/// What the photographs show, fixed for a session.
+/// The content of the photographs, fixed for a session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // there is one for each session
 pub enum Scene {
@@ -20,17 +20,17 @@ pub enum Scene {
     Board {
         /// The printed board.
         target: Target,
-        /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again
-        /// with each one, and earlier photographs rectified anew where that moves them. For this the
+        /// Intrinsics of all photographs; `None`: estimated from the photographs so far, again with each
+        /// new one. Earlier photographs are rectified again when the estimate moves them. For this the
         /// session keeps the part of each that shows the sample: about a third of a photograph that shows
-        /// the whole board (12 MB of a 12-megapixel one). With a given camera it does so until it knows
-        /// the sheet of paper and the sample's height, for seven photographs at most.
+        /// the whole board (12 MB of a 12-megapixel one). With a given camera it keeps the parts until it
+        /// knows the sheet of paper and the sample's height, for seven photographs at most.
         camera: Option<Camera>,
         /// Flash position in the camera frame, mm; `None`: at the camera's centre until the
-        /// photographs tell it.
+        /// photographs determine it.
         flash_offset_mm: Option<DVec3>,
         /// Height of the sample's surface above the printed side of the board, mm; `None`:
-        /// estimated from two photographs on, 0 unless they contradict that clearly.
+        /// estimated from two photographs or more, 0 unless they clearly contradict that.
         elevation_mm: Option<f64>,
     },
     /// Photographs already rectified to the top view, camera and light given with each.
@@ -39,6 +39,50 @@ pub enum Scene {
         /// pi * (first camera's distance)².
         falloff: RectifiedFalloff,
     },
+}
+
+impl Scene {
+    /// Photographs of a board. Camera, flash and height of the sample are estimated unless the
+    /// setters of [`BoardScene`] state them.
+    pub fn board(target: Target) -> BoardScene {
+        BoardScene { target, camera: None, flash_offset_mm: None, elevation_mm: None }
+    }
+}
+
+/// Builds [`Scene::Board`]; made by [`Scene::board`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardScene {
+    target: Target,
+    camera: Option<Camera>,
+    flash_offset_mm: Option<DVec3>,
+    elevation_mm: Option<f64>,
+}
+
+impl BoardScene {
+    /// States the intrinsics of all photographs.
+    #[must_use]
+    pub fn camera(self, camera: Camera) -> Self {
+        Self { camera: Some(camera), ..self }
+    }
+
+    /// States the flash position in the camera frame, mm.
+    #[must_use]
+    pub fn flash_offset_mm(self, offset: DVec3) -> Self {
+        Self { flash_offset_mm: Some(offset), ..self }
+    }
+
+    /// States the height of the sample's surface above the printed side of the board, mm.
+    #[must_use]
+    pub fn elevation_mm(self, height: f64) -> Self {
+        Self { elevation_mm: Some(height), ..self }
+    }
+}
+
+impl From<BoardScene> for Scene {
+    fn from(board: BoardScene) -> Self {
+        let BoardScene { target, camera, flash_offset_mm, elevation_mm } = board;
+        Self::Board { target, camera, flash_offset_mm, elevation_mm }
+    }
 }
 
 /// Light of rectified photographs.
@@ -51,13 +95,13 @@ pub enum RectifiedFalloff {
     InverseSquareAuto,
 }
 
-/// Who goes on with the fit of a session.
+/// The thread that runs the fit of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Driver {
     /// A thread of the session's own.
     #[default]
     Thread,
-    /// Whoever calls [`Session::step`](super::Session::step), for programs with a loop of their own
+    /// The caller's, in [`Session::step`](super::Session::step): for programs with a loop of their own
     /// and for platforms without threads. The maps are the same, bit for bit.
     Caller,
 }
@@ -80,7 +124,7 @@ pub struct Settings {
     /// more are refused with [`Error::MemoryLimit`].
     #[serde(skip)]
     pub memory_limit_bytes: Option<u64>,
-    /// Who goes on with the fit.
+    /// The thread that runs the fit.
     #[serde(skip)]
     pub driver: Driver,
 }
@@ -112,7 +156,7 @@ impl Settings {
         Ok(())
     }
 
-    /// What the estimate is asked for.
+    /// The task of the estimate.
     pub(super) fn task(&self, scene: &Scene) -> Task {
         let free_lights = matches!(scene, Scene::Rectified { .. });
         Task { method: self.method, refine: self.refine, free_lights }
@@ -126,7 +170,8 @@ impl Settings {
     }
 }
 
-/// What a saved session takes from where it goes on, see [`Session::restore`](super::Session::restore).
+/// Options of the machine on which a saved session continues, see
+/// [`Session::restore`](super::Session::restore).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RestoreOptions {
     /// Threads of the fit as in [`Settings::threads`]; `None`: as saved.

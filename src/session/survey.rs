@@ -1,4 +1,5 @@
-//! Where the next photograph tells most, and what photographs from all round would tell.
+//! The most informative view for the next photograph, and the expected information of photographs from
+//! all sides.
 
 use glam::{DVec2, DVec3};
 
@@ -14,7 +15,7 @@ const SLOPES: i32 = 9;
 const TILTS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
 const AZIMUTHS: u32 = 16;
 
-/// Where the next photograph tells most.
+/// The most informative view for the next photograph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NextView {
     /// Unit vector from the sample towards the camera, board frame.
@@ -25,11 +26,11 @@ pub struct NextView {
     pub azimuth_deg: f32,
 }
 
-/// What photographs from all round would tell, see [`Session::survey`](super::Session::survey).
+/// Expected information of photographs from all sides, see [`Session::survey`](super::Session::survey).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
-    /// Accepted photographs that it knows of.
-    pub photographs: usize,
+    /// Number of accepted photographs that it covers.
+    pub photos: usize,
     /// Whether the fit had settled on them.
     pub settled: bool,
     /// Views within reach of a hand, in rings of equal tilt, from the top outwards.
@@ -38,10 +39,10 @@ pub struct Survey {
     pub distance_mm: f32,
 }
 
-/// What a photograph from one place would tell.
+/// Expected information of a photograph from one place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurveyedView {
-    /// Where it would be taken from.
+    /// The view from there.
     pub view: NextView,
     /// Share of the expected squared error of renderings that it would take away, 0 to 1.
     pub gain: f32,
@@ -130,7 +131,7 @@ pub(super) fn candidates(views: &[Pose], flash_offset_mm: DVec3) -> Option<Vec<C
 impl Survey {
     /// By what a photograph from each candidate, of which there is one at least, would take away.
     pub(super) fn new(
-        photographs: usize,
+        photos: usize,
         settled: bool,
         candidates: &[Candidate],
         gains: &[f64],
@@ -138,10 +139,10 @@ impl Survey {
         let views = candidates.iter().zip(gains);
         let views = views.map(|(c, &gain)| SurveyedView { view: c.view, gain: gain as f32 });
         let distance_mm = candidates[0].camera_mm.length() as f32;
-        Self { photographs, settled, views: views.collect(), distance_mm }
+        Self { photos, settled, views: views.collect(), distance_mm }
     }
 
-    /// The view that tells most.
+    /// The most informative view.
     pub fn best(&self) -> Option<&SurveyedView> {
         self.views.iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
     }
@@ -193,7 +194,7 @@ mod tests {
             [10.0, 30.0].into_iter().flat_map(|t| (0..8).map(move |k| (t, 45.0 * k as f32)));
         let views = views.map(|(t, a)| SurveyedView { view: view(t, a), gain: gain(t, a) });
         let survey =
-            Survey { photographs: 1, settled: true, views: views.collect(), distance_mm: 300.0 };
+            Survey { photos: 1, settled: true, views: views.collect(), distance_mm: 300.0 };
         let check = |tilt, azimuth, expected: f32| {
             let found = survey.gain(view(tilt, azimuth).direction);
             assert!((found - expected).abs() < 1e-4, "{tilt} {azimuth}: {found} {expected}");

@@ -149,13 +149,63 @@ impl Svbrdf {
         &mut self.data
     }
 
-    /// One plane, see [`channel`].
+    /// The slopes of the normals along X and Y: `n.x / n.z` and `n.y / n.z`.
+    pub fn normal_slopes(&self) -> [&[f32]; 2] {
+        self.planes_from(channel::SLOPE_X)
+    }
+
+    /// The slopes of the normals along X and Y: `n.x / n.z` and `n.y / n.z`.
+    pub fn normal_slopes_mut(&mut self) -> [&mut [f32]; 2] {
+        self.planes_from_mut(channel::SLOPE_X)
+    }
+
+    /// Red, green and blue of the diffuse albedo, linear.
+    pub fn diffuse(&self) -> [&[f32]; 3] {
+        self.planes_from(channel::DIFFUSE)
+    }
+
+    /// Red, green and blue of the diffuse albedo, linear.
+    pub fn diffuse_mut(&mut self) -> [&mut [f32]; 3] {
+        self.planes_from_mut(channel::DIFFUSE)
+    }
+
+    /// Red, green and blue of the specular albedo (F0), linear.
+    pub fn specular(&self) -> [&[f32]; 3] {
+        self.planes_from(channel::SPECULAR)
+    }
+
+    /// Red, green and blue of the specular albedo (F0), linear.
+    pub fn specular_mut(&mut self) -> [&mut [f32]; 3] {
+        self.planes_from_mut(channel::SPECULAR)
+    }
+
+    /// Roughness, `alpha = roughness²`.
+    pub fn roughness(&self) -> &[f32] {
+        self.plane(channel::ROUGHNESS)
+    }
+
+    /// Roughness, `alpha = roughness²`.
+    pub fn roughness_mut(&mut self) -> &mut [f32] {
+        self.plane_mut(channel::ROUGHNESS)
+    }
+
+    fn planes_from<const N: usize>(&self, first: usize) -> [&[f32]; N] {
+        std::array::from_fn(|i| self.plane(first + i))
+    }
+
+    fn planes_from_mut<const N: usize>(&mut self, first: usize) -> [&mut [f32]; N] {
+        let n = self.texels();
+        let mut planes = self.data.chunks_exact_mut(n).skip(first);
+        std::array::from_fn(|_| planes.next().unwrap_or_default())
+    }
+
+    /// One plane by its index in [`channel`], for loops over all parameters.
     pub fn plane(&self, channel: usize) -> &[f32] {
         let n = self.texels();
         &self.data[channel * n..(channel + 1) * n]
     }
 
-    /// One plane, see [`channel`].
+    /// One plane by its index in [`channel`], for loops over all parameters.
     pub fn plane_mut(&mut self, channel: usize) -> &mut [f32] {
         let n = self.texels();
         &mut self.data[channel * n..(channel + 1) * n]

@@ -104,7 +104,7 @@ static const float above[3] = {0.0f, 0.0f, 150.0f};
     do {                                                                                         \
         svbrdf_image i = good;                                                                   \
         change;                                                                                  \
-        EXPECT(svbrdf_session_push_rectified(session_, &i, NULL, above, above, NULL),            \
+        EXPECT(svbrdf_session_add_rectified_photo(session_, &i, NULL, above, above, NULL),            \
                SVBRDF_INVALID_ARGUMENT);                                                         \
     } while (0)
 
@@ -112,8 +112,8 @@ static void images(void)
 {
     unsigned char *rgb = malloc(3 * SIDE * SIDE);
     svbrdf_image good;
-    svbrdf_frame_info info;
-    svbrdf_frame_report report;
+    svbrdf_photo_info info;
+    svbrdf_photo_report report;
     const float below[3] = {0.0f, 0.0f, -1.0f}, nan_at[3] = {NAN, 0.0f, 100.0f};
     float *floats = calloc(3 * SIDE * SIDE, sizeof(float));
     unsigned format;
@@ -153,34 +153,34 @@ static void images(void)
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.black_level[3] = 70000.0f));
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.white_balance[1] = 0.0f));
     REFUSED_IMAGE((i.format = SVBRDF_PIXEL_BAYER16, i.color_matrix[8] = INFINITY));
-    EXPECT(svbrdf_session_push_rectified(session_, NULL, NULL, above, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, NULL, NULL, above, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_rectified(session_, &good, NULL, NULL, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, NULL, NULL, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_rectified(session_, &good, NULL, above, NULL, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, NULL, above, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_rectified(session_, &good, NULL, below, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, NULL, below, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_rectified(session_, &good, NULL, above, nan_at, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, NULL, above, nan_at, NULL),
            SVBRDF_INVALID_ARGUMENT);
     /* A board photo in a session of rectified ones. */
-    EXPECT(svbrdf_session_push_frame(session_, &good, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_add_photo(session_, &good, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
 
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     info.exposure = 0.0f;
-    EXPECT(svbrdf_session_push_rectified(session_, &good, &info, above, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, &info, above, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
     info.exposure = NAN;
-    EXPECT(svbrdf_session_push_rectified(session_, &good, &info, above, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, &info, above, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
     info.exposure = 1.0f;
     info.flash = 4;
-    EXPECT(svbrdf_session_push_rectified(session_, &good, &info, above, above, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, &info, above, above, NULL),
            SVBRDF_INVALID_ARGUMENT);
     info.flash = SVBRDF_FLASH_TORCH;
-    OK(svbrdf_frame_report_init(&report, sizeof report));
+    OK(svbrdf_photo_report_init(&report, sizeof report));
     report.size = 1;
-    EXPECT(svbrdf_session_push_rectified(session_, &good, &info, above, above, &report),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, &info, above, above, &report),
            SVBRDF_INVALID_ARGUMENT);
     report.size = sizeof report;
 
@@ -190,7 +190,7 @@ static void images(void)
     good.planes[0].bytes = 3 * SIDE * SIDE * sizeof(float);
     good.planes[0].row_stride = 3 * SIDE * sizeof(float);
     floats[777] = NAN;
-    EXPECT(svbrdf_session_push_rectified(session_, &good, &info, above, above, &report),
+    EXPECT(svbrdf_session_add_rectified_photo(session_, &good, &info, above, above, &report),
            SVBRDF_REJECTED);
     CHECK(report.rejection == SVBRDF_REJECTION_NOT_FINITE);
     REFUSED_IMAGE(i.saturation = NAN);
@@ -229,7 +229,7 @@ void test_bad_arguments(const char *folder)
            SVBRDF_INVALID_HANDLE);
     /* Nothing was lost by all this. */
     OK(svbrdf_session_progress(session_, &progress));
-    CHECK(progress.state == SVBRDF_STATE_READY && progress.frames == 0);
+    CHECK(progress.state == SVBRDF_STATE_READY && progress.photos == 0);
     OK(svbrdf_session_pause(session_));
     if (!quick()) {
         OK(push_gray(session_, 100));

@@ -141,8 +141,8 @@ void test_board(const char *folder)
     picture photo = read_ppm(folder, "00.ppm");
     svbrdf_session *session = create(&c);
     svbrdf_image image;
-    svbrdf_frame_info info;
-    svbrdf_frame_report report;
+    svbrdf_photo_info info;
+    svbrdf_photo_report report;
     svbrdf_progress progress;
     svbrdf_maps *maps = NULL;
     double offset[3];
@@ -151,15 +151,15 @@ void test_board(const char *folder)
 
     EXPECT(svbrdf_session_snapshot_maps(session, &maps), SVBRDF_NO_MAPS);
     CHECK(maps == NULL);
-    OK(svbrdf_frame_info_init(&info, sizeof info));
-    OK(svbrdf_frame_report_init(&report, sizeof report));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
+    OK(svbrdf_photo_report_init(&report, sizeof report));
 
     /* What a rejection looks like: a black photo, then one without flash. */
     rgb8(&image, &photo);
     black = calloc(image.planes[0].bytes, 1);
     image.planes[0].data = black;
     info.timestamp_ns = 41;
-    EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_REJECTED);
+    EXPECT(svbrdf_session_add_photo(session, &image, &info, &report), SVBRDF_REJECTED);
     CHECK(strstr(svbrdf_last_error_message(), "too dark") != NULL);
     CHECK(report.accepted == 0 && report.rejection == SVBRDF_REJECTION_TOO_DARK);
     CHECK(report.timestamp_ns == 41 && report.measured < 0.01f);
@@ -167,13 +167,13 @@ void test_board(const char *folder)
     free(black);
     rgb8(&image, &photo);
     info.flash = SVBRDF_FLASH_OFF;
-    EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_REJECTED);
+    EXPECT(svbrdf_session_add_photo(session, &image, &info, &report), SVBRDF_REJECTED);
     CHECK(report.rejection == SVBRDF_REJECTION_LIGHT_NOT_VISIBLE);
     EXPECT(svbrdf_session_snapshot_maps(session, &maps), SVBRDF_NO_MAPS);
 
     info.flash = SVBRDF_FLASH_FIRED;
     info.timestamp_ns = 42;
-    OK(svbrdf_session_push_frame(session, &image, &info, &report));
+    OK(svbrdf_session_add_photo(session, &image, &info, &report));
     free(photo.rgb); /* Nothing of it is kept. */
     CHECK(report.accepted == 1 && report.index == 0 && report.has_pose == 1);
     CHECK(report.rejection == SVBRDF_REJECTION_NONE && report.timestamp_ns == 42);
@@ -190,7 +190,7 @@ void test_board(const char *folder)
     OK(svbrdf_progress_init(&progress, sizeof progress));
     OK(svbrdf_session_progress(session, &progress));
     CHECK(progress.state == SVBRDF_STATE_READY && progress.settled == 1);
-    CHECK(progress.frames == 1 && progress.fraction == 1.0f);
+    CHECK(progress.photos == 1 && progress.fraction == 1.0f);
     CHECK(progress.loss > 0.0f && progress.loss < progress.loss_before);
     CHECK(progress.maps_revision > 1 && progress.seconds_left < 0.0f);
     OK(svbrdf_session_light(session, offset, &ambient));
@@ -228,7 +228,7 @@ static unsigned short half(float v)
     return (unsigned short)(((exponent + 14) << 10) | (int)((mantissa * 2.0f - 1.0f) * 1023.5f));
 }
 
-static void expect_pose(const svbrdf_frame_report *a, const svbrdf_frame_report *b, double mm)
+static void expect_pose(const svbrdf_photo_report *a, const svbrdf_photo_report *b, double mm)
 {
     int i;
     for (i = 0; i < 3; i++) {
@@ -243,16 +243,16 @@ void test_layouts(const char *folder)
     picture p = read_ppm(folder, "00.ppm");
     size_t w = p.width, h = p.height, x, y, n = w * h, i;
     svbrdf_session *session = create(&c);
-    svbrdf_frame_report reference, report;
+    svbrdf_photo_report reference, report;
     svbrdf_image image;
     unsigned format;
     unsigned char *bytes = malloc(16 * n + 64);
     CHECK(bytes != NULL);
     OK(svbrdf_session_pause(session));
-    OK(svbrdf_frame_report_init(&reference, sizeof reference));
+    OK(svbrdf_photo_report_init(&reference, sizeof reference));
     report = reference;
     rgb8(&image, &p);
-    OK(svbrdf_session_push_frame(session, &image, NULL, &reference));
+    OK(svbrdf_session_add_photo(session, &image, NULL, &reference));
 
     for (format = SVBRDF_PIXEL_RGBA8; format <= SVBRDF_PIXEL_P010; format++) {
         double tolerance_mm = 0.02;
@@ -384,7 +384,7 @@ void test_layouts(const char *folder)
             }
             tolerance_mm = 0.3; /* two thirds of the values were thrown away */
         }
-        OK(svbrdf_session_push_frame(session, &image, NULL, &report));
+        OK(svbrdf_session_add_photo(session, &image, NULL, &report));
         CHECK(report.index == format - 1);
         expect_pose(&report, &reference, tolerance_mm);
     }

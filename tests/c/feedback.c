@@ -16,12 +16,12 @@ static svbrdf_session *board_session(const svbrdf_camera *given)
     return session;
 }
 
-static svbrdf_frame_report push(svbrdf_session *session, const svbrdf_image *image,
-                                const svbrdf_frame_info *info, svbrdf_status expected)
+static svbrdf_photo_report push(svbrdf_session *session, const svbrdf_image *image,
+                                const svbrdf_photo_info *info, svbrdf_status expected)
 {
-    svbrdf_frame_report report;
-    OK(svbrdf_frame_report_init(&report, sizeof report));
-    EXPECT(svbrdf_session_push_frame(session, image, info, &report), expected);
+    svbrdf_photo_report report;
+    OK(svbrdf_photo_report_init(&report, sizeof report));
+    EXPECT(svbrdf_session_add_photo(session, image, info, &report), expected);
     if (expected == SVBRDF_REJECTED) {
         CHECK(strcmp(report.advice, svbrdf_last_error_message()) == 0);
     }
@@ -32,7 +32,7 @@ static svbrdf_frame_report push(svbrdf_session *session, const svbrdf_image *ima
 static void accepted_photos(const picture *first, const picture *second)
 {
     svbrdf_session *session = board_session(NULL);
-    svbrdf_frame_report report, again;
+    svbrdf_photo_report report, again;
     svbrdf_next_view next;
     svbrdf_camera camera;
     svbrdf_paper paper;
@@ -121,7 +121,7 @@ static void unknown_camera(const picture *first)
 {
     svbrdf_camera camera;
     svbrdf_session *session = board_session(&camera);
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
     svbrdf_image image;
     double sigma[9];
     OK(svbrdf_camera_init(&camera, sizeof camera));
@@ -129,7 +129,7 @@ static void unknown_camera(const picture *first)
     OK(svbrdf_session_camera(session, &camera, NULL));
     CHECK(camera.width == 0 && camera.fx == 0.0);
     rgb8(&image, first);
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     info.focal_35mm = NAN;
     push(session, &image, &info, SVBRDF_INVALID_ARGUMENT);
     info.focal_35mm = 26.6f;
@@ -145,7 +145,7 @@ static void rejected_photos(const picture *first)
 {
     enum { BLUR = 31 };
     svbrdf_session *session = board_session(NULL);
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     svbrdf_image image;
     size_t x, y, c, k, w = first->width, h = first->height;
     unsigned char *moved = malloc(3 * w * h);
@@ -176,8 +176,8 @@ static void rejected_photos(const picture *first)
 static void ambient_light(const picture *first)
 {
     svbrdf_session *session = board_session(NULL);
-    svbrdf_frame_report plain, report;
-    svbrdf_frame_info info;
+    svbrdf_photo_report plain, report;
+    svbrdf_photo_info info;
     svbrdf_image image, ambient;
     size_t n = (size_t)3 * first->width * first->height, i;
     float *lamp = malloc(n * sizeof *lamp);
@@ -186,7 +186,7 @@ static void ambient_light(const picture *first)
     rgb8(&image, first);
     rgb8(&ambient, first);
     plain = push(session, &image, NULL, SVBRDF_OK);
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     CHECK(info.ambient == NULL && info.ambient_exposure == 0.0f);
     info.ambient = &ambient;
 
@@ -237,14 +237,14 @@ static void ambient_light(const picture *first)
 /* Programs built with a header that had fewer fields. */
 static void older_callers(const picture *first)
 {
-    const size_t old_report = offsetof(svbrdf_frame_report, hints);
-    const size_t old_info = offsetof(svbrdf_frame_info, ambient);
+    const size_t old_report = offsetof(svbrdf_photo_report, hints);
+    const size_t old_info = offsetof(svbrdf_photo_info, ambient);
     svbrdf_session_options options;
     svbrdf_board board;
     svbrdf_camera camera;
     svbrdf_session *session = NULL;
-    svbrdf_frame_report report;
-    svbrdf_frame_info info;
+    svbrdf_photo_report report;
+    svbrdf_photo_info info;
     svbrdf_image image;
     size_t i;
 
@@ -260,20 +260,20 @@ static void older_callers(const picture *first)
 
     memset(&report, 0x5A, sizeof report);
     memset(&info, 0x5A, sizeof info);
-    OK(svbrdf_frame_report_init(&report, old_report));
-    OK(svbrdf_frame_info_init(&info, old_info));
+    OK(svbrdf_photo_report_init(&report, old_report));
+    OK(svbrdf_photo_info_init(&info, old_info));
     rgb8(&image, first);
     info.timestamp_ns = 5;
-    OK(svbrdf_session_push_frame(session, &image, &info, &report));
+    OK(svbrdf_session_add_photo(session, &image, &info, &report));
     CHECK(report.accepted == 1 && report.timestamp_ns == 5 && report.size == old_report);
     for (i = old_report; i < sizeof report; i++) {
         CHECK(((const unsigned char *)&report)[i] == 0x5A);
     }
     report.size = old_report - 1;
-    EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_add_photo(session, &image, &info, &report), SVBRDF_INVALID_ARGUMENT);
     report.size = old_report;
     info.size = old_info - 1;
-    EXPECT(svbrdf_session_push_frame(session, &image, &info, &report), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_add_photo(session, &image, &info, &report), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_session_destroy(session));
 }
 

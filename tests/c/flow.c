@@ -1,4 +1,4 @@
-/* Photos pushed without waiting; threads and log of the library as a whole. */
+/* Photos added without waiting; threads and log of the library as a whole. */
 #include "check.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@ static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
 /* What has come back, in the order in which it came. */
 static struct {
     svbrdf_status status;
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     char message[256];
 } came[MOST];
 static int arrived, pushed, held, started[8], lines;
@@ -43,7 +43,7 @@ static void add(int *what, int value)
 }
 
 static void on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
-                      const svbrdf_frame_report *report)
+                      const svbrdf_photo_report *report)
 {
     CHECK(user == &arrived && report->size == sizeof *report);
     CHECK(pthread_mutex_lock(&lock) == 0);
@@ -65,7 +65,7 @@ static void on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
 }
 
 static void destroy_on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
-                              const svbrdf_frame_report *report)
+                              const svbrdf_photo_report *report)
 {
     CHECK(user == &arrived && report->timestamp_ns >= 0);
     wait_for(&pushed, 3);
@@ -77,7 +77,7 @@ static void destroy_on_pushed(void *user, svbrdf_session *session, svbrdf_status
 
 static void on_start(void *user, svbrdf_thread thread)
 {
-    CHECK(user == started && thread >= SVBRDF_THREAD_WORK && thread <= SVBRDF_THREAD_PUSH);
+    CHECK(user == started && thread >= SVBRDF_THREAD_WORK && thread <= SVBRDF_THREAD_PHOTOS);
     add(&started[thread], 1);
 }
 
@@ -118,21 +118,21 @@ static svbrdf_session *create(void)
 
 /* Pushes a copy of a photo that is gone when the call is through. */
 static svbrdf_status push(svbrdf_session *session, const picture *p, int64_t timestamp,
-                          svbrdf_flash flash, svbrdf_pushed_callback callback)
+                          svbrdf_flash flash, svbrdf_photo_callback callback)
 {
     picture copy = *p;
     size_t bytes = (size_t)3 * p->width * p->height;
     svbrdf_image image;
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
     svbrdf_status status;
     copy.rgb = malloc(bytes);
     CHECK(copy.rgb != NULL);
     memcpy(copy.rgb, p->rgb, bytes);
     rgb8(&image, &copy);
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     info.timestamp_ns = timestamp;
     info.flash = flash;
-    status = svbrdf_session_push_frame_async(session, &image, &info, callback, &arrived);
+    status = svbrdf_session_add_photo_async(session, &image, &info, callback, &arrived);
     memset(copy.rgb, 0, bytes);
     free(copy.rgb);
     return status;
@@ -142,7 +142,7 @@ static svbrdf_status push(svbrdf_session *session, const picture *p, int64_t tim
 static void answers(const picture *photo, const picture *black)
 {
     svbrdf_session *session = create(), *other = create();
-    svbrdf_frame_report waited;
+    svbrdf_photo_report waited;
     svbrdf_image image;
     int i;
     OK(push(session, photo, 1, SVBRDF_FLASH_FIRED, on_pushed));
@@ -159,9 +159,9 @@ static void answers(const picture *photo, const picture *black)
     CHECK(came[1].report.rejection == SVBRDF_REJECTION_TOO_DARK && came[1].report.accepted == 0);
     CHECK(came[2].report.rejection == SVBRDF_REJECTION_LIGHT_NOT_VISIBLE);
     CHECK(came[3].status == SVBRDF_OK && came[3].report.hints == SVBRDF_HINT_NOTHING_NEW);
-    OK(svbrdf_frame_report_init(&waited, sizeof waited));
+    OK(svbrdf_photo_report_init(&waited, sizeof waited));
     rgb8(&image, photo);
-    OK(svbrdf_session_push_frame(other, &image, NULL, &waited));
+    OK(svbrdf_session_add_photo(other, &image, NULL, &waited));
     for (i = 0; i < 3; i++) {
         CHECK(fabs(waited.translation_mm[i] - came[0].report.translation_mm[i]) < 1e-9);
     }
@@ -170,16 +170,16 @@ static void answers(const picture *photo, const picture *black)
     /* What is wrong with the planes is said later, of the rest at once, and nothing comes. */
     rgb8(&image, photo);
     image.planes[0].bytes -= 1;
-    OK(svbrdf_session_push_frame_async(session, &image, NULL, on_pushed, &arrived));
+    OK(svbrdf_session_add_photo_async(session, &image, NULL, on_pushed, &arrived));
     wait_for(&arrived, 5);
     CHECK(came[4].status == SVBRDF_INVALID_ARGUMENT && came[4].message[0] != '\0');
     CHECK(came[4].report.accepted == 0 && came[4].report.has_pose == 0);
-    EXPECT(svbrdf_session_push_frame_async(session, &image, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_async(session, &image, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     image.planes[0].data = NULL;
-    EXPECT(svbrdf_session_push_frame_async(session, &image, NULL, on_pushed, &arrived),
+    EXPECT(svbrdf_session_add_photo_async(session, &image, NULL, on_pushed, &arrived),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_frame_async(session, NULL, NULL, on_pushed, &arrived),
+    EXPECT(svbrdf_session_add_photo_async(session, NULL, NULL, on_pushed, &arrived),
            SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_session_destroy(session));
     EXPECT(push(session, photo, 5, SVBRDF_FLASH_FIRED, on_pushed), SVBRDF_INVALID_HANDLE);
@@ -272,11 +272,11 @@ void test_flow(const char *folder)
     OK(svbrdf_set_log_callback(on_line, &lines));
 
     answers(&photo, &black);
-    /* Two sessions, of which one was pushed to without waiting. */
+    /* Two sessions, of which one was given photos without waiting. */
     wait_for(&started[SVBRDF_THREAD_FIT], 2);
     wait_for(&started[SVBRDF_THREAD_CALLBACK], 2);
     wait_for(&started[SVBRDF_THREAD_WORK], 4);
-    CHECK(now(&started[SVBRDF_THREAD_PUSH]) == 1 && now(&started[SVBRDF_THREAD_FIT]) == 2);
+    CHECK(now(&started[SVBRDF_THREAD_PHOTOS]) == 1 && now(&started[SVBRDF_THREAD_FIT]) == 2);
     /* Starts, four answers and a hint, one answer. */
     CHECK(now(&lines) == 2 + 5 + 1);
     ends(&photo);

@@ -74,7 +74,7 @@ static void push(const svbrdf_image *image, float *diffuse)
     rectified_options(&options);
     OK(svbrdf_session_create(&options, &session));
     OK(svbrdf_session_pause(session));
-    OK(svbrdf_session_push_rectified(session, image, NULL, above, above, NULL));
+    OK(svbrdf_session_add_rectified_photo(session, image, NULL, above, above, NULL));
     OK(svbrdf_session_snapshot_maps(session, &maps));
     OK(svbrdf_maps_copy(maps, SVBRDF_MAP_DIFFUSE, SVBRDF_MAP_FORMAT_F32, diffuse,
                         3 * TEXELS * sizeof *diffuse, 0));

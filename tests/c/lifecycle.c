@@ -149,7 +149,7 @@ void test_lifecycle(const char *folder)
     EXPECT(svbrdf_session_wait(keeper, -1), SVBRDF_CANCELLED);
     EXPECT(push_gray(keeper, 100), SVBRDF_CANCELLED);
     OK(svbrdf_session_progress(keeper, &progress));
-    CHECK(progress.state == SVBRDF_STATE_CANCELLED && progress.frames == 2);
+    CHECK(progress.state == SVBRDF_STATE_CANCELLED && progress.photos == 2);
     OK(svbrdf_session_snapshot_maps(keeper, &maps)); /* maps stay available */
     OK(svbrdf_maps_destroy(maps));
     EVENTUALLY(called > 0);
@@ -233,7 +233,7 @@ void test_threads(const char *folder)
         if (round == 0) {
             OK(svbrdf_progress_init(&progress, sizeof progress));
             OK(svbrdf_session_progress(shared, &progress));
-            CHECK(progress.frames == 12);
+            CHECK(progress.photos == 12);
             OK(svbrdf_session_cancel(shared));
         }
         CHECK(pthread_join(threads[4], NULL) == 0);

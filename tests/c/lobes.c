@@ -203,6 +203,13 @@ static void check_rendering(void)
     }
 }
 
+/* Counts the remarks on formats. */
+static void on_remark(void *user, svbrdf_log_level level, const char *message)
+{
+    CHECK(level == SVBRDF_LOG_WARNING && strstr(message, " has no ") != NULL);
+    ++*(int *)user;
+}
+
 static void check_faults(const char *folder)
 {
     svbrdf_maps_input input;
@@ -211,6 +218,7 @@ static void check_faults(const char *folder)
     char path[4096];
     material m;
     float crooked[3 * TEXELS + 1];
+    int remarks = 0;
     fill(&m);
     input_of(&input, &m, 3);
     EXPECT(svbrdf_maps_from_memory(NULL, &maps), SVBRDF_INVALID_ARGUMENT);
@@ -247,6 +255,12 @@ static void check_faults(const char *folder)
     OK(svbrdf_maps_export(maps, NULL, path));
     OK(svbrdf_export_options_init(&options, sizeof options));
     OK(svbrdf_maps_export(maps, &options, path));
+    /* What a format does not have is told. */
+    options.formats = "usdz,unity-hdrp,unity-urp";
+    OK(svbrdf_set_log_callback(on_remark, &remarks));
+    OK(svbrdf_maps_export(maps, &options, path));
+    OK(svbrdf_set_log_callback(NULL, NULL));
+    CHECK(remarks == 3);
     OK(svbrdf_maps_destroy(maps));
 }
 

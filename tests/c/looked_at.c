@@ -1,4 +1,4 @@
-/* Photos that are looked at before they are pushed, and taken back afterwards. */
+/* Photos that are looked at before they are added, and taken back afterwards. */
 #include "check.h"
 
 #include <math.h>
@@ -18,7 +18,7 @@ static svbrdf_session *board_session(void)
 }
 
 static svbrdf_probe probed(const svbrdf_session *session, const svbrdf_image *image,
-                           const svbrdf_frame_info *info)
+                           const svbrdf_photo_info *info)
 {
     svbrdf_probe probe;
     OK(svbrdf_probe_init(&probe, sizeof probe));
@@ -55,8 +55,8 @@ static void preview(svbrdf_image *image, const picture *p)
 static void probes(const picture *first, const picture *second)
 {
     svbrdf_session *session = board_session();
-    svbrdf_frame_report report;
-    svbrdf_frame_info info;
+    svbrdf_photo_report report;
+    svbrdf_photo_info info;
     svbrdf_image image;
     svbrdf_probe probe, small;
     float corners[2 * CORNERS + 1];
@@ -79,13 +79,13 @@ static void probes(const picture *first, const picture *second)
     free(after);
 
     rgb8(&image, first);
-    OK(svbrdf_frame_report_init(&report, sizeof report));
-    OK(svbrdf_session_push_frame(session, &image, NULL, &report));
+    OK(svbrdf_photo_report_init(&report, sizeof report));
+    OK(svbrdf_session_add_photo(session, &image, NULL, &report));
     for (i = 0; i < 3; i++) {
         CHECK(fabs(report.translation_mm[i] - probe.translation_mm[i]) < 0.2);
     }
     /* The same view again; corners into the caller's memory, as many as there is room for. */
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     info.timestamp_ns = 77;
     probe.corners_px = corners;
     probe.corners_capacity = CORNERS;
@@ -130,15 +130,15 @@ static void probes(const picture *first, const picture *second)
 static void trusted(svbrdf_session *session)
 {
     svbrdf_maps *maps = NULL;
-    svbrdf_confidence confidence;
+    svbrdf_uncertainty uncertainty;
     svbrdf_map_view view;
     double squares = 0.0;
     const float *at;
     size_t i, count;
 
-    OK(svbrdf_session_snapshot_confidence(session, &maps));
-    OK(svbrdf_confidence_init(&confidence, sizeof confidence));
-    OK(svbrdf_maps_confidence(maps, &confidence));
+    OK(svbrdf_session_snapshot_with_uncertainty(session, &maps));
+    OK(svbrdf_uncertainty_init(&uncertainty, sizeof uncertainty));
+    OK(svbrdf_maps_uncertainty(maps, &uncertainty));
     OK(svbrdf_map_view_init(&view, sizeof view));
     OK(svbrdf_maps_deviations(maps, SVBRDF_MAP_ROUGHNESS, &view));
     CHECK(view.channels == 1 && view.bytes == sizeof(float) * view.width * view.height);
@@ -147,13 +147,23 @@ static void trusted(svbrdf_session *session)
     for (i = 0; i < count; ++i) {
         squares += (double)at[i] * (double)at[i];
     }
-    CHECK(fabs(sqrt(squares / (double)count) - (double)confidence.roughness) < 1e-4);
-    CHECK(confidence.normal > 0.0f && confidence.diffuse > 0.0f && confidence.specular > 0.0f);
+    CHECK(fabs(sqrt(squares / (double)count) - (double)uncertainty.roughness) < 1e-4);
+    CHECK(uncertainty.normal > 0.0f && uncertainty.diffuse > 0.0f && uncertainty.specular > 0.0f);
     EXPECT(svbrdf_maps_deviations(maps, 9, &view), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_maps_deviations(maps, SVBRDF_MAP_NORMAL, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_maps_confidence(maps, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_snapshot_confidence(session, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_maps_uncertainty(maps, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_snapshot_with_uncertainty(session, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_maps_destroy(maps));
+}
+
+/* Counts hints of the second photo that it is like the first. */
+static void on_hint(void *user, uint32_t index, const char *code, const char *text)
+{
+    CHECK(index < 2 && code[0] != '\0' && text[0] != '\0');
+    if (strcmp(code, "nothing_new") == 0) {
+        CHECK(index == 1 && strstr(text, "photo 1 has nearly the same view") != NULL);
+        ++*(int *)user;
+    }
 }
 
 static void taken_back(const picture *first, const picture *second)
@@ -161,43 +171,50 @@ static void taken_back(const picture *first, const picture *second)
     svbrdf_session *session = board_session();
     svbrdf_maps *maps = NULL;
     svbrdf_progress progress;
-    svbrdf_frame_fit fit;
-    svbrdf_confidence confidence;
+    svbrdf_photo_fit fit;
+    svbrdf_uncertainty uncertainty;
     svbrdf_image image;
     double before[3], after[3];
+    int told = 0;
 
-    EXPECT(svbrdf_session_remove_frame(session, 0), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_remove_photo(session, 0), SVBRDF_INVALID_ARGUMENT);
     rgb8(&image, first);
-    OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
     rgb8(&image, second);
-    OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
     OK(svbrdf_session_pose(session, 1, NULL, before, NULL));
-    EXPECT(svbrdf_session_remove_frame(session, 2), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_remove_photo(session, 2), SVBRDF_INVALID_ARGUMENT);
     CHECK(strstr(svbrdf_last_error_message(), "index") != NULL);
-    OK(svbrdf_frame_fit_init(&fit, sizeof fit));
-    OK(svbrdf_session_frame_fit(session, 1, &fit));
+    OK(svbrdf_photo_fit_init(&fit, sizeof fit));
+    OK(svbrdf_session_photo_fit(session, 1, &fit));
     CHECK(fit.weight > 0.3f && fit.weight <= 1.0f && fit.residual > 0.0f && fit.outlier == 0);
-    EXPECT(svbrdf_session_frame_fit(session, 2, &fit), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_frame_fit(session, 0, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_photo_fit(session, 2, &fit), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_hints(session, NULL, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_photo_fit(session, 0, NULL), SVBRDF_INVALID_ARGUMENT);
 
-    OK(svbrdf_session_remove_frame(session, 0));
+    OK(svbrdf_session_remove_photo(session, 0));
     OK(svbrdf_progress_init(&progress, sizeof progress));
     OK(svbrdf_session_progress(session, &progress));
-    CHECK(progress.frames == 1 && progress.settled == 0);
+    CHECK(progress.photos == 1 && progress.settled == 0);
     OK(svbrdf_session_pose(session, 0, NULL, after, NULL));
     CHECK(fabs(before[0] - after[0]) < 0.1 && fabs(before[2] - after[2]) < 0.1);
     OK(svbrdf_session_snapshot_maps(session, &maps));
-    OK(svbrdf_confidence_init(&confidence, sizeof confidence));
-    EXPECT(svbrdf_maps_confidence(maps, &confidence), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_uncertainty_init(&uncertainty, sizeof uncertainty));
+    EXPECT(svbrdf_maps_uncertainty(maps, &uncertainty), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_maps_destroy(maps));
     trusted(session);
-    OK(svbrdf_session_remove_frame(session, 0));
+    OK(svbrdf_session_remove_photo(session, 0));
     EXPECT(svbrdf_session_snapshot_maps(session, &maps), SVBRDF_NO_MAPS);
-    EXPECT(svbrdf_session_snapshot_confidence(session, &maps), SVBRDF_NO_MAPS);
-    OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
+    EXPECT(svbrdf_session_snapshot_with_uncertainty(session, &maps), SVBRDF_NO_MAPS);
+    /* The same photo twice. */
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
+    OK(svbrdf_session_hints(session, on_hint, &told));
+    CHECK(told == 1);
     OK(svbrdf_session_destroy(session));
-    EXPECT(svbrdf_session_remove_frame(session, 0), SVBRDF_INVALID_HANDLE);
-    EXPECT(svbrdf_session_frame_fit(session, 0, &fit), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_hints(session, on_hint, &told), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_remove_photo(session, 0), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_photo_fit(session, 0, &fit), SVBRDF_INVALID_HANDLE);
 }
 
 /* Progress names what the fit does. */
@@ -244,9 +261,9 @@ static void phases(void)
 /* The guidance for a picture so many milliseconds after the first one. */
 static svbrdf_guidance guided_at(svbrdf_session *session, const svbrdf_image *image, int ms)
 {
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
     svbrdf_guidance guidance;
-    OK(svbrdf_frame_info_init(&info, sizeof info));
+    OK(svbrdf_photo_info_init(&info, sizeof info));
     info.timestamp_ns = (int64_t)ms * 1000000;
     OK(svbrdf_guidance_init(&guidance, sizeof guidance));
     OK(svbrdf_session_guide(session, image, &info, NULL, &guidance));
@@ -254,7 +271,7 @@ static svbrdf_guidance guided_at(svbrdf_session *session, const svbrdf_image *im
     return guidance;
 }
 
-/* Hold, shoot, hold until it is pushed, move on, enough. */
+/* Hold, shoot, hold until it is added, move on, enough. */
 static void guided(const picture *first, const picture *second)
 {
     svbrdf_session *session = board_session();
@@ -271,7 +288,7 @@ static void guided(const picture *first, const picture *second)
     CHECK(guidance.has_target == 1 && guidance.target_tilt_deg == 0.0f && guidance.gain < 0.0f);
     CHECK(guided_at(session, &image, 300).action == SVBRDF_ACTION_HOLD);
     rgb8(&image, first);
-    OK(svbrdf_session_push_frame(session, &image, NULL, NULL));
+    OK(svbrdf_session_add_photo(session, &image, NULL, NULL));
     preview(&image, first);
     /* The fit tells between two steps what views are worth: here it is paused, and still does. */
     ms = 400;

@@ -33,7 +33,7 @@ svbrdf_status push_gray(svbrdf_session *session, int level)
     unsigned char *rgb = malloc(3 * SIDE * SIDE);
     CHECK(rgb != NULL);
     gray_image(&image, rgb, level);
-    status = svbrdf_session_push_rectified(session, &image, NULL, above, above, NULL);
+    status = svbrdf_session_add_rectified_photo(session, &image, NULL, above, above, NULL);
     free(rgb);
     return status;
 }

@@ -22,7 +22,7 @@ static svbrdf_session *uneven_session(void)
     rectified_options(&options);
     OK(svbrdf_session_create(&options, &session));
     OK(svbrdf_session_pause(session));
-    OK(svbrdf_session_push_rectified(session, &image, NULL, above, above, NULL));
+    OK(svbrdf_session_add_rectified_photo(session, &image, NULL, above, above, NULL));
     free(rgb);
     return session;
 }

@@ -53,7 +53,7 @@ static svbrdf_session *begun(svbrdf_progress_callback callback)
 static void announced(void)
 {
     svbrdf_session *session = begun(on_progress);
-    svbrdf_frame_info dark;
+    svbrdf_photo_info dark;
     svbrdf_image image;
     unsigned char *rgb = malloc(3 * SIDE * SIDE);
     const float position[3] = {0.0f, 10.0f, 150.0f};
@@ -68,9 +68,9 @@ static void announced(void)
     }
     /* One without flash is rejected, one will not come after all: one of three is left. */
     gray_image(&image, rgb, 90);
-    OK(svbrdf_frame_info_init(&dark, sizeof dark));
+    OK(svbrdf_photo_info_init(&dark, sizeof dark));
     dark.flash = SVBRDF_FLASH_OFF;
-    EXPECT(svbrdf_session_push_rectified(session, &image, &dark, position, position, NULL),
+    EXPECT(svbrdf_session_add_rectified_photo(session, &image, &dark, position, position, NULL),
            SVBRDF_REJECTED);
     free(rgb);
     CHECK(now(session).fraction == 0.5f);
@@ -78,7 +78,7 @@ static void announced(void)
     CHECK(now(session).fraction == 2.0f / 3.0f);
     OK(push_gray(session, 100));
     OK(svbrdf_session_wait(session, -1));
-    CHECK(now(session).fraction == 1.0f && now(session).frames == 3);
+    CHECK(now(session).fraction == 1.0f && now(session).photos == 3);
     EVENTUALLY(has_ended());
     OK(svbrdf_session_destroy(session));
     CHECK(steps > 0);

@@ -92,7 +92,7 @@ static void *listen(void *unused)
 }
 
 static void on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
-                      const svbrdf_frame_report *report)
+                      const svbrdf_photo_report *report)
 {
     (void)user;
     /* A photo of a board, for a session of photos from the top. */
@@ -102,14 +102,14 @@ static void on_pushed(void *user, svbrdf_session *session, svbrdf_status status,
     count(&answered);
 }
 
-static void push_async(void)
+static void add_photo_async(void)
 {
     svbrdf_image image;
     svbrdf_status status;
     unsigned char *rgb = malloc(3 * SIDE * SIDE);
     CHECK(rgb != NULL);
     gray_image(&image, rgb, 90);
-    status = svbrdf_session_push_frame_async(session_, &image, NULL, on_pushed, NULL);
+    status = svbrdf_session_add_photo_async(session_, &image, NULL, on_pushed, NULL);
     free(rgb);
     CHECK(status == SVBRDF_OK || status == SVBRDF_BUSY || status == SVBRDF_CANCELLED ||
           status == SVBRDF_INVALID_HANDLE);
@@ -124,7 +124,7 @@ static void *push(void *unused)
     (void)unused;
     for (i = 0; i < PHOTOS; i++) {
         svbrdf_status status = push_gray(session_, 80 + 10 * i);
-        push_async();
+        add_photo_async();
         expect_any(status);
         if (status == SVBRDF_OK) {
             count(&accepted);

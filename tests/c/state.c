@@ -137,7 +137,7 @@ static void photos(const char *folder)
     OK(svbrdf_buffer_destroy(buffer));
     OK(svbrdf_progress_init(&progress, sizeof progress));
     OK(svbrdf_session_progress(again, &progress));
-    CHECK(progress.frames == 1 && progress.settled == 1);
+    CHECK(progress.photos == 1 && progress.settled == 1);
     OK(svbrdf_session_snapshot_maps(again, &maps[1]));
     for (i = 0; i < 2; i++) {
         OK(svbrdf_map_view_init(&views[i], sizeof views[i]));
@@ -150,7 +150,7 @@ static void photos(const char *folder)
     OK(push_gray(again, 110));
     OK(svbrdf_session_wait(again, -1));
     OK(svbrdf_session_progress(again, &progress));
-    CHECK(progress.frames == 2);
+    CHECK(progress.photos == 2);
     CHECK(snprintf(path, sizeof path, "%s/one.state", folder) < (int)sizeof path);
     OK(svbrdf_session_save_state_to(again, path));
     OK(svbrdf_session_destroy(again));
@@ -177,14 +177,14 @@ static unsigned char *read_file(const char *path, size_t *length)
     return bytes;
 }
 
-/* The photo of a capture, pushed as a file: the same pose, and every kind of bad argument. */
+/* The photo of a capture, added as a file: the same pose, and every kind of bad argument. */
 static void push_files(const char *folder, const svbrdf_capture *capture,
-                       const svbrdf_frame_report *known)
+                       const svbrdf_photo_report *known)
 {
     svbrdf_session_options options;
-    svbrdf_encoded_options how;
+    svbrdf_file_options how;
     svbrdf_file_info info;
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     svbrdf_session *session = NULL;
     char path[4096];
     size_t length = 0;
@@ -198,9 +198,9 @@ static void push_files(const char *folder, const svbrdf_capture *capture,
     options.capture = capture;
     OK(svbrdf_session_create(&options, &session));
     OK(svbrdf_session_pause(session));
-    OK(svbrdf_encoded_options_init(&how, sizeof how));
+    OK(svbrdf_file_options_init(&how, sizeof how));
     OK(svbrdf_file_info_init(&info, sizeof info));
-    OK(svbrdf_frame_report_init(&report, sizeof report));
+    OK(svbrdf_photo_report_init(&report, sizeof report));
 
     OK(svbrdf_file_look_at(bytes, length, &info));
     CHECK(info.width == 2016 && info.height == 1512 && info.is_linear == 0);
@@ -209,43 +209,43 @@ static void push_files(const char *folder, const svbrdf_capture *capture,
     EXPECT(svbrdf_file_look_at(bytes, length, NULL), SVBRDF_INVALID_ARGUMENT);
     EXPECT(svbrdf_file_look_at(NULL, 1, &info), SVBRDF_INVALID_ARGUMENT);
 
-    EXPECT(svbrdf_session_push_encoded(NULL, bytes, length, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(NULL, bytes, length, NULL, NULL, NULL),
            SVBRDF_INVALID_HANDLE);
-    EXPECT(svbrdf_session_push_encoded(session, NULL, length, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, NULL, length, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_encoded(session, bytes, 0, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, 0, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length / 2, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length / 2, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_encoded(session, "hello", 5, NULL, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, "hello", 5, NULL, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     CHECK(strstr(svbrdf_last_error_message(), "not a picture") != NULL);
     how.max_pixels = 1000;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     how.max_pixels = 0;
     how.max_bytes = 1000;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, NULL),
            SVBRDF_MEMORY_LIMIT);
     how.max_bytes = 0;
     how.rotation = 45;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     how.rotation = 0;
     how.transfer = 99;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     how.transfer = 0;
     how.exposure = -1.0f;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, NULL),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, NULL),
            SVBRDF_INVALID_ARGUMENT);
     how.exposure = 0.0f;
     how.flash = SVBRDF_FLASH_OFF;
-    EXPECT(svbrdf_session_push_encoded(session, bytes, length, &how, NULL, &report),
+    EXPECT(svbrdf_session_add_photo_file(session, bytes, length, &how, NULL, &report),
            SVBRDF_REJECTED);
     how.flash = SVBRDF_FLASH_FIRED;
     how.timestamp_ns = 3;
-    OK(svbrdf_session_push_encoded(session, bytes, length, &how, &info, &report));
+    OK(svbrdf_session_add_photo_file(session, bytes, length, &how, &info, &report));
     CHECK(report.accepted == 1 && report.timestamp_ns == 3 && info.width == 2016);
     CHECK(memcmp(report.translation_mm, known->translation_mm, sizeof report.translation_mm) == 0);
     free(bytes);
@@ -257,7 +257,7 @@ void test_capture(const char *folder)
     svbrdf_session_options options;
     svbrdf_capture *capture = NULL;
     svbrdf_session *session = NULL, *rectified = begun();
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     svbrdf_maps *maps = NULL;
     char path[4096];
     uint32_t count = 0;
@@ -267,8 +267,8 @@ void test_capture(const char *folder)
     CHECK(snprintf(path, sizeof path, "%s/capture", folder) < (int)sizeof path);
     EXPECT(svbrdf_capture_open(path, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_capture_open(path, &capture));
-    EXPECT(svbrdf_capture_frames(capture, NULL), SVBRDF_INVALID_ARGUMENT);
-    OK(svbrdf_capture_frames(capture, &count));
+    EXPECT(svbrdf_capture_photos(capture, NULL), SVBRDF_INVALID_ARGUMENT);
+    OK(svbrdf_capture_photos(capture, &count));
     CHECK(count == 8);
     OK(svbrdf_session_options_init(&options, sizeof options));
     options.threads = 1;
@@ -276,18 +276,18 @@ void test_capture(const char *folder)
     EXPECT(svbrdf_session_create(&options, &session), SVBRDF_INVALID_HANDLE);
     options.capture = capture;
     OK(svbrdf_session_create(&options, &session));
-    EXPECT(svbrdf_session_push_capture(session, capture, 8, NULL), SVBRDF_INVALID_ARGUMENT);
-    EXPECT(svbrdf_session_push_capture(session, NULL, 0, NULL), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_add_capture_photo(session, capture, 8, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_add_capture_photo(session, NULL, 0, NULL), SVBRDF_INVALID_HANDLE);
     /* A session of another kind. */
-    EXPECT(svbrdf_session_push_capture(rectified, capture, 0, NULL), SVBRDF_INVALID_ARGUMENT);
+    EXPECT(svbrdf_session_add_capture_photo(rectified, capture, 0, NULL), SVBRDF_INVALID_ARGUMENT);
     OK(svbrdf_session_destroy(rectified));
     OK(svbrdf_session_pause(session));
-    OK(svbrdf_frame_report_init(&report, sizeof report));
-    OK(svbrdf_session_push_capture(session, capture, 3, &report));
+    OK(svbrdf_photo_report_init(&report, sizeof report));
+    OK(svbrdf_session_add_capture_photo(session, capture, 3, &report));
     CHECK(report.accepted == 1 && report.index == 0 && report.timestamp_ns == 3);
     push_files(folder, capture, &report);
     OK(svbrdf_capture_destroy(capture));
-    EXPECT(svbrdf_session_push_capture(session, capture, 4, NULL), SVBRDF_INVALID_HANDLE);
+    EXPECT(svbrdf_session_add_capture_photo(session, capture, 4, NULL), SVBRDF_INVALID_HANDLE);
     EXPECT(svbrdf_capture_destroy(capture), SVBRDF_INVALID_HANDLE);
     OK(svbrdf_capture_destroy(NULL));
     OK(svbrdf_session_snapshot_maps(session, &maps));

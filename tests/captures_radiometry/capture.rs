@@ -8,8 +8,8 @@ use svbrdf::calibration::photometry::{
     FlashOffset, Lobe, PhotometricCalibrator, Radiometry, Vignetting,
 };
 use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
-use svbrdf::frame::{Photo, ToneCurve};
 use svbrdf::geometry::{Camera, Pose};
+use svbrdf::photo::{Photo, ToneCurve};
 
 use crate::picture::picture;
 
@@ -86,7 +86,7 @@ impl Capture {
         Self { folder, capture, truth, target, camera, offset, sample_mm }
     }
 
-    pub(crate) fn frames(&self) -> usize {
+    pub(crate) fn photos(&self) -> usize {
         self.capture["frames"].as_array().unwrap().len()
     }
 
@@ -177,9 +177,9 @@ impl Capture {
         }
     }
 
-    pub(crate) fn calibrate(&self, frames: usize, flash: FlashOffset) -> PhotometricCalibrator {
+    pub(crate) fn calibrate(&self, photos: usize, flash: FlashOffset) -> PhotometricCalibrator {
         let mut calibrator = PhotometricCalibrator::new(self.target.clone(), flash);
-        for i in 0..frames {
+        for i in 0..photos {
             let pushed = calibrator.push(&self.photo(i), &self.camera, &self.pose(i));
             assert!(pushed.is_ok(), "frame {i}: {pushed:?}");
         }

@@ -25,12 +25,12 @@ fn white_squares_give_the_true_light() {
     let Some(root) = data() else { return };
     for name in CAPTURES {
         let capture = Capture::open(&root, name);
-        for frames in [1, 3, capture.frames()] {
-            let calibrator = capture.calibrate(frames, capture.flash());
+        for photos in [1, 3, capture.photos()] {
+            let calibrator = capture.calibrate(photos, capture.flash());
             let p = calibrator.photometry().unwrap();
             let mut worst_scale = 0.0_f64;
             let mut text = String::new();
-            for i in 0..frames {
+            for i in 0..photos {
                 let r = calibrator.radiometry(i).unwrap();
                 for c in 0..3 {
                     let error = r.gain[c] * capture.true_scale() - 1.0;
@@ -49,7 +49,7 @@ fn white_squares_give_the_true_light() {
             let truth = capture.true_ambient()[1];
             let (raw, sigma) = p.ambient_raw[1];
             println!(
-                "{name}, {frames} frames: gain error (green, %){text}; worst {:.2}; response \
+                "{name}, {photos} photos: gain error (green, %){text}; worst {:.2}; response \
                  m {:.2} k {:.2} n {:.2} (true {:.2}), error to 32 degrees {:.2} %; ambient {:.4} (raw {raw:.4} +- \
                  {sigma:.4}), true {truth:.4}; black ratio {:.3}; residual {:.4}",
                 100.0 * worst_scale,
@@ -63,14 +63,14 @@ fn white_squares_give_the_true_light() {
                 p.sigma,
             );
             // One frontal photo cannot tell the ambient from the rest and takes it as none.
-            let blind = frames == 1 && truth > 0.0;
-            let (scale, response) = match frames {
+            let blind = photos == 1 && truth > 0.0;
+            let (scale, response) = match photos {
                 1 if blind => (0.06, 0.06),
                 1 => (0.008, 0.025),
                 _ => (0.004, 0.014),
             };
-            assert!(worst_scale < scale && worst_response < response, "{name}, {frames}");
-            assert!(blind || (p.ambient[1] - truth).abs() < 0.003, "{name}, {frames}");
+            assert!(worst_scale < scale && worst_response < response, "{name}, {photos}");
+            assert!(blind || (p.ambient[1] - truth).abs() < 0.003, "{name}, {photos}");
         }
     }
 }
@@ -83,16 +83,16 @@ fn white_squares_give_the_flash_offset() {
         let capture = Capture::open(&root, name);
         let flash =
             FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: DVec3::new(30.0, 30.0, 0.0) };
-        for frames in [1, 3, capture.frames()] {
-            let calibrator = capture.calibrate(frames, flash);
+        for photos in [1, 3, capture.photos()] {
+            let calibrator = capture.calibrate(photos, flash);
             let p = calibrator.photometry().unwrap();
             let error = (p.flash_offset_mm - capture.offset).length();
             println!(
-                "{name}, {frames} frames: {:.2} +- {:.2}, true {:.2}: {error:.2} mm",
+                "{name}, {photos} photos: {:.2} +- {:.2}, true {:.2}: {error:.2} mm",
                 p.flash_offset_mm, p.flash_offset_sigma_mm, capture.offset
             );
             // Its length trades with the lobe's exponent; 2 mm are 0.4 degrees.
-            assert!(error < 2.0, "{name}, {frames}");
+            assert!(error < 2.0, "{name}, {photos}");
         }
     }
 }
@@ -246,11 +246,11 @@ fn found_poses_do_as_well_as_true_ones() {
     for name in CAPTURES {
         let capture = Capture::open(&root, name);
         let maps = Maps::open(&capture.folder);
-        let frames = capture.frames();
+        let photos = capture.photos();
         let mut calibrator = PhotometricCalibrator::new(capture.target.clone(), capture.flash());
         let mut poses = Vec::new();
         let mut seconds = 0.0;
-        for i in 0..frames {
+        for i in 0..photos {
             let photo = capture.photo(i);
             let found = detect(&LumaImage::from_photo(&photo), &capture.target).unwrap();
             let estimate = estimate_pose(&capture.camera, &capture.target, &found.corners).unwrap();
@@ -259,7 +259,7 @@ fn found_poses_do_as_well_as_true_ones() {
             seconds += start.elapsed().as_secs_f64();
             poses.push(estimate.pose);
         }
-        let observations: Vec<_> = (0..frames)
+        let observations: Vec<_> = (0..photos)
             .map(|i| {
                 let (photo, r) = (capture.photo(i), calibrator.radiometry(i).unwrap());
                 let mm = capture.sample_mm;
@@ -272,7 +272,7 @@ fn found_poses_do_as_well_as_true_ones() {
             "{name}: found poses, estimated light: median difference {:.2} %, ratio {ratio:.4}; \
              photometry {:.0} ms a photo",
             100.0 * difference,
-            1e3 * seconds / frames as f64
+            1e3 * seconds / photos as f64
         );
         let limit = if name.starts_with("metal") { 0.2 } else { 0.03 };
         assert!(difference < limit, "{name}: {difference}");
@@ -285,12 +285,12 @@ fn true_maps_reproduce_the_rectified_photos() {
     for name in CAPTURES {
         let capture = Capture::open(&root, name);
         let maps = Maps::open(&capture.folder);
-        let frames = capture.frames();
-        let calibrator = capture.calibrate(frames, capture.flash());
+        let photos = capture.photos();
+        let calibrator = capture.calibrate(photos, capture.flash());
         let mut truth = Vec::new();
         let mut estimated = Vec::new();
         let mut shares = Vec::new();
-        for i in 0..frames {
+        for i in 0..photos {
             let (photo, pose) = (capture.photo(i), capture.pose(i));
             let with = |r: &Radiometry| {
                 rectify(&photo, &capture.camera, &pose, r, capture.sample_mm, SIZE, SIZE).unwrap()

@@ -14,25 +14,25 @@ pub use test_data::test_data;
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 use svbrdf::calibration::{Hole, Target, TargetKind, TopLeft};
-use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
+use svbrdf::photo::Photo;
 
 /// A folder of photographs.
 pub struct Capture {
     pub name: String,
     pub target: Target,
     pub camera: Camera,
-    pub frames: Vec<Frame>,
+    pub photos: Vec<TruePhoto>,
 }
 
 /// A photograph not read yet, and its true pose.
-pub struct Frame {
+pub struct TruePhoto {
     image: PathBuf,
     encoding: String,
     pub pose: Pose,
 }
 
-impl Frame {
+impl TruePhoto {
     pub fn photo(&self) -> Photo {
         photo(&self.image, &self.encoding)
     }
@@ -55,8 +55,8 @@ fn read(folder: &Path) -> Capture {
         name: folder.file_name().unwrap().to_string_lossy().into_owned(),
         target: target_of(&capture["board"]),
         camera: serde_json::from_value(capture["camera"].clone()).unwrap(),
-        frames: frames
-            .map(|(index, frame)| Frame {
+        photos: frames
+            .map(|(index, frame)| TruePhoto {
                 image: folder.join(frame["image"].as_str().unwrap()),
                 encoding: frame["encoding"].as_str().unwrap().to_owned(),
                 pose: pose_of(&truth["frames"][index]),

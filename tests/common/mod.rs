@@ -4,8 +4,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use svbrdf::calibration::{Hole, LumaImage, Paper, Target, TargetKind};
-use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
+use svbrdf::photo::Photo;
 
 /// What lies in the hole.
 #[derive(Clone, Copy, PartialEq)]

@@ -7,9 +7,9 @@ use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use svbrdf::Svbrdf;
 use svbrdf::calibration::Target;
-use svbrdf::frame::Photo;
 use svbrdf::geometry::{Camera, Pose};
 use svbrdf::observation::{Falloff, View};
+use svbrdf::photo::Photo;
 use svbrdf::random::Random;
 use svbrdf::render::render;
 

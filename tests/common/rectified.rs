@@ -3,10 +3,9 @@
 
 use std::f32::consts::PI;
 
-use svbrdf::frame::Photo;
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::photo::Photo;
 use svbrdf::session::{RectifiedFalloff, Scene};
-use svbrdf::svbrdf::channel;
 use svbrdf::{Svbrdf, render};
 
 /// Texels along each side.
@@ -21,14 +20,14 @@ pub fn material() -> Svbrdf {
         for x in 0..SIZE {
             let i = y * SIZE + x;
             let red = (x / 32 + y / 32) % 2 == 0;
-            maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.2).sin();
-            maps.plane_mut(channel::SLOPE_Y)[i] = 0.2 * (y as f32 * 0.15).cos();
+            maps.normal_slopes_mut()[0][i] = 0.3 * (x as f32 * 0.2).sin();
+            maps.normal_slopes_mut()[1][i] = 0.2 * (y as f32 * 0.15).cos();
             let diffuse = if red { [0.5, 0.1, 0.08] } else { [0.1, 0.3, 0.4] };
             for c in 0..3 {
-                maps.plane_mut(channel::DIFFUSE + c)[i] = diffuse[c];
-                maps.plane_mut(channel::SPECULAR + c)[i] = 0.05;
+                maps.diffuse_mut()[c][i] = diffuse[c];
+                maps.specular_mut()[c][i] = 0.05;
             }
-            maps.plane_mut(channel::ROUGHNESS)[i] = if red { 0.3 } else { 0.5 };
+            maps.roughness_mut()[i] = if red { 0.3 } else { 0.5 };
         }
     }
     maps

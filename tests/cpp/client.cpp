@@ -2,6 +2,7 @@
 #include "check.hpp"
 #include "svbrdf.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -98,7 +99,7 @@ void board(const std::string& folder) {
     std::atomic<int> progressed{0}, mapped{0}, logged{0};
     svbrdf::Callbacks callbacks;
     callbacks.progress = [&](svbrdf::SessionView view, const svbrdf::Progress& progress) {
-        CHECK(view.progress().frames <= 3 && progress.frames <= 3);
+        CHECK(view.progress().photos <= 3 && progress.photos <= 3);
         CHECK(progress.fraction >= 0.0f && progress.fraction <= 1.0f);
         ++progressed;
         throw std::runtime_error("dropped at the boundary");
@@ -120,16 +121,16 @@ void board(const std::string& folder) {
         CHECK(probe.corners.size() == probe.report.corners_found && probe.corners.size() > 60);
         if (!first) {
             session.begin_guide();
-            auto when = svbrdf::make(svbrdf_frame_info_init);
+            auto when = svbrdf::make(svbrdf_photo_info_init);
             CHECK(session.guide(photo.view(), when).action == svbrdf::Action::hold);
             when.timestamp_ns = 200000000;
             const auto guided = session.guide(photo.view(), when);
             CHECK(guided.action == svbrdf::Action::shoot && !guided.message.empty());
             CHECK(guided.probe && guided.probe.corners.size() == probe.corners.size());
         }
-        const auto pushed = session.push(photo.view());
-        CHECK(pushed && pushed.advice.empty() && pushed.report.has_pose == 1);
-        CHECK(!pushed.has(Hint::nothing_new));
+        const auto outcome = session.add_photo(photo.view());
+        CHECK(outcome && outcome.advice.empty() && outcome.report.has_pose == 1);
+        CHECK(!outcome.has(Hint::nothing_new));
         first = first ? first : photo;
     }
     const auto next = session.next_view();
@@ -139,40 +140,45 @@ void board(const std::string& folder) {
     CHECK(session.pose(1).translation_mm[2] > 50.0 && session.pose(1).reprojection_rms_px < 1.0);
     CHECK(thrown([&] { session.pose(2); }) == StatusCode::invalid_argument);
     CHECK(session.probe(first->view()).has(Hint::nothing_new));
-    CHECK(session.frame_fit(1).weight > 0.3f && session.frame_fit(1).outlier == 0);
-    const auto trusted = session.snapshot_confidence();
-    CHECK(trusted && trusted->confidence().roughness > 0.0f);
+    CHECK(session.photo_fit(1).weight > 0.3f && session.photo_fit(1).outlier == 0);
+    const auto trusted = session.snapshot_with_uncertainty();
+    CHECK(trusted && trusted->uncertainty().roughness > 0.0f);
     CHECK(trusted->deviations(Map::normal).channels == 1);
-    CHECK(thrown([&] { session.snapshot()->confidence(); }) == StatusCode::invalid_argument);
-    CHECK(thrown([&] { session.frame_fit(2); }) == StatusCode::invalid_argument);
-    CHECK(thrown([&] { session.remove(2); }) == StatusCode::invalid_argument);
-    CHECK(session.push(first->view()) && session.progress().frames == 3);
+    CHECK(thrown([&] { session.snapshot()->uncertainty(); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.photo_fit(2); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.remove_photo(2); }) == StatusCode::invalid_argument);
+    CHECK(session.add_photo(first->view()) && session.progress().photos == 3);
+    const auto hints = session.hints();
+    const auto same = [](const svbrdf::PhotoHint& hint) {
+        return hint.index == 2 && hint.code == "nothing_new" && !hint.text.empty();
+    };
+    CHECK(std::count_if(hints.begin(), hints.end(), same) == 1);
     CHECK(session.progress().fraction == 0.0f);
-    session.remove(2);
-    CHECK(session.progress().frames == 2);
-    std::promise<svbrdf::Pushed> later;
-    session.push_async(first->view(), [&](svbrdf::SessionView view, StatusCode status,
-                                          const svbrdf::Pushed& pushed) {
-        CHECK(status == StatusCode::ok && view.progress().frames == 3);
-        later.set_value(pushed);
+    session.remove_photo(2);
+    CHECK(session.progress().photos == 2);
+    std::promise<svbrdf::Outcome> later;
+    session.add_photo_async(first->view(), [&](svbrdf::SessionView view, StatusCode status,
+                                          const svbrdf::Outcome& outcome) {
+        CHECK(status == StatusCode::ok && view.progress().photos == 3);
+        later.set_value(outcome);
         throw std::runtime_error("dropped at the boundary");
     });
     const auto answer = later.get_future().get();
     CHECK(answer && answer.has(Hint::nothing_new) && answer.report.index == 2);
-    session.remove(2);
+    session.remove_photo(2);
     // All of its light was there without the flash: no board is left.
     const auto without = first->view();
-    auto info = svbrdf::make(svbrdf_frame_info_init);
+    auto info = svbrdf::make(svbrdf_photo_info_init);
     info.ambient = &without;
-    const auto nothing_left = session.push(first->view(), &info);
+    const auto nothing_left = session.add_photo(first->view(), &info);
     CHECK(!nothing_left && nothing_left.rejection == Rejection::board_not_found);
     Picture black = gray();
     CHECK(session.probe(black.view()).rejection == Rejection::board_not_found);
-    const auto refused = session.push(black.view());
+    const auto refused = session.add_photo(black.view());
     CHECK(!refused && refused.rejection == Rejection::wrong_size);
     CHECK(refused.advice.find("2016x1512") != std::string::npos);
     CHECK(!session.wait_for(std::chrono::milliseconds(20)));
-    CHECK(session.progress().state == svbrdf::State::paused && session.progress().frames == 2);
+    CHECK(session.progress().state == svbrdf::State::paused && session.progress().photos == 2);
     session.resume();
     session.wait();
     CHECK(session.wait_for(std::chrono::milliseconds(0)) && session.progress().fraction == 1.0f);
@@ -213,7 +219,7 @@ void board(const std::string& folder) {
     CHECK(session.get() == nullptr && moved.progress().settled);
     moved.cancel();
     CHECK(thrown([&] { moved.wait(); }) == StatusCode::ok);  // It had settled.
-    CHECK(thrown([&] { moved.push(black.view()); }) == StatusCode::cancelled);
+    CHECK(thrown([&] { moved.add_photo(black.view()); }) == StatusCode::cancelled);
     CHECK(logged >= 4);
 }
 
@@ -249,7 +255,7 @@ void handles(const std::string& folder) {
     }
     std::optional<svbrdf::Maps> maps;
     for (auto& session : sessions) {
-        CHECK(session.push_rectified(gray().view(), above, above));
+        CHECK(session.add_rectified_photo(gray().view(), above, above));
         maps = session.snapshot();
     }
     eventually([&] { return calls > 0; });
@@ -265,7 +271,7 @@ void state(const std::string& folder) {
     std::atomic<int> logged{0};
     svbrdf::Session session(rectified());
     session.set_budget(budget);
-    CHECK(session.push_rectified(gray().view(), above, above));
+    CHECK(session.add_rectified_photo(gray().view(), above, above));
     session.wait();
     const svbrdf::Buffer saved = session.save();
     session.save(folder + "/cpp.state");
@@ -273,8 +279,8 @@ void state(const std::string& folder) {
     callbacks.log = [&](svbrdf::LogLevel, const char*) { ++logged; };
     auto again = svbrdf::Session::load(saved.bytes(), svbrdf::make(svbrdf_session_options_init),
                                        std::move(callbacks));
-    CHECK(again.progress().frames == 1 && logged == 1);
-    CHECK(again.push_rectified(gray().view(), above, above));
+    CHECK(again.progress().photos == 1 && logged == 1);
+    CHECK(again.add_rectified_photo(gray().view(), above, above));
     again.clear_budget();
     again = svbrdf::Session::load(folder + "/cpp.state");
     const auto maps = again.snapshot();
@@ -289,20 +295,20 @@ void state(const std::string& folder) {
 
 void capture(const std::string& folder) {
     const svbrdf::Capture capture(folder + "/capture");
-    CHECK(capture.frames() == 8);
+    CHECK(capture.photos() == 8);
     svbrdf::Session session(capture, svbrdf::make(svbrdf_session_options_init));
     session.pause();
-    CHECK(session.push(capture, 0));
-    const auto again = session.push(capture, 0);
+    CHECK(session.add_photo(capture, 0));
+    const auto again = session.add_photo(capture, 0);
     CHECK(again && again.has(Hint::nothing_new) && again.report.same_view_as == 0);
     CHECK(again.advice.find("photo 1 has") == 0);
     CHECK(session.snapshot() && session.next_view());
-    CHECK(thrown([&] { session.push(capture, 99); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.add_photo(capture, 99); }) == StatusCode::invalid_argument);
     const auto file = read_bytes(folder + "/capture/frames/01.jpg");
     auto info = svbrdf::make(svbrdf_file_info_init);
-    CHECK(session.push_encoded({file.data(), file.size()}, nullptr, &info));
+    CHECK(session.add_photo_file({file.data(), file.size()}, nullptr, &info));
     CHECK(info.width == 2016 && info.height == 1512);
-    CHECK(thrown([&] { session.push_encoded({file.data(), 5}); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.add_photo_file({file.data(), 5}); }) == StatusCode::invalid_argument);
     CHECK(thrown([] { svbrdf::Capture none("/nowhere"); }) == StatusCode::io);
 }
 
@@ -348,15 +354,15 @@ void destroyed_inside(const std::string&) {
         ended.session = std::make_unique<svbrdf::Session>(rectified(), std::move(callbacks));
         armed = true;
         if (where == in_pushed) {
-            ended.session->push_async(
-                picture.view(), [once](svbrdf::SessionView view, StatusCode, const svbrdf::Pushed&) {
+            ended.session->add_photo_async(
+                picture.view(), [once](svbrdf::SessionView view, StatusCode, const svbrdf::Outcome&) {
                     once();
                     CHECK(thrown([&] { view.pause(); }) == StatusCode::invalid_handle);
                 });
         } else {
             // The photo may be in the maps before the session ends, or not.
             const auto met =
-                thrown([&] { ended.session->push_rectified(picture.view(), above, above); });
+                thrown([&] { ended.session->add_rectified_photo(picture.view(), above, above); });
             CHECK(met == StatusCode::ok || met == StatusCode::cancelled);
         }
         CHECK(ended.last_word.get_future().get() == std::string(100, 'w'));
@@ -415,7 +421,7 @@ void pictures_of_one_gray(const std::string&) {
          }) {
         svbrdf::Session session(rectified());
         session.pause();
-        CHECK(session.push_rectified(image, above, above));
+        CHECK(session.add_rectified_photo(image, above, above));
         const float found = session.snapshot()->floats(Map::diffuse).at(128, 128)[1];
         expected = expected.value_or(found);
         // 10 bits round elsewhere than 8 do: a step of 10 bits.
@@ -434,20 +440,20 @@ void bad_arguments(const std::string&) {
     svbrdf::Session session(rectified());
     auto image = gray().view();
     image.planes[0].data = nullptr;
-    CHECK(thrown([&] { session.push_rectified(image, above, above); }) == StatusCode::invalid_argument);
+    CHECK(thrown([&] { session.add_rectified_photo(image, above, above); }) == StatusCode::invalid_argument);
     CHECK(thrown([&] { session.probe(gray().view()); }) == StatusCode::invalid_argument);
     CHECK(!session.next_view() && !session.camera() && !session.paper());
-    CHECK(!session.snapshot() && !session.snapshot_confidence());
-    const auto never = [](svbrdf::SessionView, StatusCode, const svbrdf::Pushed&) { CHECK(false); };
-    CHECK(thrown([&] { session.push_async(image, never); }) == StatusCode::invalid_argument);
+    CHECK(!session.snapshot() && !session.snapshot_with_uncertainty());
+    const auto never = [](svbrdf::SessionView, StatusCode, const svbrdf::Outcome&) { CHECK(false); };
+    CHECK(thrown([&] { session.add_photo_async(image, never); }) == StatusCode::invalid_argument);
     // A photo of a board, for a session of photos from the top.
     std::promise<std::string> advice;
-    const auto refused = [&](svbrdf::SessionView, StatusCode status, const svbrdf::Pushed& pushed) {
-        CHECK(status == StatusCode::invalid_argument && !pushed);
-        advice.set_value(pushed.advice);
+    const auto refused = [&](svbrdf::SessionView, StatusCode status, const svbrdf::Outcome& outcome) {
+        CHECK(status == StatusCode::invalid_argument && !outcome);
+        advice.set_value(outcome.advice);
     };
     const Picture picture = gray();
-    session.push_async(picture.view(), refused);
+    session.add_photo_async(picture.view(), refused);
     CHECK(!advice.get_future().get().empty());
     svbrdf::Session other = std::move(session);
     CHECK(thrown([&] { session.pause(); }) == StatusCode::invalid_handle);

@@ -21,18 +21,18 @@ const TABLE: &[(&str, &[&str])] = &[
     ("little_endian", &[]),
     ("geometry", &[]),
     ("svbrdf", &["little_endian"]),
-    ("confidence", &[]),
+    ("uncertainty", &[]),
     ("threads", &[]),
     ("random", &[]),
     ("observation", &["little_endian", "svbrdf"]),
-    ("frame", &["geometry", "little_endian"]),
-    ("files", &["frame"]),
+    ("photo", &["geometry", "little_endian"]),
+    ("files", &["photo"]),
     ("interpolation", &[]),
     ("least_squares", &[]),
     ("statistics", &[]),
-    ("calibration", &["frame", "geometry", "least_squares", "statistics"]),
+    ("calibration", &["photo", "geometry", "least_squares", "statistics"]),
     ("board_sheet", &["calibration"]),
-    ("rectification", &["calibration", "frame", "geometry", "observation", "svbrdf"]),
+    ("rectification", &["calibration", "photo", "geometry", "observation", "svbrdf"]),
     ("reflectance", &["simd", "svbrdf", "observation"]),
     ("loss", &["simd"]),
     ("render", &["reflectance", "loss", "simd", "svbrdf", "observation"]),
@@ -40,6 +40,7 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "estimate",
         &[
+            "uncertainty",
             "interpolation",
             "little_endian",
             "loss",
@@ -55,7 +56,7 @@ const TABLE: &[(&str, &[&str])] = &[
     (
         "assessment",
         &[
-            "confidence",
+            "uncertainty",
             "estimate",
             "loss",
             "observation",
@@ -67,15 +68,15 @@ const TABLE: &[(&str, &[&str])] = &[
     ),
     ("estimator", &["assessment", "estimate", "networks", "observation", "svbrdf"]),
     ("comparison", &["observation", "random", "render", "svbrdf"]),
-    ("export", &["confidence", "frame", "render", "svbrdf", "observation"]),
+    ("export", &["uncertainty", "photo", "render", "svbrdf", "observation"]),
     (
         "session",
         &[
             "assessment",
             "calibration",
-            "confidence",
+            "uncertainty",
             "estimate",
-            "frame",
+            "photo",
             "geometry",
             "networks",
             "observation",
@@ -89,7 +90,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("guide", &["session"]),
     (
         "capture",
-        &["calibration", "files", "frame", "geometry", "observation", "rectification", "session"],
+        &["calibration", "files", "photo", "geometry", "observation", "rectification", "session"],
     ),
 ];
 

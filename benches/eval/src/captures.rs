@@ -65,12 +65,12 @@ pub fn errors(
     let mut seconds = Seconds::default();
     let mut rows = Vec::new();
     let mut accepted = Vec::new();
-    for (index, frame) in capture.frames.iter().enumerate() {
+    for (index, file) in capture.photos.iter().enumerate() {
         if variant == Variant::First {
             session.pause();
         }
         let (rejection, taken) = timed(|| {
-            let rejection = push(&session, frame)?;
+            let rejection = push(&session, file)?;
             if variant != Variant::First && rejection.is_none() {
                 session.wait()?;
             }
@@ -78,7 +78,7 @@ pub fn errors(
         });
         seconds += taken;
         if let Some(reason) = rejection? {
-            eprintln!("{}: {reason}", frame.path.display());
+            eprintln!("{}: {reason}", file.path.display());
             continue;
         }
         accepted.push(index);

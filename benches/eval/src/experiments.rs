@@ -6,7 +6,6 @@ use svbrdf::comparison::compare;
 use svbrdf::estimate::Method;
 use svbrdf::export::resized;
 use svbrdf::observation::Observation;
-use svbrdf::svbrdf::channel;
 use svbrdf::{Result, Svbrdf};
 
 use crate::protocol::{Arguments, Conditions, Crop, gain_of_share, photographs, whole};
@@ -184,7 +183,7 @@ pub fn resolution(
             for observation in observations {
                 estimator.add(observation)?;
                 seconds[0] +=
-                    if estimator.frames() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
+                    if estimator.photos() == 1 { start.elapsed().as_secs_f64() } else { 0.0 };
                 estimator.settle()?;
             }
             let maps = estimator.settle()?;
@@ -210,9 +209,9 @@ const SIDE_OF_CODE: [usize; 2] = [16, 16];
 /// The bad start of the paper's Figure 16: much too rough, too little specular.
 fn spoiled(maps: &Svbrdf) -> Svbrdf {
     let mut maps = maps.clone();
-    maps.plane_mut(channel::ROUGHNESS).iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
+    maps.roughness_mut().iter_mut().for_each(|r| *r = (*r + 0.4).min(1.0));
     for c in 0..3 {
-        maps.plane_mut(channel::SPECULAR + c).iter_mut().for_each(|s| *s *= 0.3);
+        maps.specular_mut()[c].iter_mut().for_each(|s| *s *= 0.3);
     }
     maps
 }

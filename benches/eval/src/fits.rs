@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::estimate::{Method, coordinates};
 use svbrdf::observation::Observation;
 use svbrdf::random::Random;
-use svbrdf::session::{Observed, Scene, Session};
-use svbrdf::{Error, Rejection, Result, Svbrdf};
+use svbrdf::session::{Observed, Outcome, Scene, Session};
+use svbrdf::{Error, Result, Svbrdf};
 
 use crate::captures::with_truth;
 use crate::experiments::seed;
@@ -74,19 +74,19 @@ fn observations(capture: &Capture, setup: &Setup, most: usize) -> Result<Vec<Obs
     let session = setup.session(capture, Variant::Deep)?;
     session.pause();
     let mut observations = Vec::new();
-    for frame in capture.frames.iter().take(most) {
-        match observe(&session, frame)? {
-            Ok(Observed { observation, .. }) => observations.push(observation),
-            Err(reason) => eprintln!("{}: {reason}", frame.path.display()),
+    for file in capture.photos.iter().take(most) {
+        match observe(&session, file)? {
+            Outcome::Accepted(Observed { observation, .. }) => observations.push(observation),
+            Outcome::Rejected(reason) => eprintln!("{}: {reason}", file.path.display()),
         }
-        push(&session, frame)?;
+        push(&session, file)?;
     }
     Ok(observations)
 }
 
-fn observe(session: &Session, frame: &Frame) -> Result<std::result::Result<Observed, Rejection>> {
-    let photo = frame.read()?;
-    match frame.rectified {
+fn observe(session: &Session, file: &PhotoFile) -> Result<Outcome<Observed>> {
+    let photo = file.read()?;
+    match file.rectified {
         Some(view) => session.observe_rectified(&photo, view.camera_mm, view.light_mm),
         None => session.observe(&photo),
     }
@@ -127,7 +127,7 @@ impl Recorder<'_> {
         for observation in observations {
             estimator.add(observation)?;
             estimator.settle()?;
-            let count = estimator.frames();
+            let count = estimator.photos();
             if let Some(record) = estimator.record().filter(|_| self.counts.contains(&count)) {
                 write_halves(&self.path(stem, &count.to_string()), &record.planes())?;
             }

@@ -87,9 +87,9 @@ fn capture(folder: &std::path::Path, arguments: &Arguments, setup: &Setup) -> Re
     let capture = Capture::load(folder)?;
     let session = setup.session(&capture, Variant::Deep)?;
     let mut accepted = 0;
-    for frame in &capture.frames {
-        if let Some(reason) = push(&session, frame)? {
-            println!("{}: {reason}", frame.path.display());
+    for file in &capture.photos {
+        if let Some(reason) = push(&session, file)? {
+            println!("{}: {reason}", file.path.display());
             continue;
         }
         session.wait()?;
@@ -118,8 +118,8 @@ fn materials(folder: PathBuf, arguments: &Arguments, setup: &Setup) -> Result<()
         for observation in observations {
             estimator.add(observation)?;
             let maps = estimator.settle()?;
-            if arguments.material_photos.contains(&estimator.frames()) {
-                print(&crop.name, estimator.frames(), setup.threads, &maps);
+            if arguments.material_photos.contains(&estimator.photos()) {
+                print(&crop.name, estimator.photos(), setup.threads, &maps);
             }
         }
     }

@@ -4,7 +4,6 @@
 mod artifacts;
 mod captures;
 mod clock;
-mod confidence;
 mod experiments;
 mod fits;
 mod gate;
@@ -16,6 +15,7 @@ mod protocol;
 mod report;
 mod statistics;
 mod streaming;
+mod uncertainty;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -58,7 +58,7 @@ enum Command {
     /// Errors of photographs that were not fitted, predicted from those that were
     Heldout(heldout::Arguments),
     /// Whether the stated deviations of the maps match their errors
-    Confidence(confidence::Arguments),
+    Uncertainty(uncertainty::Arguments),
     /// Errors with photographs from suggested views, from a circle, and from random positions
     NextView(next_view::Arguments),
     /// Compare errors and time with those of an earlier build
@@ -145,7 +145,7 @@ fn run(arguments: &Arguments) -> Result<bool> {
         Command::Artifacts(of) => artifacts::run(of)?,
         Command::Captures(of) => captures::run(of, &setup)?,
         Command::Heldout(of) => heldout::run(of, &setup)?,
-        Command::Confidence(of) => confidence::run(of, &setup)?,
+        Command::Uncertainty(of) => uncertainty::run(of, &setup)?,
         Command::NextView(of) => next_view::run(of, &setup)?,
         Command::Fits(of) => fits::run(of, &setup)?,
         Command::Gate(of) => return gate::run(of, &setup),
@@ -176,7 +176,7 @@ fn print_table(command: &Command, setup: &Setup) -> Result<()> {
         Command::Artifacts(_)
         | Command::Captures(_)
         | Command::Heldout(_)
-        | Command::Confidence(_)
+        | Command::Uncertainty(_)
         | Command::NextView(_)
         | Command::Fits(_)
         | Command::Gate(_)

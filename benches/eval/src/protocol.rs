@@ -4,8 +4,8 @@ use std::f32::consts::PI;
 use std::path::PathBuf;
 
 use svbrdf::export::read_maps;
-use svbrdf::frame::Encoding;
 use svbrdf::observation::{Falloff, Observation, View};
+use svbrdf::photo::Encoding;
 use svbrdf::random::Random;
 use svbrdf::render;
 use svbrdf::{Error, Result, Svbrdf};

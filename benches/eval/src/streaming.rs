@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use svbrdf::capture::{Capture, FILE_NAME, Frame};
+use svbrdf::capture::{Capture, FILE_NAME, PhotoFile};
 use svbrdf::estimate::EstimateOptions;
 use svbrdf::estimator::Estimator;
 use svbrdf::networks::Networks;
-use svbrdf::session::{Method, Pushed, Scene, Session, Settings};
+use svbrdf::session::{Method, Outcome, Scene, Session, Settings};
 use svbrdf::{Error, Rejection, Result};
 
 /// Maps to evaluate.
@@ -70,16 +70,16 @@ impl Setup {
     }
 }
 
-/// Pushes a photograph; returns the reason of a rejection.
-pub fn push(session: &Session, frame: &Frame) -> Result<Option<Rejection>> {
-    let photo = frame.read()?;
-    let pushed = match frame.rectified {
-        Some(view) => session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-        None => session.push(&photo)?,
+/// Adds a photograph; returns the reason of a rejection.
+pub fn push(session: &Session, file: &PhotoFile) -> Result<Option<Rejection>> {
+    let photo = file.read()?;
+    let outcome = match file.rectified {
+        Some(view) => session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?,
+        None => session.add_photo(&photo)?,
     };
-    Ok(match pushed {
-        Pushed::Accepted(_) => None,
-        Pushed::Rejected(reason) => Some(reason),
+    Ok(match outcome {
+        Outcome::Accepted(_) => None,
+        Outcome::Rejected(reason) => Some(reason),
     })
 }
 

@@ -5,10 +5,9 @@ use std::process::{Command, Output};
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
-use svbrdf::export::{write_maps, write_png16_image};
+use svbrdf::export::{MapsOptions, write_maps, write_png16_image};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
-use svbrdf::svbrdf::channel;
 
 const EVAL: &str = env!("CARGO_BIN_EXE_svbrdf-eval");
 
@@ -78,10 +77,10 @@ fn matt(dir: &Path, brightness: f32) -> PathBuf {
     std::fs::create_dir_all(capture.join("frames")).unwrap();
     let side = 64;
     let mut maps = Svbrdf::new(side, side);
-    maps.plane_mut(channel::ROUGHNESS).fill(0.9);
+    maps.roughness_mut().fill(0.9);
     for i in 0..side * side {
         let albedo = if (i % side / 8 + i / side / 8) % 2 == 0 { 0.25 } else { 0.4 };
-        (0..3).for_each(|c| maps.plane_mut(channel::DIFFUSE + c)[i] = albedo);
+        (0..3).for_each(|c| maps.diffuse_mut()[c][i] = albedo);
     }
     let power = std::f32::consts::PI * 250.0 * 250.0;
     let mut frames = Vec::new();
@@ -194,8 +193,8 @@ fn ideal_photographs_are_predicted_and_maps_kept() {
     let path = |name: &str| dir.path().join(name);
     let (maps, capture, kept, fit) = (path("maps"), path("made"), path("kept"), path("fit"));
     let mut known = Svbrdf::new(96, 96);
-    known.plane_mut(channel::SLOPE_X).fill(0.05);
-    write_maps(&maps, &known).unwrap();
+    known.normal_slopes_mut()[0].fill(0.05);
+    write_maps(&maps, &known, &MapsOptions::default()).unwrap();
     let options = ["--frames", "3", "--held-out", "2", "--real", "--rectified", "--lobe", "coat"];
     svbrdf(&[&["simulate", text(&maps), "--out", text(&capture)], &options[..]].concat());
     let truth = read_json(&capture.join("truth/truth.json"));
@@ -246,7 +245,7 @@ fn the_gate_fails_where_errors_grew() {
 fn faults_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let maps = dir.path().join("maps");
-    write_maps(&maps, &Svbrdf::new(4, 4)).unwrap();
+    write_maps(&maps, &Svbrdf::new(4, 4), &MapsOptions::default()).unwrap();
     let single = bundled(dir.path(), 1);
     for (arguments, says) in [
         (vec!["gate"], "SVBRDF_TEST_DATA"),

@@ -1,4 +1,4 @@
-//! What the command line says.
+//! The arguments of `fit`.
 
 use std::path::PathBuf;
 

@@ -15,7 +15,7 @@ use crate::failure::{Failure, Result};
 /// Name of the file.
 pub const FILE_NAME: &str = "report.json";
 
-/// What a fit did and found.
+/// The report of a fit.
 pub struct Document {
     pub value: Value,
 }
@@ -95,26 +95,26 @@ pub fn is_intact(report: &Value, dir: &Path) -> bool {
     report["files"].as_object().is_some_and(|files| files.iter().all(is_same))
 }
 
-/// What tells a file from others.
+/// The fingerprint of a file.
 fn fingerprint(bytes: &[u8]) -> Value {
     let hash: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
     json!({ "bytes": bytes.len(), "sha256": hash })
 }
 
-/// What the fit corrected of the lights of rectified photographs.
+/// The corrections of the lights of rectified photographs.
 fn light(session: &Session, rectified: bool, photographs: usize) -> Option<Value> {
-    let exposure = session.exposure();
-    let gain = |i: usize| exposure.gains.get(i).copied().unwrap_or(0.0).exp();
+    let correction = session.light_correction();
+    let gain = |i: usize| correction.gains.get(i).copied().unwrap_or(0.0).exp();
     rectified.then(|| {
         json!({
-            "offset_mm": exposure.offset_mm,
+            "offset_mm": correction.offset_mm,
             "gain": (0..photographs).map(gain).collect::<Vec<f64>>(),
-            "exposure_exponent": exposure.exponent,
+            "exposure_exponent": correction.exponent,
         })
     })
 }
 
-/// What each phase of the fit has done for the latest photograph.
+/// The report of each phase of the fit for the latest photograph.
 fn phases(session: &Session) -> Vec<Value> {
     let number = |value: f64| value.is_finite().then_some(value);
     let phase = |report: &PhaseReport| {
@@ -124,7 +124,7 @@ fn phases(session: &Session) -> Vec<Value> {
     session.phase_reports().unwrap_or_default().iter().map(phase).collect()
 }
 
-/// Largest resident memory so far, where the system tells.
+/// Largest resident memory so far, if the system reports it.
 fn peak_memory_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::comparison::{Prediction, predict};
 use svbrdf::export::resized;
-use svbrdf::session::{Exposure, Observed};
+use svbrdf::session::{LightCorrection, Observed};
 
 use crate::failure::Result;
 
@@ -22,13 +22,13 @@ pub struct HeldOut {
 pub struct Stage {
     photographs: usize,
     maps: Svbrdf,
-    exposure: Exposure,
+    correction: LightCorrection,
 }
 
 impl Stage {
-    /// Maps after so many photographs, and what they go with.
-    pub fn new(photographs: usize, maps: &Svbrdf, exposure: Exposure) -> Self {
-        Self { photographs, maps: resized(maps, TEXELS, TEXELS), exposure }
+    /// Maps after a number of photographs, with their light correction.
+    pub fn new(photographs: usize, maps: &Svbrdf, correction: LightCorrection) -> Self {
+        Self { photographs, maps: resized(maps, TEXELS, TEXELS), correction }
     }
 }
 
@@ -60,7 +60,7 @@ impl Errors {
             let mut latest = None;
             for ((stage, (_, errors)), delta_e) in stages.iter().zip(&mut after).zip(&mut delta_e) {
                 let given = photograph.view;
-                photograph.view = stage.exposure.predict(&given);
+                photograph.view = stage.correction.predict(&given);
                 let prediction = predict(&stage.maps, &photograph)?;
                 photograph.view = given;
                 errors.push(prediction.error);

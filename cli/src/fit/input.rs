@@ -1,14 +1,14 @@
-//! What is fitted: a capture with its description, or photographs without one.
+//! The input of a fit: a capture with its description, or photographs without one.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::{Value, json};
 use svbrdf::calibration::Target;
-use svbrdf::capture::{Capture, FILE_NAME, Frame, read_camera};
+use svbrdf::capture::{Capture, FILE_NAME, PhotoFile, read_camera};
 use svbrdf::export::check_writable;
 use svbrdf::files::{Choice, Chosen, LeftOut, Metadata};
-use svbrdf::frame::{Encoding, Rotation};
+use svbrdf::photo::{Encoding, Rotation};
 
 use super::arguments::Arguments;
 use crate::board;
@@ -17,7 +17,7 @@ use crate::interrupt::Interrupt;
 use crate::pictures::{self, Setup, Watch};
 use crate::progress::Progress;
 
-/// More photographs than this take long and tell little more.
+/// More photographs than this take long and add little.
 const MOST: usize = 100;
 /// Time between two looks into a folder.
 pub const LOOK: Duration = Duration::from_millis(400);
@@ -27,7 +27,7 @@ pub struct Input {
     pub capture: Capture,
     /// Name for the report.
     pub name: String,
-    /// What messages about the capture as a whole are about.
+    /// The subject of messages about the capture as a whole.
     pub origin: String,
     /// Set where there was no description.
     pub photographs: Option<Photographs>,
@@ -54,7 +54,7 @@ impl Input {
         }
     }
 
-    /// Says what is to be said before the fit begins.
+    /// Prints the remarks that precede the fit.
     pub fn tell(&self, progress: &mut Progress) {
         for warning in &self.capture.warnings {
             progress.say(&format!("warning: {warning}"));
@@ -143,8 +143,8 @@ impl Photographs {
         let chosen = &self.choice.chosen;
         let json = pictures::describe(&self.setup, chosen, out)?.to_string();
         let mut capture = Capture::parse(out, json.as_bytes()).map_err(Failure::input)?;
-        for (frame, chosen) in capture.frames.iter_mut().zip(chosen) {
-            frame.path.clone_from(&chosen.path);
+        for (file, chosen) in capture.photos.iter_mut().zip(chosen) {
+            file.path.clone_from(&chosen.path);
         }
         Ok(capture)
     }
@@ -171,7 +171,7 @@ impl Photographs {
     }
 }
 
-/// Says which photographs are left out, and what is remarkable about the others.
+/// Names the photographs that are left out, and prints remarks about the others.
 pub fn tell(left_out: &[LeftOut], remarks: &[String], progress: &mut Progress) {
     for LeftOut { path, reason } in left_out {
         progress.say(&format!("left out: {}: {reason}", path.display()));
@@ -216,10 +216,10 @@ fn choose(paths: Vec<PathBuf>) -> Choice {
 }
 
 /// The photograph as a session takes it.
-pub fn frame(chosen: &Chosen) -> Frame {
-    Frame {
+pub fn photo_file(chosen: &Chosen) -> PhotoFile {
+    PhotoFile {
         path: chosen.path.clone(),
-        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: chosen.exposure,
         rectified: None,
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),

@@ -58,9 +58,9 @@ fn fit(arguments: &Arguments) -> Result<()> {
         endless: arguments.watch,
         report: !arguments.no_report,
     };
-    let mut frames = input.capture.frames.clone();
-    frames.truncate(arguments.frames.map_or(frames.len(), |n| n as usize));
-    let mut fit = Fit::new(options, frames, &session, &interrupt, progress);
+    let mut photos = input.capture.photos.clone();
+    photos.truncate(arguments.frames.map_or(photos.len(), |n| n as usize));
+    let mut fit = Fit::new(options, photos, &session, &interrupt, progress);
     let output = Output { arguments, session: &session, begun };
     fit.run()?;
     if arguments.watch {
@@ -76,7 +76,7 @@ fn fit(arguments: &Arguments) -> Result<()> {
         "Look at {out}/{first}; the maps are {out}/normal.png, diffuse.png, specular.png, roughness.png{lobes} (floats: maps.exr)."
     ));
     if interrupt.is_set() {
-        let (fitted, all) = (fit.fitted(), fit.frames.len());
+        let (fitted, all) = (fit.fitted(), fit.photos.len());
         return Err(Failure::Interrupted(format!(
             "{out} holds maps and report of what was there: {fitted} of {all} photos in the fit"
         )));

@@ -1,15 +1,16 @@
-//! What a fit writes.
+//! The files that a fit writes.
 
 use std::time::Instant;
 
 use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::capture;
-use svbrdf::confidence::{Confidence, MapDeviations};
 use svbrdf::export::{
-    ExportOptions, LOBE_FILES, encode_maps, encode_preview, export, replace_files,
+    CLASS_FILE, ExportOptions, LOBE_FILES, MapsOptions, encode_classes, encode_maps,
+    encode_preview, export, replace_files,
 };
 use svbrdf::session::Session;
+use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 
 use super::arguments::Arguments;
 use super::document::{self, Document};
@@ -20,7 +21,7 @@ use crate::failure::Result;
 use crate::report::{self, Subject};
 use crate::terminal;
 
-/// Maps and what lies beside them, but for the report.
+/// Maps and the files beside them, except the report.
 const FILES: [&str; 6] =
     ["normal.png", "diffuse.png", "specular.png", "roughness.png", "maps.exr", PREVIEW];
 const PREVIEW: &str = "preview.png";
@@ -41,9 +42,15 @@ impl Output<'_> {
         let (out, sample_mm) = (&arguments.out, input.capture.sample_mm);
         let maps = session.snapshot()?;
         // A fit that was interrupted is not asked any more.
-        let assessed = session.assess().ok().filter(|assessed| assessed.maps == maps);
-        let confidence = assessed.map(|assessed| assessed.confidence);
-        let mut files = encode_maps(&maps, confidence.as_ref(), Some(sample_mm))?;
+        let known = session.snapshot_with_uncertainty().ok().filter(|known| known.maps == maps);
+        let uncertainty = known.map(|known| known.uncertainty);
+        let options = MapsOptions { sample_mm: Some(sample_mm), uncertainty: uncertainty.as_ref() };
+        let mut files = encode_maps(&maps, &options)?;
+        let classes = session.classes().unwrap_or_default();
+        if !classes.is_empty() {
+            let image = encode_classes(maps.width(), maps.height(), &classes)?;
+            files.push((CLASS_FILE.into(), image));
+        }
         files.extend(self.exports(&maps, sample_mm, fit.fitted())?);
         files.push((PREVIEW.into(), encode_preview(&maps, sample_mm)?));
         if let Some(photographs) = &input.photographs {
@@ -56,7 +63,7 @@ impl Output<'_> {
         let held_out = (arguments.hold_out > 0).then_some(&errors);
         let mut document =
             Document::new(session, fit, held_out, &arguments.method, &maps, self.begun);
-        document.value["confidence"] = json!(confidence.as_ref().map(deviations));
+        document.value["uncertainty"] = json!(uncertainty.as_ref().map(deviations));
         if let Some(photographs) = &input.photographs {
             document.value["photographs"] = photographs.json();
         }
@@ -65,7 +72,7 @@ impl Output<'_> {
             let subject = Subject {
                 report: &document.value,
                 capture: &input.capture,
-                frames: &fit.frames,
+                photos: &fit.photos,
                 camera: session.camera(),
                 maps: &maps,
                 predictions: errors.indices.iter().copied().zip(&errors.predictions).collect(),
@@ -75,9 +82,9 @@ impl Output<'_> {
             files.push((PAGE.into(), page.into_bytes()));
         }
         files.push(document.seal(&files)?);
-        // What an earlier fit has left would lie beside maps of this one.
+        // Files of an earlier fit would lie beside the maps of this one.
         let [anisotropy, coat] = LOBE_FILES;
-        replace_files(out, &files, &[anisotropy, coat, PAGE])?;
+        replace_files(out, &files, &[anisotropy, coat, CLASS_FILE, PAGE])?;
         let written = json!({ "out": out.to_string_lossy(), "photographs": fit.fitted() });
         fit.progress.event("maps", written);
         Ok(())
@@ -106,8 +113,8 @@ impl Output<'_> {
 }
 
 /// Standard deviation of each map.
-fn deviations(confidence: &Confidence) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+fn deviations(uncertainty: &Uncertainty) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
     json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }
 

@@ -6,11 +6,10 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use svbrdf::Error;
-use svbrdf::Rejection;
-use svbrdf::capture::Frame;
+use svbrdf::capture::PhotoFile;
 use svbrdf::files::Remark;
-use svbrdf::frame::Photo;
-use svbrdf::session::{Accepted, BoardPose, Hint, Observed, Pushed, Session};
+use svbrdf::photo::Photo;
+use svbrdf::session::{AcceptedPhoto, BoardPose, Hint, Observed, Outcome, Session};
 
 use super::held_out::{Errors, HeldOut, Stage};
 use crate::failure::{Failure, Result};
@@ -21,11 +20,11 @@ use crate::report::Recorder;
 /// Reason of a photograph whose file was overwritten.
 const REPLACED: &str = "replaced";
 
-/// How photographs are gone through.
+/// Options of the way through the photographs.
 pub struct Options {
     /// Whether the fit begins when all are taken in.
     pub at_once: bool,
-    /// How many of the last ones are predicted instead of fitted.
+    /// Number of the last ones that are predicted instead of fitted.
     pub hold_out: usize,
     /// Whether more photographs may come.
     pub endless: bool,
@@ -39,7 +38,7 @@ pub struct Fit<'a> {
     session: &'a Session,
     interrupt: &'a Interrupt,
     /// The photographs, in the order of their rows.
-    pub frames: Vec<Frame>,
+    pub photos: Vec<PhotoFile>,
     /// The first that is not gone through yet.
     next: usize,
     /// Photographs accepted and not fitted yet: the last ones stay so.
@@ -53,14 +52,14 @@ pub struct Fit<'a> {
     /// Photographs of the fit when its maps were kept last.
     recorded: usize,
     cut: bool,
-    /// What is to be said about photographs besides the session's hints.
+    /// Remarks about photographs besides the session's hints.
     remarks: HashMap<usize, Vec<Remark>>,
 }
 
 impl<'a> Fit<'a> {
     pub fn new(
         options: Options,
-        frames: Vec<Frame>,
+        photos: Vec<PhotoFile>,
         session: &'a Session,
         interrupt: &'a Interrupt,
         progress: Progress,
@@ -73,11 +72,11 @@ impl<'a> Fit<'a> {
             rows: Vec::new(),
             stages: Vec::new(),
             progress,
-            recorder: Recorder::new(frames.len(), options.report),
+            recorder: Recorder::new(photos.len(), options.report),
             recorded: 0,
             cut: false,
             remarks: HashMap::new(),
-            frames,
+            photos,
             options,
         }
     }
@@ -88,7 +87,7 @@ impl<'a> Fit<'a> {
         if self.options.at_once {
             self.session.pause();
         }
-        while self.next < self.frames.len() {
+        while self.next < self.photos.len() {
             if self.interrupt.is_set() {
                 self.cut = true;
                 break;
@@ -116,7 +115,7 @@ impl<'a> Fit<'a> {
 
     /// Tells the session how many photographs it will still get, if all can be used.
     fn announce(&self) {
-        let left = self.frames.len() - self.next + self.waiting.len();
+        let left = self.photos.len() - self.next + self.waiting.len();
         self.session.announce(left.saturating_sub(self.options.hold_out));
     }
 
@@ -127,7 +126,7 @@ impl<'a> Fit<'a> {
 
     /// Number of photographs in the fit.
     pub fn fitted(&self) -> usize {
-        self.session.progress().frames
+        self.session.progress().photos
     }
 
     /// One line about every photograph.
@@ -138,7 +137,7 @@ impl<'a> Fit<'a> {
     /// Reads a photograph. A damaged file is a bad photograph (the inner error); what is stated
     /// wrongly in the capture is not.
     fn read(&mut self, index: usize) -> Result<std::result::Result<Photo, String>> {
-        match self.frames[index].read_with_remarks() {
+        match self.photos[index].read_with_remarks() {
             Ok((photo, remarks)) => {
                 self.remarks.insert(index, remarks);
                 self.recorder.photograph(index, &photo)?;
@@ -161,17 +160,17 @@ impl<'a> Fit<'a> {
         Ok(if over { self.waiting.pop_front() } else { None })
     }
 
-    /// What a photograph shows, without adding it; or the code and sentence of its rejection.
+    /// A photograph as the session sees it, without adding it; or the code and sentence of its rejection.
     fn observe(&mut self, index: usize) -> Result<std::result::Result<Observed, (String, String)>> {
         let photo = match self.read(index)? {
             Ok(photo) => photo,
             Err(fault) => return Ok(Err(("unreadable".into(), fault))),
         };
-        let observed = match self.frames[index].rectified {
+        let observed = match self.photos[index].rectified {
             Some(view) => self.session.observe_rectified(&photo, view.camera_mm, view.light_mm)?,
             None => self.session.observe(&photo)?,
         };
-        Ok(observed.map_err(|r: Rejection| (r.code().to_owned(), r.to_string())))
+        Ok(observed.into_result().map_err(|r| (r.code().to_owned(), r.to_string())))
     }
 
     /// Adds a photograph and fits.
@@ -195,19 +194,19 @@ impl<'a> Fit<'a> {
             Ok(photo) => photo,
             Err(fault) => return Ok(rejected(index, "unreadable", fault, begun)),
         };
-        let pushed = match self.frames[index].rectified {
-            Some(view) => self.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => self.session.push(&photo)?,
+        let outcome = match self.photos[index].rectified {
+            Some(view) => {
+                self.session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?
+            }
+            None => self.session.add_photo(&photo)?,
         };
-        let accepted = match pushed {
-            Pushed::Accepted(accepted) => accepted,
-            Pushed::Rejected(why) => {
+        let accepted = match outcome {
+            Outcome::Accepted(accepted) => accepted,
+            Outcome::Rejected(why) => {
                 return Ok(rejected(index, why.code(), why.to_string(), begun));
             }
         };
-        let Accepted { pose, reprojection_rms_px, maps_seconds, hints, .. } = accepted;
-        let pose = pose.zip(reprojection_rms_px);
-        let pose = pose.map(|(pose, reprojection_rms_px)| BoardPose { pose, reprojection_rms_px });
+        let AcceptedPhoto { pose, maps_seconds, hints, .. } = accepted;
         let mut row = json!({
             "index": index,
             "status": "accepted",
@@ -242,7 +241,7 @@ impl<'a> Fit<'a> {
             let maps = self.session.snapshot()?;
             self.recorder.snapshot(photographs, &maps)?;
             if self.options.hold_out > 0 {
-                self.stages.push(Stage::new(photographs, &maps, self.session.exposure()));
+                self.stages.push(Stage::new(photographs, &maps, self.session.light_correction()));
             }
             self.recorded = photographs;
         }
@@ -289,7 +288,7 @@ impl<'a> Fit<'a> {
         Ok(held_out)
     }
 
-    /// How many photographs wait to be held out.
+    /// Number of photographs that wait to be held out.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
@@ -316,7 +315,7 @@ impl<'a> Fit<'a> {
     /// Adds how the maps explain each photograph, and what there is to tell about it in the end: hints of earlier
     /// states are withdrawn.
     fn add_residuals(&mut self) {
-        let fits = self.session.frame_fits().unwrap_or_default();
+        let fits = self.session.photo_fits().unwrap_or_default();
         for (row, fit) in fitted(&mut self.rows).zip(&fits) {
             row["residual"] = json!(fit.residual);
             row["weight"] = json!(fit.weight);
@@ -333,7 +332,7 @@ impl<'a> Fit<'a> {
             let before: Vec<Value> = std::mem::take(said);
             let new = hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
             said.extend(new.clone());
-            // What the session does not tell: of the file, and of what could not be done.
+            // Hints that the session does not repeat: about the file, and about failed corrections.
             let is_of_files = |hint: &&Value| {
                 let code = hint["code"].as_str().unwrap_or_default();
                 !Hint::CODES.contains(&code) || code == "not_remade"
@@ -350,7 +349,7 @@ impl<'a> Fit<'a> {
         }
         for (text, photos) in told {
             let paths: Vec<String> =
-                photos.iter().map(|i| self.frames[*i].path.display().to_string()).collect();
+                photos.iter().map(|i| self.photos[*i].path.display().to_string()).collect();
             let which = match paths.as_slice() {
                 [one] => one.clone(),
                 [first, rest @ ..] => format!("{first} and {} more", rest.len()),
@@ -371,7 +370,7 @@ impl<'a> Fit<'a> {
             return true;
         };
         let path = path.display();
-        if let Err(why) = self.session.remove_frame(place) {
+        if let Err(why) = self.session.remove_photo(place) {
             self.progress
                 .say(&format!("note: {path}: overwritten, but the first photo stays: {why}"));
             return false;
@@ -380,7 +379,7 @@ impl<'a> Fit<'a> {
         row["status"] = json!("rejected");
         row["reason"] = json!(REPLACED);
         row["hint"] = json!("the file was overwritten; what it holds now is taken instead");
-        self.recorded = self.recorded.min(self.session.progress().frames);
+        self.recorded = self.recorded.min(self.session.progress().photos);
         self.progress.say(&format!("note: {path}: overwritten, read again"));
         true
     }
@@ -392,10 +391,10 @@ impl<'a> Fit<'a> {
 
     /// The file of a row.
     pub fn path(&self, row: &Value) -> &Path {
-        &self.frames[row["index"].as_u64().unwrap_or(0) as usize].path
+        &self.photos[row["index"].as_u64().unwrap_or(0) as usize].path
     }
 
-    /// Whether the latest word on a file is that it cannot be read.
+    /// Whether the latest attempt to read a file failed.
     pub fn is_unreadable(&self, path: &Path) -> bool {
         let row = self.rows.iter().rev().find(|row| self.path(row) == path);
         row.is_some_and(|row| row["reason"] == "unreadable")
@@ -407,7 +406,7 @@ impl<'a> Fit<'a> {
         if self.options.endless {
             format!("photo {number}")
         } else {
-            format!("photo {number}/{}", self.frames.len())
+            format!("photo {number}/{}", self.photos.len())
         }
     }
 
@@ -455,7 +454,7 @@ fn set_pose(row: &mut Value, known: Option<&BoardPose>) {
     row["reprojection_rms_px"] = json!(known.map(|k| k.reprojection_rms_px));
 }
 
-/// What the fit made of an accepted photograph, and of those before.
+/// Adds the losses of the fit of an accepted photograph and those before.
 fn add_losses(row: &mut Value, session: &Session) {
     if row["status"] == "accepted" {
         let progress = session.progress();

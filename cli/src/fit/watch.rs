@@ -57,8 +57,8 @@ fn leave_out(input: &mut Input, foreign: Vec<LeftOut>) {
 /// What cannot be read may still be on its way.
 fn refuse_unreadable(input: &mut Input, fit: &Fit) {
     let Some(watch) = input.photographs.as_mut().and_then(|p| p.watch.as_mut()) else { return };
-    for frame in fit.frames.iter().filter(|frame| fit.is_unreadable(&frame.path)) {
-        watch.refuse(&frame.path);
+    for file in fit.photos.iter().filter(|file| fit.is_unreadable(&file.path)) {
+        watch.refuse(&file.path);
     }
 }
 
@@ -69,6 +69,6 @@ fn add(input: &mut Input, fit: &mut Fit, arrived: Vec<PathBuf>) {
     let (remarks, left_out, chosen) =
         (choice.remarks.len(), choice.left_out.len(), choice.chosen.len());
     choice.add(arrived.into_iter().map(|path| (Metadata::read(&path), path)).collect());
-    fit.frames.extend(choice.chosen[chosen..].iter().map(input::frame));
+    fit.photos.extend(choice.chosen[chosen..].iter().map(input::photo_file));
     input::tell(&choice.left_out[left_out..], &choice.remarks[remarks..], &mut fit.progress);
 }

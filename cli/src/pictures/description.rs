@@ -9,7 +9,7 @@ use svbrdf::geometry::Camera;
 
 use crate::failure::{Failure, Result};
 
-/// What photographs do not tell.
+/// Facts that photographs do not contain.
 pub struct Setup {
     /// Width and height of the sample, mm.
     pub sample_mm: [f32; 2],

@@ -4,7 +4,6 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::comparison::{delta_e_2000, lab};
 use svbrdf::session::Scene;
-use svbrdf::svbrdf::channel;
 
 use super::subject::Subject;
 
@@ -43,7 +42,7 @@ pub fn figures(subject: &Subject) -> Vec<Value> {
     let groups = [
         capture(subject),
         material(subject),
-        confidence(subject),
+        uncertainty(subject),
         camera(subject),
         light(subject),
         sheet(subject),
@@ -85,21 +84,20 @@ fn capture(subject: &Subject) -> Option<Value> {
 fn material(subject: &Subject) -> Option<Value> {
     let maps = subject.maps;
     let n = maps.texels() as f32;
-    let mean = |c: usize| maps.plane(c).iter().sum::<f32>() / n;
-    let colour = |first: usize| {
-        let [r, g, b] = [0, 1, 2].map(|c| mean(first + c));
+    let colour = |planes: [&[f32]; 3]| {
+        let [r, g, b] = planes.map(|plane| plane.iter().sum::<f32>() / n);
         format!("{r:.3}, {g:.3}, {b:.3}")
     };
-    let slopes = maps.plane(channel::SLOPE_X).iter().zip(maps.plane(channel::SLOPE_Y));
-    let tilt = slopes.map(|(p, q)| p.hypot(*q).atan().to_degrees()).sum::<f32>() / n;
-    let mut roughness = maps.plane(channel::ROUGHNESS).to_vec();
+    let [x, y] = maps.normal_slopes();
+    let tilt = x.iter().zip(y).map(|(p, q)| p.hypot(*q).atan().to_degrees()).sum::<f32>() / n;
+    let mut roughness = maps.roughness().to_vec();
     roughness.sort_by(f32::total_cmp);
     let at = |share: f32| roughness[((roughness.len() - 1) as f32 * share) as usize];
     group(
         "Material",
         vec![
-            Some(("Mean diffuse", colour(channel::DIFFUSE))),
-            Some(("Mean F0", colour(channel::SPECULAR))),
+            Some(("Mean diffuse", colour(maps.diffuse()))),
+            Some(("Mean F0", colour(maps.specular()))),
             Some(("Roughness", format!("{:.2} ({:.2} to {:.2})", at(0.5), at(0.05), at(0.95)))),
             Some(("Mean tilt of normals", format!("{tilt:.1}°"))),
             maps.anisotropy().map(|planes| ("Anisotropy", anisotropy(planes))),
@@ -131,8 +129,8 @@ fn coat([weight, roughness]: [&[f32]; 2]) -> String {
 }
 
 /// How far the maps may be off.
-fn confidence(subject: &Subject) -> Option<Value> {
-    let of = |map: &str| subject.report["confidence"][map].as_f64();
+fn uncertainty(subject: &Subject) -> Option<Value> {
+    let of = |map: &str| subject.report["uncertainty"][map].as_f64();
     // Of two tilts with one deviation, the angle between them has this mean.
     let angle = |v: f64| (v * (0.5 * std::f64::consts::PI).sqrt()).atan().to_degrees();
     group(
@@ -153,7 +151,7 @@ fn confidence(subject: &Subject) -> Option<Value> {
 /// CIEDE2000 of the mean diffuse albedo and one that is brighter by so much.
 fn brighter(maps: &Svbrdf, by: f64) -> f64 {
     let mean = |c: usize| {
-        let plane = maps.plane(channel::DIFFUSE + c);
+        let plane = maps.diffuse()[c];
         plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
     };
     let colour = [0, 1, 2].map(mean);

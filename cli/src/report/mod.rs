@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use svbrdf::Svbrdf;
 use svbrdf::comparison::Prediction;
 use svbrdf::export::relit;
-use svbrdf::frame::Photo;
+use svbrdf::photo::Photo;
 
 use self::pictures::{MapPictures, Snapshot, Thumbnail};
 pub use self::subject::Subject;
@@ -136,7 +136,7 @@ fn photographs(subject: &Subject, recorder: &Recorder) -> Vec<Value> {
     rows.map(|row| {
         let index = row["index"].as_u64().unwrap_or(0) as usize;
         let thumbnail = recorder.thumbnails.get(index).and_then(Option::as_ref);
-        let name = subject.frames[index].path.file_name().unwrap_or_default().to_string_lossy();
+        let name = subject.photos[index].path.file_name().unwrap_or_default().to_string_lossy();
         let mut shown = row.clone();
         shown["name"] = json!(name);
         shown["thumbnail"] = json!(thumbnail);
@@ -184,10 +184,9 @@ fn predictions(predictions: &[(usize, &Prediction)]) -> Result<Vec<Value>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svbrdf::capture::{Capture, Frame};
+    use svbrdf::capture::{Capture, PhotoFile};
     use svbrdf::random::Random;
     use svbrdf::session::{RectifiedFalloff, Scene};
-    use svbrdf::svbrdf::channel;
 
     /// Maps that compress as badly as any, and a photograph with a little of it.
     fn noise(texels: usize) -> (Svbrdf, Photo) {
@@ -195,7 +194,7 @@ mod tests {
         let mut value = || random.uniform() as f32;
         let mut maps = Svbrdf::new(texels, texels);
         maps.planes_mut().iter_mut().for_each(|v| *v = value());
-        maps.plane_mut(channel::SLOPE_X).iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
+        maps.normal_slopes_mut()[0].iter_mut().for_each(|v| *v = 2.0 * *v - 1.0);
         let rgb = (0..3 * 200 * 150).map(|_| 0.4 + 0.02 * value()).collect();
         (maps, Photo::from_linear(200, 150, rgb, 1.0, 9.0).unwrap())
     }
@@ -210,18 +209,18 @@ mod tests {
                 recorder.snapshot(index + 1, &maps).unwrap();
             }
             let falloff = RectifiedFalloff::InverseSquareAuto;
-            let frame = Frame {
+            let file = PhotoFile {
                 path: "frames/00.png".into(),
-                encoding: svbrdf::frame::Encoding::Linear,
+                encoding: Some(svbrdf::photo::Encoding::Linear),
                 exposure: 1.0,
                 rectified: None,
-                turn: svbrdf::frame::Rotation::None,
+                turn: svbrdf::photo::Rotation::None,
                 ambient: None,
             };
             let capture = Capture {
                 sample_mm: [80.0, 80.0],
                 scene: Scene::Rectified { falloff },
-                frames: vec![frame; photographs],
+                photos: vec![file; photographs],
                 warnings: Vec::new(),
             };
             let rows: Vec<Value> =
@@ -229,7 +228,7 @@ mod tests {
             let subject = Subject {
                 report: &json!({ "frames": rows, "interrupted": false }),
                 capture: &capture,
-                frames: &capture.frames,
+                photos: &capture.photos,
                 camera: None,
                 maps: &maps,
                 predictions: Vec::new(),

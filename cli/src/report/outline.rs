@@ -22,7 +22,7 @@ fn pose(row: &Value) -> Option<Pose> {
 /// the sample's +X, degrees; distance, mm.
 pub fn view(subject: &Subject, row: &Value) -> Option<Value> {
     let index = row["index"].as_u64()? as usize;
-    let centre = match subject.frames[index].rectified {
+    let centre = match subject.photos[index].rectified {
         Some(view) if row["status"] == "accepted" => {
             DVec3::from_array(view.camera_mm.map(f64::from))
         }

@@ -10,8 +10,8 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use svbrdf::Svbrdf;
 use svbrdf::export::resized;
-use svbrdf::frame::{Encoding, Photo};
-use svbrdf::svbrdf::{LOBE_RANGE, channel, lobe};
+use svbrdf::photo::{Encoding, Photo};
+use svbrdf::svbrdf::{LOBE_RANGE, lobe};
 
 use crate::failure::{Failure, Result};
 
@@ -121,8 +121,8 @@ impl MapPictures {
                 [(x >> 4) as u8, (y >> 4) as u8, ((x & 15) << 4 | (y & 15)) as u8]
             })
             .collect();
-        let roughness: Vec<u8> = maps.plane(channel::ROUGHNESS).iter().map(|v| byte(*v)).collect();
-        let colour = |first| jpeg_of(width, height, &colours(maps, first), MAPS_QUALITY);
+        let roughness: Vec<u8> = maps.roughness().iter().map(|v| byte(*v)).collect();
+        let colour = |planes| jpeg_of(width, height, &colours(planes), MAPS_QUALITY);
         let lobes = lobes(maps);
         let lobe = |name: &str| {
             let rgb = lobes.iter().find(|(own, _)| *own == name);
@@ -135,17 +135,16 @@ impl MapPictures {
             anisotropy: lobe("anisotropy")?,
             coat: lobe("coat")?,
             normal: png(width, height, &normal, ExtendedColorType::Rgb8)?,
-            diffuse: colour(channel::DIFFUSE)?,
-            specular: colour(channel::SPECULAR)?,
+            diffuse: colour(maps.diffuse())?,
+            specular: colour(maps.specular())?,
             roughness: png(width, height, &roughness, ExtendedColorType::L8)?,
         })
     }
 }
 
-/// Three planes from `first` on as interleaved sRGB.
-fn colours(maps: &Svbrdf, first: usize) -> Vec<u8> {
-    let planes: [&[f32]; 3] = std::array::from_fn(|c| maps.plane(first + c));
-    (0..maps.texels()).flat_map(|i| planes.map(|p| srgb(p[i]))).collect()
+/// Planes of red, green and blue as interleaved sRGB.
+fn colours(planes: [&[f32]; 3]) -> Vec<u8> {
+    (0..planes[0].len()).flat_map(|i| planes.map(|p| srgb(p[i]))).collect()
 }
 
 /// Maps of an earlier moment in one JPEG: normal, diffuse, specular and roughness side by side, then the lobes
@@ -175,9 +174,8 @@ impl Snapshot {
     pub fn new(photographs: usize, maps: &Svbrdf) -> Result<Self> {
         let maps = at_most(maps, Self::SIDE);
         let (width, height) = (maps.width(), maps.height());
-        let [diffuse, specular] =
-            [channel::DIFFUSE, channel::SPECULAR].map(|first| colours(&maps, first));
-        let roughness = maps.plane(channel::ROUGHNESS);
+        let [diffuse, specular] = [maps.diffuse(), maps.specular()].map(colours);
+        let roughness = maps.roughness();
         let lobes = lobes(&maps);
         let parts = 4 + lobes.len();
         let mut rgb = Vec::with_capacity(3 * parts * maps.texels());

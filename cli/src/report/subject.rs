@@ -1,18 +1,18 @@
-//! What a page is made from.
+//! The content of a page.
 
 use serde_json::Value;
 use svbrdf::Svbrdf;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::comparison::Prediction;
 use svbrdf::geometry::Camera;
 
-/// What the page is about.
+/// The subject of the page.
 pub struct Subject<'a> {
     /// The contents of `report.json`.
     pub report: &'a Value,
     pub capture: &'a Capture,
     /// The photographs used, in the order of the capture.
-    pub frames: &'a [Frame],
+    pub photos: &'a [PhotoFile],
     /// As used.
     pub camera: Option<Camera>,
     /// The latest maps.

@@ -1,9 +1,9 @@
-//! What may be wrong with a capture or its maps, in words.
+//! Possible faults of a capture or its maps, in words.
 
 use std::path::Path;
 
 use serde_json::{Value, json};
-use svbrdf::svbrdf::{MIN_ROUGHNESS, channel};
+use svbrdf::svbrdf::MIN_ROUGHNESS;
 
 use super::outline;
 use super::subject::Subject;
@@ -210,7 +210,7 @@ fn held_out(subject: &Subject) -> Warning {
 }
 
 fn limits(subject: &Subject) -> Warning {
-    let roughness = subject.maps.plane(channel::ROUGHNESS);
+    let roughness = subject.maps.roughness();
     let low = roughness.iter().filter(|v| **v <= 1.01 * MIN_ROUGHNESS).count();
     let share = low as f32 / roughness.len() as f32;
     (share > AT_LIMIT).then(|| {

@@ -1,4 +1,4 @@
-//! What real captures have and an ideal one has not, drawn at random.
+//! Faults of real captures, drawn at random.
 
 use std::f64::consts::TAU;
 
@@ -33,7 +33,7 @@ pub struct Faults {
     pub gain_sigma: f64,
     /// Exposure goes with the camera's distance to this power.
     pub exposure_exponent: f64,
-    /// Flash in the camera frame, mm; the capture does not tell.
+    /// Flash in the camera frame, mm; the capture does not state it.
     pub flash_offset_mm: [f64; 3],
     /// The flash goes with the cosine to the camera's axis to this power.
     pub flash_exponent: f64,

@@ -17,7 +17,7 @@ use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 use svbrdf::calibration::Target;
 use svbrdf::capture::{FILE_NAME, FORMAT};
-use svbrdf::export::{check_writable, read_maps, write_atomic, write_maps};
+use svbrdf::export::{MapsOptions, check_writable, read_maps, write_atomic, write_maps};
 use svbrdf::random::Random;
 use svbrdf::rectification::elevation::RANGE_MM;
 
@@ -149,7 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         reflectance: faults.as_ref().map(|f| Reflectance::new(f.reflectance)),
     };
     let (frames, truths) = photographs(arguments, &surface, faults.as_ref(), draws)?;
-    write_maps(out.join("truth"), &maps)?;
+    write_maps(out.join("truth"), &maps, &MapsOptions::default())?;
     let mut truth = json!({
         "frames": truths,
         "elevation_mm": arguments.elevation,

@@ -6,12 +6,12 @@ use std::time::Duration;
 use clap::ValueEnum;
 use glam::{DMat3, DVec3};
 use svbrdf::calibration::Target;
-use svbrdf::frame::{Encoding, Photo};
 use svbrdf::geometry::Pose;
 use svbrdf::guide::{Action, Guidance, Guide, GuideOptions};
+use svbrdf::photo::{Encoding, Photo};
 use svbrdf::random::Random;
 use svbrdf::session::{
-    self, BoardPose, Budget, Hint, Probe, ProbedView, Pushed, Scene, Session, Settings,
+    self, BoardPose, Budget, Hint, Outcome, Probe, ProbedView, Scene, Session, Settings,
 };
 
 use super::scene::{DISTANCE_MM, camera};
@@ -35,7 +35,8 @@ const ARRIVAL_SECONDS: f64 = 0.4;
 /// and how long it remembers it, seconds.
 const TREMBLING: [f64; 2] = [15.0, 4.0];
 const TREMBLING_SECONDS: f64 = 0.2;
-/// Nobody goes exactly where told: standard deviation over the way, and how near is there, mm.
+/// Nobody goes exactly to the target: standard deviation over the way, and the distance that counts as
+/// arrived, mm.
 const AIM: f64 = 0.15;
 const ARRIVED_MM: f64 = 10.0;
 /// Tilt of a person's circle, degrees, and how evenly it is kept.
@@ -167,14 +168,14 @@ impl Walk {
     /// Takes the photograph in and waits for the fit, so that the path depends on the seed alone.
     pub fn taken(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(Led { session, guide }) = &mut self.led else { return Ok(()) };
-        match session.push(&Photo::decode(bytes, Encoding::Srgb, 1.0)?)? {
-            Pushed::Accepted(_) => session.wait()?,
-            Pushed::Rejected(why) => {
+        match session.add_photo(&Photo::decode(bytes, Encoding::Srgb, 1.0)?)? {
+            Outcome::Accepted(_) => session.wait()?,
+            Outcome::Rejected(why) => {
                 guide.missed();
                 eprintln!("rejected: {why}");
             }
         }
-        while session.progress().frames > 0 && session.survey().is_none_or(|s| !s.settled) {
+        while session.progress().photos > 0 && session.survey().is_none_or(|s| !s.settled) {
             std::thread::sleep(Duration::from_millis(1));
         }
         Ok(())
@@ -198,7 +199,7 @@ impl Led {
                 (Action::Shoot, _) => return Ok(gain.zip(best_gain).map(|(a, b)| [a, b])),
                 (Action::Hold, _) | (_, None) => hand.step(None),
                 (_, Some(target)) => {
-                    // Who has arrived and is told to go on looks again.
+                    // A user who has arrived and is sent on looks again.
                     let arrived = |(view, there): (session::NextView, DVec3)| {
                         view != target.view || hand.at.distance(there) < ARRIVED_MM
                     };
@@ -230,7 +231,7 @@ fn circle(index: u32, frames: u32, random: &mut Random) -> DVec3 {
     DVec3::new(tilt.sin() * side.cos(), tilt.sin() * side.sin(), tilt.cos()) * distance
 }
 
-/// What a probe of the preview would tell of a view, by geometry.
+/// The probe that the preview would give for a view, from geometry.
 fn probe(pose: &Pose, taken: &[DVec3], sample_mm: [f32; 2]) -> Probe {
     let (eye, camera) = (pose.camera_centre(), camera());
     let direction = eye.normalize();

@@ -3,7 +3,7 @@
 use image::{ImageFormat, RgbImage};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use rayon::prelude::*;
-use svbrdf::frame::Encoding;
+use svbrdf::photo::Encoding;
 use svbrdf::random::Random;
 
 use super::faults::FrameFaults;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use svbrdf::Svbrdf;
 use svbrdf::observation::{Falloff, View};
 use svbrdf::render::render;
-use svbrdf::svbrdf::{Anisotropy, channel, lobe};
+use svbrdf::svbrdf::{Anisotropy, lobe};
 
 use super::light::Light;
 use super::reflectance::{Alphas, COAT_F0, Coat, Reflectance, Texel};
@@ -107,23 +107,23 @@ impl Surface<'_> {
         let (w, h) = (self.maps.width(), self.maps.height());
         let place = DVec2::from(view.texel_mm(w, h, i % w, i / w).map(f64::from));
         let point = place.extend(self.height(place));
-        let parameter = |c: usize| f64::from(self.maps.plane(c)[i]);
+        let texel = |plane: &[f32]| f64::from(plane[i]);
         let lobe = |lobe: usize| self.maps.lobe(lobe).map_or(0.0, |plane| plane[i]);
         let stretch = [lobe::ANISOTROPY_X, lobe::ANISOTROPY_Y].map(lobe);
         let anisotropy = (stretch != [0.0; 2]).then(|| {
-            let lobe = Anisotropy::new(self.maps.plane(channel::ROUGHNESS)[i], stretch);
+            let lobe = Anisotropy::new(self.maps.roughness()[i], stretch);
             let direction = DVec2::from_angle(lobe.angle.into());
             Alphas { direction, along: lobe.along.into(), across: lobe.across.into() }
         });
         let [weight, coat] = [lobe::COAT, lobe::COAT_ROUGHNESS].map(|l| f64::from(lobe(l)));
         let bow = self.slopes(place);
-        let relief = DVec2::new(parameter(channel::SLOPE_X), parameter(channel::SLOPE_Y));
+        let relief = DVec2::from(self.maps.normal_slopes().map(texel));
         let texel = Texel {
             normal: (bow + relief).extend(1.0).normalize(),
             level: bow.extend(1.0).normalize(),
-            diffuse: std::array::from_fn(|c| parameter(channel::DIFFUSE + c)),
-            f0: std::array::from_fn(|c| parameter(channel::SPECULAR + c)),
-            roughness: parameter(channel::ROUGHNESS),
+            diffuse: self.maps.diffuse().map(texel),
+            f0: self.maps.specular().map(texel),
+            roughness: texel(self.maps.roughness()),
             place,
             anisotropy,
             coat: (weight > 0.0).then_some(Coat { weight, alpha: coat * coat }),
@@ -160,16 +160,16 @@ fn add_room(maps: &Svbrdf, view: &View, ambient: f64, radiance: &mut [f32]) {
     let bright = DVec3::new(ROOM_AZIMUTH.cos(), ROOM_AZIMUTH.sin(), 0.0);
     for i in 0..n {
         let [x, y] = view.texel_mm(w, maps.height(), i % w, i / w);
-        let slope = |c: usize| f64::from(maps.plane(c)[i]);
-        let normal = DVec3::new(slope(channel::SLOPE_X), slope(channel::SLOPE_Y), 1.0).normalize();
+        let slopes = DVec2::from(maps.normal_slopes().map(|plane| f64::from(plane[i])));
+        let normal = slopes.extend(1.0).normalize();
         let eye = glam::Vec3::from(view.camera_mm) - glam::Vec3::new(x, y, 0.0);
         let mirrored = (-eye.as_dvec3().normalize()).reflect(normal);
         // its mean over all directions, weighted by their cosine, is 1
         let room = 1.0 + ROOM_CONTRAST * mirrored.dot(bright);
         let coat = maps.lobe(lobe::COAT).map_or(0.0, |plane| COAT_F0 * f64::from(plane[i]));
         for c in 0..3 {
-            let diffuse = f64::from(maps.plane(channel::DIFFUSE + c)[i]);
-            let specular = f64::from(maps.plane(channel::SPECULAR + c)[i]);
+            let diffuse = f64::from(maps.diffuse()[c][i]);
+            let specular = f64::from(maps.specular()[c][i]);
             radiance[c * n + i] +=
                 (ambient * ((1.0 - coat) * (diffuse + specular * room) + coat * room)) as f32;
         }
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_flash_with_a_lobe_is_weaker_to_the_sides() {
         let mut maps = Svbrdf::new(3, 3);
-        (0..3).for_each(|c| maps.plane_mut(channel::SPECULAR + c).fill(0.0));
+        (0..3).for_each(|c| maps.specular_mut()[c].fill(0.0));
         let surface = surface(&maps, 0.0);
         let at = |exponent| {
             let place = DVec3::new(0.0, 0.0, 100.0);

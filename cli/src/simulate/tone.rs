@@ -1,7 +1,7 @@
 //! Tone curves as cameras put them over their photographs.
 
 use clap::ValueEnum;
-use svbrdf::frame::Encoding;
+use svbrdf::photo::Encoding;
 
 /// What a camera makes of linear values before it encodes them as sRGB; white paper at the first
 /// distance is a linear 0.8.

@@ -11,7 +11,6 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use svbrdf::Svbrdf;
-use svbrdf::svbrdf::channel;
 
 pub fn run(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_svbrdf")).args(arguments).output().unwrap()
@@ -39,9 +38,9 @@ pub fn maps(size: usize) -> Svbrdf {
     let mut maps = Svbrdf::new(size, size);
     for i in 0..size * size {
         let (x, y) = (i % size, i / size);
-        maps.plane_mut(channel::SLOPE_X)[i] = 0.3 * (x as f32 * 0.7).sin();
-        maps.plane_mut(channel::SLOPE_Y)[i] = 0.2 * (y as f32 * 0.5).cos();
-        maps.plane_mut(channel::DIFFUSE)[i] = if x / 4 % 2 == 0 { 0.2 } else { 0.6 };
+        maps.normal_slopes_mut()[0][i] = 0.3 * (x as f32 * 0.7).sin();
+        maps.normal_slopes_mut()[1][i] = 0.2 * (y as f32 * 0.5).cos();
+        maps.diffuse_mut()[0][i] = if x / 4 % 2 == 0 { 0.2 } else { 0.6 };
     }
     maps
 }

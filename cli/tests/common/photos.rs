@@ -9,7 +9,7 @@ use exif::{Field, In, Rational, Tag, Value};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
-use svbrdf::frame::Encoding;
+use svbrdf::photo::Encoding;
 
 /// What is written into a file beside the pixels.
 #[derive(Default)]

@@ -28,7 +28,7 @@ class Request:
     #: Whether the maps are made seamless.
     tile: bool = False
     #: Options for tests: photographs and steps at most.
-    frames: int | None = None
+    photos: int | None = None
     steps: int | None = None
 
 
@@ -109,7 +109,7 @@ class Job:
     def _fit(self):
         self._tell(0.0, "Reading photographs")
         request = self._request
-        options = {"resolution": request.resolution, "frames": request.frames, "steps": request.steps}
+        options = {"resolution": request.resolution, "photos": request.photos, "steps": request.steps}
         source = request.source
         if not os.path.isdir(source):
             raise SourceError(f"{source or 'Photographs'}: there is no such folder")
@@ -118,7 +118,7 @@ class Job:
 
         def tell(progress):
             left = "" if progress.seconds_left is None else f", {progress.seconds_left:.0f} s left"
-            what = f"Photo {progress.photograph} of {progress.photographs}{left}"
+            what = f"Photo {progress.photo} of {progress.photos}{left}"
             self._tell(0.95 * progress.fraction, what)
 
         return self._svbrdf.fit(source, on_progress=tell, **options)
@@ -126,10 +126,10 @@ class Job:
 
 def _report(maps):
     lines = []
-    used = sum(photograph.accepted for photograph in maps.photographs)
-    if maps.photographs:
-        lines.append(f"{used} of {len(maps.photographs)} photographs used")
-    for photograph in maps.photographs:
+    used = sum(photograph.accepted for photograph in maps.photos)
+    if maps.photos:
+        lines.append(f"{used} of {len(maps.photos)} photographs used")
+    for photograph in maps.photos:
         name = os.path.basename(str(photograph.source))
         if not photograph.accepted:
             lines.append(f"{name}: {photograph.message}")

@@ -23,7 +23,7 @@ import blender as shown  # noqa: E402  what tests/blender.sh renders with
 
 MODULE = "bl_ext.user_default.svbrdf"
 #: Photographs and steps: enough for a material with relief and gloss, and quick.
-QUICK = {"frames": 3, "steps": 20}
+QUICK = {"photos": 3, "steps": 20}
 
 
 @pytest.fixture(scope="session", autouse=True)

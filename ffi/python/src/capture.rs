@@ -8,7 +8,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use svbrdf::capture;
 use svbrdf::files::{Choice, Chosen, HEAD_BYTES, Kind, Metadata};
-use svbrdf::frame::{Encoding, Rotation};
+use svbrdf::photo::{Encoding, Rotation};
 
 use crate::camera::Camera;
 use crate::errors::detached;
@@ -20,11 +20,11 @@ type Position = (f32, f32, f32);
 
 /// One photograph of a capture.
 #[pyclass(frozen, module = "svbrdf")]
-pub struct Frame(capture::Frame);
+pub struct PhotoFile(capture::PhotoFile);
 
 #[pymethods]
-impl Frame {
-    /// The picture file.
+impl PhotoFile {
+    /// The image file.
     #[getter]
     fn path(&self) -> PathBuf {
         self.0.path.clone()
@@ -32,8 +32,8 @@ impl Frame {
 
     /// Transfer curve of its values.
     #[getter]
-    fn encoding(&self) -> &'static str {
-        self.0.encoding.name()
+    fn encoding(&self) -> Option<&'static str> {
+        self.0.encoding.map(Encoding::name)
     }
 
     /// Relative exposure.
@@ -61,7 +61,7 @@ impl Frame {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Frame {}>", self.0.path.display())
+        format!("<PhotoFile {}>", self.0.path.display())
     }
 }
 
@@ -93,19 +93,19 @@ impl Capture {
 
     /// The photographs.
     #[getter]
-    fn frames(&self) -> Vec<Frame> {
-        self.0.frames.iter().cloned().map(Frame).collect()
+    fn photos(&self) -> Vec<PhotoFile> {
+        self.0.photos.iter().cloned().map(PhotoFile).collect()
     }
 
     fn __repr__(&self) -> String {
-        format!("<Capture of {} photographs>", self.0.frames.len())
+        format!("<Capture of {} photographs>", self.0.photos.len())
     }
 }
 
 /// Photographs to be used, others with why they are not, and remarks.
-type Chose = (Vec<Frame>, Vec<(PathBuf, String)>, Vec<String>);
+type Chose = (Vec<PhotoFile>, Vec<(PathBuf, String)>, Vec<String>);
 
-/// Photographs of one camera among picture files, in the order in which they were taken, with their exposures:
+/// Photographs of one camera among image files, in the order in which they were taken, with their exposures:
 /// frames; files left out, and why; remarks.
 #[pyfunction]
 pub fn _choose(py: Python<'_>, paths: Vec<PathBuf>) -> Chose {
@@ -126,11 +126,11 @@ pub fn _choose(py: Python<'_>, paths: Vec<PathBuf>) -> Chose {
         }
         choice.add(read);
         left_out.extend(choice.left_out.into_iter().map(|l| (l.path, l.reason)));
-        (choice.chosen.into_iter().map(frame).collect(), left_out, choice.remarks)
+        (choice.chosen.into_iter().map(photo_file).collect(), left_out, choice.remarks)
     })
 }
 
-/// Files of a folder that are pictures by their content, by name.
+/// Files of a folder that are images by their content, by name.
 #[pyfunction]
 pub fn _pictures(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
     detached(py, || {
@@ -149,10 +149,10 @@ fn kind(path: &Path) -> Option<Kind> {
     Kind::of(&head)
 }
 
-fn frame(chosen: Chosen) -> Frame {
-    Frame(capture::Frame {
+fn photo_file(chosen: Chosen) -> PhotoFile {
+    PhotoFile(capture::PhotoFile {
         path: chosen.path,
-        encoding: if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb },
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: chosen.exposure,
         rectified: None,
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),

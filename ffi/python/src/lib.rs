@@ -26,7 +26,7 @@ mod _native {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
-    use super::capture::{_choose, _pictures, Capture, Frame};
+    use super::capture::{_choose, _pictures, Capture, PhotoFile};
     #[pymodule_export]
     use super::maps::Maps;
     #[pymodule_export]

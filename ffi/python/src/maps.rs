@@ -8,10 +8,10 @@ use numpy::ndarray::{Ix2, Ix3};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use svbrdf::confidence::Confidence;
 use svbrdf::export::{self, ExportOptions, Format, Package, TextureFormat};
 use svbrdf::observation::{Falloff, View};
-use svbrdf::svbrdf::{MAX_SLOPE, channel};
+use svbrdf::svbrdf::MAX_SLOPE;
+use svbrdf::uncertainty::Uncertainty;
 use svbrdf::{Svbrdf, render};
 
 use crate::arrays::{array, floats, size};
@@ -26,9 +26,9 @@ use crate::lobes_input;
 #[pyclass(frozen, module = "svbrdf")]
 pub struct Maps {
     maps: Arc<Svbrdf>,
-    confidence: Option<Arc<Confidence>>,
+    uncertainty: Option<Arc<Uncertainty>>,
     sample_mm: [f32; 2],
-    photographs: Py<PyTuple>,
+    photos: Py<PyTuple>,
 }
 
 impl Maps {
@@ -36,10 +36,10 @@ impl Maps {
     pub fn of(
         py: Python<'_>,
         maps: Arc<Svbrdf>,
-        confidence: Option<Arc<Confidence>>,
+        uncertainty: Option<Arc<Uncertainty>>,
         sample_mm: [f32; 2],
     ) -> Self {
-        Self { maps, confidence, sample_mm, photographs: PyTuple::empty(py).unbind() }
+        Self { maps, uncertainty, sample_mm, photos: PyTuple::empty(py).unbind() }
     }
 
     fn shape(&self) -> [usize; 2] {
@@ -47,8 +47,7 @@ impl Maps {
     }
 
     /// Texel by texel from three planes.
-    fn colours<'py>(&self, py: Python<'py>, first: usize) -> Bound<'py, PyArray3<f32>> {
-        let planes = [0, 1, 2].map(|c| self.maps.plane(first + c));
+    fn colours<'py>(&self, py: Python<'py>, planes: [&[f32]; 3]) -> Bound<'py, PyArray3<f32>> {
         self.texels(py, |i| planes.map(|plane| plane[i]))
     }
 
@@ -71,7 +70,7 @@ impl Maps {
     /// Accepted photographs that they come from, where that is known.
     fn count(&self, py: Python<'_>) -> PyResult<Option<u32>> {
         let mut count = 0;
-        for photograph in self.photographs.bind(py) {
+        for photograph in self.photos.bind(py) {
             count += u32::from(photograph.getattr("accepted")?.is_truthy()?);
         }
         Ok((count > 0).then_some(count))
@@ -84,7 +83,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Package> {
         let names = Format::ALL.map(Format::name);
         let formats = formats
@@ -167,7 +166,7 @@ impl Maps {
         Ok(Self::of(py, Arc::new(maps), None, sample_mm))
     }
 
-    /// Reads a folder with ``maps.exr`` or pictures ``normal``, ``diffuse``, ``specular``, ``roughness``.
+    /// Reads a folder with ``maps.exr`` or images ``normal``, ``diffuse``, ``specular``, ``roughness``.
     ///
     /// ``sample_mm`` is the size of the sample; by default what the files state.
     #[staticmethod]
@@ -197,8 +196,8 @@ impl Maps {
 
     /// What became of each photograph of a fit; empty for other maps.
     #[getter]
-    fn photographs<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
-        self.photographs.bind(py).clone()
+    fn photos<'py>(&self, py: Python<'py>) -> Bound<'py, PyTuple> {
+        self.photos.bind(py).clone()
     }
 
     /// Unit normals, (height, width, 3): X right, Y up, Z out of the sample.
@@ -211,13 +210,13 @@ impl Maps {
     /// Diffuse albedo, (height, width, 3), linear RGB.
     #[getter]
     fn diffuse<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        self.colours(py, channel::DIFFUSE)
+        self.colours(py, self.maps.diffuse())
     }
 
     /// Specular albedo at normal incidence (F0), (height, width, 3), linear RGB.
     #[getter]
     fn specular<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
-        self.colours(py, channel::SPECULAR)
+        self.colours(py, self.maps.specular())
     }
 
     /// Roughness, (height, width): GGX with alpha = roughness squared. Where the material is anisotropic, of the smaller alpha.
@@ -257,13 +256,13 @@ impl Maps {
     /// colour) and ``roughness``; ``None`` where they are not known.
     #[getter]
     fn deviations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(confidence) = &self.confidence else { return Ok(None) };
+        let Some(uncertainty) = &self.uncertainty else { return Ok(None) };
         let deviations = PyDict::new(py);
         for (name, plane) in [
-            ("normal", confidence.normal()),
-            ("diffuse", confidence.diffuse()),
-            ("specular", confidence.specular()),
-            ("roughness", confidence.roughness()),
+            ("normal", uncertainty.normal()),
+            ("diffuse", uncertainty.diffuse()),
+            ("specular", uncertainty.specular()),
+            ("roughness", uncertainty.roughness()),
         ] {
             deviations.set_item(name, self.plane(py, plane))?;
         }
@@ -273,13 +272,12 @@ impl Maps {
     /// Writes ``normal.png``, ``diffuse.png``, ``specular.png``, ``roughness.png`` (16 bits) and ``maps.exr`` into a folder,
     /// which is made if missing: all files or none.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        detached(py, || match &self.confidence {
-            Some(known) => export::write_assessed_maps(folder, &self.maps, known, self.sample_mm),
-            None => export::write_sized_maps(folder, &self.maps, self.sample_mm),
-        })
+        let uncertainty = self.uncertainty.as_deref();
+        let options = export::MapsOptions { sample_mm: Some(self.sample_mm), uncertainty };
+        detached(py, || export::write_maps(folder, &self.maps, &options))
     }
 
-    /// Writes a picture of the material under four lights.
+    /// Writes an image of the material under four lights.
     fn save_preview(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         detached(py, || export::write_preview(path, &self.maps, self.sample_mm))
     }
@@ -288,8 +286,8 @@ impl Maps {
     ///
     /// ``formats``: ``glb``, ``usdz``, ``materialx``, ``unreal``, ``unity-hdrp``, ``unity-urp``, ``blender``. ``tile`` makes the maps
     /// seamless, ``metallic`` stores base colour and metalness, ``texture`` is ``png8``, ``png16`` or ``jpeg``, ``max_size`` the
-    /// longer side of textures at most (0: any).
-    #[pyo3(signature = (folder, formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    /// largest longer side of textures.
+    #[pyo3(signature = (folder, formats, *, tile = false, metallic = false, texture = "png8", max_size = None))]
     fn export(
         &self,
         py: Python<'_>,
@@ -298,7 +296,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Vec<String>> {
         let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
         detached(py, || package.write(folder))?;
@@ -306,7 +304,7 @@ impl Maps {
     }
 
     /// As ``export``, in memory: names and bytes of the files.
-    #[pyo3(signature = (formats, *, tile = false, metallic = false, texture = "png8", max_size = 0))]
+    #[pyo3(signature = (formats, *, tile = false, metallic = false, texture = "png8", max_size = None))]
     fn package<'py>(
         &self,
         py: Python<'py>,
@@ -314,7 +312,7 @@ impl Maps {
         tile: bool,
         metallic: bool,
         texture: &str,
-        max_size: usize,
+        max_size: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let package = self.packed(py, formats, tile, metallic, texture, max_size)?;
         let files = PyDict::new(py);
@@ -361,9 +359,9 @@ impl Maps {
     }
 
     /// The same maps with what became of each photograph.
-    fn _with_photographs(&self, photographs: Py<PyTuple>) -> Self {
-        let (maps, confidence) = (self.maps.clone(), self.confidence.clone());
-        Self { maps, confidence, sample_mm: self.sample_mm, photographs }
+    fn _with_photos(&self, photos: Py<PyTuple>) -> Self {
+        let (maps, uncertainty) = (self.maps.clone(), self.uncertainty.clone());
+        Self { maps, uncertainty, sample_mm: self.sample_mm, photos }
     }
 
     fn __repr__(&self) -> String {

@@ -7,7 +7,7 @@ use numpy::PyArray3;
 use numpy::ndarray::Ix3;
 use pyo3::prelude::*;
 use svbrdf::files;
-use svbrdf::frame::{self, Encoding, Rotation};
+use svbrdf::photo::{self, Encoding, Rotation};
 
 use crate::arrays::{array, exactly, floats, size};
 use crate::errors::{argument, choice, detached, to_python};
@@ -28,7 +28,7 @@ use crate::errors::{argument, choice, detached, to_python};
 /// svbrdf.errors.ArgumentError: pixels: shape [30, 40] given; (height, width, 3) expected
 #[pyclass(frozen, module = "svbrdf", from_py_object)]
 #[derive(Debug, Clone)]
-pub struct Photo(pub Arc<frame::Photo>);
+pub struct Photo(pub Arc<photo::Photo>);
 
 /// The encoding of that name.
 pub fn encoding(name: &str) -> PyResult<Encoding> {
@@ -63,12 +63,12 @@ impl Photo {
             let (width, height) = size(&shape)?;
             integers()?;
             let row = 3 * width as usize;
-            detached(py, || frame::Photo::from_rgb8(width, height, &values, row, curve, exposure))?
+            detached(py, || photo::Photo::from_rgb8(width, height, &values, row, curve, exposure))?
         } else if let Some((shape, values)) = exactly::<u16>(pixels) {
             let (width, height) = size(&shape)?;
             integers()?;
             let row = 3 * width as usize;
-            detached(py, || frame::Photo::from_rgb16(width, height, &values, row, curve, exposure))?
+            detached(py, || photo::Photo::from_rgb16(width, height, &values, row, curve, exposure))?
         } else if is_float(pixels) {
             let (shape, values) = floats("pixels", pixels)?;
             let (width, height) = size(&shape)?;
@@ -76,7 +76,7 @@ impl Photo {
                 return Err(argument("encoding", "floats are linear values"));
             }
             let saturation = saturation.unwrap_or(f32::INFINITY);
-            detached(py, || frame::Photo::from_linear(width, height, values, exposure, saturation))?
+            detached(py, || photo::Photo::from_linear(width, height, values, exposure, saturation))?
         } else {
             return Err(argument("pixels", "an array of uint8, uint16 or floats is expected"));
         };

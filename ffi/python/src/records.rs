@@ -27,7 +27,8 @@ impl Hint {
     }
 }
 
-fn hints(hints: &[session::Hint], py: Python<'_>) -> PyResult<Vec<Py<Hint>>> {
+/// The same for Python.
+pub fn hints(hints: &[session::Hint], py: Python<'_>) -> PyResult<Vec<Py<Hint>>> {
     let of = |hint: &session::Hint| Hint { code: hint.code(), message: hint.to_string() };
     hints.iter().map(|hint| Py::new(py, of(hint))).collect()
 }
@@ -47,11 +48,11 @@ pub struct Accepted {
 
 impl Accepted {
     /// From the library's.
-    pub fn new(py: Python<'_>, accepted: &session::Accepted) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, accepted: &session::AcceptedPhoto) -> PyResult<Self> {
         Ok(Self {
             index: accepted.index,
-            reprojection_rms_px: accepted.reprojection_rms_px,
-            camera_mm: accepted.pose.map(|pose| pose.camera_centre().into()),
+            reprojection_rms_px: accepted.pose.map(|board| board.reprojection_rms_px),
+            camera_mm: accepted.pose.map(|board| board.pose.camera_centre().into()),
             hints: hints(&accepted.hints, py)?,
         })
     }
@@ -102,7 +103,7 @@ impl Rejected {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Accepted photographs.
-    photographs: usize,
+    photos: usize,
     /// Fraction of the work that is done, 0 to 1: on the photographs of ``Session.announce``, without on the latest one.
     fraction: f32,
     /// Mean difference of the logarithms of photographs and renderings.
@@ -115,16 +116,16 @@ pub struct Progress {
 
 impl From<session::Progress> for Progress {
     fn from(p: session::Progress) -> Self {
-        let session::Progress { frames, fraction, loss, seconds_left, settled, .. } = p;
-        Self { photographs: frames, fraction, loss, seconds_left, settled }
+        let session::Progress { photos, fraction, loss, seconds_left, settled, .. } = p;
+        Self { photos, fraction, loss, seconds_left, settled }
     }
 }
 
 #[pymethods]
 impl Progress {
     fn __repr__(&self) -> String {
-        let Self { photographs, fraction, .. } = self;
-        format!("<Progress {:.0} % of {photographs} photographs>", 100.0 * fraction)
+        let Self { photos, fraction, .. } = self;
+        format!("<Progress {:.0} % of {photos} photographs>", 100.0 * fraction)
     }
 }
 
@@ -175,9 +176,9 @@ pub struct Probe {
     distance_mm: Option<f32>,
     /// Angle to the view that would tell most, degrees.
     off_next_deg: Option<f32>,
-    /// Share of the sample inside the picture, 0 to 1.
+    /// Share of the sample inside the image, 0 to 1.
     sample_seen: Option<f32>,
-    /// The sample's corners in the picture, px, clockwise from the upper left of the maps.
+    /// The sample's corners in the image, px, clockwise from the upper left of the maps.
     sample_px: Option<Vec<(f32, f32)>>,
     /// Median level of the white squares, share of full scale.
     white_level: Option<f32>,

@@ -9,7 +9,9 @@ use pyo3::types::PyBytes;
 use svbrdf::networks::Networks;
 use svbrdf::observation::Falloff;
 use svbrdf::session::Settings;
-use svbrdf::session::{self, Budget, Method, Pushed, RectifiedFalloff, RestoreOptions, Scene};
+use svbrdf::session::{
+    self, AcceptedPhoto, Budget, Method, Outcome, RectifiedFalloff, RestoreOptions, Scene,
+};
 
 use crate::board::Board;
 use crate::camera::Camera;
@@ -17,7 +19,7 @@ use crate::capture::Capture;
 use crate::errors::{argument, choice, detached, to_python};
 use crate::maps::{Maps, lengths};
 use crate::photo::Photo;
-use crate::records::{Accepted, NextView, Probe, Progress, Rejected};
+use crate::records::{self, Accepted, Hint, NextView, Probe, Progress, Rejected};
 use crate::watch;
 
 /// The networks, which all sessions share.
@@ -79,10 +81,10 @@ impl Session {
         self.0.as_deref().expect("held until dropped")
     }
 
-    fn answer(py: Python<'_>, pushed: Pushed) -> PyResult<Py<PyAny>> {
+    fn answer(py: Python<'_>, pushed: Outcome<AcceptedPhoto>) -> PyResult<Py<PyAny>> {
         Ok(match pushed {
-            Pushed::Accepted(accepted) => Py::new(py, Accepted::new(py, &accepted)?)?.into_any(),
-            Pushed::Rejected(rejection) => Py::new(py, Rejected::from(rejection))?.into_any(),
+            Outcome::Accepted(accepted) => Py::new(py, Accepted::new(py, &accepted)?)?.into_any(),
+            Outcome::Rejected(rejection) => Py::new(py, Rejected::from(rejection))?.into_any(),
         })
     }
 }
@@ -213,13 +215,13 @@ impl Session {
 
     /// Adds a photograph of the board: ``Accepted``, or ``Rejected`` with the reason. Maps that know of it are there when
     /// this returns; the fit goes on by itself.
-    fn push(&self, py: Python<'_>, photo: &Photo) -> PyResult<Py<PyAny>> {
-        Self::answer(py, detached(py, || self.native().push(&photo.0))?)
+    fn add_photo(&self, py: Python<'_>, photo: &Photo) -> PyResult<Py<PyAny>> {
+        Self::answer(py, detached(py, || self.native().add_photo(&photo.0))?)
     }
 
     /// Adds a photograph that shows the sample from the top already, with the positions of camera and light.
     #[pyo3(signature = (photo, *, camera_mm, light_mm))]
-    fn push_rectified(
+    fn add_rectified_photo(
         &self,
         py: Python<'_>,
         photo: &Photo,
@@ -227,11 +229,11 @@ impl Session {
         light_mm: (f32, f32, f32),
     ) -> PyResult<Py<PyAny>> {
         let (camera, light) = (camera_mm.into(), light_mm.into());
-        let pushed = detached(py, || self.native().push_rectified(&photo.0, camera, light))?;
+        let pushed = detached(py, || self.native().add_rectified_photo(&photo.0, camera, light))?;
         Self::answer(py, pushed)
     }
 
-    /// Judges a photograph or a picture of a preview without adding it. ``flash=False``: it is lit by something else, and how
+    /// Judges a photograph or an image of a preview without adding it. ``flash=False``: it is lit by something else, and how
     /// says nothing.
     #[pyo3(signature = (photo, *, flash = true))]
     fn probe(&self, py: Python<'_>, photo: &Photo, flash: bool) -> PyResult<Probe> {
@@ -243,8 +245,15 @@ impl Session {
     }
 
     /// Takes an accepted photograph back; later ones move up.
-    fn remove(&self, py: Python<'_>, index: usize) -> PyResult<()> {
-        detached(py, || self.native().remove_frame(index))
+    fn remove_photo(&self, py: Python<'_>, index: usize) -> PyResult<()> {
+        detached(py, || self.native().remove_photo(index))
+    }
+
+    /// What there is to tell about each accepted photograph with all that is known now: a list for each. Hints given when a
+    /// photograph came may hold no longer, and others may. Ask once the fit has settled.
+    fn hints(&self, py: Python<'_>) -> PyResult<Vec<Vec<Py<Hint>>>> {
+        let all = detached(py, || self.native().hints())?;
+        all.iter().map(|hints| records::hints(hints, py)).collect()
     }
 
     /// The maps as they are now.
@@ -254,17 +263,17 @@ impl Session {
     }
 
     /// The maps as they are now, with how far they may be off.
-    fn assess(&self, py: Python<'_>) -> PyResult<Maps> {
-        let assessed = detached(py, || self.native().assess())?;
-        let confidence = Some(Arc::new(assessed.confidence));
-        Ok(Maps::of(py, assessed.maps, confidence, self.native().settings().sample_mm))
+    fn snapshot_with_uncertainty(&self, py: Python<'_>) -> PyResult<Maps> {
+        let known = detached(py, || self.native().snapshot_with_uncertainty())?;
+        let uncertainty = Some(Arc::new(known.uncertainty));
+        Ok(Maps::of(py, known.maps, uncertainty, self.native().settings().sample_mm))
     }
 
     /// Announces that so many photographs are still to come: ``Progress.fraction`` is then that of the work on all of them
-    /// together, and never falls before they have come. Each push takes one of them away, whether the photograph is accepted or
+    /// together, and never falls before they have come. Each photograph added takes one of them away, whether it is accepted or
     /// rejected. If fewer or more come after all, say so by another call. Without it the fraction is that of each photograph.
-    fn announce(&self, photographs: usize) {
-        self.native().announce(photographs);
+    fn announce(&self, photos: usize) {
+        self.native().announce(photos);
     }
 
     /// State of the fit.
@@ -332,7 +341,7 @@ impl Session {
     }
 
     fn __repr__(&self) -> String {
-        let frames = self.native().progress().frames;
+        let frames = self.native().progress().photos;
         format!("<Session of {frames} photographs>")
     }
 }

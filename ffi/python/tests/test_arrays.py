@@ -174,7 +174,7 @@ def test_wrong_photographs_are_refused(pixels: object, options: dict[str, object
 
 def test_values_that_are_no_numbers_are_a_rejection() -> None:
     session = svbrdf.Session(sample_mm=(100, 100))
-    rejected = session.push(svbrdf.Photo(np.full((40, 60, 3), np.nan)))
+    rejected = session.add_photo(svbrdf.Photo(np.full((40, 60, 3), np.nan)))
     assert isinstance(rejected, svbrdf.Rejected) and rejected.code == "not_finite"
 
 

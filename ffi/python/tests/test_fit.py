@@ -20,13 +20,13 @@ def test_maps_are_the_command_lines_to_the_byte(
     capture: pathlib.Path, told_by_the_command_line: pathlib.Path, tmp_path: pathlib.Path
 ) -> None:
     # More threads than there: results do not depend on their number.
-    maps = svbrdf.fit(capture, frames=FRAMES, steps=STEPS, threads=2)
+    maps = svbrdf.fit(capture, photos=FRAMES, steps=STEPS, threads=2)
     maps.save(tmp_path)
     for name in FILES:
         ours, theirs = (d.joinpath(name).read_bytes() for d in (tmp_path, told_by_the_command_line))
         assert ours == theirs, name
-    assert [p.accepted for p in maps.photographs] == [True] * FRAMES
-    assert all(p.reprojection_rms_px < 1 for p in maps.photographs)
+    assert [p.accepted for p in maps.photos] == [True] * FRAMES
+    assert all(p.reprojection_rms_px < 1 for p in maps.photos)
     read = svbrdf.Maps.load(told_by_the_command_line)
     assert read.sample_mm == maps.sample_mm and read.size == maps.size == (256, 256)
     for name in ["diffuse", "specular", "roughness"]:
@@ -39,15 +39,15 @@ def test_maps_are_the_command_lines_to_the_byte(
 
 def test_arrays_and_files_give_what_the_capture_gives(capture: pathlib.Path) -> None:
     described = svbrdf.Capture.load(capture)
-    frames = described.frames[:FRAMES]
-    expected = svbrdf.fit(described, frames=FRAMES, steps=STEPS)
-    photos = [frame.read() for frame in frames]
+    files = described.photos[:FRAMES]
+    expected = svbrdf.fit(described, photos=FRAMES, steps=STEPS)
+    photos = [file.read() for file in files]
     with svbrdf.Session.of_capture(described) as session:
         session.set_budget(steps=STEPS)
-        for frame, photo in zip(frames, photos):
+        for file, photo in zip(files, photos):
             # The values as they are, and as linear floats that say which of them are clipped.
-            assert frame.exposure == photo.exposure
-            assert session.push(photo)
+            assert file.exposure == photo.exposure
+            assert session.add_photo(photo)
             session.wait()
         found = session.snapshot()
     assert np.array_equal(found.roughness, expected.roughness)
@@ -56,10 +56,10 @@ def test_arrays_and_files_give_what_the_capture_gives(capture: pathlib.Path) -> 
 
 def test_progress_is_told_in_order(capture: pathlib.Path) -> None:
     told: list[svbrdf.FitProgress] = []
-    svbrdf.fit(capture, frames=FRAMES, steps=STEPS, on_progress=told.append)
+    svbrdf.fit(capture, photos=FRAMES, steps=STEPS, on_progress=told.append)
     shares = [t.fraction for t in told]
     assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 1
-    assert {t.photograph for t in told} == {1, 2} and {t.photographs for t in told} == {2}
+    assert {t.photo for t in told} == {1, 2} and {t.photos for t in told} == {2}
     assert len(told[-1].so_far) == FRAMES
 
 
@@ -115,7 +115,7 @@ def test_photographs_without_a_description_are_the_command_lines(
     )
     for source in (tmp_path / "photos", photos):
         maps = svbrdf.fit(source, board=board, sample_mm=(88, 88), steps=STEPS)
-        assert [p.accepted for p in maps.photographs] == [True] * 3
+        assert [p.accepted for p in maps.photos] == [True] * 3
         maps.save(tmp_path / "ours")
         for name in FILES:
             ours, theirs = (tmp_path.joinpath(d, name).read_bytes() for d in ("ours", "cli"))
@@ -126,12 +126,12 @@ def test_photographs_that_all_fail_raise_with_their_reasons(tmp_path: pathlib.Pa
     gray = svbrdf.Photo(np.full((480, 640, 3), 128, np.uint8))
     with pytest.raises(svbrdf.RejectedError) as raised:
         svbrdf.fit([gray])
-    assert [p.code for p in raised.value.photographs] == ["board_not_found"]
+    assert [p.code for p in raised.value.photos] == ["board_not_found"]
     broken = tmp_path / "broken.jpg"
     broken.write_bytes(b"\xff\xd8\xff\xe0 no picture")
     with pytest.raises(svbrdf.RejectedError, match="broken.jpg") as raised:
         svbrdf.fit([broken])
-    assert [p.code for p in raised.value.photographs] == ["unreadable"]
+    assert [p.code for p in raised.value.photos] == ["unreadable"]
     for wrong in ([], [gray, broken]):
         with pytest.raises(svbrdf.ArgumentError, match="source"):
             svbrdf.fit(wrong)
@@ -145,7 +145,7 @@ def test_photographs_that_all_fail_raise_with_their_reasons(tmp_path: pathlib.Pa
     [
         ({"resolution": 300}, "resolution"),
         ({"method": "magic"}, "method"),
-        ({"frames": 0}, "frames"),
+        ({"photos": 0}, "photos"),
         ({"sample_mm": (100, 100)}, "sample_mm: the capture states"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Sessions: what is pushed, told, saved, cancelled."""
+"""Sessions: what is outcome, told, saved, cancelled."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ def described(capture: pathlib.Path) -> svbrdf.Capture:
 
 @pytest.fixture(scope="module")
 def photos(described: svbrdf.Capture) -> Rows:
-    return [frame.read() for frame in described.frames[:2]]
+    return [file.read() for file in described.photos[:2]]
 
 
 def test_a_saved_session_goes_on_to_the_same_maps(described: svbrdf.Capture, photos: Rows) -> None:
     with svbrdf.Session.of_capture(described) as session:
         session.set_budget(steps=STEPS)
-        session.push(photos[0])
+        session.add_photo(photos[0])
         session.wait()
         saved = session.save()
-        session.push(photos[1])
+        session.add_photo(photos[1])
         session.wait()
         expected = session.snapshot()
     with svbrdf.Session.restore(saved, threads=1) as restored:
-        assert restored.progress.photographs == 1
-        restored.push(photos[1])
+        assert restored.progress.photos == 1
+        restored.add_photo(photos[1])
         restored.wait()
         assert np.array_equal(restored.snapshot().normal, expected.normal)
         restored.remove(1)
-        assert restored.progress.photographs == 1
+        assert restored.progress.photos == 1
     for damaged in [b"", b"something else", saved[: len(saved) // 2]]:
         with pytest.raises(svbrdf.StateError):
             svbrdf.Session.restore(damaged)
@@ -55,15 +55,18 @@ def test_what_is_known_is_told(described: svbrdf.Capture, photos: Rows) -> None:
         assert probe.rejection is None and probe.corners > 0.5 * probe.corners_expected
         assert probe.sample_px is not None and len(probe.sample_px) == 4
         session.set_budget(steps=STEPS)
-        pushed = session.push(photos[0])
-        assert isinstance(pushed, svbrdf.Accepted) and pushed and pushed.index == 0
+        outcome = session.add_photo(photos[0])
+        assert isinstance(outcome, svbrdf.Accepted) and outcome and outcome.index == 0
         # The probe looked at a smaller picture.
-        assert pushed.camera_mm is not None and probe.distance_mm is not None
-        assert np.linalg.norm(pushed.camera_mm) == pytest.approx(probe.distance_mm, rel=0.02)
-        again = session.push(photos[0])
+        assert outcome.camera_mm is not None and probe.distance_mm is not None
+        assert np.linalg.norm(outcome.camera_mm) == pytest.approx(probe.distance_mm, rel=0.02)
+        again = session.add_photo(photos[0])
         assert isinstance(again, svbrdf.Accepted)
         assert [hint.code for hint in again.hints] == ["nothing_new"]
-        rejected = session.push(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
+        first, second = session.hints()
+        assert "nothing_new" not in [hint.code for hint in first]
+        assert [h.message for h in second if h.code == "nothing_new"] == [again.hints[0].message]
+        rejected = session.add_photo(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
         assert isinstance(rejected, svbrdf.Rejected) and not rejected
         assert rejected.code == "wrong_size" and "60x40" in rejected.message
         view = session.next_view()
@@ -75,11 +78,11 @@ def test_what_is_known_is_told(described: svbrdf.Capture, photos: Rows) -> None:
 def test_a_cancelled_session_keeps_its_maps(described: svbrdf.Capture, photos: Rows) -> None:
     session = svbrdf.Session.of_capture(described)
     session.pause()
-    session.push(photos[0])
+    session.add_photo(photos[0])
     assert not session.wait(0)
     session.cancel()
     assert session.snapshot().size == (256, 256)
-    for call in (lambda: session.push(photos[1]), session.wait, session.save):
+    for call in (lambda: session.add_photo(photos[1]), session.wait, session.save):
         with pytest.raises(svbrdf.CancelledError):
             call()
 
@@ -92,7 +95,7 @@ def test_python_runs_while_a_session_waits_and_signals_end_the_waiting(
     with svbrdf.Session.of_capture(described) as session:
         session.set_budget(steps=STEPS)
         session.pause()
-        session.push(photos[0])
+        session.add_photo(photos[0])
         # Only a signal ends this: the fit is held.
         interrupt = threading.Thread(target=lambda: os.kill(os.getpid(), signal.SIGINT))
         with pytest.raises(KeyboardInterrupt):
@@ -113,17 +116,17 @@ def test_announced_photographs_are_one_piece_of_work(
         session.set_budget(steps=STEPS)
         for photo in photos:
             session.pause()
-            session.push(photo)
+            session.add_photo(photo)
             assert session.progress.fraction == 0
             session.resume()
             session.wait()
             assert session.progress.fraction == 1
         session.announce(3)
         assert session.progress.fraction == 0
-        session.push(photos[0])
+        session.add_photo(photos[0])
         session.wait()
         assert session.progress.fraction == pytest.approx(1 / 3)
-        session.push(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
+        session.add_photo(svbrdf.Photo(np.zeros((40, 60, 3), np.uint8)))
         assert session.progress.fraction == 0.5
         session.announce(0)
         assert session.progress.fraction == 1
@@ -146,7 +149,7 @@ def test_rectified_photographs_are_explained() -> None:
     ]
     with svbrdf.Session.rectified(sample_mm=(100, 100), falloff="none", threads=1) as session:
         for place, picture in zip(places, pictures):
-            assert session.push_rectified(svbrdf.Photo(picture), camera_mm=place, light_mm=place)
+            assert session.add_rectified_photo(svbrdf.Photo(picture), camera_mm=place, light_mm=place)
         session.wait()
         maps = session.snapshot()
     for place, picture in zip(places, pictures):

@@ -1,4 +1,4 @@
-//! What a session calls.
+//! Types of a session's callbacks.
 
 use std::ffi::c_void;
 

@@ -1,4 +1,4 @@
-//! What a session is started with.
+//! Options of a session.
 
 use std::ffi::c_void;
 
@@ -17,14 +17,14 @@ use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::{truth, unknown};
 use crate::versioned::{self, versioned};
 
-/// What the photos show.
+/// Content of the photos.
 pub type svbrdf_scene = u32;
-/// The sample inside a printed board: svbrdf_session_push_frame().
+/// The sample inside a printed board: svbrdf_session_add_photo().
 pub const SVBRDF_SCENE_BOARD: svbrdf_scene = 1;
-/// The sample's top view, camera and light given: svbrdf_session_push_rectified().
+/// The sample's top view, camera and light given: svbrdf_session_add_rectified_photo().
 pub const SVBRDF_SCENE_RECTIFIED: svbrdf_scene = 2;
 
-/// How the maps are found.
+/// Method of the fit.
 pub type svbrdf_method = u32;
 /// Networks, then per-texel refinement.
 pub const SVBRDF_METHOD_DEEP: svbrdf_method = 1;
@@ -85,7 +85,7 @@ pub struct svbrdf_session_options {
     /// Passed to the callbacks.
     pub user_data: *mut c_void,
     /// Limit of the session's memory by its own estimate, bytes; 0: no limit. Includes copies of photos
-    /// that svbrdf_session_push_frame_async() holds, but not the models (about 30 MB, shared by all
+    /// that svbrdf_session_add_photo_async() holds, but not the models (about 30 MB, shared by all
     /// sessions). Calls that would need more return SVBRDF_MEMORY_LIMIT.
     pub memory_limit_bytes: u64,
     /// For a board: height of the sample's surface above the printed side, -5 to 20 mm. Default: NaN,

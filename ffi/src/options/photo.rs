@@ -1,15 +1,15 @@
-//! What is known about a photo.
+//! Metadata of a photo.
 
 use std::mem::offset_of;
 
-use engine::frame::Photo;
+use engine::photo::Photo;
 
 use crate::image::svbrdf_image;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::values::unknown;
 use crate::versioned::{self, versioned};
 
-/// What lit a photo.
+/// Light of a photo.
 pub type svbrdf_flash = u32;
 /// Not stated: judged from the photo.
 pub const SVBRDF_FLASH_UNKNOWN: svbrdf_flash = 0;
@@ -20,10 +20,10 @@ pub const SVBRDF_FLASH_FIRED: svbrdf_flash = 2;
 /// The lamp was on all the time, as a torch.
 pub const SVBRDF_FLASH_TORCH: svbrdf_flash = 3;
 
-/// What is known about a photo.
+/// Metadata of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct svbrdf_frame_info {
+pub struct svbrdf_photo_info {
     /// Size of this struct.
     pub size: usize,
     /// Relative exposure: value = radiance * exposure. With a torch, exposure time times
@@ -36,14 +36,14 @@ pub struct svbrdf_frame_info {
     /// The same view without flash, subtracted in linear light; or NULL. It has the size of the photo,
     /// and the camera must not have moved. Nothing of it is kept.
     pub ambient: *const svbrdf_image,
-    /// Relative exposure of that picture; 0: that of the photo.
+    /// Relative exposure of that image; 0: that of the photo.
     pub ambient_exposure: f32,
     /// Focal length as for 35 mm film (EXIF's FocalLengthIn35mmFilm), mm; 0: not known. With a
     /// camera that is estimated it is where the search begins.
     pub focal_35mm: f32,
 }
 
-impl Default for svbrdf_frame_info {
+impl Default for svbrdf_photo_info {
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -56,22 +56,22 @@ impl Default for svbrdf_frame_info {
         }
     }
 }
-versioned!(svbrdf_frame_info, offset_of!(svbrdf_frame_info, ambient));
+versioned!(svbrdf_photo_info, offset_of!(svbrdf_photo_info, ambient));
 
-/// Fills photo metadata with defaults: pass sizeof(svbrdf_frame_info).
+/// Fills photo metadata with defaults: pass sizeof(svbrdf_photo_info).
 ///
 /// # Safety
 /// `info` is NULL or has `size` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_frame_info_init(
-    info: *mut svbrdf_frame_info,
+pub unsafe extern "C" fn svbrdf_photo_info_init(
+    info: *mut svbrdf_photo_info,
     size: usize,
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(info, size) })
 }
 
-impl svbrdf_frame_info {
+impl svbrdf_photo_info {
     /// A caller's metadata, defaults for NULL.
     ///
     /// # Safety
@@ -80,7 +80,7 @@ impl svbrdf_frame_info {
         // SAFETY: as the caller vouches.
         let info = unsafe { versioned::read_or_default(info) }?;
         if info.flash > SVBRDF_FLASH_TORCH {
-            return Err(unknown("svbrdf_frame_info.flash", info.flash));
+            return Err(unknown("svbrdf_photo_info.flash", info.flash));
         }
         if !(info.focal_35mm.is_finite() && info.focal_35mm >= 0.0) {
             return Err(Fault::argument("focal_35mm: a length in mm, or 0, is expected"));

@@ -1,4 +1,4 @@
-//! What a session knows: the fit's state, camera and light, maps.
+//! Queries of a session: the fit's state, camera and light, maps.
 
 use std::time::Duration;
 
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn svbrdf_session_paper(
 
 /// Current estimate of the pose of an accepted photo of a board. With an estimated camera, later photos
 /// improve the poses of earlier ones. `index` counts the accepted photos from 0. Results as in
-/// svbrdf_frame_report; each may be NULL.
+/// svbrdf_photo_report; each may be NULL.
 ///
 /// # Safety
 /// Each result is NULL or writable: nine numbers, three, one.

@@ -1,15 +1,15 @@
 //! A capture in progress.
 
 mod create;
-mod frames;
-mod frames_async;
 mod inspect;
+mod photos;
+mod photos_async;
 mod steer;
 
 pub use create::*;
-pub use frames::*;
-pub use frames_async::*;
 pub use inspect::*;
+pub use photos::*;
+pub use photos_async::*;
 pub use steer::*;
 
 #[cfg(test)]

@@ -8,9 +8,9 @@ use crate::handles::svbrdf_session;
 use crate::live::{SESSIONS, act};
 use crate::status::{entry, svbrdf_status};
 
-/// Announces that so many photos are still to come: from then on svbrdf_progress.fraction is that of the
-/// work on all of them together, and never falls before they have come. Each photo pushed takes one of them
-/// away, whether it is accepted or rejected; one that a push answers with another status does not. If fewer
+/// Announces the number of photos still to come: from then on svbrdf_progress.fraction is that of the
+/// work on all of them together, and never falls before they have come. Each photo added takes one of them
+/// away, whether it is accepted or rejected; a call that returns another status does not. If fewer
 /// or more come after all, say so by another call. Without it, where nobody knows how many there will be,
 /// the fraction is that of each photo.
 #[unsafe(no_mangle)]
@@ -73,7 +73,7 @@ pub extern "C" fn svbrdf_session_destroy(session: *mut svbrdf_session) -> svbrdf
         live.cancelled.store(true, Ordering::Relaxed);
         live.session.cancel();
         let notifier = live.notifier.lock().unwrap_or_else(PoisonError::into_inner).take();
-        for thread in [live.pushes.close(), notifier].into_iter().flatten() {
+        for thread in [live.photos.close(), notifier].into_iter().flatten() {
             if thread.thread().id() != thread::current().id() {
                 // It catches nothing because nothing of ours panics there; a panic would end there.
                 let _ = thread.join();

@@ -8,7 +8,7 @@ import SVBRDFScanner
 /// What an app shows of a scan; called from a task of the controller's.
 public protocol CaptureScreen: AnyObject, Sendable {
     func show(_ guidance: Guidance) async
-    func show(_ pushed: Pushed) async
+    func show(_ outcome: Outcome) async
     func show(_ error: any Error) async
 }
 
@@ -148,11 +148,11 @@ public final class CaptureController: NSObject, @unchecked Sendable {
             let guidance = try await scanner.guide(photo, info)
             await screen?.show(guidance)
             if guidance.action == .shoot {
-                let pushed = try await scanner.push(photo, info)
-                if case .rejected = pushed {
+                let outcome = try await scanner.addPhoto(photo, info)
+                if case .rejected = outcome {
                     try await scanner.beginGuide()
                 }
-                await screen?.show(pushed)
+                await screen?.show(outcome)
             }
             let enough = guidance.action == .enough
             queue.async { [self] in (isBusy, isEnough) = (false, enough) }

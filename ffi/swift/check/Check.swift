@@ -104,14 +104,14 @@ func capture(_ folder: String, _ out: URL) async throws {
             try verify(guided.target?.tiltDegrees == 0 && guided.probe == probe, "\(guided)")
             try await scanner.beginGuide()
         }
-        guard case .accepted(index, let hints, let pose?, _) = try await scanner.push(shot, info) else {
+        guard case .accepted(index, let hints, let pose?, _) = try await scanner.addPhoto(shot, info) else {
             throw Failure(description: "photo \(index) is not in the maps")
         }
         try verify(hints.isEmpty && pose.translationMM[2] > 50, "\(pose)")
         try verify(pose.rotation.count == 9 && pose.reprojectionRMSPixels < 0.5, "\(pose)")
     }
     let dark = Photo(.rgb8, width: 2016, height: 1512, pixels: [UInt8](repeating: 0, count: 9_144_576))
-    guard case .rejected(.tooDark, _, _, let advice) = try await scanner.push(dark) else {
+    guard case .rejected(.tooDark, _, let advice) = try await scanner.addPhoto(dark) else {
         throw Failure(description: "a black photo was not rejected")
     }
     try verify(advice.contains("too dark"), advice)
@@ -123,9 +123,9 @@ func capture(_ folder: String, _ out: URL) async throws {
 
     // Taken back, saved, gone on with.
     try await scanner.pause()
-    try await scanner.remove(1)
+    try await scanner.removePhoto(1)
     try verify(await scanner.progress().photos == 1, "a photo is left")
-    try await expect(.invalidArgument, field: "index") { try await scanner.remove(5) }
+    try await expect(.invalidArgument, field: "index") { try await scanner.removePhoto(5) }
     let state = out.appendingPathComponent("scan.state")
     try await scanner.save(to: state)
     let restored = try MaterialScanner(restoring: state)
@@ -136,7 +136,7 @@ func capture(_ folder: String, _ out: URL) async throws {
     let (own, other) = (try await scanner.snapshot()!, try await restored.snapshot()!)
     try verify(own.texture(.diffuse).bytes == other.texture(.diffuse).bytes, "other maps")
     try scanner.cancel()
-    try await expect(.cancelled) { try await scanner.push(dark) }
+    try await expect(.cancelled) { try await scanner.addPhoto(dark) }
     let broken = out.appendingPathComponent("broken.state")
     try Data("nothing".utf8).write(to: broken)
     try await expect(.badState) { try MaterialScanner(restoring: broken) }
@@ -163,14 +163,17 @@ func results(_ scanner: MaterialScanner, _ out: URL) async throws {
     try verify(abs(length - 1) < 1e-5 && whole[3] == 1, "\(whole)")
     try verify(zip(whole, half).allSatisfy { abs($0 - $1) < 1e-3 }, "\(whole) \(half)")
     try verify(maps.rendered().bytes.count == 4 * 256 * 256, "a picture")
-    try await expect(.invalidArgument) { try maps.confidence() }
-    let known = try await scanner.snapshotWithConfidence()!
-    let confidence = try known.confidence()
+    try await expect(.invalidArgument) { try maps.uncertainty() }
+    let known = try await scanner.snapshotWithUncertainty()!
+    let uncertainty = try known.uncertainty()
     let deviations = try known.deviations(of: .roughness)
     let mean = (deviations.reduce(0) { $0 + Double($1 * $1) } / Double(deviations.count)).squareRoot()
-    try verify(abs(mean - Double(confidence.roughness)) < 1e-4, "\(mean) \(confidence)")
-    let fit = try await scanner.fit(of: 0)
+    try verify(abs(mean - Double(uncertainty.roughness)) < 1e-4, "\(mean) \(uncertainty)")
+    let fit = try await scanner.photoFit(of: 0)
     try verify(fit.residual > 0 && !fit.outlier, "\(fit)")
+    for hint in try await scanner.hints() {
+        try verify(hint.index >= 0 && !hint.code.isEmpty && !hint.text.isEmpty, "\(hint)")
+    }
     try await scanner.export(to: out)
     let file = out.appendingPathComponent("normal.png").path
     try verify(FileManager.default.fileExists(atPath: file), "a file")

@@ -158,11 +158,11 @@ fn clients_compile(dir: &Path, tools: &Path, classes: &Path) {
     fs::write(
         &app,
         "import java.io.File\nimport org.svbrdf.scanner.*\n\
-         suspend fun scan(photo: Photo, folder: File): Pushed =\n\
+         suspend fun scan(photo: Photo, folder: File): Outcome =\n\
          MaterialScanner(ScanOptions(elevationMm = 1.0), ScannerFlows()).use { scanner ->\n\
-         val pushed = scanner.pushSuspending(photo, PhotoInfo(flash = Flash.TORCH))\n\
+         val outcome = scanner.addPhotoSuspending(photo, PhotoInfo(flash = Flash.TORCH))\n\
          if (scanner.awaitSuspending(1000)) scanner.exportSuspending(folder)\n\
-         pushed }\n",
+         outcome }\n",
     )
     .unwrap();
     kotlin(tools, &path, &[app], &[], &dir.join("app"));
@@ -172,8 +172,8 @@ fn clients_compile(dir: &Path, tools: &Path, classes: &Path) {
         "import java.io.File;\nimport org.svbrdf.scanner.*;\n\
          class Client { static boolean scan(Photo photo, File folder) {\n\
          try (MaterialScanner scanner = new MaterialScanner(new ScanOptions(88f, 88f))) {\n\
-         Pushed pushed = scanner.push(photo);\n\
-         if (pushed instanceof Pushed.Accepted) { scanner.await(); scanner.export(folder); }\n\
+         Outcome outcome = scanner.addPhoto(photo);\n\
+         if (outcome instanceof Outcome.Accepted) { scanner.await(); scanner.export(folder); }\n\
          return scanner.getProgress().getSettled(); } } }\n",
     )
     .unwrap();

@@ -14,7 +14,7 @@ use engine::board_sheet::{BoardSheet, Paper, SheetFormat};
 use engine::calibration::{Target, TargetKind};
 use engine::capture::Capture;
 use engine::export::read_maps;
-use engine::session::{Pushed, Session, Settings};
+use engine::session::{Outcome, Session, Settings};
 
 fn client(program: &Path, test: &str, dir: &Path) -> Command {
     let mut command = Command::new(program);
@@ -55,8 +55,8 @@ fn a_c_client_gets_the_maps_that_the_rust_library_finds() {
     let capture = Capture::load(root().join("examples/captures/tile")).unwrap();
     let settings = Settings { sample_mm: capture.sample_mm, threads: 2, ..Settings::default() };
     let session = Session::new(capture.scene.clone(), settings).unwrap();
-    let pushed = session.push(&capture.frames[0].read().unwrap()).unwrap();
-    assert!(matches!(pushed, Pushed::Accepted(_)));
+    let outcome = session.add_photo(&capture.photos[0].read().unwrap()).unwrap();
+    assert!(matches!(outcome, Outcome::Accepted(_)));
     session.wait().unwrap();
     let (found, expected) =
         (read_maps(dir.path().join("maps")).unwrap(), session.snapshot().unwrap());
@@ -117,7 +117,7 @@ fn maps_with_anisotropy_and_a_coat_are_taken_shown_and_written() {
 }
 
 #[test]
-fn photos_are_pushed_without_waiting() {
+fn photos_are_added_without_waiting() {
     let dir = workplace();
     write_photos(dir.path(), 1);
     let program = SANITIZED_C.program();

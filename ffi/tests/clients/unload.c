@@ -42,7 +42,7 @@ static void fit(const char *folder)
     GET(svbrdf_session_create);
     GET(svbrdf_capture_open);
     GET(svbrdf_capture_destroy);
-    GET(svbrdf_session_push_capture);
+    GET(svbrdf_session_add_capture_photo);
     GET(svbrdf_budget_init);
     GET(svbrdf_session_set_budget);
     GET(svbrdf_session_wait);
@@ -58,7 +58,7 @@ static void fit(const char *folder)
     CHECK(call_svbrdf_budget_init(&budget, sizeof budget) == SVBRDF_OK);
     budget.max_steps = 2;
     CHECK(call_svbrdf_session_set_budget(session, &budget) == SVBRDF_OK);
-    CHECK(call_svbrdf_session_push_capture(session, capture, 0, NULL) == SVBRDF_OK);
+    CHECK(call_svbrdf_session_add_capture_photo(session, capture, 0, NULL) == SVBRDF_OK);
     CHECK(call_svbrdf_session_wait(session, -1) == SVBRDF_OK);
     CHECK(call_svbrdf_session_destroy(session) == SVBRDF_OK);
     CHECK(call_svbrdf_capture_destroy(capture) == SVBRDF_OK);

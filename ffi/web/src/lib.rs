@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use svbrdf::board_sheet::{BoardSheet, Paper, SheetFormat};
 use svbrdf::calibration::Target;
 use svbrdf::capture::parse_scene;
-use svbrdf::export::{ExportOptions, Format, encode_maps, export};
+use svbrdf::export::{ExportOptions, Format, MapsOptions, encode_maps, export};
 use svbrdf::files::Choice;
 use svbrdf::networks::Networks;
 use svbrdf::session::{Driver, Scene, Session, Settings};
@@ -165,7 +165,7 @@ impl Scan {
     pub fn progress(&self) -> String {
         let p = self.session.progress();
         json!({
-            "photographs": p.frames,
+            "photographs": p.photos,
             "fraction": p.fraction,
             "loss": p.loss,
             "loss_before": p.loss_before,
@@ -240,7 +240,7 @@ impl Scan {
     /// # Errors
     /// Before the first photograph was accepted, and when the scan has failed.
     pub fn deviations(&self) -> Result<String, JsError> {
-        Ok(report::deviations(&self.session.assess()?.confidence).to_string())
+        Ok(report::deviations(&self.session.snapshot_with_uncertainty()?.uncertainty).to_string())
     }
 
     /// Everything that is known of the scan, as `report.json` of the command line has it.
@@ -265,7 +265,7 @@ impl Scan {
             .find(|format| name == format!("material.{}", format.name()));
         let files = match format {
             Some(format) => {
-                let photographs = u32::try_from(self.session.progress().frames).ok();
+                let photographs = u32::try_from(self.session.progress().photos).ok();
                 let formats = vec![format];
                 export(
                     &maps,
@@ -274,8 +274,9 @@ impl Scan {
                 .files
             }
             None => {
-                let assessed = self.session.assess()?;
-                encode_maps(&assessed.maps, Some(&assessed.confidence), Some(sample_mm))?
+                let known = self.session.snapshot_with_uncertainty()?;
+                let uncertainty = Some(&known.uncertainty);
+                encode_maps(&known.maps, &MapsOptions { sample_mm: Some(sample_mm), uncertainty })?
             }
         };
         let file = files.into_iter().find(|(found, _)| found == name);
@@ -331,6 +332,6 @@ pub fn version() -> String {
 fn default_scene() -> (Scene, [f32; 2]) {
     let target = Target::default();
     let sample_mm = target.usual_sample_mm();
-    let scene = Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+    let scene = Scene::board(target).into();
     (scene, sample_mm)
 }

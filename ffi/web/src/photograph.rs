@@ -1,8 +1,8 @@
-//! One photograph: read, matched with the others, pushed.
+//! One photograph: read, matched with the others, added to the session.
 
 use svbrdf::files::{Choice, Decoded, Limits, Metadata, Options, decode};
-use svbrdf::frame::{Encoding, Rotation};
-use svbrdf::session::{Accepted, Pushed, Session};
+use svbrdf::photo::{Encoding, Rotation};
+use svbrdf::session::{AcceptedPhoto, Outcome, Session};
 use svbrdf::{Error, Result};
 
 use serde_json::{Value, json};
@@ -37,9 +37,9 @@ pub fn push(
     };
     let (small_size, rgba) = pictures::small(&photo).unzip();
     *small = rgba.unwrap_or_default();
-    let mut row = match session.push(&photo) {
-        Ok(Pushed::Accepted(accepted)) => self::accepted(&accepted),
-        Ok(Pushed::Rejected(why)) => rejected(why.code(), &why.to_string()),
+    let mut row = match session.add_photo(&photo) {
+        Ok(Outcome::Accepted(accepted)) => self::accepted(&accepted),
+        Ok(Outcome::Rejected(why)) => rejected(why.code(), &why.to_string()),
         Err(fault @ Error::MemoryLimit { .. }) => rejected("memory", &message(&fault)),
         Err(fault) => return Err(fault),
     };
@@ -66,7 +66,7 @@ fn chosen(
         return Err(choice.left_out.last().map_or_else(String::new, |left| left.reason.clone()));
     };
     Ok(Options {
-        encoding: Some(if chosen.is_linear { Encoding::Linear } else { Encoding::Srgb }),
+        encoding: chosen.is_linear.then_some(Encoding::Linear),
         exposure: Some(chosen.exposure),
         turn: Rotation::from_degrees(chosen.turn_deg).unwrap_or_default(),
         ..Options::default()
@@ -85,12 +85,12 @@ fn rejected(reason: &str, hint: &str) -> Value {
     json!({ "status": "rejected", "reason": reason, "hint": hint, "hints": [] })
 }
 
-fn accepted(accepted: &Accepted) -> Value {
+fn accepted(accepted: &AcceptedPhoto) -> Value {
     let hints = accepted.hints.iter().map(|h| json!({ "code": h.code(), "hint": h.to_string() }));
     json!({
         "status": "accepted",
         "first_maps_seconds": accepted.maps_seconds,
-        "reprojection_rms_px": accepted.reprojection_rms_px,
+        "reprojection_rms_px": accepted.pose.map(|board| board.reprojection_rms_px),
         "hints": hints.collect::<Vec<_>>(),
     })
 }

@@ -1,8 +1,7 @@
 //! Maps and photographs as pages show them.
 
 use svbrdf::Svbrdf;
-use svbrdf::frame::{Encoding, Photo};
-use svbrdf::svbrdf::channel;
+use svbrdf::photo::{Encoding, Photo};
 
 use crate::lobes::{self, Shown};
 
@@ -18,8 +17,7 @@ pub fn lobe_names(maps: &Svbrdf) -> Vec<&'static str> {
 
 /// A map in 8-bit RGBA; `None` for an unknown name and for a lobe that the material does not show.
 pub fn rgba(maps: &Svbrdf, name: &str) -> Option<Vec<u8>> {
-    let colour = |first: usize| [0, 1, 2].map(|c| maps.plane(first + c));
-    let (diffuse, specular) = (colour(channel::DIFFUSE), colour(channel::SPECULAR));
+    let (diffuse, specular) = (maps.diffuse(), maps.specular());
     let shown = Shown::of(maps);
     let width = maps.width();
     let value: Box<dyn Fn(usize) -> [f32; 3]> = match name {
@@ -55,13 +53,15 @@ pub fn texture(maps: &Svbrdf, name: &str) -> Option<Vec<f32>> {
         let texel = |i| [x[i], y[i], coat[i], roughness[i]];
         return Some((0..maps.texels()).flat_map(texel).collect());
     }
-    let planes = match name {
-        "shape" => [channel::SLOPE_X, channel::SLOPE_Y, channel::ROUGHNESS],
-        "diffuse" => [0, 1, 2].map(|c| channel::DIFFUSE + c),
-        "specular" => [0, 1, 2].map(|c| channel::SPECULAR + c),
+    let [x, y, z] = match name {
+        "shape" => {
+            let [x, y] = maps.normal_slopes();
+            [x, y, maps.roughness()]
+        }
+        "diffuse" => maps.diffuse(),
+        "specular" => maps.specular(),
         _ => return None,
     };
-    let [x, y, z] = planes.map(|c| maps.plane(c));
     Some((0..maps.texels()).flat_map(|i| [x[i], y[i], z[i], 1.0]).collect())
 }
 

@@ -3,13 +3,13 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use svbrdf::confidence::{Confidence, MapDeviations};
 use svbrdf::session::{Hint, Session};
+use svbrdf::uncertainty::{MapDeviations, Uncertainty};
 
 /// The report: `rows` of the photographs with what is known of them now.
 pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
     let mut rows = rows.to_vec();
-    let fits = session.frame_fits().unwrap_or_default();
+    let fits = session.photo_fits().unwrap_or_default();
     let hints = session.hints().unwrap_or_default();
     let accepted = rows.iter_mut().filter(|row| row["status"] == "accepted");
     for (((row, known), fit), hints) in accepted.zip(session.poses()).zip(&fits).zip(&hints) {
@@ -42,7 +42,7 @@ pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
         "flash": camera.map(|_| json!({ "offset_mm": session.flash_offset_mm().to_array() })),
         "next_view": next_view,
         "ambient_fraction": session.ambient_fraction(),
-        "deviations": session.assess().ok().map(|a| deviations(&a.confidence)),
+        "deviations": session.snapshot_with_uncertainty().ok().map(|a| deviations(&a.uncertainty)),
         "resolution": session.settings().resolution,
         "method": "deep",
         "seconds_total": time.as_secs_f64(),
@@ -50,7 +50,7 @@ pub fn document(session: &Session, rows: &[Value], time: Duration) -> Value {
 }
 
 /// Standard deviation of each map.
-pub fn deviations(confidence: &Confidence) -> Value {
-    let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+pub fn deviations(uncertainty: &Uncertainty) -> Value {
+    let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
     json!({ "normal": normal, "diffuse": diffuse, "specular": specular, "roughness": roughness })
 }

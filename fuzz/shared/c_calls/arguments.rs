@@ -81,8 +81,8 @@ pub fn image(bytes: &mut Bytes, noise: &Picture) -> svbrdf_image {
     image
 }
 
-pub fn info(bytes: &mut Bytes) -> svbrdf_frame_info {
-    svbrdf_frame_info {
+pub fn info(bytes: &mut Bytes) -> svbrdf_photo_info {
+    svbrdf_photo_info {
         exposure: bytes.f32(),
         flash: bytes.u32(),
         timestamp_ns: bytes.u8().into(),

@@ -4,10 +4,10 @@ use std::ptr;
 
 use super::arguments::{image, info};
 use super::bytes::Bytes;
-use super::world::{World, on_pushed};
+use super::world::{World, on_outcome};
 use crate::capture::*;
-use crate::frame_fit::*;
 use crate::handles::svbrdf_session;
+use crate::photo_fit::*;
 use crate::probe::*;
 use crate::reports::*;
 use crate::session::*;
@@ -22,14 +22,14 @@ pub fn call(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
             0..3 => push(choice == 2, false, bytes, world),
             3..5 => push(choice == 4, true, bytes, world),
             5 | 6 => probe(choice == 6, bytes, world),
-            7 | 8 => push_async(bytes, world),
-            9 => svbrdf_session_remove_frame(world.pick(bytes), bytes.u32()),
+            7 | 8 => add_photo_async(bytes, world),
+            9 => svbrdf_session_remove_photo(world.pick(bytes), bytes.u32()),
             10 => {
-                let mut fit = svbrdf_frame_fit {
-                    size: bytes.usize().min(size_of::<svbrdf_frame_fit>()),
+                let mut fit = svbrdf_photo_fit {
+                    size: bytes.usize().min(size_of::<svbrdf_photo_fit>()),
                     ..Default::default()
                 };
-                svbrdf_session_frame_fit(world.pick(bytes), bytes.u32(), &raw mut fit)
+                svbrdf_session_photo_fit(world.pick(bytes), bytes.u32(), &raw mut fit)
             }
             11 => {
                 let (mut rotation, mut rms) = ([0.0; 9], 0.0);
@@ -46,8 +46,8 @@ pub fn call(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
             _ => {
                 let (session, capture) = (world.pick(bytes), world.pick(bytes));
                 let (mut count, index) = (0, bytes.u32());
-                svbrdf_capture_frames(capture, &raw mut count);
-                svbrdf_session_push_capture(session, capture, index, ptr::null_mut())
+                svbrdf_capture_photos(capture, &raw mut count);
+                svbrdf_session_add_capture_photo(session, capture, index, ptr::null_mut())
             }
         }
     }
@@ -59,14 +59,14 @@ unsafe fn push(more: bool, board: bool, bytes: &mut Bytes, world: &mut World) ->
     let session = world.pick(bytes);
     let image = image(bytes, &world.noise);
     let positions = [bytes.f32(), bytes.f32(), bytes.f32()];
-    let mut report = svbrdf_frame_report::default();
+    let mut report = svbrdf_photo_report::default();
     let mut info = info(bytes);
     let ambient;
     if more {
         ambient = super::arguments::image(bytes, &world.noise);
         info.ambient = &raw const ambient;
         info.ambient_exposure = bytes.f32();
-        report.size = bytes.usize().min(size_of::<svbrdf_frame_report>());
+        report.size = bytes.usize().min(size_of::<svbrdf_photo_report>());
     }
     if !world.may_push() {
         return SVBRDF_BUSY;
@@ -75,15 +75,15 @@ unsafe fn push(more: bool, board: bool, bytes: &mut Bytes, world: &mut World) ->
     // SAFETY: every pointer is to something alive of the size said.
     let status = unsafe {
         if board {
-            svbrdf_session_push_frame(session, image, info, report)
+            svbrdf_session_add_photo(session, image, info, report)
         } else {
             let position = positions.as_ptr();
-            svbrdf_session_push_rectified(session, image, info, position, position, report)
+            svbrdf_session_add_rectified_photo(session, image, info, position, position, report)
         }
     };
     // SAFETY: as above.
     assert_eq!(unsafe { (*report).accepted } == 1, status == SVBRDF_OK);
-    world.pushed(status);
+    world.added(status);
     status
 }
 
@@ -112,7 +112,7 @@ unsafe fn probe(more: bool, bytes: &mut Bytes, world: &mut World) -> svbrdf_stat
 
 /// # Safety
 /// None beside those of the library.
-unsafe fn push_async(bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
+unsafe fn add_photo_async(bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
     let (session, image) = (world.pick(bytes), image(bytes, &world.noise));
     let mut info = info(bytes);
     let ambient;
@@ -120,14 +120,14 @@ unsafe fn push_async(bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
         ambient = super::arguments::image(bytes, &world.noise);
         info.ambient = &raw const ambient;
     }
-    let callback: svbrdf_pushed_callback = if bytes.u8() < 240 { Some(on_pushed) } else { None };
+    let callback: svbrdf_photo_callback = if bytes.u8() < 240 { Some(on_outcome) } else { None };
     if !world.may_push() {
         return SVBRDF_BUSY;
     }
     let answers = ptr::from_ref(&*world.answered).cast_mut().cast();
     // SAFETY: every pointer is NULL or to something alive of the size said.
     let status = unsafe {
-        svbrdf_session_push_frame_async(
+        svbrdf_session_add_photo_async(
             session,
             &raw const image,
             &raw const info,

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use engine::frame::{Encoding, Photo};
+use engine::photo::{Encoding, Photo};
 use half::f16;
 
 use crate::image::*;

@@ -6,7 +6,6 @@ use std::ptr;
 use super::arguments::{board, export, rendering};
 use super::bytes::Bytes;
 use super::world::World;
-use crate::confidence::*;
 use crate::export::*;
 use crate::maps::*;
 use crate::reduced::*;
@@ -14,6 +13,7 @@ use crate::render::*;
 use crate::session::*;
 use crate::sheet::*;
 use crate::status::*;
+use crate::uncertainty::*;
 
 pub const CALLS: u8 = 18;
 
@@ -49,11 +49,11 @@ pub fn call(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_status {
                 svbrdf_maps_render(maps, &raw const options, format, data, out.len(), stride)
             }
             11 => {
-                let mut confidence = svbrdf_confidence {
-                    size: bytes.usize().min(size_of::<svbrdf_confidence>()),
+                let mut uncertainty = svbrdf_uncertainty {
+                    size: bytes.usize().min(size_of::<svbrdf_uncertainty>()),
                     ..Default::default()
                 };
-                svbrdf_maps_confidence(world.pick(bytes), &raw mut confidence)
+                svbrdf_maps_uncertainty(world.pick(bytes), &raw mut uncertainty)
             }
             12 => {
                 let mut view = svbrdf_map_view {
@@ -113,7 +113,7 @@ unsafe fn take(choice: u8, bytes: &mut Bytes, world: &mut World) -> svbrdf_statu
                 svbrdf_maps_destroy(whole);
                 status
             }
-            _ => svbrdf_session_snapshot_confidence(session, &raw mut maps),
+            _ => svbrdf_session_snapshot_with_uncertainty(session, &raw mut maps),
         }
     };
     world.add(status, maps);

@@ -29,7 +29,7 @@ pub struct World {
     pub noise: Picture,
     photos: usize,
     looks: usize,
-    /// Photos that were pushed without waiting, and those that were answered.
+    /// Photos that were added without waiting, and those that were answered.
     pub asked: usize,
     pub answered: Box<Answers>,
 }
@@ -90,21 +90,21 @@ impl World {
 
     /// Whether one more photo may get as far as the networks.
     pub fn may_push(&mut self) -> bool {
-        let pushed = self.photos + self.answered.accepted.load(Ordering::Relaxed);
-        pushed < MAX_PHOTOS && self.may_look()
+        let added = self.photos + self.answered.accepted.load(Ordering::Relaxed);
+        added < MAX_PHOTOS && self.may_look()
     }
 
-    pub fn pushed(&mut self, status: svbrdf_status) {
+    pub fn added(&mut self, status: svbrdf_status) {
         self.photos += usize::from(status == SVBRDF_OK);
     }
 }
 
 /// Counts an answer, and calls the library again.
-pub unsafe extern "C" fn on_pushed(
+pub unsafe extern "C" fn on_outcome(
     user: *mut c_void,
     session: *mut svbrdf_session,
     status: svbrdf_status,
-    report: *const svbrdf_frame_report,
+    report: *const svbrdf_photo_report,
 ) {
     // SAFETY: the world's counters, which live until its sessions have ended; the report lives
     // during the call.
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn on_line(_: *mut c_void, level: svbrdf_log_level, _: *co
 }
 
 pub unsafe extern "C" fn on_thread(_: *mut c_void, thread: svbrdf_thread) {
-    assert!(thread <= SVBRDF_THREAD_PUSH);
+    assert!(thread <= SVBRDF_THREAD_PHOTOS);
 }
 
 /// A saved session with two photos: maps without waiting for the networks.
@@ -144,7 +144,7 @@ pub fn saved() -> &'static [u8] {
             for x in [0.0, 80.0] {
                 let (image, position) = (picture.image(), [x, 0.0, 200.0]);
                 let (camera, none) = (position.as_ptr(), ptr::null_mut());
-                let status = svbrdf_session_push_rectified(
+                let status = svbrdf_session_add_rectified_photo(
                     session,
                     &raw const image,
                     ptr::null(),

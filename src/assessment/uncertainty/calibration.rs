@@ -7,7 +7,7 @@ pub const TERMS: usize = 13;
 /// [`Evidence`](super::Evidence) names, whose sum is the logarithm of the deviation: of each slope, of
 /// each colour of an albedo, of roughness.
 ///
-/// Fitted with `training/calibrate_confidence.py` on what `svbrdf-eval confidence --record` writes of
+/// Fitted with `training/calibrate_uncertainty.py` on what `svbrdf-eval uncertainty --record` writes of
 /// every eighth training material, rectified, without faults and with noise and ambient light, and of nine captures
 /// of training materials by `svbrdf simulate --real`, boards and rectified, after 1, 2, 5 and 8 photographs: maximum
 /// likelihood of Student's distribution with four degrees of freedom, then scaled so that one deviation holds for 69 %

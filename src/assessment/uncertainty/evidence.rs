@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use super::calibration::{CALIBRATION, TERMS};
-use crate::confidence::Confidence;
 use crate::estimate::coordinates::is_albedo;
-use crate::estimate::{Estimation, Method, Noise, Spread, spread};
+use crate::estimate::{Estimation, Noise, Spread, spread};
 use crate::observation::Observation;
 use crate::parallel;
 use crate::render;
 use crate::svbrdf::{CHANNELS, channel};
+use crate::uncertainty::Uncertainty;
 use crate::{Error, Result, Svbrdf};
 
 /// Coordinates of each map.
@@ -122,11 +122,6 @@ impl Estimation {
         })
     }
 
-    /// Whether the maps are those of the joint solve, or soon will be.
-    fn is_joint(&self) -> bool {
-        self.task.method == Method::Deep && self.task.refine && self.photographs.len() > 1
-    }
-
     /// The noise that the residuals show.
     fn residual_noise(&self, maps: &Svbrdf) -> Noise {
         if self.is_joint() {
@@ -190,7 +185,7 @@ impl Evidence {
     ///
     /// # Errors
     /// Never, unless the calibration is no numbers.
-    pub fn confidence(&self) -> Result<Confidence> {
+    pub fn uncertainty(&self) -> Result<Uncertainty> {
         let texels = self.maps.texels();
         let planes = CALIBRATION.iter().enumerate().flat_map(|(map, coefficients)| {
             parallel::values(texels, |t| {
@@ -202,7 +197,7 @@ impl Evidence {
                 found.hypot(prior).clamp(LEAST, MOST[map])
             })
         });
-        Confidence::from_planes(self.maps.width(), self.maps.height(), planes.collect())
+        Uncertainty::from_planes(self.maps.width(), self.maps.height(), planes.collect())
     }
 }
 

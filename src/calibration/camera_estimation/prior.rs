@@ -1,7 +1,7 @@
 //! Prior of a camera.
 
-use crate::frame::Photo;
 use crate::geometry::Camera;
+use crate::photo::Photo;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::tests::{Truth, camera, pose, poses};
+use super::tests::{Truth, camera, pose, poses, target};
 use super::*;
-use crate::frame::Surround;
+use crate::photo::Surround;
 
 fn many() -> Vec<Pose> {
     poses().into_iter().chain([pose(0.4, 0.4, 2.2, 270.0), pose(-0.5, -0.2, 0.8, 300.0)]).collect()
@@ -29,7 +29,7 @@ fn calibrated(
         .enumerate()
         .map(|(i, pose)| {
             let photo = change(i, &truth(i).photo(&pose, 0.7));
-            (pose, Squares::measure(&photo, &target, &camera(), &pose).unwrap())
+            (pose, Squares::measure(&photo, &target, &camera(), &pose, 0.0).unwrap())
         })
         .collect();
     let known = unknown(&truth(0)).with_photos(measured.clone()).estimated().unwrap();
@@ -151,6 +151,45 @@ fn local_tone_mapping_is_neither_a_tone_curve_nor_room_light() {
     }
 }
 
+/// Soft edges mix black and white, which is no tone curve.
+#[test]
+fn a_blurred_board_is_no_curved_one() {
+    let sigma = 1.4;
+    let measured = many().into_iter().map(|pose| {
+        let photo = softened(&Truth::new().photo(&pose, 0.7), sigma);
+        (pose, Squares::measure(&photo, &target(), &camera(), &pose, sigma).unwrap())
+    });
+    let known = unknown(&Truth::new()).with_photos(measured).estimated().unwrap();
+    assert!(known.ambient.iter().all(|v| *v < 0.02), "{known:?}");
+    // A mixture with white is at least a tenth off.
+    assert!(known.black_ratio.iter().all(|ratio| (ratio - 1.0).abs() < 0.05), "{known:?}");
+}
+
+/// Blurred by a Gaussian.
+fn softened(photo: &Photo, sigma: f64) -> Photo {
+    let (w, h) = (photo.width() as usize, photo.height() as usize);
+    let radius = (4.0 * sigma).ceil() as isize;
+    let weights: Vec<f32> =
+        (-radius..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let sum: f32 = weights.iter().sum();
+    let mut rgb = photo.to_linear();
+    for down in [false, true] {
+        let from = rgb.clone();
+        let at = |x: usize, y: usize, by: isize, c: usize| {
+            let moved = |i: usize, by: isize, n: usize| (i as isize + by).clamp(0, n as isize - 1);
+            let [x, y] =
+                if down { [x as isize, moved(y, by, h)] } else { [moved(x, by, w), y as isize] };
+            from[3 * (y as usize * w + x as usize) + c]
+        };
+        for (i, v) in rgb.iter_mut().enumerate() {
+            let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
+            let terms = weights.iter().zip(-radius..).map(|(weight, by)| weight * at(x, y, by, c));
+            *v = terms.sum::<f32>() / sum;
+        }
+    }
+    Photo::from_linear(photo.width(), photo.height(), rgb, photo.exposure(), 9.0).unwrap()
+}
+
 #[test]
 fn stripes_of_a_flickering_light_are_found() {
     for (amplitude, period) in [(0.3, 300.0), (0.1, 120.0), (0.2, 60.0)] {
@@ -179,7 +218,7 @@ fn a_fixed_light_is_found() {
                 let photo = Truth { offset: pose.transform(lamp), lobe: 0.0, ..Truth::new() };
                 let scale = (lamp.length() / 250.0).powi(2);
                 let photo = Truth { scale: [0.8 * scale; 3], ..photo }.photo(&pose, 0.8);
-                (pose, Squares::measure(&photo, &target, &camera(), &pose).unwrap())
+                (pose, Squares::measure(&photo, &target, &camera(), &pose, 0.0).unwrap())
             })
             .collect();
         let known = unknown(&Truth::new()).with_photos(measured.clone()).estimated().unwrap();
@@ -235,7 +274,7 @@ fn even_light_and_a_stretched_contrast_are_refused_for_what_they_are() {
     let calibrator = unknown(&truth);
     for pose in [pose(0.02, -0.03, 0.1, 300.0), pose(0.3, 0.2, 0.1, 280.0)] {
         let flat =
-            |photo: &Photo| Squares::measure(photo, &truth.target, &camera(), &pose).unwrap();
+            |photo: &Photo| Squares::measure(photo, &truth.target, &camera(), &pose, 0.0).unwrap();
         let even = Truth {
             scale: [1e-3; 3],
             ambient: [700.0; 3],

@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::lobe::Lobe;
 use super::model::{Ink, Model, Problem, Sample, Shot, parameter};
-use crate::frame::{LogCurve, ToneCurve};
 use crate::least_squares::{LeastSquares, Options, damped_step, minimise};
+use crate::photo::{LogCurve, ToneCurve};
 use crate::statistics::{MAD_TO_SIGMA, median};
 
 /// Cosine exponents of lenses: 0 (corrected in the camera) to 4 (natural fall-off) and more.

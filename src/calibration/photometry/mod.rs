@@ -12,7 +12,7 @@
 //! glare, so their weight is small. They remain usable where white clips, as in an exposure for a
 //! dark sample; their true albedo is one more unknown per channel.
 //!
-//! Tone-mapped photographs have one more curve per capture, see [`ToneCurve`](crate::frame::ToneCurve).
+//! Tone-mapped photographs have one more curve per capture, see [`ToneCurve`](crate::photo::ToneCurve).
 //! Black, gray and white under equal light, and white under falling light, determine it. Every capture is
 //! tested for it, and it is accepted where values cannot be linear.
 //!
@@ -31,6 +31,7 @@ mod fit;
 mod light;
 mod lobe;
 mod model;
+mod patches;
 mod radiometry;
 mod squares;
 mod turned;
@@ -39,8 +40,8 @@ use glam::DVec3;
 
 use crate::Rejection;
 use crate::calibration::Target;
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 
 use light::Light;
 use model::{Ink, Problem, Sample, Shot};
@@ -163,7 +164,7 @@ impl PhotometricCalibrator {
         camera: &Camera,
         pose: &Pose,
     ) -> Result<Radiometry, Rejection> {
-        let squares = Squares::measure(photo, &self.target, camera, pose)?;
+        let squares = Squares::measure(photo, &self.target, camera, pose, 0.0)?;
         self.push_squares(squares, pose)
     }
 

@@ -4,8 +4,8 @@ use glam::DVec3;
 use nalgebra::DVector;
 
 use super::lobe::Lobe;
-use crate::frame::{Lift, LogCurve, Surround, ToneCurve};
 use crate::geometry::Pose;
+use crate::photo::{Lift, LogCurve, Surround, ToneCurve};
 
 /// Index of each parameter. The scales of the photos follow, three each.
 pub(super) mod parameter {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::lobe::Lobe;
-use crate::frame::ToneCurve;
+use crate::photo::ToneCurve;
 
 /// Relative response of the lens over the photo.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

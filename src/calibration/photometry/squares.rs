@@ -3,10 +3,11 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use super::patches::{patch_value, patch_values};
 use crate::Rejection;
-use crate::calibration::{Patch, Target, TargetKind};
-use crate::frame::{Photo, Surround, ToneCurve};
+use crate::calibration::{Target, TargetKind};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround, ToneCurve};
 use crate::statistics::median;
 
 /// Narrower squares contain no pixel free of their neighbours, px.
@@ -15,6 +16,10 @@ const MIN_SQUARE_PX: f64 = 6.0;
 const EDGE_PX: f64 = 2.0;
 /// The same inside black squares, where stray light weighs sixteen times.
 const BLACK_EDGE_PX: f64 = 3.0;
+/// The same in standard deviations of a blur, round white and black squares, as a share of a square at most.
+const EDGE_BLURS: f64 = 2.0;
+const BLACK_EDGE_BLURS: f64 = 3.0;
+const EDGE_MOST: f64 = 0.3;
 /// The same as a share of a square: tolerance of print and pose.
 const EDGE_SHARE: f64 = 0.08;
 /// A narrower rim around a marker is blurred everywhere, so its brightest part is used.
@@ -23,8 +28,6 @@ const MIN_RIM_PX: f64 = 3.5;
 const MAX_SPREAD: f32 = 0.12;
 /// Share of saturated pixels above which a square's channel is unused.
 const MAX_CLIPPED: f32 = 0.01;
-/// Largest ratio of a patch to the next brighter one, under any tone curve.
-const PATCH_STEP: f64 = 0.8;
 /// Least black over white of ink on paper, and largest share of black squares that may be 0 throughout.
 const MIN_BLACK: f64 = 0.015;
 const MAX_VOID: f32 = 0.3;
@@ -136,7 +139,7 @@ impl Squares {
         if ratios.len() >= MIN_SQUARES { median(ratios) } else { None }
     }
 
-    /// Measures every square that lies completely inside the photo.
+    /// Measures every square that lies completely inside the photo; edges have a spread of `blur_px` (one sigma).
     ///
     /// # Errors
     /// [`Rejection::Clipped`], [`Rejection::TooDark`], or [`Rejection::LightNotVisible`] if too few
@@ -146,6 +149,7 @@ impl Squares {
         target: &Target,
         camera: &Camera,
         pose: &Pose,
+        blur_px: f64,
     ) -> Result<Self, Rejection> {
         let mut scratch = Scratch::default();
         let surrounds = Surround::at_scales(photo);
@@ -164,7 +168,8 @@ impl Squares {
                     continue;
                 }
                 let white = target.is_white(row, col);
-                let Some(place) = Placed::new(photo, target, camera, pose, row, col) else {
+                let Some(place) = Placed::new(photo, target, camera, pose, blur_px, [row, col])
+                else {
                     continue;
                 };
                 scratch.collect(photo, target, camera, pose, &place);
@@ -271,46 +276,6 @@ fn gray_patch(
     Some(Square::new(false, board_mm, px, value, around(px)))
 }
 
-/// Mean linear values of the black, gray and white patch; `None` if out of view, covered, clipped
-/// or not printed.
-fn patch_values(
-    photo: &Photo,
-    target: &Target,
-    camera: &Camera,
-    pose: &Pose,
-) -> Option<[[f64; 3]; 3]> {
-    let patches = target.patches.then(|| target.patches())?;
-    let values = patches.map(|patch| patch_value(photo, camera, pose, &patch));
-    let values = [values[0]?, values[1]?, values[2]?];
-    let sums = values.map(|value| sum(&value));
-    (sums[0] < PATCH_STEP * sums[1] && sums[1] < PATCH_STEP * sums[2]).then_some(values)
-}
-
-fn sum(value: &[f64; 3]) -> f64 {
-    value.iter().sum()
-}
-
-/// Mean linear value per channel over the inner half of a patch; `None` if outside the photograph or clipped.
-fn patch_value(photo: &Photo, camera: &Camera, pose: &Pose, patch: &Patch) -> Option<[f64; 3]> {
-    const ACROSS: i32 = 9;
-    let mut sum = [0.0; 3];
-    for i in 0..ACROSS * ACROSS {
-        let offset = DVec2::new(f64::from(i % ACROSS), f64::from(i / ACROSS)) - 4.0;
-        let p = patch.centre_mm + offset * (0.5 * patch.side_mm / f64::from(ACROSS));
-        let px = camera.project(pose.transform(p.extend(0.0)))?.round();
-        let inside = px.cmpge(DVec2::ZERO).all()
-            && px.x < f64::from(photo.width())
-            && px.y < f64::from(photo.height());
-        let (x, y) = (px.x as u32, px.y as u32);
-        if !inside || photo.is_clipped(x, y) {
-            return None;
-        }
-        let pixel = photo.pixel(x, y);
-        (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
-    }
-    Some(sum.map(|v| v / f64::from(ACROSS * ACROSS)))
-}
-
 /// A square in the photo and its plain part.
 struct Placed {
     row: f64,
@@ -334,10 +299,10 @@ impl Placed {
         target: &Target,
         camera: &Camera,
         pose: &Pose,
-        row: i64,
-        col: i64,
+        blur_px: f64,
+        square: [i64; 2],
     ) -> Option<Self> {
-        let (row, col) = (row as f64, col as f64);
+        let [row, col] = square.map(|i| i as f64);
         let at = |dr: f64, dc: f64| {
             camera.project(pose.transform(target.grid_mm(row + dr, col + dc).extend(0.0)))
         };
@@ -355,10 +320,13 @@ impl Placed {
         if !width.is_finite() || width.min_element() < MIN_SQUARE_PX {
             return None;
         }
-        let white = target.is_white(row as i64, col as i64);
-        let edge = if white { EDGE_PX } else { BLACK_EDGE_PX };
-        let (mut margin, mut marker, mut quantile) =
-            ((DVec2::splat(edge) / width).max(DVec2::splat(EDGE_SHARE)), DVec2::ZERO, 0.5);
+        let white = target.is_white(square[0], square[1]);
+        let [sharp, blurs] =
+            if white { [EDGE_PX, EDGE_BLURS] } else { [BLACK_EDGE_PX, BLACK_EDGE_BLURS] };
+        let edge = DVec2::splat(sharp) / width;
+        let soft = (DVec2::splat(blurs * blur_px) / width).min(DVec2::splat(EDGE_MOST));
+        let margin = edge.max(soft).max(DVec2::splat(EDGE_SHARE));
+        let (mut margin, mut marker, mut quantile) = (margin, DVec2::ZERO, 0.5);
         if let TargetKind::CharucoRing { marker_mm, .. } = &target.kind
             && white
         {

@@ -64,7 +64,7 @@ pub(crate) fn pose(tilt_x: f64, tilt_y: f64, roll: f64, distance: f64) -> Pose {
     }
 }
 
-fn target() -> Target {
+pub(super) fn target() -> Target {
     Target {
         square_mm: 10.0,
         hole: Hole { row_start: 2, col_start: 2, row_end: 15, col_end: 14 },
@@ -278,7 +278,7 @@ fn an_unobservable_flash_offset_keeps_its_prior() {
         FlashOffset::Estimated { prior_mm: DVec3::ZERO, sigma_mm: DVec3::new(30.0, 30.0, 0.0) };
     let pose = poses()[0];
     let photo = truth.photo(&pose, 0.7);
-    let clean = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+    let clean = Squares::measure(&photo, &truth.target, &camera(), &pose, 0.0).unwrap();
     // Clean squares, and neighbours up to a third apart.
     for dirt in [0.0, 0.17] {
         let mut squares = clean.clone();
@@ -305,7 +305,7 @@ fn marker_rims_are_read_without_the_markers() {
     let truth = Truth { target: Target { kind, ..target() }, ..Truth::new() };
     let pose = pose(0.05, -0.03, 0.1, 240.0); // rim of 4 px
     let photo = truth.photo(&pose, 0.5);
-    let squares = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+    let squares = Squares::measure(&photo, &truth.target, &camera(), &pose, 0.0).unwrap();
     let white: Vec<_> = squares.squares.iter().filter(|s| s.white).collect();
     assert!(white.len() > 40, "{}", white.len());
     for s in white {
@@ -380,7 +380,7 @@ fn glare_and_dirt_on_some_squares_do_no_harm() {
     let truth = Truth::new();
     let pose = pose(0.3, 0.1, 0.1, 280.0);
     let photo = truth.photo(&pose, 0.6);
-    let mut squares = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+    let mut squares = Squares::measure(&photo, &truth.target, &camera(), &pose, 0.0).unwrap();
     for (i, s) in squares.squares.iter_mut().enumerate() {
         let factor = match i % 8 {
             0 => 1.6,
@@ -417,7 +417,7 @@ fn priors_stabilise_single_photos_of_uneven_paper() {
     let (mut worst, mut squared, mut count) = (0.0_f64, 0.0, 0.0);
     for pose in poses() {
         let photo = truth.photo(&pose, 0.6);
-        let clean = Squares::measure(&photo, &truth.target, &camera(), &pose).unwrap();
+        let clean = Squares::measure(&photo, &truth.target, &camera(), &pose, 0.0).unwrap();
         for _ in 0..15 {
             let mut squares = clean.clone();
             let bow = 0.01 * noise();

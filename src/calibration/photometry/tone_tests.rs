@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::tests::{Truth, camera, poses};
 use super::*;
-use crate::frame::Encoding;
+use crate::photo::Encoding;
 
 /// A long shoulder and a short toe; an s-curve of encoded values; a power.
 const CURVES: [fn(f64) -> f64; 3] = [
@@ -106,7 +106,8 @@ fn linear_values_are_left_alone() {
         for (index, pose) in poses().iter().take(4).enumerate() {
             let stated = if index == 2 { 0.7 * 1.15 } else { 0.7 };
             let photo = through(&truth.tagged_photo(pose, 0.7, stated), linear);
-            let mut squares = Squares::measure(&photo, &truth.target, &camera(), pose).unwrap();
+            let mut squares =
+                Squares::measure(&photo, &truth.target, &camera(), pose, 0.0).unwrap();
             for (k, s) in squares.squares.iter_mut().enumerate() {
                 let factor = 1.0 + 0.02 * (7.3 * k as f64).sin();
                 s.value = s.value.map(|v| v.map(|v| v * factor as f32));

@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use super::sums::{Reduced, Sums};
 use super::*;
 use crate::estimate::coordinates::{Coordinates, natural};
-use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::correction::{Correction, LightCorrection};
 use crate::estimate::noise::Noise;
 use crate::estimate::photographs::Photographs;
 use crate::loss::{self, log_residual};
@@ -87,11 +87,11 @@ fn problem() -> (Problem, State) {
         sample,
     };
     let views = problem.sample.photographs.iter().map(|p| &p.view).collect::<Vec<_>>();
-    let exposure = Exposure {
+    let exposure = LightCorrection {
         gains: vec![0.02, -0.03, 0.05, 0.01],
         exponent: 0.7,
         offset_mm: [1.0, 2.0, -3.0],
-        ..Exposure::as_given(views.into_iter())
+        ..LightCorrection::as_given(views.into_iter())
     };
     let rotations = vec![[0.03, -0.02], [0.01, 0.02], [-0.02, 0.0], [0.0, 0.01]];
     let mirrored = vec![0.1, -0.2, 0.3, 0.0];

@@ -11,6 +11,7 @@
 //! the light, not relief: the prior's mean has none.
 
 mod choice;
+mod classes;
 mod flat;
 mod prediction;
 mod setup;
@@ -22,7 +23,7 @@ use std::sync::Arc;
 use super::bundle::{Descent, Sample, SharedLobes};
 use super::clusters::{Clusters, Feature};
 use super::coordinates::{Coordinates, from_coordinate, to_coordinate};
-use super::correction::{Correction, Exposure};
+use super::correction::{Correction, LightCorrection};
 use super::finer::full_colours;
 use super::map_state::MapState;
 use super::options::{EstimateOptions, JointPrior, SharedOptions};
@@ -32,11 +33,10 @@ use crate::Svbrdf;
 use crate::parallel;
 use crate::svbrdf::LOBES;
 pub(super) use choice::PriorChoice;
+pub(super) use classes::classes;
 pub(super) use flat::flattened;
-use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, descent};
+use setup::{DIFFUSE, DIFFUSE_FRACTION, GLOSS, Setup, TEXELS, descent};
 
-/// Texels along the longer side that are fitted, at most.
-const TEXELS: usize = 64;
 /// Steps, at most.
 pub(super) const STEPS: usize = 12;
 
@@ -96,7 +96,7 @@ impl JointFit {
     /// What the photographs share, in words; gains beyond twice their sigma are named: the lobe does not fit.
     pub fn shared(&self, sigmas: &SharedOptions) -> String {
         let Correction { ambient, exposure, .. } = &self.descent.progress.state.correction;
-        let Exposure { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
+        let LightCorrection { gains, exponent, offset_mm: [x, y, z], .. } = exposure;
         let mut text = format!(
             "flash moved by ({x:.1}, {y:.1}, {z:.1}) mm, exposure over distance^{exponent:.2}, ambient {ambient:.3}"
         );

@@ -6,13 +6,15 @@ use std::sync::Arc;
 use crate::estimate::bundle::{
     Descent, Groups, Limits, MIRRORED, Parameter, Problem, Sample, Shared, State,
 };
-use crate::estimate::clusters::Clusters;
+use crate::estimate::clusters::{Clusters, Feature};
 use crate::estimate::coordinates::Coordinates;
-use crate::estimate::correction::{Correction, Exposure};
+use crate::estimate::correction::{Correction, LightCorrection};
 use crate::estimate::noise::Noise;
 use crate::estimate::options::{EstimateOptions, JointOptions, JointPrior, SharedOptions};
 use crate::svbrdf::{CHANNELS, channel};
 
+/// Texels along the longer side that are fitted, at most.
+pub(super) const TEXELS: usize = 64;
 /// Share of the colour seen that is diffuse, in the prior's mean.
 pub(super) const DIFFUSE_FRACTION: f32 = 0.8;
 /// Relative gain of a step that is not worth another.
@@ -56,7 +58,7 @@ pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
     let count = problem.which.len();
     let views = problem.which.iter().map(|&i| &problem.sample.photographs[i].view);
     let correction = Correction {
-        exposure: Exposure::as_given(views),
+        exposure: LightCorrection::as_given(views),
         turns: vec![[0.0; 2]; count],
         mirrored: vec![0.0; count],
         ..Correction::default()
@@ -68,6 +70,11 @@ pub(super) fn descent(problem: Problem, steps: usize) -> Descent {
 /// The most probable state near the prior's mean.
 pub(super) fn descended(problem: Problem, steps: usize) -> (Problem, State) {
     descent(problem, steps).run()
+}
+
+/// Classes of colours.
+pub(super) fn clusters(colours: &[Feature], options: &JointOptions) -> Clusters {
+    Clusters::find(colours, options.classes, None)
 }
 
 /// What the prior refers to: classes of colour and the texels' prior means.
@@ -92,7 +99,7 @@ impl Setup {
         options: &JointOptions,
     ) -> Self {
         let colours = sample.colours(which);
-        let classes = Clusters::find(&colours, options.classes, None);
+        let classes = clusters(&colours, options);
         let mut shares = vec![1.0; colours.len() * (1 + classes.len())];
         for (colour, out) in colours.iter().zip(shares.chunks_exact_mut(1 + classes.len())) {
             classes.shares(colour, &mut out[1..]);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::estimate::correction::Exposure;
+use crate::estimate::correction::LightCorrection;
 use crate::estimate::options::EstimateOptions;
 use crate::observation::{Falloff, Observation, View};
 use crate::random::Random;
@@ -37,7 +37,12 @@ fn given(i: usize) -> View {
 }
 
 /// Noisy photographs with a wrong exposure and flash; their views are uncorrected.
-fn photographs(truth: &Svbrdf, count: usize, exposure: &Exposure, noise: f32) -> Photographs {
+fn photographs(
+    truth: &Svbrdf,
+    count: usize,
+    exposure: &LightCorrection,
+    noise: f32,
+) -> Photographs {
     let mut all = Photographs::new();
     let mut random = Random::new(8);
     let correction = Correction { exposure: exposure.clone(), ..Correction::default() };
@@ -51,11 +56,11 @@ fn photographs(truth: &Svbrdf, count: usize, exposure: &Exposure, noise: f32) ->
     all
 }
 
-fn planted() -> Exposure {
+fn planted() -> LightCorrection {
     let views: Vec<View> = (0..6).map(given).collect();
     let gains = vec![0.05, -0.04, 0.03, 0.0, -0.05, 0.02];
     let offset_mm = [6.0, -9.0, 3.0];
-    Exposure { gains, exponent: 1.5, offset_mm, ..Exposure::as_given(views.iter()) }
+    LightCorrection { gains, exponent: 1.5, offset_mm, ..LightCorrection::as_given(views.iter()) }
 }
 
 fn options() -> EstimateOptions {
@@ -82,7 +87,7 @@ fn fit(photographs: &mut Photographs, prior: JointPrior, board: bool) -> MapStat
 /// Compares the sum of gain and exponent, because their priors divide the explained part between them.
 #[test]
 fn exposure_and_flash_are_estimated() {
-    for exposure in [planted(), Exposure::default()] {
+    for exposure in [planted(), LightCorrection::default()] {
         let mut photographs = photographs(&material(0.0), 6, &exposure, 0.0);
         let map_state = fit(&mut photographs, one_class(), true);
         let found = &photographs.correction().exposure;
@@ -90,7 +95,7 @@ fn exposure_and_flash_are_estimated() {
             // An angle of 0.1 degrees is 0.25 mm at this distance.
             assert!((a - b).abs() < 1.5, "{found:?}");
         }
-        let logs = |exposure: &Exposure| -> Vec<f64> {
+        let logs = |exposure: &LightCorrection| -> Vec<f64> {
             let all: Vec<f64> = (0..6).map(|i| exposure.factor(&given(i), Some(i)).ln()).collect();
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             all.into_iter().map(|v| v - mean).collect()
@@ -150,7 +155,7 @@ fn chosen(photographs: &Photographs, maps: &Svbrdf) -> JointPrior {
 #[test]
 fn learned_slopes_are_kept_if_they_predict() {
     for bumps in [0.0, 0.2] {
-        let photographs = photographs(&material(bumps), 6, &Exposure::default(), 0.02);
+        let photographs = photographs(&material(bumps), 6, &LightCorrection::default(), 0.02);
         let right = chosen(&photographs, &material(bumps));
         let made_up = chosen(&photographs, &material(0.2 - bumps));
         if bumps > 0.0 {
@@ -162,7 +167,7 @@ fn learned_slopes_are_kept_if_they_predict() {
 }
 
 fn undone() -> PriorChoice {
-    let flat = photographs(&material(0.0), 4, &Exposure::default(), 0.15);
+    let flat = photographs(&material(0.0), 4, &LightCorrection::default(), 0.15);
     let mut choice = PriorChoice::new(&flat, &material(0.0), true, &options());
     choice.choose_lobes();
     choice
@@ -263,7 +268,7 @@ fn classes_and_own_deviations_sum_to_the_estimate() {
         let plane = estimate.plane_mut(c).iter_mut();
         plane.for_each(|v| *v *= 0.8 + 0.4 * random.uniform() as f32);
     }
-    let photographs = photographs(&material(0.0), 2, &Exposure::default(), 0.0);
+    let photographs = photographs(&material(0.0), 2, &LightCorrection::default(), 0.0);
     let mut options = options();
     options.joint.classes = 4;
     let sample = Arc::new(Sample::new(&photographs, SIDE, SIDE));

@@ -1,6 +1,6 @@
 //! Meaning of raw values: black level, full scale, filters, colours.
 
-use crate::frame::{Bayer, BayerPattern, Primaries};
+use crate::photo::{Bayer, BayerPattern, Primaries};
 use glam::{DMat3, DVec3};
 
 use super::tiff::Directory;

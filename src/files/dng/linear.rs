@@ -3,7 +3,7 @@
 use super::colour;
 use super::raw::{Area, Raw};
 use super::tiff::Directory;
-use crate::frame::Photo;
+use crate::photo::Photo;
 
 /// Full scale of the result.
 const FULL: f32 = 1.0;

@@ -13,7 +13,7 @@ mod raw;
 mod shading;
 mod tiff;
 
-use crate::frame::{Bayer, Photo, Plane, Rotation};
+use crate::photo::{Bayer, Photo, Plane, Rotation};
 
 use self::raw::{Area, Raw};
 use self::tiff::{Directory, Tiff};

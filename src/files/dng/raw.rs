@@ -1,7 +1,7 @@
 //! Sensor values in strips or tiles.
 
-use crate::frame::{MAX_PIXELS, size_fault};
 use crate::parallel;
+use crate::photo::{MAX_PIXELS, size_fault};
 
 use super::colour::WHITE;
 #[cfg(feature = "jxl")]

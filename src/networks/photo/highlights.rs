@@ -184,8 +184,7 @@ mod tests {
         let mut holed = truth.clone();
         for i in (0..SIDE * SIDE).filter(|&i| hidden(i)) {
             for (c, gray) in [0.1, 0.15, 0.15].into_iter().enumerate() {
-                holed.plane_mut(channel::DIFFUSE + c)[i] =
-                    gray * if i % 2 == 0 { 0.8 } else { 1.0 };
+                holed.diffuse_mut()[c][i] = gray * if i % 2 == 0 { 0.8 } else { 1.0 };
             }
         }
         (truth, holed, observation, hidden)
@@ -221,7 +220,7 @@ mod tests {
         let (truth, _, observation, _) = red_with_a_hole();
         let mut matt = truth;
         for c in 0..3 {
-            matt.plane_mut(channel::SPECULAR + c).fill(1e-4);
+            matt.specular_mut()[c].fill(1e-4);
         }
         let mut radiance = vec![0.0; 3 * SIDE * SIDE];
         render(&matt, &observation.view, &mut radiance);

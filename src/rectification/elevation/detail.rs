@@ -3,9 +3,9 @@
 use std::array;
 
 use crate::calibration::photometry::{Lobe, Radiometry, Vignetting};
-use crate::frame::{Photo, ToneCurve};
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
+use crate::photo::{Photo, ToneCurve};
 use crate::rectification::rectify;
 use glam::DVec3;
 

@@ -2,8 +2,8 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::calibration::photometry::tests::{camera, photograph, pose};
-use crate::frame::Photo;
 use crate::geometry::Pose;
+use crate::photo::Photo;
 use crate::random::Random;
 
 const SAMPLE_MM: [f32; 2] = [100.0, 80.0];

@@ -20,8 +20,8 @@ use crate::calibration::{
     self, CameraEstimate, CameraPrior, Corner, Detection, LumaImage, Paper, PaperEstimate,
     PoseEstimate, Target,
 };
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
+use crate::photo::{Photo, Surround};
 use crate::rectification::Part;
 use crate::rectification::elevation::{self, Detail, ElevationEstimate};
 use crate::session::advice;
@@ -192,7 +192,7 @@ impl Board {
             self.camera().and_then(other).unwrap_or(rejection)
         })?;
         let PoseEstimate { pose, rms_px, .. } = place;
-        let measured = Squares::measure(photo, &target, &camera, &pose);
+        let measured = Squares::measure(photo, &target, &camera, &pose, blur_px);
         let lit = measured.and_then(|squares| Ok((board.lit(&squares, &pose)?, squares)));
         let (light, squares) = lit.map_err(|rejection| blur.explained(rejection))?;
         let measured = Measured { corners, prior, squares };
@@ -230,6 +230,14 @@ impl Board {
     /// Height of the sample, whether the caller has said it.
     pub fn is_height_stated(&self) -> bool {
         self.stated
+    }
+
+    /// Standard deviation of the sample's brightness by what is not known of its height, relative: light falls off with
+    /// the square of the distance.
+    pub fn height_brightness(&self) -> f64 {
+        let nearer = |p: &Photograph| 2.0 / p.pose.camera_centre().z.max(1.0);
+        let count = self.photographs.len().max(1) as f64;
+        self.elevation.sigma_mm * self.photographs.iter().map(nearer).sum::<f64>() / count
     }
 
     /// The board as if a photograph had never come: all others are taken in again, in their order, from

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::reports::Observed;
 use super::settings::{RectifiedFalloff, Scene, Settings};
-use crate::frame::Photo;
 use crate::observation::{Falloff, Observation, View};
+use crate::photo::Photo;
 use crate::rectification;
 use crate::{Error, Rejection, Result};
 pub(super) use board::Board;

@@ -8,9 +8,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::Rejection;
 use crate::calibration::photometry::{Radiometry, Squares};
 use crate::calibration::{CameraPrior, Corner};
-use crate::frame::{Photo, Surround};
 use crate::geometry::{Camera, Pose};
 use crate::observation::Observation;
+use crate::photo::{Photo, Surround};
 use crate::rectification::elevation::Detail;
 use crate::rectification::{self, Part, TopView};
 use crate::session::reports::Observed;
@@ -278,7 +278,7 @@ mod tests {
 
     use crate::calibration::photometry::tests::{camera, photograph, pose};
     use crate::calibration::photometry::{Lobe, Vignetting};
-    use crate::frame::ToneCurve;
+    use crate::photo::ToneCurve;
     use crate::rectification::elevation;
 
     const SAMPLE_MM: [f32; 2] = [100.0, 80.0];

@@ -2,7 +2,7 @@
 
 use super::material;
 use crate::Svbrdf;
-use crate::assessment::FrameFit;
+use crate::assessment::PhotoFit;
 use crate::observation::Observation;
 use crate::session::capture::Board;
 use crate::session::hint::{Group, Hint};
@@ -20,7 +20,7 @@ pub(super) fn tell(
     board: Option<&Board>,
     maps: Option<&Svbrdf>,
     photographs: &[Observation],
-    fits: &[FrameFit],
+    fits: &[PhotoFit],
     group: Option<Group>,
     hints: &mut [Vec<Hint>],
 ) {
@@ -38,7 +38,7 @@ pub(super) fn tell(
     }
     let usual = median(fits.iter().map(|fit| fit.residual)).unwrap_or(0.0);
     let limit = CONTRADICTING_RESIDUAL.max(CONTRADICTING_TIMES * usual);
-    let contradicts = |fit: &FrameFit| fit.outlier && (fit.weight == 0.0 || fit.residual > limit);
+    let contradicts = |fit: &PhotoFit| fit.outlier && (fit.weight == 0.0 || fit.residual > limit);
     let odd = fits.iter().any(contradicts);
     if let Some(material) = maps.filter(|_| odd).and_then(|maps| material::find(maps, photographs))
     {

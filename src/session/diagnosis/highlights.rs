@@ -5,8 +5,7 @@
 
 use crate::Svbrdf;
 use crate::observation::Observation;
-use crate::session::hint::Hint;
-use crate::svbrdf::channel;
+use crate::parallel;
 
 /// Half vectors whose tangent to the normal of the sample lies between this and that many alphas show the shoulder of a
 /// lobe: a fifteenth to a fifth of its peak. Nearer to the normal than the least, there are too few of them.
@@ -19,52 +18,89 @@ const BINS: usize = 14;
 /// that are enough, relative to those.
 const LOST: f32 = 0.003;
 const SEEN: f32 = 0.1;
+/// Weight of a coat whose highlight counts.
+const COAT: f32 = 0.05;
 
-/// Adds a word where no photograph shows highlights of a material below saturation.
-pub(super) fn tell(maps: Option<&Svbrdf>, photographs: &[Observation], hints: &mut [Vec<Hint>]) {
-    let Some((maps, first)) = maps.zip(photographs.first()) else { return };
-    let texels = first.texels();
-    let (mut lost, mut seen) = ([0_usize; BINS], [0_usize; BINS]);
-    for t in 0..texels {
-        let roughness = maps.plane(channel::ROUGHNESS)[t];
-        let alpha = roughness * roughness;
-        let bin = ((1.0 / alpha.max(1e-4)).log2() * BINS_PER_OCTAVE) as usize;
-        match shoulder(photographs, t, alpha) {
-            Some(Shoulder::Seen) => seen[bin.min(BINS - 1)] += 1,
-            Some(Shoulder::Lost) => lost[bin.min(BINS - 1)] += 1,
-            None => {}
+/// Texels of materials whose highlights no photograph shows below saturation.
+pub(in crate::session) struct LostHighlights {
+    /// Which texels.
+    pub texels: Vec<bool>,
+    /// Share of the sample whose shoulder is saturated.
+    pub share: f32,
+}
+
+impl LostHighlights {
+    /// `None` where photographs show enough of the highlights.
+    pub fn find(maps: &Svbrdf, photographs: &[Observation]) -> Option<Self> {
+        let texels = photographs.first()?.texels();
+        let bin = |t: usize| {
+            let octaves = (1.0 / narrowest(maps, t).powi(2).max(1e-4)).log2() * BINS_PER_OCTAVE;
+            (octaves as usize).min(BINS - 1)
+        };
+        let all =
+            parallel::values(texels, |t| shoulder(photographs, t, narrowest(maps, t).powi(2)));
+        let mut counts = [Counts::default(); BINS];
+        for t in 0..texels {
+            let of = &mut counts[bin(t)];
+            of.seen += usize::from(all[t] == Shoulder::Seen);
+            of.lost += usize::from(all[t] == Shoulder::Lost);
         }
-    }
-    let worth = |(lost, seen): &(&usize, &usize)| {
-        **lost as f32 > LOST * texels as f32 && **seen as f32 <= SEEN * **lost as f32
-    };
-    let count: usize = lost.iter().zip(&seen).filter(worth).map(|(lost, _)| *lost).sum();
-    if count > 0 {
-        let hint = Hint::Saturated { share: count as f32 / texels as f32 };
-        hints.iter_mut().for_each(|hints| hints.push(hint));
+        let many = |count: usize| count as f32 > LOST * texels as f32;
+        let is_lost = |k: usize| {
+            let Counts { lost, seen, .. } = counts[k];
+            many(lost) && seen as f32 <= SEEN * lost as f32
+        };
+        let total: usize = (0..BINS).filter(|k| is_lost(*k)).map(|k| counts[k].lost).sum();
+        // What holds for a material holds where none of its highlights fell as well.
+        let is_open =
+            |(t, shoulder): (usize, &Shoulder)| *shoulder != Shoulder::Seen && is_lost(bin(t));
+        (total > 0).then(|| Self {
+            texels: all.iter().enumerate().map(is_open).collect(),
+            share: total as f32 / texels as f32,
+        })
     }
 }
 
+/// Roughness of the lobe that a texel's highlight is that of: a coat takes up what is narrower than the base.
+pub(in crate::session) fn narrowest(maps: &Svbrdf, texel: usize) -> f32 {
+    let base = maps.roughness()[texel];
+    match maps.coat() {
+        Some([weight, coat]) if weight[texel] > COAT => base.min(coat[texel]),
+        _ => base,
+    }
+}
+
+/// Texels of a material.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    seen: usize,
+    lost: usize,
+}
+
 /// What photographs show of the lobe of a texel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Shoulder {
+    /// Neither peak nor shoulder.
+    #[default]
+    Nowhere,
     /// Its peak or its shoulder.
     Seen,
     /// A saturated shoulder, and nothing nearer to the peak.
     Lost,
 }
 
-fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Option<Shoulder> {
+fn shoulder(photographs: &[Observation], texel: usize, alpha: f32) -> Shoulder {
     let from = (SHOULDER[0] * alpha).max(LEAST);
     let to = from * SHOULDER[1] / SHOULDER[0];
-    let mut found = None;
+    let mut found = Shoulder::Nowhere;
     for photograph in photographs.iter().filter(|photograph| photograph.weight(texel) > 0.0) {
         let tangent = half_tangent(photograph, texel);
         let saturated = (0..3).any(|c| photograph.radiance(c, texel) < 0.0);
         if tangent < to && !saturated {
-            return Some(Shoulder::Seen);
+            return Shoulder::Seen;
         }
         if (from..to).contains(&tangent) {
-            found = Some(Shoulder::Lost);
+            found = Shoulder::Lost;
         }
     }
     found

@@ -11,7 +11,8 @@ mod material;
 use super::capture::{Board, Capture};
 use super::hint::Hint;
 use crate::Svbrdf;
-use crate::assessment::FrameFit;
+use crate::assessment::PhotoFit;
+pub(super) use highlights::{LostHighlights, narrowest};
 
 /// What there is to tell about the latest photograph of a board, without the maps.
 pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
@@ -22,7 +23,7 @@ pub(super) fn of_latest(board: &Board) -> Vec<Hint> {
 pub(super) fn of_capture(
     capture: &Capture,
     maps: Option<&Svbrdf>,
-    fits: &[FrameFit],
+    fits: &[PhotoFit],
 ) -> Vec<Vec<Hint>> {
     let photographs = capture.observations();
     let mut all = match capture.board() {
@@ -34,8 +35,11 @@ pub(super) fn of_capture(
         geometry::of_capture(capture, &mut all);
     }
     let group = board.and_then(|_| groups::find(&photographs));
+    let lost = maps.and_then(|maps| LostHighlights::find(maps, &photographs));
+    if let Some(&LostHighlights { share, .. }) = lost.as_ref() {
+        all.iter_mut().for_each(|hints| hints.push(Hint::Saturated { share }));
+    }
     fits::tell(board, maps, &photographs, fits, group, &mut all);
-    highlights::tell(maps, &photographs, &mut all);
     all
 }
 

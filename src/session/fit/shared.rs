@@ -7,7 +7,7 @@ use std::time::Duration;
 use web_time::Instant;
 
 use super::group::Group;
-use crate::estimate::{Budget, Exposure};
+use crate::estimate::{Budget, LightCorrection};
 use crate::session::reports::{Progress, Revision};
 use crate::session::survey::{NextView, Survey};
 use crate::{Error, Result, Svbrdf};
@@ -25,8 +25,8 @@ pub struct Shared {
 #[derive(Default)]
 pub struct State {
     pub maps: Option<Arc<Svbrdf>>,
-    /// What was found of exposure and flash with these maps.
-    pub exposure: Exposure,
+    /// What the fit corrected of exposure and flash with these maps.
+    pub light_correction: LightCorrection,
     pub progress: Progress,
     /// What its fraction is one of.
     pub group: Group,
@@ -55,7 +55,7 @@ impl State {
 
     /// Whether the fit has taken all photographs over.
     pub fn is_current(&self) -> bool {
-        self.fitted == self.progress.frames
+        self.fitted == self.progress.photos
     }
 
     /// Changes what progress is told of; whether that changes its fraction.

@@ -11,7 +11,7 @@ use web_time::Instant;
 
 use super::shared::Shared;
 use crate::assessment::Place;
-use crate::estimate::{Addition, Estimation, Exposure, Meter, SavedEstimate, first_maps};
+use crate::estimate::{Addition, Estimation, LightCorrection, Meter, SavedEstimate, first_maps};
 use crate::observation::Observation;
 use crate::session::capture::Remake;
 use crate::session::reports::Progress;
@@ -101,28 +101,28 @@ impl Fit {
     pub fn show(
         &self,
         maps: Option<Svbrdf>,
-        exposure: Exposure,
+        correction: LightCorrection,
         loss_before: f32,
         next: Option<NextView>,
     ) {
         let estimation = &self.estimation;
-        let frames = estimation.frames();
+        let photos = estimation.photos();
         let mut state = self.shared.lock();
         if maps.is_some() || state.maps.is_some() {
             state.publish(maps.map(Arc::new));
         }
-        (state.exposure, state.fitted, state.cut) =
-            (exposure, frames, estimation.is_stopped_early());
+        (state.light_correction, state.fitted, state.cut) =
+            (correction, photos, estimation.is_stopped_early());
         (state.survey, state.surveyed, state.next) = (None, None, next);
         state.progress = Progress {
-            frames,
+            photos,
             loss_before,
             loss: estimation.loss(),
             settled: estimation.is_done(),
             ..Progress::default()
         };
-        let share = if frames > 0 { estimation.fraction() } else { 0.0 };
-        state.regroup(|group| group.anew(frames, share));
+        let share = if photos > 0 { estimation.fraction() } else { 0.0 };
+        state.regroup(|group| group.anew(photos, share));
     }
 
     /// One turn; faults end up in [`Shared`].
@@ -154,7 +154,7 @@ impl Fit {
             jobs.try_recv()
         };
         match job {
-            // What cancels a session may come from a push that has the threads of the pool.
+            // The session may be cancelled by a call that occupies the threads of the pool.
             Ok(_) if self.shared.cancelled.load(Ordering::Relaxed) => return Ok(Turn::Ended),
             Ok(job) => job(self)?,
             Err(TryRecvError::Empty) if idle || work == Work::Jobs => return Ok(Turn::Idle),
@@ -184,7 +184,7 @@ impl Fit {
             replaced
         });
         self.estimation.add(Addition { observation, replaced, restart }, start)?;
-        // Whoever pushed may not wait for it any more.
+        // The caller may no longer wait for the answer.
         let _ = reply.send(all);
         self.meter.reset();
         (self.busy, self.begun) = (true, Some(self.here()));
@@ -213,7 +213,7 @@ impl Fit {
         self.estimation = estimation;
         self.meter.reset();
         self.begin();
-        self.show(start, Exposure::default(), self.estimation.loss(), next);
+        self.show(start, LightCorrection::default(), self.estimation.loss(), next);
         Ok(())
     }
 
@@ -226,9 +226,9 @@ impl Fit {
         };
         let places: Vec<Place> = candidates.iter().map(place).collect();
         let gains = self.estimation.outlook(&places)?;
-        let survey = Survey::new(self.estimation.frames(), settled, candidates, &gains);
+        let survey = Survey::new(self.estimation.photos(), settled, candidates, &gains);
         let mut state = self.shared.lock();
-        if state.progress.frames == survey.photographs {
+        if state.progress.photos == survey.photos {
             state.next = survey.best().map(|best| best.view);
         }
         drop(state);
@@ -251,8 +251,8 @@ impl Fit {
         if self.busy {
             (state.cut, state.progress.settled) = (false, false);
             let share = self.estimation.fraction();
-            let frames = state.fitted;
-            state.regroup(|group| group.anew(frames, share));
+            let photos = state.fitted;
+            state.regroup(|group| group.anew(photos, share));
         } else {
             state.progress.settled = state.is_current();
         }
@@ -274,7 +274,7 @@ impl Fit {
             self.interval = PUBLISH_INTERVAL.max(begun.elapsed() * PUBLISH_SHARE);
         }
         let mut state = self.shared.lock();
-        // Work that a photograph pushed meanwhile adds to is not told of any more.
+        // A photograph that was added meanwhile adds to this work: its progress is no longer reported.
         let is_current = state.is_current();
         if is_current {
             state.regroup(|group| group.work(step.fraction));
@@ -285,14 +285,14 @@ impl Fit {
             .then(|| meter.elapsed().as_secs_f32() * (1.0 / step.fraction - 1.0));
         if let Some(maps) = maps {
             state.publish(Some(Arc::new(maps)));
-            state.exposure = estimation.exposure().clone();
+            state.light_correction = estimation.light_correction().clone();
             self.published = Instant::now();
         }
         if step.done {
             (self.busy, self.begun) = (false, None);
             state.cut = estimation.is_stopped_early();
-            // A photograph pushed meanwhile is still on its way.
-            let waiting = state.progress.frames - state.fitted;
+            // A photograph that was added meanwhile is still on its way.
+            let waiting = state.progress.photos - state.fitted;
             state.regroup(|group| group.settle(waiting));
             state.progress.settled = is_current;
             state.progress.seconds_left = None;

@@ -17,7 +17,7 @@ use super::capture::{Board, Capture};
 use super::fit::{Fit, Milestone};
 use super::settings::{Scene, Settings};
 use super::{RestoreOptions, Session, memory};
-use crate::estimate::{Budget, EstimateOptions, Estimation, Exposure};
+use crate::estimate::{Budget, EstimateOptions, Estimation, LightCorrection};
 use crate::networks::Networks;
 use crate::{Result, Svbrdf};
 
@@ -38,9 +38,9 @@ struct Body<'a> {
     capture: Cow<'a, Capture>,
     milestone: Milestone,
     loss_before: f32,
-    /// The latest maps, and what was found of exposure and flash with them.
+    /// The latest maps, and what the fit corrected of exposure and flash with them.
     maps: Option<Cow<'a, Svbrdf>>,
-    exposure: Exposure,
+    light_correction: LightCorrection,
 }
 
 impl Session {
@@ -48,7 +48,7 @@ impl Session {
     /// [`Session::restore`] does again what the fit has done since, and ends with the same bits as this
     /// session if the budget stays the same and is none of time.
     ///
-    /// Waits for a push in progress and for a step of the fit, not for the fit.
+    /// Waits for a photograph that is being added and for a step of the fit, not for the fit.
     ///
     /// # Errors
     /// When the session has failed or was cancelled.
@@ -57,17 +57,20 @@ impl Session {
         let (_intake, capture) = self.settled()?;
         let (settings, scene) = (self.settings.clone(), self.scene.clone());
         self.fit.ask(move |fit| {
-            let (budget, loss_before, maps, exposure) = {
+            let (budget, loss_before, maps, correction) = {
                 let state = fit.shared.lock();
-                let (maps, exposure) = (state.maps.clone(), state.exposure.clone());
-                (state.budget, state.progress.loss_before, maps, exposure)
+                let (maps, correction) = (state.maps.clone(), state.light_correction.clone());
+                (state.budget, state.progress.loss_before, maps, correction)
             };
             let (settings, scene) = (Cow::Owned(settings), Cow::Owned(scene));
-            let photographs = fit.estimation.frames();
+            let photographs = fit.estimation.photos();
             let head = Head { settings, scene, budget, photographs };
             let (capture, maps) = (Cow::Borrowed(&*capture), maps.as_deref().map(Cow::Borrowed));
             let milestone = fit.milestone();
-            format::write(&head, &Body { capture, milestone, loss_before, maps, exposure })
+            format::write(
+                &head,
+                &Body { capture, milestone, loss_before, maps, light_correction: correction },
+            )
         })
     }
 
@@ -95,7 +98,7 @@ impl Session {
             return Err(damaged("photographs are missing, or there is more than a session"));
         }
         let Milestone { estimate, meter } = body.milestone;
-        let exposure = body.exposure.within_limits().map_err(as_damage)?;
+        let correction = body.light_correction.within_limits().map_err(as_damage)?;
         meter.budget.check().map_err(as_damage)?;
         if !body.loss_before.is_finite() {
             return Err(damaged("progress is not a number"));
@@ -108,7 +111,7 @@ impl Session {
         let estimation = estimation.map_err(as_damage)?;
         let mut fit = Fit::new(pool.clone(), estimation, meter);
         fit.shared.lock().budget = budget;
-        fit.show(maps, exposure, body.loss_before, capture.board().and_then(Board::next_view));
+        fit.show(maps, correction, body.loss_before, capture.board().and_then(Board::next_view));
         pool.install(|| fit.follow_budget());
         Self::start(scene, settings, networks, capture, pool, fit)
     }

@@ -21,15 +21,14 @@ fn example() -> &'static [u8] {
         let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/captures/tile");
         let capture = crate::capture::Capture::load(dir).unwrap();
         let Scene::Board { target, .. } = capture.scene else { panic!("no board") };
-        let scene =
-            Scene::Board { target, camera: None, flash_offset_mm: None, elevation_mm: None };
+        let scene = Scene::board(target);
         let (sample_mm, driver) = (capture.sample_mm, Driver::Caller);
         let settings = Settings { sample_mm, threads: 2, driver, ..Settings::default() };
         let session = Session::with_networks(scene, settings, networks()).unwrap();
         let budget = Budget { steps: Some(4), ..Budget::default() };
         session.set_budget(budget).unwrap();
-        for frame in &capture.frames[..2] {
-            session.push(&frame.read().unwrap()).unwrap();
+        for file in &capture.photos[..2] {
+            session.add_photo(&file.read().unwrap()).unwrap();
         }
         session.wait().unwrap();
         session.save().unwrap()
@@ -120,7 +119,7 @@ fn values_out_of_range_are_refused() {
     damaged("pose", &|_, body| first(body, |p| p.pose.rotation.x_axis.x = f64::NAN));
     damaged("part", &|_, body| first(body, |p| p.part = None));
     damaged("maps", &|_, body| body.maps = None);
-    damaged("exposure", &|_, body| body.exposure.exponent = f64::NAN);
+    damaged("exposure", &|_, body| body.light_correction.exponent = f64::NAN);
     damaged("loss", &|_, body| body.loss_before = f32::NAN);
     damaged("capture", &|_, body| {
         let scene = Scene::Rectified { falloff: Default::default() };

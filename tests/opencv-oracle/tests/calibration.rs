@@ -150,16 +150,16 @@ fn corners_and_poses_of_photographs_agree() {
     );
     let mut sums = [0.0; 2];
     for capture in all {
-        for (index, frame) in capture.frames.iter().enumerate() {
+        for (index, shot) in capture.photos.iter().enumerate() {
             let (camera, target) = (&capture.camera, &capture.target);
-            let luma = LumaImage::from_photo(&frame.photo());
+            let luma = LumaImage::from_photo(&shot.photo());
             let corners = detect(&luma, target).unwrap().corners;
             let theirs = refined_by_opencv(&luma, target, &corners);
             let rms =
                 |squares: Vec<f64>| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
             let truth = |c: &Corner| {
                 let p = target.grid_mm(c.row.into(), c.col.into()).extend(0.0);
-                camera.project(frame.pose.transform(p)).unwrap()
+                camera.project(shot.pose.transform(p)).unwrap()
             };
             let pairs = || corners.iter().zip(&theirs);
             let apart = rms(pairs().map(|(c, q)| c.px.distance_squared(*q)).collect());

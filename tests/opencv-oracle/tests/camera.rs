@@ -91,7 +91,7 @@ fn joint_calibrations_agree() {
             Corner { px, ..*c }
         };
         let found: Vec<Vec<Corner>> = capture
-            .frames
+            .photos
             .iter()
             .map(|f| {
                 let luma = LumaImage::from_photo(&f.photo());
@@ -125,8 +125,8 @@ fn joint_calibrations_agree() {
         assert!(ours.rms_px <= rms * (1.0 + 1e-6));
         // The same minimum; OpenCV stops a little before it.
         assert!(focal < 0.02 && turn < 0.02);
-        for (view, frame) in ours.views.iter().zip(&capture.frames) {
-            assert!(angle_deg(&view.pose.unwrap(), &frame.pose) < 0.15);
+        for (view, shot) in ours.views.iter().zip(&capture.photos) {
+            assert!(angle_deg(&view.pose.unwrap(), &shot.pose) < 0.15);
         }
     }
 }
@@ -195,7 +195,7 @@ fn own_calibration_of_real_photographs_fits_as_well() {
         let mut apart = Vec::new();
         for file in &files {
             let photo =
-                svbrdf::frame::Photo::read(file, svbrdf::frame::Encoding::Srgb, 1.0).unwrap();
+                svbrdf::photo::Photo::read(file, svbrdf::photo::Encoding::Srgb, 1.0).unwrap();
             // One photograph of the wide set has another size.
             if size == (0, 0) {
                 size = (photo.width(), photo.height());

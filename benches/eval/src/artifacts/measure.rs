@@ -7,7 +7,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use svbrdf::Svbrdf;
 use svbrdf::export::resized;
-use svbrdf::svbrdf::channel;
 
 use super::colours::{CLASSES, classes};
 use super::regression::{Basis, explained};
@@ -89,8 +88,7 @@ impl Artifacts {
         let maps = resized(maps, SIDE, SIDE);
         let truth = truth.map(|truth| resized(truth, SIDE, SIDE));
         let [tilt, tilt_of_parts] = [1, PARTS].map(|parts| tilt(&maps, truth.as_ref(), parts));
-        let diffuse =
-            [0, 1, 2].map(|c| truth.as_ref().unwrap_or(&maps).plane(channel::DIFFUSE + c));
+        let diffuse = [0, 1, 2].map(|c| truth.as_ref().unwrap_or(&maps).diffuse()[c]);
         let classes = classes(diffuse);
         let highlights = Highlights::new(&classes, sample_mm, places);
         let error = |value: fn(&Svbrdf, usize) -> f64| -> Vec<f64> {
@@ -112,12 +110,12 @@ impl Artifacts {
 }
 
 fn log_f0(maps: &Svbrdf, texel: usize) -> f64 {
-    let sum: f32 = (0..3).map(|c| maps.plane(channel::SPECULAR + c)[texel]).sum();
+    let sum: f32 = (0..3).map(|c| maps.specular()[c][texel]).sum();
     (f64::from(sum) / 3.0).max(LEAST_F0).ln()
 }
 
 fn roughness(maps: &Svbrdf, texel: usize) -> f64 {
-    maps.plane(channel::ROUGHNESS)[texel].into()
+    maps.roughness()[texel].into()
 }
 
 /// Largest angle between the mean normals of `parts * parts` pieces of the maps and of the truth (or +Z).
@@ -220,10 +218,10 @@ mod tests {
             let dark = (i % SIDE / 40 + i / SIDE / 40).is_multiple_of(2);
             let stray = 1.0 + 0.1 * random.bell() as f32;
             for c in 0..3 {
-                maps.plane_mut(channel::DIFFUSE + c)[i] = if dark { 0.1 } else { 0.4 };
-                maps.plane_mut(channel::SPECULAR + c)[i] = stray * if dark { 0.08 } else { 0.04 };
+                maps.diffuse_mut()[c][i] = if dark { 0.1 } else { 0.4 };
+                maps.specular_mut()[c][i] = stray * if dark { 0.08 } else { 0.04 };
             }
-            maps.plane_mut(channel::ROUGHNESS)[i] = stray * if dark { 0.3 } else { 0.5 };
+            maps.roughness_mut()[i] = stray * if dark { 0.3 } else { 0.5 };
         }
         maps
     }
@@ -235,7 +233,7 @@ mod tests {
         let tilted = |texels: fn(usize) -> bool| {
             let mut maps = truth.clone();
             let slope = 5f32.to_radians().tan();
-            let plane = maps.plane_mut(channel::SLOPE_X);
+            let [plane, _] = maps.normal_slopes_mut();
             (0..SIDE * SIDE).filter(|i| texels(*i)).for_each(|i| plane[i] += slope);
             [Some(&truth), None].map(|t| Artifacts::of(&maps, t, SAMPLE, &places()))
         };
@@ -265,9 +263,9 @@ mod tests {
                 let bump = 0.4 * (camera - point).normalize().z.powi(60);
                 square += (bump - 0.1f64).powi(2) / (SIDE * SIDE) as f64;
                 for c in 0..3 {
-                    maps.plane_mut(channel::SPECULAR + c)[i] *= bump.exp() as f32;
+                    maps.specular_mut()[c][i] *= bump.exp() as f32;
                 }
-                maps.plane_mut(channel::ROUGHNESS)[i] -= 0.3 * bump as f32;
+                maps.roughness_mut()[i] -= 0.3 * bump as f32;
             }
             let found = Artifacts::of(&maps, against, SAMPLE, &places());
             let about = square.sqrt();
@@ -290,7 +288,7 @@ mod tests {
             let wave = |w: &[f64; 3]| (6.3 * (w[0] * x + w[1] * y) + w[2]).sin();
             let error = waves.iter().map(wave).sum::<f64>() / 6f64.sqrt();
             for c in 0..3 {
-                maps.plane_mut(channel::SPECULAR + c)[i] *= (0.2 * error).exp() as f32;
+                maps.specular_mut()[c][i] *= (0.2 * error).exp() as f32;
             }
         }
         let found = Artifacts::of(&maps, Some(&truth), SAMPLE, &places());

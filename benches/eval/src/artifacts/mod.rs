@@ -52,7 +52,7 @@ pub fn places(session: &Session, capture: &Capture, accepted: &[usize]) -> Vec<P
 }
 
 fn rectified(capture: &Capture, frame: usize) -> Option<Place> {
-    let view = capture.frames.get(frame)?.rectified?;
+    let view = capture.photos.get(frame)?.rectified?;
     let [camera, light] = [view.camera_mm, view.light_mm].map(|p| glam::Vec3::from(p).as_dvec3());
     Some(Place { camera, light })
 }

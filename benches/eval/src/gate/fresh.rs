@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use sha2::{Digest, Sha256};
 use svbrdf::capture::FILE_NAME;
-use svbrdf::export::{read_maps, write_maps};
+use svbrdf::export::{MapsOptions, read_maps, write_maps};
 use svbrdf::random::Random;
 use svbrdf::{Error, Result, Svbrdf};
 
@@ -119,7 +119,7 @@ pub fn captures(data: &Path, seed: u64, folder: &Path) -> Result<[Vec<PathBuf>; 
         let capture = folder.join(format!("{seed}-{i:02}-{kind}-{}", material.name()));
         if !capture.join(FILE_NAME).is_file() {
             let piece = folder.join(format!("maps-{i:02}"));
-            write_maps(&piece, &material.maps(&mut random)?)?;
+            write_maps(&piece, &material.maps(&mut random)?, &MapsOptions::default())?;
             simulate(&piece, &capture, own, room)?;
         }
         captures[i / CAPTURES].push(capture);

@@ -151,7 +151,7 @@ mod tests {
         for (seed, kind) in Kind::ALL.into_iter().enumerate() {
             let maps = maps(kind, 128, &mut Random::new(seed as u64));
             let ranges = kind.ranges();
-            let mut gloss = maps.plane(channel::ROUGHNESS).to_vec();
+            let mut gloss = maps.roughness().to_vec();
             gloss.sort_by(f32::total_cmp);
             gloss.dedup();
             assert_eq!(gloss.len(), ranges.colours, "{kind:?}");
@@ -162,7 +162,7 @@ mod tests {
                 assert!(mean.abs() < 1e-4, "{kind:?}: {mean}");
                 assert!(f64::from(square.sqrt()) <= 1.3 * ranges.slopes[1], "{kind:?}: {square}");
             }
-            let white = maps.plane(channel::DIFFUSE).iter().copied().fold(0.0, f32::max);
+            let white = maps.diffuse()[0].iter().copied().fold(0.0, f32::max);
             assert!(white <= 1.0, "{kind:?}");
         }
     }

@@ -88,8 +88,8 @@ fn materials(folder: &Path, setup: &Setup, figures: &mut Figures) -> Result<()> 
             });
             total += taken;
             let maps = maps?;
-            if MATERIAL_PHOTOS.contains(&estimator.frames()) {
-                let case = format!("{} N={}", crop.name, estimator.frames());
+            if MATERIAL_PHOTOS.contains(&estimator.photos()) {
+                let case = format!("{} N={}", crop.name, estimator.photos());
                 figures.add("photos", case, compare(&maps, &crop.truth)?.render);
             }
         }

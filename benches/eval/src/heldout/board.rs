@@ -10,7 +10,7 @@ use super::score::{HeldOut, SIDE};
 use crate::streaming::push;
 
 /// Rectified photographs `held_out` with their radiometry from the board's squares. The session is
-/// paused, so it calibrates them without fitting; it has accepted the frames `fitted`.
+/// paused, so it calibrates them without fitting; it has accepted the photos `fitted`.
 pub fn photographs(
     session: &Session,
     capture: &Capture,
@@ -22,8 +22,8 @@ pub fn photographs(
     };
     session.pause();
     for &index in held_out {
-        let frame = &capture.frames[index];
-        if let Some(reason) = push(session, frame)? {
+        let file = &capture.photos[index];
+        if let Some(reason) = push(session, file)? {
             return Err(unusable(capture, index, reason));
         }
     }
@@ -31,17 +31,17 @@ pub fn photographs(
     let flash = FlashOffset::Known(session.flash_offset_mm());
     let height_mm = session.elevation().map_or(0.0, |e| e.mm as f32);
     let mut calibrator = PhotometricCalibrator::new(target.clone(), flash);
-    let frames: Vec<usize> = fitted.iter().chain(held_out).copied().collect();
+    let all: Vec<usize> = fitted.iter().chain(held_out).copied().collect();
     let poses = session.poses();
-    for (&index, known) in frames.iter().zip(&poses) {
-        let photo = capture.frames[index].read()?;
+    for (&index, known) in all.iter().zip(&poses) {
+        let photo = capture.photos[index].read()?;
         calibrator
             .push(&photo, &camera, &known.pose)
             .map_err(|reason| unusable(capture, index, reason))?;
     }
     let mut photographs = Vec::new();
-    for (i, &index) in frames.iter().enumerate().skip(fitted.len()) {
-        let photo = capture.frames[index].read()?;
+    for (i, &index) in all.iter().enumerate().skip(fitted.len()) {
+        let photo = capture.photos[index].read()?;
         let Some(radiometry) = calibrator.radiometry(i) else { continue };
         let pose = &poses[i].pose;
         let sample_mm = capture.sample_mm;
@@ -65,5 +65,5 @@ pub fn photographs(
 }
 
 fn unusable(capture: &Capture, index: usize, reason: Rejection) -> Error {
-    Error::Image { path: capture.frames[index].path.clone(), message: reason.to_string() }
+    Error::Image { path: capture.photos[index].path.clone(), message: reason.to_string() }
 }

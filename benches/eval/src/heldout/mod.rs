@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ArgAction;
-use svbrdf::capture::{Capture, Frame};
+use svbrdf::capture::{Capture, PhotoFile};
 use svbrdf::export::{resized, write_atomic};
 use svbrdf::observation::{Falloff, View};
 use svbrdf::rectification::from_rectified;
 use svbrdf::render::render;
-use svbrdf::session::{Exposure, RectifiedFalloff, Scene, Session};
+use svbrdf::session::{LightCorrection, RectifiedFalloff, Scene, Session};
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::orders::{Part, Plan, plans};
@@ -138,7 +138,7 @@ pub fn evaluate(
                 // An ideal photograph has its true light, others the common correction.
                 let view = match &ideal {
                     Some(_) => photograph.view,
-                    None => stage.exposure.predict(&photograph.view),
+                    None => stage.correction.predict(&photograph.view),
                 };
                 let radiance = rendered(&stage.maps, &view, photograph.side);
                 let record = Record {
@@ -147,7 +147,7 @@ pub fn evaluate(
                     part: plan.part,
                     fitted: stage.fitted,
                     order,
-                    photograph: name(&capture.frames[frame].path),
+                    photograph: name(&capture.photos[frame].path),
                     score: photograph.score(&radiance, protocol.gain),
                     artifacts,
                 };
@@ -168,7 +168,7 @@ fn courses(
     ideal: Option<&[(usize, HeldOut)]>,
     protocol: &Protocol,
 ) -> Result<Vec<Plan>> {
-    let count = capture.frames.len();
+    let count = capture.photos.len();
     let plans = match (ideal, &capture.scene) {
         (Some(ideal), _) => {
             let held_out: Vec<usize> = ideal.iter().map(|(i, _)| *i).collect();
@@ -205,7 +205,7 @@ struct Stage {
     /// Number of photographs pushed.
     fitted: usize,
     maps: Arc<Svbrdf>,
-    exposure: Exposure,
+    correction: LightCorrection,
     /// Of the accepted photographs.
     places: Vec<Place>,
 }
@@ -222,9 +222,9 @@ impl Course {
         let mut course = Self { session, accepted: Vec::new(), stages: Vec::new() };
         let most = counts.iter().copied().max().unwrap_or(0);
         for (i, &index) in plan.fitted.iter().enumerate().take(most) {
-            let frame = &capture.frames[index];
-            match push(&course.session, frame)? {
-                Some(reason) => eprintln!("{}: {reason}", frame.path.display()),
+            let file = &capture.photos[index];
+            match push(&course.session, file)? {
+                Some(reason) => eprintln!("{}: {reason}", file.path.display()),
                 None => {
                     course.session.wait()?;
                     course.accepted.push(index);
@@ -235,7 +235,7 @@ impl Course {
                 course.stages.push(Stage {
                     fitted: i + 1,
                     maps: session.snapshot()?,
-                    exposure: session.exposure(),
+                    correction: session.light_correction(),
                     places: artifacts::places(session, capture, &course.accepted),
                 });
             }
@@ -257,7 +257,7 @@ impl Course {
             RectifiedFalloff::Given(falloff) => falloff,
             // As the session chooses it: the distance of the first photograph.
             RectifiedFalloff::InverseSquareAuto => {
-                let first = capture.frames[plan.fitted[0]].rectified;
+                let first = capture.photos[plan.fitted[0]].rectified;
                 let camera_mm = first.map_or([0.0; 3], |view| view.camera_mm);
                 let square: f32 = camera_mm.iter().map(|v| v * v).sum();
                 Falloff::InverseSquare { power_mm2: [std::f32::consts::PI * square; 3] }
@@ -265,16 +265,16 @@ impl Course {
         };
         plan.held_out
             .iter()
-            .map(|&index| rectified(&capture.frames[index], capture.sample_mm, falloff))
+            .map(|&index| rectified(&capture.photos[index], capture.sample_mm, falloff))
             .collect()
     }
 }
 
 /// A rectified photograph from its file.
-fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
-    let place = frame
+fn rectified(file: &PhotoFile, sample_mm: [f32; 2], falloff: Falloff) -> Result<HeldOut> {
+    let place = file
         .rectified
-        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", frame.path.display())))?;
+        .ok_or_else(|| Error::Internal(format!("{}: no camera and light", file.path.display())))?;
     let view = View {
         sample_mm,
         camera_mm: place.camera_mm,
@@ -283,11 +283,11 @@ fn rectified(frame: &Frame, sample_mm: [f32; 2], falloff: Falloff) -> Result<Hel
         ambient: [0.0; 3],
         mirrored: 1.0,
     };
-    let observation = from_rectified(&frame.read()?, view, SIDE, SIDE)
-        .map_err(|e| Error::Image { path: frame.path.clone(), message: e.to_string() })?;
+    let observation = from_rectified(&file.read()?, view, SIDE, SIDE)
+        .map_err(|e| Error::Image { path: file.path.clone(), message: e.to_string() })?;
     let n = observation.texels();
     // Negative radiances mark saturated values.
     let observed =
-        (0..3 * n).map(|i| frame.exposure * observation.radiance(i / n, i % n).abs()).collect();
-    Ok(HeldOut { view, exposure: frame.exposure, observed, side: SIDE, seen: None })
+        (0..3 * n).map(|i| file.exposure * observation.radiance(i / n, i % n).abs()).collect();
+    Ok(HeldOut { view, exposure: file.exposure, observed, side: SIDE, seen: None })
 }

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use image::{ImageFormat, Rgb, RgbImage};
 use svbrdf::export::{self, resized, write_atomic};
-use svbrdf::frame::Encoding;
-use svbrdf::svbrdf::channel;
+use svbrdf::photo::Encoding;
 use svbrdf::{Error, Result, Svbrdf};
 
 use super::score::{HeldOut, SIDE};
@@ -47,7 +46,11 @@ pub fn write_maps(
     truth: Option<&Svbrdf>,
 ) -> Result<()> {
     for (fitted, maps) in maps {
-        export::write_maps(out.join(format!("{capture}-n{fitted}")), maps)?;
+        export::write_maps(
+            out.join(format!("{capture}-n{fitted}")),
+            maps,
+            &export::MapsOptions::default(),
+        )?;
     }
     let rows: Vec<&Svbrdf> = maps.iter().map(|(_, maps)| *maps).chain(truth).collect();
     save(&sheet(&rows), &out.join(format!("{capture}.png")))
@@ -70,12 +73,12 @@ fn sheet(rows: &[&Svbrdf]) -> RgbImage {
         let maps = resized(maps, SIDE, SIDE);
         for i in 0..SIDE * SIDE {
             let (x, y) = (i % SIDE, i / SIDE);
-            let shown = |c: usize| Encoding::Srgb.encode(maps.plane(c)[i].into()) as f32;
+            let shown = |plane: &[f32]| Encoding::Srgb.encode(plane[i].into()) as f32;
             let panels = [
                 maps.normal(x, y).map(|v| 0.5 * (v + 1.0)),
-                [0, 1, 2].map(|c| shown(channel::DIFFUSE + c)),
-                [0, 1, 2].map(|c| shown(channel::SPECULAR + c)),
-                [maps.plane(channel::ROUGHNESS)[i]; 3],
+                maps.diffuse().map(shown),
+                maps.specular().map(shown),
+                [maps.roughness()[i]; 3],
             ];
             for (panel, values) in panels.into_iter().enumerate() {
                 let at = [(panel * step + x) as u32, (row * step + y) as u32];
@@ -115,7 +118,7 @@ mod tests {
     #[test]
     fn a_sheet_shows_four_maps_in_a_row() {
         let mut tilted = Svbrdf::new(8, 8);
-        tilted.plane_mut(channel::SLOPE_X).fill(1.0);
+        tilted.normal_slopes_mut()[0].fill(1.0);
         let image = sheet(&[&Svbrdf::new(8, 8), &tilted]);
         let (side, gap) = (SIDE as u32, GAP as u32);
         assert_eq!(image.dimensions(), (4 * side + 3 * gap, 2 * side + gap));

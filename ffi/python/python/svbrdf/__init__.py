@@ -16,11 +16,11 @@ from ._native import (
     Board,
     Camera,
     Capture,
-    Frame,
     Hint,
     Maps,
     NextView,
     Photo,
+    PhotoFile,
     Probe,
     Progress,
     Rejected,
@@ -40,7 +40,7 @@ from .errors import (
     RejectedError,
     StateError,
 )
-from .fitting import FitProgress, Photograph, fit
+from .fitting import FitProgress, PhotoReport, fit
 
 __all__ = [
     "Accepted",
@@ -53,7 +53,6 @@ __all__ = [
     "FieldError",
     "FileError",
     "FitProgress",
-    "Frame",
     "Hint",
     "InternalError",
     "Maps",
@@ -62,7 +61,8 @@ __all__ = [
     "NextView",
     "NoMapsError",
     "Photo",
-    "Photograph",
+    "PhotoFile",
+    "PhotoReport",
     "Probe",
     "Progress",
     "Rejected",

@@ -1,4 +1,4 @@
-"""What can go wrong. A photograph that cannot be used is no error: ``Session.push`` returns ``Rejected``."""
+"""What can go wrong. A photograph that cannot be used is no error: ``Session.add_photo`` returns ``Rejected``."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class InternalError(Error):
 
 
 class RejectedError(Error):
-    """Every photograph of a fit was rejected; ``photographs`` says why."""
+    """Every photograph of a fit was rejected; ``photos`` says why."""
 
-    def __init__(self, message: str, photographs: tuple[object, ...] = ()) -> None:
+    def __init__(self, message: str, photos: tuple[object, ...] = ()) -> None:
         super().__init__(message)
-        self.photographs = photographs
+        self.photos = photos

@@ -11,10 +11,10 @@ from ._native import (
     Board,
     Camera,
     Capture,
-    Frame,
     Hint,
     Maps,
     Photo,
+    PhotoFile,
     Rejected,
     Session,
     _choose,
@@ -27,7 +27,7 @@ _LOOK = 0.1
 
 
 @dataclass(frozen=True)
-class Photograph:
+class PhotoReport:
     """What became of a photograph."""
 
     #: The file, or the number among the photographs given, from 0.
@@ -50,9 +50,9 @@ class FitProgress:
     """How far a fit has come."""
 
     #: The photograph being worked on, from 1.
-    photograph: int
+    photo: int
     #: Photographs there are.
-    photographs: int
+    photos: int
     #: Fraction of all work that is done, 0 to 1; it never falls.
     fraction: float
     #: Mean difference of the logarithms of photographs and renderings; 0 before the first fit.
@@ -60,7 +60,7 @@ class FitProgress:
     #: Seconds left on this photograph, if known.
     seconds_left: float | None
     #: What became of the photographs so far.
-    so_far: tuple[Photograph, ...] = ()
+    so_far: tuple[PhotoReport, ...] = ()
 
 
 def fit(
@@ -73,22 +73,22 @@ def fit(
     resolution: int = 256,
     method: Literal["deep", "classic"] = "deep",
     refine: bool = True,
-    frames: int | None = None,
+    photos: int | None = None,
     steps: int | None = None,
     threads: int = 0,
     on_progress: Callable[[FitProgress], object] | None = None,
 ) -> Maps:
     """Fits maps to photographs, as ``svbrdf fit`` does, and says how far they may be off.
 
-    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board``: a folder of them, picture files
+    ``source`` is a folder with ``capture.json``, a ``Capture``, or photographs of ``board``: a folder of them, image files
     (JPEG, PNG, TIFF, OpenEXR, DNG) or ``Photo`` objects. Of files, exposure, order and camera are read from their metadata;
     those of another camera are left out. A capture says itself what sample, board and flash are; for photographs
     ``sample_mm`` is by default a square that the board's hole holds with 5 mm to spare, and ``camera`` and
-    ``flash_offset_mm`` are estimated unless given. ``frames`` uses the first ones only, ``steps`` limits the optimisers' steps on each photograph.
+    ``flash_offset_mm`` are estimated unless given. ``photos`` uses the first ones only, ``steps`` limits the optimisers' steps on each photograph.
 
     ``on_progress`` is called several times a second. What it raises ends the fit, and so does Ctrl-C.
 
-    Raises ``RejectedError`` when no photograph can be used. Others are left out; ``Maps.photographs`` says why.
+    Raises ``RejectedError`` when no photograph can be used. Others are left out; ``Maps.photos`` says why.
 
     >>> fit("no such folder")
     Traceback (most recent call last):
@@ -104,10 +104,10 @@ def fit(
         session = Session.of_capture(
             shown, resolution=resolution, method=method, refine=refine, threads=threads
         )
-        photographs: list[Frame | Photo] = list(shown.frames)
-        left_out: list[Photograph] = []
+        sources: list[PhotoFile | Photo] = list(shown.photos)
+        left_out: list[PhotoReport] = []
     else:
-        photographs, left_out = shown
+        sources, left_out = shown
         session = Session(
             sample_mm=sample_mm or (board or Board()).usual_sample_mm,
             board=board,
@@ -118,21 +118,21 @@ def fit(
             refine=refine,
             threads=threads,
         )
-    if frames is not None and frames < 1:
-        raise ArgumentError(f"frames: {frames} given; at least 1 expected")
+    if photos is not None and photos < 1:
+        raise ArgumentError(f"photos: {photos} given; at least 1 expected")
     with session:
         session.set_budget(steps=steps)
-        told = (*_run(session, photographs[:frames], on_progress), *left_out)
-        if not any(photograph.accepted for photograph in told):
+        told = (*_run(session, sources[:photos], on_progress), *left_out)
+        if not any(photo.accepted for photo in told):
             reasons = "\n".join(f"{p.source}: {p.message}" for p in told)
             raise RejectedError(f"every photograph was rejected:\n{reasons}", told)
-        return session.assess()._with_photographs(told)
+        return session.snapshot_with_uncertainty()._with_photos(told)
 
 
 def _capture(
     source: str | os.PathLike[str] | Capture | Iterable[Photo | str | os.PathLike[str]],
     camera: Camera | None,
-) -> Capture | tuple[list[Frame | Photo], list[Photograph]]:
+) -> Capture | tuple[list[PhotoFile | Photo], list[PhotoReport]]:
     """A capture, or photographs without a description and those left out."""
     if isinstance(source, Capture):
         if camera is not None:
@@ -159,59 +159,59 @@ def _capture(
     return list(photos), []
 
 
-def _of_files(paths: list[str]) -> tuple[list[Frame | Photo], list[Photograph]]:
+def _of_files(paths: list[str]) -> tuple[list[PhotoFile | Photo], list[PhotoReport]]:
     """Photographs of one camera, in order, and those left out."""
     for path in paths:
         if not os.path.isfile(path):
             raise FileError(f"{path}: there is no such file")
-    frames, left_out, _ = _choose(list(paths))
-    return list(frames), [Photograph(str(path), False, "left_out", why) for path, why in left_out]
+    files, left_out, _ = _choose(list(paths))
+    return list(files), [PhotoReport(str(path), False, "left_out", why) for path, why in left_out]
 
 
 def _run(
     session: Session,
-    photographs: list[Frame | Photo],
+    sources: list[PhotoFile | Photo],
     on_progress: Callable[[FitProgress], object] | None,
-) -> Iterator[Photograph]:
-    """Pushes one photograph after the other and waits for the fit of each."""
-    told: list[Photograph] = []
+) -> Iterator[PhotoReport]:
+    """Adds one photograph after the other and waits for the fit of each."""
+    told: list[PhotoReport] = []
 
     def tell(at: int) -> None:
         if on_progress is not None:
             now = session.progress
             whole, left = now.fraction, now.seconds_left
-            on_progress(FitProgress(at, len(photographs), whole, now.loss, left, tuple(told)))
+            on_progress(FitProgress(at, len(sources), whole, now.loss, left, tuple(told)))
 
-    for number, photograph in enumerate(photographs):
-        # Anew each time: one that cannot be read is not pushed.
-        session.announce(len(photographs) - number)
+    for number, source in enumerate(sources):
+        # Anew each time: one that cannot be read is not added.
+        session.announce(len(sources) - number)
         tell(number + 1)
-        told.append(_push(session, number, photograph))
+        told.append(_add(session, number, source))
         if told[-1].accepted:
             while not session.wait(_LOOK):
                 tell(number + 1)
         yield told[-1]
     session.announce(0)
-    tell(len(photographs))
+    tell(len(sources))
 
 
-def _push(session: Session, number: int, photograph: Frame | Photo) -> Photograph:
+def _add(session: Session, number: int, given: PhotoFile | Photo) -> PhotoReport:
     source: str | int = number
     rectified = None
     remarks: list[Hint] = []
-    if isinstance(photograph, Frame):
-        source, rectified = str(photograph.path), photograph.rectified
+    if isinstance(given, PhotoFile):
+        source, rectified = str(given.path), given.rectified
         try:
-            photo, remarks = photograph._read_with_hints()
+            photo, remarks = given._read_with_hints()
         except (FileError, FieldError) as fault:
-            return Photograph(source, False, "unreadable", str(fault))
+            return PhotoReport(source, False, "unreadable", str(fault))
     else:
-        photo = photograph
+        photo = given
     if rectified is None:
-        pushed = session.push(photo)
+        outcome = session.add_photo(photo)
     else:
-        pushed = session.push_rectified(photo, camera_mm=rectified[0], light_mm=rectified[1])
-    if isinstance(pushed, Rejected):
-        return Photograph(source, False, pushed.code, pushed.message, tuple(remarks))
-    hints, rms = (*pushed.hints, *remarks), pushed.reprojection_rms_px
-    return Photograph(source, True, hints=hints, reprojection_rms_px=rms)
+        outcome = session.add_rectified_photo(photo, camera_mm=rectified[0], light_mm=rectified[1])
+    if isinstance(outcome, Rejected):
+        return PhotoReport(source, False, outcome.code, outcome.message, tuple(remarks))
+    hints, rms = (*outcome.hints, *remarks), outcome.reprojection_rms_px
+    return PhotoReport(source, True, hints=hints, reprojection_rms_px=rms)

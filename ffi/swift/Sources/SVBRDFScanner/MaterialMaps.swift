@@ -136,7 +136,7 @@ public final class MaterialMaps: @unchecked Sendable {
         }
     }
 
-    /// The material under a light, as a picture.
+    /// The material under a light, as an image.
     public func rendered(
         _ lighting: Lighting = Lighting(), _ format: TexelFormat = .rgba8, alignment: Int = 1
     ) throws -> TextureData {
@@ -167,10 +167,10 @@ public final class MaterialMaps: @unchecked Sendable {
     }
 
     /// One number for each map, of maps that were taken with it.
-    public func confidence() throws -> Confidence {
-        var found = try filled(svbrdf_confidence(), svbrdf_confidence_init)
-        try check(svbrdf_maps_confidence(maps, &found))
-        return Confidence(found)
+    public func uncertainty() throws -> Uncertainty {
+        var found = try filled(svbrdf_uncertainty(), svbrdf_uncertainty_init)
+        try check(svbrdf_maps_uncertainty(maps, &found))
+        return Uncertainty(found)
     }
 
     /// A standard deviation at every texel, of maps that were taken with it.

@@ -5,7 +5,7 @@ import SVBRDF
 /// board, one at a time.
 ///
 /// Calls run one after the other on a queue of the scanner's own, those that wait for the fit included;
-/// `push` and `settle` suspend without holding it. The fit goes on by itself between calls, and ends
+/// `addPhoto` and `settle` suspend without holding it. The fit goes on by itself between calls, and ends
 /// with the last reference.
 public actor MaterialScanner {
     private let session: Session
@@ -42,7 +42,7 @@ public actor MaterialScanner {
         session = try Session(options, listener, make)
     }
 
-    /// Judges a photo, or a picture of the preview of any size, without taking it in.
+    /// Judges a photo, or an image of the preview of any size, without taking it in.
     public func probe(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) throws -> Probe {
         try photo.with(info) { image, info in
             var probe = try filled(svbrdf_probe(), svbrdf_probe_init)
@@ -51,9 +51,9 @@ public actor MaterialScanner {
         }
     }
 
-    /// Judges a picture of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
-    /// with every picture; the info's time says when it was taken. After `.shoot` it asks to hold until
-    /// the photo has been pushed.
+    /// Judges an image of the preview and tells what to do: hold, move there, shoot now, or enough. Call it
+    /// with every image; the info's time says when it was taken. After `.shoot` it asks to hold until
+    /// the photo has been added.
     public func guide(_ preview: Photo, _ info: PhotoInfo) throws -> Guidance {
         try preview.with(info) { image, info in
             var probe = try filled(svbrdf_probe(), svbrdf_probe_init)
@@ -70,20 +70,20 @@ public actor MaterialScanner {
 
     /// Takes a photo in; its planes are copied before the task is suspended. When it returns, maps that
     /// know of the photo can be taken. With three photos on their way it throws `.busy`.
-    public func push(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) async throws -> Pushed {
+    public func addPhoto(_ photo: Photo, _ info: PhotoInfo = PhotoInfo()) async throws -> Outcome {
         let session = session
         return try await withCheckedThrowingContinuation { continuation in
             let answer = Unmanaged.passRetained(Answer(continuation))
             do {
                 try photo.with(info) { image, info in
-                    let called: svbrdf_pushed_callback = { user, _, status, report in
+                    let called: svbrdf_photo_callback = { user, _, status, report in
                         guard let user else { return }
                         let answer = Unmanaged<Answer>.fromOpaque(user).takeRetainedValue()
                         answer.resume(status, report?.pointee)
                     }
                     let user = answer.toOpaque()
                     try check(
-                        svbrdf_session_push_frame_async(session.handle, image, info, called, user)
+                        svbrdf_session_add_photo_async(session.handle, image, info, called, user)
                     )
                 }
             } catch {
@@ -95,20 +95,33 @@ public actor MaterialScanner {
 
     /// Takes in a photo that is a file, with what it says of how it was taken. One that is damaged, or of
     /// a format that is not read, throws `.invalidArgument` with its name.
-    public func push(_ file: PhotoFile) throws -> (pushed: Pushed, info: FileInfo) {
-        try file.push(session)
+    public func addPhoto(_ file: PhotoFile) throws -> (outcome: Outcome, info: FileInfo) {
+        try file.add(to: session)
     }
 
     /// Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one.
-    public func remove(_ index: Int) throws {
-        try check(svbrdf_session_remove_frame(session.handle, UInt32(clamping: index)))
+    public func removePhoto(_ index: Int) throws {
+        try check(svbrdf_session_remove_photo(session.handle, UInt32(clamping: index)))
     }
 
     /// How the maps explain a photo: its residual, and whether it contradicts the others.
-    public func fit(of index: Int) throws -> (residual: Float, weight: Float, outlier: Bool) {
-        var fit = try filled(svbrdf_frame_fit(), svbrdf_frame_fit_init)
-        try check(svbrdf_session_frame_fit(session.handle, UInt32(clamping: index), &fit))
+    public func photoFit(of index: Int) throws -> (residual: Float, weight: Float, outlier: Bool) {
+        var fit = try filled(svbrdf_photo_fit(), svbrdf_photo_fit_init)
+        try check(svbrdf_session_photo_fit(session.handle, UInt32(clamping: index), &fit))
         return (fit.residual, fit.weight, fit.outlier == 1)
+    }
+
+    /// What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
+    /// hold no longer, and others may. Ask once the fit has settled.
+    public func hints() throws -> [PhotoHint] {
+        var all: [PhotoHint] = []
+        let add: svbrdf_hint_callback = { to, index, code, text in
+            guard let to, let code, let text else { return }
+            let hint = PhotoHint(index: Int(index), code: String(cString: code), text: String(cString: text))
+            to.assumingMemoryBound(to: [PhotoHint].self).pointee.append(hint)
+        }
+        try check(withUnsafeMutablePointer(to: &all) { svbrdf_session_hints(session.handle, add, $0) })
+        return all
     }
 
     /// The maps as they are now, at 1 / 2^level of the size; nil before the first photo.
@@ -118,8 +131,8 @@ public actor MaterialScanner {
     }
 
     /// The maps with how far they may be off; nil before the first photo. Ask once the fit has settled.
-    public func snapshotWithConfidence() throws -> MaterialMaps? {
-        try taken { svbrdf_session_snapshot_confidence(session.handle, $0) }
+    public func snapshotWithUncertainty() throws -> MaterialMaps? {
+        try taken { svbrdf_session_snapshot_with_uncertainty(session.handle, $0) }
     }
 
     private func taken(
@@ -148,7 +161,7 @@ public actor MaterialScanner {
     }
 
     /// Announces that so many photos are still to come: `Progress.fraction` is then that of the work on all of
-    /// them together, and never falls before they have come. Each push takes one of them away, whether the photo
+    /// them together, and never falls before they have come. Each photo added takes one of them away, whether the photo
     /// is accepted or rejected. If fewer or more come after all, say so by another call. Without it, in a live
     /// capture, the fraction is that of each photo.
     public func announce(_ photos: Int) throws {

@@ -1,6 +1,6 @@
 import SVBRDF
 
-/// Layout of a picture in memory.
+/// Layout of an image in memory.
 public struct PixelFormat: RawRepresentable, Hashable, Sendable {
     public let rawValue: UInt32
 
@@ -91,7 +91,7 @@ public struct Plane {
     }
 }
 
-/// A picture in memory that nobody writes to meanwhile, which is what makes it sendable.
+/// An image in memory that nobody writes to meanwhile, which is what makes it sendable.
 public final class Photo: @unchecked Sendable {
     public let format: PixelFormat
     public let width: Int
@@ -99,14 +99,14 @@ public final class Photo: @unchecked Sendable {
     public let transfer: Transfer
     public let primaries: Primaries
     public let yuvMatrix: YUVMatrix
-    /// How far it is turned clockwise before use, degrees; the camera describes the turned picture.
+    /// How far it is turned clockwise before use, degrees; the camera describes the turned image.
     public let rotation: Int
     /// For floats: the level at which a channel is clipped.
     public let saturation: Float
     private let planes: [Plane]
     private let release: () -> Void
 
-    /// A picture where it lies: one plane, or three for YUV. `release` is called when the photo is not
+    /// An image where it lies: one plane, or three for YUV. `release` is called when the photo is not
     /// needed any more.
     public init(
         _ format: PixelFormat, width: Int, height: Int, planes: [Plane], transfer: Transfer = .srgb,
@@ -196,9 +196,9 @@ extension Photo {
     /// Hands a photo over as C takes it, valid during the call.
     func with<Result>(
         _ info: PhotoInfo,
-        _ body: (UnsafePointer<svbrdf_image>, UnsafePointer<svbrdf_frame_info>) throws -> Result
+        _ body: (UnsafePointer<svbrdf_image>, UnsafePointer<svbrdf_photo_info>) throws -> Result
     ) throws -> Result {
-        var stated = try filled(svbrdf_frame_info(), svbrdf_frame_info_init)
+        var stated = try filled(svbrdf_photo_info(), svbrdf_photo_info_init)
         (stated.exposure, stated.flash) = (info.exposure, info.flash.code)
         (stated.timestamp_ns, stated.focal_35mm) = (info.timestamp, info.focal35MM)
         stated.ambient_exposure = info.ambientExposure

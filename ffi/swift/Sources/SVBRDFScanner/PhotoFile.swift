@@ -8,9 +8,9 @@ public struct PhotoFile: Sendable {
     public var exposure: Float?
     /// Curve of the values; nil: what the file says.
     public var transfer: Transfer?
-    /// How far the upright picture is turned clockwise, degrees; the camera describes the turned picture.
+    /// How far the upright image is turned clockwise, degrees; the camera describes the turned image.
     public var rotation: Int
-    /// Largest picture, pixels; nil: 100 million.
+    /// Largest image, pixels; nil: 100 million.
     public var maxPixels: UInt64?
     /// Most memory that decoding may take, bytes; nil: 6 GiB.
     public var maxBytes: UInt64?
@@ -32,20 +32,20 @@ public struct PhotoFile: Sendable {
         return FileInfo(info)
     }
 
-    func push(_ session: Session) throws -> (pushed: Pushed, info: FileInfo) {
-        var options = try filled(svbrdf_encoded_options(), svbrdf_encoded_options_init)
+    func add(to session: Session) throws -> (outcome: Outcome, info: FileInfo) {
+        var options = try filled(svbrdf_file_options(), svbrdf_file_options_init)
         options.exposure = exposure ?? 0
         options.transfer = transfer?.code ?? 0
         options.rotation = UInt32(clamping: rotation)
         (options.max_pixels, options.max_bytes) = (maxPixels ?? 0, maxBytes ?? 0)
         var info = try filled(svbrdf_file_info(), svbrdf_file_info_init)
-        var report = try filled(svbrdf_frame_report(), svbrdf_frame_report_init)
+        var report = try filled(svbrdf_photo_report(), svbrdf_photo_report_init)
         let status = content.withUnsafeBytes { bytes in
-            svbrdf_session_push_encoded(
+            svbrdf_session_add_photo_file(
                 session.handle, bytes.baseAddress, bytes.count, &options, &info, &report)
         }
         if status != SVBRDF_REJECTED { try check(status) }
-        return (Pushed(report), FileInfo(info))
+        return (Outcome(report), FileInfo(info))
     }
 }
 
@@ -78,7 +78,7 @@ public struct FileRemarks: OptionSet, Hashable, Sendable {
 public struct FileInfo: Hashable, Sendable {
     /// As the sensor has it, px.
     public let width, height: Int
-    /// How far the stored picture is turned clockwise to stand upright, degrees.
+    /// How far the stored image is turned clockwise to stand upright, degrees.
     public let uprightDegrees: Int
     /// Floats or raw values.
     public let isLinear: Bool

@@ -42,6 +42,16 @@ public struct Hints: OptionSet, Hashable, Sendable {
     public static let notLinear = Self(rawValue: UInt32(SVBRDF_HINT_NOT_LINEAR))
 }
 
+/// Something to tell about an accepted photo.
+public struct PhotoHint: Hashable, Sendable {
+    /// Number of the photo among the accepted ones, from 0.
+    public let index: Int
+    /// Stable name for programs, such as "two_groups".
+    public let code: String
+    /// An English sentence: what was seen, with its figure, and what to do.
+    public let text: String
+}
+
 /// Where the board lies as the camera sees it: x_camera = rotation * x_board + translation.
 public struct Pose: Hashable, Sendable {
     /// Rows, one after the other.
@@ -55,18 +65,56 @@ public struct Pose: Hashable, Sendable {
     }
 }
 
-/// What became of a photo.
-public enum Pushed: Hashable, Sendable {
-    case accepted(index: Int, hints: Hints, pose: Pose?, advice: String)
-    /// The scan is as if it had not come. `advice` is for the user; `measured` and `limit` are what the
-    /// reason is about.
-    case rejected(Rejection, measured: Float, limit: Float, advice: String)
+/// What the value of a rejection measures, and its unit.
+public struct Measure: RawRepresentable, Hashable, Sendable {
+    public let rawValue: UInt32
 
-    init(_ report: svbrdf_frame_report) {
+    public init(rawValue: UInt32) {
+        self.rawValue = rawValue
+    }
+
+    /// Nothing was measured.
+    public static let none = Self(rawValue: UInt32(SVBRDF_MEASURE_NONE))
+    /// Corners found; the limit is the number needed.
+    public static let corners = Self(rawValue: UInt32(SVBRDF_MEASURE_CORNERS))
+    public static let reprojectionPixels = Self(rawValue: UInt32(SVBRDF_MEASURE_REPROJECTION_PX))
+    public static let blurPixels = Self(rawValue: UInt32(SVBRDF_MEASURE_BLUR_PX))
+    /// Level of the white squares, 1 is full scale.
+    public static let whiteLevel = Self(rawValue: UInt32(SVBRDF_MEASURE_WHITE_LEVEL))
+    /// Share of pixels that are clipped, 0 to 1.
+    public static let clippedShare = Self(rawValue: UInt32(SVBRDF_MEASURE_CLIPPED_SHARE))
+    /// Off the vertical; the limit is the largest angle that is allowed.
+    public static let tiltDegrees = Self(rawValue: UInt32(SVBRDF_MEASURE_TILT_DEG))
+    /// Share of the sample that is seen, 0 to 1.
+    public static let sampleShare = Self(rawValue: UInt32(SVBRDF_MEASURE_SAMPLE_SHARE))
+    /// Focal length over that of the scanner's camera.
+    public static let focalRatio = Self(rawValue: UInt32(SVBRDF_MEASURE_FOCAL_RATIO))
+    /// Side of the board's squares; the limit is the side needed.
+    public static let squarePixels = Self(rawValue: UInt32(SVBRDF_MEASURE_SQUARE_PX))
+}
+
+/// The value that led to a rejection.
+public struct Figure: Hashable, Sendable {
+    public let measure: Measure
+    public let value: Float
+    /// The value needed or allowed; 0: there is no single one.
+    public let limit: Float
+}
+
+/// What became of a photo.
+public enum Outcome: Hashable, Sendable {
+    case accepted(index: Int, hints: Hints, pose: Pose?, advice: String)
+    /// The scan is as if it had not come. `advice` is for the user; `figure` is what the reason is about.
+    case rejected(Rejection, figure: Figure, advice: String)
+
+    init(_ report: svbrdf_photo_report) {
         let advice = text(report.advice)
         guard report.accepted == 1 else {
             let reason = Rejection(rawValue: report.rejection)
-            self = .rejected(reason, measured: report.measured, limit: report.limit, advice: advice)
+            let figure = Figure(
+                measure: Measure(rawValue: report.measure), value: report.measured, limit: report.limit
+            )
+            self = .rejected(reason, figure: figure, advice: advice)
             return
         }
         let pose = Pose(
@@ -78,7 +126,7 @@ public enum Pushed: Hashable, Sendable {
     }
 }
 
-/// What a photo or a picture of the preview would be good for.
+/// What a photo or an image of the preview would be good for.
 public struct Probe: Hashable, Sendable {
     public let acceptable: Bool
     /// Why it would be rejected.
@@ -96,9 +144,9 @@ public struct Probe: Hashable, Sendable {
     public let azimuthDegrees: Float
     /// Degrees off the view asked for; nil: none is asked for yet.
     public let offNextDegrees: Float?
-    /// Share of the sample inside the picture.
+    /// Share of the sample inside the image.
     public let sampleSeen: Float
-    /// Corners of the sample in the picture, px: x, y of each.
+    /// Corners of the sample in the image, px: x, y of each.
     public let samplePixels: [Float]
     public let blurPixels: Float
 
@@ -131,7 +179,7 @@ public struct Guidance: Hashable, Sendable {
         case hold
         /// Go to the target.
         case move
-        /// Nothing: take the photo now, and push it.
+        /// Nothing: take the photo now, and add it.
         case shoot
         /// Nothing more: a further photo would tell little.
         case enough
@@ -144,7 +192,7 @@ public struct Guidance: Hashable, Sendable {
         /// Side, degrees counter-clockwise from the board's right.
         public let azimuthDegrees: Float
         /// From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
-        /// the picture shows the way.
+        /// the image shows the way.
         public let offsetMM: SIMD3<Float>
         /// Degrees between the view and the target, seen from the sample.
         public let degrees: Float
@@ -153,7 +201,7 @@ public struct Guidance: Hashable, Sendable {
     public let action: Action
     /// For the user, in English.
     public let message: String
-    /// The picture that was judged.
+    /// The image that was judged.
     public let probe: Probe
     /// Accepted photos so far.
     public let photos: Int
@@ -222,7 +270,7 @@ public struct Progress: Hashable, Sendable {
         case svbrdf_state(SVBRDF_STATE_FAILED): .failed
         default: .fitting
         }
-        (photos, settled) = (Int(progress.frames), progress.settled == 1)
+        (photos, settled) = (Int(progress.photos), progress.settled == 1)
         (fraction, mapsRevision) = (progress.fraction, progress.maps_revision)
         let none = progress.phase == svbrdf_phase(SVBRDF_PHASE_NONE)
         phase = none ? "" : String(cString: svbrdf_phase_name(progress.phase))
@@ -230,14 +278,14 @@ public struct Progress: Hashable, Sendable {
 }
 
 /// How far each map may be off: a standard deviation.
-public struct Confidence: Hashable, Sendable {
+public struct Uncertainty: Hashable, Sendable {
     public let normal: Float
     public let diffuse: Float
     public let specular: Float
     public let roughness: Float
 
-    init(_ confidence: svbrdf_confidence) {
-        (normal, diffuse) = (confidence.normal, confidence.diffuse)
-        (specular, roughness) = (confidence.specular, confidence.roughness)
+    init(_ uncertainty: svbrdf_uncertainty) {
+        (normal, diffuse) = (uncertainty.normal, uncertainty.diffuse)
+        (specular, roughness) = (uncertainty.specular, uncertainty.roughness)
     }
 }

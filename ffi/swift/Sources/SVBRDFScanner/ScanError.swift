@@ -12,7 +12,7 @@ public struct ScanStatus: RawRepresentable, Hashable, Sendable {
     public static let timeout = Self(rawValue: SVBRDF_TIMEOUT)
     /// No photo has been accepted yet.
     public static let noMaps = Self(rawValue: SVBRDF_NO_MAPS)
-    /// Three photos are on their way: push again when one has been answered.
+    /// Three photos are on their way: add it again when one has been answered.
     public static let busy = Self(rawValue: SVBRDF_BUSY)
     /// The material does not show this lobe, so that there is no such map.
     public static let noLobe = Self(rawValue: SVBRDF_NO_LOBE)
@@ -32,7 +32,7 @@ extension ScanStatus: CustomStringConvertible {
     public var description: String { String(cString: svbrdf_status_name(rawValue)) }
 }
 
-/// Why a call was not done. A photo that cannot be used is no error: see `Pushed.rejected`.
+/// Why a call was not done. A photo that cannot be used is no error: see `Outcome.rejected`.
 public struct ScanError: Error, Hashable, Sendable {
     public let status: ScanStatus
     /// Which argument, or field of a struct of C, is at fault, where it is one.

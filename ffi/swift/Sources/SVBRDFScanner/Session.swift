@@ -55,16 +55,16 @@ final class Session: @unchecked Sendable {
 
 /// Waits for what becomes of a photo.
 final class Answer: Sendable {
-    private let continuation: CheckedContinuation<Pushed, any Error>
+    private let continuation: CheckedContinuation<Outcome, any Error>
 
-    init(_ continuation: CheckedContinuation<Pushed, any Error>) {
+    init(_ continuation: CheckedContinuation<Outcome, any Error>) {
         self.continuation = continuation
     }
 
-    func resume(_ status: svbrdf_status, _ report: svbrdf_frame_report?) {
+    func resume(_ status: svbrdf_status, _ report: svbrdf_photo_report?) {
         switch (status, report) {
         case (SVBRDF_OK, let report?), (SVBRDF_REJECTED, let report?):
-            continuation.resume(returning: Pushed(report))
+            continuation.resume(returning: Outcome(report))
         default:
             continuation.resume(throwing: ScanError(status))
         }

@@ -56,11 +56,11 @@ void call_log(void *user, svbrdf_log_level level, const char *message);
 /* Of the library as a whole. */
 void call_library_log(void *user, svbrdf_log_level level, const char *message);
 void call_thread_start(void *user, svbrdf_thread thread);
-/* A photo that was pushed without waiting; `user` is its id. */
-enum { REPORT = 24 };
-void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT]);
-void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
-                 const svbrdf_frame_report *report);
+/* A photo that was added without waiting; `user` is its id. */
+enum { REPORT = 25 };
+void fill_report(const svbrdf_photo_report *report, jdouble out[REPORT]);
+void call_outcome(void *user, svbrdf_session *session, svbrdf_status status,
+                 const svbrdf_photo_report *report);
 
 /* A board as Native.kt hands it over: 1 and an exception when something is missing. Its dictionary, if
  * it has one, is to be released with release_text(). */
@@ -68,8 +68,8 @@ int read_board(JNIEnv *env, jdoubleArray array, jbyteArray dictionary, jbyte **h
                svbrdf_board *board);
 
 /* Methods by the file that has them, and how many. */
-extern const JNINativeMethod session_methods[], frame_methods[], maps_methods[];
-extern const jint session_method_count, frame_method_count, maps_method_count;
+extern const JNINativeMethod session_methods[], photo_methods[], maps_methods[];
+extern const jint session_method_count, photo_method_count, maps_method_count;
 
 #define HANDLE(type, handle) ((type *)(uintptr_t)(handle))
 #define OWNER "Ljava/lang/Object;"

@@ -43,7 +43,7 @@ static void dismiss(JNIEnv *env)
 void fill_progress(const svbrdf_progress *progress, jdouble out[PROGRESS])
 {
     out[0] = progress->state;
-    out[1] = progress->frames;
+    out[1] = progress->photos;
     out[2] = progress->settled;
     out[3] = (jdouble)progress->fraction;
     out[4] = (jdouble)progress->loss_before;
@@ -124,8 +124,8 @@ void call_thread_start(void *user, svbrdf_thread thread)
     }
 }
 
-void call_pushed(void *user, svbrdf_session *session, svbrdf_status status,
-                 const svbrdf_frame_report *report)
+void call_outcome(void *user, svbrdf_session *session, svbrdf_status status,
+                 const svbrdf_photo_report *report)
 {
     const int used = status == SVBRDF_OK || status == SVBRDF_REJECTED;
     const char *words = used ? report->advice : svbrdf_last_error_message();
@@ -161,7 +161,7 @@ int callbacks_load(JavaVM *java, JNIEnv *env)
         {&on_log, "onLog", "(JI[B)V"},
         {&on_library_log, "onLibraryLog", "(I[B)V"},
         {&on_thread_start, "onThreadStart", "(I)V"},
-        {&on_pushed, "onPushed", "(JI[D[B)V"},
+        {&on_pushed, "onOutcome", "(JI[D[B)V"},
     };
     size_t i;
     vm = java;

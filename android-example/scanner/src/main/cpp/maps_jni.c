@@ -111,14 +111,14 @@ static void maps_render(JNIEnv *env, jclass class, jobject owner, jlong handle, 
                                          (svbrdf_map_format)format, data, (size_t)bytes, 0));
 }
 
-static void maps_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle,
+static void maps_uncertainty(JNIEnv *env, jclass class, jobject owner, jlong handle,
                             jdoubleArray out)
 {
-    svbrdf_confidence found;
+    svbrdf_uncertainty found;
     jdouble v[4];
     (void)class, (void)owner;
-    svbrdf_confidence_init(&found, sizeof found);
-    if (!throw_status(env, svbrdf_maps_confidence(HANDLE(svbrdf_maps, handle), &found))) {
+    svbrdf_uncertainty_init(&found, sizeof found);
+    if (!throw_status(env, svbrdf_maps_uncertainty(HANDLE(svbrdf_maps, handle), &found))) {
         v[0] = (jdouble)found.normal;
         v[1] = (jdouble)found.diffuse;
         v[2] = (jdouble)found.specular;
@@ -273,7 +273,7 @@ const JNINativeMethod maps_methods[] = {
     METHOD("mapsCopy", "(" OWNER "JII" BUFFER "J)V", maps_copy),
     METHOD("mapsReduced", "(" OWNER "JI)J", maps_reduced),
     METHOD("mapsRender", "(" OWNER "J[FII" BUFFER "J)V", maps_render),
-    METHOD("mapsConfidence", "(" OWNER "J[D)V", maps_confidence),
+    METHOD("mapsUncertainty", "(" OWNER "J[D)V", maps_uncertainty),
     METHOD("mapsDeviations", "(" OWNER "JI[F)V", maps_deviations),
     METHOD("mapsExport", "(" OWNER "J[B)V", maps_export),
     METHOD("mapsExportFormats", "(" OWNER "J[B[BZZ)V", maps_export_formats),

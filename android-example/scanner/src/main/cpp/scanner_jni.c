@@ -78,7 +78,7 @@ JNIEXPORT jint JNICALL JNI_OnLoad(JavaVM *java, void *reserved)
 #define REGISTER(methods, count) ((*env)->RegisterNatives(env, native_class, methods, count))
     if (REGISTER(library_methods, COUNT(library_methods)) != JNI_OK ||
         REGISTER(session_methods, session_method_count) != JNI_OK ||
-        REGISTER(frame_methods, frame_method_count) != JNI_OK ||
+        REGISTER(photo_methods, photo_method_count) != JNI_OK ||
         REGISTER(maps_methods, maps_method_count) != JNI_OK) {
         return JNI_ERR;
     }

@@ -1,4 +1,6 @@
 /* Methods of Native.kt about a session. */
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "boundary.h"
@@ -244,23 +246,68 @@ static void session_pose(JNIEnv *env, jclass class, jobject owner, jlong handle,
 static void session_remove(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index)
 {
     (void)class, (void)owner;
-    throw_status(env, svbrdf_session_remove_frame(HANDLE(svbrdf_session, handle), (uint32_t)index));
+    throw_status(env, svbrdf_session_remove_photo(HANDLE(svbrdf_session, handle), (uint32_t)index));
 }
 
-static void session_frame_fit(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
+static void session_photo_fit(JNIEnv *env, jclass class, jobject owner, jlong handle, jint index,
                               jdoubleArray out)
 {
-    svbrdf_frame_fit fit;
+    svbrdf_photo_fit fit;
     jdouble v[3];
     (void)class, (void)owner;
-    svbrdf_frame_fit_init(&fit, sizeof fit);
-    if (!throw_status(env, svbrdf_session_frame_fit(HANDLE(svbrdf_session, handle),
+    svbrdf_photo_fit_init(&fit, sizeof fit);
+    if (!throw_status(env, svbrdf_session_photo_fit(HANDLE(svbrdf_session, handle),
                                                     (uint32_t)index, &fit))) {
         v[0] = (jdouble)fit.residual;
         v[1] = (jdouble)fit.weight;
         v[2] = fit.outlier;
         (*env)->SetDoubleArrayRegion(env, out, 0, 3, v);
     }
+}
+
+/* Lines that grow: number of the photo, code, sentence, each with a NUL at its end. */
+typedef struct {
+    char *text;
+    size_t bytes;
+    int failed;
+} lines;
+
+static void add_text(lines *to, const char *text)
+{
+    const size_t bytes = strlen(text) + 1;
+    char *grown = to->failed ? NULL : realloc(to->text, to->bytes + bytes);
+    if (grown == NULL) {
+        to->failed = 1;
+        return;
+    }
+    memcpy(grown + to->bytes, text, bytes);
+    to->text = grown;
+    to->bytes += bytes;
+}
+
+static void add_hint(void *user, uint32_t index, const char *code, const char *text)
+{
+    char number[16];
+    snprintf(number, sizeof number, "%u", (unsigned)index);
+    add_text(user, number);
+    add_text(user, code);
+    add_text(user, text);
+}
+
+static jbyteArray session_hints(JNIEnv *env, jclass class, jobject owner, jlong handle)
+{
+    lines all = {NULL, 0, 0};
+    jbyteArray out = NULL;
+    (void)class, (void)owner;
+    if (!throw_status(env, svbrdf_session_hints(HANDLE(svbrdf_session, handle), add_hint, &all))) {
+        if (all.failed) {
+            throw_bad(env, "hints: out of memory");
+        } else {
+            out = to_array(env, all.text, all.bytes);
+        }
+    }
+    free(all.text);
+    return out;
 }
 
 /* Maps that were taken; 0: none yet. */
@@ -297,11 +344,11 @@ static jlong session_snapshot_reduced(JNIEnv *env, jclass class, jobject owner, 
     return reduced;
 }
 
-static jlong session_snapshot_confidence(JNIEnv *env, jclass class, jobject owner, jlong handle)
+static jlong session_snapshot_with_uncertainty(JNIEnv *env, jclass class, jobject owner, jlong handle)
 {
     svbrdf_maps *maps = NULL;
     const svbrdf_status status =
-        svbrdf_session_snapshot_confidence(HANDLE(svbrdf_session, handle), &maps);
+        svbrdf_session_snapshot_with_uncertainty(HANDLE(svbrdf_session, handle), &maps);
     (void)class, (void)owner;
     return taken(env, status, maps);
 }
@@ -350,11 +397,12 @@ const JNINativeMethod session_methods[] = {
     METHOD("sessionCamera", "(" OWNER "J[D)V", session_camera),
     METHOD("sessionPaper", "(" OWNER "J[D)V", session_paper),
     METHOD("sessionPose", "(" OWNER "JI[D)V", session_pose),
-    METHOD("sessionRemove", "(" OWNER "JI)V", session_remove),
-    METHOD("sessionFrameFit", "(" OWNER "JI[D)V", session_frame_fit),
+    METHOD("sessionRemovePhoto", "(" OWNER "JI)V", session_remove),
+    METHOD("sessionPhotoFit", "(" OWNER "JI[D)V", session_photo_fit),
+    METHOD("sessionHints", "(" OWNER "J)[B", session_hints),
     METHOD("sessionSnapshot", "(" OWNER "J)J", session_snapshot),
     METHOD("sessionSnapshotReduced", "(" OWNER "JI)J", session_snapshot_reduced),
-    METHOD("sessionSnapshotConfidence", "(" OWNER "J)J", session_snapshot_confidence),
+    METHOD("sessionSnapshotWithUncertainty", "(" OWNER "J)J", session_snapshot_with_uncertainty),
     METHOD("sessionPause", "(" OWNER "J)V", session_pause),
     METHOD("sessionResume", "(" OWNER "J)V", session_resume),
     METHOD("sessionCancel", "(" OWNER "J)V", session_cancel),

@@ -28,7 +28,7 @@ import org.svbrdf.scanner.Guidance
 import org.svbrdf.scanner.Hint
 import org.svbrdf.scanner.MaterialMaps
 import org.svbrdf.scanner.Progress
-import org.svbrdf.scanner.Pushed
+import org.svbrdf.scanner.Outcome
 import org.svbrdf.scanner.Rejection
 
 /** Scans one material: meter, lock, photos from several sides as the library's guide says, share. */
@@ -271,7 +271,7 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
 
     /** On the camera's thread. */
     override fun onShot(shot: FlashCamera.Shot) {
-        model.push(shot)
+        model.add(shot)
     }
 
     /** On the camera's thread. */
@@ -320,22 +320,22 @@ class ScanActivity : Activity(), SurfaceHolder.Callback, FlashCamera.Listener, S
         }
     }
 
-    override fun onPushed(pushed: Pushed, camera: Camera?) {
-        when (pushed) {
-            is Pushed.Accepted -> {
-                val degrees = Math.toDegrees(pushed.pose?.angle ?: 0.0).toInt()
-                val more = words(pushed).joinToString(" ")
-                told(getString(R.string.accepted, pushed.index + 1, degrees, more), true)
+    override fun onOutcome(outcome: Outcome, camera: Camera?) {
+        when (outcome) {
+            is Outcome.Accepted -> {
+                val degrees = Math.toDegrees(outcome.pose?.angle ?: 0.0).toInt()
+                val more = words(outcome).joinToString(" ")
+                told(getString(R.string.accepted, outcome.index + 1, degrees, more), true)
             }
-            is Pushed.Rejected -> {
-                val moved = pushed.blurDirectionDeg != null
-                told(getString(R.string.rejected, words(pushed.reason, moved) ?: pushed.advice), false)
+            is Outcome.Rejected -> {
+                val moved = outcome.blurDirectionDeg != null
+                told(getString(R.string.rejected, words(outcome.reason, moved) ?: outcome.advice), false)
             }
         }
     }
 
     /** What an accepted photo could do better. */
-    private fun words(accepted: Pushed.Accepted): List<String> = accepted.hints.map { hint ->
+    private fun words(accepted: Outcome.Accepted): List<String> = accepted.hints.map { hint ->
         when (hint) {
             Hint.NOTHING_NEW ->
                 getString(R.string.hint_nothing_new, (accepted.sameViewAs ?: 0) + 1)

@@ -19,7 +19,7 @@ import org.svbrdf.scanner.MaterialMaps
 import org.svbrdf.scanner.MaterialScanner
 import org.svbrdf.scanner.PhotoInfo
 import org.svbrdf.scanner.Progress
-import org.svbrdf.scanner.Pushed
+import org.svbrdf.scanner.Outcome
 import org.svbrdf.scanner.ScanOptions
 
 /**
@@ -30,7 +30,7 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
     /** What shows a scan; called on the main thread. */
     interface Screen {
         /** A photo was taken in, or not. */
-        fun onPushed(pushed: Pushed, camera: Camera?)
+        fun onOutcome(outcome: Outcome, camera: Camera?)
 
         /** What to do by the latest picture of the preview. */
         fun onGuidance(guidance: Guidance, width: Int, height: Int)
@@ -147,12 +147,12 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
     }
 
     /** Takes a photo in, and closes it. */
-    fun push(shot: FlashCamera.Shot) = try {
+    fun add(shot: FlashCamera.Shot) = try {
         work.execute {
             try {
                 shot.use { pushNow(it) }
             } catch (fault: Exception) {
-                Log.e(TAG, "push", fault)
+                Log.e(TAG, "photo", fault)
                 scanner?.beginGuide()
                 tell { onFault(fault) }
             }
@@ -176,18 +176,18 @@ class ScanModel(context: Context) : MaterialScanner.Listener {
             (exposure / firstExposure).toFloat(), lamp, shot.image.timestamp,
             focal35mm = choice.focal35Mm(),
         )
-        val pushed = session.push(shot.photo(), info)
-        if (pushed is Pushed.Accepted) {
-            note(pushed.index, exposure, level, shot.result[CaptureResult.FLASH_STATE])
+        val outcome = session.addPhoto(shot.photo(), info)
+        if (outcome is Outcome.Accepted) {
+            note(outcome.index, exposure, level, shot.result[CaptureResult.FLASH_STATE])
         }
-        if (pushed is Pushed.Rejected) {
+        if (outcome is Outcome.Rejected) {
             session.beginGuide()
             if (session.progress.photos == 0) {
                 firstExposure = 0.0
             }
         }
         val camera = choice.intrinsics() ?: session.camera?.camera
-        tell { onPushed(pushed, camera) }
+        tell { onOutcome(outcome, camera) }
     }
 
     private fun note(index: Int, exposure: Double, torchLevel: Int?, flashState: Int?) {

@@ -10,7 +10,7 @@ enum class Feature(internal val code: Long) {
     RAW(4),
 }
 
-/** How a picture lies in memory; 16-bit numbers and floats in the machine's byte order. */
+/** How an image lies in memory; 16-bit numbers and floats in the machine's byte order. */
 enum class PixelFormat(internal val code: Int) {
     RGB8(1),
     RGBA8(2),
@@ -137,6 +137,46 @@ enum class Page(internal val code: Int) { A4(1), LETTER(2) }
 /** Format of a printed board. */
 enum class SheetFormat(internal val code: Int) { PDF(1), SVG(2), PNG(3) }
 
+/** What the value of a rejection measures, and its unit. */
+enum class Measure(internal val code: Int) {
+    /** Something that a newer library measures. */
+    OTHER(-1),
+
+    /** Nothing was measured. */
+    NONE(0),
+
+    /** Corners found; the limit is the number needed. */
+    CORNERS(1),
+
+    /** Reprojection error of the corners, px. */
+    REPROJECTION_PX(2),
+
+    /** Width of edges (one sigma), px. */
+    BLUR_PX(3),
+
+    /** Level of the white squares, 1 is full scale. */
+    WHITE_LEVEL(4),
+
+    /** Share of pixels that are clipped, 0 to 1. */
+    CLIPPED_SHARE(5),
+
+    /** Angle of the camera off the vertical, degrees; the limit is the largest that is allowed. */
+    TILT_DEG(6),
+
+    /** Share of the sample that is seen, 0 to 1. */
+    SAMPLE_SHARE(7),
+
+    /** Focal length over that of the scanner's camera. */
+    FOCAL_RATIO(8),
+
+    /** Side of the board's squares, px; the limit is the side needed. */
+    SQUARE_PX(9);
+
+    internal companion object {
+        fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
+    }
+}
+
 /** What a thread of the library does. */
 enum class ThreadRole(internal val code: Int) {
     /** Something that a newer library does. */
@@ -151,8 +191,8 @@ enum class ThreadRole(internal val code: Int) {
     /** Calls [MaterialScanner.Listener.onProgress] and [MaterialScanner.Listener.onMaps]. */
     CALLBACK(3),
 
-    /** Takes photos of [MaterialScanner.pushAsync] in, and tells what became of them. */
-    PUSH(4);
+    /** Takes photos of [MaterialScanner.addPhotoAsync] in, and tells what became of them. */
+    PHOTOS(4);
 
     internal companion object {
         fun of(code: Int) = entries.firstOrNull { it.code == code } ?: OTHER
@@ -239,12 +279,12 @@ enum class Rejection(internal val code: Int) {
     }
 }
 
-/** Something to tell about a photo that was accepted; [Pushed.Accepted.advice] has the words. */
+/** Something to tell about a photo that was accepted; [Outcome.Accepted.advice] has the words. */
 enum class Hint(internal val code: Int) {
     /** Something that a newer library may tell. */
     OTHER(1),
 
-    /** An earlier photo has nearly the same view: [Pushed.Accepted.sameViewAs]. */
+    /** An earlier photo has nearly the same view: [Outcome.Accepted.sameViewAs]. */
     NOTHING_NEW(2),
 
     /** The board's grays are not those of a linear photo: a tone curve is on. */
@@ -260,7 +300,7 @@ enum class Hint(internal val code: Int) {
 
 /** What kind of fault a [ScannerException] is. */
 enum class Fault(internal val code: Int) {
-    /** Three photos of [MaterialScanner.pushAsync] are on their way: try again when one is through. */
+    /** Three photos of [MaterialScanner.addPhotoAsync] are on their way: try again when one is through. */
     BUSY(4),
 
     /** The material does not show this [Lobe], so that there is no such map. */

@@ -14,7 +14,7 @@ enum class Action(internal val code: Int) {
     /** Go to [Guidance.target]. */
     MOVE(3),
 
-    /** Nothing: take the photo now, and push it. */
+    /** Nothing: take the photo now, and add it. */
     SHOOT(4),
 
     /** Nothing more: a further photo would tell little. */
@@ -30,7 +30,7 @@ class Guidance internal constructor(
     val action: Action,
     /** For the user, in English. */
     val message: String,
-    /** The picture that was judged. */
+    /** The image that was judged. */
     val probe: Probe,
     /** Accepted photos so far. */
     val photos: Int,
@@ -52,7 +52,7 @@ class Guidance internal constructor(
         val azimuthDeg: Float,
         /**
          * From the camera to there, camera frame, mm: x right, y down, z forward. An arrow along x and y in
-         * the picture shows the way.
+         * the image shows the way.
          */
         val offsetMm: FloatArray,
         /** Angle between the view and the target, seen from the sample, degrees. */
@@ -82,7 +82,7 @@ data class GuideOptions(
      * low: less walking.
      */
     val worth: Float = 0.8f,
-    /** The camera is steady where the sample moves less across the picture, in its widths a second. */
+    /** The camera is steady where the sample moves less across the image, in its widths a second. */
     val steady: Float = 0.1f,
     /** For so long, seconds. */
     val steadySeconds: Float = 0.15f,
@@ -94,6 +94,6 @@ data class GuideOptions(
     val most: Int = 20,
     /** Steepest view of the first photo, degrees off the top. */
     val firstTiltDeg: Float = 20f,
-    /** A photo that has not been pushed so long after [Action.SHOOT] is not going to be, seconds. */
+    /** A photo that has not been added so long after [Action.SHOOT] is not going to be, seconds. */
     val shotSeconds: Float = 3f,
 )

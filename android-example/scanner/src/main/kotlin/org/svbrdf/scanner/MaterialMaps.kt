@@ -47,7 +47,7 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
     }
 
     /**
-     * The maps at 1 / 2^[level] of their size, without confidence: means of squares of texels. Close
+     * The maps at 1 / 2^[level] of their size, without uncertainty: means of squares of texels. Close
      * them as well.
      */
     fun reduced(level: Int): MaterialMaps = MaterialMaps(Native.mapsReduced(this, handle.now, level))
@@ -66,12 +66,12 @@ class MaterialMaps internal constructor(maps: Long) : AutoCloseable {
 
     /**
      * Standard deviation of each map as a whole, of what its errors are expected to be. For maps of
-     * [MaterialScanner.snapshotConfidence] only.
+     * [MaterialScanner.snapshotWithUncertainty] only.
      */
-    val confidence: Confidence
+    val uncertainty: Uncertainty
         get() {
-            val v = DoubleArray(4).also { Native.mapsConfidence(this, handle.now, it) }
-            return Confidence(v[0].toFloat(), v[1].toFloat(), v[2].toFloat(), v[3].toFloat())
+            val v = DoubleArray(4).also { Native.mapsUncertainty(this, handle.now, it) }
+            return Uncertainty(v[0].toFloat(), v[1].toFloat(), v[2].toFloat(), v[3].toFloat())
         }
 
     /** The same at every texel, row by row: two errors of three are within it. A copy. */

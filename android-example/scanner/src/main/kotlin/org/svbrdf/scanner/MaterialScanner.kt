@@ -6,11 +6,11 @@ import java.io.File
  * Normal, diffuse, specular and roughness maps of a flat sample from photos of it inside a printed
  * board, one photo at a time.
  *
- * Every method may be called from any thread at any time. [push] takes a fraction of a second and
+ * Every method may be called from any thread at any time. [addPhoto] takes a fraction of a second and
  * [await] as long as the fit: call them off the main thread. What is wrong with arguments is an
  * [IllegalArgumentException]; a closed scanner an [IllegalStateException]; files an
  * [java.io.IOException]; the rest a [ScannerException]. A photo that cannot be used is no
- * exception: see [Pushed.Rejected].
+ * exception: see [Outcome.Rejected].
  */
 class MaterialScanner private constructor(
     options: ScanOptions,
@@ -71,29 +71,29 @@ class MaterialScanner private constructor(
      * of it can be taken at once; the fit goes on in the background.
      */
     @JvmOverloads
-    fun push(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
-        photo.push(this, handle.now, info, null, null)
+    fun addPhoto(photo: Photo, info: PhotoInfo = PhotoInfo()): Outcome =
+        photo.addTo(this, handle.now, info, null, null)
 
     /**
-     * As [push] with a photo that is a file. One that is damaged, or of a format that is not read, is an
+     * As [addPhoto] with a photo that is a file. One that is damaged, or of a format that is not read, is an
      * [IllegalArgumentException] that names it.
      */
-    fun push(file: PhotoFile): PushedFile = file.push(this, handle.now)
+    fun addPhoto(file: PhotoFile): PhotoFileOutcome = file.addTo(this, handle.now)
 
     /** Called with what became of a photo; exactly one of the two is null. */
-    fun interface PushCallback {
-        fun onPushed(pushed: Pushed?, fault: Throwable?)
+    fun interface OutcomeCallback {
+        fun onOutcome(outcome: Outcome?, fault: Throwable?)
     }
 
     /**
-     * As [push], without waiting: returns once the planes are copied. Photos are taken in one after the
+     * As [addPhoto], without waiting: returns once the planes are copied. Photos are taken in one after the
      * other; [done] is called exactly once, on a thread of the scanner, also when it is cancelled or
      * closed meanwhile (a [ScannerException] of [Fault.CANCELLED]), but not when this throws. With three
      * photos on their way it throws one of [Fault.BUSY].
      */
     @JvmOverloads
-    fun pushAsync(photo: Photo, info: PhotoInfo = PhotoInfo(), done: PushCallback) =
-        photo.pushAsync(this, handle.now, info, done)
+    fun addPhotoAsync(photo: Photo, info: PhotoInfo = PhotoInfo(), done: OutcomeCallback) =
+        photo.addToAsync(this, handle.now, info, done)
 
     /**
      * Takes a photo in that shows the sample's rectangle from the top, any size, with the positions
@@ -101,15 +101,15 @@ class MaterialScanner private constructor(
      * For [ScanOptions.rectified].
      */
     @JvmOverloads
-    fun pushRectified(
+    fun addRectifiedPhoto(
         photo: Photo,
         cameraMm: FloatArray,
         lightMm: FloatArray,
         info: PhotoInfo = PhotoInfo(),
-    ): Pushed = photo.push(this, handle.now, info, cameraMm, lightMm)
+    ): Outcome = photo.addTo(this, handle.now, info, cameraMm, lightMm)
 
     /**
-     * Judges a photo of the board, or a picture of the preview of any size, without taking it in:
+     * Judges a photo of the board, or an image of the preview of any size, without taking it in:
      * nothing of the scan changes. Waits for nothing; some hundredths of a second. With [Flash.OFF]
      * the light is not judged. [PhotoInfo.ambient] is ignored.
      */
@@ -118,9 +118,9 @@ class MaterialScanner private constructor(
         photo.probe(this, handle.now, info)
 
     /**
-     * Judges a picture of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
-     * now, or enough. Call it with every picture; [PhotoInfo.timestampNs] says when it was taken. After
-     * [Action.SHOOT] it asks to hold until the photo has been pushed. Waits neither for the fit nor for a push.
+     * Judges an image of the camera's preview as [probe] does and tells what to do: hold, move there, shoot
+     * now, or enough. Call it with every image; [PhotoInfo.timestampNs] says when it was taken. After
+     * [Action.SHOOT] it asks to hold until the photo has been added. Waits neither for the fit nor for a push.
      */
     @JvmOverloads
     fun guide(preview: Photo, info: PhotoInfo = PhotoInfo()): Guidance =
@@ -143,16 +143,24 @@ class MaterialScanner private constructor(
 
     /**
      * Takes an accepted photo back: the scan is as if it had never come. Later ones move up by one,
-     * and the fit begins anew. Takes as long as a few photos take to push.
+     * and the fit begins anew. Takes as long as a few photos take to be added.
      */
-    fun remove(index: Int) = Native.sessionRemove(this, handle.now, index)
+    fun removePhoto(index: Int) = Native.sessionRemovePhoto(this, handle.now, index)
 
     /** How the maps of the moment explain an accepted photo; meaningful once the fit has settled. */
     fun photoFit(index: Int): PhotoFit {
         val v = DoubleArray(3)
-        Native.sessionFrameFit(this, handle.now, index, v)
+        Native.sessionPhotoFit(this, handle.now, index, v)
         return PhotoFit(v[0].toFloat(), v[1].toFloat(), v[2] == 1.0)
     }
+
+    /**
+     * What there is to tell about the accepted photos with all that is known now: hints given when a photo came may
+     * hold no longer, and others may. Meaningful once the fit has settled.
+     */
+    fun hints(): List<PhotoHint> =
+        Native.sessionHints(this, handle.now).toString(Charsets.UTF_8).split('\u0000')
+            .dropLast(1).chunked(3) { (index, code, text) -> PhotoHint(index.toInt(), code, text) }
 
     /** Blocks until the fit has settled on all photos so far; false when the time is over first. */
     @JvmOverloads
@@ -160,7 +168,7 @@ class MaterialScanner private constructor(
 
     /**
      * Announces that so many photos are still to come: [Progress.fraction] is then that of the work on all of
-     * them together, and never falls before they have come. Each push takes one of them away, whether the photo
+     * them together, and never falls before they have come. Each photo added takes one of them away, whether the photo
      * is accepted or rejected. If fewer or more come after all, say so by another call. Without it, in a live
      * capture, the fraction is that of each photo.
      */
@@ -216,7 +224,7 @@ class MaterialScanner private constructor(
     fun pose(index: Int): Pose {
         val v = DoubleArray(13)
         Native.sessionPose(this, handle.now, index, v)
-        return Pose(v.copyOf(9), v.copyOfRange(9, 12))
+        return Pose(v.copyOf(9), v.copyOfRange(9, 12), v[12])
     }
 
     /** The maps as they are now; null before the first accepted photo. */
@@ -232,11 +240,11 @@ class MaterialScanner private constructor(
     }
 
     /**
-     * As [snapshot], with how far the maps may be off: see [MaterialMaps.confidence]. Computed when asked
+     * As [snapshot], with how far the maps may be off: see [MaterialMaps.uncertainty]. Computed when asked
      * for, and meaningful once the fit has settled; waits for a step of the fit.
      */
-    fun snapshotConfidence(): MaterialMaps? {
-        val maps = Native.sessionSnapshotConfidence(this, handle.now)
+    fun snapshotWithUncertainty(): MaterialMaps? {
+        val maps = Native.sessionSnapshotWithUncertainty(this, handle.now)
         return if (maps == 0L) null else MaterialMaps(maps)
     }
 

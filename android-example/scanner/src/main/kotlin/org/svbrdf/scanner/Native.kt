@@ -29,14 +29,14 @@ internal object Native {
         state: ByteArray?, owner: Any, models: Long, id: Long,
     ): Long
     @JvmStatic external fun sessionDestroy(handle: Long)
-    @JvmStatic external fun sessionPush(
+    @JvmStatic external fun sessionAddPhoto(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, cameraMm: FloatArray?,
         lightMm: FloatArray?, darkInts: IntArray?, darkPlanes: Array<ByteBuffer>?,
         darkLayout: LongArray?, darkLevels: FloatArray?, darkExposure: Float, focal35mm: Float,
         report: DoubleArray,
     ): ByteArray
-    @JvmStatic external fun sessionPushEncoded(
+    @JvmStatic external fun sessionAddPhotoFile(
         owner: Any, handle: Long, file: ByteBuffer, position: Long, bytes: Long, exposure: Float,
         transfer: Int, rotation: Int, flash: Int, timestamp: Long, maxPixels: Long, maxBytes: Long,
         info: DoubleArray, names: Array<ByteArray?>, report: DoubleArray,
@@ -44,7 +44,7 @@ internal object Native {
     @JvmStatic external fun fileLookAt(
         file: ByteBuffer, position: Long, bytes: Long, info: DoubleArray, names: Array<ByteArray?>,
     )
-    @JvmStatic external fun sessionPushAsync(
+    @JvmStatic external fun sessionAddPhotoAsync(
         owner: Any, handle: Long, ints: IntArray, planes: Array<ByteBuffer>, layout: LongArray,
         levels: FloatArray, exposure: Float, flash: Int, timestamp: Long, darkInts: IntArray?,
         darkPlanes: Array<ByteBuffer>?, darkLayout: LongArray?, darkLevels: FloatArray?,
@@ -62,8 +62,10 @@ internal object Native {
         corners: FloatArray, out: DoubleArray,
     ): Array<ByteArray>
     @JvmStatic external fun sessionGuideBegin(owner: Any, handle: Long, options: FloatArray?)
-    @JvmStatic external fun sessionRemove(owner: Any, handle: Long, index: Int)
-    @JvmStatic external fun sessionFrameFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
+    @JvmStatic external fun sessionRemovePhoto(owner: Any, handle: Long, index: Int)
+    @JvmStatic external fun sessionPhotoFit(owner: Any, handle: Long, index: Int, out: DoubleArray)
+    /** Number of the photo, code and sentence of each hint, each with a NUL at its end. */
+    @JvmStatic external fun sessionHints(owner: Any, handle: Long): ByteArray
     @JvmStatic external fun sessionWait(owner: Any, handle: Long, limitMillis: Long): Boolean
     @JvmStatic external fun sessionAnnounce(owner: Any, handle: Long, photos: Int)
     @JvmStatic external fun sessionProgress(owner: Any, handle: Long, out: DoubleArray)
@@ -74,7 +76,7 @@ internal object Native {
     @JvmStatic external fun sessionPose(owner: Any, handle: Long, index: Int, out: DoubleArray)
     @JvmStatic external fun sessionSnapshot(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionSnapshotReduced(owner: Any, handle: Long, level: Int): Long
-    @JvmStatic external fun sessionSnapshotConfidence(owner: Any, handle: Long): Long
+    @JvmStatic external fun sessionSnapshotWithUncertainty(owner: Any, handle: Long): Long
     @JvmStatic external fun sessionPause(owner: Any, handle: Long)
     @JvmStatic external fun sessionResume(owner: Any, handle: Long)
     @JvmStatic external fun sessionCancel(owner: Any, handle: Long)
@@ -96,7 +98,7 @@ internal object Native {
         owner: Any, handle: Long, lighting: FloatArray, falloff: Int, format: Int, out: ByteBuffer,
         bytes: Long,
     )
-    @JvmStatic external fun mapsConfidence(owner: Any, handle: Long, out: DoubleArray)
+    @JvmStatic external fun mapsUncertainty(owner: Any, handle: Long, out: DoubleArray)
     @JvmStatic external fun mapsDeviations(owner: Any, handle: Long, map: Int, out: FloatArray)
     @JvmStatic external fun mapsExport(owner: Any, handle: Long, path: ByteArray)
     @JvmStatic external fun mapsExportFormats(
@@ -204,14 +206,14 @@ internal object Native {
     }
 
     /** Photos on their way by the number that their callbacks name. */
-    private val pending = ConcurrentHashMap<Long, Pair<Long, MaterialScanner.PushCallback>>()
+    private val pending = ConcurrentHashMap<Long, Pair<Long, MaterialScanner.OutcomeCallback>>()
 
-    /** Has `done` called with what becomes of what `push` gives to the library. */
-    fun await(timestampNs: Long, done: MaterialScanner.PushCallback, push: (Long) -> Unit) {
+    /** Has `done` called with what becomes of what `add` gives to the library. */
+    fun await(timestampNs: Long, done: MaterialScanner.OutcomeCallback, add: (Long) -> Unit) {
         val id = ids.incrementAndGet()
         pending[id] = timestampNs to done
         try {
-            push(id)
+            add(id)
         } catch (thrown: Throwable) {
             pending.remove(id)
             throw thrown
@@ -219,13 +221,13 @@ internal object Native {
     }
 
     @JvmStatic
-    fun onPushed(id: Long, status: Int, report: DoubleArray, words: ByteArray) {
+    fun onOutcome(id: Long, status: Int, report: DoubleArray, words: ByteArray) {
         val (timestampNs, done) = pending.remove(id) ?: return
         guarded({ false }) {
             if (status == OK || status == REJECTED) {
-                done.onPushed(Pushed.of(report, String(words, Charsets.UTF_8), timestampNs), null)
+                done.onOutcome(Outcome.of(report, String(words, Charsets.UTF_8), timestampNs), null)
             } else {
-                done.onPushed(null, failure(status, words))
+                done.onOutcome(null, failure(status, words))
             }
         }
     }

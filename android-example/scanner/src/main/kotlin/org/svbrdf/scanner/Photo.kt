@@ -4,7 +4,7 @@ import java.nio.ByteBuffer
 import java.nio.ByteOrder
 
 /**
- * A plane of a picture: what [buffer] holds from its position to its limit. Direct buffers, such as
+ * A plane of an image: what [buffer] holds from its position to its limit. Direct buffers, such as
  * those of Android's `Image`, are read in place, others copied first. The position stays.
  */
 class Plane @JvmOverloads constructor(
@@ -28,7 +28,7 @@ class Bayer @JvmOverloads constructor(
     val colorMatrix: FloatArray = floatArrayOf(1f, 0f, 0f, 0f, 1f, 0f, 0f, 0f, 1f),
 )
 
-/** A picture in memory: what [planes] hold must stay as it is during the call it is given to. */
+/** An image in memory: what [planes] hold must stay as it is during the call it is given to. */
 class Photo @JvmOverloads constructor(
     val format: PixelFormat,
     val width: Int,
@@ -37,7 +37,7 @@ class Photo @JvmOverloads constructor(
     val planes: List<Plane>,
     /** Curve of 8- and 16-bit RGB and of YUV. */
     val transfer: Transfer = Transfer.SRGB,
-    /** How far it is turned clockwise before use; the camera describes the turned picture. */
+    /** How far it is turned clockwise before use; the camera describes the turned image. */
     val rotation: Int = 0,
     val yuvMatrix: YuvMatrix = YuvMatrix.BT601_FULL,
     /** For floats: the level at which a channel is clipped. */
@@ -47,34 +47,34 @@ class Photo @JvmOverloads constructor(
     /** Of all formats but [PixelFormat.BAYER16]. */
     val primaries: Primaries = Primaries.REC709,
 ) {
-    internal fun push(
+    internal fun addTo(
         scanner: MaterialScanner,
         handle: Long,
         info: PhotoInfo,
         cameraMm: FloatArray?,
         lightMm: FloatArray?,
-    ): Pushed {
+    ): Outcome {
         val photo = numbers()
         val dark = info.ambient?.numbers()
-        val report = DoubleArray(Pushed.SIZE)
-        val advice = Native.sessionPush(
+        val report = DoubleArray(Outcome.SIZE)
+        val advice = Native.sessionAddPhoto(
             scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels, info.exposure,
             info.flash.code, info.timestampNs, cameraMm, lightMm, dark?.ints, dark?.buffers,
             dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, report,
         )
-        return Pushed.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
+        return Outcome.of(report, String(advice, Charsets.UTF_8), info.timestampNs)
     }
 
-    internal fun pushAsync(
+    internal fun addToAsync(
         scanner: MaterialScanner,
         handle: Long,
         info: PhotoInfo,
-        done: MaterialScanner.PushCallback,
+        done: MaterialScanner.OutcomeCallback,
     ) {
         val photo = numbers()
         val dark = info.ambient?.numbers()
         Native.await(info.timestampNs, done) { id ->
-            Native.sessionPushAsync(
+            Native.sessionAddPhotoAsync(
                 scanner, handle, photo.ints, photo.buffers, photo.layout, photo.levels,
                 info.exposure, info.flash.code, info.timestampNs, dark?.ints, dark?.buffers,
                 dark?.layout, dark?.levels, info.ambientExposure, info.focal35mm, id,

@@ -12,12 +12,12 @@ class PhotoFile @JvmOverloads constructor(
     val exposure: Float = 0f,
     /** Curve of the values; null: what the file says. */
     val transfer: Transfer? = null,
-    /** How far the upright picture is turned clockwise; the camera describes the turned picture. */
+    /** How far the upright image is turned clockwise; the camera describes the turned image. */
     val rotation: Int = 0,
     val flash: Flash = Flash.UNKNOWN,
     /** Handed back with what became of the photo. */
     val timestampNs: Long = 0,
-    /** Largest picture, pixels; 0: 100 million. */
+    /** Largest image, pixels; 0: 100 million. */
     val maxPixels: Long = 0,
     /** Most memory that decoding may take, bytes; 0: 6 GiB. */
     val maxBytes: Long = 0,
@@ -34,22 +34,22 @@ class PhotoFile @JvmOverloads constructor(
         return FileInfo.of(values, names)
     }
 
-    internal fun push(scanner: MaterialScanner, handle: Long): PushedFile {
+    internal fun addTo(scanner: MaterialScanner, handle: Long): PhotoFileOutcome {
         val file = Photo.direct(content)
         val (values, names) = FileInfo.empty()
-        val report = DoubleArray(Pushed.SIZE)
-        val advice = Native.sessionPushEncoded(
+        val report = DoubleArray(Outcome.SIZE)
+        val advice = Native.sessionAddPhotoFile(
             scanner, handle, file, file.position().toLong(), file.remaining().toLong(), exposure,
             transfer?.code ?: 0, rotation, flash.code, timestampNs, maxPixels, maxBytes, values,
             names, report,
         )
-        val pushed = Pushed.of(report, String(advice, Charsets.UTF_8), timestampNs)
-        return PushedFile(pushed, FileInfo.of(values, names))
+        val outcome = Outcome.of(report, String(advice, Charsets.UTF_8), timestampNs)
+        return PhotoFileOutcome(outcome, FileInfo.of(values, names))
     }
 }
 
 /** What became of a photo, and what its file says. */
-data class PushedFile(val pushed: Pushed, val info: FileInfo)
+data class PhotoFileOutcome(val outcome: Outcome, val info: FileInfo)
 
 /** What is to be said about a photo's file. */
 enum class FileRemark(internal val bit: Int) {
@@ -77,7 +77,7 @@ data class FileInfo(
     /** As the sensor has it, px; 0: not known. */
     val width: Int,
     val height: Int,
-    /** How far the stored picture is turned clockwise to stand upright, degrees. */
+    /** How far the stored image is turned clockwise to stand upright, degrees. */
     val uprightDeg: Int,
     /** Floats or raw values. */
     val isLinear: Boolean,

@@ -1,6 +1,6 @@
 package org.svbrdf.scanner
 
-/** What a photo that was only looked at would be good for; px are those of the picture given. */
+/** What a photo that was only looked at would be good for; px are those of the image given. */
 class Probe internal constructor(
     /** Why a photo like it would be rejected; null: it would be accepted. */
     val reason: Rejection?,
@@ -12,7 +12,7 @@ class Probe internal constructor(
     val sameViewAs: Int?,
     /** Corners of the board that were found: x, y, px. */
     val corners: List<FloatArray>,
-    /** Corners inside the picture; 0 where the board was not found. */
+    /** Corners inside the image; 0 where the board was not found. */
     val cornersInView: Int,
     /** Corners that the board has. */
     val cornersExpected: Int,
@@ -26,9 +26,11 @@ class Probe internal constructor(
     val whiteLevel: Float?,
     /** Share of the white squares that are clipped; null where it is not known. */
     val whiteClipped: Float?,
-    /** As in [Pushed.Rejected]. */
+    /** As in [Outcome.Rejected]. */
+    val measure: Measure,
+    /** As in [Outcome.Rejected]. */
     val measured: Float,
-    /** As in [Pushed.Rejected]. */
+    /** As in [Outcome.Rejected]. */
     val limit: Float,
     /** The timestamp given with the photo. */
     val timestampNs: Long,
@@ -39,8 +41,6 @@ class Probe internal constructor(
     /** Where a camera looks at the sample from, and how much of it is seen. */
     class View internal constructor(
         val pose: Pose,
-        /** Error of the board's corners, px. */
-        val reprojectionRmsPx: Double,
         /** From the sample's centre to the camera, mm. */
         val distanceMm: Float,
         /** Angle off the top, degrees. */
@@ -49,7 +49,7 @@ class Probe internal constructor(
         val azimuthDeg: Float,
         /** Angle to [MaterialScanner.nextView], degrees; null when there is none. */
         val offNextDeg: Float?,
-        /** Share of the sample inside the picture, 0 to 1. */
+        /** Share of the sample inside the image, 0 to 1. */
         val sampleSeen: Float,
         /** Share of that which is saturated in all channels, 0 to 1. */
         val sampleClipped: Float,
@@ -60,7 +60,7 @@ class Probe internal constructor(
     )
 
     internal companion object {
-        const val SIZE = 43
+        const val SIZE = 44
         const val CORNERS = 1024
 
         private fun known(value: Double): Float? = value.toFloat().takeIf { it >= 0f }
@@ -70,7 +70,7 @@ class Probe internal constructor(
 
         fun of(v: DoubleArray, corners: FloatArray, advice: String, timestampNs: Long): Probe {
             val view = if (v[7] != 1.0) null else View(
-                Pose(v.copyOfRange(8, 17), v.copyOfRange(17, 20)), v[20], v[21].toFloat(),
+                Pose(v.copyOfRange(8, 17), v.copyOfRange(17, 20), v[20]), v[21].toFloat(),
                 v[22].toFloat(), v[23].toFloat(), known(v[24]), v[25].toFloat(), v[26].toFloat(),
                 if (v[27].isNaN()) emptyList() else pairs(4) { v[27 + it].toFloat() },
                 v[35].toFloat(),
@@ -80,8 +80,8 @@ class Probe internal constructor(
                 if (v[0] == 1.0) null else Rejection.of(v[1].toInt()), advice, hints,
                 v[3].toInt().takeIf { Hint.NOTHING_NEW in hints },
                 pairs(minOf(v[4].toInt(), CORNERS)) { corners[it] }, v[5].toInt(), v[6].toInt(),
-                view, known(v[36]), known(v[37]), known(v[38]), known(v[39]), v[41].toFloat(),
-                v[42].toFloat(), timestampNs,
+                view, known(v[36]), known(v[37]), known(v[38]), known(v[39]),
+                Measure.of(v[43].toInt()), v[41].toFloat(), v[42].toFloat(), timestampNs,
             )
         }
     }
@@ -95,4 +95,14 @@ data class PhotoFit(
     val weight: Float,
     /** Whether it contradicts the others; of fewer than three photos none does. */
     val outlier: Boolean,
+)
+
+/** Something to tell about an accepted photo. */
+data class PhotoHint(
+    /** Number of the photo among the accepted ones, from 0. */
+    val index: Int,
+    /** Stable name for programs, such as `two_groups`. */
+    val code: String,
+    /** An English sentence: what was seen, with its figure, and what to do. */
+    val text: String,
 )

@@ -3,7 +3,7 @@ package org.svbrdf.scanner
 import kotlin.math.acos
 
 /** What became of a photo. */
-sealed class Pushed {
+sealed class Outcome {
     /** The timestamp given with the photo. */
     abstract val timestampNs: Long
 
@@ -13,8 +13,6 @@ sealed class Pushed {
         val index: Int,
         /** Where the board is; null for photos from the top. */
         val pose: Pose?,
-        /** Error of the board's corners, px. */
-        val reprojectionRmsPx: Double,
         /** Seconds from the call to maps being available. */
         val mapsSeconds: Double,
         override val timestampNs: Long,
@@ -26,7 +24,7 @@ sealed class Pushed {
         val sameViewAs: Int? = null,
         /** For [Hint.NOT_LINEAR]: value of the board's black or gray over that of its white. */
         val overWhite: Float? = null,
-    ) : Pushed()
+    ) : Outcome()
 
     /** The photo cannot be used; nothing has changed. */
     data class Rejected(
@@ -34,38 +32,38 @@ sealed class Pushed {
         /** Why, and what helps: an English sentence with the photo's own figures. */
         val advice: String,
         override val timestampNs: Long,
-        /**
-         * What was measured: corners found, error or blur in px, level of white, share clipped or
-         * seen, degrees off the top; 0 for other reasons. See `svbrdf_frame_report` in svbrdf.h.
-         */
+        /** What [measured] and [limit] are, with their unit. */
+        val measure: Measure = Measure.NONE,
+        /** The measured value. */
         val measured: Float = 0f,
-        /** For corners and degrees: what was needed, or still useful; otherwise 0. */
+        /** The value needed or allowed; 0: there is no single one. */
         val limit: Float = 0f,
         /**
          * For [Rejection.BLURRED]: direction of the blur, degrees clockwise from the photo's x axis;
          * null: soft all round, as out of focus.
          */
         val blurDirectionDeg: Float? = null,
-    ) : Pushed()
+    ) : Outcome()
 
     internal companion object {
-        const val SIZE = 24
+        const val SIZE = 25
 
-        fun of(report: DoubleArray, advice: String, timestampNs: Long): Pushed {
+        fun of(report: DoubleArray, advice: String, timestampNs: Long): Outcome {
             if (report[0] != 1.0) {
                 val direction = report[23].toFloat().takeIf { it >= 0f }
                 return Rejected(
-                    Rejection.of(report[1].toInt()), advice, timestampNs, report[21].toFloat(),
-                    report[22].toFloat(), direction,
+                    Rejection.of(report[1].toInt()), advice, timestampNs,
+                    Measure.of(report[24].toInt()), report[21].toFloat(), report[22].toFloat(),
+                    direction,
                 )
             }
             val pose = when (report[3]) {
-                1.0 -> Pose(report.copyOfRange(4, 13), report.copyOfRange(13, 16))
+                1.0 -> Pose(report.copyOfRange(4, 13), report.copyOfRange(13, 16), report[16])
                 else -> null
             }
             val hints = Hint.of(report[18].toInt())
             return Accepted(
-                report[2].toInt(), pose, report[16], report[17], timestampNs, hints, advice,
+                report[2].toInt(), pose, report[17], timestampNs, hints, advice,
                 report[19].toInt().takeIf { Hint.NOTHING_NEW in hints },
                 report[20].toFloat().takeIf { Hint.NOT_LINEAR in hints },
             )
@@ -140,6 +138,8 @@ class Pose internal constructor(
     val rotation: DoubleArray,
     /** Board origin in the camera frame, mm. */
     val translationMm: DoubleArray,
+    /** Reprojection error of the board's corners, px. */
+    val reprojectionRmsPx: Double,
 ) {
     /** The camera's position in the board frame, mm. */
     val cameraMm: DoubleArray
@@ -213,7 +213,7 @@ class Light internal constructor(
 )
 
 /** How far maps may be off: standard deviations. */
-data class Confidence(
+data class Uncertainty(
     /** Of each slope of the normal: tangent of a tilt. */
     val normal: Float,
     /** Of each colour of the diffuse albedo, linear. */

@@ -14,7 +14,7 @@ import kotlinx.coroutines.flow.mapNotNull
  *     val flows = ScannerFlows()
  *     val scanner = MaterialScanner(options, flows)
  *     scope.launch { flows.maps.collect { maps -> maps.use { show(it) } } }
- *     val pushed = scanner.pushSuspending(photo)
+ *     val outcome = scanner.addPhotoSuspending(photo)
  */
 class ScannerFlows : MaterialScanner.Listener {
     private val latest = MutableStateFlow<Progress?>(null)

@@ -9,13 +9,13 @@ import kotlinx.coroutines.suspendCancellableCoroutine
 import kotlinx.coroutines.withContext
 
 /**
- * [MaterialScanner.push] without a thread that waits: the caller's is busy only while the planes are
+ * [MaterialScanner.addPhoto] without a thread that waits: the caller's is busy only while the planes are
  * copied.
  */
-suspend fun MaterialScanner.pushSuspending(photo: Photo, info: PhotoInfo = PhotoInfo()): Pushed =
+suspend fun MaterialScanner.addPhotoSuspending(photo: Photo, info: PhotoInfo = PhotoInfo()): Outcome =
     suspendCancellableCoroutine { waiting ->
-        pushAsync(photo, info) { pushed, fault ->
-            if (pushed != null) waiting.resume(pushed) else waiting.resumeWithException(fault!!)
+        addPhotoAsync(photo, info) { outcome, fault ->
+            if (outcome != null) waiting.resume(outcome) else waiting.resumeWithException(fault!!)
         }
     }
 

@@ -1,7 +1,7 @@
 //! Photos into a session.
 
-use engine::frame::Photo;
-use engine::session::{Pushed, Session};
+use engine::photo::Photo;
+use engine::session::{AcceptedPhoto, Outcome, Session};
 use engine::{Error, Rejection};
 
 use crate::capture::{CAPTURES, svbrdf_capture};
@@ -9,8 +9,8 @@ use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{Live, act};
 use crate::log::{SVBRDF_LOG_INFO, SVBRDF_LOG_WARNING};
-use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
-use crate::reports::{svbrdf_frame_report, words};
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
+use crate::reports::{svbrdf_photo_report, words};
 use crate::status::{Fault, SVBRDF_REJECTED, svbrdf_status};
 use crate::versioned;
 
@@ -23,30 +23,30 @@ use crate::versioned;
 /// Each pointer is NULL or initialised by its _init() function; the image's planes are NULL or
 /// have as many readable bytes as said.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_push_frame(
+pub unsafe extern "C" fn svbrdf_session_add_photo(
     session: *mut svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
-    report: *mut svbrdf_frame_report,
+    info: *const svbrdf_photo_info,
+    report: *mut svbrdf_photo_report,
 ) -> svbrdf_status {
     // SAFETY: the caller vouches for every pointer.
-    unsafe { push(session, image, info, report, |session, photo| session.push(photo)) }
+    unsafe { add(session, image, info, report, |session, photo| session.add_photo(photo)) }
 }
 
-/// As svbrdf_session_push_frame(), for a photo that shows exactly the sample's rectangle from above, at
+/// As svbrdf_session_add_photo(), for a photo that shows exactly the sample's rectangle from above, at
 /// any size. Positions of camera and light: three numbers each, mm, board frame (origin at the
 /// sample's centre, X right, Y up, Z towards the camera).
 ///
 /// # Safety
-/// As svbrdf_session_push_frame(); each position is NULL or three readable floats.
+/// As svbrdf_session_add_photo(); each position is NULL or three readable floats.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_push_rectified(
+pub unsafe extern "C" fn svbrdf_session_add_rectified_photo(
     session: *mut svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
+    info: *const svbrdf_photo_info,
     camera_mm: *const f32,
     light_mm: *const f32,
-    report: *mut svbrdf_frame_report,
+    report: *mut svbrdf_photo_report,
 ) -> svbrdf_status {
     let position = |name: &'static str, p: *const f32| {
         if p.is_null() {
@@ -57,31 +57,31 @@ pub unsafe extern "C" fn svbrdf_session_push_rectified(
     };
     let take = |session: &Session, photo: &Photo| {
         let camera = position("camera_mm", camera_mm)?;
-        session.push_rectified(photo, camera, position("light_mm", light_mm)?)
+        session.add_rectified_photo(photo, camera, position("light_mm", light_mm)?)
     };
     // SAFETY: the caller vouches for every pointer.
-    unsafe { push(session, image, info, report, take) }
+    unsafe { add(session, image, info, report, take) }
 }
 
 /// # Safety
-/// As [`svbrdf_session_push_frame`].
-unsafe fn push(
+/// As [`svbrdf_session_add_photo`].
+unsafe fn add(
     session: *mut svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
-    report: *mut svbrdf_frame_report,
-    take: impl FnOnce(&Session, &Photo) -> engine::Result<Pushed>,
+    info: *const svbrdf_photo_info,
+    report: *mut svbrdf_photo_report,
+    take: impl FnOnce(&Session, &Photo) -> engine::Result<Outcome<AcceptedPhoto>>,
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the structs and planes.
         let (image, info, size) = unsafe {
             (
                 versioned::read(image)?,
-                svbrdf_frame_info::from_caller(info)?,
+                svbrdf_photo_info::from_caller(info)?,
                 versioned::result_size(report)?,
             )
         };
-        let pushed = if info.flash == SVBRDF_FLASH_OFF {
+        let outcome = if info.flash == SVBRDF_FLASH_OFF {
             live.session.reject(Rejection::LightNotVisible)
         } else {
             // SAFETY: as above.
@@ -89,22 +89,22 @@ unsafe fn push(
             take(&live.session, &photo)?
         };
         // SAFETY: `size` bytes are there.
-        unsafe { tell(live, &pushed, info.timestamp_ns, report, size) }
+        unsafe { tell(live, &outcome, info.timestamp_ns, report, size) }
     })
 }
 
-/// Logs and reports what became of a photo.
+/// Logs and reports the outcome of a photo.
 ///
 /// # Safety
 /// `report` has `size` writable bytes, if any.
 pub(crate) unsafe fn tell(
     live: &Live,
-    pushed: &Pushed,
+    outcome: &Outcome<AcceptedPhoto>,
     timestamp_ns: i64,
-    report: *mut svbrdf_frame_report,
+    report: *mut svbrdf_photo_report,
     size: Option<usize>,
 ) -> Result<(), Fault> {
-    let (result, value) = outcome(live, pushed, timestamp_ns);
+    let (result, value) = logged(live, outcome, timestamp_ns);
     if let Some(size) = size {
         // SAFETY: the caller vouches for the bytes.
         unsafe { versioned::write(report, size, value) };
@@ -112,14 +112,14 @@ pub(crate) unsafe fn tell(
     result
 }
 
-/// Logs what became of a photo: the result of the call and its report.
-pub(crate) fn outcome(
+/// Logs the outcome of a photo; returns the result of the call and its report.
+pub(crate) fn logged(
     live: &Live,
-    pushed: &Pushed,
+    outcome: &Outcome<AcceptedPhoto>,
     timestamp_ns: i64,
-) -> (Result<(), Fault>, svbrdf_frame_report) {
-    match pushed {
-        Pushed::Accepted(accepted) => {
+) -> (Result<(), Fault>, svbrdf_photo_report) {
+    match outcome {
+        Outcome::Accepted(accepted) => {
             live.callbacks.log(SVBRDF_LOG_INFO, || {
                 let (index, seconds) = (accepted.index, accepted.maps_seconds);
                 format!("photo {timestamp_ns} accepted as number {index} in {seconds:.2} s")
@@ -129,47 +129,49 @@ pub(crate) fn outcome(
                     format!("photo {timestamp_ns}: {}", words(&accepted.hints))
                 });
             }
-            (Ok(()), svbrdf_frame_report::accepted(accepted, timestamp_ns))
+            (Ok(()), svbrdf_photo_report::accepted(accepted, timestamp_ns))
         }
-        Pushed::Rejected(rejection) => {
+        Outcome::Rejected(rejection) => {
             live.callbacks.log(SVBRDF_LOG_WARNING, || {
                 format!("photo {timestamp_ns} rejected ({}): {rejection}", rejection.code())
             });
-            let report = svbrdf_frame_report::rejected(rejection, timestamp_ns);
+            let report = svbrdf_photo_report::rejected(rejection, timestamp_ns);
             (Err(Fault::new(SVBRDF_REJECTED, rejection.to_string())), report)
         }
     }
 }
 
-/// Reads a photo of a capture and takes it in, as svbrdf_session_push_frame() or
-/// svbrdf_session_push_rectified(). The report's timestamp is the index. `report` may be NULL.
+/// Reads a photo of a capture and takes it in, as svbrdf_session_add_photo() or
+/// svbrdf_session_add_rectified_photo(). The report's timestamp is the index. `report` may be NULL.
 ///
 /// # Safety
-/// `report` is NULL or initialised by svbrdf_frame_report_init().
+/// `report` is NULL or initialised by svbrdf_photo_report_init().
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_push_capture(
+pub unsafe extern "C" fn svbrdf_session_add_capture_photo(
     session: *mut svbrdf_session,
     capture: *const svbrdf_capture,
     index: u32,
-    report: *mut svbrdf_frame_report,
+    report: *mut svbrdf_photo_report,
 ) -> svbrdf_status {
     act(session, |live| {
         let capture = CAPTURES.get(capture.addr())?;
         // SAFETY: the caller vouches for the report.
         let size = unsafe { versioned::result_size(report) }?;
-        let frame = capture.frames.get(index as usize).ok_or_else(|| {
+        let file = capture.photos.get(index as usize).ok_or_else(|| {
             Fault::argument(format!(
-                "index: {index} given, but the capture has {} frames",
-                capture.frames.len()
+                "index: {index} given, but the capture has {} photos",
+                capture.photos.len()
             ))
         })?;
-        let photo = frame.read()?;
-        let pushed = match frame.rectified {
-            Some(view) => live.session.push_rectified(&photo, view.camera_mm, view.light_mm)?,
-            None => live.session.push(&photo)?,
+        let photo = file.read()?;
+        let outcome = match file.rectified {
+            Some(view) => {
+                live.session.add_rectified_photo(&photo, view.camera_mm, view.light_mm)?
+            }
+            None => live.session.add_photo(&photo)?,
         };
         // SAFETY: `size` bytes are there.
-        unsafe { tell(live, &pushed, index.into(), report, size) }
+        unsafe { tell(live, &outcome, index.into(), report, size) }
     })
 }
 
@@ -177,14 +179,14 @@ pub unsafe extern "C" fn svbrdf_session_push_capture(
 /// come. `index` counts the accepted photos from 0; later ones move up by one. The fit starts again.
 /// When this returns, the maps no longer include the photo; without any photo left there are none.
 /// SVBRDF_INVALID_ARGUMENT for other indices, and if other photos would have been rejected without
-/// this one. Waits for a push and for a step of the fit.
+/// this one. Waits for a photo that is being added and for a step of the fit.
 #[unsafe(no_mangle)]
-pub extern "C" fn svbrdf_session_remove_frame(
+pub extern "C" fn svbrdf_session_remove_photo(
     session: *mut svbrdf_session,
     index: u32,
 ) -> svbrdf_status {
     act(session, |live| {
-        live.session.remove_frame(index as usize)?;
+        live.session.remove_photo(index as usize)?;
         live.callbacks.log(SVBRDF_LOG_INFO, || format!("photo number {index} taken back"));
         Ok(())
     })

@@ -5,26 +5,26 @@ use std::sync::atomic::Ordering;
 
 use engine::{Error, Rejection};
 
-use super::frames::outcome;
+use super::photos::logged;
 use crate::handles::svbrdf_session;
 use crate::image::svbrdf_image;
 use crate::live::{SESSIONS, look};
-use crate::options::{SVBRDF_FLASH_OFF, svbrdf_frame_info};
-use crate::owned_frame::OwnedFrame;
-use crate::reports::svbrdf_frame_report;
+use crate::options::{SVBRDF_FLASH_OFF, svbrdf_photo_info};
+use crate::owned_photo::OwnedPhoto;
+use crate::reports::svbrdf_photo_report;
 use crate::status::{Fault, svbrdf_status};
 use crate::versioned;
 
-/// Called with what became of a photo of svbrdf_session_push_frame_async(): the status and report that
-/// svbrdf_session_push_frame() would have given. If the status is neither SVBRDF_OK nor
+/// Called with the outcome of a photo of svbrdf_session_add_photo_async(): the status and report that
+/// svbrdf_session_add_photo() would have given. If the status is neither SVBRDF_OK nor
 /// SVBRDF_REJECTED, the report contains only the timestamp. The report is valid during the call, and
 /// svbrdf_last_error_message() until the next call of the library. See "Threads" at the top.
-pub type svbrdf_pushed_callback = Option<
+pub type svbrdf_photo_callback = Option<
     unsafe extern "C" fn(
         user_data: *mut c_void,
         session: *mut svbrdf_session,
         status: svbrdf_status,
-        report: *const svbrdf_frame_report,
+        report: *const svbrdf_photo_report,
     ),
 >;
 
@@ -34,7 +34,7 @@ struct Callback {
         *mut c_void,
         *mut svbrdf_session,
         svbrdf_status,
-        *const svbrdf_frame_report,
+        *const svbrdf_photo_report,
     ),
     user_data: *mut c_void,
 }
@@ -48,7 +48,7 @@ impl Callback {
         &self,
         session: *mut svbrdf_session,
         status: svbrdf_status,
-        report: &svbrdf_frame_report,
+        report: &svbrdf_photo_report,
     ) {
         // SAFETY: the caller's function with the arguments that the header says; the report lives
         // during the call.
@@ -56,7 +56,7 @@ impl Callback {
     }
 }
 
-/// As svbrdf_session_push_frame(), on a thread of the session: returns once the planes are copied, so
+/// As svbrdf_session_add_photo(), on a thread of the session: returns once the planes are copied, so
 /// that their memory is free again. Photos are taken in one after the other, in the order of the
 /// calls. When this returns SVBRDF_OK, `callback` is called exactly once: with SVBRDF_CANCELLED if the
 /// session is cancelled or destroyed first, with SVBRDF_INVALID_ARGUMENT if the planes do not match
@@ -64,13 +64,13 @@ impl Callback {
 /// SVBRDF_MEMORY_LIMIT: with this copy, svbrdf_session_options.memory_limit_bytes would be exceeded.
 ///
 /// # Safety
-/// As svbrdf_session_push_frame().
+/// As svbrdf_session_add_photo().
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_push_frame_async(
+pub unsafe extern "C" fn svbrdf_session_add_photo_async(
     session: *mut svbrdf_session,
     image: *const svbrdf_image,
-    info: *const svbrdf_frame_info,
-    callback: svbrdf_pushed_callback,
+    info: *const svbrdf_photo_info,
+    callback: svbrdf_photo_callback,
     user_data: *mut c_void,
 ) -> svbrdf_status {
     look(session, |live| {
@@ -80,29 +80,29 @@ pub unsafe extern "C" fn svbrdf_session_push_frame_async(
         if live.cancelled.load(Ordering::Relaxed) {
             return Err(Error::Cancelled.into());
         }
-        let place = live.pushes.place()?;
+        let place = live.photos.place()?;
         // SAFETY: the caller vouches for the structs and planes.
-        let (info, frame) = unsafe {
-            let (image, info) = (versioned::read(image)?, svbrdf_frame_info::from_caller(info)?);
+        let (info, photo) = unsafe {
+            let (image, info) = (versioned::read(image)?, svbrdf_photo_info::from_caller(info)?);
             let dark = info.flash == SVBRDF_FLASH_OFF;
-            (info, if dark { None } else { Some(OwnedFrame::copy(&live.session, &image, &info)?) })
+            (info, if dark { None } else { Some(OwnedPhoto::copy(&live.session, &image, &info)?) })
         };
         // Kept alive until the callback has come, also after its end.
         let held = SESSIONS.get(session.addr())?;
         let timestamp_ns = info.timestamp_ns;
-        live.pushes.put(move || {
-            let mut report = svbrdf_frame_report { timestamp_ns, ..Default::default() };
+        live.photos.put(move || {
+            let mut report = svbrdf_photo_report { timestamp_ns, ..Default::default() };
             let status = held.act(|live| {
-                let pushed = match &frame {
-                    Some(frame) => live.session.push(&frame.photo()?)?,
+                let outcome = match &photo {
+                    Some(photo) => live.session.add_photo(&photo.photo()?)?,
                     None => live.session.reject(Rejection::LightNotVisible),
                 };
                 let result;
-                (result, report) = outcome(live, &pushed, timestamp_ns);
+                (result, report) = logged(live, &outcome, timestamp_ns);
                 result
             });
             // Before the callback, which may bring the next one.
-            drop((frame, place));
+            drop((photo, place));
             callback.call(held.handle(), status, &report);
         })
     })

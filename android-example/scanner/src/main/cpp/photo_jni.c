@@ -8,7 +8,7 @@ enum {
     IMAGE_INTS = 8,
     PLANE_LONGS = 4,
     LEVELS = 18,
-    PROBE = 43,
+    PROBE = 44,
     CORNERS = 1024,
     FILE_INFO = 9,
     GUIDANCE = 11,
@@ -63,7 +63,7 @@ static int read_image(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
     return 0;
 }
 
-void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT])
+void fill_report(const svbrdf_photo_report *report, jdouble out[REPORT])
 {
     out[0] = report->accepted;
     out[1] = report->rejection;
@@ -79,17 +79,18 @@ void fill_report(const svbrdf_frame_report *report, jdouble out[REPORT])
     out[21] = (jdouble)report->measured;
     out[22] = (jdouble)report->limit;
     out[23] = (jdouble)report->blur_direction_deg;
+    out[24] = report->measure;
 }
 
-/* A picture and how it was taken. */
+/* An image and how it was taken. */
 static int read_lit(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArray layout,
                     jfloatArray levels, jfloat exposure, jint flash, jfloat focal_35mm,
-                    svbrdf_image *image, svbrdf_frame_info *info)
+                    svbrdf_image *image, svbrdf_photo_info *info)
 {
     if (read_image(env, ints, planes, layout, levels, image)) {
         return 1;
     }
-    svbrdf_frame_info_init(info, sizeof *info);
+    svbrdf_photo_info_init(info, sizeof *info);
     info->exposure = exposure;
     info->flash = (svbrdf_flash)flash;
     info->focal_35mm = focal_35mm;
@@ -101,7 +102,7 @@ static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
                       jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                       jfloat focal_35mm, jintArray dark_ints, jobjectArray dark_planes,
                       jlongArray dark_layout, jfloatArray dark_levels, jfloat dark_exposure,
-                      svbrdf_image *image, svbrdf_image *dark, svbrdf_frame_info *info)
+                      svbrdf_image *image, svbrdf_image *dark, svbrdf_photo_info *info)
 {
     if (read_lit(env, ints, planes, layout, levels, exposure, flash, focal_35mm, image, info)) {
         return 1;
@@ -118,7 +119,7 @@ static int read_photo(JNIEnv *env, jintArray ints, jobjectArray planes, jlongArr
 }
 
 /* What to tell the user; empty where there is nothing to tell. */
-static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong handle,
+static jbyteArray session_add_photo(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                                jfloatArray camera_mm, jfloatArray light_mm, jintArray dark_ints,
@@ -128,8 +129,8 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
 {
     svbrdf_session *session = HANDLE(svbrdf_session, handle);
     svbrdf_image image, dark;
-    svbrdf_frame_info info;
-    svbrdf_frame_report report;
+    svbrdf_photo_info info;
+    svbrdf_photo_report report;
     svbrdf_status status;
     jfloat camera[3], light[3];
     jdouble values[REPORT];
@@ -140,14 +141,14 @@ static jbyteArray session_push(JNIEnv *env, jclass class, jobject owner, jlong h
                    &info)) {
         return NULL;
     }
-    svbrdf_frame_report_init(&report, sizeof report);
+    svbrdf_photo_report_init(&report, sizeof report);
     if (camera_mm != NULL || light_mm != NULL) {
         if (read_floats(env, camera_mm, 3, camera) || read_floats(env, light_mm, 3, light)) {
             return NULL;
         }
-        status = svbrdf_session_push_rectified(session, &image, &info, camera, light, &report);
+        status = svbrdf_session_add_rectified_photo(session, &image, &info, camera, light, &report);
     } else {
-        status = svbrdf_session_push_frame(session, &image, &info, &report);
+        status = svbrdf_session_add_photo(session, &image, &info, &report);
     }
     if (status != SVBRDF_OK && status != SVBRDF_REJECTED) {
         throw_status(env, status);
@@ -186,16 +187,16 @@ static int give_info(JNIEnv *env, const svbrdf_file_info *info, jdoubleArray out
     return (*env)->ExceptionCheck(env) != 0;
 }
 
-/* As session_push() with a file. */
-static jbyteArray session_push_encoded(JNIEnv *env, jclass class, jobject owner, jlong handle,
+/* As session_add_photo() with a file. */
+static jbyteArray session_add_photo_file(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                        jobject file, jlong position, jlong bytes, jfloat exposure,
                                        jint transfer, jint rotation, jint flash, jlong timestamp,
                                        jlong max_pixels, jlong max_bytes, jdoubleArray info_out,
                                        jobjectArray names, jdoubleArray out)
 {
-    svbrdf_encoded_options options;
+    svbrdf_file_options options;
     svbrdf_file_info info;
-    svbrdf_frame_report report;
+    svbrdf_photo_report report;
     svbrdf_status status;
     jdouble values[REPORT];
     const void *content = direct_memory(env, file, position, bytes);
@@ -204,9 +205,9 @@ static jbyteArray session_push_encoded(JNIEnv *env, jclass class, jobject owner,
     if (content == NULL) {
         return NULL;
     }
-    svbrdf_encoded_options_init(&options, sizeof options);
+    svbrdf_file_options_init(&options, sizeof options);
     svbrdf_file_info_init(&info, sizeof info);
-    svbrdf_frame_report_init(&report, sizeof report);
+    svbrdf_photo_report_init(&report, sizeof report);
     options.exposure = exposure;
     options.transfer = (svbrdf_transfer)transfer;
     options.rotation = (uint32_t)rotation;
@@ -214,7 +215,7 @@ static jbyteArray session_push_encoded(JNIEnv *env, jclass class, jobject owner,
     options.timestamp_ns = timestamp;
     options.max_pixels = (uint64_t)max_pixels;
     options.max_bytes = (uint64_t)max_bytes;
-    status = svbrdf_session_push_encoded(HANDLE(svbrdf_session, handle), content, (size_t)bytes,
+    status = svbrdf_session_add_photo_file(HANDLE(svbrdf_session, handle), content, (size_t)bytes,
                                          &options, &info, &report);
     if (status != SVBRDF_OK && status != SVBRDF_REJECTED) {
         throw_status(env, status);
@@ -244,8 +245,8 @@ static void file_look_at(JNIEnv *env, jclass class, jobject file, jlong position
     }
 }
 
-/* Native.onPushed() is told of `id`, unless an exception is thrown. */
-static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
+/* Native.onOutcome() is told of `id`, unless an exception is thrown. */
+static void session_add_photo_async(JNIEnv *env, jclass class, jobject owner, jlong handle,
                                jintArray ints, jobjectArray planes, jlongArray layout,
                                jfloatArray levels, jfloat exposure, jint flash, jlong timestamp,
                                jintArray dark_ints, jobjectArray dark_planes,
@@ -253,14 +254,14 @@ static void session_push_async(JNIEnv *env, jclass class, jobject owner, jlong h
                                jfloat dark_exposure, jfloat focal_35mm, jlong id)
 {
     svbrdf_image image, dark;
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
 
     (void)class, (void)owner;
     if (!read_photo(env, ints, planes, layout, levels, exposure, flash, timestamp, focal_35mm,
                     dark_ints, dark_planes, dark_layout, dark_levels, dark_exposure, &image, &dark,
                     &info)) {
-        throw_status(env, svbrdf_session_push_frame_async(HANDLE(svbrdf_session, handle), &image,
-                                                          &info, call_pushed,
+        throw_status(env, svbrdf_session_add_photo_async(HANDLE(svbrdf_session, handle), &image,
+                                                          &info, call_outcome,
                                                           (void *)(intptr_t)id));
     }
 }
@@ -302,6 +303,7 @@ static void fill_probe(const svbrdf_probe *probe, jdouble out[PROBE])
     out[40] = (jdouble)probe->over_white;
     out[41] = (jdouble)probe->measured;
     out[42] = (jdouble)probe->limit;
+    out[43] = probe->measure;
 }
 
 /* What to tell the user; empty where there is nothing to tell. */
@@ -311,7 +313,7 @@ static jbyteArray session_probe(JNIEnv *env, jclass class, jobject owner, jlong 
                                 jfloatArray corners, jdoubleArray out)
 {
     svbrdf_image image;
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
     svbrdf_probe probe;
     jdouble values[PROBE];
     float px[2 * CORNERS];
@@ -379,7 +381,7 @@ static jobjectArray session_guide(JNIEnv *env, jclass class, jobject owner, jlon
                                   jdoubleArray out)
 {
     svbrdf_image image;
-    svbrdf_frame_info info;
+    svbrdf_photo_info info;
     svbrdf_probe probe;
     svbrdf_guidance guidance;
     jdouble values[PROBE + GUIDANCE];
@@ -432,15 +434,15 @@ static void session_guide_begin(JNIEnv *env, jclass class, jobject owner, jlong 
     throw_status(env, svbrdf_session_guide_begin(HANDLE(svbrdf_session, handle), &options));
 }
 
-const JNINativeMethod frame_methods[] = {
+const JNINativeMethod photo_methods[] = {
     METHOD("fileLookAt", "(" BUFFER "JJ[D[[B)V", file_look_at),
     METHOD("sessionGuide", "(" OWNER "J[I[" BUFFER "[J[FFIFJ[F[D)[[B", session_guide),
     METHOD("sessionGuideBegin", "(" OWNER "J[F)V", session_guide_begin),
     METHOD("sessionProbe", "(" OWNER "J[I[" BUFFER "[J[FFIF[F[D)[B", session_probe),
-    METHOD("sessionPush", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
-           session_push),
-    METHOD("sessionPushEncoded", "(" OWNER "J" BUFFER "JJFIIIJJJ[D[[B[D)[B", session_push_encoded),
-    METHOD("sessionPushAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
-           session_push_async),
+    METHOD("sessionAddPhoto", "(" OWNER "J[I[" BUFFER "[J[FFIJ[F[F[I[" BUFFER "[J[FFF[D)[B",
+           session_add_photo),
+    METHOD("sessionAddPhotoFile", "(" OWNER "J" BUFFER "JJFIIIJJJ[D[[B[D)[B", session_add_photo_file),
+    METHOD("sessionAddPhotoAsync", "(" OWNER "J[I[" BUFFER "[J[FFIJ[I[" BUFFER "[J[FFFJ)V",
+           session_add_photo_async),
 };
-const jint frame_method_count = COUNT(frame_methods);
+const jint photo_method_count = COUNT(photo_methods);

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::encoding::Encoding;
-use super::photo::{MAX_PIXELS, Photo, Pixels};
+use super::pixels::{MAX_PIXELS, Photo, Pixels};
 use crate::{Error, Result};
 
 /// A photograph without metadata.

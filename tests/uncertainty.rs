@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use rectified::{POSITIONS, SIZE, material, observation, photo, scene, view};
 use svbrdf::assessment::Place;
-use svbrdf::confidence::MapDeviations;
 use svbrdf::estimate::Method;
 use svbrdf::estimator::Estimator;
-use svbrdf::export::{read_maps, write_assessed_maps};
+use svbrdf::export::{MapsOptions, read_maps, write_maps};
 use svbrdf::networks::Networks;
 use svbrdf::observation::Observation;
-use svbrdf::session::{Assessed, Driver, RestoreOptions, Session, Settings};
+use svbrdf::session::{Driver, MapsWithUncertainty, RestoreOptions, Session, Settings};
 use svbrdf::svbrdf::channel;
+use svbrdf::uncertainty::MapDeviations;
 use svbrdf::{Error, Svbrdf};
 
 /// Driven from here: photographs come at the same moments of the fit.
@@ -50,17 +50,22 @@ fn errors(maps: &Svbrdf, truth: &Svbrdf) -> [f32; 4] {
 fn deviations_follow_the_errors_and_are_kept_with_the_session() {
     let truth = material();
     let session = session();
-    assert!(matches!(session.assess(), Err(Error::NoMaps)));
+    assert!(matches!(session.snapshot_with_uncertainty(), Err(Error::NoMaps)));
     let mut stated = Vec::new();
     for (i, position) in POSITIONS.into_iter().enumerate() {
-        session.push_rectified(&photo(&truth, position), position, position).unwrap();
+        session
+            .add_rectified_photo(&photo(&truth, position), position, position)
+            .unwrap()
+            .into_result()
+            .unwrap();
         if i == 1 {
             continue;
         }
         session.wait().unwrap();
-        let Assessed { maps, confidence } = session.assess().unwrap();
+        let MapsWithUncertainty { maps, uncertainty } =
+            session.snapshot_with_uncertainty().unwrap();
         assert_eq!(maps, session.snapshot().unwrap());
-        let (found, errors) = (as_list(confidence.of_maps()), errors(&maps, &truth));
+        let (found, errors) = (as_list(uncertainty.of_maps()), errors(&maps, &truth));
         for (found, error) in found.into_iter().zip(errors) {
             // Of one material deviations may be off as a whole: by less than half a decade mostly.
             assert!(found > 0.1 * error && found < 10.0 * error, "{found} {error}");
@@ -78,10 +83,13 @@ fn deviations_follow_the_errors_and_are_kept_with_the_session() {
     let saved = session.save().unwrap();
     let networks = Arc::new(Networks::embedded().unwrap());
     let restored = Session::restore(&saved, networks, RestoreOptions::default()).unwrap();
-    let [before, after] = [session.assess().unwrap(), restored.assess().unwrap()];
+    let [before, after] = [
+        session.snapshot_with_uncertainty().unwrap(),
+        restored.snapshot_with_uncertainty().unwrap(),
+    ];
     assert!(before == after, "a restored session says the same");
     session.cancel();
-    assert!(matches!(session.assess(), Err(Error::Cancelled)));
+    assert!(matches!(session.snapshot_with_uncertainty(), Err(Error::Cancelled)));
 }
 
 #[test]
@@ -101,15 +109,18 @@ fn texels_that_no_photograph_shows_are_known_least() {
             .unwrap();
     }
     estimator.settle().unwrap();
-    let confidence = estimator.evidence().unwrap().confidence().unwrap();
+    let uncertainty = estimator.evidence().unwrap().uncertainty().unwrap();
     let mean = |plane: &[f32], is_hidden: bool| {
         let of = plane.iter().enumerate().filter(|(i, _)| hidden(*i) == is_hidden);
         let (sum, count) = of.fold((0.0, 0.0), |(sum, count), (_, v)| (sum + v, count + 1.0));
         sum / count
     };
     // Slopes that are seen stay near the learned ones: they are hardly better known.
-    let planes =
-        [(confidence.normal(), 1.0), (confidence.specular(), 1.2), (confidence.roughness(), 1.2)];
+    let planes = [
+        (uncertainty.normal(), 1.0),
+        (uncertainty.specular(), 1.2),
+        (uncertainty.roughness(), 1.2),
+    ];
     for (plane, times) in planes {
         let (hidden, seen) = (mean(plane, true), mean(plane, false));
         assert!(hidden > times * seen, "{hidden} {seen}");
@@ -142,10 +153,15 @@ fn views_tell_most_where_none_was() {
 fn files_of_maps_hold_deviations_beside_what_others_read() {
     let maps = Svbrdf::new(4, 2);
     let planes: Vec<f32> = (0..32).map(|i| 0.01 * i as f32).collect();
-    let confidence = svbrdf::confidence::Confidence::from_planes(4, 2, planes.clone()).unwrap();
+    let uncertainty = svbrdf::uncertainty::Uncertainty::from_planes(4, 2, planes.clone()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("maps");
-    write_assessed_maps(&dir, &maps, &confidence, [10.0, 5.0]).unwrap();
+    write_maps(
+        &dir,
+        &maps,
+        &MapsOptions { sample_mm: Some([10.0, 5.0]), uncertainty: Some(&uncertainty) },
+    )
+    .unwrap();
     let read = read_maps(&dir).unwrap();
     let image = exr::prelude::read_first_flat_layer_from_file(dir.join("maps.exr")).unwrap();
     std::fs::remove_dir_all(&dir).unwrap();
@@ -159,7 +175,11 @@ fn files_of_maps_hold_deviations_beside_what_others_read() {
     }
     let small = Svbrdf::new(2, 2);
     assert!(matches!(
-        write_assessed_maps(&dir, &small, &confidence, [1.0; 2]),
+        write_maps(
+            &dir,
+            &small,
+            &MapsOptions { sample_mm: Some([1.0; 2]), uncertainty: Some(&uncertainty) }
+        ),
         Err(Error::Argument { .. })
     ));
     assert!(!dir.exists());

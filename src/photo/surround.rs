@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::photo::Photo;
+use super::pixels::Photo;
 
 /// Standard deviation of the blur relative to the photograph's width, for fingerprints and screen protectors.
 const SIGMA: f32 = 0.12;

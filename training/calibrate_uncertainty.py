@@ -1,8 +1,8 @@
-"""Calibrates the stated deviations of maps: prints the numbers of src/estimate/confidence/calibration.rs.
+"""Calibrates the stated deviations of maps: prints the numbers of src/estimate/uncertainty/calibration.rs.
 
-    svbrdf-eval confidence --materials TRAIN --record a.f32
-    svbrdf-eval confidence SIMULATED_CAPTURES --record b.f32
-    python calibrate_confidence.py a.f32 b.f32
+    svbrdf-eval uncertainty --materials TRAIN --record a.f32
+    svbrdf-eval uncertainty SIMULATED_CAPTURES --record b.f32
+    python calibrate_uncertainty.py a.f32 b.f32
 
 Needs numpy and scipy. Errors are taken for Student-distributed about zero; the logarithm of their
 scale is a sum of terms. A scale at last lets one deviation hold for a given share of the texels.

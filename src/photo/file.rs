@@ -11,7 +11,7 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat};
 use super::encoding::Encoding;
 use super::exif;
 use super::jpeg;
-use super::photo::{MAX_PIXELS, Photo};
+use super::pixels::{MAX_PIXELS, Photo};
 use super::tiff;
 use crate::{Error, Result};
 

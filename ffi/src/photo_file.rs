@@ -9,7 +9,7 @@ use crate::handles::svbrdf_session;
 use crate::image::svbrdf_transfer;
 use crate::live::act;
 use crate::options::{SVBRDF_FLASH_OFF, SVBRDF_FLASH_UNKNOWN, svbrdf_flash};
-use crate::reports::svbrdf_frame_report;
+use crate::reports::svbrdf_photo_report;
 use crate::session::tell;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
@@ -37,7 +37,7 @@ pub const SVBRDF_TEXT: usize = 64;
 /// Options of reading a file.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct svbrdf_encoded_options {
+pub struct svbrdf_file_options {
     /// Size of this struct.
     pub size: usize,
     /// Relative exposure: value = radiance * exposure. 0, the default: that of the metadata
@@ -46,21 +46,21 @@ pub struct svbrdf_encoded_options {
     /// Transfer curve: one of SVBRDF_TRANSFER_. 0, the default: what the file says (ICC profile,
     /// PNG's cICP and gAMA), sRGB where it is silent, linear for floats and raw values.
     pub transfer: svbrdf_transfer,
-    /// Clockwise rotation of the upright picture: 0, 90, 180 or 270 degrees. The session's camera
-    /// describes the rotated picture.
+    /// Clockwise rotation of the upright image: 0, 90, 180 or 270 degrees. The session's camera
+    /// describes the rotated image.
     pub rotation: u32,
     /// One of SVBRDF_FLASH_. Default: unknown.
     pub flash: svbrdf_flash,
     /// Returned in the report and named in the log, to identify the photo.
     pub timestamp_ns: i64,
-    /// Largest picture, pixels; 0, the default: 100 million.
+    /// Largest image, pixels; 0, the default: 100 million.
     pub max_pixels: u64,
     /// Largest memory of decoding, without the file itself, bytes. If more were needed, the call returns
     /// SVBRDF_MEMORY_LIMIT before anything is allocated. 0, the default: 6 GiB.
     pub max_bytes: u64,
 }
 
-impl Default for svbrdf_encoded_options {
+impl Default for svbrdf_file_options {
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -74,22 +74,22 @@ impl Default for svbrdf_encoded_options {
         }
     }
 }
-versioned!(svbrdf_encoded_options, size_of::<svbrdf_encoded_options>());
+versioned!(svbrdf_file_options, size_of::<svbrdf_file_options>());
 
-/// Fills options with defaults: pass sizeof(svbrdf_encoded_options).
+/// Fills options with defaults: pass sizeof(svbrdf_file_options).
 ///
 /// # Safety
 /// `options` is NULL or has `size` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_encoded_options_init(
-    options: *mut svbrdf_encoded_options,
+pub unsafe extern "C" fn svbrdf_file_options_init(
+    options: *mut svbrdf_file_options,
     size: usize,
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(options, size) })
 }
 
-/// What the file of a photo says of how it was taken.
+/// Metadata in the file of a photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct svbrdf_file_info {
@@ -99,7 +99,7 @@ pub struct svbrdf_file_info {
     pub width: u32,
     /// Height as the sensor has it, px; 0: not known.
     pub height: u32,
-    /// Clockwise rotation that makes the stored picture upright, degrees; reading a file applies it. Lens
+    /// Clockwise rotation that makes the stored image upright, degrees; reading a file applies it. Lens
     /// and flash keep their places in the camera, however it is held: options.rotation turns photos
     /// back to how most of them were held.
     pub upright_deg: u32,
@@ -114,7 +114,7 @@ pub struct svbrdf_file_info {
     /// Factor of the digital zoom; 1: none, or not known.
     pub digital_zoom: f32,
     /// Remarks: an OR of SVBRDF_REMARK_ values. Those about colours and the end of the file are known
-    /// only when the photo is pushed.
+    /// only when the photo is added.
     pub remarks: svbrdf_remarks,
     /// Maker of the camera; empty: not known. Photos that differ in maker, model, lens, focal lengths,
     /// zoom or size need sessions, or cameras, of their own.
@@ -162,7 +162,7 @@ pub unsafe extern "C" fn svbrdf_file_info_init(
     entry(|| unsafe { versioned::init(info, size) })
 }
 
-/// As svbrdf_session_push_frame(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
+/// As svbrdf_session_add_photo(), for a photo that is a file in memory: JPEG, PNG, TIFF, OpenEXR, HEIC or
 /// DNG, recognised by its content. SVBRDF_INVALID_ARGUMENT if the file is damaged or of another format,
 /// which the message names. `options`, `info` and
 /// `report` may be NULL. SVBRDF_UNSUPPORTED if svbrdf_features() lacks SVBRDF_FEATURE_FILES.
@@ -171,13 +171,13 @@ pub unsafe extern "C" fn svbrdf_file_info_init(
 /// `bytes` is NULL or has `length` readable bytes; each other pointer is NULL or initialised by its
 /// _init() function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_push_encoded(
+pub unsafe extern "C" fn svbrdf_session_add_photo_file(
     session: *mut svbrdf_session,
     bytes: *const c_void,
     length: usize,
-    options: *const svbrdf_encoded_options,
+    options: *const svbrdf_file_options,
     info: *mut svbrdf_file_info,
-    report: *mut svbrdf_frame_report,
+    report: *mut svbrdf_photo_report,
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for every pointer.
@@ -191,9 +191,9 @@ pub unsafe extern "C" fn svbrdf_session_push_encoded(
         // SAFETY: as above.
         let bytes = unsafe { content(bytes, length) }?;
         let (photo, known) = read::decode(bytes, &options)?;
-        let pushed = match options.flash {
+        let outcome = match options.flash {
             SVBRDF_FLASH_OFF => live.session.reject(Rejection::LightNotVisible),
-            _ => live.session.push(&photo)?,
+            _ => live.session.add_photo(&photo)?,
         };
         drop(photo);
         if let Some(size) = info_size {
@@ -201,12 +201,12 @@ pub unsafe extern "C" fn svbrdf_session_push_encoded(
             unsafe { versioned::write(info, size, known) };
         }
         // SAFETY: as above.
-        unsafe { tell(live, &pushed, options.timestamp_ns, report, report_size) }
+        unsafe { tell(live, &outcome, options.timestamp_ns, report, report_size) }
     })
 }
 
-/// What the file of a photo says of how it was taken, without reading its pixels: to sort photos by
-/// camera and time before they are pushed. Unknown fields keep their defaults.
+/// Reads the metadata in the file of a photo without its pixels: to sort photos by
+/// camera and time before they are added. Unknown fields keep their defaults.
 ///
 /// # Safety
 /// `bytes` is NULL or has `length` readable bytes; `info` is NULL or initialised by its _init()
@@ -245,7 +245,7 @@ unsafe fn content<'a>(bytes: *const c_void, length: usize) -> Result<&'a [u8], F
 #[cfg(feature = "files")]
 mod read {
     use engine::files::{self, Limits, Metadata, Options, Remark};
-    use engine::frame::{Photo, Rotation};
+    use engine::photo::{Photo, Rotation};
 
     use super::*;
     use crate::image::encoding;
@@ -255,17 +255,17 @@ mod read {
 
     pub fn decode(
         bytes: &[u8],
-        options: &svbrdf_encoded_options,
+        options: &svbrdf_file_options,
     ) -> Result<(Photo, svbrdf_file_info), Fault> {
         if options.flash > SVBRDF_FLASH_TORCH {
-            return Err(unknown("svbrdf_encoded_options.flash", options.flash));
+            return Err(unknown("svbrdf_file_options.flash", options.flash));
         }
         let encoding = match options.transfer {
             0 => None,
-            stated => Some(encoding("svbrdf_encoded_options.transfer", stated)?),
+            stated => Some(encoding("svbrdf_file_options.transfer", stated)?),
         };
         let turn = Rotation::from_degrees(options.rotation)
-            .ok_or_else(|| unknown("svbrdf_encoded_options.rotation", options.rotation))?;
+            .ok_or_else(|| unknown("svbrdf_file_options.rotation", options.rotation))?;
         let or = |stated: u64, default| if stated == 0 { default } else { stated };
         let all = Limits::default();
         let options = Options {
@@ -325,7 +325,7 @@ mod read {
 
 #[cfg(not(feature = "files"))]
 mod read {
-    use engine::frame::Photo;
+    use engine::photo::Photo;
 
     use super::*;
     use crate::status::SVBRDF_UNSUPPORTED;
@@ -334,10 +334,7 @@ mod read {
         Fault::new(SVBRDF_UNSUPPORTED, "this build reads no files: its feature `files` is off")
     }
 
-    pub fn decode(
-        _: &[u8],
-        _: &svbrdf_encoded_options,
-    ) -> Result<(Photo, svbrdf_file_info), Fault> {
+    pub fn decode(_: &[u8], _: &svbrdf_file_options) -> Result<(Photo, svbrdf_file_info), Fault> {
         Err(missing())
     }
 

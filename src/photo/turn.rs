@@ -1,6 +1,6 @@
 //! Quarter turns of photographs.
 
-use super::photo::{Photo, Pixels};
+use super::pixels::{Photo, Pixels};
 use super::plane::Rotation;
 
 impl Rotation {
@@ -54,7 +54,7 @@ fn gather<T: Copy>(data: &[T], order: impl Iterator<Item = usize>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
+    use crate::photo::Encoding;
 
     #[test]
     fn pixels_are_turned_like_a_print() {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::photo::{Photo, Pixels};
+use super::pixels::{Photo, Pixels};
 
 /// Primaries of linear RGB with white D65.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -84,7 +84,7 @@ impl Photo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
+    use crate::photo::Encoding;
 
     fn near(found: [[f32; 3]; 3], expected: [[f32; 3]; 3], tolerance: f32) {
         for (f, e) in found.as_flattened().iter().zip(expected.as_flattened()) {

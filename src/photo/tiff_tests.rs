@@ -1,5 +1,5 @@
 use super::*;
-use crate::frame::{Encoding, Photo};
+use crate::photo::{Encoding, Photo};
 
 /// Values of a page.
 enum Values {

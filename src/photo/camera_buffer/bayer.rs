@@ -1,8 +1,8 @@
 //! Raw sensor values behind a colour filter mosaic.
 
-use crate::frame::encoding::Encoding;
-use crate::frame::photo::Photo;
-use crate::frame::plane::{Plane, Reader, Rotation};
+use crate::photo::encoding::Encoding;
+use crate::photo::pixels::Photo;
+use crate::photo::plane::{Plane, Reader, Rotation};
 use crate::{Error, Result};
 
 /// Colours of the top-left 2 x 2 sensor pixels, row by row.

@@ -5,7 +5,7 @@ mod bayer;
 use half::f16;
 
 use super::encoding::Encoding;
-use super::photo::Photo;
+use super::pixels::Photo;
 use super::plane::{Plane, Reader, Rotation};
 use crate::{Error, Result};
 

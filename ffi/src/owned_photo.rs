@@ -2,15 +2,15 @@
 
 use std::ptr;
 
-use engine::frame::Photo;
+use engine::photo::Photo;
 use engine::session::{Held, Session};
 
 use crate::image::{FLOATS, SVBRDF_PIXEL_P010, SVBRDF_PIXEL_YUV420, bytes, svbrdf_image};
-use crate::options::svbrdf_frame_info;
+use crate::options::svbrdf_photo_info;
 use crate::status::Fault;
 use crate::versioned;
 
-/// How many planes a picture has.
+/// Number of planes of an image.
 fn planes(image: &svbrdf_image) -> usize {
     match image.format {
         SVBRDF_PIXEL_YUV420 | SVBRDF_PIXEL_P010 => 3,
@@ -37,7 +37,7 @@ impl Needs {
     }
 }
 
-/// A picture whose planes point to its own memory.
+/// An image whose planes point to its own memory.
 struct OwnedImage {
     image: svbrdf_image,
     _memory: Vec<Vec<u8>>,
@@ -67,27 +67,27 @@ impl OwnedImage {
     }
 }
 
-/// A photo and what is known about it, counted as memory of its session.
-pub(crate) struct OwnedFrame {
-    info: svbrdf_frame_info,
+/// A photo and its metadata, counted as memory of its session.
+pub(crate) struct OwnedPhoto {
+    info: svbrdf_photo_info,
     image: OwnedImage,
     ambient: Option<OwnedImage>,
     _held: Held,
 }
 
-// SAFETY: every pointer that is followed is to memory of the frame's own.
-unsafe impl Send for OwnedFrame {}
+// SAFETY: every pointer that is followed is to memory of the photo's own.
+unsafe impl Send for OwnedPhoto {}
 
-impl OwnedFrame {
+impl OwnedPhoto {
     /// Copies what a caller hands over, if the session's memory limit allows it. What is wrong with it
-    /// otherwise is said by [`OwnedFrame::photo`].
+    /// otherwise is said by [`OwnedPhoto::photo`].
     ///
     /// # Safety
-    /// As [`svbrdf_frame_info::photo`].
+    /// As [`svbrdf_photo_info::photo`].
     pub(crate) unsafe fn copy(
         session: &Session,
         image: &svbrdf_image,
-        info: &svbrdf_frame_info,
+        info: &svbrdf_photo_info,
     ) -> Result<Self, Fault> {
         let about = |fault: Fault| fault.about("ambient");
         let ambient = if info.ambient.is_null() {
@@ -116,8 +116,8 @@ impl OwnedFrame {
     /// The photo.
     pub(crate) fn photo(&self) -> Result<Photo, Fault> {
         let ambient = self.ambient.as_ref().map_or(ptr::null(), |a| &raw const a.image);
-        let info = svbrdf_frame_info { ambient, ..self.info };
-        // SAFETY: all planes are the frame's own.
+        let info = svbrdf_photo_info { ambient, ..self.info };
+        // SAFETY: all planes are the photo's own.
         unsafe { info.photo(&self.image.image) }
     }
 }

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use svbrdf::assessment::Evidence;
 use svbrdf::estimate::Method;
 use svbrdf::random::Random;
-use svbrdf::svbrdf::channel;
 use svbrdf::{Error, Result, Svbrdf};
 
 use self::table::{Group, MAPS, Table};
@@ -19,7 +18,7 @@ use crate::protocol::{self, Conditions, crops, photographs};
 use crate::statistics::median;
 use crate::streaming::{Setup, Variant, capture_folders, push};
 
-/// Arguments of `svbrdf-eval confidence`.
+/// Arguments of `svbrdf-eval uncertainty`.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Folders with capture.json and the true maps in truth/, or folders of such
@@ -52,9 +51,9 @@ struct Judge {
 impl Judge {
     /// Compares an estimate with the truth.
     fn add(&mut self, evidence: &Evidence, truth: &Svbrdf, photos: usize) -> Result<()> {
-        let confidence = evidence.confidence()?;
+        let uncertainty = evidence.uncertainty()?;
         let (maps, n) = (evidence.maps(), truth.texels());
-        let roughness = truth.plane(channel::ROUGHNESS).iter().map(|v| f64::from(*v));
+        let roughness = truth.roughness().iter().map(|v| f64::from(*v));
         let matte = median(roughness).is_some_and(|middle| middle >= MATTE);
         let group = Group { case: self.cases, photos, matte };
         let stride = (n / SAMPLES).max(1) | 1;
@@ -62,7 +61,7 @@ impl Judge {
             for (map, (_, range)) in MAPS.into_iter().enumerate() {
                 let error = |c: usize| (maps.plane(c)[t] - truth.plane(c)[t]).abs();
                 let errors: Vec<f32> = range.map(error).collect();
-                let deviation = confidence.planes()[map * n + t];
+                let deviation = uncertainty.planes()[map * n + t];
                 if let Some((path, file)) = &mut self.record {
                     // Row: case, photographs, map, number of errors, terms, errors.
                     let head = [self.cases, photos, map, errors.len()].map(|v| v as f32);
@@ -102,9 +101,9 @@ fn of_capture(folder: &Path, photos: &[usize], setup: &Setup, judge: &mut Judge)
     let (capture, truth) = with_truth(folder, setup.resolution)?;
     let session = setup.session(&capture, Variant::Deep)?;
     let mut accepted = 0;
-    for frame in &capture.frames {
-        if let Some(reason) = push(&session, frame)? {
-            eprintln!("{}: {reason}", frame.path.display());
+    for file in &capture.photos {
+        if let Some(reason) = push(&session, file)? {
+            eprintln!("{}: {reason}", file.path.display());
             continue;
         }
         accepted += 1;

@@ -2,7 +2,7 @@
 
 use std::ops::AddAssign;
 
-use super::photo::{LUMA, Photo, Pixels};
+use super::pixels::{LUMA, Photo, Pixels};
 
 impl Photo {
     /// The photograph at 1/`step` of its size: means of blocks of `step` x `step` stored values,
@@ -87,7 +87,7 @@ fn blocks<T: Copy, S: Copy + Default + AddAssign + From<T>>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Encoding;
+    use crate::photo::Encoding;
 
     #[test]
     fn incomplete_blocks_are_dropped() {

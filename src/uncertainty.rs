@@ -8,7 +8,7 @@ use crate::{Error, Result};
 /// normal (tangent of a tilt), each channel of the diffuse and of the specular albedo (linear),
 /// roughness. About two thirds of all errors lie within one deviation, 19 of 20 within two.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Confidence {
+pub struct Uncertainty {
     width: usize,
     height: usize,
     planes: Vec<f32>,
@@ -27,7 +27,7 @@ pub struct MapDeviations {
     pub roughness: f32,
 }
 
-impl Confidence {
+impl Uncertainty {
     /// Takes four planes.
     ///
     /// # Errors
@@ -106,18 +106,18 @@ mod tests {
     #[test]
     fn planes_are_checked_and_summed_up() {
         let planes = vec![0.1, 0.1, 0.0, 0.2, 0.3, 0.3, 0.4, 0.0];
-        let confidence = Confidence::from_planes(2, 1, planes.clone()).unwrap();
-        assert_eq!(confidence.diffuse(), [0.0, 0.2]);
-        let MapDeviations { normal, diffuse, specular, roughness } = confidence.of_maps();
+        let uncertainty = Uncertainty::from_planes(2, 1, planes.clone()).unwrap();
+        assert_eq!(uncertainty.diffuse(), [0.0, 0.2]);
+        let MapDeviations { normal, diffuse, specular, roughness } = uncertainty.of_maps();
         let expected = [0.1, 0.02f32.sqrt(), 0.3, 0.08f32.sqrt()];
         for (found, expected) in [normal, diffuse, specular, roughness].into_iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{found} {expected}");
         }
-        assert!(Confidence::from_planes(2, 2, planes.clone()).is_err());
+        assert!(Uncertainty::from_planes(2, 2, planes.clone()).is_err());
         for wrong in [-0.1, f32::NAN, f32::INFINITY] {
             let mut planes = planes.clone();
             planes[3] = wrong;
-            assert!(Confidence::from_planes(2, 1, planes).is_err(), "{wrong}");
+            assert!(Uncertainty::from_planes(2, 1, planes).is_err(), "{wrong}");
         }
     }
 }

@@ -1,18 +1,18 @@
-//! What each photo is worth.
+//! Fit of the maps to each photo.
 
 use std::mem::offset_of;
 
-use engine::session::FrameFit;
+use engine::session::PhotoFit;
 
 use crate::handles::svbrdf_session;
 use crate::live::act;
 use crate::status::{Fault, entry, svbrdf_status};
 use crate::versioned::{self, versioned};
 
-/// How well the current maps explain an accepted photo.
+/// Fit of the current maps to an accepted photo.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct svbrdf_frame_fit {
+pub struct svbrdf_photo_fit {
     /// Size of this struct.
     pub size: usize,
     /// Median over its texels of the absolute difference of the logarithms of rendered and measured
@@ -31,11 +31,11 @@ pub struct svbrdf_frame_fit {
     pub part_share: f32,
     /// Middle of that part: of the sample's width from the left, of its height from the top.
     pub part_centre: [f32; 2],
-    /// How many times as bright it is as the other photos have it; below 1: darker.
+    /// Its brightness relative to the prediction from the other photos; below 1: darker.
     pub part_ratio: f32,
 }
 
-impl Default for svbrdf_frame_fit {
+impl Default for svbrdf_photo_fit {
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -49,11 +49,11 @@ impl Default for svbrdf_frame_fit {
         }
     }
 }
-versioned!(svbrdf_frame_fit, offset_of!(svbrdf_frame_fit, part_share));
+versioned!(svbrdf_photo_fit, offset_of!(svbrdf_photo_fit, part_share));
 
-impl svbrdf_frame_fit {
-    fn new(fit: &FrameFit) -> Self {
-        let FrameFit { residual, weight, outlier, part } = *fit;
+impl svbrdf_photo_fit {
+    fn new(fit: &PhotoFit) -> Self {
+        let PhotoFit { residual, weight, outlier, part } = *fit;
         Self {
             residual,
             weight,
@@ -66,39 +66,39 @@ impl svbrdf_frame_fit {
     }
 }
 
-/// Fills a fit with zeros: pass sizeof(svbrdf_frame_fit).
+/// Fills a fit with zeros: pass sizeof(svbrdf_photo_fit).
 ///
 /// # Safety
 /// `fit` is NULL or has `size` writable bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_frame_fit_init(
-    fit: *mut svbrdf_frame_fit,
+pub unsafe extern "C" fn svbrdf_photo_fit_init(
+    fit: *mut svbrdf_photo_fit,
     size: usize,
 ) -> svbrdf_status {
     // SAFETY: as the caller vouches.
     entry(|| unsafe { versioned::init(fit, size) })
 }
 
-/// How well the current maps explain an accepted photo; meaningful once the fit has settled.
+/// The fit of the current maps to an accepted photo; meaningful once the fit has settled.
 /// `index` counts the accepted photos from 0. Waits for a step of the fit.
 ///
 /// # Safety
-/// `fit` is NULL or initialised by svbrdf_frame_fit_init().
+/// `fit` is NULL or initialised by svbrdf_photo_fit_init().
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn svbrdf_session_frame_fit(
+pub unsafe extern "C" fn svbrdf_session_photo_fit(
     session: *const svbrdf_session,
     index: u32,
-    fit: *mut svbrdf_frame_fit,
+    fit: *mut svbrdf_photo_fit,
 ) -> svbrdf_status {
     act(session, |live| {
         // SAFETY: the caller vouches for the struct.
         let size = unsafe { versioned::needed_size("fit", fit) }?;
-        let fits = live.session.frame_fits()?;
+        let fits = live.session.photo_fits()?;
         let found = fits.get(index as usize).ok_or_else(|| {
             Fault::argument(format!("index: {index} given, but there are {} photos", fits.len()))
         })?;
         // SAFETY: `size` bytes are there.
-        unsafe { versioned::write(fit, size, svbrdf_frame_fit::new(found)) };
+        unsafe { versioned::write(fit, size, svbrdf_photo_fit::new(found)) };
         Ok(())
     })
 }

@@ -2,7 +2,7 @@
 //!
 //! Planes are bytes with strides in bytes and values in native byte order, without alignment requirements.
 
-use super::photo::MAX_PIXELS;
+use super::pixels::MAX_PIXELS;
 use crate::{Error, Result};
 
 /// A plane of a picture in memory.

@@ -1,0 +1,95 @@
+//! How far maps may be off by what photographs of a capture leave open, beside what their residuals tell.
+//!
+//! - **Lost highlights.** Where each highlight is saturated, tails show the product of F0 and the square of alpha
+//!   alone. Deviations then cover all F0 that materials have, and the roughness that belongs to each.
+//! - **Unknown height.** A sample nearer to the flash than the board is lit more brightly; albedos take that up.
+
+use crate::Result;
+use crate::assessment::Evidence;
+use crate::svbrdf::channel;
+use crate::uncertainty::Uncertainty;
+
+use super::capture::{Board, Capture};
+use super::diagnosis::{LostHighlights, narrowest};
+
+/// F0 of dielectrics and of the brightest metals.
+const F0: [f32; 2] = [0.04, 1.0];
+/// Planes of a [`Uncertainty`].
+const DIFFUSE: usize = 1;
+const SPECULAR: usize = 2;
+const ROUGHNESS: usize = 3;
+
+/// Deviations of the maps that `evidence` is about.
+pub(super) fn of_maps(evidence: &Evidence, capture: &Capture) -> Result<Uncertainty> {
+    let known = evidence.uncertainty()?;
+    let maps = evidence.maps();
+    let (width, height, texels) = (maps.width(), maps.height(), maps.texels());
+    let mut planes = known.planes().to_vec();
+    let mut widen = |plane: usize, texel: usize, by: f32| {
+        let value = &mut planes[plane * texels + texel];
+        *value = value.hypot(by);
+    };
+    let mean =
+        |from: usize, texel: usize| (0..3).map(|c| maps.plane(from + c)[texel]).sum::<f32>() / 3.0;
+    if let Some(lost) = LostHighlights::find(maps, &capture.observations()) {
+        for texel in (0..texels).filter(|texel| lost.texels[*texel]) {
+            let f0 = mean(channel::SPECULAR, texel);
+            let highlight = narrowest(maps, texel);
+            let [of_f0, of_roughness] = of_tails(f0, highlight);
+            widen(SPECULAR, texel, of_f0);
+            // Bare metal looks like a coat on black where only tails are seen.
+            let coated = maps.plane(channel::ROUGHNESS)[texel] - highlight;
+            widen(ROUGHNESS, texel, of_roughness.hypot(coated));
+        }
+    }
+    let brightness = capture.board().map_or(0.0, Board::height_brightness) as f32;
+    if brightness > 0.0 {
+        for texel in 0..texels {
+            widen(DIFFUSE, texel, brightness * mean(channel::DIFFUSE, texel));
+            widen(SPECULAR, texel, brightness * mean(channel::SPECULAR, texel));
+        }
+    }
+    Uncertainty::from_planes(width, height, planes)
+}
+
+/// Root mean squares of what F0 and roughness may be off by, with the product of F0 and the fourth power of roughness
+/// known and every possible F0 as likely as another.
+fn of_tails(f0: f32, roughness: f32) -> [f32; 2] {
+    let [low, high] = F0;
+    let f0 = f0.clamp(low, high);
+    let of_f0 = ((high - f0).powi(3) - (low - f0).powi(3)) / (3.0 * (high - low));
+    // Roughness is as the power -1/4 of F0.
+    let mean_power = |p: f32| (high.powf(1.0 - p) - low.powf(1.0 - p)) / (1.0 - p) / (high - low);
+    let relative = f0.sqrt() * mean_power(0.5) - 2.0 * f0.powf(0.25) * mean_power(0.25) + 1.0;
+    [of_f0.sqrt(), roughness * relative.max(0.0).sqrt()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Means over draws.
+    #[test]
+    fn tails_leave_f0_and_roughness_open_together() {
+        for (f0, roughness) in [(0.07, 0.15), (0.3, 0.12), (0.9, 0.08), (0.04, 0.3)] {
+            let count = 4000;
+            let draws =
+                (0..count).map(|i| F0[0] + (F0[1] - F0[0]) * (i as f32 + 0.5) / count as f32);
+            let mut sums = [0.0_f64; 2];
+            for drawn in draws {
+                let other = roughness * (f0 / drawn).powf(0.25);
+                assert!((drawn * other.powi(4) / (f0 * roughness.powi(4)) - 1.0).abs() < 1e-3);
+                sums[0] += f64::from(drawn - f0).powi(2);
+                sums[1] += f64::from(other - roughness).powi(2);
+            }
+            let expected = sums.map(|sum| (sum / f64::from(count)).sqrt() as f32);
+            let found = of_tails(f0, roughness);
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!(
+                    (found / expected - 1.0).abs() < 0.01,
+                    "{f0} {roughness}: {found} {expected}"
+                );
+            }
+        }
+    }
+}
