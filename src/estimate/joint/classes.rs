@@ -1,4 +1,4 @@
-//! The classes of colour that share their gloss, texel by texel.
+//! The class of colour of each texel.
 
 use super::setup::{TEXELS, clusters};
 use crate::estimate::bundle::Sample;
@@ -7,7 +7,7 @@ use crate::estimate::options::EstimateOptions;
 use crate::estimate::photographs::Photographs;
 use crate::parallel;
 
-/// The class of each texel of the photographs, rows as in their maps: 0 is the class of most texels.
+/// The class of each texel, row by row; 0 is the largest class.
 pub(in crate::estimate) fn classes(
     photographs: &Photographs,
     options: &EstimateOptions,
